@@ -17,7 +17,7 @@ from benchmarks.machine import figure, machine
 from benchmarks.schemes import MODES
 
 PROMISED = ("drive_force", "drive_gap", "gap", "sensor_gap", "lateral_displacement")
-"""What quick mode is for; the rest is told."""
+"""What quick mode is for; the rest is reported."""
 GROUPS = {
     "drives and gaps": PROMISED,
     "object": ("object_force",),
@@ -107,8 +107,9 @@ def section(runs: Sequence[Run]) -> str:
         "The reference is turnout's own with steps of 0.05 ms and all modes, kept every "
         "millisecond. Errors are at the instants that a run keeps itself: *rms* and *largest*"
         " difference in percent of the channel's peak in the reference (energies: of the scale of"
-        " its books), of several members (chairs, drives) the worst; *end* is the difference when"
-        " all is at rest again. The scheme offers fixed steps, which it halves where the set does"
+        " its energy balance), of several members (chairs, drives) the worst; *end* is the"
+        " difference when all is at rest again. The scheme offers fixed steps, which it halves"
+        " where the set does"
         " not settle, and no error-controlled ones. `gap_tolerance` and `force_tolerance` are"
         " far below the errors here, so that step and cut-off decide.",
         "",
@@ -170,10 +171,10 @@ def _own(runs: Sequence[Run]) -> str:
         for name, found in run.channels.items()
         if found.rms > WORTH_TELLING
     ]
-    told = ", ".join(text for _, text in sorted(worst, reverse=True)) or "none"
+    shown = ", ".join(text for _, text in sorted(worst, reverse=True)) or "none"
     return (
         f"**The reference** changes with twice its step by less than {WORTH_TELLING:g} % rms in all"
-        f" channels but: {told}. Which chairs lock what is left of a swing decides there.\n"
+        f" channels but: {shown}. Which chairs lock what is left of a swing decides there.\n"
     )
 
 

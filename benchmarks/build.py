@@ -4,7 +4,7 @@
 
 writes docs/performance-build.md. One core. "Cold" starts with an empty cache in a new process,
 "from files" in a new process with what that one left, "in memory" repeats it. Importing Python
-packages is told apart, it is no build.
+packages is separate, it is no build.
 """
 
 import json

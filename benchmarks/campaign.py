@@ -45,7 +45,7 @@ def timed_builds(folder: Path, *, fresh: bool) -> list[float]:
     return seconds
 
 
-def told(seconds: list[float]) -> str:
+def reported(seconds: list[float]) -> str:
     """Return median and spread."""
     median = statistics.median(seconds)
     return f"{median:.1f} s ({min(seconds):.1f} ... {max(seconds):.1f})"
@@ -63,8 +63,8 @@ of {REPEATS} runs of the program, from its start to the dataset on disk.
 
 | what | seconds |
 |---|---|
-| {what} | {told(fresh)} |
-| the same with everything read before | {told(again)} |
+| {what} | {reported(fresh)} |
+| the same with everything read before | {reported(again)} |
 | make the virtual campaign on panel `{PANEL}` in two processes, once | {made:.0f} s |
 
 The aim is a build below {LIMIT:g} s on two cores; it uses one. Most of a CSV recording's time is

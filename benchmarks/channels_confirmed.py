@@ -20,6 +20,7 @@ from turnout.detection.limit.limit_map import (
     LARGEST_SIZE,
     SIZE_STEP,
     limit_map,
+    size_weights,
     smallest_seen,
     sound_throws,
 )
@@ -85,16 +86,16 @@ def confirmed(throws: Throws, conditions: Conditions, closing: float) -> np.ndar
         for state, level in enumerate(near):
             signature = np.nan_to_num(features_of(throws.change[state], own.means))
             test = signature @ inverse[level]
-            gain = np.einsum("psf,psf->ps", signature, test)
-            spread = np.einsum("psf,fg,psg->ps", test, other.covariances[level], test)
-            index = gain / np.sqrt(np.maximum(spread, 1e-30))
+            gain = np.einsum("psf,prf->psr", signature, test)
+            spread = np.einsum("psf,prf->psr", test @ other.covariances[level], test)
             for place, gap in enumerate(throws.gap[state]):
-                used = throws.sizes[place] > gap
-                along = np.interp(
-                    sizes, [gap, *throws.sizes[place][used]], [0.0, *index[place][used]], left=0.0
-                )
+                # as in the map: signatures, not indices, are interpolated between thrown sizes
+                weights = size_weights(sizes, throws.sizes[place], gap=gap)
+                reached = np.einsum("ns,sr,nr->n", weights, gain[place], weights)
+                scatter = np.einsum("ns,sr,nr->n", weights, spread[place], weights)
+                index = reached / np.sqrt(np.maximum(scatter, 1e-30))
                 pod[place] += probability_of_detection(
-                    along, false_alarm_rate=conditions.false_alarm_rate
+                    index, false_alarm_rate=conditions.false_alarm_rate
                 )
         seen = smallest_seen(pod / len(near), sizes)
         found.append(np.where(seen <= throws.sizes.max(axis=1), seen, np.nan))

@@ -19,7 +19,7 @@ class Error:
     ----------
     rms, largest : float
         Of the difference, in percent of the channel's peak in the reference, of energies in percent
-        of the scale of its books.
+        of the scale of its energy balance.
     end : float
         Largest difference at the end [unit of the channel].
     end_allowed : float
@@ -106,7 +106,7 @@ def error(
 def errors(run: xr.Dataset, reference: xr.Dataset) -> dict[str, Error]:
     """Compare every channel at the instants of the run, which the reference must have too.
 
-    Energies are compared with the scale of the books, as one that hardly changes has no peak.
+    Energies are compared with the scale of the energy balance, since a constant one has no peak.
     """
     every = np.searchsorted(reference["time"].to_numpy(), run["time"].to_numpy() - 1e-9)
     if not np.allclose(reference["time"].to_numpy()[every], run["time"].to_numpy(), atol=1e-9):

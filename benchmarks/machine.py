@@ -48,14 +48,14 @@ def processor_seconds(
     return seconds
 
 
-def told(seconds: Sequence[float]) -> str:
+def seconds_text(seconds: Sequence[float]) -> str:
     """Return median and spread in a unit that suits.
 
     Examples
     --------
-    >>> told([0.001, 0.002, 0.004])
+    >>> seconds_text([0.001, 0.002, 0.004])
     '2 ms (1 to 4)'
-    >>> told([14.5])
+    >>> seconds_text([14.5])
     '14.5 s (once)'
     """
     median = statistics.median(seconds)

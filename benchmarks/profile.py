@@ -1,8 +1,8 @@
-"""Tell where the time of a step goes, and how far that is from the arithmetic it needs.
+"""Show where the time of a step goes, and how far that is from the arithmetic it needs.
 
     python -m benchmarks.profile
 
-writes a section of docs/performance.md. Each kernel of a step is timed by itself, thousands of
+writes a section of docs/performance.md. Each kernel of a step is timed alone, thousands of
 times on the state of a rail in motion; numbers and products are counted from the sizes. What the
 kernels do not add up to is the loop around them and memory that is touched for the first time.
 """
@@ -143,7 +143,7 @@ def profile(name: str, scheme: Scheme) -> Profile:
     )
 
 
-TEXT = """Each kernel by itself, least of {repeats} times {calls} calls, in nanoseconds, on rails in
+TEXT = """Each kernel alone, least of {repeats} times {calls} calls, in nanoseconds, on rails in
 motion. *Iterations* are solutions for a contact set; a step takes one or a few. *Arithmetic* is
 what the products of a step take at the speed of this processor on a matrix in its nearest cache:
 the columns of all modes by ends and modes."""
@@ -158,7 +158,7 @@ NEXT = """### What the next factor of two would take
   single channels saves most of it.
 - In quick mode a sixth goes into flips, each of which reads and writes all columns of its rail. Two
   of one iteration could be done in one pass; a solution could follow them instead of being made
-  anew. Both together would save about a tenth.
+  again. Both together would save about a tenth.
 - A step of SB1 is a dozen kernels of which none takes 100 ns. By themselves, over and over, they
   take two thirds of what they take one after another, probably since their instructions, laid down
   by the compiler in pieces, no longer fit where a processor keeps those it has decoded. One kernel

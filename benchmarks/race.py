@@ -21,7 +21,7 @@ from matplotlib.figure import Figure
 
 from benchmarks.kept import keep
 from benchmarks.log_axis import label_times
-from benchmarks.machine import ONE_THREAD, figure, load, machine, told
+from benchmarks.machine import ONE_THREAD, figure, load, machine, seconds_text
 from benchmarks.page import write_section
 from benchmarks.racers import RACERS
 from benchmarks.real_time import FILE as REAL_TIME
@@ -40,11 +40,11 @@ slip included, from rest to the end of the motion; reading, assembly and reducti
 either). Each is judged by the same checks against the same answers (Exudyn at 0.5 ms), those of the
 benchmark: *rms* is the worst of the drives (at most 0.3 % of the peak) and the object (0.5 %);
 *plateau* is the worst of the drives at 4.5 s and the object at 3.98 s in percent, at most 0.3.
-*Friction* of single chairs is told and not asked for. The ratio is to turnout's least that agrees,
+*Friction* of single chairs is reported, not required. The ratio is to turnout's least that agrees,
 of medians in this run, energy residual and every instant stored included. Rivals begin at rest,
 which they are given; turnout finds it: the ratio to its steps alone stands below each table.
 
-What the columns cannot tell:
+What the columns do not show:
 
 - The banded program is ours, compiled, written for this race: full finite elements, exact sets, a
   factor kept for each of the last sixteen sets. Solving the lateral plane alone is what a
@@ -104,7 +104,7 @@ def table(case: str, lines: list[tuple[str, Found]]) -> str:
         verdict = "yes" if found["agrees"] else "**no**"
         quoted = racer.quoted if found["step"] == 1.0 else ""
         text.append(
-            f"| {racer.title} | {found['step']:g} | {told(found['seconds'])} | {errors} "  # type: ignore[arg-type]
+            f"| {racer.title} | {found['step']:g} | {seconds_text(found['seconds'])} | {errors} "  # type: ignore[arg-type]
             f"| {verdict} | {figure(median(found) / base)} | {quoted} |"
         )
     return "\n".join(text) + "\n"
@@ -148,7 +148,7 @@ def draw(raced: dict[str, list[tuple[str, Found]]]) -> Figure:
         ax.scatter(seconds, titles, color=colours, zorder=3)
         for title, value in zip(titles, seconds, strict=True):
             ax.annotate(
-                told([value]).split(" (")[0], (value, title), fontsize=8,
+                seconds_text([value]).split(" (")[0], (value, title), fontsize=8,
                 textcoords="offset points", xytext=(7, -3),
             )  # fmt: skip
         ax.grid(alpha=0.3)

@@ -96,9 +96,9 @@ def _write_mdf(time: np.ndarray, columns: dict[str, np.ndarray], path: Path) -> 
 def _write_tdms(columns: dict[str, np.ndarray], path: Path) -> None:
     import nptdms
 
-    told = {"wf_increment": 1 / RATE, "unit_string": "mV/V"}
+    reported = {"wf_increment": 1 / RATE, "unit_string": "mV/V"}
     with nptdms.TdmsWriter(path) as file:
-        file.write_segment([nptdms.ChannelObject("A", k, v, told) for k, v in columns.items()])
+        file.write_segment([nptdms.ChannelObject("A", k, v, reported) for k, v in columns.items()])
 
 
 def measured(path: Path) -> tuple[list[float], float, float]:
@@ -124,7 +124,7 @@ def main() -> None:
         f"One hour of {CHANNELS} channels at 1 kHz, {SECONDS * RATE / 1e6:g} million samples each.",
         f"Median and spread of {REPEATS} readings, each in a process of its own. Processor time",
         "and memory count the helper of formats that have one. The machine was busy with other",
-        "work, which is in the median and not in the processor time. Asked for: 5 s for binary",
+        "work, which is in the median and not in the processor time. Wanted: 5 s for binary",
         "formats, 15 s for text, less than 1000 MB.",
         "",
         "| format | file [MB] | median [s] | spread [s] | processor [s] | memory [MB] |",

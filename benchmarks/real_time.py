@@ -8,7 +8,7 @@ from tests.verification.agreement import sb2_checks
 from tests.verification.reference import thinned
 
 from benchmarks.kept import keep
-from benchmarks.machine import figure, load, machine, processor_seconds, told
+from benchmarks.machine import figure, load, machine, processor_seconds, seconds_text
 from benchmarks.schemes import MODES
 from turnout.integrate.integration import integrate
 from turnout.mechanism.build import build_mechanism
@@ -23,9 +23,9 @@ PANELS = ("sb2", "uic60-760-1-15")
 OBJECTS = {"none": None, "13 mm": ForeignObject(0.013, "sleeper 6")}
 ANSWERS = {"none": "sb2_none", "13 mm": "sb2_sleeper6_13mm"}
 KEPT = {"quick, kept at 125 Hz": Scheme.of("quick", output_interval=8e-3)}
-"""What sweeps keep of a quick throw, and the least that tells drives and gaps."""
+"""What sweeps keep of a quick throw, and the least that shows drives and gaps."""
 FEWER = {"waveform to 210 Hz": Scheme.of("waveform", cutoff_frequency=210.0)}
-"""On SB2, whose sections are symmetric and without dashpots, less than 300 Hz tells as much."""
+"""On SB2, whose sections are symmetric and without dashpots, less than 300 Hz shows as much."""
 REPEATS = 9
 
 
@@ -103,9 +103,9 @@ def _row(row: dict[str, object]) -> str:
     if row.get("failed"):
         checks += f"; not {', '.join(row['failed'])}"  # type: ignore[arg-type]
     cells = (
-        row["panel"], row["object"], row["mode"], told(seconds),  # type: ignore[arg-type]
+        row["panel"], row["object"], row["mode"], seconds_text(seconds),  # type: ignore[arg-type]
         figure(1e3 * start), figure(1e3 * (whole - start)),  # type: ignore[operator]
         figure(end / whole), figure(end / (whole - start)),  # type: ignore[operator]
-        told(row["dataset"]), checks,  # type: ignore[arg-type]
+        seconds_text(row["dataset"]), checks,  # type: ignore[arg-type]
     )  # fmt: skip
     return "| " + " | ".join(f"{cell}" for cell in cells) + " |"

@@ -99,7 +99,7 @@ class Answer:
     drive, object, friction : ndarray, shapes (2, n), (n,), (16, n)
         Force of the drives on the rail, of the object, of the chairs' friction on the rail [N].
     work : dict of str to float
-        Counts worth telling: steps, iterations, factorisations.
+        Counts worth reporting: steps, iterations, factorisations.
     """
 
     time: Floats

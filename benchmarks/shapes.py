@@ -2,7 +2,7 @@
 
     python -m benchmarks.shapes
 
-Cold: nothing is in memory; the reduction of the rails, which shapes are solved on, is told apart
+Cold: nothing is in memory; the reduction of the rails, which shapes are solved on, is separate
 from the shapes. Kept: built again with another friction, as in a sweep. Processor time of one
 thread.
 """

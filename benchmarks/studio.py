@@ -3,7 +3,7 @@
     python -m benchmarks.studio
 
 A server as `turnout studio` starts it, with the default panel, is asked as its page asks while a
-slider moves: one question after the other, each for a throw that was not asked for before.
+slider moves: one question after the other, each for a throw that was not requested before.
 """
 
 import statistics
@@ -22,7 +22,7 @@ PANEL = "uic60-760-1-15"
 COUNT = 20
 STEP = 0.05
 READY = 4.0
-"""Seconds in which the places beside the object are made ready; a hand rests that long too."""
+"""Seconds in which the places beside the object are prepared; a hand rests that long too."""
 AIM = 0.1
 RESTS = "any, once it rests"
 
@@ -103,7 +103,7 @@ Written by `python -m benchmarks.studio` on {machine()}, at a load of
 kind over HTTP, from asking to the whole answer in hand: panel changed and checked, rails and
 mechanism, throw, lamps, words, curves and motion, JSON. What the browser takes to draw comes on
 top; `python -m benchmarks.studio_page` measures in one, from the slider to the painted number.
-On a machine shared with others the time of the processor tells more than that of the clock.
+On a machine shared with others the time of the processor says more than that of the clock.
 
 | what moves | median [ms] | least [ms] | nine in ten within [ms] | of the processor, median [ms] |
 |---|---:|---:|---:|---:|
@@ -113,8 +113,8 @@ Median of all that a moving slider asks: {1e3 * waited:.0f} ms by the clock, {1e
 of the processor; the aim is {1e3 * AIM:.0f} ms.
 
 While a slider moves the throw is a preview in quick mode, kept every 20 ms; once it rests it is the
-throw of `turnout simulate`. Ten places of the slider each way are made ready while nothing is
-asked, those farther away when they are asked for: at a sleeper, a drive or another place of the
+throw of `turnout simulate`. Ten places of the slider each way are prepared while nothing is
+asked, those farther away when they are requested: at a sleeper, a drive or another place of the
 panel an object needs rails of its own, between them it does not.
 """
 

@@ -5,8 +5,8 @@
 Sweeps are made in FOLDER, or gone on with there, so that a run that was ended goes on. What was
 measured is kept in FOLDER/measured.json and written on the page. The ideal rate is that of solvers
 that do nothing else: workers over the mean time in which these very throws were solved, while the
-same number of workers ran. Solving is what `simulate` tells as `solver_time`: the mechanism built,
-its equilibrium, the integration. The share of the solver in processor time says the same whatever
+same number of workers ran. Solving is what `simulate` reports as `solver_time`: the mechanism, its
+equilibrium, the integration. The share of the solver in processor time says the same whatever
 else the machine does. The published campaign is run by its command.
 """
 
@@ -109,7 +109,7 @@ def timed_run(study: Study, folder: Path, *, workers: int) -> dict[str, Any]:
     """Throw what is missing; return rates of this call, and sizes of the whole."""
     load, own = os.getloadavg()[0], time.process_time()
     began, used = time.perf_counter(), used_by_workers()
-    finished = run_sweep(study, folder, workers=workers, report=Told())
+    finished = run_sweep(study, folder, workers=workers, report=Reported())
     wall, used = time.perf_counter() - began, used_by_workers() - used
     used += time.process_time() - own
     batches = finished.batches
@@ -139,7 +139,7 @@ def used_by_workers() -> float:
     return used.ru_utime + used.ru_stime
 
 
-class Told:
+class Reported:
     """Says how far a sweep is, every ten seconds."""
 
     def __init__(self) -> None:
@@ -234,7 +234,7 @@ def campaign(folder: Path, *, workers: int) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Measure what was asked for, keep it, and write the page."""
+    """Measure what was requested, keep it, and write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--full", type=int, default=2000)

@@ -90,10 +90,11 @@ def rate_section(full: dict[str, Any], mode: str) -> str:
 ## Rate in the mode {mode}
 
 {n} throws of the default panel in {workers} processes, each with its own friction, drive
-stiffness, object size and place. A throw is solved in what `simulate` tells as its `solver_time`:
+stiffness, object size and place. A throw is solved in what `simulate` reports as its `solver_time`:
 the mechanism built, its equilibrium found, the motion integrated. The whole run lasts
-{full["wall"]:.1f} s, from the study in memory to the card. Where the two columns differ, throws
-waited for others on the machine, whose load was {full["load_before"]:.1f} in the minute before and
+{full["wall"]:.1f} s, from the study in memory to the data card. Where the two columns differ,
+throws waited for others on the machine, whose load was
+{full["load_before"]:.1f} in the minute before and
 {full["load"]:.1f} in the last one.
 
 | what | by the clock | by processor time |
@@ -109,7 +110,7 @@ def campaign_section(campaign: dict[str, Any]) -> str:
 ## The published campaign
 
 `turnout sweep run paper-campaign --workers {campaign["workers"]}`: 13 places by 11 sizes, at each
-place until a drive slips. The whole command, from the start of Python to the card, takes
+place until a drive slips. The whole command, from the start of Python to the data card, takes
 {campaign["wall"]:.1f} s by the clock and {campaign["processor"]:.1f} s of processor time ({met} the
 aim of {CAMPAIGN:.0f} s), at a load of {campaign["load"]:.1f}: {campaign["thrown"]} throws, and
 {campaign["skipped"]} left out after a slip.

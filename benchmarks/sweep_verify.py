@@ -2,8 +2,8 @@
 
     python -m benchmarks.sweep_verify FOLDER [--repeat 15]
 
-FOLDER is that of a sweep. Told is processor time, the least of some repeats: to verify all batches,
-and to read the sweep once they are verified, which adds nothing from then on.
+FOLDER is that of a sweep. Shown is processor time, the least of some repeats: to verify all
+batches, and to read the sweep once they are verified, which adds nothing from then on.
 """
 
 import argparse

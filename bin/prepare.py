@@ -69,7 +69,7 @@ def recorded_extras(stamp: dict[str, object]) -> set[str]:
 
 
 def is_ready(extras: set[str]) -> bool:
-    """Tell whether .venv holds what the files ask for now, with these extras."""
+    """Return whether .venv holds what the files ask for now, with these extras."""
     stamp = installed()
     return (
         not UNFINISHED.exists()
@@ -139,7 +139,7 @@ def make_environment() -> None:
 
 
 def has_pip() -> bool:
-    """Tell whether the Python of .venv runs and has pip."""
+    """Return whether the Python of .venv runs and has pip."""
     command = [str(PYTHON), "-I", "-c", "import pip"]
     return (
         version_of(PYTHON) is not None

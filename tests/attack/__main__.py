@@ -1,7 +1,8 @@
 """Hostile input in numbers: ``python -m tests.attack``, or some of its parts.
 
 Each attempt has a number and follows from it and the seed alone. What is done stands in a journal
-in the folder, a line an attempt: a job that was killed, or whose time was up, goes on from there.
+in the folder, a line an attempt: a job that was killed, or whose time was up, continues
+from the last line.
 At its end the table of all parts is written to docs/robustness.md.
 """
 
@@ -64,7 +65,10 @@ def run(part: str, *, seed: int, count: int, out: Path, minutes: float) -> list[
         with attacking(seed) as attempt, journal.open("ab", buffering=0) as file:
             for done, index in enumerate(missing):
                 if time.monotonic() > until:
-                    print(f"time is up with {len(missing) - done} left; the same command goes on")
+                    print(
+                        f"time is up with {len(missing) - done} left; "
+                        "run the same command to continue"
+                    )
                     break
                 file.write(json.dumps(attempt(index)).encode() + b"\n")
                 if done % 100 == 99:
@@ -105,7 +109,7 @@ def section(found: dict[str, list[Record]], seed: int) -> list[str]:
 
 
 def main() -> int:
-    """Run the parts asked for, or all; 1 where there is a fault."""
+    """Run the requested parts, or all; 1 where there is a fault."""
     parser = argparse.ArgumentParser(prog="python -m tests.attack", description=__doc__)
     parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}")
     parser.add_argument("--seed", type=int, default=1)

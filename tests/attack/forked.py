@@ -47,7 +47,7 @@ def forked(call: Callable[[], object], *, seconds: float = 0.0, memory: int = 0)
     Parameters
     ----------
     call : callable
-        Ends by itself, or by `SystemExit` with an exit code.
+        Ends normally, or by `SystemExit` with an exit code.
     seconds : float
         Processor time after which the system ends it [s]; 0 for none.
     memory : int

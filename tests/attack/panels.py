@@ -1,4 +1,4 @@
-"""Panels that nobody should throw: extreme, senseless and damaged ones, given to the program.
+"""Panels that no one should throw: extreme, senseless and damaged ones, given to the program.
 
 Panels of the library and small ones written from nothing are changed as text: values by many powers
 of ten, of the wrong sign, zero or no number; lines swapped, sections left out or doubled; bits
@@ -114,12 +114,12 @@ def _fault(ended: Ended, out: Path | None) -> str:
         return f"code {ended.code}: {said[-2500:]}"
     if "Warning:" in said:
         return f"a warning of a library: {said[-2500:]}"
-    told = [line for line in ended.err.splitlines() if line.startswith("turnout: ")]
+    reported = [line for line in ended.err.splitlines() if line.startswith("turnout: ")]
     if len(ended.err) > LONGEST_MESSAGE:
         return f"a message of {len(ended.err)} characters"
     if ended.code == BAD_INPUT:
-        if len(told) != 1:
-            return f"refused with {len(told)} messages: {said[-1000:]}"
+        if len(reported) != 1:
+            return f"refused with {len(reported)} messages: {said[-1000:]}"
         return "refused, and wrote a file" if out is not None and out.exists() else ""
     if out is None:
         return ""

@@ -74,8 +74,8 @@ def _of_extras(folder: Path) -> dict[str, Path]:
     found = {kind: folder / f"e.{kind.lower()}" for kind in ("Parquet", "TDMS", "MF4")}
     pq.write_table(pa.table({"Time": np.arange(ROD.size) / 1000, "rod": ROD}), found["Parquet"])
     with nptdms.TdmsWriter(found["TDMS"]) as writer:
-        told = {"wf_increment": 0.001, "unit_string": "mV/V"}
-        writer.write_segment([nptdms.ChannelObject("Throw", "rod", ROD, told)])
+        reported = {"wf_increment": 0.001, "unit_string": "mV/V"}
+        writer.write_segment([nptdms.ChannelObject("Throw", "rod", ROD, reported)])
     with asammdf.MDF() as mdf:
         mdf.append([asammdf.Signal(ROD, np.arange(ROD.size) / 1000, name="rod", unit="mV/V")])
         mdf.save(found["MF4"], overwrite=True)
@@ -176,8 +176,8 @@ def _place(content: bytes | bytearray, source: random.Random) -> int:
 def judged(path: Path, what: str) -> Record:
     """Read a recording; return how that ended, and what it took in all processes."""
     for item in isolated._kept:
-        _forget_memory(item.process.pid)
-    _forget_memory("self")
+        _drop_memory(item.process.pid)
+    _drop_memory("self")
     before, ended_before = _processor_time(), _ended_readers()
     own = _most_memory("self")
     said, fault, outcome = "", "", "answered"
@@ -220,8 +220,8 @@ def _processor_time() -> float:
     return sum(item.ru_utime + item.ru_stime for item in used) + running
 
 
-def _forget_memory(pid: int | str) -> None:
-    """Let the system count the largest memory of a process anew."""
+def _drop_memory(pid: int | str) -> None:
+    """Let the system count the largest memory of a process again."""
     Path(f"/proc/{pid}/clear_refs").write_text("5")
 
 

@@ -190,7 +190,7 @@ def _killed_at_file(attacked: Attacked, place: Path, source: random.Random) -> b
 
 def _count_events(attacked: Attacked) -> int:
     """Return how many operations on files a run makes in its folder."""
-    place, told = attacked.folder / "counted", attacked.folder / "events"
+    place, reported = attacked.folder / "counted", attacked.folder / "events"
 
     def throw() -> None:
         seen = 0
@@ -201,11 +201,11 @@ def _count_events(attacked: Attacked) -> int:
 
         sys.addaudithook(hook)
         _throw(attacked, place)
-        told.write_text(str(seen))
+        reported.write_text(str(seen))
 
     _, status = os.waitpid(forked(throw), 0)
     assert status == 0
-    return int(told.read_text())
+    return int(reported.read_text())
 
 
 def _program_killed(attacked: Attacked, place: Path, source: random.Random) -> Record:

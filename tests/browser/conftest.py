@@ -1,4 +1,4 @@
-"""A studio with a panel and a campaign, and Chromium to look at it."""
+"""A studio with a panel and a campaign, and Chromium to open it."""
 
 import contextlib
 import shutil
@@ -33,7 +33,7 @@ PATIENCE = 60_000
 
 @dataclass
 class Screen:
-    """A page of the studio, with all that it asked for and complained of."""
+    """A page of the studio, with all its requests and complaints."""
 
     page: "Page"
     host: str
@@ -51,21 +51,21 @@ class Screen:
             assert time.monotonic() < until, f"never came: {condition}"
             self.page.wait_for_timeout(50)
 
-    def forget(self) -> None:
-        """Forget that a throw was computed; `settled` then waits for the next one."""
+    def clear(self) -> None:
+        """Forget that a throw was computed; `finished` then waits for the next one."""
         self.page.evaluate("document.getElementById('state').textContent = ''")
 
-    def settled(self) -> None:
+    def finished(self) -> None:
         """Wait until the throw is computed as by the command."""
         self.wait("document.getElementById('state').textContent.startsWith('final result')")
 
     def set(self, key: str, value: float) -> None:
         """Type a number beside a slider."""
         box = self.page.locator(f"#control-{key.replace('.', '-')}-number")
-        self.forget()
+        self.clear()
         box.fill(str(value))
         box.press("Enter")
-        self.settled()
+        self.finished()
 
 
 def chromium() -> str | None:
@@ -114,7 +114,7 @@ def opened(
     )
     page.goto(address)
     page.wait_for_selector(".lamp")
-    screen.settled()
+    screen.finished()
     try:
         yield screen
     finally:

@@ -39,7 +39,7 @@ def make() -> None:
             page = screen.page
             page.get_by_role("button", name="Pin this throw").click()
             page.locator("#place").select_option("sleeper 9")
-            screen.forget()
+            screen.clear()
             screen.set("object.size", 18)
             page.wait_for_timeout(500)
             page.screenshot(path=FIGURES / "studio.png")

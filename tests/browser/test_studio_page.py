@@ -22,13 +22,13 @@ def test_dragging_the_object_moves_it_and_the_curves(screen: Screen) -> None:
     assert box is not None
     force, curve = screen.figure("object_end"), page.evaluate(CURVE)
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
-    screen.forget()
+    screen.clear()
     page.mouse.move(x, y)
     page.mouse.down()
     for step in range(1, 11):
         page.mouse.move(x + 9 * step, y)
     page.mouse.up()
-    screen.settled()
+    screen.finished()
     place = float(page.locator("#handle").get_attribute("aria-valuenow") or "nan")
     assert place > 4.5
     assert page.input_value("#control-object-x-number") == f"{place:g}"
@@ -41,16 +41,16 @@ def test_keys_move_the_object(screen: Screen) -> None:
     page = screen.page
     handle = page.locator("#handle")
     start = float(handle.get_attribute("aria-valuenow") or "nan")
-    screen.forget()
+    screen.clear()
     handle.focus()
     page.keyboard.press("ArrowRight")
-    screen.settled()
+    screen.finished()
     assert float(handle.get_attribute("aria-valuenow") or "nan") == pytest.approx(start + 0.05)
     page.keyboard.press("PageUp")
     assert "sleeper 7" in (handle.get_attribute("aria-valuetext") or "")
     page.keyboard.press("Home")
     assert float(handle.get_attribute("aria-valuenow") or "nan") == 0.0
-    screen.settled()
+    screen.finished()
 
 
 def test_sliders_change_numbers_lamps_and_rails(screen: Screen) -> None:
@@ -59,11 +59,11 @@ def test_sliders_change_numbers_lamps_and_rails(screen: Screen) -> None:
     assert page.locator(".lamp[data-name=TKK1]").get_attribute("data-state") == "missed"
     rail = page.evaluate(RAIL)
     slider = page.locator("#control-object-size")
-    screen.forget()
+    screen.clear()
     slider.focus()
     for _ in range(24):
         page.keyboard.press("ArrowRight")
-    screen.settled()
+    screen.finished()
     assert page.input_value("#control-object-size-number") == "25"
     assert screen.figure("end_force:2") != before
     assert page.locator(".lamp[data-name=TKK1]").get_attribute("data-state") == "bad"
@@ -74,7 +74,7 @@ def test_sliders_change_numbers_lamps_and_rails(screen: Screen) -> None:
     screen.set("chair.friction_coefficient", 0.4)
     assert low < float(screen.figure("end_force:2").split()[0])
     page.get_by_role("button", name="Reset to the panel's values").click()
-    screen.settled()
+    screen.finished()
 
 
 def test_kinds_of_objects_are_chosen(screen: Screen) -> None:
@@ -82,18 +82,18 @@ def test_kinds_of_objects_are_chosen(screen: Screen) -> None:
     choice = page.get_by_label("Kind", exact=True)
     assert choice.locator("option").all_inner_texts() == list(KINDS)
     force = float(screen.figure("object_end").split()[0])
-    screen.forget()
+    screen.clear()
     choice.select_option("snow")
-    screen.settled()
+    screen.finished()
     assert float(screen.figure("object_end").split()[0]) < force  # snow is compacted
     assert "snow" in page.evaluate("document.getElementById('words').textContent")
 
 
 def test_without_an_object_the_switch_closes(screen: Screen) -> None:
     page = screen.page
-    screen.forget()
+    screen.clear()
     page.get_by_label("object trapped").uncheck()
-    screen.settled()
+    screen.finished()
     assert page.locator("#handle").is_hidden()
     assert "none" in page.evaluate("document.getElementById('words').textContent")
     lamps = page.locator(".lamp:not([data-kind=limit])")
@@ -103,7 +103,7 @@ def test_without_an_object_the_switch_closes(screen: Screen) -> None:
     assert page.locator("#verdict").inner_text().startswith("Not sound")
 
 
-def test_a_size_that_does_not_fit_is_told_and_the_last_throw_stays(screen: Screen) -> None:
+def test_a_size_that_does_not_fit_is_reported_and_the_last_throw_stays(screen: Screen) -> None:
     page = screen.page
     force = screen.figure("object_end")
     box = page.get_by_label("Size, in mm")
@@ -114,9 +114,9 @@ def test_a_size_that_does_not_fit_is_told_and_the_last_throw_stays(screen: Scree
     assert screen.figure("object_end") == force
     box.fill("10")
     box.press("Enter")
-    screen.settled()
+    screen.finished()
     assert page.locator("#message").is_hidden()
-    screen.complaints.clear()  # a refusal is also told on the console
+    screen.complaints.clear()  # a refusal is also shown on the console
 
 
 def test_playing_moves_the_rails(screen: Screen) -> None:
@@ -167,9 +167,9 @@ def test_files_good_and_bad(screen: Screen, tmp_path: Path) -> None:
     assert page.input_value("#panel") == "sb2"
     good = tmp_path / "good.toml"
     good.write_text(library_text("sb2").replace('name = "sb2"', 'name = "ours"'), encoding="utf-8")
-    screen.forget()
+    screen.clear()
     page.get_by_label("Panel file (.toml)").set_input_files(good)
-    screen.settled()
+    screen.finished()
     assert "good.toml: OK (ours" in page.locator("#notes").inner_text()
     assert page.locator("#message").is_hidden()
     page.get_by_role("tab", name="Curves").click()
@@ -184,7 +184,7 @@ def test_files_good_and_bad(screen: Screen, tmp_path: Path) -> None:
     page.get_by_label("Recording of a data acquisition system").set_input_files(csv)
     page.wait_for_selector("#message:not([hidden])")
     assert "empty.csv: the file is empty" in page.locator("#message").inner_text()
-    screen.complaints.clear()  # refusals are also told on the console
+    screen.complaints.clear()  # refusals are also shown on the console
 
 
 def test_measured_throws_are_laid_over(screen: Screen, shots: Path) -> None:
@@ -199,7 +199,7 @@ def test_measured_throws_are_laid_over(screen: Screen, shots: Path) -> None:
     screen.set("object.size", 5)
     page.get_by_role("button", name="Use the object from the run sheet").click()
     screen.wait("document.getElementById('control-object-size-number').value === '13'")
-    screen.settled()
+    screen.finished()
     page.screenshot(path=shots / "measured.png")
 
 

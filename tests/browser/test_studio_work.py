@@ -33,11 +33,11 @@ def test_the_verdict_is_first_and_green_never_means_missed(screen: Screen) -> No
     assert "missed" in page.evaluate(STATES)
     assert "good" not in page.evaluate(STATES)
     page.get_by_role("tab", name="Findings").click()
-    told = page.locator("#limits").inner_text()
+    shown = page.locator("#limits").inner_text()
     for check in limit_checks(sb2_dataset()):
         factor = 1e-3 if check.unit == "m" else 1e3
-        assert f"{check.value / factor:.2f} of" in told
-        assert f"{abs(check.margin) / factor:.2f} " in told
+        assert f"{check.value / factor:.2f} of" in shown
+        assert f"{abs(check.margin) / factor:.2f} " in shown
     flangeway = page.locator(".lamp[data-name=Flangeway]")
     assert "of min" in flangeway.inner_text()
     screen.set("object.size", 25)
@@ -62,9 +62,9 @@ def test_an_error_lies_over_the_page_and_marks_what_is_out_of_date(screen: Scree
     assert "not up to date" in page.locator("#state").inner_text()
     page.get_by_role("button", name="Close the message").click()
     assert page.get_by_role("button", name="Save", exact=True).is_disabled()
-    screen.forget()
+    screen.clear()
     page.get_by_role("button", name="Undo").click()
-    screen.settled()
+    screen.finished()
     assert page.input_value("#control-object-size-number") == "13"
     assert page.get_by_role("button", name="Save", exact=True).is_enabled()
     screen.complaints.clear()  # a refusal is also reported on the console
@@ -85,13 +85,13 @@ def test_undo_reload_and_links(
     screen.wait(
         "document.getElementById('control-chair-friction_coefficient-number').value === '0.25'"
     )
-    screen.settled()
+    screen.finished()
     page.get_by_role("tab", name="Compare").click()
     link = page.url
     assert "chair.friction_coefficient=0.25" in link
     page.reload()
     page.wait_for_selector(".lamp")
-    screen.settled()
+    screen.finished()
     assert page.input_value("#control-object-size-number") == "20"
     assert screen.figure("end_force:2") == force
     assert page.locator("#view-compare").is_visible()
@@ -114,8 +114,8 @@ def test_the_cursor_has_the_values_of_every_row(screen: Screen) -> None:
     assert "hide=" in page.url
     page.keyboard.press("Escape")
     page.mouse.move(box["x"] + 0.2 * box["width"], box["y"] + 0.2 * box["height"])
-    told = page.locator("#cursor-time").inner_text()
-    instant = float(told.split()[2])
+    shown = page.locator("#cursor-time").inner_text()
+    instant = float(shown.split()[2])
     assert 0 < instant < 8.4
     dataset = sb2_dataset()
     for drive in dataset["drive"].values:
@@ -178,7 +178,7 @@ def test_panes_are_resized_by_keys_and_stay(screen: Screen) -> None:
     assert after < height - 30
     page.reload()
     page.wait_for_selector(".lamp")
-    screen.settled()
+    screen.finished()
     assert page.locator("#curves").bounding_box()["height"] == pytest.approx(after, abs=1)
 
 
@@ -201,9 +201,9 @@ def test_a_map_shows_what_reports_an_object(screen: Screen, shots: Path) -> None
     screen.wait("document.querySelectorAll('#map-table tr').length === 3")
     page.screenshot(path=shots / "map.png")
     assert "undetected" in page.locator("#map-state").inner_text()
-    screen.forget()
+    screen.clear()
     page.get_by_role("button", name="25 mm at sleeper 6: detected").click()
-    screen.settled()
+    screen.finished()
     assert page.input_value("#control-object-size-number") == "25"
     assert page.locator("#verdict").inner_text().startswith("Detected by")
     page.get_by_label("Sizes [mm]").fill("thirteen")

@@ -1,4 +1,4 @@
-"""Recordings that someone made to harm whoever reads them: small files that ask for much.
+"""Recordings that someone made to harm their readers: small files that demand much.
 
 Each function writes one file; `HOSTILE` names them all.
 """
@@ -29,7 +29,7 @@ def filled(path: Path, *, dtype: str = "float64", count: int = HUGE, parts: int 
             item.attrs["rate"] = 1000.0
 
 
-def squeezed(path: Path, *, filters: str = "gzip") -> None:
+def compressed(path: Path, *, filters: str = "gzip") -> None:
     """Hold zeros that compress a thousandfold and more."""
     with h5py.File(path, "w") as file:
         item = file.create_dataset(
@@ -158,7 +158,7 @@ def deflated(head: bytes, zeros: int) -> bytes:
     return b"\x78\xda" + first + again * count + packer.flush() + struct.pack(">I", checksum)
 
 
-def mat5_squeezed(path: Path, *, parts: int = 1) -> None:
+def mat5_compressed(path: Path, *, parts: int = 1) -> None:
     """Hold gigabytes of zeros in megabytes or less."""
     count = HUGE // parts
     head = mat5_matrix(b"", dims=(count, 1))[:-8] + struct.pack("<II", 9, 8 * count)
@@ -228,9 +228,9 @@ def parquet(path: Path, *, strings: bool = False, columns: int = 1) -> None:
 def tdms(path: Path, *, count: int = HUGE) -> None:
     """Declare many more samples than follow."""
     nptdms = pytest.importorskip("nptdms", reason="the extra daq is not installed")
-    told = {"wf_increment": 0.001}
+    reported = {"wf_increment": 0.001}
     with nptdms.TdmsWriter(path) as file:
-        file.write_segment([nptdms.ChannelObject("Throw", "rod", ROD, told)])
+        file.write_segment([nptdms.ChannelObject("Throw", "rod", ROD, reported)])
     content = path.read_bytes()
     old, new = struct.pack("<Q", ROD.size), struct.pack("<Q", count)
     assert old in content
@@ -260,8 +260,8 @@ HOSTILE: dict[str, tuple[str, Writer]] = {
     "filled beyond any memory": (".h5", lambda p: filled(p, count=10**15)),
     "filled in parts": (".h5", lambda p: filled(p, parts=50)),
     "filled, called netCDF": (".nc", filled),
-    "compressed": (".h5", squeezed),
-    "compressed by lzf": (".h5", lambda p: squeezed(p, filters="lzf")),
+    "compressed": (".h5", compressed),
+    "compressed by lzf": (".h5", lambda p: compressed(p, filters="lzf")),
     "large chunk": (".h5", large_chunk),
     "wide table": (".h5", wide),
     "many names": (".h5", names),
@@ -279,8 +279,8 @@ HOSTILE: dict[str, tuple[str, Writer]] = {
     "7.3 large chunk": (".mat", lambda p: mat73(p, large_chunk)),
     "7.3 cell of itself": (".mat", cells_of_themselves),
     "7.3 cell of itself, wide": (".mat", lambda p: cells_of_themselves(p, ways=2000)),
-    "5 compressed": (".mat", mat5_squeezed),
-    "5 compressed in parts": (".mat", lambda p: mat5_squeezed(p, parts=20)),
+    "5 compressed": (".mat", mat5_compressed),
+    "5 compressed in parts": (".mat", lambda p: mat5_compressed(p, parts=20)),
     "5 lying": (".mat", mat5_lying),
     "5 cells": (".mat", mat5_cells),
     "5 fewer cells": (".mat", lambda p: mat5_cells(p, count=100_000_000)),

@@ -11,7 +11,7 @@ PATIENCE = 300.0
 
 
 def started(study: Path, folder: Path, *options: str) -> subprocess.Popen[str]:
-    """Start a sweep, in two processes unless told otherwise."""
+    """Start a sweep, in two processes unless another number is given."""
     chosen = options or ("--workers", "2")
     return started_in_terminal("sweep", "run", str(study), "-o", str(folder), *chosen)
 
@@ -46,7 +46,7 @@ def _throws(pid: int) -> bool:
 
 
 def gone(pids: list[int], *, within: float = 20.0) -> bool:
-    """Tell whether processes end by themselves."""
+    """Return whether processes end on their own."""
     due = time.monotonic() + within
     while time.monotonic() < due:
         if not any(_throws(pid) for pid in pids):

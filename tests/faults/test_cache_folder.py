@@ -76,7 +76,7 @@ def run(folder: Path, script: str, *, cache: Path) -> str:
 
 
 def planted_ran(folder: Path, place: str, *, cache: Path) -> bool:
-    """Plant a pickle in a place (an expression), use the kernel, and tell whether it ran."""
+    """Plant a pickle in a place (an expression), use the kernel, and say whether it ran."""
     mark = folder / "mark"
     run(
         folder,
@@ -181,7 +181,7 @@ def test_links_and_open_files_in_a_folder_are_not_used(tmp_path: Path) -> None:
     assert why_unsafe(tmp_path) == ""
     inside.chmod(0o666)
     assert why_unsafe(tmp_path) == f"{inside} can be written by other users"
-    tmp_path.chmod(0o700)  # nobody else gets to the file
+    tmp_path.chmod(0o700)  # no one else gets to the file
     assert why_unsafe(tmp_path) == ""
     (tmp_path / "link").symlink_to("/etc")
     assert why_unsafe(tmp_path) == f"{tmp_path / 'link'} is a link"

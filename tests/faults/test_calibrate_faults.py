@@ -105,7 +105,7 @@ REFUSED: list[tuple[dict[str, object], list[str], str]] = [
     ({}, ["--free", "gravity", "--fix", "gravity"], "gravity: is not a parameter of the default"),
     ({}, [*FREED, *FIXED], "drive.1.stiffness: is both freed and fixed; take one"),
     ({}, ["--exclude", "free"], "no movement without an object is left"),
-    ({}, ["--exclude", "nobody"], "there is no such movement"),
+    ({}, ["--exclude", "movement_99"], "there is no such movement"),
     ({"drive": ["A", "B"]}, [], "name the drives of the channel map as in the panel"),
     ({"place": ["none", "sleeper 99"]}, [], "there is no sleeper '99'"),
     ({"size": [0.0, 0.150]}, [], "larger than the opening"),

@@ -74,7 +74,7 @@ def test_bad_input_is_one_message(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_all_that_is_wrong_with_a_line_is_told_at_once(tmp_path: Path) -> None:
+def test_all_that_is_wrong_with_a_line_is_reported_at_once(tmp_path: Path) -> None:
     line = ("--object", "bad", "--object", "5 mm @", "--set", "bad", "--step", "1", "--cutoff", "3")
     code, message = turnout("simulate", *line, folder=tmp_path)
     assert code == 2

@@ -13,7 +13,7 @@ from turnout.study.load_study import load_study
 from turnout.sweep.forecast import forecast
 from turnout.sweep.run import run_sweep
 
-# The object of this panel comes a second late, unless it is told otherwise.
+# The object of this panel comes a second late, unless another time is given.
 TRAPPED = STUDY.replace("[set]", '[set]\n"object_defaults.appears" = "0 s"')
 OBJECT = """
 [[variable]]
@@ -87,13 +87,13 @@ def test_studies_are_listed_and_shown_and_their_schema_given(tmp_path: Path) -> 
 
 def test_a_plan_tells_ranges_count_time_and_disk(tmp_path: Path) -> None:
     study = study_file(tmp_path, count=3, more=OBJECT)
-    told = run("plan", study, "--workers", "2", "--quiet")
-    assert told.exit_code == 0, told.output
-    assert "12: 3 states, 4 throws in each; states drawn by random" in told.output
-    assert "chair.friction_coefficient  0.1 ... 0.4 uniform" in told.output
-    assert "object.size                 0 mm, 30 mm" in told.output
-    assert "with 2 workers" in told.output
-    assert "are free in this folder" in told.output
+    reported = run("plan", study, "--workers", "2", "--quiet")
+    assert reported.exit_code == 0, reported.output
+    assert "12: 3 states, 4 throws in each; states drawn by random" in reported.output
+    assert "chair.friction_coefficient  0.1 ... 0.4 uniform" in reported.output
+    assert "object.size                 0 mm, 30 mm" in reported.output
+    assert "with 2 workers" in reported.output
+    assert "are free in this folder" in reported.output
 
 
 def test_the_predicted_disk_is_what_a_sweep_takes(swept: Path) -> None:
@@ -109,8 +109,8 @@ def test_the_predicted_disk_is_what_a_sweep_takes(swept: Path) -> None:
 def test_a_map_and_effects_go_through(swept: Path, tmp_path: Path) -> None:
     for name in ("map", "effects"):
         figure = tmp_path / f"{name}.png"
-        told = run(name, swept, "-o", figure)
-        assert told.exit_code == 0, told.output
+        reported = run(name, swept, "-o", figure)
+        assert reported.exit_code == 0, reported.output
         assert figure.read_bytes().startswith(b"\x89PNG")
     counts = [int(line.split()[0]) for line in run("map", swept).output.splitlines()]
     assert sum(counts) == 12
@@ -133,9 +133,9 @@ def test_bad_input_is_refused(swept: Path, tmp_path: Path) -> None:
     assert "there is no scenario" in refused("plan", empty)
     assert "no such file" in refused("plan", tmp_path / "none.toml")
     assert "no input 'mu' in this sweep" in refused("map", swept, "--x", "mu")
-    told = refused("effects", swept, "--feature", "peak")
-    assert "no output 'peak' in this sweep" in told
-    listed = told.split("there are ")[1].replace("\n", " ").split(", ")
+    reported = refused("effects", swept, "--feature", "peak")
+    assert "no output 'peak' in this sweep" in reported
+    listed = reported.split("there are ")[1].replace("\n", " ").split(", ")
     assert "peak_force" in listed
     # How a scenario was thrown is no output of it.
     assert not {"seed", "attempts"} & set(listed)

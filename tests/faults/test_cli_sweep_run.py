@@ -47,7 +47,7 @@ def test_options_that_do_not_go_together(swept: Path, tmp_path: Path) -> None:
     assert "must end in .csv" in refused("export", swept, "--csv", tmp_path / "a.txt")
 
 
-def test_nothing_to_do_is_told(swept: Path, tmp_path: Path) -> None:
+def test_nothing_to_do_is_reported(swept: Path, tmp_path: Path) -> None:
     study = study_file(tmp_path, count=3)
     result = CLI.invoke(app, ["sweep", "run", str(study), "-o", str(swept)])
     assert result.exit_code == 0, result.output

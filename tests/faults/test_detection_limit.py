@@ -14,6 +14,7 @@ from turnout.errors import TurnoutError
     ("options", "words"),
     [
         (["--far", "0"], "--far 0: must be more than 0"),
+        (["--kind", "ise"], '--kind = "ise": there is no such kind; there are '),
         (["--discrepancy", "1.5"], "--discrepancy 1.5: must be from 0 to below 1"),
         (["--discrepancy", "nan"], "--discrepancy nan: must be"),
         (["--rate", "0"], "--rate 0 Hz: must be more than 0"),

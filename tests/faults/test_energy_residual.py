@@ -55,7 +55,7 @@ def test_an_open_balance_is_never_complete(case: str, mode: str) -> None:
 
 @pytest.mark.parametrize("mode", MODES)
 def test_heavy_but_closed_is_complete(mode: str) -> None:
-    """Density and gravity beyond sense whose balance closes: warned of, not called inaccurate."""
+    """Density and gravity beyond sense whose balance closes: a warning, not called inaccurate."""
     changes = {"material.density": 1e6, "gravity": 1000.0}
     panel = load_panel("sb1").with_overrides(changes)
     dataset = simulate(panel, scheme=Scheme.of(mode))
@@ -85,9 +85,9 @@ def test_the_command_ends_with_3(mode: str, tmp_path: Path) -> None:
 def test_panel_check_says_so_and_ends_with_3() -> None:
     result = CliRunner().invoke(app, ["panel", "check", "sb1", "--set", HEAVY])
     assert result.exit_code == 3, result.output
-    told = [line for line in result.stdout.splitlines() if line.startswith("warning: ")]
-    assert any("throw is inaccurate" in line and "energy residual" in line for line in told)
-    assert any("gravity = 1e+10 m/s^2" in line for line in told)
+    reported = [line for line in result.stdout.splitlines() if line.startswith("warning: ")]
+    assert any("throw is inaccurate" in line and "energy residual" in line for line in reported)
+    assert any("gravity = 1e+10 m/s^2" in line for line in reported)
 
 
 def test_panel_show_with_a_throw_says_so_and_ends_with_3() -> None:
@@ -104,7 +104,7 @@ def test_a_sweep_stores_it_with_its_outcome(tmp_path: Path) -> None:
     assert "energy residual" in row.reason
     stored = batch_variables(study, [row])
     assert str(stored["outcome"].values[0]) == "inaccurate"
-    assert "drive_force" not in stored, "numbers that are not to be trusted are not stored"
+    assert "drive_force" not in stored, "numbers that are not reliable are not stored"
 
 
 def test_a_step_that_makes_energy_is_warned_of() -> None:

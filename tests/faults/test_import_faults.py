@@ -67,7 +67,7 @@ def test_all_wrong_options_at_once(tmp_path: Path) -> None:
 
 
 def test_a_truncated_tdms_file_is_listed_with_a_note(tmp_path: Path) -> None:
-    """What its reader would say by itself does not reach the screen."""
+    """What its reader would print does not reach the screen."""
     pytest.importorskip("nptdms", reason="the extra daq is not installed")
     tdms(tmp_path / "throw.tdms")
     content = (tmp_path / "throw.tdms").read_bytes()

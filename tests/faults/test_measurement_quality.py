@@ -188,7 +188,7 @@ def test_another_stated_rate_is_seen() -> None:
     assert reason.startswith("sampling rate: 500 Hz stated, 1000 Hz in the rest")
 
 
-def test_a_missing_channel_is_told_in_plain_numbers() -> None:
+def test_a_missing_channel_is_reported_in_plain_numbers() -> None:
     dataset = noisy(36, 0.026)
     empty = np.full(dataset.sizes["time"], np.nan)
     reasons = judged(changed(dataset, "drive_force 1", empty)).reasons

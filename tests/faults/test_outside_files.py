@@ -53,7 +53,7 @@ def test_a_recording_outside_the_folder(folder: Path, how: str) -> None:
 
 
 def test_a_file_outside_is_not_looked_for(folder: Path) -> None:
-    """Whether a file is there is nobody's business: the message is the same."""
+    """Whether a file is there is not revealed: the message is the same."""
     name = _first(folder)
     edited(folder, name, "../none.csv")
     with pytest.raises(MeasurementError, match=r"\.\./none\.csv lies outside"):

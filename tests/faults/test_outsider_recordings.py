@@ -18,7 +18,7 @@ SQUEEZED = Case(place="drive 2", size=0.013)
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Without noise, a short rest, an object met at once and one that is squeezed in."""
+    """Without noise, a short rest, an object met at once and one that is compressed in."""
     target = tmp_path_factory.mktemp("outsider")
     cases = (Case(), Case(), *CASES[2:], SQUEEZED)
     return write_campaign(target, Truth(), cases=cases, habits=Habits(rate=100.0, lead=0.2))
@@ -57,7 +57,7 @@ def test_a_channel_that_is_held_within_its_rest_has_noise_to_tell_by() -> None:
     assert fault.kind == "drop-out"
 
 
-def test_kilonewtons_that_were_written_in_newtons_are_told_as_such(tmp_path: Path) -> None:
+def test_kilonewtons_that_were_written_in_newtons_are_reported_as_such(tmp_path: Path) -> None:
     write_campaign(tmp_path, Truth(), cases=(Case(),), habits=Habits(rate=100.0))
     channels = (tmp_path / "channels.toml").read_text(encoding="utf-8")
     (tmp_path / "channels.toml").write_text(channels.replace('"N"', '"kN"'), encoding="utf-8")

@@ -195,7 +195,7 @@ def test_many_overrides_are_refused_in_time() -> None:
         in_time(lambda: load_panel("sb1").with_overrides(wrong))
 
 
-def test_a_long_key_is_told_in_part() -> None:
+def test_a_long_key_is_reported_in_part() -> None:
     with pytest.raises(PanelError) as caught:
         in_time(lambda: load_panel("sb1").with_overrides({"a." * MANY: 1.0}))
     assert len(str(caught.value)) < 3000

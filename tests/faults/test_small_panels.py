@@ -116,7 +116,7 @@ def test_stored_instants_have_the_same_limit() -> None:
         simulate(panel, scheme=Scheme(output_interval=1e-9))
 
 
-def test_many_problems_are_told_in_part_and_counted(tmp_path: Path) -> None:
+def test_many_problems_are_reported_in_part_and_counted(tmp_path: Path) -> None:
     unknown = "".join(f"stiffness_of_the_{number} = 1\n" for number in range(5000))
     found = problems(tmp_path, unknown + SB1)
     assert len(found) == 51

@@ -27,7 +27,7 @@ def campaign(tmp_path_factory: pytest.TempPathFactory) -> Opened:
 
 @pytest.fixture
 def outside(campaign: Opened) -> Iterator[Client]:
-    """Serve anew; this client has not entered."""
+    """Serve again; this client has not entered."""
     with served(sb2_panel(), campaign) as client:
         yield client
         still = Client(client.address, client.cookie)
@@ -42,7 +42,7 @@ def inside(outside: Client) -> Client:
     return outside
 
 
-def test_without_a_token_nothing_is_told(outside: Client) -> None:
+def test_without_a_token_nothing_is_reported(outside: Client) -> None:
     for path in ("/", "/api/start", "/page/main.js", "/api/campaign/runs.csv"):
         reply = outside.ask(path)
         assert reply.status == 403
@@ -106,15 +106,15 @@ def test_more_than_was_announced_is_refused() -> None:
         assert client.ask("/api/start").status == 200
 
 
-def test_a_malformed_panel_is_told_as_by_panel_check(inside: Client, tmp_path: Path) -> None:
+def test_a_malformed_panel_is_reported_as_by_panel_check(inside: Client, tmp_path: Path) -> None:
     text = library_text("sb1").replace('"750 kN/m"', '"750 kg"').replace("[lock]", "[lok]")
     file = tmp_path / "bad.toml"
     file.write_text(text, encoding="utf-8")
-    with pytest.raises(PanelError) as told:
+    with pytest.raises(PanelError) as reported:
         load_panel(file)
     reply = inside.ask("/api/panel/send?name=bad.toml", text.encode())
     assert reply.status == 422
-    assert reply.json["message"] == str(told.value).replace(str(file), "bad.toml")
+    assert reply.json["message"] == str(reported.value).replace(str(file), "bad.toml")
     assert "750 kg" in reply.json["message"]
     assert "lok" in reply.json["message"]
 
@@ -123,7 +123,7 @@ def test_a_malformed_panel_is_told_as_by_panel_check(inside: Client, tmp_path: P
     ("content", "words"),
     [(b"", "empty"), (b"a = ", "not valid TOML"), (b"\xff\xfe\x00", "UTF-16"), (b"\0\1", "binary")],
 )
-def test_what_is_no_panel_is_told(inside: Client, content: bytes, words: str) -> None:
+def test_what_is_no_panel_is_reported(inside: Client, content: bytes, words: str) -> None:
     reply = inside.ask("/api/panel/send?name=x.toml", content)
     assert reply.status == 422
     assert words in reply.json["message"]
@@ -175,20 +175,20 @@ def test_files_of_the_page_stay_in_its_folder(inside: Client) -> None:
 
 
 @pytest.mark.parametrize("body", [b"", b"{", b"[]", b'{"panel": 3}', b'{"panel": "x", "run": NaN}'])
-def test_a_broken_question_is_told(inside: Client, body: bytes) -> None:
+def test_a_broken_question_is_reported(inside: Client, body: bytes) -> None:
     reply = inside.ask("/api/run", body)
     assert reply.status == 422
     assert reply.json["message"].startswith("request: ")
 
 
-def test_a_recording_that_is_none_is_told_as_by_import(inside: Client, tmp_path: Path) -> None:
+def test_a_recording_that_is_none_is_reported_as_by_import(inside: Client, tmp_path: Path) -> None:
     file = tmp_path / "throw.mat"
     file.write_bytes(b"MATLAB 5.0 MAT-file, cut short")
-    told = CliRunner().invoke(app, ["import", str(file)])
-    assert isinstance(told.exception, FileError)
+    reported = CliRunner().invoke(app, ["import", str(file)])
+    assert isinstance(reported.exception, FileError)
     reply = inside.ask("/api/recording?name=throw.mat", file.read_bytes())
     assert reply.status == 422
-    assert reply.json["message"] == str(told.exception).replace(str(file), "throw.mat")
+    assert reply.json["message"] == str(reported.exception).replace(str(file), "throw.mat")
 
 
 def test_a_name_that_leads_elsewhere_stays_a_name(inside: Client) -> None:
@@ -198,7 +198,7 @@ def test_a_name_that_leads_elsewhere_stays_a_name(inside: Client) -> None:
     assert reply.json["lines"][0].startswith("evil.csv: text")
 
 
-def test_a_taken_port_is_told() -> None:
+def test_a_taken_port_is_reported() -> None:
     with served(sb2_panel()) as client, pytest.raises(FileError, match="leave it out"):
         prepared(Studio(sb2_panel()), port=client.port)
 
@@ -229,6 +229,6 @@ def resident() -> float:
     ],
 )
 def test_a_studio_that_cannot_open_says_why(arguments: tuple[str, str], words: str) -> None:
-    told = CliRunner().invoke(app, ["studio", "--no-browser", *arguments])
-    assert isinstance(told.exception, TurnoutError)
-    assert words in str(told.exception)
+    reported = CliRunner().invoke(app, ["studio", "--no-browser", *arguments])
+    assert isinstance(reported.exception, TurnoutError)
+    assert words in str(reported.exception)

@@ -167,7 +167,7 @@ def test_no_setting_names_a_file(studio: Client, secret: Path, key: str) -> None
         ("/api/file/csv", {"run": {"panel": record["panel"]}, "behind": record}),
         ("/api/measured/campaign-0", record),
     ):
-        told_nothing(studio.post(path, body).text, secret)
+        reported_nothing(studio.post(path, body).text, secret)
     assert "names another file" in studio.post("/api/run", record).json["message"]
 
 
@@ -180,7 +180,7 @@ def test_no_channel_map_names_a_file(studio: Client, secret: Path, form: str) ->
     reply = studio.ask(f"/api/recording?name=a.csv&map={quote(named, safe='')}", content)
     assert reply.status == 422
     assert "takes no files of this machine" in reply.json["message"]
-    told_nothing(reply.text, secret)
+    reported_nothing(reply.text, secret)
 
 
 @pytest.mark.parametrize(
@@ -196,7 +196,7 @@ def test_no_panel_names_a_file(studio: Client, secret: Path, lines: str) -> None
     reply = studio.ask("/api/panel/send?name=x.toml", text.encode())
     assert reply.status == 422
     assert "names another file" in reply.json["message"]
-    told_nothing(reply.text, secret)
+    reported_nothing(reply.text, secret)
 
 
 @pytest.mark.parametrize("way", ["storage", "link", "virtual"])
@@ -219,10 +219,10 @@ def test_no_recording_names_a_file(studio: Client, secret: Path, tmp_path: Path,
     assert reply.status == 422
     assert "another file" in reply.json["message"]
     assert "allow" not in reply.json["message"], "an option that no page has"
-    told_nothing(reply.text, secret)
+    reported_nothing(reply.text, secret)
 
 
-def told_nothing(text: str, secret: Path) -> None:
+def reported_nothing(text: str, secret: Path) -> None:
     """Assert that neither the file nor where it is can be read from a reply."""
     assert SECRET not in text
     assert str(Path.home() / "x")[:-1] not in text
@@ -263,7 +263,7 @@ def test_a_question_larger_than_any_is_refused(studio: Client, path: str) -> Non
     assert LARGEST_UPLOAD > 5_000_000
 
 
-def test_a_cookie_of_60_kilobytes_holds_nobody_up(studio: Client) -> None:
+def test_a_cookie_of_60_kilobytes_holds_no_one_up(studio: Client) -> None:
     cookie = 'a="' + "\\\\" * 29_000 + '"'
     # http.cookies took 26 s over it, before it was known who asks.
     began = time.monotonic()

@@ -1,4 +1,4 @@
-"""What is wrong with a study file is told all at once, with key, value, what is allowed."""
+"""What is wrong with a study file is reported all at once, with key, value, what is allowed."""
 
 from pathlib import Path
 
@@ -109,7 +109,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("name", FAULTS)
-def test_a_fault_is_told(name: str) -> None:
+def test_a_fault_is_reported(name: str) -> None:
     text, words = FAULTS[name]
     if "split =" in text or "sed =" in text:
         # Keys of the file itself stand before its tables.
@@ -130,7 +130,7 @@ def test_all_faults_come_at_once() -> None:
         assert words in str(caught.value)
 
 
-def test_an_unknown_study_and_an_unknown_panel_are_told(tmp_path: Path) -> None:
+def test_an_unknown_study_and_an_unknown_panel_are_reported(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="nearest is 'paper-campaign'"):
         load_study("paper-campain")
     file = tmp_path / "study.toml"

@@ -72,7 +72,7 @@ def test_every_flipped_bit_is_harmless_or_named(made: Path, study: Study, swept:
     known = open_sweep(made).load()
     paths = [swept / IDENTITY, swept / STUDY, *(swept / BATCHES).glob("*.nc")]
     rng = np.random.default_rng(17)
-    told = 0
+    reported = 0
     for number in range(FLIPS):
         path = paths[number % len(paths)]
         content = path.read_bytes()
@@ -87,11 +87,11 @@ def test_every_flipped_bit_is_harmless_or_named(made: Path, study: Study, swept:
         except FileError as error:
             said = str(error)
         if said:
-            told += 1
+            reported += 1
             assert str(path) in said
             assert "sweep run" in said
         path.write_bytes(content)
-    assert told > FLIPS * 0.9
+    assert reported > FLIPS * 0.9
     load_stored_study.cache_clear()
 
 
@@ -107,9 +107,9 @@ def test_damage_after_a_first_look_is_seen(lazily: bool, swept: Path, made: Path
         look()
 
 
-@pytest.mark.parametrize("settled", [True, False])
+@pytest.mark.parametrize("finished", [True, False])
 def test_a_batch_is_digested_once_while_it_stays_as_it_is(
-    settled: bool, swept: Path, monkeypatch: pytest.MonkeyPatch
+    finished: bool, swept: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A file that was just changed may change again with the same time stamp."""
     read: list[str] = []
@@ -121,12 +121,12 @@ def test_a_batch_is_digested_once_while_it_stays_as_it_is(
 
     changed = max(path.stat().st_ctime_ns for path in (swept / BATCHES).iterdir())
     monkeypatch.setattr(hashlib, "file_digest", digest)
-    monkeypatch.setattr(time, "time_ns", lambda: changed + (STABLE_AGE + 1 if settled else 0))
+    monkeypatch.setattr(time, "time_ns", lambda: changed + (STABLE_AGE + 1 if finished else 0))
     read_labels(swept)
-    assert (sorted(read) == batch_names(swept)) == settled
+    assert (sorted(read) == batch_names(swept)) == finished
     before = len(read)
     open_sweep(swept).load()
-    assert (len(read) == before) == settled
+    assert (len(read) == before) == finished
 
 
 @pytest.mark.parametrize(
@@ -257,7 +257,7 @@ WRONG: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_wrong_types_and_keys_are_told(name: str, swept: Path) -> None:
+def test_wrong_types_and_keys_are_reported(name: str, swept: Path) -> None:
     change, said = WRONG[name]
     (swept / IDENTITY).write_text(sealed_json(change(unsealed(swept, IDENTITY))))
     with pytest.raises(FileError, match=f"sweep.json: cannot be used.*{said}"):
@@ -279,7 +279,7 @@ TEXTS = {
 
 @pytest.mark.parametrize("name", TEXTS)
 @pytest.mark.parametrize("file", [IDENTITY, STUDY])
-def test_files_that_are_none_are_told(file: str, name: str, swept: Path, study: Study) -> None:
+def test_files_that_are_none_are_reported(file: str, name: str, swept: Path, study: Study) -> None:
     (swept / file).write_bytes(TEXTS[name])
     load_stored_study.cache_clear()
     with pytest.raises(FileError, match=f"{file}: .*turnout sweep run"):
@@ -298,7 +298,7 @@ def test_files_that_are_none_are_told(file: str, name: str, swept: Path, study: 
         lambda k: k | {"seed": 4},
     ],
 )
-def test_a_study_that_is_none_is_told(
+def test_a_study_that_is_none_is_reported(
     change: Callable[[dict[str, Any]], dict[str, Any]], swept: Path, study: Study
 ) -> None:
     (swept / STUDY).write_text(sealed_json(change(unsealed(swept, STUDY))))

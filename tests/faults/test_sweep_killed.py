@@ -38,7 +38,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def check_same(folder: Path, whole: Path) -> None:
-    """Names of batches hold digests of their bytes; the datasets are looked at besides."""
+    """Names of batches hold digests of their bytes; the datasets are compared as well."""
     assert batch_names(folder) == batch_names(whole)
     mine, theirs = open_sweep(folder), open_sweep(whole)
     assert mine["scenario"].values.tolist() == list(range(COUNT))

@@ -87,11 +87,11 @@ def test_a_wrong_study_is_refused_before_anything_is_made(
     study.write_bytes(text.format(count=COUNT).encode(errors="surrogateescape"))
     before = content(swept)
     for folder in (swept, tmp_path / "new"):
-        code, told = run(capsys, monkeypatch, "sweep", "run", study, "-o", folder)
-        assert code == 2, told
-        assert told.startswith("turnout: ")
-        assert said in told
-        assert "Traceback" not in told
+        code, reported = run(capsys, monkeypatch, "sweep", "run", study, "-o", folder)
+        assert code == 2, reported
+        assert reported.startswith("turnout: ")
+        assert said in reported
+        assert "Traceback" not in reported
     assert content(swept) == before
     assert not (tmp_path / "new").exists()
 
@@ -174,27 +174,27 @@ def test_a_folder_of_something_else_is_refused_and_stays_as_it_is(
     study = study_file(tmp_path, count=count)
     spoil(swept)
     before = content(swept)
-    code, told = run(capsys, monkeypatch, "sweep", "run", study, "-o", swept)
-    assert code == 2, told
-    assert said in told
-    assert "Traceback" not in told
+    code, reported = run(capsys, monkeypatch, "sweep", "run", study, "-o", swept)
+    assert code == 2, reported
+    assert said in reported
+    assert "Traceback" not in reported
     assert content(swept) == before
 
 
 @pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="root may write anywhere")
-def test_a_folder_that_may_not_be_written_is_told(
+def test_a_folder_that_may_not_be_written_is_reported(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     study = study_file(tmp_path, count=COUNT)
     shut = tmp_path / "shut"
     shut.mkdir(mode=stat.S_IRUSR | stat.S_IXUSR)
-    code, told = run(capsys, monkeypatch, "sweep", "run", study, "-o", shut / "sweep")
-    assert code == 2, told
-    assert "cannot be made or written" in told
+    code, reported = run(capsys, monkeypatch, "sweep", "run", study, "-o", shut / "sweep")
+    assert code == 2, reported
+    assert "cannot be made or written" in reported
 
 
 @pytest.mark.parametrize("moment", range(5), ids=["identity", "study", "batch", "log", "card"])
-def test_no_space_at_any_moment_is_told_and_goes_on(
+def test_no_space_at_any_moment_is_reported_and_goes_on(
     moment: int, made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The disk is full from the so-many-eth file on; with space again the same bytes come."""

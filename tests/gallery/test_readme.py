@@ -1,4 +1,4 @@
-"""What README and the quick start tell a newcomer to type, run as it stands in an empty folder."""
+"""What README and the quick start ask a newcomer to type, run as it stands in an empty folder."""
 
 import os
 import re
@@ -114,8 +114,10 @@ def test_the_output_that_the_readme_shows(folder: Path) -> None:
 @pytest.mark.parametrize("page", PAGES)
 def test_python_blocks_run(page: str, folder: Path) -> None:
     (block,) = blocks(page, "python")
-    told = run(["-c", f"{block}\nprint(float(ds['time'][-1]), bool(ds['object_touched']))"], folder)
-    assert told.split()[1] == "True"
+    reported = run(
+        ["-c", f"{block}\nprint(float(ds['time'][-1]), bool(ds['object_touched']))"], folder
+    )
+    assert reported.split()[1] == "True"
 
 
 def test_no_line_needs_a_program_that_is_not_installed() -> None:

@@ -1,6 +1,6 @@
 """Figures of a quick case, kept to see that nothing moves by accident.
 
-`python -m tests.golden.make` writes them anew; look at what changed before it is committed.
+`python -m tests.golden.make` writes them again; check what changed before it is committed.
 """
 
 import json

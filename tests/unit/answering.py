@@ -59,7 +59,7 @@ def fail(_task: Task, _question: Question) -> Reply:
 
 
 def child(task: Task, question: Question) -> Reply:
-    """Start a process that ends late, tell its number in a file, and hang."""
+    """Start a process that ends late, write its number to a file, and hang."""
     late = [sys.executable, "-c", "import time; time.sleep(60)"]
     with subprocess.Popen(late) as started:
         with open(task.content.decode(), "w", encoding="ascii") as file:
@@ -75,7 +75,7 @@ def keep(task: Task, question: Question) -> Reply:
 
 
 def know(task: Task, question: Question) -> Reply:
-    """Tell what a mark stands for."""
+    """Return what a mark stands for."""
     mark = task.options["mark"]
     found = known.get(mark) or dict(task.restored).get(mark)
     if found is None:
@@ -84,7 +84,7 @@ def know(task: Task, question: Question) -> Reply:
 
 
 def ahead(task: Task, _question: Question) -> Reply:
-    """Do five pieces of work, told in a file."""
+    """Do five pieces of work, each noted in a file."""
     with open(known["file"].decode(), "a", encoding="ascii") as file:
         file.write("x")
     known["left"] = known.get("left", b"12345")[1:]

@@ -48,6 +48,7 @@ def toy_side(first: int, switches: int, *, sound: int = 40, objects: int = 20) -
             "x": np.where(size > 0.0, 3.6, np.nan),
             "object_force": 1e6 * size,
             "panel": np.array([row[0] for row in rows]),
+            "machine": np.full(count, ""),
             "level": np.full(count, 0.3),
         },
         gaps=np.zeros((count, 2)),
@@ -70,6 +71,6 @@ def toy_benchmark(*, train: int = 9, test: int = 5, history: int = 5) -> Benchma
         history=history,
         errors=Allowances(),
         track="markers",
-        amplitude=np.array([2000.0, 2000.0]),
+        amplitude={"": np.array([2000.0, 2000.0])},
         attrs={"data": "toy"},
     )

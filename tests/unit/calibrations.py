@@ -1,4 +1,4 @@
-"""A calibration made by hand, that several tests look at."""
+"""A calibration made by hand, that several tests use."""
 
 import numpy as np
 
@@ -49,7 +49,7 @@ def calibration() -> Calibration:
             ),
         ),
         warnings=("Drive 2 is at its bound",),
-        findings=("forces tell the friction",),
+        findings=("forces show the friction",),
         noise={"drive_force of drive 1": {"white": 1.5}},
         scatter={"chair.friction_coefficient": 0.02},
         about={"version": "0.1.0"},

@@ -1,4 +1,4 @@
-"""A small virtual campaign that several tests look at, made once a session."""
+"""A small virtual campaign that several tests use, made once a session."""
 
 import atexit
 import shutil
@@ -22,7 +22,7 @@ PLAN = CampaignPlan(
 
 @cache
 def made() -> Path:
-    """Return a folder that nobody may change."""
+    """Return a folder that no test may change."""
     folder = Path(tempfile.mkdtemp()) / "small"
     atexit.register(shutil.rmtree, folder.parent, ignore_errors=True)
     make_virtual_campaign(sb2_panel(), folder, plan=PLAN)

@@ -174,7 +174,7 @@ def libraries(item: Distribution) -> Iterator[str]:
 
 
 def bundled_licence(library: str) -> str:
-    """Return the licence of a bundled library; empty where nobody has looked it up."""
+    """Return the licence of a bundled library; empty where it has not been looked up."""
     for known in COPYLEFT:
         if re.fullmatch(known.pattern, library):
             return known.licence

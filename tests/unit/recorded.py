@@ -1,4 +1,4 @@
-"""Recordings of simulated throws that several tests look at, and what can happen to them."""
+"""Recordings of simulated throws that several tests use, and what can happen to them."""
 
 from functools import cache
 
@@ -19,7 +19,7 @@ FIELDS = ("drive_force", "drive_displacement", "drive_slipping", "object_force",
 
 @cache
 def run(size: float = 0.0, place: str = "sleeper 6", friction: float = 0.4) -> xr.Dataset:
-    """Simulate a throw; nobody may change it."""
+    """Simulate a throw; no test may change it."""
     panel = sb2_panel().with_overrides({"chair.friction_coefficient": friction})
     foreign = ForeignObject(size, place) if size else None
     return simulate(panel, foreign_object=foreign, save=Save(fields=FIELDS))

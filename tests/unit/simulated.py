@@ -1,4 +1,4 @@
-"""Runs that several tests look at, each computed once a session."""
+"""Runs that several tests use, each computed once a session."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -47,7 +47,7 @@ def sb2_run() -> Run:
 
 @cache
 def sb2_dataset() -> xr.Dataset:
-    """The whole panel with an object; nobody may change it."""
+    """The whole panel with an object; no test may change it."""
     return simulate(sb2_panel(), foreign_object=OBJECT)
 
 

@@ -8,7 +8,7 @@ from turnout.calibration.covariance import gain_column
 from turnout.calibration.fit import fit
 
 
-def test_an_error_that_a_parameter_imitates_is_told_in_its_words() -> None:
+def test_an_error_that_a_parameter_imitates_is_reported_in_its_words() -> None:
     found = fit(misfit([movement("m", rng=np.random.default_rng(1))]), PARAMETERS, TRUE)
     # One per cent of friction, as an error that is not friction.
     text = _systematic_error(found, "1 % more weight", -0.01 * found.jacobian[:, 0])

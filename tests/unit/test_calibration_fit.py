@@ -211,7 +211,7 @@ def test_steps_are_fine_where_a_fit_is_and_plain_aside() -> None:
     assert all(throw.quick for throw, _ in asked)
 
 
-def test_slopes_are_thrown_anew_only_for_movements_that_went_away() -> None:
+def test_slopes_are_thrown_again_only_for_movements_that_went_away() -> None:
     rng = np.random.default_rng(2)
     whole = misfit([movement("m", rng=rng), movement("n", rng=rng)])
     known = whole.local(TRUE, ("k",))
@@ -280,7 +280,7 @@ def test_a_parameter_that_does_nothing_is_not_identified() -> None:
     assert spread_of(found).states == ("fitted", "fitted", "not identified")
 
 
-def test_a_bound_that_stops_the_fit_is_told() -> None:
+def test_a_bound_that_stops_the_fit_is_reported() -> None:
     low = Parameter(name="k", keys=("k",), start=500e3, lower=1e5, upper=800e3, unit="N/m")
     whole = misfit([movement("m", rng=np.random.default_rng(2))])
     whole.parameters = (PARAMETERS[0], low)
@@ -410,7 +410,7 @@ def test_noise_at_rest_and_its_correlation_are_found() -> None:
     assert noise.effective(even) < 40 < Noise(white=1.0).effective(even)
 
 
-def test_what_the_model_misses_is_told_from_noise() -> None:
+def test_what_the_model_misses_is_distinguished_from_noise() -> None:
     rng = np.random.default_rng(6)
     wave = 10.0 * np.sin(np.arange(300) * BIN * 2.0 * np.pi / 0.8)
     rows = [wave + rng.standard_normal(300), -wave + rng.standard_normal(300)]
@@ -420,7 +420,7 @@ def test_what_the_model_misses_is_told_from_noise() -> None:
     assert missed_by_model([rng.standard_normal(300)], Noise(white=1.0))[0] == 0.0
 
 
-def test_an_onset_that_forces_told_far_too_early_is_found() -> None:
+def test_an_onset_that_forces_showed_far_too_early_is_found() -> None:
     rng = np.random.default_rng(8)
     lates = (0.0, 0.03, 0.145)
     measured = [movement(f"m{n}", rng=rng, late=late) for n, late in enumerate(lates)]

@@ -8,12 +8,12 @@ from turnout.errors import PanelError
 from turnout.panel.load import load_panel
 
 
-def test_every_problem_of_a_parameter_is_told() -> None:
-    with pytest.raises(PanelError) as told:
+def test_every_problem_of_a_parameter_is_reported() -> None:
+    with pytest.raises(PanelError) as reported:
         Parameter(name="k", keys=("k",), start=5.0, lower=-1.0, upper=2.0, scatter=-1.0)
-    assert "outside its bounds" in str(told.value)
-    assert "must be positive" in str(told.value)
-    assert "scatter" in str(told.value)
+    assert "outside its bounds" in str(reported.value)
+    assert "must be positive" in str(reported.value)
+    assert "scatter" in str(reported.value)
 
 
 @pytest.mark.parametrize("transform", ["log", "linear"])

@@ -87,7 +87,7 @@ def test_a_clock_that_is_off_is_found_with_a_warning() -> None:
     assert "sampling rate" in clock.warning
 
 
-def test_a_zero_that_nobody_would_believe_is_a_reason_against_the_fit() -> None:
+def test_a_zero_that_no_one_would_believe_is_a_reason_against_the_fit() -> None:
     (reason,) = sensor_reasons(recorded(zero=300.0))
     assert "zero of the gauges of drive 1" in reason
     assert not sensor_reasons(recorded())

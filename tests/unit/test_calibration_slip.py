@@ -1,4 +1,4 @@
-"""Slip levels that movements tell, and those that a fit only pushed out of its way."""
+"""Slip levels that movements show, and those that a fit only pushed out of its way."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -47,7 +47,7 @@ def slipping(level: float) -> Misfit:
     return whole
 
 
-def test_a_level_that_was_only_pushed_away_is_not_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_level_that_was_only_pushed_away_is_not_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = slipping(9000.0)
     largest = max(float(item.signals[0].values.max()) for item in whole.movements)
     # A fit that stops as soon as the level hardly matters; there its slope still does.
@@ -60,7 +60,7 @@ def test_a_level_that_was_only_pushed_away_is_not_told(monkeypatch: pytest.Monke
     assert "only at least" in warnings[0]
 
 
-def test_a_level_at_which_a_drive_slips_is_told() -> None:
+def test_a_level_at_which_a_drive_slips_is_reported() -> None:
     whole = slipping(5600.0)
     found = fit(whole, whole.parameters, {**TRUE, KEY: 5300.0})
     assert found.values[KEY] == pytest.approx(5600.0, rel=2e-3)

@@ -52,7 +52,7 @@ def test_commands_show_the_calibrated_panel(line: list[str], file: Path, tmp_pat
     assert calibration().apply(own).hash[:12] in done.output
 
 
-@pytest.mark.parametrize("quiet", [(), ("-q",)], ids=["told", "quiet"])
+@pytest.mark.parametrize("quiet", [(), ("-q",)], ids=["default", "quiet"])
 @pytest.mark.parametrize("strict", [(), ("--strict",)], ids=["lenient", "strict"])
 def test_a_calibration_that_is_not_to_be_trusted_is_written_and_says_so(
     strict: tuple[str, ...], quiet: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, tmp_path: Path

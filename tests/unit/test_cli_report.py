@@ -32,7 +32,7 @@ def test_a_report_and_its_figures_are_written(run_file: Path, tmp_path: Path) ->
     assert len(names) == 15
 
 
-def test_the_folder_of_a_sweep_is_told_from_that_of_a_campaign(tmp_path: Path) -> None:
+def test_the_folder_of_a_sweep_is_reported_from_that_of_a_campaign(tmp_path: Path) -> None:
     folder, out = tmp_path / "results", tmp_path / "sweep.html"
     run_sweep(small_study(tmp_path, count=3), folder, pool=here)
     done = CliRunner().invoke(app, ["report", str(folder), "-o", str(out)])

@@ -81,7 +81,7 @@ def test_the_screen_has_the_order_of_an_engineer(thrown: Thrown) -> None:
         assert tuple(heads) == order
 
 
-def test_the_least_pieces_are_told_with_the_part_of_the_rule(thrown: Thrown) -> None:
+def test_the_least_pieces_are_reported_with_the_part_of_the_rule(thrown: Thrown) -> None:
     text = "\n".join(screen(thrown))
     assert "drive 1 refuses to lock from 4.9 mm on, by slip" in text
     assert "drive 2 locks on every piece up to 15 mm" in text
@@ -113,14 +113,14 @@ def test_margins_are_those_of_the_run(thrown: Thrown) -> None:
     assert "near" not in line_of(screen(thrown), "2 closing")
 
 
-def test_the_flangeway_is_told_with_its_place(thrown: Thrown) -> None:
+def test_the_flangeway_is_reported_with_its_place(thrown: Thrown) -> None:
     least = float(thrown.dataset["least_flangeway"])
     rail = thrown.dataset["least_flangeway_rail"].values
     line = line_of(screen(thrown), f"{1e3 * least:.2f} mm, rail {rail} at x = ")
     assert line.endswith("TOO NARROW: at least 58 mm required")
 
 
-def test_test_pieces_are_told(thrown: Thrown) -> None:
+def test_test_pieces_are_reported(thrown: Thrown) -> None:
     lines = screen(thrown)
     assert line_of(lines, "1 YES, not seen") == ("1 YES, not seen 2.96 kN 2.44 kN 3.50 kN 4.25 mm")
     assert line_of(lines, "2 no") == "2 no 0.00 kN 0.00 kN 6.00 kN 12.30 mm"
@@ -250,13 +250,13 @@ def test_a_folder_that_is_not_writable(tmp_path: Path, monkeypatch: pytest.Monke
         check_outputs({"--out": tmp_path / "a.nc"}, SUFFIXES)
 
 
-def test_all_bad_paths_are_told_at_once(tmp_path: Path) -> None:
+def test_all_bad_paths_are_reported_at_once(tmp_path: Path) -> None:
     paths = {"--out": tmp_path / "a.txt", "--plot": tmp_path / "none" / "a.png"}
     with pytest.raises(FileError, match=r"(?s)--out.*--plot"):
         check_outputs(paths, SUFFIXES)
 
 
-def told(capsys: pytest.CaptureFixture[str]) -> list[str]:
+def reported(capsys: pytest.CaptureFixture[str]) -> list[str]:
     captured = capsys.readouterr()
     assert captured.out == ""
     return captured.err.splitlines()
@@ -265,7 +265,7 @@ def told(capsys: pytest.CaptureFixture[str]) -> list[str]:
 def test_progress_is_silent_for_a_quick_run(capsys: pytest.CaptureFixture[str]) -> None:
     with Watch("simulating", compiling=False, quiet=False) as watch:
         watch.report(10, 100)
-    assert told(capsys) == []
+    assert reported(capsys) == []
 
 
 def test_progress_is_a_plain_line_now_and_then(
@@ -276,7 +276,7 @@ def test_progress_is_a_plain_line_now_and_then(
     with Watch("simulating", compiling=True, quiet=False) as watch:
         for done in (10, 20, 30, 40):
             watch.report(done, 100)
-    assert told(capsys) == [
+    assert reported(capsys) == [
         COMPILING,
         "simulating: 20 %",
         "simulating: 40 %",
@@ -290,7 +290,7 @@ def test_quiet_is_quiet(
     monkeypatch.setattr("turnout.cli.watch.time.monotonic", lambda: next(clock))
     with Watch("simulating", compiling=True, quiet=True) as watch:
         watch.report(50, 100)
-    assert told(capsys) == []
+    assert reported(capsys) == []
 
 
 def test_time_passes_while_kernels_compile(
@@ -301,11 +301,11 @@ def test_time_passes_while_kernels_compile(
         deadline = time.monotonic() + 10.0
         lines: list[str] = []
         while len(lines) < 3 and time.monotonic() < deadline:
-            lines += told(capsys)
+            lines += reported(capsys)
         watch.report(0, 100)
-        told(capsys)
+        reported(capsys)
         time.sleep(0.05)
-        assert told(capsys) == [], "nothing is told once steps are made"
+        assert reported(capsys) == [], "nothing is shown once steps are made"
     assert lines[0] == COMPILING
     assert lines[1].startswith("still compiling, ")
 
@@ -322,14 +322,14 @@ def test_a_terminal_has_one_line_that_is_written_over(
     assert f"\r{COMPILING}: 0 s so far" in text
 
 
-def test_kernels_that_cannot_be_kept_are_told_once(
+def test_kernels_that_cannot_be_kept_are_reported_once(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     reason = "/unwritable/kernels is not writable"
     monkeypatch.setattr("turnout.response.compilation.why_private", lambda: reason)
     for _ in range(2):
         watched("simulating")
-    (line,) = told(capsys)
+    (line,) = reported(capsys)
     assert line.startswith(f"turnout: {reason}, so the kernels are compiled again")
     monkeypatch.setattr("turnout.response.compilation.why_private", lambda: "")
     assert cache_fault() == ""
@@ -338,7 +338,7 @@ def test_kernels_that_cannot_be_kept_are_told_once(
 def test_a_folder_in_which_nothing_can_be_made(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """As in /proc, where even root is told that it may write, and may not."""
+    """As in /proc, where even root seems allowed to write, and is not."""
 
     def refuse(**_: object) -> None:
         raise OSError(2, "No such file or directory")

@@ -37,7 +37,7 @@ def test_python_and_program_agree_to_the_last_bit(tmp_path: Path) -> None:
     assert written.attrs["panel_hash"] == sb1_panel().hash
 
 
-def test_summary_and_files_are_told(tmp_path: Path) -> None:
+def test_summary_and_files_are_reported(tmp_path: Path) -> None:
     result = run("--out", tmp_path / "run.nc", "--plot", tmp_path / "run.svg")
     assert result.stdout.startswith("verdict         Not locked: no object, but Drive ")
     assert "locked" in result.stdout
@@ -191,9 +191,9 @@ def test_a_panel_in_order_has_no_warning() -> None:
 
 
 def test_what_has_no_limit_is_not_said_to_be_all_in_order() -> None:
-    """SB1 tells of no flangeway limit, whatever its flangeway is."""
-    (told,) = concern_lines(load_panel("sb1"), [])
-    assert "flangeway was not judged" in told
+    """SB1 has no flangeway limit, whatever its flangeway is."""
+    (reported,) = concern_lines(load_panel("sb1"), [])
+    assert "flangeway was not judged" in reported
     assert "flangeway was not" not in concern_lines(load_panel("sb2"), [])[0]
 
 

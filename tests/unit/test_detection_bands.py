@@ -20,6 +20,17 @@ from turnout.plot.limit import plot_bands
 CLOSING = 0.8
 
 
+def test_panels_that_are_alike_have_the_interval_of_one() -> None:
+    found = limit_map(toy_throws(), Conditions(), closing=CLOSING)
+    band = bands.bands_of(["a", "b", "c"], [found] * 3)
+    alone = found.sel(channel="both drives")
+    for share in band["share"]:
+        at = band.sel(share=share)
+        np.testing.assert_allclose(at["a90_band"], alone["a90"])
+        np.testing.assert_allclose(at["a90_band_low"], alone["a90_low"])
+        np.testing.assert_allclose(at["a90_band_high"], alone["a90_high"])
+
+
 def test_the_over_travel_moves_its_population_and_nothing_else() -> None:
     usual, moved = reference_study(count=40), reference_study(count=40, over_travel=0.5e-3)
     name = "drive.1.over_travel_closed"
@@ -65,15 +76,22 @@ def test_bands_hold_what_the_panels_give(monkeypatch: pytest.MonkeyPatch, tmp_pa
     rows = bands.band_rows(found)
     assert rows[0]["a90_low"] < rows[0]["a90_high"]  # type: ignore[operator]
     assert found["a90_band"].attrs["units"] == "m"
+    low, high = found["a90_band_low"], found["a90_band_high"]
+    assert bool((low <= found["a90_band"]).all())
+    assert bool((found["a90_band"] <= high).all())
     ax = plot_bands(found).axes[0]
     assert "over-travel-5" in [text.get_text() for text in ax.get_legend().get_texts()]
     monkeypatch.setattr(bands, "limit_bands", lambda *_, **__: found)
     line = ["limit", "--over-travel", "--folder", str(tmp_path / "kept")]
     shown = CliRunner().invoke(app, [*line, "--plot", str(tmp_path / "bands.png")])
     assert shown.exit_code == 0, shown.exception
-    assert "over 6 panels" in shown.output
+    assert "over 6 panels; in brackets the 95 % interval over 60 drawn states" in shown.output
+    middle = float(found["a90_band"][1, 0])
+    assert f"{1e3 * middle:.1f} ({1e3 * float(low[1, 0]):.1f} ... " in shown.output
     record = json.loads(CliRunner().invoke(app, [*line, "--json"]).stdout)
     assert record["bands"][0]["a90_middle"] == pytest.approx(rows[0]["a90_middle"])
+    assert record["bands"][0]["a90_middle_interval_low"] == pytest.approx(float(low[1, 0]))
+    assert set(record["units"]) >= {"a90_middle", "a90_low_interval_high"}
     refused = CliRunner().invoke(app, [*line, "--most", "3"])
     assert "--most: chooses among the panels of --panels" in str(refused.exception)
     refused = CliRunner().invoke(app, [*line, "--ends"])

@@ -88,10 +88,10 @@ def test_sizes_and_states_that_are_not_known_cost_detections() -> None:
     bound = norm.cdf(index - norm.isf(RATE)).mean(axis=0)
     assert np.all(found.pod < bound + 0.003)
     assert found.pod[1] < bound[1] - 0.01
-    told = known_place_power(
+    reported = known_place_power(
         drawn, hypothesis, hypothesis, false_alarm_rate=RATE, objects=20_000, held_out=False
     )
-    assert np.all(told.pod >= found.pod - 0.003)
+    assert np.all(reported.pod >= found.pod - 0.003)
 
 
 def test_levels_of_several_centres_are_one_mixture() -> None:

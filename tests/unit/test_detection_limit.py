@@ -1,6 +1,7 @@
 """The map of what can be seen, from throws to figure."""
 
 import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from tests.unit.detection_throws import toy_throws
 
 from turnout.detection.limit.limit_map import limit_map, rows_of, size_weights, smallest_seen
 from turnout.detection.reference import Conditions, reference_study
-from turnout.detection.throws import objects_study, places_of, sizes_beyond
+from turnout.detection.throws import objects_study, of_kind, places_of, sizes_beyond
 from turnout.plot.limit import plot_limit
 from turnout.plot.style import rendered
 
@@ -40,7 +41,7 @@ def test_a90_moves_the_way_it_must() -> None:
     assert np.all(a90(false_alarm_rate=1e-4) > usual)
 
 
-def test_a90_beyond_what_was_thrown_is_not_told() -> None:
+def test_a90_beyond_what_was_thrown_is_not_given() -> None:
     throws = dataclasses.replace(toy_throws(), change=0.0 * toy_throws().change)
     found = limit_map(throws, Conditions(), closing=0.8)
     assert np.isnan(found["a90"]).all()
@@ -76,6 +77,22 @@ def test_objects_are_thrown_in_the_states_of_the_sound_throws() -> None:
     with_object, without = objects.scenario(52), study.scenario(1)
     assert with_object.overrides == without.overrides
     assert with_object.foreign_objects[0].size == pytest.approx(0.7e-3)
+
+
+def test_objects_of_another_kind_lie_beside_those_that_stay_as_they_are() -> None:
+    study = reference_study(count=3)
+    rows = dict.fromkeys(places_of(study.panel), (5e-3, 9e-3))
+    usual, ice = objects_study(study, rows), objects_study(study, rows, kind="ice")
+    assert usual.scenario(30).foreign_objects[0].kind == "spring"
+    found = ice.scenario(30)
+    assert found.foreign_objects[0].kind == "ice"
+    assert found.foreign_objects[0].size == usual.scenario(30).foreign_objects[0].size
+    assert found.overrides == usual.scenario(30).overrides
+    assert (of_kind("objects", "ice"), of_kind("objects", "spring")) == ("objects-ice", "objects")
+    given = limit_map(replace(toy_throws(), kind="ice"), Conditions(), closing=0.8)
+    assert given.attrs["object_kind"] == "ice"
+    title = plot_limit(given).get_suptitle()
+    assert title.endswith(", ice")
 
 
 def test_figure_shows_the_blade_and_the_floor() -> None:

@@ -23,7 +23,14 @@ from turnout.detection.limit.day_plan import (
 )
 from turnout.detection.limit.end_positions import EndThrows, Position, end_position_map, end_rows
 from turnout.detection.limit.limit_map import limit_map, sound_throws
-from turnout.detection.limit.what_if import FORMS, gain_rows, gains, read_measure, repeated_throw
+from turnout.detection.limit.what_if import (
+    FORMS,
+    Measure,
+    gain_rows,
+    gains,
+    read_measure,
+    repeated_throw,
+)
 from turnout.detection.reference import Conditions
 from turnout.errors import StudyError
 from turnout.response.store import open_response
@@ -64,6 +71,27 @@ def test_measures_are_ranked_by_what_they_gain() -> None:
     known = limit_map(throws, replace(conditions, history=20), closing=CLOSING)["a90"]
     gain = float((usual - known.sel(channel="both drives")).mean())
     assert each[0] == pytest.approx(gain)
+
+
+def test_gains_have_intervals_over_states_drawn_together() -> None:
+    throws, conditions = toy_throws(), Conditions()
+    same = Measure(name="none", note="", throws=throws, conditions=conditions)
+    better = read_measure("discrepancy 3 %", throws, conditions, inputs=INPUTS)
+    few = read_measure("friction 0.25", throws, conditions, inputs=INPUTS)
+    found = gains(throws, conditions, [same, better, few], closing=CLOSING)
+    rows = {str(row["measure"]): row for row in gain_rows(found)}
+    for name in ("gain", "gain_worst"):
+        low, value, high = (float(rows["none"][name + end]) for end in ("_low", "", "_high"))
+        assert low == value == high == 0.0  # drawn apart, the difference would scatter
+    width = {}
+    for name, row in rows.items():
+        low, value, high = (float(row[f"gain{end}"]) for end in ("_low", "", "_high"))
+        assert low <= value <= high
+        width[name] = high - low
+    assert width["friction 0.25"] > width["discrepancy 3 %"] > 0.0
+    alone = limit_map(throws, conditions, closing=CLOSING).sel(channel="both drives")
+    ends = np.quantile(alone["a90_resampled"], [0.025, 0.975], axis=0, method="nearest")
+    np.testing.assert_allclose(ends, [alone["a90_low"], alone["a90_high"]])
 
 
 def test_less_friction_keeps_the_states_that_have_it() -> None:

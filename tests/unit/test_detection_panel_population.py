@@ -1,5 +1,7 @@
 """The population of the reference case for other panels: about their values, for their drives."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -7,10 +9,11 @@ import xarray as xr
 from turnout.detection.panel_population import population_for
 from turnout.detection.reference import reference_study, switch_inputs
 from turnout.detection.throws import checked_throws, refuse_open_end
-from turnout.errors import StudyError
+from turnout.errors import PanelError, StudyError
 from turnout.panel.load import LoadedPanel, load_panel
 from turnout.study.load_study import load_study
 from turnout.study.study import Study
+from turnout.sweep.stored_study import study_data, study_from_data
 
 DEFAULT = "uic60-760-1-15"
 
@@ -106,6 +109,54 @@ def test_typed_shapes_and_single_rails_do_not_vary() -> None:
     assert "panel sb2 has no number rail.A.stress_free: it does not vary" in typed.remarks
     one = reference_study(load_panel("sb1"))
     assert one.scenario(0).overrides
+
+
+def plausible(number: int) -> LoadedPanel:
+    study = load_study("plausible-panels")
+    return study.panel.with_overrides(study.scenario(number).overrides)
+
+
+def slips_at_rest(study: Study, state: int) -> bool:
+    """Whether Drive 2 slips at rest in a state: its rail has no gap there to be pressed home."""
+    changed = study.scenario(state).overrides
+    force = float(changed["drive.2.stiffness"]) * study.panel.drive["2"].over_travel_open
+    return force >= float(changed["drive.2.saturation_force"])
+
+
+def test_no_drive_slips_at_rest_where_the_panel_holds_its_rail_by_little() -> None:
+    panel = plausible(36)  # Drive 2 holds its rail open with 7.43 kN and slips at 7.44 kN
+    study = reference_study(panel, count=40)
+    assert not [state for state in range(40) if slips_at_rest(study, state)]
+    free = replace(study, design=replace(study.design, holdings=()))
+    slipping = [state for state in range(40) if slips_at_rest(free, state)]
+    assert len(slipping) > 15
+    for state in range(40):  # what holds stays as it is drawn, friction and all
+        same = free.design.drawn_values(state) == study.design.drawn_values(state)
+        assert same == (state not in slipping)
+    with pytest.raises(PanelError, match="slips at rest"):
+        panel.with_overrides(dict(free.scenario(slipping[0]).overrides))
+    panel.with_overrides(dict(study.scenario(slipping[0]).overrides))
+    assert any("drive 2 presses rail curved home with 7.4" in item for item in study.remarks)
+
+
+def test_states_drawn_again_are_the_same_after_storage_and_of_other_counts() -> None:
+    study = reference_study(plausible(36), count=5)
+    stored = study_from_data(study_data(study))
+    more = reference_study(plausible(36), count=50)
+    for state in range(5):
+        values = study.design.drawn_values(state)
+        assert stored.design.drawn_values(state) == values == more.design.drawn_values(state)
+    assert stored.digest == study.digest
+    free = replace(study, design=replace(study.design, holdings=()))
+    assert free.digest != study.digest
+
+
+def test_panels_with_margins_keep_their_population() -> None:
+    study = reference_study(plausible(1), count=5)
+    assert not study.design.holdings
+    assert not study.remarks
+    with pytest.raises(ValueError, match="cannot be drawn again"):
+        replace(reference_study(plausible(36)).design, method="sobol")
 
 
 def test_a_last_movement_that_opens_and_throws_that_fail_are_refused() -> None:

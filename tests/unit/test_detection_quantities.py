@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from benchmarks.channels_confirmed import confirmed
 from tests.unit.detection_throws import toy_throws
 
 from turnout.detection.drive_quantities import (
@@ -141,3 +142,17 @@ def test_few_sound_throws_of_many_signals_are_warned_of() -> None:
 def test_noise_of_nothing_is_refused(name: str) -> None:
     with pytest.raises(StudyError, match="must be more than 0"):
         Conditions(**{name: 0.0})  # type: ignore[arg-type]
+
+
+def test_what_one_half_claims_the_same_half_confirms() -> None:
+    throws = toy_throws()
+    change = throws.change.copy()
+    change[:, :, 1, 0] = change[:, :, 2, 1] = 0.0  # small objects show at Drive 2, large at Drive 1
+    throws = replace(throws, change=change)
+    twice = replace(
+        throws, sound=throws.sound.repeat(2, axis=0), switch=throws.switch.repeat(2, axis=0),
+        level=throws.level.repeat(2), states=2 * throws.states,
+    )  # fmt: skip
+    found = confirmed(twice, Conditions(), CLOSING)
+    claimed = limit_map(throws, Conditions(), closing=CLOSING)["a90"].sel(channel="both drives")
+    np.testing.assert_allclose(found, claimed, atol=1e-9)

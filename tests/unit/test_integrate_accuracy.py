@@ -1,4 +1,4 @@
-"""Worn columns are noticed when rounding may have grown, and only then; and books of a slip."""
+"""Worn columns are noticed when rounding may have grown, and only then; energy of a slip."""
 
 import numpy as np
 import pytest
@@ -95,7 +95,7 @@ def test_a_solution_is_corrected_where_columns_are_fresh_and_yet_wrong(made: Set
     args = (system, table, state, work, tolerances, given, given.step, factors, inputs, True)
     assert _try_step(*args) == CONVERGED
     assert state.counters[COUNT_RECENT] == 0
-    assert state.drift[0] == DRIFTS  # looked at once more after the next step
+    assert state.drift[0] == DRIFTS  # checked once more after the next step
     assert not is_inaccurate(system, table, state, work, inertia, viscosity)
 
 

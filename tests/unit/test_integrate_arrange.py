@@ -43,7 +43,7 @@ def test_values_of_laws_share_what_was_condensed_and_keep_their_own_table() -> N
 
 
 @pytest.mark.parametrize("law", ["chair 1 of rail switch", "drive 1"])
-def test_a_stiffness_that_the_modes_hold_is_condensed_anew(law: str) -> None:
+def test_a_stiffness_that_the_modes_hold_is_condensed_again(law: str) -> None:
     given = mechanism()
     first, laws = arrange(given, QUICK), given.laws
     at = laws.segment_start[given.law_names.index(law)] + 1

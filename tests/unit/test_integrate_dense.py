@@ -1,4 +1,4 @@
-"""Instants between the steps: order four for motion, laws that hold, books that stay closed."""
+"""Instants between the steps: order four for motion, laws that hold, energy that balances."""
 
 import numpy as np
 import pytest

@@ -44,7 +44,7 @@ def test_instants_between_the_steps_have_no_stride(step: float, interval: float)
     assert Scheme(step=step, output_interval=interval).stride == 0
 
 
-def test_a_mode_chooses_and_is_told_back() -> None:
+def test_a_mode_chooses_and_is_reported_back() -> None:
     assert Scheme().mode == "waveform"
     assert Scheme.of("quick").mode == "quick"
     assert Scheme.of("quick").step > Scheme().step
@@ -135,7 +135,7 @@ def test_coefficients_have_the_radius_asked_for_and_second_order(radius: float) 
         [[1, 1, 0.5 - c.beta], [0, 1, 1 - c.gamma], [-c.alpha_f * square, 0, -c.alpha_m]]
     )
     measured = np.abs(np.linalg.eigvals(np.linalg.solve(left, right))).max()
-    assert measured == pytest.approx(radius, abs=1e-2)  # a multiple root, hence the tolerance
+    assert measured == pytest.approx(radius, abs=1e-2)  # a multiple root, so the tolerance
 
 
 @pytest.mark.parametrize("radius", [0.5, 0.8])

@@ -32,7 +32,7 @@ def name(item: Distribution) -> str:
 @pytest.mark.parametrize("item", INSTALLED, ids=name)
 def test_the_licence_is_one_that_is_allowed(item: Distribution) -> None:
     licence = licence_of(item)
-    assert licence, f"{name(item)} tells no licence that is known: {item.metadata.get('License')}"
+    assert licence, f"{name(item)} names no licence that is known: {item.metadata.get('License')}"
     if name(item) in WEAK:
         needed_by = groups().get(canonical(name(item)), set())
         assert "core" not in needed_by, f"{name(item)} ({licence}) may not be needed by the core"

@@ -232,7 +232,9 @@ def test_commands_of_the_program(tmp_path: Path) -> None:
         assert dataset.attrs["machine"] == "sb3"
         assert dataset["current"].max() == pytest.approx(found["current_peak"])
     figure = tmp_path / "run.png"
-    told = runner.invoke(app, ["run", "sb3", *settings, "--out", str(out), "--plot", str(figure)])
-    assert told.stdout.count("written") == 2
+    reported = runner.invoke(
+        app, ["run", "sb3", *settings, "--out", str(out), "--plot", str(figure)]
+    )
+    assert reported.stdout.count("written") == 2
     assert figure.read_bytes().startswith(b"\x89PNG")
-    assert "energy residual" in told.stdout
+    assert "energy residual" in reported.stdout

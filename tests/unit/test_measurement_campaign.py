@@ -279,7 +279,7 @@ def test_no_slip_is_said_only_where_no_force_saturates(
 
 
 def silenced(folder: Path, column: str, names: str) -> Path:
-    """Write recordings anew in which a column is silent."""
+    """Write recordings again in which a column is silent."""
     for path in sorted(folder.glob(names)):
         recording = read_recording(path)
         channel = recording.channels[column]

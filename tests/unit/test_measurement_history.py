@@ -61,7 +61,7 @@ def test_a_fault_is_named(tmp_path: Path, text: str, words: str) -> None:
         read_history(written(tmp_path, text))
 
 
-def test_all_faults_are_told_at_once_and_a_flood_is_cut(tmp_path: Path) -> None:
+def test_all_faults_are_reported_at_once_and_a_flood_is_cut(tmp_path: Path) -> None:
     rows = "\n".join(f"{t},x" for t in range(30))
     with pytest.raises(FileError) as caught:
         read_history(written(tmp_path, f"time [s],drive_force:1\n{rows}\n"))
@@ -71,7 +71,7 @@ def test_all_faults_are_told_at_once_and_a_flood_is_cut(tmp_path: Path) -> None:
     assert "and 19 more" in text
 
 
-def test_missing_file_is_told(tmp_path: Path) -> None:
+def test_missing_file_is_reported(tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"none\.csv"):
         read_history(tmp_path / "none.csv")
 

@@ -1,4 +1,4 @@
-"""Throws are found in recordings, to the millisecond where currents tell, and their direction."""
+"""Throws are found in recordings, to the millisecond where currents do, with direction."""
 
 import numpy as np
 import pytest

@@ -35,10 +35,10 @@ def mdf(path: Path) -> None:
 
 def tdms(path: Path) -> None:
     nptdms = pytest.importorskip("nptdms", reason="the extra daq is not installed")
-    told = {"wf_increment": 0.001, "unit_string": "mV/V", "description": "upper gauge"}
+    reported = {"wf_increment": 0.001, "unit_string": "mV/V", "description": "upper gauge"}
     later = {"wf_increment": 0.002, "wf_start_offset": 1.0, "unit_string": "V"}
     with nptdms.TdmsWriter(path) as file:
-        file.write_segment([nptdms.ChannelObject("Throw", "Rod 1", ROD, told)])
+        file.write_segment([nptdms.ChannelObject("Throw", "Rod 1", ROD, reported)])
         values = (100 * ROD[::2]).astype("int16")
         file.write_segment([nptdms.ChannelObject("Throw", "Clamp", values, later)])
         file.write_segment([nptdms.ChannelObject("Throw", "word", ["a", "b"])])

@@ -47,7 +47,7 @@ def kept_files() -> list[Path]:
     return sorted(folder.glob("*.npz"))
 
 
-def test_only_what_changes_is_built_anew(fresh: Path) -> None:
+def test_only_what_changes_is_built_again(fresh: Path) -> None:
     assert built({}) == {"section computed": 2, "superelement computed": 4}
     nothing: dict[str, int] = {}
     for overrides in (
@@ -81,7 +81,7 @@ def test_files_serve_the_next_process(fresh: Path) -> None:
     np.testing.assert_array_equal(first.mass, second.mass)
 
 
-def test_a_damaged_file_is_made_anew_and_told_once(
+def test_a_damaged_file_is_made_again_and_reported_once(
     fresh: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     make = {"value": np.array([1.0, 2.0])}
@@ -134,7 +134,7 @@ def test_a_private_folder_takes_the_place_of_one_that_cannot_be_written(
     assert len(list(private.glob("models-*/*.npz"))) == 1
 
 
-def test_nobody_changes_what_others_share(fresh: Path) -> None:
+def test_no_one_changes_what_others_share(fresh: Path) -> None:
     made = cache.cached_arrays("c", [0], lambda: {"value": np.array([3.0])})
     with pytest.raises(ValueError, match="read-only"):
         made["value"][0] = 1.0

@@ -9,7 +9,7 @@ from turnout.core import threads
 
 
 class Libraries:
-    """Stands for the controller of the libraries; tells what was asked of it."""
+    """Stands for the controller of the libraries; records what was asked of it."""
 
     def __init__(self) -> None:
         self.asked: list[str] = []

@@ -48,7 +48,7 @@ def test_scatter_is_that_of_throws_without_an_object() -> None:
 def test_one_more_throw_lies_within_reach_as_often_as_it_says() -> None:
     rng = np.random.default_rng(7)
     draws = rng.normal(3500.0, 20.0, size=(4000, 6))
-    # Taken back to where one in twenty lies beyond, so that 4000 draws can tell.
+    # Taken back to where one in twenty lies beyond, so that 4000 draws suffice.
     usual = student.ppf(0.95, 4) / student.ppf(1 - FALSE_ALARM_RATE, 4)
     known = [RepeatScatter("2", draw[:5].mean(), draw[:5].std(ddof=1), 5) for draw in draws]
     beyond = [
@@ -80,7 +80,7 @@ def test_two_throws_without_an_object_are_too_few_to_decide() -> None:
     assert np.isnan(one.undecided)
 
 
-def test_told_is_where_every_larger_object_is_told_too() -> None:
+def test_reported_is_where_every_larger_object_is_reported_too() -> None:
     dataset = campaign(
         ("sleeper 6", 0.005, 3700.0, False),  # by chance
         ("sleeper 6", 0.010, 3505.0, False),

@@ -85,12 +85,12 @@ def test_a_rail_without_a_chair_is_no_concern(sound: xr.Dataset) -> None:
     assert concerns(changed) == []
 
 
-def test_a_run_that_ended_early_is_told_first() -> None:
+def test_a_run_that_ended_early_is_reported_first() -> None:
     assert whats(interrupted())[0] == "throw not complete"
     assert whats(interrupted().isel(time=slice(0, 0))) == ["throw not complete"]
 
 
-def test_an_object_of_the_panel_itself_is_told() -> None:
+def test_an_object_of_the_panel_itself_is_reported() -> None:
     changes = {
         "object.stone": {"size": 0.013, "at": "sleeper 6"},
         "chair.friction_coefficient": 0.1,

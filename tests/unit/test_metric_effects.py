@@ -87,7 +87,7 @@ def test_main_effects_take_texts_in_their_order_and_leave_out_what_failed() -> N
     assert np.isnan(effect.confidence[1])
 
 
-def test_too_few_blocks_are_told() -> None:
+def test_too_few_blocks_are_reported() -> None:
     made = design("saltelli", 8)
     output = np.full(made.states, np.nan)
     with pytest.raises(
@@ -103,7 +103,7 @@ def test_a_logical_output_of_a_throw_that_failed_is_not_known() -> None:
     )
 
 
-def test_outputs_are_told_apart_by_drive_and_unknown_ones_refused() -> None:
+def test_outputs_are_distinguished_by_drive_and_unknown_ones_refused() -> None:
     labels = xr.Dataset(
         {"peak_force": (("scenario", "drive", "direction"), np.arange(8.0).reshape(2, 2, 2))},
         {

@@ -45,14 +45,14 @@ def test_the_headline(dataset: xr.Dataset, level: str, answer: str, words: str) 
     assert words in first.detail
 
 
-def test_a_gap_is_told_with_its_distance_from_the_limit() -> None:
+def test_a_gap_is_reported_with_its_distance_from_the_limit() -> None:
     (control,) = [
         f for f in findings(ended(locked=True, control=False)) if "control?" in f.question
     ]
     assert control.detail == "TKK1 gap 20.00 mm, 7.00 mm above its limit of 13.00 mm"
 
 
-def test_a_slip_is_told_with_drive_time_and_cause() -> None:
+def test_a_slip_is_reported_with_drive_time_and_cause() -> None:
     dataset = ended(locked=False, control=False, touched=True)
     dataset = dataset.assign_coords(drive=["2"], drive_x=("drive", [6.9]))
     dataset["drive_slipping"] = (("drive", "time"), [[False, True]])
@@ -75,13 +75,15 @@ def test_a_run_that_ended_early_says_so_first() -> None:
 
 def test_a_simulated_throw_agrees_with_its_labels() -> None:
     dataset = sb2_dataset()
-    told = {item.question: item for item in findings(dataset)}
-    assert (told["Locked?"].answer == "Yes") == bool(dataset["locked"][-1])
+    reported = {item.question: item for item in findings(dataset)}
+    assert (reported["Locked?"].answer == "Yes") == bool(dataset["locked"][-1])
     peak = float(dataset["object_force"].max()) / 1e3
-    assert told["Force on the object"].detail.endswith(f"{peak:.2f} kN at most")
+    assert reported["Force on the object"].detail.endswith(f"{peak:.2f} kN at most")
 
 
 def test_no_check_is_good_that_lets_an_object_pass() -> None:
     for touched, level in ((True, "look"), (None, "good")):
-        told = {f.question: f for f in findings(ended(locked=True, control=True, touched=touched))}
-        assert {told["Locked?"].level, told["In control?"].level} == {level}
+        reported = {
+            f.question: f for f in findings(ended(locked=True, control=True, touched=touched))
+        }
+        assert {reported["Locked?"].level, reported["In control?"].level} == {level}

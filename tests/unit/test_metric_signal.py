@@ -68,7 +68,7 @@ def test_movements_come_from_the_attributes() -> None:
     assert movements(xr.Dataset()) == ()
 
 
-def test_nobody_slips() -> None:
+def test_no_one_slips() -> None:
     assert slips(hand_made()) == []
 
 

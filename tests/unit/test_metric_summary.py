@@ -13,7 +13,7 @@ def text_of(dataset: xr.Dataset) -> str:
     return "\n".join(f"{heading}: {text}" for heading, text in summary(dataset))
 
 
-def test_the_end_state_is_told() -> None:
+def test_the_end_state_is_reported() -> None:
     dataset, text = sb2_dataset(), text_of(sb2_dataset())
     end = dataset.isel(time=-1)
     for name in ("1", "2"):
@@ -29,13 +29,13 @@ def test_the_end_state_is_told() -> None:
     assert "cut-off 300 Hz" in text
 
 
-def test_a_gap_at_a_drive_is_told_as_bushing_stretch() -> None:
+def test_a_gap_at_a_drive_is_reported_as_bushing_stretch() -> None:
     dataset = sb2_dataset()
     stretch = float(dataset["drive_force"].sel(drive="2")[-1]) / 810.0
     assert f"(bushing stretch {stretch:.2f} mm)" in text_of(dataset)
 
 
-def test_a_slipping_drive_is_told_with_place_and_time() -> None:
+def test_a_slipping_drive_is_reported_with_place_and_time() -> None:
     dataset = sb2_dataset().copy(deep=True)
     late = dataset["time"].values >= 7.5
     dataset["drive_slipping"].loc[{"drive": "2"}] = late

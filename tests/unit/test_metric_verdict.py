@@ -63,7 +63,7 @@ def run_with(
         ({"trapped": False, "slips": "2"}, "not locked", "Drive 2 slips at 6.00 kN, closing"),
     ],
 )
-def test_every_kind_is_told_with_its_numbers(
+def test_every_kind_is_reported_with_its_numbers(
     states: dict[str, bool | float | str], kind: str, words: str
 ) -> None:
     found = verdict(run_with(**states))  # type: ignore[arg-type]
@@ -97,7 +97,7 @@ def test_an_object_that_was_taken_out_or_never_fitted_is_not_trapped() -> None:
 
 
 def broken(dataset: xr.Dataset, *left: float) -> xr.Dataset:
-    """Return a run that tells what is left of its objects [m]."""
+    """Return a run that states what is left of its objects [m]."""
     return dataset.assign(object_left=("object", np.array(left)))
 
 
@@ -122,14 +122,14 @@ def test_one_object_is_gone_and_the_other_stays() -> None:
     assert "13 mm at sleeper 6 broke and left nothing" in found.text
 
 
-def test_a_stone_that_splits_and_is_gone_is_told_as_such() -> None:
+def test_a_stone_that_splits_and_is_gone_is_reported_as_such() -> None:
     stone = ForeignObject("15 mm", "drive 1", kind="stone", strength="10 MPa", piece=0.0)
     thrown = simulate(load_panel("uic60-760-1-15"), foreign_object=stone, mode="quick")
     assert float(thrown["object_left"][0]) == 0.0
     assert "15 mm at drive 1 broke and left nothing" in verdict(thrown).text
 
 
-def test_an_object_without_room_is_told_with_the_room_there_is() -> None:
+def test_an_object_without_room_is_reported_with_the_room_there_is() -> None:
     dataset = changed(run_with(), size=0.5).assign(object_placed=False)
     assert "500 mm at sleeper 6 (at most " in verdict(dataset).text
 
@@ -161,7 +161,7 @@ def test_an_object_is_judged_by_the_movement_in_which_its_rail_closes() -> None:
     found = verdict(changed(opening, rail="B", place="drive 1", appears=0.2))
     assert found.kind == "detected by slip"
     assert "13 mm at drive 1; Drive 1 slips at 6.00 kN, opening; the lock is ref" in found.text
-    # The last movement tells nothing of it, and one that failed before contact nothing either.
+    # The last movement says nothing of it, and one that failed before contact nothing either.
     assert findings(opening)[0].answer == "Undetected object"
 
 
@@ -176,14 +176,14 @@ def test_a_slip_without_contact_is_no_detection() -> None:
     assert "is touched only after a slip" in verdict(before).text
 
 
-def test_a_missed_object_is_told_beside_a_slip_on_opening() -> None:
+def test_a_missed_object_is_reported_beside_a_slip_on_opening() -> None:
     found = verdict(unlocked_when_open(slipping(run_with(), "2", 2.6, 4.3)))
     assert found.kind == "undetected object"
     assert "apart from the object, Drive 2 slips at 6.00 kN, opening; the lock is" in found.text
     assert "refused after the movement to open" in found.text
 
 
-def test_a_slip_at_rest_before_the_first_movement_is_told_as_such() -> None:
+def test_a_slip_at_rest_before_the_first_movement_is_reported_as_such() -> None:
     found = verdict(slipping(run_with(trapped=False), "2", 0.0, 0.1))
     assert "Drive 2 slips at rest, at 6.00 kN, before the first movement" in found.text
 

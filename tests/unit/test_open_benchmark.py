@@ -5,20 +5,33 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.stats import norm
-from tests.unit.benchmark_toy import POSITIONS, TIME, toy_benchmark
+from tests.unit.benchmark_toy import POSITIONS, TIME, toy_benchmark, toy_side
 
 from turnout.detection.detector.allowances import Allowances
+from turnout.detection.detector.training_plan import Population
 from turnout.errors import FileError, StudyError
 from turnout.open_benchmark.definition import (
+    MACHINES,
     PRESETS,
     Counts,
     definition_digest,
     switches_of,
 )
 from turnout.open_benchmark.make_throws import claim_folder
+from turnout.open_benchmark.margin import margin_over, mid_span_draws, weighted_a90
 from turnout.open_benchmark.metrics import clustered_rate, detectable, roc_curve
 from turnout.open_benchmark.minirocket import fit_minirocket
+from turnout.open_benchmark.order import margins_from, order_changes, order_table
 from turnout.open_benchmark.recorder_errors import Recorder, correlated, recorded
+from turnout.open_benchmark.run_methods import Conditions
+from turnout.open_benchmark.sides import Side
+from turnout.open_benchmark.switch_throws import (
+    causes_of,
+    fixed_state,
+    holds_at_rest,
+    shifts_of,
+    study_of,
+)
 from turnout.open_benchmark.verdicts import Verdicts, read_verdicts, write_verdicts
 
 # ---- definition
@@ -37,8 +50,29 @@ def test_no_panel_is_on_both_sides(name: str) -> None:
 def test_the_full_size_is_100000_throws() -> None:
     full = PRESETS["full"]
     sound_and_objects = full.known + full.sound + full.objects
-    causes = sum(full.causes * (5 - 2 * bool(s.machines)) for s in switches_of(full))
-    assert 0.95e5 < full.switches * sound_and_objects + causes < 1.05e5
+    causes = sum(full.causes * len(causes_of(switch)) for switch in switches_of(full))
+    assert 1.0e5 <= full.switches * sound_and_objects + causes < 1.02e5
+
+
+def test_every_machine_is_on_both_sides_of_the_full_size() -> None:
+    found = [switch for switch in switches_of(PRESETS["full"]) if switch.machines]
+    assert len(found) == 40
+    for side in ("train", "test"):
+        assert {switch.machines for switch in found if switch.split == side} == set(MACHINES)
+
+
+def test_a_switch_whose_drive_slips_at_rest_is_drawn_again() -> None:
+    # case 36 holds its rail open with 7.43 kN, 3 N below the slip level of Drive 2
+    number = next(s.number for s in switches_of(PRESETS["full"]) if s.panel == 36)
+    switch = switches_of(PRESETS["full"])[number]
+    study = study_of(switch)
+    population = Population(study, seed=1)
+    level, stiffness = "drive.2.saturation_force.factor", "drive.2.stiffness.factor"
+    usual = population.row(0) | {stiffness: 1.0, "rail.fit_gap.value.factor": 1.0}
+    assert holds_at_rest(population, usual | {level: 1.05})
+    assert not holds_at_rest(population, usual | {level: 0.95})
+    state = fixed_state(population, shifts_of(study))
+    assert holds_at_rest(population, population.row(state))
 
 
 def test_the_definition_is_frozen() -> None:
@@ -49,8 +83,8 @@ def test_the_definition_is_frozen() -> None:
 
 
 def test_counts_without_throws_are_refused_together() -> None:
-    with pytest.raises(StudyError, match=r"(?s)switches = 1.*objects = 0"):
-        Counts(switches=1, known=1, sound=1, objects=0, causes=0)
+    with pytest.raises(StudyError, match=r"(?s)switches = 1.*objects = 0.*machines = 2"):
+        Counts(switches=1, machines=2, known=1, sound=1, objects=0, causes=0)
 
 
 def test_a_folder_of_something_else_is_refused(tmp_path: Path) -> None:
@@ -130,6 +164,86 @@ def test_the_curve_of_two_normals_has_the_area_of_the_distance_between_them() ->
     order = np.argsort(false, kind="stable")
     area = np.trapezoid(seen[order], false[order])
     assert area == pytest.approx(norm.cdf(1.5 / np.sqrt(2.0)), abs=0.01)
+
+
+# ---- margin
+
+
+def test_many_weighted_curves_have_the_quantile_of_each() -> None:
+    rng = np.random.default_rng(1)
+    size = 30e-3 * rng.random(4000)
+    first = size + 2e-3 * rng.standard_normal(4000) > 12e-3
+    second = size + 3e-3 * rng.standard_normal(4000) > 15e-3
+    weight = np.ones((4, 4000))
+    weight[2] = 3.0  # as if each were there three times
+    weight[3, ::2] = 0.0
+    found = weighted_a90(size, np.array([first, second, second, second]), weight)
+    wanted = [12e-3 + 2e-3 * norm.isf(0.1), 15e-3 + 3e-3 * norm.isf(0.1)]
+    assert found[:2] == pytest.approx(wanted, abs=0.3e-3)
+    assert found[2] == pytest.approx(found[1], abs=2e-6)
+    groups = np.arange(4000)
+    assert found[0] == pytest.approx(detectable(size, first, groups, grouped=False).a90, rel=2e-3)
+    assert found[3] == pytest.approx(
+        detectable(size[1::2], second[1::2], groups[1::2], grouped=False).a90, rel=2e-3
+    )
+
+
+def test_a_curve_without_hits_or_growth_has_no_size() -> None:
+    size = np.linspace(1e-3, 30e-3, 60)
+    hit = np.array([np.zeros(60, bool), size < 10e-3, size > 10e-3])
+    found = weighted_a90(size, hit, np.ones((3, 60)))
+    assert found[:2].tolist() == [np.inf, np.inf]
+    assert found[2] == pytest.approx(10e-3, abs=0.5e-3)  # sizes are 0.5 mm apart
+
+
+def margin_side(*, alike: bool, switches: int = 12) -> tuple[Side, dict[str, np.ndarray]]:
+    """Return throws and scores: the first sees 12 mm, the other 15 mm, on single switches later."""
+    side = toy_side(0, switches, sound=40, objects=60)
+    side = side.of(side.judged)
+    rng = np.random.default_rng(2)
+    noise = 2e-3 * rng.standard_normal(len(side.throw))
+    size = side.labels["size"] + noise
+    worse = 3e-3 + (6e-3 * rng.standard_normal(switches)[side.groups] if alike else 0.0)
+    return side, {"turnout": size, "other": size - worse * (side.labels["size"] > 0.0)}
+
+
+def test_the_margin_covers_what_it_is_and_widens_where_switches_differ() -> None:
+    found = {}
+    for alike in (False, True):
+        side, scores = margin_side(alike=alike)
+        draws = mid_span_draws(side, scores, draws=200)
+        found[alike] = margin_over(draws["turnout"], [draws["other"]])
+        assert found[alike].low < found[alike].value < found[alike].high
+    assert found[False].low < 3e-3 < found[False].high
+    assert found[False].ahead == 1.0
+    width = {alike: item.high - item.low for alike, item in found.items()}
+    assert width[True] > 2.0 * width[False]
+
+
+def test_the_best_of_two_baselines_is_chosen_in_every_draw() -> None:
+    own = np.array([10.0, 10.0, 10.0])
+    found = margin_over(own, [np.array([11.0, 14.0, np.inf]), np.array([12.0, 9.0, np.inf])])
+    assert (found.value, found.low, found.high) == (1.0, -1.0, np.inf)
+    never = margin_over(np.full(3, np.inf), [own])
+    assert never.value == -np.inf
+
+
+def test_who_is_first_is_said_in_a_table_and_in_words() -> None:
+    conditions = [Conditions(), Conditions(discrepancy=0.1)]
+    margins = {}
+    for own, other in zip(conditions, (13e-3, 16e-3), strict=True):
+        draws = {"turnout": np.full(9, 11e-3), "rocket": np.full(9, other)}
+        margins[own.name] = margins_from(draws)
+    margins[conditions[1].name]["best"]["value"] = -1e-3
+    results = {own.name: {"rocket": {"title": "Rocket"}} for own in conditions}
+    table = order_table(conditions, results, margins)
+    assert "| markers | force | 20 | 5% | 11.0 (11.0 to 11.0) | 13.0 (13.0 to 13.0) |" in table
+    said = order_changes(conditions, margins)
+    assert said[0] == "markers-force-h20-d10: a baseline is first by 1.0 mm."
+    assert "discrepancy of 8.3%" in said[1]  # 2 mm at 5 %, -1 mm at 10 %
+    assert order_changes(conditions[:1], margins) == [
+        "Under none of these conditions is a baseline first."
+    ]
 
 
 # ---- MiniRocket

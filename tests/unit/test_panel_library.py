@@ -164,7 +164,7 @@ def test_hash_follows_the_values_only(tmp_path: Path) -> None:
     assert changed.with_overrides({"drive.1.stroke": "120 mm"}).hash == panel.hash
 
 
-def test_paths_and_names_are_told_apart(tmp_path: Path) -> None:
+def test_paths_and_names_are_distinguished(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_text(library_text("sb1"))
     assert load_panel(path).name == load_panel(str(path)).name == "sb1"

@@ -150,7 +150,7 @@ def test_a_table_too_short_for_the_coordinates_is_named(folder: Path) -> None:
         load_panel(changed(folder, shortened))
 
 
-def test_all_faults_are_told_at_once(folder: Path) -> None:
+def test_all_faults_are_reported_at_once(folder: Path) -> None:
     def both(content: Content) -> None:
         lopsided(content)
         del content["table_x"]

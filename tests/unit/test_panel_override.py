@@ -245,7 +245,7 @@ def test_members_that_are_left_alone_keep_their_records_and_their_checks() -> No
 def test_checks_that_are_spared_would_have_found_nothing(
     changes: dict[str, object], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A panel made from a valid one is refused for the same as if all of it were read anew."""
+    """A panel made from a valid one is refused for the same as if all of it were read again."""
 
     def problems(panel: load.LoadedPanel) -> list[str]:
         try:

@@ -136,7 +136,7 @@ def test_an_input_of_many_values_is_shown_in_classes() -> None:
     assert int(cells["throws"].sum()) == 60
 
 
-def test_an_unknown_input_is_told() -> None:
+def test_an_unknown_input_is_reported() -> None:
     with pytest.raises(ResponseError, match="no input 'mu' in this sweep; there are object.at"):
         sweep_map(labels(), x="mu")
 

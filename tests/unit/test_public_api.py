@@ -63,13 +63,13 @@ def test_the_names_that_scripts_rely_on_are_there() -> None:
 
 
 def test_importing_loads_nothing_of_the_rest() -> None:
-    told = run(
+    reported = run(
         "import sys\nbefore = set(sys.modules)\nimport turnout\n"
         "print(*sorted(n for n in set(sys.modules) - before if n.startswith('turnout')))\n"
         "print(*{'typing', 'numpy', 'xarray', 'pydantic', 'matplotlib', 'numba'}"
         " & (set(sys.modules) - before))"
     )
-    assert told.splitlines() == ["turnout turnout.lazy", ""]
+    assert reported.splitlines() == ["turnout turnout.lazy", ""]
 
 
 def test_a_panel_needs_no_xarray() -> None:
@@ -77,7 +77,7 @@ def test_a_panel_needs_no_xarray() -> None:
         == "False\n"  # fmt: skip
 
 
-def test_an_unknown_name_is_told_with_the_nearest() -> None:
+def test_an_unknown_name_is_reported_with_the_nearest() -> None:
     with pytest.raises(AttributeError, match="nearest is 'simulate'"):
         turnout.simulat  # type: ignore[attr-defined]  # noqa: B018
 
@@ -98,7 +98,7 @@ def test_panel_names() -> None:
 
 def test_a_panel_tells_its_hash_and_is_a_table() -> None:
     panel = turnout.load_panel("sb1")
-    shown = repr(panel)  # before anything has asked for the hash
+    shown = repr(panel)  # before anything has used the hash
     assert shown == f"LoadedPanel('sb1', hash='{panel.hash[:12]}')"
     html = panel._repr_html_()
     assert panel.hash[:12] in html

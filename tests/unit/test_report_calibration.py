@@ -26,7 +26,7 @@ def test_findings_tell_values_with_units_and_doubts() -> None:
     assert calibration_findings(certain)[0].level == "good"
 
 
-def test_parameters_that_cannot_be_told_apart_are_framed() -> None:
+def test_parameters_that_cannot_be_distinguished_are_framed() -> None:
     (heat,) = calibration_page(calibration(), suffixes=()).sections[0].heats
     assert heat.values[0][1] == pytest.approx(0.95)
     assert heat.framed == [[False, True], [True, False]]

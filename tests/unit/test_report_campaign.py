@@ -41,11 +41,11 @@ def test_a_place_over_time_holds_every_size(dataset: xr.Dataset) -> None:
 
 
 def test_findings_name_sizes_repeats_and_what_was_left_out(dataset: xr.Dataset) -> None:
-    told = {item.question: item for item in campaign_findings(dataset)}
-    assert told["Smallest size detected by the drives, closing"].answer.startswith("1")
-    assert told["Smallest size that makes a drive slip, closing"].answer == "31 mm"
-    assert "3 throws without an object" in told["End force of drive 2, closing"].detail
-    assert told["Usable movements"].level == "good"
+    reported = {item.question: item for item in campaign_findings(dataset)}
+    assert reported["Smallest size detected by the drives, closing"].answer.startswith("1")
+    assert reported["Smallest size that makes a drive slip, closing"].answer == "31 mm"
+    assert "3 throws without an object" in reported["End force of drive 2, closing"].detail
+    assert reported["Usable movements"].level == "good"
     (usable,) = campaign_findings(dataset, excluded=[("1", ["clipped"])])[-1:]
     assert (usable.level, usable.detail) == ("look", "some excluded; no remarks under Quality")
 

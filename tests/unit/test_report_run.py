@@ -1,4 +1,4 @@
-"""The page about a run: one file, small, that names no address and holds what it tells."""
+"""The page about a run: one file, small, that names no address and holds what it shows."""
 
 import base64
 import json
@@ -50,14 +50,14 @@ def test_inputs_carry_their_origin() -> None:
     panel = load_panel("uic60-760-1-15").with_overrides({"drive.2.stiffness": "81 kN/m"})
     changed, values = inputs_section({"overrides": json.dumps(dict(panel.overrides))}, panel).tables
     assert changed.rows == [("drive.2.stiffness", "81 kN/m")]
-    told = {row[:2]: (number, *row[2:]) for number, row in enumerate(values.rows)}
-    number, text, origin = told["drive (1, 2)", "stiffness (1)"]
+    reported = {row[:2]: (number, *row[2:]) for number, row in enumerate(values.rows)}
+    number, text, origin = reported["drive (1, 2)", "stiffness (1)"]
     assert (text, origin) == ("750 kN/m", "paper: section 4.2, best fit")
     assert number not in values.marked
-    assert told["drive (1, 2)", "stroke (1)"][0] in values.marked
+    assert reported["drive (1, 2)", "stroke (1)"][0] in values.marked
 
 
-def test_overrides_are_told_and_the_panel_is_found_again_with_them() -> None:
+def test_overrides_are_reported_and_the_panel_is_found_again_with_them() -> None:
     changed = sb2_panel().with_overrides({"chair.friction_coefficient": 0.3})
     attributes = {
         "panel": changed.name,

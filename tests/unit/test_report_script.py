@@ -1,4 +1,4 @@
-"""The vendored plotting script: what it is, unchanged since it was vendored, asks nobody."""
+"""The vendored plotting script: what it is, unchanged since it was vendored, runs locally."""
 
 import hashlib
 import re

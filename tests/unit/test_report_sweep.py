@@ -59,10 +59,10 @@ def test_the_headline_counts_objects_that_nothing_notices() -> None:
     ended = "throws that touch an object end locked and in control, without slip"
     assert first.detail == f"15 of 23 {ended}"
     assert (first.level, first.answer) == ("bad", "65.2 % of touched objects")
-    told = {item.question: item.answer for item in others}
-    assert told["Slips on the object"] == "34.8 %"
-    assert told["Failed"] == "4.17 %"
-    assert told["Not thrown yet"] == "2"
+    reported = {item.question: item.answer for item in others}
+    assert reported["Slips on the object"] == "34.8 %"
+    assert reported["Failed"] == "4.17 %"
+    assert reported["Not thrown yet"] == "2"
 
 
 def test_an_object_that_is_gone_is_not_counted_as_undetected() -> None:

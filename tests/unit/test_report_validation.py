@@ -30,8 +30,8 @@ def test_findings_begin_with_the_verdict() -> None:
 
 
 def test_what_was_left_out_is_to_be_looked_at() -> None:
-    told = hand_made().assign_attrs(left_out='["a was left out: no room"]')
-    last = validation_findings(told, judge(told))[-1]
+    reported = hand_made().assign_attrs(left_out='["a was left out: no room"]')
+    last = validation_findings(reported, judge(reported))[-1]
     assert (last.level, last.detail) == ("look", "a was left out: no room")
 
 

@@ -77,7 +77,7 @@ def test_neither_chairs_nor_stops_nor_sensors() -> None:
     assert dataset["x"].values.tolist() == [0.3, 6.9]
 
 
-def test_studs_are_told_from_stops() -> None:
+def test_studs_are_reported_from_stops() -> None:
     stud = '[stud.1]  # assumption: test\nx = "9 m"\nheight = "0 m"\nstiffness = "1e8 N/m"\n\n'
     dataset = looked_at(variant((r"\[sensor\.TKK1\]", stud + "[sensor.TKK1]")))
     assert dataset["stop"].values.tolist() == [*(str(n) for n in range(1, 17)), "stud 1"]

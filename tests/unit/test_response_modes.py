@@ -112,7 +112,7 @@ def test_a_file_keeps_all(found: xr.Dataset, tmp_path: Path) -> None:
     xr.testing.assert_identical(kept, found)
 
 
-def test_reduction_is_told_rail_by_rail() -> None:
+def test_reduction_is_reported_rail_by_rail() -> None:
     texts = reduction_texts(load_panel("sb1"))
     assert list(texts) == ["switch"]
     assert "at the interface" in texts["switch"]

@@ -1,4 +1,4 @@
-"""Movements are found once for panels that share them, and anew where they differ."""
+"""Movements are found once for panels that share them, and again where they differ."""
 
 from turnout.panel.load import load_panel
 from turnout.response.route import throws

@@ -100,7 +100,7 @@ def test_a_trapped_object_holds_the_gap_at_its_size() -> None:
     assert gap == pytest.approx(0.013 - penetration, abs=1e-9)
 
 
-def test_several_objects_are_summed_and_told_apart() -> None:
+def test_several_objects_are_summed_and_distinguished() -> None:
     other = ForeignObject("10 mm", "sleeper 9")
     panel = sb2_panel().with_overrides({"movement.return.duration": 2.0, "schedule.end": 7.0})
     both = simulate(panel, foreign_object=[OBJECT, other])

@@ -1,4 +1,4 @@
-"""Laws of a drive as data, and what decides between them; without any simulation."""
+"""Laws of a drive as data, and how to choose between them; without any simulation."""
 
 from dataclasses import replace
 

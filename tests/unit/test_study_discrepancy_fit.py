@@ -129,14 +129,14 @@ def test_the_plain_law_is_kept_where_only_friction_scatters(seed: int) -> None:
         assert found.best.values[key] == pytest.approx(TRUE[key], rel=5e-3)
 
 
-def test_a_slip_level_that_scatters_is_told() -> None:
+def test_a_slip_level_that_scatters_is_reported() -> None:
     found = compared(seed=2, level_scatter=0.08, excess=0.15)
     assert found.best.name == WORN
     assert found.plain in found.rejected
     assert 0.03 < found.best.scatter[LEVEL] < 0.14
 
 
-def test_a_build_up_that_lags_is_told() -> None:
+def test_a_build_up_that_lags_is_reported() -> None:
     found = compared(seed=2, lag=0.2)
     assert found.best.name == SOFT
     assert found.best.values["lag"] == pytest.approx(0.2, rel=0.03)

@@ -39,7 +39,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
 
 @pytest.fixture(scope="module")
 def whole(study: Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The sweep without any interruption; nobody may change it."""
+    """The sweep without any interruption; no test may change it."""
     folder = tmp_path_factory.mktemp("sweep") / "whole"
     assert run_sweep(study, folder, pool=here).thrown == study.count
     return folder
@@ -117,7 +117,7 @@ def test_labels_in_one_pass_are_those_of_the_dataset(whole: Path) -> None:
 def test_what_is_missing_is_thrown_and_comes_to_the_same_bits(
     study: Study, whole: Path, tmp_path: Path
 ) -> None:
-    told: list[SweepProgress] = []
+    reported: list[SweepProgress] = []
     run_sweep(study, tmp_path / "s", pool=here)
     names = batch_names(whole)
     assert batch_names(tmp_path / "s") == names
@@ -128,13 +128,13 @@ def test_what_is_missing_is_thrown_and_comes_to_the_same_bits(
     half = tmp_path / "s" / "batches" / f".{names[1][:-3]}.ab_cd123.nc"
     half.write_bytes(b"half")
     assert open_sweep(whole).attrs["missing"] == 0
-    again = run_sweep(study, tmp_path / "s", pool=here, report=told.append)
+    again = run_sweep(study, tmp_path / "s", pool=here, report=reported.append)
     assert again.thrown == 12
     assert again.damaged == (tmp_path / "s" / "damaged" / names[2],)
     assert batch_names(tmp_path / "s") == names
     assert not list((tmp_path / "s" / "batches").glob(".*"))
-    assert (told[0].done, told[-1].done, told[-1].total) == (8, 20, 20)
-    assert told[-1].left == 0.0
+    assert (reported[0].done, reported[-1].done, reported[-1].total) == (8, 20, 20)
+    assert reported[-1].left == 0.0
     assert run_sweep(study, tmp_path / "s", pool=here).thrown == 0
 
 
@@ -267,7 +267,7 @@ def test_the_rest_of_a_chain_is_left_out(study: Study) -> None:
     assert "scenario 1" in rows[2].reason
 
 
-def test_labels_that_nobody_asked_for_are_not_read(whole: Path) -> None:
+def test_labels_that_are_not_requested_are_not_read(whole: Path) -> None:
     index = read_index(whole)
     every, some = label_arrays(index), label_arrays(index, names=("peak_force", "outcome"))
     assert set(some) == {"peak_force", "outcome", "chair.friction_coefficient"}

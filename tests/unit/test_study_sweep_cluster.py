@@ -142,7 +142,7 @@ def test_a_worker_that_is_killed_costs_at_most_its_batch(
 
 
 @pytest.mark.parametrize("address", ["nonsense", "127.0.0.1:8786", "tcp://host", "tcp://:x"])
-def test_what_is_no_address_is_told_at_once(address: str) -> None:
+def test_what_is_no_address_is_reported_at_once(address: str) -> None:
     with (
         pytest.raises(FileError, match="is no address such as tcp://"),
         scheduler_cluster(address),
@@ -150,7 +150,7 @@ def test_what_is_no_address_is_told_at_once(address: str) -> None:
         pass
 
 
-def test_nobody_at_the_address_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_one_at_the_address_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("turnout.sweep.cluster.ANSWER", 0.5)
     with (
         pytest.raises(FileError, match=r"--scheduler tcp://127\.0\.0\.1:9: does not answer"),
@@ -173,7 +173,7 @@ def test_a_profile_becomes_jobs_of_slurm(tmp_path: Path) -> None:
     assert "--nthreads 1" in script
 
 
-def test_everything_wrong_in_a_profile_is_told_at_once(tmp_path: Path) -> None:
+def test_everything_wrong_in_a_profile_is_reported_at_once(tmp_path: Path) -> None:
     path = tmp_path / "cluster.toml"
     path.write_text('cores = "four"\nmemory = "8 GB"\nqueu = "short"\njobs = 0\n')
     with pytest.raises(FileError) as caught:

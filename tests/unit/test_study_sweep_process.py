@@ -14,10 +14,10 @@ LOADED = "import sys, turnout.sweep.process; print(*sorted(sys.modules))"
 
 
 def test_what_a_process_loads_first_is_light() -> None:
-    told = subprocess.run(
+    reported = subprocess.run(
         [sys.executable, "-c", LOADED], check=True, capture_output=True, text=True
     )
-    ours = {name for name in told.stdout.split() if name.split(".")[0] in ("turnout", "numpy")}
+    ours = {name for name in reported.stdout.split() if name.split(".")[0] in ("turnout", "numpy")}
     assert ours == {"turnout", "turnout.lazy", "turnout.sweep", "turnout.sweep.process"}
 
 

@@ -1,4 +1,4 @@
-"""Sweeps over panels whose drives are machines: the same numbers as one throw by itself gives."""
+"""Sweeps over panels whose drives are machines: the same numbers as a single throw gives."""
 
 import numpy as np
 import pytest

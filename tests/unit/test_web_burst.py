@@ -12,7 +12,7 @@ from turnout.web.tasks import MOST_RUNS
 
 RATE = 20.0
 TOLERANCE = 3.0
-"""Seconds in which places beside the object are made ready."""
+"""Seconds in which places beside the object are prepared."""
 
 
 def question(mark: str, number: int, *, preview: bool) -> dict[str, object]:

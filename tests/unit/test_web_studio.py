@@ -105,7 +105,7 @@ def test_files_hold_the_same_run(studio: Client) -> None:
         ({"colour": "red"}, "unknown key"),
     ],
 )
-def test_what_cannot_be_thrown_is_told(
+def test_what_cannot_be_thrown_is_reported(
     studio: Client, record: dict[str, object], words: str
 ) -> None:
     reply = studio.post("/api/run", asked(studio) | record)
@@ -113,7 +113,7 @@ def test_what_cannot_be_thrown_is_told(
     assert words in reply.json["message"]
 
 
-def test_an_object_without_room_is_told_as_by_the_command(studio: Client) -> None:
+def test_an_object_without_room_is_reported_as_by_the_command(studio: Client) -> None:
     thick = {"size": "60 mm", "at": "drive 2"}
     late = asked(studio, object=thick, settings={"object_defaults.appears": "8 s"})
     reply = studio.post("/api/run", late)

@@ -1,4 +1,4 @@
-"""The last question wins, nobody waits for what no one wants, and no task stops the others."""
+"""The last question wins, no request waits for what no one wants, and no task stops the others."""
 
 import asyncio
 import json
@@ -49,7 +49,7 @@ async def both(worker: Worker) -> list[int]:
 
 
 def there(pid: int) -> bool:
-    """Tell whether a process runs; one that ended and waits to be asked for its code does not."""
+    """Return whether a process runs; one that ended and whose code is not read yet does not."""
     try:
         stat = Path(f"/proc/{pid}/stat").read_text(encoding="ascii")
     except OSError:
@@ -194,7 +194,7 @@ def test_leaving_ends_what_hangs_with_all_that_it_started(tmp_path: Path) -> Non
     assert not folder.exists()
 
 
-def test_processes_that_do_not_start_are_told() -> None:
+def test_processes_that_do_not_start_are_reported() -> None:
     async def ask(worker: Worker) -> Any:
         return await asyncio.gather(
             *(worker.answer(Task("echo")) for _ in range(2)), return_exceptions=True

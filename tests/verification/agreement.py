@@ -76,7 +76,7 @@ def sb1_checks(ds: xr.Dataset, ref: Arrays) -> list[Check]:
         at = int(np.argmin(np.abs(times - 3.98)))
         off = 100 * (ours[at] / ref["object"][at] - 1)
         checks.append(Check("object at 3.98 s", off, -0.3, 0.3, "%"))
-    # Not asked for by the benchmark. The difference is in the stick phases of a 5 Hz ripple and
+    # Not requested by the benchmark. The difference is in the stick phases of a 5 Hz ripple and
     # shrinks with the step; after 4 s the ring-down decides in which chairs friction locks.
     early = ref["time_chairs"] < 3.99
     rail = ds.isel(rail=0).interp(time=ref["time_chairs"][early], assume_sorted=True)

@@ -34,7 +34,7 @@ def new_figure(columns: int, *, rows: int = 1) -> tuple[Figure, list[Axes]]:
 
 
 def labelled(ax: Axes, title: str, x: str, y: str, *, legend: str = "") -> None:
-    """Name axes; a legend stands where it is told to."""
+    """Name axes; a legend stands where it is asked to."""
     ax.set_title(title, fontsize=9)
     ax.set_xlabel(x, fontsize=8)
     ax.set_ylabel(y, fontsize=8)

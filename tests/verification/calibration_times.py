@@ -4,10 +4,10 @@
     python -m tests.verification.calibration_times run DIR
     python -m tests.verification.calibration_times report DIR
 
-`make` writes and builds a virtual campaign of all places and sizes. `run` times the command, begun
-anew with no throw kept, with two processes: on 20 movements, on all of them, and with the posterior
-of 20. Each takes its time from DIR/times.jsonl where it was measured before; delete the file to
-measure again. `report` writes into docs/calibration.md.
+`make` writes and builds a virtual campaign of all places and sizes. `run` times the command, from
+the start with no throw kept, with two processes: on 20 movements, on all of them, and with the
+posterior of 20. Each takes its time from DIR/times.jsonl where it was measured before; delete the
+file to measure again. `report` writes into docs/calibration.md.
 """
 
 import json

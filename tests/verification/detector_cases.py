@@ -115,7 +115,7 @@ SOFT_PLACES = ("sleeper 2", "sleeper 6", "sleeper 9")
 def other_plans(study: Study) -> list[Plan]:
     """Return throws of switches unlike those of the population, one plan a mesh.
 
-    Sections and lateral inertia +-15 %, each chair's friction by itself, other meshes, mode
+    Sections and lateral inertia +-15 %, each chair's friction alone, other meshes, mode
     waveform, 100 Hz. Of each switch 20 sound throws, then 12 sound ones and 12 with objects; every
     other switch has one to three chairs at 0.6 to 0.8 under one rail in the last 12 sound throws
     and with the objects.

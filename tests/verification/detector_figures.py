@@ -372,7 +372,7 @@ def false_alarm_limits(
 
 
 def gap_figures(judged: Judged, kind: str, names: Sequence[str]) -> dict[str, dict[str, float]]:
-    """Return error and coverage of virtual gaps [m, -], and how gaps above their limit are told."""
+    """Return error and coverage of virtual gaps [m, -], and how gaps above it are reported."""
     own = judged.of(kind)
     if kind == "object":
         own = own[np.array(judged.touched)[own]]

@@ -285,7 +285,7 @@ def price_of(
 
 
 def verdict_times(knowledge: Knowledge, objects: ThrowSet, *, count: int = 200) -> dict[str, float]:
-    """Return processor time of a verdict on a throw by itself [s]."""
+    """Return processor time of a verdict on a single throw [s]."""
     errors = drawn_errors(knowledge, 29)
     own = objects.of(slice(count))
     rows = own.features + errors.of_switches(len(own.level)) + errors.of_throws(own.rates)

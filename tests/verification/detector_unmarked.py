@@ -1,4 +1,4 @@
-"""How the detector judges recordings of forces alone, whose movements it must find by itself.
+"""How the detector judges recordings of forces alone, whose movements it must find without marks.
 
 Switches of other sections, meshes and friction are thrown as in `detector_other`. Each recording
 rests for an unknown while before opening and before closing; a discrepancy of 5 % of the peak force

@@ -1,4 +1,4 @@
-"""Two facts looked at more closely: what decides the size seen, and what "build-up" may mean.
+"""Two facts examined more closely: what the size seen depends on, and what "build-up" may mean.
 
 Fact f on panels of less closing over-travel, and fact d by three definitions of a slope. Source of
 the definitions: the paper speaks of the build-up from contact "through to saturation" and shows

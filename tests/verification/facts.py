@@ -193,7 +193,7 @@ def smallest_seen(panel: LoadedPanel, friction: float) -> float:
 
 
 def slips_on_return(ds: xr.Dataset) -> bool:
-    """Tell whether a drive slips after the object was placed, at the onset of the return."""
+    """Return whether a drive slips after the object was placed, at the onset of the return."""
     return bool(ds["drive_slipping"].sel(time=slice(4.4, None)).any())
 
 

@@ -116,7 +116,7 @@ def typed_shapes() -> dict[str, object]:
     """Return the shapes of the study as it typed them: those of SB2.
 
     Computed, a closed rail touches all its stops at once, where 10 um more or less decide which of
-    them hold it; modes near the limit of stability are told apart by that.
+    them hold it; modes near the limit of stability are distinguished by that.
     """
     opened = load_panel("sb2").rail["B"].stock_rail_gap
     assert isinstance(opened, Profile)

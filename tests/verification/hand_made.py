@@ -79,7 +79,7 @@ def run(
     cutoff_frequency: float = ALL_MODES,
     **options: float,
 ) -> History:
-    """Integrate with one function of time a marker, to the end; keep all modes unless told."""
+    """Integrate with one function of time a marker, to the end; keep all modes by default."""
     scheme = Scheme(
         step=step, output_interval=every * step, cutoff_frequency=cutoff_frequency, **options
     )

@@ -5,7 +5,7 @@ Timoshenko beam on point springs (drives, fastenings): between springs the trans
 exact equations, at a spring a jump of shear and moment; a frequency is a zero of the determinant
 of free ends. The elements hold shear constant along their length: order 2. With the shear factor
 of the rail the share of second order is below that of fourth down to elements of 50 mm, and the
-error then 1e-7; so the order is looked at with a shear factor of 0.02, the error with that of the
+error then 1e-7; so the order is measured with a shear factor of 0.02, the error with that of the
 rail. The superelements keep modes up to 50 kHz, so that the reduction is out of the way.
 
 Step. Throw without friction, which leaves a linear system with a smooth marker; the force of a
@@ -74,7 +74,7 @@ def determinant(omega: float, shear_factor: float) -> float:
         jump[3, 0], jump[2, 1] = lateral / bending, yaw / bending
         states, at = jump @ states, x
         basis, triangle = np.linalg.qr(states)
-        states = basis * np.sign(triangle.diagonal())  # the same motions, told apart
+        states = basis * np.sign(triangle.diagonal())  # the same motions, distinguished
     states = carried(states, 14.0 - at)
     return float(np.linalg.det(states[2:]))
 

@@ -36,7 +36,7 @@ CHANNELS = (
 
 
 def playable() -> bool:
-    """Tell whether this machine is one of the family that is played."""
+    """Return whether this machine is one of the family that is played."""
     return platform.machine() in ("x86_64", "AMD64")
 
 

@@ -38,7 +38,7 @@ class Level:
 
 @dataclass(frozen=True)
 class Sweep:
-    """A fault, what decides, and its severities from mild to gross."""
+    """A fault, its measure, and its severities from mild to gross."""
 
     kind: str
     limit: str
@@ -55,7 +55,7 @@ def judged(dataset: xr.Dataset, *, direction: str = "closing") -> ThrowQuality |
 
 
 def is_seen(verdict: ThrowQuality | None, kind: str) -> bool:
-    """Tell whether a throw is excluded for this kind of fault; no throw at all is excluded too."""
+    """Return whether a throw is excluded for this kind of fault; without a throw, yes."""
     if verdict is None:
         return True
     return any(fault.kind == kind and fault.excludes for fault in verdict.faults)
@@ -260,7 +260,7 @@ its limit is meant to pass.
 
 Two things are taken from the rest of the campaign, so at least three sound movements in each
 direction are needed for them: the pace of a throw, and which channel is whose. Both use the
-first 1.5 s, in which no object has a say. Clipping and drop-outs are told by noise; a channel
+first 1.5 s, in which no object has a say. Clipping and drop-outs are recognised by noise; a channel
 without any cannot be judged. A silent load cell is only remarked upon: an object need not be
 reached.
 

@@ -90,7 +90,7 @@ def command_line(
     try:
         run_numbered(job, chosen.count, folder=chosen.out, workers=chosen.workers)
     except KeyboardInterrupt:
-        print("interrupted; the same command goes on", file=sys.stderr)
+        print("interrupted; run the same command to continue", file=sys.stderr)
         sys.exit(130)
 
 

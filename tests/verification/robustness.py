@@ -36,7 +36,7 @@ from turnout.metric.summary import numerical_share, residual_share
 Record = dict[str, Any]
 FINE_STEP = 1e-4
 MOVES = 1.0
-"""Shares of the energy scale are told of runs with more than this [J]."""
+"""Shares of the energy scale are reported of runs with more than this [J]."""
 INTERRUPT_EVERY, SLOW = 10, 3.0
 """One run in so many, and every run that takes longer [s], is repeated and ended by Ctrl-C."""
 ENDLESS = 300.0
@@ -89,7 +89,7 @@ def _judged(run: Run) -> Record:
 
 
 def is_defect(record: Record) -> bool:
-    """Tell whether a result may not be: a fault, or an early end that a finer step avoids."""
+    """Return whether a result may not be: a fault, or an early end that a finer step avoids."""
     return bool(record["faults"]) or record.get("fine") == "COMPLETE"
 
 

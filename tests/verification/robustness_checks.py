@@ -46,7 +46,7 @@ MAY_LACK = {
     "least_flangeway",
     "least_flangeway_x",
 }
-"""Labels that are NaN where there is nothing to tell."""
+"""Labels that are NaN where there is nothing to say."""
 OF_STOCK_RAIL = {"gap", "drive_gap", "end_gap", "sensor_gap", "stop_force"}
 """Channels that are NaN for a rail without a stock rail."""
 

@@ -145,11 +145,11 @@ def _early(results: Sequence[Record]) -> str:
 
 
 def _defects(results: Sequence[Record]) -> str:
-    def told(record: Record) -> str:
+    def reported(record: Record) -> str:
         converges = ["complete at 0.1 ms"] if record.get("fine") == "COMPLETE" else []
         return "; ".join([*converges, *record["faults"]][:3]).replace("|", "/")
 
-    rows = [(str(r["index"]), r["kind"], told(r)) for r in results if told(r)]
+    rows = [(str(r["index"]), r["kind"], reported(r)) for r in results if reported(r)]
     return _table(rows, ("index", "scenario", "what")) if rows else "None.\n"
 
 

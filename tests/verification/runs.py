@@ -1,4 +1,4 @@
-"""Throws that several verification tests look at, each simulated once."""
+"""Throws that several verification tests use, each simulated once."""
 
 from functools import cache
 
@@ -24,7 +24,7 @@ STUDIED: dict[str, str | float | bool] = {
     "schedule.loaded": False,
     "lock.rule": "no slip",
 }
-"""What makes the default panel the one that an independent 3-D study looked at: the former default,
+"""What makes the default panel the one that an independent 3-D study used: the former default,
 without closing force and free of force in the through route."""
 
 

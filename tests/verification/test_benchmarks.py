@@ -81,11 +81,11 @@ def test_roll_of_sb2():
     theirs = answers["roll_A"]
     # their y points the other way, and so does their roll about x
     worst = np.abs(-roll[at] - theirs).max() / np.abs(theirs).max()
-    assert worst < 0.03  # asked for: 0.15; found: 0.009
+    assert worst < 0.03  # wanted: 0.15; found: 0.009
 
 
 def test_known_figures_of_sb2():
-    """First contact and flangeway, as domain.md section 7.4 and the benchmark tell them."""
+    """First contact and flangeway, as domain.md section 7.4 and the benchmark state them."""
     with_object = throw("sb2", "sleeper 6")
     assert float(with_object["contact_time"]) == pytest.approx(7.357, abs=0.005)
     assert 1e3 * float(throw("sb2")["least_flangeway"]) == pytest.approx(50.9, abs=0.3)

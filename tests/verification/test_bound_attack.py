@@ -32,7 +32,7 @@ INVERSE = np.linalg.inv(COVARIANCE)
 
 
 def drawn(count: int, size: float, seed: int) -> tuple[Floats, Floats]:
-    """Return throws with an object of a size, and what a cheat would look at: the error itself."""
+    """Return throws with an object of a size, and what a cheat would use: the error itself."""
     error = np.random.default_rng([5, seed]).normal(size=(count, FEATURES)) @ _ROOT.T
     return error + size * WAY, error
 

@@ -1,7 +1,7 @@
 """The flangeway of the default panel: 58 mm, as Bane NOR TRV asks for, after both movements.
 
 It follows from the strokes: 5 mm less at Drive 2 leave too little, and then everybody who looks at
-the panel is told.
+the panel is reported.
 """
 
 import numpy as np
@@ -40,7 +40,7 @@ def test_the_label_is_the_least_of_both(alone: xr.Dataset) -> None:
     assert float(alone["least_flangeway"]) <= found[to] + 1e-5
 
 
-def test_a_limit_that_is_missed_is_told(alone: xr.Dataset) -> None:
+def test_a_limit_that_is_missed_is_reported(alone: xr.Dataset) -> None:
     limit = load_panel(DEFAULT).flangeway
     assert limit is not None
     assert limit.limit == pytest.approx(LIMIT)

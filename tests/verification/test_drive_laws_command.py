@@ -23,7 +23,7 @@ def run(*line: object) -> Result:
 
 
 @pytest.mark.long
-def test_a_soft_build_up_is_told_by_the_command(tmp_path: Path) -> None:
+def test_a_soft_build_up_is_reported_by_the_command(tmp_path: Path) -> None:
     folder, panel = tmp_path / "campaign", load_panel("sb1")
     truth = {item.name: item.start for item in default_plan(panel).parameters}
     known = near(truth, np.random.default_rng(1))

@@ -1,4 +1,4 @@
-"""Drives of a panel as machines: SB3-rail, the clutch on an object, reversal, halved steps, books.
+"""Drives of a panel as machines: SB3-rail, clutch on an object, reversal, halved steps, energy.
 
 Case A of SB3-rail is an independent program's, see `test_machine_rail.py`, with the benchmark's
 tolerances. Its held-back cases run through `machine_panels.sb3_rail`.

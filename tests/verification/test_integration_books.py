@@ -30,7 +30,7 @@ from turnout.mechanism.mechanism import Mechanism
 
 CLOSED = 1e-6
 MISSED = 1e-5
-"""A term that is left out opens the books by more than this, ten times what is allowed."""
+"""A term that is left out opens the energy balance by more than this, ten times what is allowed."""
 
 
 def everything() -> Mechanism:

@@ -155,7 +155,7 @@ def test_a_normal_law_in_tension_gives_no_friction() -> None:
 
 
 def test_a_start_without_equilibrium_is_an_outcome_with_nothing_kept() -> None:
-    """A load that no finite number can carry is told, and no instant is stored."""
+    """A load that no finite number can carry is reported, and no instant is stored."""
     laws = LawTableBuilder()
     laws.add_contact(0, stiffness=1e6, clearance=0.0, base_closed=True)
     mechanism = hand_made(laws, mass=[1.0], load=[np.inf])

@@ -1,8 +1,8 @@
 """Unilateral spring: free fall and bounce, half-sine contact, lift-off and return, objects.
 
 References: closed forms of ballistic and harmonic motion; for the shaken mass an explicit
-Runge-Kutta solution with rtol 1e-10 and located events. Tolerances beside the assertions; the books
-of energy close to 1e-6 in every run.
+Runge-Kutta solution with rtol 1e-10 and located events. Tolerances beside the assertions;
+energy balances close to 1e-6 in every run.
 """
 
 import numpy as np
@@ -139,7 +139,7 @@ def test_an_object_is_booked_when_it_appears_and_disappears() -> None:
     assert switched[before + 1] == pytest.approx(placed, rel=1e-12)
     assert switched[-1] == pytest.approx(placed - removed, rel=1e-9)
     assert placed > 2.0
-    assert history.stored[after, 2] > removed  # it was in the books as contact energy
+    assert history.stored[after, 2] > removed  # it was in the balance as contact energy
     absent = (history.time < 0.4995) | (history.time > 1.2505)
     assert np.all(history.law_force[absent, 1] == 0.0)
     assert np.all(history.law_force[~absent, 1] > 0.0)

@@ -191,7 +191,7 @@ def test_a_loaded_start_is_pressed_home_and_let_go_first() -> None:
 
 
 @pytest.mark.parametrize(
-    ("key", "value", "told"),
+    ("key", "value", "reported"),
     [
         ("rail.straight.stress_free", 1.2, 'must be "closed", "open" or a fraction from 0 to 1'),
         ("drive.1.over_travel_closed", 0.009, "the drive slips at rest, at 6 kN; give less than"),
@@ -204,26 +204,26 @@ def test_a_loaded_start_is_pressed_home_and_let_go_first() -> None:
         ("link.2.adjustment", -0.060, "adjustment = -60 mm: at most 10 mm either way"),
     ],
 )
-def test_what_no_switch_can_be_is_refused(key: str, value: object, told: str) -> None:
+def test_what_no_switch_can_be_is_refused(key: str, value: object, reported: str) -> None:
     with pytest.raises(PanelError, match=key.split(".", 1)[0]) as caught:
         load_panel(DEFAULT, overrides={key: value})
     assert len(caught.value.problems) == 1
-    assert told in str(caught.value)
+    assert reported in str(caught.value)
 
 
-def test_a_typed_shape_must_fit_its_stroke_but_may_be_told_not_to() -> None:
+def test_a_typed_shape_must_fit_its_stroke_unless_declared_independent() -> None:
     with pytest.raises(PanelError, match=r"leaves 75.0 mm at drive '2', where the stroke of 76"):
         load_panel("sb2", overrides={"drive.2.stroke": 0.076})
     load_panel("sb2", overrides={"drive.2.stroke": 0.0754})
-    told = {"drive.2.stroke": 0.076, "rail.B.independent_shape": True}
-    assert load_panel("sb2", overrides=told).drive["2"].stroke == 0.076
+    reported = {"drive.2.stroke": 0.076, "rail.B.independent_shape": True}
+    assert load_panel("sb2", overrides=reported).drive["2"].stroke == 0.076
 
 
 def test_a_shape_that_rests_open_is_no_closed_shape() -> None:
     with pytest.raises(PanelError) as caught:
         load_panel("sb2", overrides={"rail.A.stock_rail_gap": 0.020})
-    told = "leaves 20.0 mm at drive '1', where stress_free \"closed\" leaves none"
-    assert told in caught.value.problems[0]
+    reported = "leaves 20.0 mm at drive '1', where stress_free \"closed\" leaves none"
+    assert reported in caught.value.problems[0]
     load_panel("sb2", overrides={"rail.A.stock_rail_gap": 0.0004})
 
 
@@ -241,8 +241,8 @@ def test_a_study_of_stiffness_is_warned_of_its_closing_force(
     again = panel_from_data(panel_data(stiff))
     assert again.hash == stiff.hash
     for panel in (stiff, again):
-        told = [concern.text for concern in resting_concerns(panel)]
-        assert any("slips at rest: drive 2 against rail straight" in text for text in told)
+        reported = [concern.text for concern in resting_concerns(panel)]
+        assert any("slips at rest: drive 2 against rail straight" in text for text in reported)
 
 
 def test_an_over_travel_beyond_slip_is_refused_beside_a_studied_stiffness_too() -> None:
@@ -254,14 +254,16 @@ def test_an_over_travel_beyond_slip_is_refused_beside_a_studied_stiffness_too() 
 
 
 @pytest.mark.parametrize(
-    ("ratio", "drive", "x", "told"),
+    ("ratio", "drive", "x", "reported"),
     [
         ("0", "2", "9.6 m", "ratio = 0: must be more than 0"),
         ("0.7", "3", "9.6 m", 'drive = "3": there is no such drive'),
         ("0.7", "2", "6.9 m", "x = 6.9 m: is the place of drive '2' itself; move it away"),
     ],
 )
-def test_a_back_drive_that_cannot_be_is_refused(ratio: str, drive: str, x: str, told: str) -> None:
+def test_a_back_drive_that_cannot_be_is_refused(
+    ratio: str, drive: str, x: str, reported: str
+) -> None:
     back = (
         f'[back_drive.far]\ndrive = "{drive}"\nx = "{x}"\nratio = {ratio}\n'
         'stiffness = "5e7 N/m"\n\n[sensor]\n'
@@ -269,7 +271,7 @@ def test_a_back_drive_that_cannot_be_is_refused(ratio: str, drive: str, x: str, 
     with pytest.raises(PanelError) as caught:
         with_text(("[sensor]\n", back))
     assert len(caught.value.problems) == 1
-    assert told in str(caught.value)
+    assert reported in str(caught.value)
 
 
 def test_a_back_drive_is_adjusted_by_what_its_adjusters_take_up() -> None:
@@ -280,10 +282,10 @@ def test_a_back_drive_is_adjusted_by_what_its_adjusters_take_up() -> None:
     with pytest.raises(PanelError) as caught:
         with_text(("[sensor]\n", back))
     assert len(caught.value.problems) == 1
-    told = (
+    reported = (
         "adjustment = 60 mm: at most 10 mm either way, or the rails cannot close; change its ratio"
     )
-    assert told in str(caught.value)
+    assert reported in str(caught.value)
 
 
 def test_a_back_drive_at_the_place_of_another_drive_is_refused_when_it_is_built() -> None:

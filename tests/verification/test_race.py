@@ -1,4 +1,4 @@
-"""The benchmarks' own logic: rivals that agree, tables that refuse whoever does not, errors."""
+"""The benchmarks' own logic: rivals that agree, tables that refuse those that do not, errors."""
 
 import json
 
@@ -7,7 +7,7 @@ import pytest
 from benchmarks import banded, race, sb1, scaling
 from benchmarks.accuracy_page import draw, section
 from benchmarks.errors import Error, Run, contact_late, error, errors
-from benchmarks.machine import figure, processor_seconds, told
+from benchmarks.machine import figure, processor_seconds, seconds_text
 from benchmarks.page import with_section
 from benchmarks.racers import RACERS
 from benchmarks.schemes import MODES
@@ -158,8 +158,8 @@ def test_panels_of_the_scaling():
         scaling.replaced("once", "once", "twice", times=2)
 
 
-def test_figures_are_told_as_measured():
-    assert told([0.0123]) == "12.3 ms (once)"
+def test_figures_are_reported_as_measured():
+    assert seconds_text([0.0123]) == "12.3 ms (once)"
     assert (figure(0.0), figure(99.96), figure(123456.0)) == ("0", "100", "123000")
     calls = []
     assert len(processor_seconds(lambda: calls.append(1), count=3)) == 3

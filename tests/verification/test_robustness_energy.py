@@ -63,7 +63,7 @@ def coarse_throw(panel: str, place: str | None, step: float) -> xr.Dataset:
 
 
 def residual_share(ds: xr.Dataset, *, term: str, factor: float) -> float:
-    """Recompute the residual of the books with one term wrong by a factor."""
+    """Recompute the energy residual with one term wrong by a factor."""
 
     def value(name: str) -> np.ndarray:
         return np.asarray(ds[name]) * (factor if name == term else 1.0)

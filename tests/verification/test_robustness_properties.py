@@ -1,4 +1,4 @@
-"""Whatever the panel, a run keeps its laws and its books, or says why it stopped.
+"""Whatever the panel, a run keeps its laws and its energy balance, or says why it stopped.
 
 Scenarios: `robustness_scenarios`; what must hold: `robustness_checks`. The long job draws thousands
 of them from a seeded generator; here hypothesis draws some, the same ones in each run.

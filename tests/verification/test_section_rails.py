@@ -1,7 +1,7 @@
 """60E1 against the figures of EN 13674-1, the planed 60E1A1 against an independent program.
 
 The outlines are polygons rebuilt by hand. That of the 60E1 has 0.7 % more area than the standard's,
-hence 1 % on area and second moments. The independent program (shapely and sectionproperties) cut
+so 1 % on area and second moments. The independent program (shapely and sectionproperties) cut
 the same shape with the same dimensions; its figures are rounded to two or three digits, and its
 outline had more points than what was kept of it. Tolerances: area 2 %, second moments 5 %, torsion
 constant 10 %; positions 0.4 mm, shear factors 0.015, of which a third is rounding.

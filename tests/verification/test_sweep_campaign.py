@@ -1,7 +1,7 @@
 """The published campaign as a sweep, held against what was published of it.
 
 Reference: the facts b, c and d of the measured and simulated campaign, as in
-`test_paper_facts.py`: 5 mm at sleeper 6 is told by no channel; 10 and 13 mm raise Drive 2 by 300 to
+`test_paper_facts.py`: no channel shows 5 mm at sleeper 6; 10 and 13 mm raise Drive 2 by 300 to
 700 N and by 600 to 1000 N; a drive slips there first between 30 and 32 mm; 13 mm or less at a drive
 drive that one to saturation. Frames: a force on the rail in the closing direction. The bands are
 those of the facts.
@@ -44,7 +44,7 @@ def test_every_throw_came_to_an_end_and_no_drive_slips_without_an_object(
 
 
 @pytest.mark.long
-def test_sleeper_6_is_told_from_ten_millimetres_on(labels: xr.Dataset) -> None:
+def test_sleeper_6_is_reported_from_ten_millimetres_on(labels: xr.Dataset) -> None:
     free = {drive: peak(labels, "sleeper 6", 0.0, drive) for drive in "12"}
     for drive in "12":
         assert peak(labels, "sleeper 6", 0.005, drive) == pytest.approx(free[drive], abs=30.0)

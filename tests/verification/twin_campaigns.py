@@ -111,7 +111,7 @@ def _member(twin: Twin, panel: LoadedPanel, case: Case) -> tuple[object, Recorde
     if twin.mixing:
         true = _mixed(true, twin.mixing[case.repeat - 1])
     seen = add_disturbance(true, rng=rng, disturbance=twin.plan.disturbance)
-    # Forces are told from the rest before the onset, as a build takes zeros.
+    # Forces are taken from the rest before the onset, as a build takes zeros.
     throw = FoundThrow(
         0,
         seen.sizes["time"],

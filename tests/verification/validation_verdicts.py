@@ -200,7 +200,7 @@ def report(records: list[Record]) -> None:
     put_section(
         PAGE,
         name="verdicts",
-        heading="Does a validation tell the right switch from another?",
+        heading="Does a validation distinguish the right switch from another?",
         lines=section(records),
     )
     drawn = open_response(Path(sys.argv[-1]) / "000" / "validation.nc")

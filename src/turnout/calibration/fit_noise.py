@@ -15,6 +15,7 @@ from turnout.calibration.noise import missed_by_model
 from turnout.calibration.parameter import Parameter
 from turnout.calibration.predict import compared, predicted
 from turnout.calibration.shared import left_out, shared_discrepancy, without_common
+from turnout.core.robust_deviation import MAD_TO_SIGMA
 
 if TYPE_CHECKING:
     from turnout.calibration.fit import Fit
@@ -26,8 +27,6 @@ SCATTER_WEIGHT = 2.0
 NOISE_TOLERANCE = 0.25
 # Residuals beyond this many standard deviations, such as at an impact, count less once near.
 OUTLIER_LIMIT = 3.0
-# From the median of absolute values to the standard deviation of a normal distribution [-].
-MAD_TO_SIGMA = 1.4826
 
 
 def inflate_noise(

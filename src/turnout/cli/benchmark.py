@@ -20,7 +20,7 @@ SCORE_UNITS = {
     **{"a90": "m", "a90_95": "m", "mid_span": "m", "equal_mid_span": "m", "excess": "m"},
     **{"median": "m", "ninety": "m", "coverage": "1", "value": "1", "low": "1", "high": "1"},
     **{"macro_f1": "1", "unknown_auroc": "1", "calibration": "1", "milliseconds": "ms"},
-    "tuning_time": "s",
+    **{"tuning_time": "s", "own": "m", "other": "m", "ahead": "1"},
 }
 FolderArgument = Annotated[
     Path,
@@ -70,10 +70,16 @@ def detection_command(
     from turnout.cli.sweep import cores
     from turnout.core.problems import choices
     from turnout.errors import StudyError
-    from turnout.open_benchmark.data_card import write_card, write_table
+    from turnout.open_benchmark.data_card import write_card
     from turnout.open_benchmark.definition import PRESETS
     from turnout.open_benchmark.make_throws import make_throws
-    from turnout.open_benchmark.run_methods import MAIN, conditions_for, run_methods
+    from turnout.open_benchmark.run_methods import (
+        MAIN,
+        conditions_for,
+        numbers_digest,
+        run_methods,
+    )
+    from turnout.open_benchmark.tables import write_table
 
     if size not in PRESETS:
         message = f'--size "{size}": allowed are {choices(PRESETS)}'
@@ -84,22 +90,45 @@ def detection_command(
         if not quiet:
             typer.echo(f"throws: {done} of {total} switches", err=True)
 
-    def running(what: str, done: int, total: int) -> None:
+    def ran(what: str, done: int, total: int) -> None:
         if not quiet:
-            typer.echo(f"methods: {done} of {total} done, now {what}", err=True)
+            typer.echo(f"methods: {done} of {total} done, last {what}", err=True)
 
     made = make_throws(folder, counts, workers=workers or cores(), report=thrown)
     written = [made, write_card(folder)]
-    results: dict[str, Any] = {}
+    found: dict[str, Any] = {"results": {}}
+    lines: list[str] = []
     if not throws_only:
         wanted = MAIN if main_only else conditions_for(counts.known)
-        results = run_methods(folder, wanted, only=only or (), report=running)
-        written += [write_table(folder, results), *_figures(folder, wanted[0], results)]
+        results = run_methods(
+            folder, wanted, only=only or (), workers=workers or cores(), report=ran
+        )
+        margins, order, lines = _order(folder, wanted, results)
+        digest = numbers_digest(folder, results)
+        found = {"results": results, "margins": margins, "numbers": digest}
+        written += [write_table(folder, order, results)]
+        written += _figures(folder, wanted[0], results)
+        lines.append(f"numbers         {digest}")
     if as_json:
-        print_json("benchmark detection", {"results": results}, units=SCORE_UNITS, written=written)
+        print_json("benchmark detection", found, units=SCORE_UNITS, written=written)
         return
-    for path in written:
-        typer.echo(f"wrote           {path}")
+    for line in [*lines, *(f"wrote           {path}" for path in written)]:
+        typer.echo(line)
+
+
+def _order(
+    folder: Path, wanted: "tuple[Conditions, ...]", results: dict[str, Any]
+) -> tuple[dict[str, Any], str, list[str]]:
+    """Return the margins, the table of who is first, and that in words."""
+    from turnout.open_benchmark.order import margins_of, order_changes, order_table
+
+    margins = {own.name: margins_of(folder, own, results[own.name]) for own in wanted}
+    if not any("best" in found for found in margins.values()):
+        return margins, "", []
+    changes = order_changes(wanted, margins)
+    table = order_table(wanted, results, margins)
+    listed = "\n".join(f"- {text}" for text in changes)
+    return margins, f"{table}\n\n{listed}", [f"order           {text}" for text in changes]
 
 
 def _figures(folder: Path, conditions: "Conditions", results: dict[str, Any]) -> list[Path]:
@@ -136,8 +165,8 @@ def score_command(
     as_json: JsonOption = False,
 ) -> None:
     """Score a verdict file on the test throws of the benchmark."""
-    from turnout.open_benchmark.data_card import millimetres
     from turnout.open_benchmark.run_methods import Conditions, score_file
+    from turnout.open_benchmark.tables import millimetres
 
     conditions = Conditions(
         history=history, discrepancy=discrepancy, channels=channels, track=track

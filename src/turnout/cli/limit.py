@@ -119,6 +119,12 @@ def limit_command(
             "--over-travel", help="Bands over a closing over-travel of 0 to 5 mm instead."
         ),
     ] = False,
+    kind: Annotated[
+        str,
+        typer.Option(
+            "--kind", metavar="NAME", help="Of the objects: spring, stone, ice, snow, wood, metal."
+        ),
+    ] = "spring",
     known_place: Annotated[
         bool,
         typer.Option(
@@ -166,56 +172,52 @@ def limit_command(
     check_outputs({"--out": out, "--plot": plot}, {"--out": (".nc",), "--plot": FIGURES})
     from turnout.cli.limit_output import write_bands, write_map
     from turnout.cli.sweep import cores
-    from turnout.detection.drive_quantities import signals_of
-    from turnout.detection.limit.added_equipment import check_equipment, read_measures
+    from turnout.detection.limit.added_equipment import read_measures
     from turnout.detection.limit.bands import limit_bands
     from turnout.detection.limit.end_positions import end_position_map, throw_ends
     from turnout.detection.limit.limit_map import limit_map, too_few_sound
     from turnout.detection.limit.what_if import FORMS, check_measures
-    from turnout.detection.reference import reference_study
-    from turnout.detection.throws import QUICK_SOUND, QUICK_STEPS, STEPS, closing_time, throw_all
+    from turnout.detection.throws import QUICK_SOUND, check_kind, closing_time, steps_of, throw_all
 
     conditions = conditions_of_options(
         discrepancy=discrepancy, machine_discrepancy=machine_discrepancy, false_alarm_rate=far,
         history=history, kernel=kernel, rate=rate,
     )  # fmt: skip
+    check_kind(kind)
     measures = list(dict.fromkeys([*(what_if or []), *(FORMS if advise else ())]))
     check_measures(measures)
     given = _given(panel, settings, calibration)
     watch, count = _watching(quiet=quiet), workers or cores()
-    steps, least = (QUICK_STEPS, min(sound, QUICK_SOUND)) if quick else (STEPS, sound)
+    steps, least = steps_of(quick=quick), min(sound, QUICK_SOUND) if quick else sound
     if panels is not None or over_travel:
         _of_one_panel({"--known-place": known_place, "--ends": ends, "--what-if": bool(measures)})
         members = _members(panels, given, over_travel=over_travel, most=most)
         bands = limit_bands(
             members, folder, conditions,
-            states=states, sound=least, steps=steps, channels=channels, workers=count,
+            states=states, sound=least, steps=steps, channels=channels, kind=kind, workers=count,
             report=lambda name, sweep: watch(sweep, f"{name}, "),
         )  # fmt: skip
         write_bands(bands, out=out, plot=plot, as_json=as_json, quiet=quiet)
         return
-    population = reference_study(given, count=1)
-    signals_of(population.panel, channels)
-    check_equipment(measures, population.panel)
-    _warn(population.remarks)
+    _check_population(given, channels, measures)
     throws = throw_all(
         given, folder,
-        sound=max(least, states), states=states, channels=channels, steps=steps,
+        sound=max(least, states), states=states, channels=channels, steps=steps, kind=kind,
         workers=count, report=watch,
     )  # fmt: skip
     closing = closing_time(given)
     _warn([too_few_sound(throws)])
     found = limit_map(throws, conditions, closing=closing)
     if known_place:
-        more = _known_place(throws, conditions, closing, quiet=quiet)
-        found = found.merge(more, combine_attrs="no_conflicts")
+        known = _known_place(throws, conditions, closing, quiet=quiet)
+        found = found.merge(known, combine_attrs="no_conflicts")
     if ends:
         own = throw_ends(
             given, folder, throws,
             states=min(states, END_STATES), workers=count, report=watch("ends"),
         )  # fmt: skip
-        more = end_position_map(throws, own, conditions, closing=closing)
-        found = found.merge(more, combine_attrs="no_conflicts")
+        positions = end_position_map(throws, own, conditions, closing=closing)
+        found = found.merge(positions, combine_attrs="no_conflicts")
     read = read_measures(
         measures, given, folder, throws, conditions,
         advise=advise, steps=steps, workers=count, report=watch,
@@ -262,6 +264,20 @@ def _given(
     from turnout.cli.options import opened_panel
 
     return opened_panel(panel, settings, calibration)
+
+
+def _check_population(
+    panel: "LoadedPanel | None", channels: str, measures: "Sequence[str]"
+) -> None:
+    """Refuse channels and measures that a panel cannot have; say what its population lacks."""
+    from turnout.detection.drive_quantities import signals_of
+    from turnout.detection.limit.added_equipment import check_equipment
+    from turnout.detection.reference import reference_study
+
+    population = reference_study(panel, count=1)
+    signals_of(population.panel, channels)
+    check_equipment(measures, population.panel)
+    _warn(population.remarks)
 
 
 def _warn(remarks: "Sequence[str]") -> None:

@@ -17,11 +17,17 @@ if TYPE_CHECKING:
 LENGTHS = dict.fromkeys(
     (
         *("x", "touch_floor", "largest_size", "a90", "a90_low", "a90_high"),
-        *("gap_limit", "revealed_gap", "gain", "gain_worst"),
+        *("gap_limit", "revealed_gap"),
+        *(name + end for name in ("gain", "gain_worst") for end in ("", "_low", "_high")),
         *("known_a90", "known_a90_low", "known_a90_high"),
     ),
     "m",
 )
+BANDS = {
+    f"a90_{band}{end}": "m"
+    for band in ("low", "middle", "high")
+    for end in ("", "_interval_low", "_interval_high")
+}
 
 
 def write_bands(
@@ -44,15 +50,22 @@ def write_bands(
     if as_json:
         record = {"panels": found["panel"].to_numpy().tolist(), "bands": rows}
         written = [path for path in (out, plot) if path is not None]
-        print_json("limit", record, units=LENGTHS | {"a90_middle": "m"}, written=written)
+        print_json("limit", record, units=LENGTHS | BANDS, written=written)
     elif not quiet:
         typer.echo(
-            f"a90 [mm] of the bound over {found.sizes['panel']} panels\n"
-            f"{'place':<12}{'5 %':>8}{'middle':>8}{'95 %':>8}"
+            f"a90 [mm] of the bound over {found.sizes['panel']} panels; in brackets the 95 % "
+            f"interval over {found.attrs['states']} drawn states\n"
+            f"{'place':<12}{'5 %':>20}{'middle':>20}{'95 %':>20}"
         )
         for row in rows:
-            cells = [_millimetres(row[name]) for name in ("a90_low", "a90_middle", "a90_high")]
-            typer.echo(f"{row['place']:<12}" + "".join(f"{cell:>8}" for cell in cells))
+            cells = [_with_ends(row, f"a90_{band}") for band in ("low", "middle", "high")]
+            typer.echo(f"{row['place']:<12}" + "".join(f"{cell:>20}" for cell in cells))
+
+
+def _with_ends(row: "Mapping[str, float | str | None]", name: str) -> str:
+    """Return a length and its interval in millimetres."""
+    low, high = (_millimetres(row[f"{name}_interval_{end}"]) for end in ("low", "high"))
+    return f"{_millimetres(row[name])} ({low} ... {high})"
 
 
 def write_map(
@@ -109,7 +122,8 @@ def _print(found: "xr.Dataset") -> None:
         f"{said['quantities'].capitalize()} of the drives: smallest size that the bound detects "
         f"in 90 % of {said['states']} states "
         f"(discrepancy {100 * said['discrepancy']:g} %, {said['history']} sound throws known, "
-        f"false-alarm rate {said['false_alarm_rate']:g}); optimistic: place and size are known"
+        f"false-alarm rate {said['false_alarm_rate']:g}, objects: {said['object_kind']}); "
+        "optimistic: place and size are known"
     )
     channels = [str(name) for name in found["channel"].to_numpy()]
     others = "".join(f"{name + ' alone':>16}" for name in channels[1:])
@@ -154,10 +168,16 @@ def _print_ends(rows: "list[Mapping[str, float | str | None]]") -> None:
 
 
 def _print_advice(rows: "list[Mapping[str, float | str]]", repeat: "Repeat") -> None:
-    typer.echo(f"\n{'measure':<18}{'gain of a90 [mm]':>17}{'worst place [mm]':>18}  meaning")
+    typer.echo(
+        f"\n{'measure':<26}{'gain of a90 [mm]':>17}{'95 %':>16}{'worst place [mm]':>18}{'95 %':>16}"
+        "  meaning"
+    )
     for row in rows:
-        gain, worst = float(row["gain"]), float(row["gain_worst"])
-        typer.echo(f"{row['measure']:<18}{1e3 * gain:>17.2f}{1e3 * worst:>18.2f}  {row['note']}")
+        text = f"{row['measure']:<26}"
+        for name, width in (("gain", 17), ("gain_worst", 18)):
+            value, low, high = (1e3 * float(row[name + end]) for end in ("", "_low", "_high"))
+            text += f"{value:>{width}.2f}{f'{low:.2f} ... {high:.2f}':>16}"
+        typer.echo(f"{text}  {row['note']}")
     typer.echo(
         f"false alarms a switch and year: {repeat.once_a_year:.3g}; {repeat.twice_a_year:.2g} if a "
         f"second throw must confirm (correlation {repeat.correlation:.2f}: independent throws "

@@ -9,6 +9,8 @@ running current is also where a centred moving average meets the instant of swit
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.core.robust_deviation import MAD_TO_SIGMA
+
 Floats = NDArray[np.float64]
 
 LARGEST_ZERO = 0.1
@@ -54,7 +56,7 @@ def running_level(current: Floats, *, rate: float) -> tuple[float, float, float]
         windows = current[: count * width].reshape(count, width)
         rest = windows[np.abs(windows.mean(axis=1)) < LARGEST_ZERO].ravel()
     zero = float(np.median(rest)) if rest.size else 0.0
-    noise = 1.4826 * float(np.median(np.abs(rest - zero))) if rest.size else 0.0
+    noise = MAD_TO_SIGMA * float(np.median(np.abs(rest - zero))) if rest.size else 0.0
     least = max(NOISE_REACH * noise, LARGEST_ZERO)
     beyond = current[np.abs(current - zero) > least] - zero
     if not beyond.size:

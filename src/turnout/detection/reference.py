@@ -9,6 +9,7 @@ from dataclasses import replace
 
 from turnout.detection.conditions import Conditions
 from turnout.detection.drive_quantities import stored_channels
+from turnout.detection.held_rails import with_held_rails
 from turnout.detection.panel_population import population_for
 from turnout.panel.load import LoadedPanel
 from turnout.study.design import Drawn
@@ -44,7 +45,8 @@ def reference_study(
     Parameters
     ----------
     panel : LoadedPanel, optional
-        In place of the default panel; the population lies about its values, see `population_for`.
+        In place of the default panel; the population lies about its values, see `population_for`,
+        and its drives hold the rails that they press home, see `with_held_rails`.
     count : int, optional
         States; fewer give the first of them.
     over_travel : float, optional
@@ -61,6 +63,8 @@ def reference_study(
         study = _with_machines(population_for(study, panel))
     if over_travel is not None:
         study = replace(study, design=replace(study.design, drawn=_moved(study, over_travel)))
+    if panel is not None or over_travel is not None:
+        study = with_held_rails(study)
     return study if count is None else replace(study, design=replace(study.design, draws=count))
 
 

@@ -27,6 +27,7 @@ from turnout.detection.reference import (
 from turnout.detection.signal_errors import SignalErrors, signal_errors
 from turnout.errors import StudyError
 from turnout.panel.load import LoadedPanel
+from turnout.panel.object_kind import kind_faults
 from turnout.study.design import Axis
 from turnout.study.random_inputs import TemperatureLaw
 from turnout.study.scenario import Output
@@ -39,11 +40,20 @@ Floats = NDArray[np.float64]
 Report = Callable[[SweepProgress], None]
 
 SOUND, FLOOR, OBJECTS = "sound", "floor", "objects"
-OBJECT_INPUTS = ("object.at", "object.size")
+OBJECT_INPUTS, KIND_INPUT = ("object.at", "object.size"), "object.kind"
+ELASTIC = "spring"
+"""Kind of objects that stay as they are: stiff and elastic."""
 STEPS = (0.7e-3, 2.0e-3, 4.5e-3, 10.0e-3)
 """Sizes thrown at a place beyond its touch floor [m]; between them signatures are interpolated."""
 QUICK_STEPS, QUICK_SOUND = (2.0e-3, 4.5e-3), 400
 """The same for a quick estimate [m], and its sound throws."""
+
+
+def steps_of(*, quick: bool) -> tuple[float, ...]:
+    """Return the sizes thrown at a place beyond its touch floor [m]."""
+    return QUICK_STEPS if quick else STEPS
+
+
 RESOLUTION = 0.1e-3
 """Thrown sizes are whole multiples of this [m]."""
 
@@ -79,6 +89,8 @@ class Throws:
         How the discrepancy shows in each signal.
     signals : tuple of Signal
         What was recorded of the drives.
+    kind : str
+        Of the objects.
     """
 
     sound: Floats
@@ -94,6 +106,7 @@ class Throws:
     sizes: Floats
     errors: SignalErrors
     signals: tuple[Signal, ...]
+    kind: str = ELASTIC
 
     @property
     def amplitude(self) -> Floats:
@@ -152,7 +165,9 @@ def few_instants(study: Study, *channels: str, title: str) -> Study:
     return replace(study, name=f"{study.name}, {title}", output=kept)
 
 
-def objects_study(study: Study, sizes: Mapping[str, Sequence[float]]) -> Study:
+def objects_study(
+    study: Study, sizes: Mapping[str, Sequence[float]], *, kind: str = ELASTIC
+) -> Study:
     """Return a study that throws each state with objects, at each place in rising sizes.
 
     Parameters
@@ -161,18 +176,40 @@ def objects_study(study: Study, sizes: Mapping[str, Sequence[float]]) -> Study:
         Without an object.
     sizes : mapping of str to sequence of float
         At each place [m].
+    kind : str
+        Of the objects, with the default parameters of that kind.
     """
-    rows = tuple((place, size) for place, given in sizes.items() for size in given)
+    check_kind(kind)
+    own = () if kind == ELASTIC else (kind,)
+    names = OBJECT_INPUTS + ((KIND_INPUT,) if own else ())
+    rows = tuple((place, size, *own) for place, given in sizes.items() for size in given)
     added = {
-        name: Variable(name=name, key=name, kind=value_kind(study.panel, name))
-        for name in OBJECT_INPUTS
+        name: Variable(name=name, key=name, kind=value_kind(study.panel, name)) for name in names
     }
     return replace(
         study,
         name=f"{study.name}, objects",
-        design=replace(study.design, axes=(Axis(names=OBJECT_INPUTS, rows=rows),)),
+        design=replace(study.design, axes=(Axis(names=names, rows=rows),)),
         variables=added | dict(study.variables),
     )
+
+
+def check_kind(kind: str) -> None:
+    """Refuse a kind of object that there is not."""
+    faults = [f"--kind{text}" for _, text in kind_faults(kind, {})]
+    if faults:
+        raise StudyError(faults, source="limit")
+
+
+def of_kind(folder: str, kind: str) -> str:
+    """Return the name of a folder for throws with objects of a kind.
+
+    Examples
+    --------
+    >>> of_kind("objects", "ice"), of_kind("objects", "spring")
+    ('objects-ice', 'objects')
+    """
+    return folder if kind == ELASTIC else f"{folder}-{kind}"
 
 
 def sizes_beyond(floor: Floats, steps: Sequence[float] = STEPS) -> Floats:
@@ -190,6 +227,7 @@ def throw_all(
     channels: str = FORCE,
     steps: Sequence[float] = STEPS,
     over_travel: float | None = None,
+    kind: str = ELASTIC,
     workers: int = 1,
     report: Callable[[str], Report] | None = None,
 ) -> Throws:
@@ -209,6 +247,8 @@ def throw_all(
         Sizes thrown at a place beyond its touch floor [m].
     over_travel : float, optional
         As `reference_study` takes it [m].
+    kind : str
+        Of the objects; those of another kind lie beside them in the folder.
     workers : int
         Processes.
     report : callable, optional
@@ -230,11 +270,13 @@ def throw_all(
     refuse_open_end(whole.panel, where, gaps)
     sizes = sizes_beyond(touch_floor(gaps), steps)
     rows = {place: tuple(map(float, sizes[i])) for i, place in enumerate(where)}
+    with_objects = objects_study(first, rows, kind=kind)
     sound_set = run(whole, SOUND)
-    object_set = run(objects_study(first, rows), OBJECTS)
-    return throws_from(
+    object_set = run(with_objects, of_kind(OBJECTS, kind))
+    found = throws_from(
         whole, sound_set, object_set, gap=gaps, where=where, sizes=sizes, signals=signals
     )
+    return replace(found, kind=kind)
 
 
 def checked_throws(dataset: xr.Dataset, *, panel: str) -> xr.Dataset:
@@ -271,7 +313,9 @@ def refuse_open_end(panel: LoadedPanel, where: Mapping[str, float], gaps: Floats
         raise StudyError([message], source="limit")
 
 
-def stored_throws(panel: LoadedPanel | None, folder: Path, *, channels: str = FORCE) -> Throws:
+def stored_throws(
+    panel: LoadedPanel | None, folder: Path, *, channels: str = FORCE, kind: str = ELASTIC
+) -> Throws:
     """Read the three sweeps of a folder as they are, whichever version of turnout made them.
 
     Parameters
@@ -282,15 +326,21 @@ def stored_throws(panel: LoadedPanel | None, folder: Path, *, channels: str = FO
         That of `throw_all`.
     channels : str
         What is evaluated.
+    kind : str
+        Of the objects.
     """
-    sound, floor, objects = (open_sweep(folder / name) for name in (SOUND, FLOOR, OBJECTS))
+    names = (SOUND, FLOOR, of_kind(OBJECTS, kind))
+    sound, floor, objects = (open_sweep(folder / name) for name in names)
     study = reference_study(panel, count=sound.sizes["scenario"])
     where = places_of(study.panel)
     gaps = gaps_at(floor, np.array(list(where.values())), rail=study.panel.object_defaults.rail)
-    return throws_from(
-        study, sound, objects, gap=gaps, where=where, sizes=sizes_beyond(touch_floor(gaps)),
+    # every state has the same sizes, so those of the first one are the sizes of all
+    thrown = objects["object.size"].to_numpy()[: objects.sizes["scenario"] // len(gaps)]
+    found = throws_from(
+        study, sound, objects, gap=gaps, where=where, sizes=thrown.reshape(len(where), -1),
         signals=signals_of(study.panel, channels),
     )  # fmt: skip
+    return replace(found, kind=kind)
 
 
 def gaps_at(dataset: xr.Dataset, x: Floats, *, rail: str) -> Floats:

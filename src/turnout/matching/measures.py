@@ -33,7 +33,7 @@ SEEN = 50.0
 LARGEST_SIZE, SIZE_STEP = 40e-3, 1e-4
 """A visible size is sought up to the first, to within the second [m]."""
 FLUTTER_CUTOFF = 300.0
-"""Modes above are looked at only where those below can flutter [Hz].
+"""Modes above are computed only where those below can flutter [Hz].
 
 On the default panel without chair dashpots, which flutters at 110 Hz, growth rates without them
 are within 0.02 1/s of those of all modes; those of slow modes, near 5 Hz, are too large by 0.1 1/s

@@ -52,10 +52,11 @@ def three_features(histories: Floats, closing: slice) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """Limits on some numbers: the score is the largest distance in robust deviations."""
+    """Limits on some numbers, by their distance in robust deviations: the largest, or all."""
 
     numbers: str
     relative: bool
+    largest: bool
     middle: Floats
     spread: Floats
 
@@ -64,9 +65,9 @@ class Limits:
         return numbers_of(self.numbers, judged, relative=self.relative)
 
     def score(self, judged: Judged) -> Floats:
-        """Return the largest distance."""
+        """Return the largest distance, or the root of the sum of their squares."""
         away = np.abs(self.values(judged) - self.middle) / self.spread
-        return np.asarray(away.max(axis=1))
+        return np.asarray(away.max(axis=1) if self.largest else np.linalg.norm(away, axis=1))
 
     def extras(self, judged: Judged) -> Mapping[str, Any]:
         """Return the score once more: what lies far out is new."""
@@ -90,14 +91,20 @@ class LimitsMethod:
     name: str
     title: str
     numbers: str
-    settings: Settings = ({"relative": True}, {"relative": False})
+    settings: Settings = tuple(
+        {"relative": relative, "largest": largest}
+        for relative in (True, False)
+        for largest in (True, False)
+    )
 
     def fit(self, train: Judged, setting: Mapping[str, Any], *, final: bool = False) -> Model:
         """Take the limits from sound throws."""
         values = numbers_of(self.numbers, train, relative=setting["relative"])[train.sound]
         middle = np.median(values, axis=0)
         spread = 1.4826 * np.median(np.abs(values - middle), axis=0)
-        return Limits(self.numbers, setting["relative"], middle, np.maximum(spread, 1e-6))
+        return Limits(
+            self.numbers, setting["relative"], setting["largest"], middle, np.maximum(spread, 1e-6)
+        )
 
 
 def dtw_distance(series: Floats, reference: Floats, *, band: int) -> Floats:
@@ -182,12 +189,17 @@ class Components:
     variance: Floats
     limits: tuple[float, float]
 
-    def parts(self, judged: Judged) -> tuple[Floats, Floats]:
-        """Return T2 and SPE of each throw."""
+    def whitened(self, judged: Judged) -> tuple[Floats, Floats]:
+        """Return the components of each throw with unit variance, and SPE."""
         values = (judged.features(relative=self.relative) - self.middle) / self.scale
         along = values @ self.basis.T
         rest = values - along @ self.basis
-        return (along**2 / self.variance).sum(axis=1), (rest**2).sum(axis=1)
+        return along / np.sqrt(self.variance), (rest**2).sum(axis=1)
+
+    def parts(self, judged: Judged) -> tuple[Floats, Floats]:
+        """Return T2 and SPE of each throw."""
+        along, errors = self.whitened(judged)
+        return (along**2).sum(axis=1), errors
 
     def score(self, judged: Judged) -> Floats:
         """Return both, each as a share of its limit, added (Yue and Qin 2001)."""
@@ -206,12 +218,10 @@ class ComponentsMethod:
     name: str = "pca"
     title: str = "PCA, T2 and SPE"
     settings: Settings = tuple(
-        {"components": number, "relative": relative}
-        for number in (5, 20, 40, 80)
-        for relative in (True, False)
+        {"components": number, "relative": True} for number in (5, 20, 40, 80)
     )
 
-    def fit(self, train: Judged, setting: Mapping[str, Any], *, final: bool = False) -> Model:
+    def fit(self, train: Judged, setting: Mapping[str, Any], *, final: bool = False) -> Components:
         """Take components and limits from sound throws."""
         values = train.features(relative=setting["relative"])[train.sound]
         middle, scale = values.mean(axis=0), values.std(axis=0)

@@ -1,8 +1,7 @@
-"""The data card of the benchmark and its tables, written from the data and the results."""
+"""The data card of the benchmark, written from the data."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -12,8 +11,7 @@ from turnout.open_benchmark.definition import TEST, TRAIN, VERSION
 from turnout.open_benchmark.make_throws import THROWS
 from turnout.open_benchmark.sides import read_throws_file
 
-CARD, TABLE = "data-card.md", "table.md"
-NOTHING = "-"
+CARD = "data-card.md"
 
 
 def write_card(folder: Path) -> Path:
@@ -90,76 +88,3 @@ def data_card(whole: xr.Dataset, *, size: int) -> str:
         "",
     ]
     return "\n".join(lines)
-
-
-def write_table(folder: Path, results: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> Path:
-    """Write the tables of all results as Markdown."""
-    path = folder / TABLE
-    text = "\n\n".join(f"## {name}\n\n{table_of(own)}" for name, own in results.items())
-    write_atomic(path, text + "\n")
-    return path
-
-
-def table_of(results: Mapping[str, Mapping[str, Any]]) -> str:
-    """Return two tables, a row a method: figures of merit, and a90 by place.
-
-    Parameters
-    ----------
-    results : mapping of str to mapping
-        From `run_methods`, under one set of conditions.
-    """
-    heads = (
-        *("method", "false alarms in 1,000", "in 10,000", "a90 4-8 [mm]", "at equal rate [mm]"),
-        *("unknown", "causes", "calibration", "ms", "kB"),
-    )
-    places = list(next(iter(results.values()))["score"]["place"])
-    merits, by_place = [], []
-    for result in results.values():
-        score = result["score"]
-        merits.append([
-            result["title"],
-            _rate(score["false_alarms"], 1e3),
-            _rate(score["rare_alarms"], 1e4),
-            millimetres(score["mid_span"]),
-            millimetres(score["equal_mid_span"]),
-            *(_plain(score[name]) for name in ("unknown_auroc", "macro_f1", "calibration")),
-            f"{result['milliseconds']:.2f}",
-            f"{result['bytes'] / 1e3:.0f}",
-        ])  # fmt: skip
-        limits = [millimetres(score["place"][name]["a90_95"]) for name in places]
-        sizes = [millimetres(score["place"][name]["a90"]) for name in places]
-        by_place += [[result["title"], *sizes], ["a90/95", *limits]]
-    return "\n\n".join([
-        _rows(heads, merits), _rows(["a90 [mm]", *map(_short, places)], by_place)
-    ])  # fmt: skip
-
-
-def _rows(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    lines = ["| " + " | ".join(heads) + " |", "|---|" + "--:|" * (len(heads) - 1)]
-    return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in rows)])
-
-
-def _short(place: str) -> str:
-    return place.replace("drive ", "D").replace("sleeper ", "")
-
-
-def _rate(rate: Mapping[str, Any] | None, scale: float) -> str:
-    if rate is None or rate["value"] is None:
-        return NOTHING
-    low, high = scale * rate["low"], scale * rate["high"]
-    return f"{scale * rate['value']:.1f} ({low:.1f}-{high:.1f})"
-
-
-def millimetres(value: float | None) -> str:
-    """Return a size in mm; none where nothing is seen so often.
-
-    Examples
-    --------
-    >>> millimetres(0.0123), millimetres(None)
-    ('12.3', '-')
-    """
-    return NOTHING if value is None or not np.isfinite(value) else f"{1e3 * value:.1f}"
-
-
-def _plain(value: float | None) -> str:
-    return NOTHING if value is None else f"{value:.2f}"

@@ -44,8 +44,8 @@ Report = Callable[[int, int], None]
 
 STEP = 0.02
 """Samples of a history are means over so long [s]."""
-QUANTUM = {"force": 0.5, "current": 1e-3, "power": 0.25}
-"""Histories are stored in whole multiples of this, [N], [A] and [W]: the noise is 40 times more."""
+QUANTUM = {"force": 0.5, "current": 2e-3, "power": 0.25}
+"""Histories are stored in whole multiples of this, [N], [A] and [W]: the noise is 10 times more."""
 DEFINITION, THROWS = "benchmark.json", "detection-benchmark.nc"
 SWITCHES = "switches"
 

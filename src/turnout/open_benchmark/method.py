@@ -1,14 +1,15 @@
 """How methods are fitted and tuned alike: on training switches, with thresholds at equal rates.
 
-Each method has some settings, its budget. Every setting is fitted on two thirds of the training
-panels and scores the rest, three times, so that every training throw has a score of a model that
-did not see its panel. The setting that detects most touched objects at 1 false alarm in 100 is
-taken, thresholds for 1 in 1,000 and 1 in 10,000 come from the scores of its sound throws, and it is
-fitted again on all training switches.
+The budget of a method is four settings at most. Every setting is fitted on two thirds of the
+training panels and scores the rest, three times, so that every training throw has a score of a
+model that did not see its panel. The setting that detects most touched objects at 1 false alarm in
+100 is taken, thresholds for 1 in 1,000 and 1 in 10,000 come from the scores of its sound throws,
+and it is fitted again on all training switches.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property, partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -18,7 +19,7 @@ from turnout.detection.alarm_threshold import threshold_for
 from turnout.detection.detector.throw_layout import Layout
 from turnout.detection.floor import TOUCH_FORCE
 from turnout.errors import StudyError
-from turnout.open_benchmark.definition import OBJECT, SOUND
+from turnout.open_benchmark.definition import HISTORY, OBJECT, SOUND
 from turnout.open_benchmark.sides import Benchmark, Side, window_features
 
 Floats = NDArray[np.float64]
@@ -43,11 +44,13 @@ class Judged:
         Windows.
     reference : ndarray, shape (n, n_signals, n_samples)
         For each judged throw the mean of the known throws of its switch; without a history the
-        mean of the sound training throws.
+        mean of the sound training throws with the same machine.
     everything : Side
         All throws of these switches, histories whole.
-    amplitude : ndarray, shape (n_signals,)
-        Of the benchmark.
+    amplitude : mapping of str to ndarray, shape (n_signals,)
+        Of the benchmark, by machine.
+    history : int
+        Sound throws that are known of each switch.
     """
 
     side: Side
@@ -55,17 +58,21 @@ class Judged:
     layout: Layout
     reference: Floats
     everything: Side
-    amplitude: Floats
+    amplitude: Mapping[str, Floats]
+    history: int
 
-    @property
+    @cached_property
     def relative(self) -> Floats:
         """Histories less the reference curve."""
         return self.side.histories - self.reference
 
     def features(self, *, relative: bool) -> Floats:
         """Return means over windows, of the throws or of what they differ by."""
-        if not relative:
-            return self.side.features
+        return self.relative_features if relative else self.side.features
+
+    @cached_property
+    def relative_features(self) -> Floats:
+        """Means over windows of what throws differ by from the reference curve."""
         return window_features(self.relative, self.layout)
 
     @property
@@ -85,7 +92,7 @@ class Judged:
         whole = np.isin(self.everything.groups, switches)
         return Judged(
             self.side.of(rows), self.known.of(kept), self.layout, self.reference[rows],
-            self.everything.of(whole), self.amplitude,
+            self.everything.of(whole), self.amplitude, self.history,
         )  # fmt: skip
 
 
@@ -99,12 +106,16 @@ def judged_of(bench: Benchmark, split: str) -> Judged:
     side: Side = getattr(bench, split)
     known = side.of(side.known(bench.history))
     judged = side.of(side.judged)
-    usual = bench.train.histories[np.isin(bench.train.labels["role"], [SOUND, "history"])].mean(0)
-    reference = np.broadcast_to(usual, judged.histories.shape).copy()
+    sound = np.isin(bench.train.labels["role"], [SOUND, HISTORY])
+    reference = np.empty_like(judged.histories)
+    for machine in np.unique(judged.labels["machine"]):
+        own = sound & (bench.train.labels["machine"] == machine)
+        usual = bench.train.histories[own if own.any() else sound].mean(axis=0)
+        reference[judged.labels["machine"] == machine] = usual
     for switch in np.unique(known.groups):
-        own = known.histories[known.groups == switch].mean(axis=0)
-        reference[judged.groups == switch] = own
-    return Judged(judged, known, bench.layout, reference, side, bench.amplitude)
+        mean = known.histories[known.groups == switch].mean(axis=0)
+        reference[judged.groups == switch] = mean
+    return Judged(judged, known, bench.layout, reference, side, bench.amplitude, bench.history)
 
 
 class Model(Protocol):
@@ -177,25 +188,68 @@ def fold_of_panels(panels: NDArray[np.intp]) -> NDArray[np.intp]:
     return found
 
 
-def tune(method: Method, train: Judged, folds: NDArray[np.intp]) -> Fitted:
-    """Fit every setting on folds of the training panels, and the best one on all of them."""
-    best: tuple[float, Mapping[str, Any], Floats] | None = None
-    tried = []
-    for setting in method.settings:
-        scores = np.empty(len(folds))
-        for fold in range(FOLDS):
-            model = method.fit(train.of(folds != fold), setting)
-            scores[folds == fold] = model.score(train.of(folds == fold))
-        level = float(np.quantile(scores[train.sound], 1.0 - TUNED_RATE))
-        share = float(np.mean(scores[train.touched] > level))
-        tried.append((setting, share))
-        if best is None or share > best[0]:
-            best = (share, setting, scores)
-    assert best is not None
-    sound = best[2][train.sound]
+Keep = Callable[[int, int, Callable[[], Floats]], Floats]
+"""Given the numbers of a fold and of a setting and what computes its scores, returns the scores."""
+
+
+def compute(fold: int, setting: int, scores: Callable[[], Floats]) -> Floats:
+    """Return the scores of a setting on a fold, and keep nothing."""
+    return scores()
+
+
+def tune(method: Method, train: Judged, folds: NDArray[np.intp], keep: Keep = compute) -> Fitted:
+    """Fit every setting on folds of the training panels, and the best one on all of them.
+
+    Parameters
+    ----------
+    method : Method
+        To tune.
+    train : Judged
+        Training throws.
+    folds : ndarray of int, shape (n,)
+        From `fold_of_panels`.
+    keep : callable, optional
+        Keeps scores of settings for a run that goes on later.
+    """
+    scores = np.empty((len(method.settings), len(folds)))
+    for fold in range(FOLDS):
+        own = folds == fold
+        seen = Lazy(train, ~own), Lazy(train, own)
+        for number, setting in enumerate(method.settings):
+            scores[number, own] = keep(fold, number, partial(_scores, method, setting, *seen))
+    shares = []
+    for row in scores:
+        level = float(np.quantile(row[train.sound], 1.0 - TUNED_RATE))
+        shares.append(float(np.mean(row[train.touched] > level)))
+    best = int(np.argmax(shares))
+    sound = scores[best, train.sound]
     return Fitted(
-        model=method.fit(train, best[1], final=True),
-        setting=best[1],
-        tried=tried,
+        model=method.fit(train, method.settings[best], final=True),
+        setting=method.settings[best],
+        tried=list(zip(method.settings, shares, strict=True)),
         thresholds=tuple(threshold_for(sound, rate=rate) for rate in RATES),
     )
+
+
+class Lazy:
+    """Some throws, taken out when they are needed first.
+
+    Parameters
+    ----------
+    whole : Judged
+        All of them.
+    rows : ndarray of bool, shape (n,)
+        Which.
+    """
+
+    def __init__(self, whole: Judged, rows: NDArray[np.bool_]) -> None:
+        self._whole, self._rows = whole, rows
+
+    @cached_property
+    def judged(self) -> Judged:
+        """The throws."""
+        return self._whole.of(self._rows)
+
+
+def _scores(method: Method, setting: Mapping[str, Any], seen: Lazy, held_back: Lazy) -> Floats:
+    return method.fit(seen.judged, setting).score(held_back.judged)

@@ -2,7 +2,10 @@
 
 It learns from simulations as it does elsewhere: sound throws, and objects and other causes each
 with the sound throw of the same state, whose difference is the signature. Discrepancy, noise and
-the rest are assumed, not learned. Thresholds come from the protocol of all methods.
+the rest are assumed, not learned. Thresholds of alarms come from the protocol of all methods. What
+else is in a verdict follows as for any user of the detector: widths of intervals and the thresholds
+of causes and of what is unknown come from a third of the training panels, which a detector like it
+did not see.
 
 What is fixed for a switch are here the largest principal components of what the sound throws of
 training switches have in common beyond friction: their panels differ in more numbers than some
@@ -17,28 +20,42 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.threads import one_blas_thread
+from turnout.detection.conditions import FORCE
 from turnout.detection.detector.allowances import Allowances
-from turnout.detection.detector.calibrating import learn_history
+from turnout.detection.detector.calibrating import (
+    RATES,
+    calibrate_alone,
+    calibrate_history,
+    learn_history,
+    with_calibration,
+)
 from turnout.detection.detector.interval_widths import AT_ONCE
-from turnout.detection.detector.judging import View, best_square, evidence_of, make_view, ratios_of
-from turnout.detection.detector.knowledge import Knowledge
-from turnout.detection.detector.object_posterior import posterior_of
+from turnout.detection.detector.judging import (
+    CYCLE,
+    View,
+    best_square,
+    evidence_of,
+    make_view,
+    ratios_of,
+)
+from turnout.detection.detector.knowledge import Knowledge, Setting
 from turnout.detection.detector.throw_layout import Layout
 from turnout.detection.detector.throw_set import ThrowSet
-from turnout.detection.detector.training import setting_of, teach
+from turnout.detection.detector.throw_verdict import ALARM, CAUSE, UNKNOWN, Verdict, verdict_on
+from turnout.detection.detector.training import LEAST_SOUND, setting_of, teach
 from turnout.detection.detector.training_plan import DEFECTS
 from turnout.detection.likelihood import Evidence
-from turnout.open_benchmark.definition import HISTORY, OBJECT, SOUND, panels_study
+from turnout.open_benchmark.definition import HISTORY, MACHINES, OBJECT, SOUND, panels_study
 from turnout.open_benchmark.make_throws import STEP, fine_layout
-from turnout.open_benchmark.method import Judged, Model
+from turnout.open_benchmark.method import Judged, Model, fold_of_panels
 from turnout.open_benchmark.recorder_errors import slopes
 from turnout.open_benchmark.sides import Side, window_features
 
 Floats = NDArray[np.float64]
 Settings = Sequence[Mapping[str, Any]]
 
-NAMED = 6.9
-"""Log likelihood ratio against a sound switch from which on another cause is named [-]."""
+CALIBRATED, AGAIN = 200, 4
+"""Throws of a kind that widths without a history are taken from, and uses of later ones."""
 LEVEL_DEGREE = 3
 """Of the friction level in what all switches have in common."""
 
@@ -92,50 +109,65 @@ def switch_components(side: Side, layout: Layout, *, count: int) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Taught:
-    """A trained detector."""
+    """A trained detector, or one for each machine.
 
-    knowledge: Knowledge
+    Attributes
+    ----------
+    knowledge : mapping of str to Knowledge
+        By machine; one for all has the name "".
+    """
 
-    def weighed(self, judged: Judged) -> Iterator[tuple[NDArray[np.intp], View, Evidence]]:
+    knowledge: Mapping[str, Knowledge]
+
+    def weighed(
+        self, judged: Judged
+    ) -> Iterator[tuple[NDArray[np.intp], Knowledge, View, Evidence]]:
         """Yield some throws of a switch, what they are judged with, and the evidence."""
-        population = make_view(self.knowledge)
+        populations = {name: make_view(item) for name, item in self.knowledge.items()}
         for switch in np.unique(judged.side.groups):
             own = np.flatnonzero(judged.side.groups == switch)
+            machine = str(judged.side.labels["machine"][own[0]])
+            name = machine if machine in self.knowledge else next(iter(self.knowledge))
+            knowledge, view = self.knowledge[name], populations[name]
             known = judged.known.features[judged.known.groups == switch]
-            view = population
             if len(known):
-                expected = learn_history(self.knowledge, known, view=population)
-                view = make_view(self.knowledge, known=expected)
+                expected = learn_history(knowledge, known, view=view)
+                view = make_view(knowledge, known=expected)
             for first in range(0, len(own), AT_ONCE):
                 rows = own[first : first + AT_ONCE]
-                yield rows, view, evidence_of(view, judged.side.features[rows])
+                yield rows, knowledge, view, evidence_of(view, judged.side.features[rows])
 
     def score(self, judged: Judged) -> Floats:
         """Return the log likelihood ratio, object against all else."""
         found = np.empty(len(judged.side.throw))
         with one_blas_thread():
-            for rows, view, evidence in self.weighed(judged):
+            for rows, _, view, evidence in self.weighed(judged):
                 found[rows] = ratios_of(view, evidence).alarm
         return found
 
     def extras(self, judged: Judged) -> Mapping[str, Any]:
         """Return place, size, gaps, cause, probability and what no hypothesis explains."""
-        count, gaps = len(judged.side.throw), len(self.knowledge.setting.gaps)
+        count, gaps = len(judged.side.throw), len(judged.side.positions)
         x, size = np.full((count, 3), np.nan), np.full((count, 3), np.nan)
         gap, novelty = np.full((count, gaps, 3), np.nan), np.empty(count)
         cause, ratio = np.full(count, SOUND, dtype="<U24"), np.empty(count)
-        limits = np.array(self.knowledge.setting.limits)
         with one_blas_thread():
-            for rows, view, evidence in self.weighed(judged):
-                ratios = ratios_of(view, evidence)
-                novelty[rows], ratio[rows] = best_square(evidence), ratios.alarm
-                cause[rows] = [_named(view, ratios.alarm[i], ratios.cause[:, i])
-                               for i in range(len(rows))]  # fmt: skip
+            for rows, knowledge, view, evidence in self.weighed(judged):
+                novelty[rows] = best_square(evidence)
+                ratio[rows] = ratios_of(view, evidence).alarm
+                calibrated = knowledge.calibration(part=CYCLE, history=judged.history)
+                if calibrated is None:
+                    continue
                 for number, row in enumerate(rows):
-                    said = posterior_of(view, evidence, number, limits=limits)
-                    x[row] = (said.x.middle, said.x.low, said.x.high)
-                    size[row] = (said.size.middle, said.size.low, said.size.high)
+                    said = verdict_on(
+                        "", view, evidence, number,
+                        knowledge=knowledge, calibrated=calibrated, rate=RATES[0],
+                    )  # fmt: skip
+                    cause[row] = cause_of(said)
                     gap[row] = [(item.middle, item.low, item.high) for item in said.gaps]
+                    if said.x is not None and said.size is not None:
+                        x[row] = (said.x.middle, said.x.low, said.x.high)
+                        size[row] = (said.size.middle, said.size.low, said.size.high)
         probability = 1.0 / (1.0 + np.exp(-np.clip(ratio, -50.0, 50.0)))
         return {
             "x": x, "size": size, "gap": gap, "cause": cause, "probability": probability,
@@ -143,34 +175,115 @@ class Taught:
         }  # fmt: skip
 
 
-def _named(view: View, alarm: float, causes: Floats) -> str:
-    known = np.where(np.isfinite(view.cause_weight), causes, -np.inf)
-    best = int(known.argmax())
-    if alarm > 0.0 and alarm > NAMED - 1.0:
+def cause_of(verdict: Verdict) -> str:
+    """Return what a verdict says, in the words of the benchmark."""
+    if verdict.status == ALARM:
         return OBJECT
-    return view.kinds[view.objects + best] if known[best] > NAMED else SOUND
+    if verdict.status == CAUSE:
+        return max(verdict.causes, key=lambda name: verdict.odds[name])
+    return "unknown" if verdict.status == UNKNOWN else SOUND
+
+
+MARKER_SETTINGS: Settings = ({"components": 4}, {"components": 8})
+MACHINE_SETTINGS: Settings = tuple(
+    {"components": count, "each machine": each} for each in (False, True) for count in (4, 8)
+)
 
 
 @dataclass(frozen=True)
 class DetectorMethod:
-    """Local likelihood ratio with sampled signatures: `turnout.detection.Detector`."""
+    """Local likelihood ratio with sampled signatures: `turnout.detection.Detector`.
+
+    Attributes
+    ----------
+    errors : Allowances
+        What is assumed of a recorder.
+    quantity : str
+        "force", "current" or "power".
+    """
 
     errors: Allowances
+    quantity: str = FORCE
     name: str = "turnout"
     title: str = "turnout detector"
-    settings: Settings = ({"components": 4}, {"components": 8})
+    settings: Settings = MARKER_SETTINGS
 
     def fit(self, train: Judged, setting: Mapping[str, Any], *, final: bool = False) -> Model:
         """Teach a detector with the training throws."""
-        whole = train.everything
-        inputs = switch_components(whole, train.layout, count=int(setting["components"]))
-        sets = {
-            name: throw_set_of(whole, [name], train.layout, inputs)
-            for name in (SOUND, HISTORY, OBJECT, *DEFECTS)
-            if np.any(whole.labels["role"] == name)
-        }
-        made_for = setting_of(
-            panels_study().panel, amplitude=train.amplitude, allowances=self.errors
-        )
+        machines = [str(name) for name in np.unique(train.side.labels["machine"])]
+        found = {}
         with one_blas_thread():
-            return Taught(teach(sets, made_for))
+            for name in machines if setting.get("each machine") else []:
+                own = train.of(train.side.labels["machine"] == name)
+                if _sound(own) >= LEAST_SOUND:
+                    found[name] = self._taught(own, setting, final=final)
+            if len(found) < len(machines):
+                # too few of some machine: one detector of all of them
+                found = {"": self._taught(train, setting, final=final)} | found
+        return Taught(found)
+
+    def _taught(self, train: Judged, setting: Mapping[str, Any], *, final: bool) -> Knowledge:
+        """Return a detector; finally with thresholds and widths from panels held back."""
+        made_for = self._made_for(train)
+        knowledge = teach(training_sets(train, setting), made_for)
+        if not final:
+            return knowledge
+        fold = fold_of_panels(train.side.labels["panel"])
+        others, held_back = train.of(fold != 0), train.of(fold == 0)
+        if _sound(others) < LEAST_SOUND:
+            others = train
+        less = teach(training_sets(others, setting), made_for)
+        sets = training_sets(held_back, setting)
+        objects = sets[OBJECT].of(sets[OBJECT].force > 0.0)
+        alone = calibrate_alone(
+            less, _spread(sets[SOUND], CALIBRATED), _spread(objects, CALIBRATED), draws=AGAIN
+        )
+        if not train.history:
+            return with_calibration(knowledge, [alone])
+        whole = held_back.everything
+        repeated = throw_set_of(
+            whole, [HISTORY, SOUND], train.layout, np.zeros((len(whole.throw), 1))
+        )
+        after = calibrate_history(
+            less,
+            repeated,
+            history=train.history,
+            alone={CYCLE: alone},
+            objects=_spread(objects, 2 * CALIBRATED),
+            draws=1,
+            again=AGAIN,
+        )
+        return with_calibration(knowledge, [alone, *after])
+
+    def _made_for(self, train: Judged) -> Setting:
+        panel = panels_study().panel
+        if self.quantity != FORCE:
+            panel = panel.with_overrides({
+                f"drive.{name}.machine": machine
+                for name, machine in zip(panel.drive, MACHINES[0], strict=True)
+            })  # fmt: skip
+        own = [train.amplitude[str(name)] for name in np.unique(train.side.labels["machine"])]
+        return setting_of(
+            panel, amplitude=np.mean(own, axis=0), allowances=self.errors, quantity=self.quantity
+        )
+
+
+def training_sets(train: Judged, setting: Mapping[str, Any]) -> dict[str, ThrowSet]:
+    """Return the throws that a detector learns from, by what they are."""
+    whole = train.everything
+    inputs = switch_components(whole, train.layout, count=int(setting["components"]))
+    return {
+        name: throw_set_of(whole, [name], train.layout, inputs)
+        for name in (SOUND, HISTORY, OBJECT, *DEFECTS)
+        if np.any(whole.labels["role"] == name)
+    }
+
+
+def _sound(train: Judged) -> int:
+    return int(np.isin(train.everything.labels["role"], [SOUND, HISTORY]).sum())
+
+
+def _spread(throws: ThrowSet, most: int) -> ThrowSet:
+    """Return at most so many throws, evenly among all."""
+    count = len(throws.level)
+    return throws.of(np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.intp)))

@@ -1,9 +1,17 @@
-"""Run the methods of the benchmark, each under each set of conditions; interrupted, it goes on."""
+"""Run the methods of the benchmark, each under each set of conditions; interrupted, it goes on.
 
+A piece is a method under a set of conditions. Its result is kept in a file, and while it is tuned
+so are the scores of each setting on each fold.
+"""
+
+import gc
+import io
 import json
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import as_completed
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 from pathlib import Path
 from pickle import dumps  # its length is the size of a model; nothing is read that way
 from typing import Any
@@ -12,20 +20,44 @@ import numpy as np
 
 from turnout.core.files import write_atomic
 from turnout.core.json_files import to_plain
+from turnout.core.provenance import content_hash
+from turnout.core.sources import digest_of_sources
+from turnout.core.threads import one_blas_thread
 from turnout.detection.detector.allowances import Allowances
 from turnout.errors import StudyError
 from turnout.open_benchmark.classical import ComponentsMethod, LimitsMethod, WarpingMethod
 from turnout.open_benchmark.definition import MARKERS, TEST, TRAIN, WITH_MACHINES
 from turnout.open_benchmark.learned import BoostingMethod, ForestMethod, RocketMethod
 from turnout.open_benchmark.make_throws import data_digest
-from turnout.open_benchmark.method import Method, fold_of_panels, judged_of, tune
-from turnout.open_benchmark.ours import DetectorMethod
+from turnout.open_benchmark.method import Floats, Keep, Method, fold_of_panels, judged_of, tune
+from turnout.open_benchmark.ours import MACHINE_SETTINGS, MARKER_SETTINGS, DetectorMethod
 from turnout.open_benchmark.score import plain, score_verdicts
 from turnout.open_benchmark.sides import TRACKS, Benchmark, open_benchmark, read_throws_file
 from turnout.open_benchmark.verdicts import Verdicts, read_verdicts, write_verdicts
+from turnout.sweep.process import worker_processes
 
 RESULTS = "results"
 Report = Callable[[str, int, int], None]
+ASSUMED = 0.05
+"""Usual discrepancy, which a detector assumes that does not know the true one [-]."""
+METHODS = (
+    *(
+        f"open_benchmark/{name}.py"
+        for name in (
+            "classical",
+            "learned",
+            "method",
+            "minirocket",
+            "ours",
+            "recorder_errors",
+            "sides",
+        )  # fmt: skip
+    ),
+    *("detection/detector", "detection/likelihood.py", "detection/population.py"),
+)
+"""Sources that verdicts depend on: results of others are made again."""
+SCORES = tuple(f"open_benchmark/{name}.py" for name in ("metrics", "score")) + ("detection/pod",)
+"""Sources that scores depend on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,16 +94,35 @@ VARIED = (
     *(Conditions(discrepancy=0.03), Conditions(discrepancy=0.10)),
     *(Conditions(track=WITH_MACHINES, channels=name) for name in ("force", "current", "power")),
 )
-LONG_HISTORY = Conditions(history=200)
 
 
 def conditions_for(known: int) -> tuple[Conditions, ...]:
-    """Return all conditions that are compared, by the throws known of each switch."""
-    return (*MAIN, *VARIED, *((LONG_HISTORY,) if known >= LONG_HISTORY.history else ()))
+    """Return all conditions that are compared, by the throws known of each switch.
+
+    Examples
+    --------
+    >>> [item.name for item in conditions_for(200)][-1]
+    'markers-force-h200-d5'
+    """
+    longest = (Conditions(history=known),) if known > MAIN[0].history else ()
+    return (*MAIN, *VARIED, *longest)
 
 
 def methods_for(conditions: Conditions) -> list[Method]:
-    """Return the methods that can judge under some conditions, the simplest first."""
+    """Return the methods that are compared under some conditions, the simplest first.
+
+    Where the discrepancy is not the usual one, the detector of this program is there twice: the
+    second one assumes the usual one.
+    """
+    of_machines = conditions.track == WITH_MACHINES
+
+    def detector(assumed: float, name: str, title: str) -> DetectorMethod:
+        return DetectorMethod(
+            errors=Allowances(discrepancy=assumed), quantity=conditions.channels,
+            name=name, title=title,
+            settings=MACHINE_SETTINGS if of_machines else MARKER_SETTINGS,
+        )  # fmt: skip
+
     found: list[Method] = [
         LimitsMethod("threshold", "threshold, peak and duration", "peak and duration"),
         LimitsMethod("three-features", "three features, learned limits", "three features"),
@@ -81,9 +132,13 @@ def methods_for(conditions: Conditions) -> list[Method]:
         RocketMethod(),
         BoostingMethod(),
     ]
-    if conditions.channels == "force" and conditions.track == MARKERS:
-        found.append(DetectorMethod(errors=Allowances(discrepancy=conditions.discrepancy)))
-    return found
+    if conditions.discrepancy != ASSUMED:
+        title = f"turnout detector, {ASSUMED:.0%} assumed"
+        found.append(detector(ASSUMED, "turnout-assumed", title))
+    return [*found, detector(conditions.discrepancy, OURS, "turnout detector")]
+
+
+OURS = "turnout"
 
 
 def run_methods(
@@ -91,6 +146,7 @@ def run_methods(
     conditions: Sequence[Conditions],
     *,
     only: Sequence[str] = (),
+    workers: int = 1,
     report: Report | None = None,
 ) -> dict[str, dict[str, dict[str, Any]]]:
     """Return the score of each method by conditions and name; what is missing is run.
@@ -103,56 +159,123 @@ def run_methods(
         In turn.
     only : sequence of str
         Names of methods; default all.
+    workers : int
+        Processes, each of which takes a piece at a time.
     report : callable, optional
-        Called with what is run, how many runs are done, and of how many.
+        Called with what was run, how many pieces are done, and of how many.
     """
-    names = [item.name for item in methods_for(Conditions())]
+    names = [item.name for item in methods_for(Conditions(discrepancy=0.0))]
     unknown = [name for name in only if name not in names]
     if unknown:
         faults = [f'method "{name}": there are {", ".join(names)}' for name in unknown]
         raise StudyError(faults, source="benchmark")
-    whole = read_throws_file(folder)
-    data = {
-        track: data_digest(whole.isel(throw=np.flatnonzero(whole["track"].to_numpy() == track)))
-        for track in TRACKS
-    }
-    todo = [
+    data = _data_of(folder)
+    pieces = [
         (own, method)
         for own in conditions
         for method in methods_for(own)
         if not only or method.name in only
     ]
-    found: dict[str, dict[str, dict[str, Any]]] = {}
-    bench: tuple[Conditions, Benchmark] | None = None
-    for done, (own, method) in enumerate(todo):
+    found: dict[Piece, dict[str, Any] | None]
+    found = {(own, method.name): _kept(folder, own, method, data[own.track])
+             for own, method in pieces}  # fmt: skip
+    missing = [(own, method.name) for own, method in pieces if found[own, method.name] is None]
+    missing.sort(key=lambda piece: (conditions.index(piece[0]), -names.index(piece[1])))
+    done = len(pieces) - len(missing)
+    for (own, name), result in _results(folder, missing, data, workers=workers):
+        found[own, name], done = result, done + 1
         if report is not None:
-            report(f"{own.name}, {method.title}", done, len(todo))
-        place = folder / RESULTS / own.name
-        kept = _kept(place / f"{method.name}.json", data[own.track])
-        if kept is None:
-            if bench is None or bench[0] != own:
-                bench = (own, own.open(folder))
-            kept = run_method(method, bench[1], place, data=data[own.track])
-        found.setdefault(own.name, {})[method.name] = kept
-    return found
+            report(f"{own.name}, {result['title']}", done, len(pieces))
+    results: dict[str, dict[str, dict[str, Any]]] = {}
+    for own, method in pieces:
+        piece = found[own, method.name]
+        if piece is not None:
+            results.setdefault(own.name, {})[method.name] = piece
+    return results
 
 
-def _kept(path: Path, data: str) -> dict[str, Any] | None:
-    """Return the stored result, if it is of these throws."""
+Piece = tuple[Conditions, str]
+
+
+def _results(
+    folder: Path, missing: Sequence[Piece], data: dict[str, str], *, workers: int
+) -> Iterator[tuple[Piece, dict[str, Any]]]:
+    """Yield the results of pieces as they come."""
+    if min(workers, len(missing)) <= 1:
+        for own, name in missing:
+            yield (own, name), _run_piece(folder, own, name, data[own.track])
+        return
+    pool = worker_processes(min(workers, len(missing)))
+    try:
+        futures = {
+            pool.submit(_run_piece, folder, own, name, data[own.track]): (own, name)
+            for own, name in missing
+        }
+        for future in as_completed(futures):
+            yield futures[future], future.result()
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _run_piece(folder: Path, conditions: Conditions, name: str, data: str) -> dict[str, Any]:
+    gc.enable()  # which a fresh worker leaves off
+    method = next(item for item in methods_for(conditions) if item.name == name)
+    # more threads would wait for those of the other pieces, and sum in another order
+    with one_blas_thread():
+        place = folder / RESULTS / conditions.name
+        return run_method(method, _opened(folder, conditions), place, data=data)
+
+
+@lru_cache(maxsize=1)
+def _opened(folder: Path, conditions: Conditions) -> Benchmark:
+    """Open a benchmark; the one opened last is kept."""
+    return conditions.open(folder)
+
+
+def _data_of(folder: Path) -> dict[str, str]:
+    """Return the digest of the throws of each track."""
+    whole = read_throws_file(folder)
+    return {
+        track: data_digest(whole.isel(throw=np.flatnonzero(whole["track"].to_numpy() == track)))
+        for track in TRACKS
+    }
+
+
+def _key(method: Method, data: str) -> str:
+    """Return a digest of all that verdicts follow from."""
+    settings = [dict(item) for item in method.settings]
+    assumed = str(getattr(method, "errors", ""))
+    return str(content_hash([data, method.name, settings, assumed, digest_of_sources(METHODS)]))
+
+
+def _kept(folder: Path, conditions: Conditions, method: Method, data: str) -> dict[str, Any] | None:
+    """Return the stored result, if it is of these throws and of this program."""
+    place = folder / RESULTS / conditions.name
+    path = place / f"{method.name}.json"
     try:
         found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-    return found if found.get("data") == data and "score" in found else None
+    if found.get("key") != _key(method, data) or "score" not in found:
+        return None
+    if found.get("scored") != digest_of_sources(SCORES):
+        bench = _opened(folder, conditions)
+        found["score"] = score_file(place / f"{method.name}.csv", bench)
+        found["scored"] = digest_of_sources(SCORES)
+        write_atomic(path, json.dumps(found, indent=1) + "\n")
+    return found
 
 
 def run_method(method: Method, bench: Benchmark, place: Path, *, data: str) -> dict[str, Any]:
     """Tune a method, judge the test throws, and keep verdicts and score in a folder."""
     train = judged_of(bench, TRAIN)
     panels = bench.train.labels["panel"][bench.train.judged]
+    place.mkdir(parents=True, exist_ok=True)
+    tuning, key = place / "tuning", _key(method, data)
     began = time.process_time()
-    fitted = tune(method, train, fold_of_panels(panels))
-    tuned = time.process_time() - began
+    keep, spent = _keeper(tuning, f"{method.name}-{key[:16]}")
+    fitted = tune(method, train, fold_of_panels(panels), keep)
+    tuned = time.process_time() - began + spent()
     test = judged_of(bench, TEST)
     began = time.process_time()
     scores = fitted.model.score(test)
@@ -164,12 +287,12 @@ def run_method(method: Method, bench: Benchmark, place: Path, *, data: str) -> d
         rare_alarm=scores > fitted.thresholds[1],
         **fitted.model.extras(test),
     )
-    place.mkdir(parents=True, exist_ok=True)
     write_verdicts(verdicts, place / f"{method.name}.csv", test.side.positions)
     result = {
         "method": method.name,
         "title": method.title,
-        "data": data,
+        "key": key,
+        "scored": digest_of_sources(SCORES),
         "setting": dict(fitted.setting),
         "tried": [{"setting": dict(item), "detected": share} for item, share in fitted.tried],
         "tuning_time": tuned,
@@ -179,7 +302,45 @@ def run_method(method: Method, bench: Benchmark, place: Path, *, data: str) -> d
     }
     text = json.dumps(to_plain(result, nonfinite=lambda _: None), indent=1)
     write_atomic(place / f"{method.name}.json", text + "\n")
+    for path in tuning.glob(f"{method.name}-*.npz"):
+        path.unlink()
     return dict(json.loads(text))
+
+
+def _keeper(tuning: Path, name: str) -> tuple[Keep, Callable[[], float]]:
+    """Return what keeps scores of settings in files, and the time that stored ones took [s]."""
+    before: list[float] = []
+
+    def keep(fold: int, setting: int, scores: Callable[[], Floats]) -> Floats:
+        path = tuning / f"{name}-{fold}-{setting}.npz"
+        try:
+            with np.load(path, allow_pickle=False) as content:
+                before.append(float(content["time"]))
+                return np.asarray(content["scores"], dtype=np.float64)
+        except (OSError, ValueError, KeyError):
+            began = time.process_time()
+            found = scores()
+            tuning.mkdir(exist_ok=True)
+            packed = io.BytesIO()
+            np.savez(packed, scores=found, time=time.process_time() - began)
+            write_atomic(path, packed.getvalue())
+            return found
+
+    return keep, lambda: float(np.sum(before))
+
+
+def numbers_digest(folder: Path, results: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str:
+    """Return a digest of all verdicts and scores; times are no part of it."""
+    content = {
+        f"{conditions}/{name}": [
+            content_hash((folder / RESULTS / conditions / f"{name}.csv").read_text("utf-8")),
+            result["setting"],
+            result["score"],
+        ]
+        for conditions, own in results.items()
+        for name, result in own.items()
+    }
+    return str(content_hash(content))
 
 
 def score_file(path: Path, bench: Benchmark) -> dict[str, Any]:

@@ -139,8 +139,8 @@ class Benchmark:
         What was added to the simulated throws.
     track : str
         "markers" or "machines".
-    amplitude : ndarray, shape (n_signals,)
-        Peak of the mean sound throw.
+    amplitude : mapping of str to ndarray, shape (n_signals,)
+        Peak of the mean sound throw, by machine; markers have the name "".
     attrs : mapping of str to object
         Digests of definition, data, and those of this track (`track_data`); counts, version.
     """
@@ -153,7 +153,7 @@ class Benchmark:
     history: int
     errors: Allowances
     track: str
-    amplitude: Floats
+    amplitude: Mapping[str, Floats]
     attrs: Mapping[str, Any]
 
 
@@ -216,10 +216,11 @@ def open_benchmark(
     onsets = np.array([part.start for part in fine.parts])
     time = own["time"].to_numpy()
     machine = own["machine"].to_numpy()
-    peak = {
-        name: amplitudes(clean[sound & training & (machine == name)], time, onsets)
-        for name in np.unique(machine[training])
-    }
+    peak = {}
+    for name in np.unique(machine):
+        rows = sound & (machine == name)
+        rows = rows & training if np.any(rows & training) else rows
+        peak[str(name)] = amplitudes(clean[rows], time, onsets)
     seen = _recorded(own, clean, signals, fine, peak, errors)
     sides = {
         split: _side(own, np.flatnonzero(own["split"].to_numpy() == split), clean, seen, layout)
@@ -228,7 +229,7 @@ def open_benchmark(
     return Benchmark(
         train=sides[TRAIN], test=sides[TEST], layout=layout, time=time, signals=signals,
         history=history, errors=errors, track=track,
-        amplitude=np.mean(list(peak.values()), axis=0),
+        amplitude=peak,
         attrs={**whole.attrs, "track_data": data_digest(own)},
     )  # fmt: skip
 

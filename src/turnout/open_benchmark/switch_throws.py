@@ -25,6 +25,7 @@ from turnout.detection.detector.training_plan import (
 )
 from turnout.detection.reference import TEMPERATURE, reference_study
 from turnout.detection.throws import places_of
+from turnout.errors import PanelError, StudyError
 from turnout.open_benchmark.definition import (
     HISTORY,
     OBJECT,
@@ -58,8 +59,8 @@ ROUND = 1000
 FORCES, MACHINE_CHANNELS = ("drive_force", "sensor_gap"), ("drive_current", "drive_power")
 UNKNOWN = SLOW_DRIVE
 """Cause that only switches for testing have: what a method makes of what it never saw."""
-NOT_OF_MACHINES = (CLUTCH, SLOW_DRIVE)
-"""Causes that are made by values of a marker, which a machine does not have."""
+FIXED, MOST_DRAWN = 5 * ROUND, 100
+"""First state that what is fixed for a switch may be taken from, and how many are tried."""
 SHIFTED = ("over_travel_closed", "stress_free")
 """Ends of the names of values of the reference case that are moved to those of a panel."""
 
@@ -126,13 +127,14 @@ def throws_of_switch(switch: Switch, counts: Counts) -> SwitchThrows:
     study = study_of(switch)
     population = Population(study, seed=SEED + 10 * ROUND * switch.number)
     shifts = shifts_of(study)
+    fixed = fixed_state(population, shifts)
     rng = np.random.default_rng([SEED, 5, switch.number])
     known, later = np.sort(0.5 * rng.random(counts.known)), 0.5 + np.sort(0.5 * rng.random(
         counts.sound))  # fmt: skip
     moments = switch.phase + np.concatenate([known, later])
     states = [*range(counts.known), *range(ROUND, ROUND + counts.sound)]
     rows = [
-        {**_about(population.row(state, switch=0), shifts), KIND: SPRING}
+        {**_about(population.row(state, switch=fixed), shifts), KIND: SPRING}
         for state in states
     ]  # fmt: skip
     for state, row, moment in zip(states, rows, moments, strict=True):
@@ -156,7 +158,7 @@ def throws_of_switch(switch: Switch, counts: Counts) -> SwitchThrows:
     for name in causes_of(switch):
         for _ in range(counts.causes):
             at = counts.known + int(own.integers(counts.sound))
-            rows.append(DEFECTS[name](sound[at], own, population))
+            rows.append(_with_cause(name, sound[at], own, population))
             role.append(name)
             partner.append(at)
             kind.append("")
@@ -180,6 +182,42 @@ def throws_of_switch(switch: Switch, counts: Counts) -> SwitchThrows:
         moment=np.array([moments[i] if i < len(moments) else moments[partner[i]]
                          for i in range(len(rows))]),
     )  # fmt: skip
+
+
+def fixed_state(population: Population, shifts: Mapping[str, float]) -> int:
+    """Return the first state whose drives hold their rails at rest, which fixes a switch.
+
+    Panels were chosen with their own slip levels; a lower one that is drawn for a switch may be
+    below the force with which a drive holds a rail open.
+    """
+    for state in range(FIXED, FIXED + MOST_DRAWN):
+        if holds_at_rest(population, _about(population.row(state), shifts)):
+            return state
+    message = (
+        f"{population.study.name}: none of {MOST_DRAWN} states drawn holds the rails at rest; "
+        "lower an over-travel of the panel or raise a slip level"
+    )
+    raise StudyError([message], source="benchmark")
+
+
+def holds_at_rest(population: Population, row: Row) -> bool:
+    """Return whether no drive slips where it holds a rail at rest, as every throw begins."""
+    study = population.plan("at rest", [row]).study
+    try:
+        study.panel.with_overrides(dict(study.scenario(0).overrides))
+    except PanelError:
+        return False
+    return True
+
+
+def _with_cause(name: str, row: Row, rng: np.random.Generator, population: Population) -> Row:
+    """Return a row with another cause; a clutch is worn no further than it holds the rails."""
+    made = DEFECTS[name](row, rng, population)
+    for _ in range(MOST_DRAWN if name == CLUTCH else 0):
+        if holds_at_rest(population, made):
+            break
+        made = DEFECTS[name](row, rng, population)
+    return made
 
 
 def shifts_of(study: Study) -> Mapping[str, float]:
@@ -218,8 +256,7 @@ def causes_of(switch: Switch) -> list[str]:
 
     A frozen blade is left out: it adds a law to every chair, which makes all throws slower.
     """
-    left_out = {FROZEN} | (set(NOT_OF_MACHINES) if switch.machines else set())
-    left_out |= {UNKNOWN} if switch.split == TRAIN else set()
+    left_out = {FROZEN} | ({UNKNOWN} if switch.split == TRAIN else set())
     return [name for name in DEFECTS if name not in left_out]
 
 

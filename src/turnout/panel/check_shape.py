@@ -108,8 +108,8 @@ _STUDIED = ("stiffness", "saturation_force", "extension", "force")
 
 
 @dataclass(frozen=True, slots=True)
-class RestingSlip:
-    """A drive that presses a closed rail so hard that it slips without moving.
+class RestingForce:
+    """How hard a drive presses a closed rail, and from which force on it slips without moving.
 
     Attributes
     ----------
@@ -117,6 +117,8 @@ class RestingSlip:
         Names, and the key of the over-travel that presses the rail home.
     reach : float
         This over-travel [m].
+    fit : float
+        Gap that the closed rail leaves at the drive before it is pressed home [m].
     force, limit : float
         Force that it would need, and slip level [N].
     most : float
@@ -127,9 +129,15 @@ class RestingSlip:
     rail: str
     key: str
     reach: float
+    fit: float
     force: float
     limit: float
     most: float
+
+    @property
+    def slips(self) -> bool:
+        """Whether the drive slips at rest."""
+        return self.force >= self.limit
 
 
 def slips_at_rest(draft: Draft) -> Iterator[Problem]:
@@ -146,6 +154,8 @@ def _refused_at_rest(draft: Draft, name: str) -> Iterator[Problem]:
     given = draft.given
     studied = any(f"drive.{name}.{key}" in given for key in _STUDIED)
     for found in _at_rest(draft.records, name):
+        if not found.slips:
+            continue
         if studied and f"drive.{name}.{found.key}" not in given:
             continue
         text = (
@@ -156,7 +166,7 @@ def _refused_at_rest(draft: Draft, name: str) -> Iterator[Problem]:
         yield Problem(("drive", name, found.key), text)
 
 
-def resting_slips(panel: Panel) -> list[RestingSlip]:
+def resting_slips(panel: Panel) -> list[RestingForce]:
     """Return the drives of a valid panel that slip at rest, which a study may have made so.
 
     Examples
@@ -169,11 +179,24 @@ def resting_slips(panel: Panel) -> list[RestingSlip]:
     >>> [(found.drive, found.rail) for found in resting_slips(stiff)]
     [('2', 'straight'), ('2', 'curved')]
     """
+    return [found for found in resting_forces(panel) if found.slips]
+
+
+def resting_forces(panel: Panel) -> list[RestingForce]:
+    """Return how hard each drive presses each rail that it closes.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> found = resting_forces(load_panel("uic60-760-1-15"))
+    >>> [(item.drive, item.rail, round(item.force / 1e3, 2)) for item in found][:2]
+    [('1', 'straight', 3.0), ('1', 'curved', 1.5)]
+    """
     records = {"rail": panel.rail, "drive": panel.drive, "link": panel.link}
     return [found for name in panel.drive for found in _at_rest(records, name)]
 
 
-def _at_rest(records: Mapping[str, Any], name: str) -> Iterator[RestingSlip]:
+def _at_rest(records: Mapping[str, Any], name: str) -> Iterator[RestingForce]:
     drive = records["drive"][name]
     for rail_name, rail in records["rail"].items():
         if isinstance(rail, Partial) or rail.independent_shape:
@@ -185,10 +208,8 @@ def _at_rest(records: Mapping[str, Any], name: str) -> Iterator[RestingSlip]:
         if fit is None or any(check_drive_table(("drive", name), drive)):
             continue
         reach, limit = getattr(drive, key), drive.saturation_force
-        force = _force_at(drive, reach - fit)
-        if force >= limit:
-            most = limit / drive.stiffness + fit
-            yield RestingSlip(name, rail_name, key, reach, force, limit, most)
+        force, most = _force_at(drive, reach - fit), limit / drive.stiffness + fit
+        yield RestingForce(name, rail_name, key, reach, fit, force, limit, most)
 
 
 def _fit_at(rail: Rail, drive: Drive) -> float | None:

@@ -69,7 +69,8 @@ def plot_limit(dataset: xr.Dataset, *, channel: str = "both drives") -> "Figure"
     figure.suptitle(
         f"Best detection by {said.get('quantities', 'force')}, {channel}: discrepancy "
         f"{100 * said['discrepancy']:g} %, "
-        f"{said['history']} throws known, false-alarm rate {said['false_alarm_rate']:g}",
+        f"{said['history']} throws known, false-alarm rate {said['false_alarm_rate']:g}"
+        + (f", {kind}" if (kind := said.get("object_kind", "spring")) != "spring" else ""),
         fontsize=10,
     )
     return figure
@@ -81,7 +82,7 @@ def plot_bands(dataset: xr.Dataset) -> "Figure":
     Parameters
     ----------
     dataset : xarray.Dataset
-        With a90 over panel and place, and a90_band over share and place.
+        With a90 over panel and place, and a90_band with its interval over share and place.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -97,7 +98,11 @@ def plot_bands(dataset: xr.Dataset) -> "Figure":
         label = name if few else None
         ax.plot(x, row, color=None if few else "0.75", linewidth=0.8, label=label)
     ax.fill_between(x, band[0], band[-1], color="0.9", zorder=0, label="90 % of the panels")
-    ax.plot(x, band[len(band) // 2], "o-", color="black", markersize=4, label="middle")
+    label = "middle, 95 % over drawn states"
+    middle = len(band) // 2
+    ends = [1e3 * dataset[f"a90_band_{end}"].to_numpy()[middle] for end in ("low", "high")]
+    ax.plot(x, band[middle], "o-", color="black", markersize=4, label=label)
+    ax.vlines(x, *ends, color="black", linewidth=1.0)
     ax.set_ylim(bottom=0.0)
     ax.set_xlabel("Position from the toe [m]")
     ax.set_ylabel("a90 of the bound [mm]")

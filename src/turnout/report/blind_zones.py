@@ -203,6 +203,7 @@ def _conditions(dataset: xr.Dataset) -> Table:
         ["noise of a force", f"{said['noise']:g} N at {said['rate']:g} Hz"],
         ["sound throws known of the switch", f"{said['history']}"],
         ["false alarms a sound throw", f"{said['false_alarm_rate']:g}"],
+        ["objects", str(said.get("object_kind", "spring"))],
         ["bound", str(said["bound"])],
     ]
     return Table("", ["what", "value"], rows)

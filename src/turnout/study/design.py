@@ -1,6 +1,7 @@
 """The design of a study: from the number of a scenario to the value of every variable."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,6 +36,67 @@ class Drawn:
 
     name: str
     law: Distribution | Choice
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Input:
+    """A number of the panel that may be drawn.
+
+    Attributes
+    ----------
+    value : float
+        That of the panel, in SI.
+    replaced_by, multiplied_by : str
+        Variables that do so, by name; empty where it does not vary.
+    """
+
+    value: float
+    replaced_by: str = ""
+    multiplied_by: str = ""
+
+    def in_state(self, drawn: Mapping[str, Value]) -> float:
+        """Return the number in a state, given what is drawn for it.
+
+        Examples
+        --------
+        >>> Input(value=2.0, multiplied_by="factor").in_state({"factor": 1.5})
+        3.0
+        """
+        value = float(drawn[self.replaced_by]) if self.replaced_by else self.value
+        return value * float(drawn[self.multiplied_by]) if self.multiplied_by else value
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Holding:
+    r"""What a drive needs so as not to slip while it presses a rail home.
+
+    .. math:: k (u - g) < S
+
+    Attributes
+    ----------
+    stiffness : Input
+        :math:`k` of the bushing [N/m].
+    reach : Input
+        Over-travel :math:`u` [m].
+    fit : Input
+        Gap :math:`g` that the closed rail leaves before it is pressed home [m].
+    slip_level : Input
+        :math:`S` [N].
+    """
+
+    stiffness: Input
+    reach: Input
+    fit: Input
+    slip_level: Input
+
+    def holds(self, drawn: Mapping[str, Value]) -> bool:
+        """Return whether the drive holds the rail in a state, given what is drawn for it."""
+        stretch = self.reach.in_state(drawn) - self.fit.in_state(drawn)
+        return self.stiffness.in_state(drawn) * stretch < self.slip_level.in_state(drawn)
+
+
+MOST_DRAWS = 200
+"""So often a state is drawn; the last one is kept."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,6 +144,8 @@ class Design:
         Cholesky factor of the correlation of normal scores.
     seed : int
         Of the study.
+    holdings : tuple of Holding
+        States in which a drive would slip at rest are drawn again; of the method "random" alone.
     """
 
     axes: tuple[Axis, ...]
@@ -90,6 +154,13 @@ class Design:
     draws: int
     copula: FloatArray | None
     seed: int
+    holdings: tuple[Holding, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse to draw states again that are known only together."""
+        if self.holdings and self.method != "random":
+            message = f"states of the method {self.method} cannot be drawn again one by one"
+            raise ValueError(message)
 
     @property
     def cells(self) -> int:
@@ -147,6 +218,14 @@ class Design:
 
     def drawn_values(self, state: int) -> dict[str, Value]:
         """Return the values that are drawn for a state, by variable."""
+        values = self._drawn_values(state, attempt=0)
+        for attempt in range(1, MOST_DRAWS):
+            if all(item.holds(values) for item in self.holdings):
+                break
+            values = self._drawn_values(state, attempt=attempt)
+        return values
+
+    def _drawn_values(self, state: int, *, attempt: int) -> dict[str, Value]:
         if not self.drawn:
             return {}
         shares = sample_point(
@@ -155,6 +234,7 @@ class Design:
             dimensions=len(self.drawn),
             seed=self.seed,
             state=state,
+            attempt=attempt,
         )
         if self.copula is not None:
             shares = correlate(shares, factor=self.copula)

@@ -42,7 +42,9 @@ def count_states(method: str, *, count: int, dimensions: int) -> int:
     return count * (dimensions + 2) if method == "saltelli" else count
 
 
-def sample_point(method: str, *, count: int, dimensions: int, seed: int, state: int) -> FloatArray:
+def sample_point(
+    method: str, *, count: int, dimensions: int, seed: int, state: int, attempt: int = 0
+) -> FloatArray:
     """Return the coordinates of one state.
 
     Parameters
@@ -53,6 +55,8 @@ def sample_point(method: str, *, count: int, dimensions: int, seed: int, state: 
         Of the design.
     state : int
         Number of the state, from 0 to count - 1.
+    attempt : int
+        How often the state was drawn before; of "random" alone.
 
     Returns
     -------
@@ -65,7 +69,8 @@ def sample_point(method: str, *, count: int, dimensions: int, seed: int, state: 
     (2,)
     """
     if method == "random":
-        drawn = np.random.default_rng([seed, POINTS, state]).random(dimensions)
+        again = [attempt] if attempt else []
+        drawn = np.random.default_rng([seed, POINTS, state, *again]).random(dimensions)
         return np.clip(drawn, PROBABILITY_MARGIN, 1.0 - PROBABILITY_MARGIN)
     found: FloatArray = _points(method, count, dimensions, seed)[state]
     return found

@@ -85,7 +85,10 @@ class Study:
         """Content hash of all that determines the results but the version of the program."""
         content = {name: getattr(self, name) for name in DIGEST_FIELDS}
         content |= {"panel": self.panel.hash, "seed": self.seed}
-        return content_hash(to_plain(content))
+        plain = to_plain(content)
+        if not self.design.holdings:  # as studies were before states could be drawn again
+            del plain["design"]["holdings"]
+        return content_hash(plain)
 
     @property
     def count(self) -> int:

@@ -33,6 +33,7 @@ from turnout.detection.throws import (
     closing_time,
     few_instants,
     objects_study,
+    of_kind,
     places_of,
     throw_all,
 )
@@ -141,13 +142,14 @@ def read_sensors(
     }
     rail = study.panel.object_defaults.rail
     found = {}
-    for name, made in (
-        (READINGS_SOUND, few_instants(study, "gap", "stop_force", title=READINGS)),
-        (READINGS, few_instants(objects_study(study, sizes), "gap", "stop_force", title=READINGS)),
+    for name, own, made in (
+        (READINGS_SOUND, READINGS_SOUND, study),
+        (READINGS, of_kind(READINGS, throws.kind), objects_study(study, sizes, kind=throws.kind)),
     ):
         watch = report(name) if report is not None else None
-        run_sweep(made, folder / name, workers=workers, report=watch)
-        found[name] = open_sweep(folder / name)
+        kept = few_instants(made, "gap", "stop_force", title=READINGS)
+        run_sweep(kept, folder / own, workers=workers, report=watch)
+        found[name] = open_sweep(folder / own)
     rows = throws.states[used]
     gap, x = _last(found[READINGS], "gap", rail=rail)
     sound_gap, _ = _last(found[READINGS_SOUND], "gap", rail=rail)
@@ -318,7 +320,7 @@ def drive_measure(
     quantities = {item.quantity for item in throws.signals}
     given = throw_all(
         made, folder / f"drive-{x:g}", sound=DRIVE_SOUND, states=STATES, steps=steps,
-        channels=quantities.pop() if len(quantities) == 1 else ALL,
+        channels=quantities.pop() if len(quantities) == 1 else ALL, kind=throws.kind,
         workers=workers, report=report,
     )  # fmt: skip
     kept = np.array([place in throws.places for place in given.places])

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from turnout.detection.conditions import FORCE, Conditions
 from turnout.detection.limit.limit_map import limit_map
 from turnout.detection.throws import (
+    ELASTIC,
     QUICK_SOUND,
     QUICK_STEPS,
     Report,
@@ -33,6 +34,8 @@ UNITS = {
     "a90": ("m", "smallest size from which nine of ten objects are detected"),
     "touch_floor": ("m", "size that is touched in nine of ten states"),
     "a90_band": ("m", "size that a share of the panels stays below; NaN beyond what was thrown"),
+    "a90_band_low": ("m", "lower end of the 95 % interval of it over drawn states"),
+    "a90_band_high": ("m", "upper end of the 95 % interval of it over drawn states"),
 }
 
 
@@ -125,6 +128,7 @@ def limit_bands(
     sound: int = QUICK_SOUND,
     steps: Sequence[float] = QUICK_STEPS,
     channels: str = FORCE,
+    kind: str = ELASTIC,
     workers: int = 1,
     report: Callable[[str, str], Report] | None = None,
 ) -> xr.Dataset:
@@ -144,6 +148,8 @@ def limit_bands(
         Sizes thrown at a place beyond its touch floor [m].
     channels : str
         What is evaluated.
+    kind : str
+        Of the objects.
     workers : int
         Processes.
     report : callable, optional
@@ -152,14 +158,15 @@ def limit_bands(
     Returns
     -------
     xarray.Dataset
-        `a90` and `touch_floor` over panel and place, `a90_band` over share and place.
+        `a90` and `touch_floor` over panel and place, `a90_band` with its interval over share and
+        place.
     """
     maps = []
     for member in members:
         throws = throw_all(
             member.panel, folder / member.name,
             sound=max(sound, states), states=states, channels=channels, steps=steps,
-            over_travel=member.over_travel, workers=workers,
+            over_travel=member.over_travel, kind=kind, workers=workers,
             report=None if report is None else _named(report, member.name),
         )  # fmt: skip
         maps.append(limit_map(throws, conditions, closing=closing_time(member.panel)))
@@ -190,15 +197,23 @@ def bands_of(names: Sequence[str], maps: Sequence[xr.Dataset]) -> xr.Dataset:
         raise StudyError([message], source="limit")
     at = [item.sel(channel="both drives", place=common) for item in maps]
     a90 = np.array([item["a90"].to_numpy() for item in at])
-    filled = np.where(np.isfinite(a90), a90, np.inf)
-    band = np.quantile(filled, SHARES, axis=0, method="nearest")
+    band = _quantiles(np.where(np.isfinite(a90), a90, np.inf), SHARES, axis=0)
+    # the same states of every panel are drawn together, as all panels are thrown in them
+    resampled = np.array([item["a90_resampled"].to_numpy() for item in at])
+    of_draws = _quantiles(resampled, SHARES, axis=0)
+    low, high = _quantiles(of_draws, (0.025, 0.975), axis=1)
     found = xr.Dataset(
         {
             "a90": (("panel", "place"), a90),
             "touch_floor": (
                 ("panel", "place"), np.array([item["touch_floor"].to_numpy() for item in at])
             ),
-            "a90_band": (("share", "place"), np.where(np.isfinite(band), band, np.nan)),
+            **{
+                name: (("share", "place"), np.where(np.isfinite(values), values, np.nan))
+                for name, values in (
+                    ("a90_band", band), ("a90_band_low", low), ("a90_band_high", high)
+                )
+            },
         },
         {
             "panel": list(names), "place": common, "share": list(SHARES),
@@ -211,14 +226,20 @@ def bands_of(names: Sequence[str], maps: Sequence[xr.Dataset]) -> xr.Dataset:
     return found
 
 
+def _quantiles(values: Floats, shares: Sequence[float], *, axis: int) -> Floats:
+    return np.asarray(np.quantile(values, shares, axis=axis, method="nearest"))
+
+
 def band_rows(dataset: xr.Dataset) -> list[dict[str, float | str | None]]:
-    """Return the bands place by place [m]; None beyond what was thrown."""
+    """Return the bands with their intervals place by place [m]; None beyond what was thrown."""
     rows: list[dict[str, float | str | None]] = []
     for place in dataset["place"].to_numpy().tolist():
         at = dataset.sel(place=place)
         row: dict[str, float | str | None] = {"place": str(place)}
         for name, share in zip(("a90_low", "a90_middle", "a90_high"), SHARES, strict=True):
-            value = float(at["a90_band"].sel(share=share))
-            row[name] = value if np.isfinite(value) else None
+            for end in ("", "_low", "_high"):
+                value = float(at[f"a90_band{end}"].sel(share=share))
+                key = name + (f"_interval{end}" if end else "")
+                row[key] = value if np.isfinite(value) else None
         rows.append(row)
     return rows

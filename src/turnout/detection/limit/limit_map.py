@@ -43,6 +43,7 @@ UNITS = {
     "a90": ("m", "smallest size from which nine of ten objects are detected"),
     "a90_low": ("m", "lower end of the 95 % interval of a90 over drawn states"),
     "a90_high": ("m", "upper end of the 95 % interval of a90 over drawn states"),
+    "a90_resampled": ("m", "a90 of states drawn again with replacement; infinite beyond the sizes"),
     "touch_floor": ("m", "size that is touched in nine of ten states"),
     "largest_size": ("m", "largest size that was thrown"),
     "x": ("m", "position from the toe"),
@@ -77,8 +78,9 @@ def limit_map(
     -------
     xarray.Dataset
         With `pod` over channel, place and size; `a90` with its interval over channel and place;
-        `touch_floor` over place. A size beyond the largest that was thrown at a place counts as
-        that one, and an a90 beyond it is NaN.
+        `a90_resampled`, from which the interval is: maps of as many states have the same draws,
+        so that their differences have intervals too; `touch_floor` over place. A size beyond the
+        largest that was thrown at a place counts as that one, and an a90 beyond it is NaN.
     """
     with one_blas_thread():
         return _limit_map(throws, conditions, closing=closing, averaged=averaged, beside=beside)
@@ -346,6 +348,7 @@ def _dataset(
             "a90": (places, seen(pod.mean(axis=1))),
             "a90_low": (places, np.where(np.isinf(low), np.nan, low)),
             "a90_high": (places, np.where(np.isinf(high), np.nan, high)),
+            "a90_resampled": (("resample", *places), drawn),
             "touch_floor": (("place",), touch_floor(throws.gap)),
             "largest_size": (("place",), largest),
         },
@@ -364,6 +367,7 @@ def _dataset(
             "object_throws": int(np.isfinite(throws.force_peak).sum()),
             "amplitude": throws.amplitude.tolist(),
             "quantities": quantities_of(throws.signals),
+            "object_kind": throws.kind,
             "touch_agreement": float(agree.mean()),
             "bound": "linear-Gaussian: place, size and signature known; optimistic",
         },

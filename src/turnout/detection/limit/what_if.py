@@ -141,49 +141,65 @@ def gains(
     -------
     xarray.Dataset
         `a90` by measure, "now" first, and place; `gain`, the mean reduction over places, and
-        `gain_worst`, that of the place with the largest a90 [m].
+        `gain_worst`, that of the place with the largest a90 [m]; each with the ends of its 95 %
+        interval over drawn states. Where a measure is computed from the same states, they are
+        drawn together.
     """
-    now = _a90(limit_map(throws, conditions, closing=closing))
+    whole = limit_map(throws, conditions, closing=closing)
     rows, gain, worst = [], [], []
     for item in measures:
         own = limit_map(
             item.throws, item.conditions,
             closing=closing, averaged=item.averaged, beside=item.beside,
         )  # fmt: skip
-        rows.append(_a90(own))
-        base = now
+        rows.append(_a90(own, "a90"))
+        base = whole
         if item.base is not None:
-            base = _a90(limit_map(item.base, conditions, closing=closing))
-        before, after = _filled(base, throws), _filled(rows[-1], item.throws)
-        gain.append(float(np.mean(before - after)))
-        worst.append(float(before.max() - after.max()))
-    order = np.argsort(gain, kind="stable")[::-1]
+            base = limit_map(item.base, conditions, closing=closing)
+        before, after = _with_resampled(base, throws), _with_resampled(own, item.throws)
+        gain.append(_with_interval(np.mean(before - after, axis=-1)))
+        worst.append(_with_interval(before.max(axis=-1) - after.max(axis=-1)))
+    order = np.argsort([values[0] for values in gain], kind="stable")[::-1]
     ranked = [measures[number] for number in order]
+    a90 = np.array([_a90(whole, "a90"), *(rows[number] for number in order)])
     dataset = xr.Dataset(
         {
-            "a90": (("measure", "place"), np.array([now, *(rows[number] for number in order)])),
-            "gain": (("measure",), np.array([0.0, *(gain[number] for number in order)])),
-            "gain_worst": (("measure",), np.array([0.0, *(worst[number] for number in order)])),
+            "a90": (("measure", "place"), a90),
             "note": (("measure",), ["as it is", *(item.note for item in ranked)]),
         },
         {"measure": ["now", *(item.name for item in ranked)], "place": list(throws.places)},
     )
-    for name, text in (
-        ("a90", "smallest size from which nine of ten objects are detected"),
-        ("gain", "mean reduction of a90 over places"),
-        ("gain_worst", "reduction of the largest a90"),
+    dataset["a90"].attrs |= {
+        "units": "m", "long_name": "smallest size from which nine of ten objects are detected",
+    }  # fmt: skip
+    for name, values, text in (
+        ("gain", gain, "mean reduction of a90 over places"),
+        ("gain_worst", worst, "reduction of the largest a90"),
     ):
-        dataset[name].attrs |= {"units": "m", "long_name": text}
+        each = np.array([np.zeros(3), *(values[number] for number in order)])
+        for column, (end, of) in enumerate(ENDS.items()):
+            said = {"units": "m", "long_name": of + text}
+            dataset[name + end] = (("measure",), each[:, column], said)
     return dataset
 
 
-def _a90(found: xr.Dataset) -> Floats:
-    return np.asarray(found["a90"].sel(channel="both drives").to_numpy(), dtype=np.float64)
+ENDS = {"": "", "_low": "lower end of the 95 % interval: ", "_high": "upper end: "}
+"""Of a gain: what its name ends with, and how its description begins."""
 
 
-def _filled(a90: Floats, throws: Throws) -> Floats:
-    """Return a90, and the largest thrown size where it lies beyond."""
+def _a90(found: xr.Dataset, name: str) -> Floats:
+    return np.asarray(found[name].sel(channel="both drives").to_numpy(), dtype=np.float64)
+
+
+def _with_resampled(found: xr.Dataset, throws: Throws) -> Floats:
+    """Return a90 and below it those of drawn states; beyond the sizes thrown, the largest [m]."""
+    a90 = np.vstack([_a90(found, "a90"), _a90(found, "a90_resampled")])
     return np.where(np.isfinite(a90), a90, throws.sizes.max(axis=1))
+
+
+def _with_interval(values: Floats) -> Floats:
+    """Return the first of some values and the ends of the 95 % interval of the others."""
+    return np.array([values[0], *np.quantile(values[1:], [0.025, 0.975])])
 
 
 def some_states(throws: Throws, kept: NDArray[np.bool_]) -> Throws:
@@ -317,12 +333,15 @@ _FORMS: tuple[tuple[str, Make], ...] = (
 
 
 def gain_rows(dataset: xr.Dataset) -> list[Mapping[str, float | str]]:
-    """Return name, gains [m] and meaning of each measure, best first, without the present state."""
+    """Return name, gains with intervals [m] and meaning of each measure, best first."""
     return [
         {
             "measure": str(one["measure"].item()),
-            "gain": float(one["gain"]),
-            "gain_worst": float(one["gain_worst"]),
+            **{
+                name + end: float(one[name + end])
+                for name in ("gain", "gain_worst")
+                for end in ENDS
+            },
             "note": str(one["note"].item()),
         }
         for one in (dataset.isel(measure=number) for number in range(1, dataset.sizes["measure"]))

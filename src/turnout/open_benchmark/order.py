@@ -1,0 +1,158 @@
+"""Under which conditions this program's detector is the first, and by how much."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.core.files import write_atomic
+from turnout.core.json_files import to_plain
+from turnout.core.provenance import content_hash
+from turnout.core.sources import digest_of_sources
+from turnout.open_benchmark.definition import MARKERS
+from turnout.open_benchmark.margin import DRAWS, margin_over, mid_span_draws
+from turnout.open_benchmark.run_methods import OURS, RESULTS, Conditions
+from turnout.open_benchmark.tables import NOTHING, markdown_table, millimetres
+from turnout.open_benchmark.verdicts import read_verdicts
+
+Floats = NDArray[np.float64]
+Results = Mapping[str, Mapping[str, Any]]
+
+SOURCES = ("open_benchmark/margin.py", "open_benchmark/order.py")
+FILE = "margins.json"
+
+
+def margins_of(folder: Path, conditions: Conditions, results: Results) -> dict[str, Any]:
+    """Return a90 mid-span of each method and the margins of this program's, with intervals.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the benchmark.
+    conditions : Conditions
+        That the results were made under.
+    results : mapping of str to mapping
+        By method, from `run_methods`.
+
+    Returns
+    -------
+    dict
+        "a90" by method (value, low, high); with a result of this program also "over" by baseline
+        and "best" (as `Margin`), and "first", the best baseline.
+    """
+    path = folder / RESULTS / conditions.name / FILE
+    key = content_hash([
+        {name: item["key"] for name, item in results.items()}, digest_of_sources(SOURCES), DRAWS
+    ])  # fmt: skip
+    try:
+        found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        if found.get("key") == key:
+            return found
+    except (OSError, ValueError):
+        pass
+    bench = conditions.open(folder)
+    side = bench.test.of(bench.test.judged)
+    scores = {
+        name: read_verdicts(
+            path.with_name(f"{name}.csv"), throws=side.throw, positions=side.positions
+        ).score
+        for name in results
+    }
+    found = {"key": key, **margins_from(mid_span_draws(side, scores))}
+    text = json.dumps(to_plain(found, nonfinite=lambda _: None), indent=1)
+    write_atomic(path, text + "\n")
+    return dict(json.loads(text))
+
+
+def margins_from(draws: Mapping[str, Floats]) -> dict[str, Any]:
+    """Return figures of draws of a90: each method's, and the margins of this program's detector."""
+    found: dict[str, Any] = {"a90": {name: _interval(row) for name, row in draws.items()}}
+    others = {name: row for name, row in draws.items() if not name.startswith(OURS)}
+    if OURS in draws and others:
+        own = draws[OURS]
+        found["over"] = {name: asdict(margin_over(own, [row])) for name, row in others.items()}
+        found["best"] = asdict(margin_over(own, list(others.values())))
+        found["first"] = min(others, key=lambda name: others[name][0])
+    return found
+
+
+def _interval(row: Floats) -> dict[str, float]:
+    drawn = np.sort(row[1:])
+    tail = int(0.025 * len(drawn))
+    return {"value": float(row[0]), "low": float(drawn[tail]), "high": float(drawn[-1 - tail])}
+
+
+def order_table(
+    conditions: Sequence[Conditions], results: Mapping[str, Results], margins: Mapping[str, Any]
+) -> str:
+    """Return a table of who is first under which conditions, as Markdown."""
+    heads = (
+        *("track", "channels", "history", "discrepancy", "turnout detector [mm]"),
+        *("best baseline [mm]", "", "margin [mm]", "ahead in"),
+    )
+    rows = []
+    for own in conditions:
+        found = margins.get(own.name, {})
+        if "best" not in found:
+            continue
+        best, a90 = found["best"], found["a90"]
+        title = results[own.name][found["first"]]["title"]
+        rows.append([
+            own.track, own.channels, str(own.history), f"{own.discrepancy:.0%}",
+            sized(a90[OURS]), sized(a90[found["first"]]), title,
+            f"{_signed(best['value'])} ({_signed(best['low'])} to {_signed(best['high'])})",
+            f"{best['ahead']:.0%}",
+        ])  # fmt: skip
+    return markdown_table(heads, rows)
+
+
+def sized(interval: Mapping[str, float | None]) -> str:
+    """Return a size in mm with its interval.
+
+    Examples
+    --------
+    >>> sized({"value": 0.011, "low": 0.0101, "high": None})
+    '11.0 (10.1 to -)'
+    """
+    value, low, high = (millimetres(interval[name]) for name in ("value", "low", "high"))
+    return NOTHING if value == NOTHING else f"{value} ({low} to {high})"
+
+
+def _signed(value: float | None) -> str:
+    return NOTHING if value is None or not np.isfinite(value) else f"{1e3 * value:+.1f}"
+
+
+def order_changes(conditions: Sequence[Conditions], margins: Mapping[str, Any]) -> list[str]:
+    """Return in words where this program's detector is not first, or not surely so.
+
+    With the discrepancy it is said at which one the margin would be zero, on the straight line
+    between the two nearest.
+    """
+    found = []
+    for own in conditions:
+        best = margins.get(own.name, {}).get("best")
+        if best is None or best["value"] is None:
+            continue
+        if best["value"] <= 0.0:
+            found.append(f"{own.name}: a baseline is first by {-1e3 * best['value']:.1f} mm.")
+        elif best["low"] is None or best["low"] <= 0.0:
+            found.append(
+                f"{own.name}: first by {1e3 * best['value']:.1f} mm, but a baseline is in "
+                f"{1.0 - best['ahead']:.0%} of the draws of switches."
+            )
+    usual = Conditions()
+    line = sorted(
+        (own.discrepancy, margins[own.name]["best"]["value"])
+        for own in conditions
+        if own.track == MARKERS and own.history == usual.history
+        and (margins.get(own.name, {}).get("best") or {}).get("value") is not None
+    )  # fmt: skip
+    for (low, above), (high, below) in zip(line, line[1:], strict=False):
+        if above * below < 0.0:
+            at = low + (high - low) * above / (above - below)
+            found.append(f"The order changes at a discrepancy of {at:.1%} (straight line).")
+    return found or ["Under none of these conditions is a baseline first."]

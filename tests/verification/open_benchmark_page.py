@@ -1,0 +1,106 @@
+"""The tables and figures of docs/open-benchmark.md, from the folder of a benchmark that was run.
+
+`python -m tests.verification.open_benchmark_page FOLDER` writes them; run
+`turnout benchmark detection FOLDER` first. Conditions that were not run are left out, and the page
+says so.
+"""
+
+import re
+import shutil
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from tests.verification.plausible_page import put
+
+from turnout.open_benchmark.data_card import CARD
+from turnout.open_benchmark.order import margins_of, order_changes, order_table
+from turnout.open_benchmark.run_methods import (
+    MAIN,
+    OURS,
+    RESULTS,
+    VARIED,
+    Conditions,
+    run_methods,
+)
+from turnout.open_benchmark.sides import read_throws_file
+from turnout.open_benchmark.tables import (
+    budget_table,
+    markdown_table,
+    millimetres,
+    said_table,
+    table_of,
+)
+
+DOCS = Path(__file__).parents[2] / "docs"
+PAGE = DOCS / "open-benchmark.md"
+FIGURES = {"roc.png": "benchmark_roc.png", "pod.png": "benchmark_pod.png"}
+Results = Mapping[str, Mapping[str, Any]]
+
+
+def was_run(folder: Path, conditions: Conditions) -> bool:
+    """Return whether this program's detector, which is run first but one, has a result."""
+    return (folder / RESULTS / conditions.name / f"{OURS}.json").exists()
+
+
+def by_method(conditions: list[Conditions], results: Mapping[str, Results]) -> str:
+    """Return a90 mid-span at equal false alarms of each method, by conditions."""
+    names = list(dict.fromkeys(name for own in conditions for name in results[own.name]))
+    titles = {name: item["title"] for own in conditions
+              for name, item in results[own.name].items()}  # fmt: skip
+    heads = ["a90 4-8 at equal rate [mm]", *(f"{own.track[:-1]} {own.channels}, {own.history} "
+             f"known, {own.discrepancy:.0%}" for own in conditions)]  # fmt: skip
+    rows = []
+    for name in names:
+        found = [results[own.name].get(name) for own in conditions]
+        rows.append([titles[name], *(
+            "" if item is None else millimetres(item["score"]["equal_mid_span"]) for item in found
+        )])  # fmt: skip
+    return markdown_table(heads, rows)
+
+
+def obvious_table(results: Results) -> str:
+    """Return where each method calls obvious objects best, and how many of them."""
+    rows = []
+    for item in results.values():
+        place, share, count = item["score"]["obvious"]
+        rows.append([item["title"], place, f"{share:.0%} of {count}"])
+    return markdown_table(("objects of 25 mm and more", "best place", "called there"), rows)
+
+
+def known_throws(folder: Path) -> int:
+    """Return the length of the longest history of a switch."""
+    whole = read_throws_file(folder)
+    history = whole["switch"].to_numpy()[whole["role"].to_numpy() == "history"]
+    return int(max((history == switch).sum() for switch in set(history.tolist())))
+
+
+def main() -> None:
+    """Write the page."""
+    folder = Path(sys.argv[1])
+    known = known_throws(folder)
+    longest = (Conditions(history=known),) if known > MAIN[0].history else ()
+    wanted = [own for own in (*MAIN, *VARIED, *longest) if was_run(folder, own)]
+    results = run_methods(folder, wanted)
+    margins = {own.name: margins_of(folder, own, results[own.name]) for own in wanted}
+    text = PAGE.read_text(encoding="utf-8")
+    first, alone = results[MAIN[0].name], results.get(MAIN[1].name)
+    changes = "\n".join(f"- {line}" for line in order_changes(wanted, margins))
+    text = put(text, "order", f"{order_table(wanted, results, margins)}\n\n{changes}")
+    text = put(text, "by method", by_method(wanted, results))
+    text = put(text, "with history", table_of(first))
+    text = put(text, "said", said_table(first))
+    text = put(text, "obvious", obvious_table(first))
+    text = put(text, "budget", budget_table(first))
+    if alone is not None:
+        text = put(text, "no history", table_of(alone))
+    card = (folder / CARD).read_text(encoding="utf-8")
+    text = put(text, "card", re.split(r"\n- ", card.split("\n\n", 2)[2])[0].strip())
+    PAGE.write_text(text, encoding="utf-8")
+    for name, figure in FIGURES.items():
+        shutil.copyfile(folder / name, DOCS / "figures" / figure)
+
+
+if __name__ == "__main__":
+    main()
