@@ -104,9 +104,7 @@ def response_dataset(
     save = save or Save()
     channels = response_channels(panel, mechanism, history, save=save)
     coords = coordinates_of(channels, panel, mechanism, time=history.time, save=save)
-    dataset = xr.Dataset(channels, coords)
-    add_labels(dataset)
-    return check_schema(dataset)
+    return check_schema(add_labels(xr.Dataset(channels, coords)))
 
 
 def response_channels(

@@ -317,25 +317,22 @@ def label(dataset: "xr.Dataset") -> "xr.Dataset":
     >>> label(bare)["object_force"].attrs["units"]
     'N'
     """
-    labelled = dataset.copy()
-    add_labels(labelled)
-    return labelled
+    return add_labels(dataset.copy())
 
 
-def add_labels(dataset: "xr.Dataset") -> None:
-    """Do what `label` does to a dataset that nobody else holds yet, in place."""
+def add_labels(dataset: "xr.Dataset") -> "xr.Dataset":
+    """Do in place what `label` does to a copy; return the dataset."""
     outer = outer_dimension(dataset)
     for name, variable in dataset.variables.items():
         channel = known_channel(str(name), outer=outer)
         if channel is None:
             raise KeyError(name)
         attributes = {"units": channel.units, "long_name": channel.long_name}
-        if channel.positive:
-            attributes["positive"] = channel.positive
-        if name in AXES:
-            attributes["axis"] = AXES[str(name)]
+        attributes |= {"positive": channel.positive} if channel.positive else {}
+        attributes |= {"axis": AXES[str(name)]} if name in AXES else {}
         variable.attrs.update(attributes)
     dataset.attrs["Conventions"] = CONVENTIONS
+    return dataset
 
 
 def outer_dimension(dataset: "xr.Dataset") -> str:
