@@ -6,9 +6,14 @@ import numpy as np
 import pytest
 from tests.unit.test_calibration_fit import PARAMETERS, TRUE, misfit, movement, response
 
-from turnout.calibration.candidate_causes import SOFT_SHARE, candidate_causes, soft_bushing
-from turnout.calibration.cause_trials import own_levels
-from turnout.calibration.causes import with_causes
+from turnout.calibration import cause_trials
+from turnout.calibration.candidate_causes import (
+    SOFTNESS,
+    candidate_causes,
+    soft_bushing,
+)
+from turnout.calibration.cause_trials import own_levels, with_cause
+from turnout.calibration.causes import CauseSearch, with_causes, without_needless
 from turnout.calibration.fit import brief_fit, fit
 from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.predict import predicted
@@ -60,11 +65,57 @@ def test_a_soft_bushing_has_its_stiffness_beyond_its_travel() -> None:
     np.testing.assert_allclose(extension, -extension[::-1])
     np.testing.assert_allclose(force, -force[::-1])
     slopes = np.diff(force) / np.diff(extension)
-    assert slopes[2] == pytest.approx(SOFT_SHARE * 810e3)
+    assert slopes[2] == pytest.approx(np.exp(-SOFTNESS) * 810e3)
     assert slopes[3] == pytest.approx(810e3)
     assert slopes[4] == pytest.approx(1e4, rel=1e-3)
     assert table.force is not None
     assert soft_bushing(panel, "2", {}, travel=0.0) == {}
+
+
+def test_a_fit_with_a_soft_bushing_begins_with_the_stretch_that_it_had() -> None:
+    panel = load_panel("sb1")
+    values = {item.name: item.start for item in default_plan(panel).parameters}
+    cause = next(
+        item
+        for item in candidate_causes(panel, default_plan(panel).parameters)
+        if item.drives == ("2",) and item.beside is not None
+    )
+    assert cause.beside is not None
+    assert cause.law is not None
+    sizes = (2e-3, SOFTNESS)
+    beside = cause.beside(values, sizes)
+    stiffness = values["drive.2.stiffness"]
+    assert beside["drive.2.stiffness"] > 1.1 * stiffness
+    named = {p.name: size for p, size in zip(cause.parameters, sizes, strict=True)}
+    made = cause.law({**values, **beside, **named})
+    force = 0.6 * values["drive.2.saturation_force"]
+    stretch = np.interp(force, made["drive.2.force"], made["drive.2.extension"])
+    assert stretch == pytest.approx(force / stiffness, rel=1e-6)
+
+
+@pytest.mark.parametrize("stated", [0.0, 0.3])
+def test_a_cause_that_the_end_does_not_need_is_left_out(stated: float) -> None:
+    panel = load_panel("sb1")
+    whole = misfit(averaged(stated=stated))
+    cause = candidate_causes(panel, PARAMETERS)[0]
+    assert cause.name == "recorder filter"
+    first = with_cause(whole, cause)
+    (size,) = cause.parameters
+    values = {**TRUE, size.name: 0.3 - stated}
+    final = fit(first, [*PARAMETERS, size], values)
+    tested = cause_trials.TestedCause(
+        name=cause.name, text="", sizes=(0.3 - stated,), gain=20.0, fitted=True
+    )
+    search = CauseSearch(
+        found=final, first=first, plain=whole, taken=((tested, cause),), misses=False
+    )
+    kept = without_needless(search, final)
+    if stated:
+        assert kept.taken == ()
+        assert size.name not in kept.found.values
+        assert kept.found.values["k"] == pytest.approx(TRUE["k"], rel=5e-3)
+    else:
+        assert kept is search
 
 
 def test_every_cause_is_one_that_the_panel_can_be_thrown_with() -> None:
@@ -73,6 +124,7 @@ def test_every_cause_is_one_that_the_panel_can_be_thrown_with() -> None:
     names = [item.name for item in candidate_causes(panel, parameters)]
     assert names.count("bushing shape") == 5
     assert names.count("clutch") == 2
+    assert names.count("drive law") == 6
     assert {"recorder filter", "sections", "friction by chair"} < set(names)
     values = {item.name: item.start for item in parameters}
     for cause in candidate_causes(panel, parameters):

@@ -13,13 +13,16 @@ from turnout.panel.load import load_panel
 
 
 def test_a_record_comes_back_from_its_file(tmp_path: Path) -> None:
-    saved = replace(calibration(), posterior={"effective_samples": 812.5})
+    saved = replace(
+        calibration(), posterior={"effective_samples": 812.5}, fitted_causes=("clutch",)
+    )
     saved.save(tmp_path / "c.toml")
     back = load_calibration(tmp_path / "c.toml")
     for mine, its in zip(back.parameters, saved.parameters, strict=True):
         np.testing.assert_equal(asdict(mine), asdict(its))
     np.testing.assert_array_equal(back.covariance, saved.covariance)
     assert back.stages == saved.stages
+    assert back.fitted_causes == saved.fitted_causes == ("clutch",)
     for name in ("panel", "panel_hash", "data", "data_hash", "movements", "warnings", "findings"):
         assert getattr(back, name) == getattr(saved, name)
     for name in ("noise", "scatter", "about", "posterior"):

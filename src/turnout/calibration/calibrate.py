@@ -15,7 +15,9 @@ from turnout.calibration.causes import (
     LEFT_MISSED,
     CauseSearch,
     is_worth_a_search,
+    unexplained_reasons,
     with_causes,
+    without_needless,
 )
 from turnout.calibration.comparison import Comparison, Uncertainty
 from turnout.calibration.covariance import Spread, spread_of
@@ -54,6 +56,7 @@ from turnout.calibration.result_entries import (
     warnings_from,
 )
 from turnout.calibration.sensors import (
+    FoundSensor,
     common_lead,
     found_sensors,
     lead_text,
@@ -67,7 +70,9 @@ from turnout.calibration.stage_progress import (
     throws_per_step,
 )
 from turnout.calibration.stages import CalibrationPlan, Stage, default_plan
+from turnout.calibration.starts import nearest_fit, starts_of
 from turnout.core.provenance import provenance
+from turnout.core.threads import one_blas_thread
 from turnout.errors import PanelError, SolverError
 from turnout.panel.load import LoadedPanel
 from turnout.scheme import Scheme
@@ -165,10 +170,14 @@ def calibrate(
     planned = planned_throws(plan, movements, panel, posterior=posterior, advise=advise)
     per_step = throws_per_step(plan, movements, panel)
     watch = ProgressReporter(report, len(plan.stages), planned=planned, per_step=per_step)
-    with Evaluator(panel, folder=folder, workers=workers, scheme=scheme or Scheme()) as evaluator:
+    # Matrices are small: threads would cost four times what the fits themselves take.
+    with (
+        one_blas_thread(),
+        Evaluator(panel, folder=folder, workers=workers, scheme=scheme or Scheme()) as evaluator,
+    ):
         evaluator.on_throw = lambda: watch.report_state(evaluator)
         run = _Run(plan, panel, movements, comparison, evaluator, watch)
-        logs, sweeps, warnings, final, causes = run.stages()
+        logs, sweeps, warnings, final, search = run.stages()
         sensors = found_sensors(final)
         final, slip_warnings = drop_unidentified_slip_levels(final)
         warnings += slip_warnings
@@ -198,7 +207,8 @@ def calibrate(
         warnings=tuple(dict.fromkeys(warnings)),
         findings=tuple(findings),
         posterior=sampled,
-        causes=(*causes, *(f"{item.cause}: {item.text}" for item in sensors if item.cause)),
+        causes=_cause_lines(final, search, sensors),
+        fitted_causes=tuple(item.name for item, _ in search.taken) if search else (),
         sensors=tuple(item.text for item in sensors),
         effects=movement_rows(final),
     )
@@ -251,7 +261,7 @@ def _result(
         data_hash=data_hash(movements),
         movements=tuple(item.name for item in final.misfit.movements),
         stages=(),
-        distrust=tuple([*distrust_reasons(final, spread), *sensor_reasons(final)]),
+        distrust=_distrust(final, spread),
         noise=noise_entries(final),
         scatter=final.misfit.comparison.scatter,
         about={
@@ -263,22 +273,22 @@ def _result(
     )
 
 
-def _not_from_far(
-    misfit: Misfit,
-    skipped: Sequence[tuple[Parameter, Sequence[float]]],
-    parameters: Sequence[Parameter],
-    values: Mapping[str, float],
-) -> dict[str, float]:
-    """Return values in which those of skipped stages start at the best of their grid.
+def _distrust(final: Fit, spread: Spread) -> tuple[str, ...]:
+    """Say why values are not trustworthy; what is far off is not said twice."""
+    found = [*distrust_reasons(final, spread), *sensor_reasons(final)]
+    named = [text.split(":")[0] for text in found]
+    found += [text for text in unexplained_reasons(final) if text.split(":")[0] not in named]
+    return tuple(found)
 
-    No stage has brought them near: from twice the true stiffness a fit follows causes instead.
-    """
-    found = dict(values)
-    for parameter, grid in skipped:
-        if parameter in parameters:
-            tried = sorted({*grid, found[parameter.name]})
-            found = dict(sweep(replace(misfit, quick=True), parameter, tried, found).values)
-    return found
+
+def _cause_lines(
+    final: Fit, search: CauseSearch | None, sensors: Sequence[FoundSensor]
+) -> tuple[str, ...]:
+    """Return what the panel alone does not follow, a lead of the motors first, sensors last."""
+    lead = final.misfit.comparison.lead
+    lines = [lead_text(lead)] if lead else []
+    lines += [item.line for item in (search.tested if search else ())]
+    return (*lines, *(f"{item.cause}: {item.text}" for item in sensors if item.cause))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -292,14 +302,16 @@ class _Run:
     evaluator: Evaluator
     watch: ProgressReporter
 
-    def stages(self) -> tuple[list[StageLog], list[GridSearch], list[str], Fit, list[str]]:
+    def stages(
+        self,
+    ) -> tuple[list[StageLog], list[GridSearch], list[str], Fit, CauseSearch | None]:
         """Do all stages, each from where the one before ended."""
         values = {item.name: item.start for item in self.plan.parameters}
         scatter = dict(self.comparison.scatter)
         logs: list[StageLog] = []
         sweeps: list[GridSearch] = []
         warnings: list[str] = []
-        causes: list[str] = []
+        search: CauseSearch | None = None
         final: Fit | None = None
         skipped: list[tuple[Parameter, Sequence[float]]] = []
         for number, stage in enumerate(self.plan.stages, 1):
@@ -312,29 +324,25 @@ class _Run:
                 continue
             before = self.evaluator.made
             misfit = self._misfit(stage, chosen, values, scatter)
-            values = _not_from_far(misfit, skipped, parameters, values)
+            starts = starts_of(misfit, skipped, parameters, values)
+            values = starts[0]
             skipped = [item for item in skipped if item[0] not in parameters]
             swept: GridSearch | None = None
             if "sweep" in stage.method and parameters[0].name == stage.parameters[0]:
                 swept = sweep(replace(misfit, quick=True), parameters[0], stage.grid, values)
                 sweeps.append(swept)
                 values = {**values, **swept.values}
+                starts = [values]
             if "fit" in stage.method:
                 last = number == len(self.plan.stages)
                 rough = replace(misfit.comparison, gains={}, common_zero=0.0, clock=0.0)
                 near = replace(misfit, quick=True, comparison=rough)
-                final = fit(
-                    near,
-                    parameters,
-                    values,
-                    rough=True,
-                    noise_shares=JOINT_SHARES if last else ROUGH_SHARES,
-                    on_step=self.watch.found,
-                )
+                shares = JOINT_SHARES if last else ROUGH_SHARES
+                final = nearest_fit(near, parameters, starts, shares, on_step=self.watch.found)
                 values = dict(final.values)
                 if last:
                     start = replace(misfit, base=values)
-                    final, causes = self._last(final, start, parameters)
+                    final, search = self._last(final, start, parameters)
                     values = dict(final.values)
                 scatter = dict(final.misfit.comparison.scatter)
             made = self.evaluator.made - before
@@ -342,11 +350,11 @@ class _Run:
         if final is None:
             problem = "no stage was fitted; give one with movements and free parameters"
             raise PanelError([problem], source="stages")
-        return logs, sweeps, warnings, final, causes
+        return logs, sweeps, warnings, final, search
 
     def _last(
         self, near: Fit, start: Misfit, parameters: Sequence[Parameter]
-    ) -> tuple[Fit, list[str]]:
+    ) -> tuple[Fit, CauseSearch]:
         """Fit to the end, with a lead of the motors and what else the misfit asks for."""
         on_step = self.watch.found
         # What a model that is far off misses is seen at once; it would go on only to move away.
@@ -371,10 +379,13 @@ class _Run:
         search = with_causes(found, start, self.panel, on_step=on_step)
         lead = common_lead(search.found)
         known = replace(search.first.comparison, lead=lead)
-        search = replace(search, first=replace(search.first, comparison=known))
+        plain = replace(search.plain, comparison=replace(search.plain.comparison, lead=lead))
+        search = replace(search, first=replace(search.first, comparison=known), plain=plain)
         final = self._final(search)
-        causes = [item.line for item in search.tested]
-        return final, [lead_text(lead), *causes] if lead else causes
+        fewer = without_needless(search, final, on_step=on_step)
+        if fewer is not search:
+            search, final = fewer, self._final(fewer)
+        return final, search.ended(final)
 
     def _final(self, search: CauseSearch) -> Fit:
         """Fit to the end from where a search for causes ended."""

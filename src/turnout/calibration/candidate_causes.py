@@ -7,12 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.calibration.drive_law.candidates import (
+    LEAST_KNEE,
+    LEAST_LAG,
+    LEAST_PLAY,
     REACH,
     Law,
     Shape,
     lagged,
     level_key,
     stiffness_key,
+    table,
 )
 from turnout.calibration.evaluate import Response
 from turnout.calibration.parameter import Parameter, free_parameter
@@ -21,9 +25,14 @@ from turnout.errors import PanelError
 from turnout.panel.load import LoadedPanel
 
 Floats = NDArray[np.float64]
+Beside = Callable[[Mapping[str, float], Sequence[float]], dict[str, float]]
 FRICTION, MODULUS = "chair.friction_coefficient", "material.youngs_modulus"
-# Share of its stiffness that a bushing has at first [-].
-SOFT_SHARE = 0.25
+# How much softer a bushing is at first, as a logarithm [-], and how far that is expected from this;
+# the share of the slip level at which its stretch stays the same, and how far at most its stiffness
+# rises for that, as a factor [-].
+SOFTNESS, SOFTNESS_SPREAD, SECANT, STIFFEST = 1.4, 0.7, 0.6, 3.0
+# Soft travels that are tried [m].
+SOFT_TRAVELS = (0.5e-3, 1e-3, 2e-3, 3.5e-3)
 LEVEL_SCATTER = 0.05
 # A bushing as a table: where its spans end [m], how far the logarithm of the stiffness in one is
 # expected from that beyond, and up to which share of the slip level a span may reach [-].
@@ -47,7 +56,8 @@ class Cause:
         Its size, or several with priors that describe it together; none where each movement has
         its own.
     tries : tuple of float
-        Sizes that are tried, in the unit of the parameter; of several, each alone.
+        Sizes that are tried: of a smooth cause one of each parameter, each alone; else of its first
+        parameter, the others at their start.
     smooth : bool
         Whether forces change in proportion to it: then one size is tried, and the likeliest
         follows with those of all values.
@@ -55,6 +65,11 @@ class Cause:
         What is smaller is none: a fit that lacks another cause finds some of every one [as sizes].
     about_mean : bool
         Whether only differences of its sizes from their mean count.
+    drives : tuple of str
+        Drives whose law it changes; another cause that changes one of them too is not taken up.
+    beside : callable, optional
+        From values and sizes to the values that keep forces much as they are with the cause: where
+        a trial, and a fit with it, begin.
     law, shape : callable or None
         As of `Misfit`.
     scatter : mapping of str to float
@@ -68,6 +83,8 @@ class Cause:
     smooth: bool = False
     least: float = 0.0
     about_mean: bool = False
+    drives: tuple[str, ...] = ()
+    beside: Beside | None = None
     law: Law | None = None
     shape: Shape | None = None
     scatter: Mapping[str, float] = field(default_factory=dict)
@@ -77,7 +94,7 @@ def candidate_causes(panel: LoadedPanel, parameters: Sequence[Parameter]) -> tup
     """Return the causes that are tested, the cheap ones first."""
     known = {item.name for item in parameters}
     found = [_recorder(), *_bushings(panel), *_tables(panel), *_clutches(panel, known)]
-    found += [_lag(name) for name in panel.drive]
+    found += [law for name in panel.drive for law in (_lag(name), *_drive_tables(panel, name))]
     if MODULUS not in known:
         found += _sections(panel)
     if FRICTION in known and len(panel.chair) > 2:
@@ -132,28 +149,74 @@ def _bushings(panel: LoadedPanel) -> list[Cause]:
         ) -> dict[str, object]:
             made: dict[str, object] = {}
             for drive in drives:
-                made |= soft_bushing(panel, drive, values, travel=values[key])
+                made |= soft_bushing(
+                    panel, drive, values, travel=values[key], softness=values[f"{key}.softness"]
+                )
             return made
+
+        def beside(
+            values: Mapping[str, float], sizes: Sequence[float], drives: tuple[str, ...] = drives
+        ) -> dict[str, float]:
+            return {
+                stiffness_key(drive): _beyond(panel, drive, values, travel=sizes[0])
+                for drive in drives
+                if stiffness_key(drive) in values
+            }
 
         found.append(
             Cause(
                 name="bushing shape",
                 text=lambda sizes, which=which: (  # type: ignore[misc]
-                    f"the bushing of {which} is soft over its first {1e3 * sizes[0]:.2g} mm"
+                    f"the bushing of {which} has {100 * np.exp(-sizes[1]):.0f} % of its stiffness "
+                    f"over its first {1e3 * sizes[0]:.2g} mm"
                 ),
-                parameters=(_linear(key, 0.01, "m"),),
-                tries=(0.5e-3, 1.5e-3, 3e-3),
+                parameters=(_linear(key, 0.01, "m"), _softness(f"{key}.softness")),
+                tries=SOFT_TRAVELS,
                 least=1e-4,
+                drives=drives,
+                beside=beside,
                 law=law,
             )
         )
     return found
 
 
+def _softness(key: str) -> Parameter:
+    return Parameter(
+        name=key,
+        keys=(),
+        start=SOFTNESS,
+        lower=-1.0,
+        upper=4.0,
+        unit="1",
+        transform="linear",
+        prior=SOFTNESS_SPREAD,
+    )
+
+
+def _beyond(panel: LoadedPanel, drive: str, values: Mapping[str, float], *, travel: float) -> float:
+    r"""Return the stiffness beyond a soft travel that leaves the stretch as it is.
+
+    .. math:: \frac{F}{k} = x + \frac{F - s k' x}{k'}, \quad s = e^{-\text{softness}}
+
+    at a share of the slip level as force `F`.
+    """
+    stiffness = values[stiffness_key(drive)]
+    level = values.get(level_key(drive), panel.drive[drive].saturation_force)
+    before = SECANT * level / stiffness
+    left = before - (1.0 - float(np.exp(-SOFTNESS))) * travel
+    return stiffness * min(before / max(left, before / STIFFEST), STIFFEST)
+
+
 def soft_bushing(
-    panel: LoadedPanel, drive: str, values: Mapping[str, float], *, travel: float
+    panel: LoadedPanel,
+    drive: str,
+    values: Mapping[str, float],
+    *,
+    travel: float,
+    softness: float = SOFTNESS,
 ) -> dict[str, object]:
-    """Return a bushing with a quarter of its stiffness over its first travel, as overrides.
+    """Return a bushing with a part of its stiffness over its first travel, as overrides.
 
     Parameters
     ----------
@@ -165,13 +228,15 @@ def soft_bushing(
         By key of the panel, in SI.
     travel : float
         To either side [m].
+    softness : float
+        Logarithm of how much softer it is there [-].
     """
     if travel < 1e-6:
         return {}
     record = panel.drive[drive]
     stiffness = values.get(stiffness_key(drive), record.stiffness)
     level = values.get(level_key(drive), record.saturation_force)
-    first = min(SOFT_SHARE * stiffness * travel, 0.9 * level)
+    first = min(float(np.exp(-softness)) * stiffness * travel, 0.9 * level)
     knee = travel + (level - first) / stiffness
     return _symmetric_bushing(panel, drive, [(travel, first)], knee=knee, level=level)
 
@@ -217,6 +282,7 @@ def _tables(panel: LoadedPanel) -> list[Cause]:
                 tries=(0.2,) * len(keys),
                 smooth=True,
                 least=0.1,
+                drives=(drive,),
                 law=law,
             )
         )
@@ -268,8 +334,39 @@ def _lag(drive: str) -> Cause:
         ),
         parameters=(_linear(key, 1.0, "s"),),
         tries=(0.05, 0.2),
+        least=LEAST_LAG,
         shape=lambda response, values: lagged(response, drive, lag=values[key]),
     )
+
+
+def _drive_tables(panel: LoadedPanel, drive: str) -> list[Cause]:
+    """Return play before a drive pushes, and a bushing that softens before the drive slips."""
+    play, knee = f"drive.{drive}.play", f"drive.{drive}.knee"
+    return [
+        Cause(
+            name="drive law",
+            text=lambda sizes: (
+                f"drive {drive} has {1e3 * sizes[0]:.2g} mm of play before it pushes"
+            ),
+            parameters=(_linear(play, 0.03, "m"),),
+            tries=(0.5e-3, 2e-3),
+            least=LEAST_PLAY,
+            drives=(drive,),
+            law=lambda values: table(panel, drive, values, backlash=values[play]),
+        ),
+        Cause(
+            name="drive law",
+            text=lambda sizes: (
+                f"the bushing of drive {drive} softens over the last {100 * sizes[0]:.0f} % of "
+                "force before it slips"
+            ),
+            parameters=(_linear(knee, 0.8, "1"),),
+            tries=(0.15, 0.4),
+            least=LEAST_KNEE,
+            drives=(drive,),
+            law=lambda values: table(panel, drive, values, knee=values[knee]),
+        ),
+    ]
 
 
 def _clutches(panel: LoadedPanel, known: set[str]) -> list[Cause]:

@@ -1,7 +1,7 @@
 """How well each cause explains what a model misses: tried with values adjusted to first order."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +41,8 @@ class TestedCause:
         By how much it lowers the Bayesian information criterion [-].
     fitted : bool
         Whether it was fitted together with all values.
+    beside : mapping of str to float
+        Values with which it was tried, where they are not those of the fit.
     """
 
     name: str
@@ -48,6 +50,7 @@ class TestedCause:
     sizes: tuple[float, ...]
     gain: float
     fitted: bool = False
+    beside: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def line(self) -> str:
@@ -124,10 +127,10 @@ def cause_trials(
             if columns is not None:
                 linear.append((cause, columns))
             continue
-        sizes, best = _tried(found, cause, misfit, origin)
+        trial, best = _tried(found, cause, misfit, origin)
         gain = criteria(plain, parameters=0, samples=samples)[1]
-        gain -= criteria(best, parameters=1, samples=samples)[1]
-        single.append([(_trial(cause, sizes, gain), cause)])
+        gain -= criteria(best, parameters=max(len(cause.parameters), 1), samples=samples)[1]
+        single.append([(replace(trial, gain=gain), cause)])
     chosen = _chosen_together(r, J, linear, samples=samples, most=most, decisive=decisive)
     return sorted([*chosen, *single], key=lambda choice: -sum(item.gain for item, _ in choice))
 
@@ -138,23 +141,32 @@ def _trial(cause: Cause, sizes: tuple[float, ...], gain: float) -> TestedCause:
 
 def _tried(
     found: Fit, cause: Cause, misfit: Misfit, origin: Sequence[Response]
-) -> tuple[tuple[float, ...], float]:
-    """Return the likeliest size of a cause, and minus twice the log-likelihood with it."""
+) -> tuple[TestedCause, float]:
+    """Return a cause at its likeliest size, and minus twice the log-likelihood with it."""
     if not cause.parameters:
         drive = next(iter(cause.scatter)).split(".")[1]
-        return (), _with_own_levels(found, misfit, drive)
-    (parameter,) = cause.parameters
-    points = [{**found.values, parameter.name: size} for size in cause.tries]
+        return _trial(cause, (), 0.0), _with_own_levels(found, misfit, drive)
+    first, *others = cause.parameters
+    tries = [(size, *(item.start for item in others)) for size in cause.tries]
+    beside = [cause.beside(found.values, sizes) if cause.beside else {} for sizes in tries]
+    points = [
+        {
+            **found.values,
+            **values,
+            **{p.name: size for p, size in zip(cause.parameters, sizes, strict=True)},
+        }
+        for sizes, values in zip(tries, beside, strict=True)
+    ]
     rows = _changed(found, misfit, points, origin, thrown=cause.law is not None)
     results = []
-    for size, row in zip(cause.tries, rows, strict=True):
+    for number, row in enumerate(rows):
         if any(item.failure for item in row):
             continue
         there = framed(replace(found.local, simulated=tuple(row)), misfit)
         slopes = jacobian(found.local, there, [item.name for item in found.parameters])
-        results.append((_adjusted(misfit.residuals_of(row, there), slopes, there), (size,)))
-    best, sizes = min(results, default=(float("inf"), (parameter.start,)))
-    return sizes, best
+        results.append((_adjusted(misfit.residuals_of(row, there), slopes, there), number))
+    best, number = min(results, default=(float("inf"), 0))
+    return replace(_trial(cause, tries[number], 0.0), beside=beside[number]), best
 
 
 def _columns(

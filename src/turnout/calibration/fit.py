@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
+from turnout.calibration.comparison import Comparison
 from turnout.calibration.fit_noise import (
     inflate_noise,
     reestimate_noise,
@@ -56,6 +57,8 @@ ROUGH_STEPS, ROUGH_REJECTED, ROUGH_DECREASE = 6, 2, 0.01
 # Of a brief fit: passes with noise found again, steps of each, how often movement effects are
 # thrown again in a step, and the decrease below which a step is not tried.
 BRIEF_PASSES, BRIEF_STEPS, BRIEF_EFFECTS, BRIEF_DECREASE = 2, 8, 1, 0.5
+# Rejected steps in a row of a brief fit: far from the end a step is to shorten by so much.
+BRIEF_REJECTED = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -235,6 +238,7 @@ def brief_fit(
         for key, item in near.misfit.comparison.noise.items()
     }
     kept = replace(misfit.comparison, noise=noise, scatter=near.misfit.comparison.scatter)
+    kept = _with_sensors_held(kept, share) if share < 1.0 else kept
     present = replace(misfit, comparison=kept, effects=near.misfit.effects, quick_slopes=True)
     local, iterations = near.local, 0
     for _ in range(passes):
@@ -255,6 +259,20 @@ def brief_fit(
         residuals=present.residuals_of(local.simulated, frame),
         jacobian=jacobian(local, frame, names),
         iterations=iterations,
+    )
+
+
+def _with_sensors_held(comparison: Comparison, share: float) -> Comparison:
+    """Return a comparison whose sensors are known better, by the share that noise is reduced by.
+
+    With less noise than a model misses, priors that stay as they are would count for nothing: gains
+    far beyond belief would take up what the model lacks.
+    """
+    return replace(
+        comparison,
+        gains={key: share * size for key, size in comparison.gains.items()},
+        common_zero=share * comparison.common_zero,
+        clock=share * comparison.clock,
     )
 
 
@@ -344,7 +362,7 @@ def _local_at(
 def _limits(*, rough: bool, brief: int | None) -> tuple[int, int, int]:
     """Return steps, rejected ones in a row and passes of movement effects of a fit at most."""
     if brief is not None:
-        return brief, ROUGH_REJECTED, BRIEF_EFFECTS
+        return brief, BRIEF_REJECTED, BRIEF_EFFECTS
     return (ROUGH_STEPS, ROUGH_REJECTED, 1) if rough else (MAX_STEPS, MAX_STEPS, EFFECT_PASSES)
 
 

@@ -15,6 +15,8 @@ from turnout.calibration.parameter import Parameter
 from turnout.calibration.predict import predicted
 
 Floats = NDArray[np.float64]
+# A minimum of the grid whose misfit is at most so many times the least may be the deeper one [-].
+DEEP_ENOUGH = 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -71,7 +73,7 @@ def sweep(
         bases.append(measured)
     points = [{**base, parameter.name: value} for base in bases for value in tried]
     made = misfit.responses(points)
-    sizes = [_share(misfit, row) for row in made]
+    sizes = [misfit_share(misfit, row) for row in made]
     count = len(tried)
     per_value = [min(sizes[n::count]) for n in range(count)]
     best = int(np.argmin(sizes))
@@ -108,7 +110,31 @@ def _slip_levels(misfit: Misfit, values: Mapping[str, float]) -> dict[str, float
     return changed
 
 
-def _share(misfit: Misfit, responses: Sequence[Response]) -> float:
+def other_minima(grid: Sequence[float], misfit: Sequence[float]) -> list[float]:
+    """Return where else than at its best a misfit has a minimum that may be the deeper one.
+
+    Parameters
+    ----------
+    grid, misfit : sequence of float
+        Values that were tried, rising, and what each leaves.
+
+    Examples
+    --------
+    >>> other_minima([1.0, 2.0, 3.0, 4.0, 5.0], [0.3, 0.2, 0.4, 0.25, 0.5])
+    [4.0]
+    >>> other_minima([1.0, 2.0, 3.0, 4.0, 5.0], [0.3, 0.2, 0.4, 0.45, 0.5])
+    []
+    """
+    edged = [float("inf"), *misfit, float("inf")]
+    least = min(misfit)
+    return [
+        value
+        for value, before, here, after in zip(grid, edged, misfit, edged[2:], strict=False)
+        if least < here <= DEEP_ENOUGH * least and here < before and here < after
+    ]
+
+
+def misfit_share(misfit: Misfit, responses: Sequence[Response]) -> float:
     """Return the root mean square of what is left, over each channel's range."""
     squares: list[Floats] = []
     for movement, response in zip(misfit.movements, responses, strict=True):

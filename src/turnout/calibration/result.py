@@ -116,6 +116,8 @@ class Calibration:
         Of the sampling, where it was done.
     causes : tuple of str
         Why the panel alone does not follow the measurement, in words, the likeliest first.
+    fitted_causes : tuple of str
+        Names of those of them that were fitted together with the values.
     sensors : tuple of str
         Sensitivity and zero of each channel and the clock, as stated and as found, in words.
     effects : mapping of str to mapping of str to float
@@ -138,6 +140,7 @@ class Calibration:
     about: Mapping[str, str] = field(default_factory=dict)
     posterior: Mapping[str, Any] = field(default_factory=dict)
     causes: tuple[str, ...] = ()
+    fitted_causes: tuple[str, ...] = ()
     sensors: tuple[str, ...] = ()
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
@@ -198,6 +201,7 @@ def calibration_text(calibration: Calibration) -> str:
         f"warnings = {_list(calibration.warnings)}",
         f"findings = {_list(calibration.findings)}",
         f"causes = {_list(calibration.causes)}",
+        f"fitted_causes = {_list(calibration.fitted_causes)}",
         f"sensors = {_list(calibration.sensors)}",
         "",
         "[about]",
@@ -302,6 +306,7 @@ def _read(data: Mapping[str, Any]) -> Calibration:
         scatter=data.get("scatter", {}),
         about=data.get("about", {}),
         causes=tuple(data.get("causes", ())),
+        fitted_causes=tuple(data.get("fitted_causes", ())),
         sensors=tuple(data.get("sensors", data.get("gains", ()))),
         effects=data.get("effects", {}),
         posterior=json.loads(data["posterior"]["json"]) if "posterior" in data else {},

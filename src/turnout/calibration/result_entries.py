@@ -113,7 +113,7 @@ def warnings_from(final: Fit, spread: Spread) -> list[str]:
         missed = model_error(final.misfit.comparison, key)
         if missed > LARGE_MISFIT * measured:
             found.append(
-                f"{_channel_name(*key)}: model error {missed:.3g} N with a noise of "
+                f"{channel_name(*key)}: model error {missed:.3g} N with a noise of "
                 f"{measured:.2g} N; uncertainty widened"
             )
     return found
@@ -138,7 +138,7 @@ def distrust_reasons(final: Fit, spread: Spread) -> list[str]:
     comparison = final.misfit.comparison
     for key, share in poorly_followed(comparison, final.misfit.movements).items():
         found.append(
-            f"{_channel_name(*key)}: model error {model_error(comparison, key):.3g} N, "
+            f"{channel_name(*key)}: model error {model_error(comparison, key):.3g} N, "
             f"{100 * share:.1f} % of the peak; check that this is the panel that was measured, "
             "that rods and places are named right (channel map, run sheet), and the sensitivity "
             "of the channel"
@@ -146,7 +146,7 @@ def distrust_reasons(final: Fit, spread: Spread) -> list[str]:
     return found
 
 
-def _channel_name(channel: str, drive: str) -> str:
+def channel_name(channel: str, drive: str) -> str:
     """Name a channel, and its drive where it has one."""
     return f"{channel} of drive {drive}" if drive else channel
 
@@ -185,7 +185,7 @@ def fitted_parameters(plan: CalibrationPlan, final: Fit, spread: Spread) -> tupl
 def noise_entries(final: Fit) -> dict[str, dict[str, float]]:
     """Return the noise at the end of a fit, by channel name [N], [s]."""
     return {
-        _channel_name(channel, drive): {
+        channel_name(channel, drive): {
             "white": noise.white,
             "slow": noise.slow,
             "slow_length": noise.slow_length,

@@ -209,18 +209,10 @@ def result_lines(calibration: "Calibration") -> list[str]:
     return lines
 
 
-def any_fitted_cause(calibration: "Calibration") -> bool:
-    """Return whether the panel alone would not have followed the measurement."""
-    planned = [item for item in calibration.parameters if item.keys]
-    return len(planned) < len(calibration.parameters) or any(
-        "(fitted" in text for text in calibration.causes
-    )
-
-
 def verdict_lines(calibration: "Calibration") -> list[str]:
     """Return whether a calibration is trustworthy, with the reasons if not."""
     if not calibration.distrust:
-        how = ", with what is fitted as its cause" if any_fitted_cause(calibration) else ""
+        how = ", with what is fitted as its cause" if calibration.fitted_causes else ""
         return [
             f"{'verdict':<12}the model follows the measurement{how}; check it with `turnout "
             "validate`"

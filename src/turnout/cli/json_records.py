@@ -236,7 +236,16 @@ def calibration_record(calibration: "Calibration") -> tuple[Record, dict[str, st
     """Return a calibration, and the unit of each parameter."""
     names = (
         *("panel", "panel_hash", "data", "movements", "parameters", "covariance", "stages"),
-        *("scatter", "posterior", "findings", "warnings", "causes", "sensors", "effects"),
+        *(
+            "scatter",
+            "posterior",
+            "findings",
+            "warnings",
+            "causes",
+            "fitted_causes",
+            "sensors",
+            "effects",
+        ),
     )
     record = {name: getattr(calibration, name) for name in names}
     record |= {"trustworthy": not calibration.distrust, "reasons": calibration.distrust}

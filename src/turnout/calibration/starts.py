@@ -1,0 +1,76 @@
+"""Where a fit starts: near by, or in several places where stages were skipped."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+from turnout.calibration.fit import Fit, fit
+from turnout.calibration.grid_search import misfit_share, other_minima, sweep
+from turnout.calibration.misfit import Misfit
+from turnout.calibration.parameter import Parameter
+
+
+def starts_of(
+    misfit: Misfit,
+    skipped: Sequence[tuple[Parameter, Sequence[float]]],
+    parameters: Sequence[Parameter],
+    values: Mapping[str, float],
+) -> list[dict[str, float]]:
+    """Return values in which those of skipped stages start at the best of their grid, and others.
+
+    No stage has brought them near: from twice the true stiffness a fit follows causes instead. A
+    grid is searched while other parameters are still off, so several are searched twice, and where
+    one has another minimum that is nearly as deep, a fit starts there too.
+
+    Parameters
+    ----------
+    misfit : Misfit
+        Movements of the present stage.
+    skipped : sequence of (Parameter, sequence of float)
+        Parameters of skipped stages with their grids.
+    parameters : sequence of Parameter
+        Of the present stage.
+    values : mapping of str to float
+        Where earlier stages ended.
+
+    Returns
+    -------
+    list of dict of str to float
+        The likeliest first; the values as they are where nothing was skipped.
+    """
+    best, others = dict(values), list[dict[str, float]]()
+    own = [(parameter, grid) for parameter, grid in skipped if parameter in parameters]
+    for last in (False, True) if len(own) > 1 else (True,):
+        for parameter, grid in own:
+            tried = sorted({*grid, best[parameter.name]})
+            searched = sweep(replace(misfit, quick=True), parameter, tried, best)
+            best = dict(searched.values)
+            if last:
+                minima = other_minima(searched.grid, searched.misfit)
+                others += [{**best, parameter.name: value} for value in minima]
+    return [best, *others]
+
+
+def nearest_fit(
+    misfit: Misfit,
+    parameters: Sequence[Parameter],
+    starts: Sequence[Mapping[str, float]],
+    noise_shares: Sequence[float],
+    *,
+    on_step: Callable[[float], None] | None = None,
+) -> Fit:
+    """Fit roughly from each start, and return the fit that leaves least.
+
+    Parameters
+    ----------
+    misfit, parameters, noise_shares
+        As of `fit`.
+    starts : sequence of mapping of str to float
+        Of all parameters.
+    on_step : callable, optional
+        As of `fit`.
+    """
+    found = [
+        fit(misfit, parameters, start, rough=True, noise_shares=noise_shares, on_step=on_step)
+        for start in starts
+    ]
+    return min(found, key=lambda item: misfit_share(item.misfit, item.local.simulated))
