@@ -174,7 +174,7 @@ class _Layout(NamedTuple):
 
 @lru_cache(maxsize=256)
 def _layout(
-    record: type[Any],
+    record: Any,
     shapes: tuple[tuple[np.dtype[Any], tuple[int, ...]], ...],
     beyond: tuple[tuple[str, float], ...],
 ) -> _Layout:

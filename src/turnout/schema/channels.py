@@ -329,8 +329,7 @@ def add_labels(dataset: "xr.Dataset") -> "xr.Dataset":
             raise KeyError(name)
         attributes = {"units": channel.units, "long_name": channel.long_name}
         attributes |= {"positive": channel.positive} if channel.positive else {}
-        attributes |= {"axis": AXES[str(name)]} if name in AXES else {}
-        variable.attrs.update(attributes)
+        variable.attrs |= attributes | ({"axis": AXES[str(name)]} if name in AXES else {})
     dataset.attrs["Conventions"] = CONVENTIONS
     return dataset
 
