@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from turnout.detection.drive_quantities import Signal
-from turnout.detection.signal_errors import forces_only
+from turnout.detection.signal_discrepancy import Signal, forces_only
 from turnout.detection.throws import Throws
 
 

@@ -8,14 +8,14 @@ from benchmarks.channels_confirmed import confirmed
 from tests.unit.detection_throws import toy_throws
 
 from turnout.detection.drive_quantities import (
-    Signal,
     noise_of,
     signals_of,
     stored_channels,
 )
 from turnout.detection.limit.limit_map import limit_map, too_few_sound
 from turnout.detection.reference import Conditions, reference_study
-from turnout.detection.signal_errors import SignalErrors, discrepancy_of_signals, signal_errors
+from turnout.detection.signal_discrepancy import Signal, SignalErrors, discrepancy_of_signals
+from turnout.detection.signal_errors import signal_errors
 from turnout.detection.throws import Throws
 from turnout.errors import StudyError
 from turnout.panel.load import LoadedPanel, load_panel

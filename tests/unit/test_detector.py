@@ -8,14 +8,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.special import logsumexp
 from tests.unit.detector_toy import toy_detector, toy_set, toy_setting, toy_throw
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
 from turnout.detection.alarm_threshold import threshold_for
+from turnout.detection.detector.allowances import gain_times
 from turnout.detection.detector.detector import Detector
+from turnout.detection.detector.judging import evidence_of, ratios_of
 from turnout.detection.detector.knowledge import Knowledge
 from turnout.detection.detector.training import teach
+from turnout.detection.signal_discrepancy import SignalErrors
 from turnout.errors import FileError
 
 
@@ -78,6 +82,23 @@ def test_history_tells_an_adjustment_and_sharpens() -> None:
     assert detector.known.throws == 0
 
 
+def test_a_switch_at_the_limit_of_its_over_travel_is_no_object_without_a_history() -> None:
+    """A normal model gives the ends of an even spread too little weight: an adjustment has it."""
+    detector = fresh()
+    view = detector.view()
+    features = np.array(
+        [detector.features(toy_throw(over=(5.0, 3.0), seed=seed))[1] for seed in range(40)]
+    )
+    evidence = evidence_of(view, features)
+    weighed = ratios_of(view, evidence).alarm
+    adjusted = view.kinds.index("adjustment") - view.objects
+    others = np.delete(evidence.kind[view.objects :], adjusted, axis=0) + np.log(0.3)
+    places = logsumexp(evidence.kind[: view.objects], axis=0) - np.log(view.objects)
+    without = places - logsumexp(np.vstack([evidence.sound, others]), axis=0)
+    assert np.all(weighed < without)
+    assert not view.identifiable[adjusted]
+
+
 def test_bad_recordings_are_not_judged_and_never_sound() -> None:
     detector = fresh()
     good = toy_throw()
@@ -117,9 +138,22 @@ def test_currents_are_judged_by_the_same_likelihood(tmp_path: Path) -> None:
     }
     forces = {"sound": toy_set(400), "object": toy_set(300, kind="object")}
     setting = toy_setting()
-    allowed = replace(setting.allowances, current_noise=setting.allowances.noise * ampere)
+    allowed = replace(
+        setting.allowances,
+        current_noise=setting.allowances.noise * ampere,
+        machine_discrepancy=0.0,
+    )
+    machines = SignalErrors(
+        amplitude=np.zeros(2),
+        force_peak=setting.amplitude,
+        gain=np.full((2, len(gain_times(setting.layout))), ampere),
+    )
     other = replace(
-        setting, amplitude=setting.amplitude * ampere, allowances=allowed, quantity="current"
+        setting,
+        amplitude=setting.amplitude * ampere,
+        allowances=allowed,
+        quantity="current",
+        machines=machines,
     )
     calibrated = toy_detector().knowledge.calibrated
     known = {
@@ -131,6 +165,7 @@ def test_currents_are_judged_by_the_same_likelihood(tmp_path: Path) -> None:
     known["current"].save(path)
     known["current"] = Detector.load(path)
     assert (known["current"].quantity, known["force"].quantity) == ("current", "force")
+    assert known["current"].knowledge.setting.machines is not None
     one = known["force"].judge(replace(throw, exact=True))
     two = known["current"].judge(replace(throw, force=throw.force * ampere, exact=True))
     assert one.status == two.status == "object"
@@ -138,6 +173,28 @@ def test_currents_are_judged_by_the_same_likelihood(tmp_path: Path) -> None:
     assert two.log_ratio == pytest.approx(one.log_ratio, abs=0.05)
     assert {item.unit for item in two.changes} == {"A"}
     assert " A, " in "\n".join(two.lines())
+
+
+def test_where_a_machine_is_off_its_current_knows_no_error_of_the_force() -> None:
+    """A gain of zero leaves the machine's own discrepancy, 2 % of its peak."""
+    setting = toy_setting()
+    time = gain_times(setting.layout)
+    machines = SignalErrors(
+        amplitude=np.array([2.0, 3.0]),
+        force_peak=setting.amplitude,
+        gain=np.where(time < 4.3, 1e-3, 0.0) * np.ones((2, 1)),
+    )
+    other = replace(setting, amplitude=machines.amplitude, quantity="current", machines=machines)
+    nothing = np.zeros(setting.layout.size)
+    found = other.errors(nothing, allowances=replace(setting.allowances, current_noise=1e-9))
+    whole = np.diag(found.fixed + found.changing)
+    off = setting.layout.time > 4.5
+    peak = machines.amplitude[setting.layout.drive]
+    short = 0.97  # of a kernel of 0.5 s over a window of 0.04 s
+    assert whole[off] == pytest.approx((0.02 * peak[off]) ** 2 * short, rel=0.01)
+    on = (setting.layout.time > 1.0) & (setting.layout.time < 3.5)
+    through = (0.03 * 3000.0 * 1e-3) ** 2 + (0.02 * peak[on]) ** 2
+    assert whole[on] == pytest.approx(through * 0.95, rel=0.01)
 
 
 def test_a_file_keeps_detector_and_history(tmp_path: Path) -> None:

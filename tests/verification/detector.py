@@ -2,8 +2,9 @@
 
 Throws, training and judging go on where they were stopped. A population of switches is thrown with
 the seed of the study for training and with another for judging; each test throw gets a discrepancy,
-noise, timing, gain and zero of its own. Alarms are counted by switch. Figures are printed and kept
-in DIR/figures.json.
+noise, timing, gain and zero of its own. Alarms are counted by switch. Figures come in the order of
+`figures_of`, each with the throws it needs; they are printed and kept in DIR/figures-DIGEST.json,
+the detector and its verdicts beside them, under the digest of the sources of the detector.
 """
 
 import argparse
@@ -11,8 +12,8 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from time import process_time
 
-import numpy as np
 from tests.verification.detector_cases import SOFT_KINDS
 from tests.verification.detector_figures import (
     Judged,
@@ -38,22 +39,31 @@ from tests.verification.detector_further import (
     year_rates,
 )
 from tests.verification.detector_other import other_figures
-from tests.verification.detector_sets import Sizes, forces_of, plans_of, sets_of
+from tests.verification.detector_robustness import robustness
+from tests.verification.detector_sets import Sizes, Throws, plans_of
 
+from turnout.core.files import write_atomic
+from turnout.core.sources import digest_of_sources
 from turnout.core.threads import one_blas_thread
 from turnout.detection.detector.allowances import Allowances
 from turnout.detection.detector.detector import Detector
 from turnout.detection.detector.judging import ADJUSTED, LEAST_HISTORY
-from turnout.detection.detector.knowledge import Knowledge
+from turnout.detection.detector.knowledge import Knowledge, Setting
 from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.detector.train_detector import knowledge_of_sets
 from turnout.detection.detector.training import setting_of
-from turnout.detection.detector.training_plan import DEFECTS, HISTORY, OBJECT
+from turnout.detection.detector.training_plan import DEFECTS, HISTORY, OBJECT, SOUND
 from turnout.detection.reference import NOMINAL_FRICTION, reference_study
 from turnout.detection.throws import nominal_amplitude
 from turnout.study.load_study import load_study
 
-Sets = dict[str, dict[str, ThrowSet]]
+DETECTOR = (
+    "detection/detector",
+    *(f"detection/{name}.py" for name in ("alarm_threshold", "likelihood", "features")),
+    *(f"detection/{name}.py" for name in ("population", "conditioning", "conditions", "floor")),
+    *(f"detection/{name}.py" for name in ("signal_discrepancy", "throws")),
+)
+"""Sources that a detector and its verdicts depend on, beside those of its throws."""
 SEVERE = 0.1
 """Change of a drive force that a cause must make to be counted as severe, of its amplitude [-]."""
 
@@ -74,31 +84,36 @@ def main() -> None:
     amplitude = nominal_amplitude(study, friction=NOMINAL_FRICTION)
     setting = setting_of(study.panel, amplitude=amplitude, allowances=Allowances())
     plans = plans_of(study, Sizes(**given))
-    sets = {
-        name: sets_of(own, folder / name, setting.layout, workers=workers)
-        for name, own in plans.items()
-    }
-    path = folder / "switch.detector"
-    if not path.exists():
-        found = knowledge_of_sets(sets["train"], setting, report=_progress)
-        counts = {name: len(item.level) for name, item in sets["train"].items()}
-        about = {"panel": study.panel.name, "study": study.name, "throws": counts}
-        Detector(replace(found, about=about)).save(path)
+    throws = Throws(plans, folder, setting.layout, workers=workers)
+    path, made = detector_file(throws, setting, folder)
     knowledge = Detector.load(path).knowledge
-    forces = [
-        forces_of(plan, folder / "cases")
-        for name, plan in plans["cases"].items()
-        if "other" in name
-    ]
-    kept = folder / "figures.json"
+    kept = folder / f"figures-{made}.json"
     said = json.loads(kept.read_text()) if kept.exists() else {}
     with one_blas_thread():
-        for name, figure in figures_of(knowledge, sets, forces, folder / "judged").items():
+        for name, figure in figures_of(knowledge, throws, folder / f"judged-{made}").items():
             if name in said if wanted is None else name not in wanted:
                 continue
+            start = process_time()
             said[name] = figure()
-            print(json.dumps({name: said[name]}, indent=1), flush=True)
-            kept.write_text(json.dumps(said, indent=1))
+            print(json.dumps({name: said[name]}, indent=1))
+            print(f"{name}: {process_time() - start:.0f} s of processor time", flush=True)
+            write_atomic(kept, json.dumps(said, indent=1).encode())
+
+
+def detector_file(throws: Throws, setting: Setting, folder: Path) -> tuple[Path, str]:
+    """Return the detector, trained where none of these sources is there, and the digest of these.
+
+    Verdicts and figures are kept under that digest, so that none outlives its detector.
+    """
+    made = digest_of_sources(DETECTOR)[:8]
+    path = folder / f"switch-{made}.detector"
+    if not path.exists():
+        sets = throws.sets("train")
+        counts = {name: len(item.level) for name, item in sets.items()}
+        about = {"panel": throws.plans["train"][SOUND].study.panel.name, "throws": counts}
+        found = knowledge_of_sets(sets, setting, report=_progress)
+        Detector(replace(found, about=about)).save(path)
+    return path, made
 
 
 def _progress(what: str, done: int, total: int) -> None:
@@ -106,27 +121,35 @@ def _progress(what: str, done: int, total: int) -> None:
         print(f"{what}: {done} of {total}", flush=True)
 
 
-def figures_of(
-    knowledge: Knowledge, sets: Sets, forces: list[dict[str, np.ndarray]], kept: Path
-) -> dict[str, Callable[[], object]]:
-    """Return what computes each figure, by name."""
-    test, narrow, cases = sets["test"], sets["narrow"], sets["cases"]
-    alone = alone_of(test)
+def figures_of(knowledge: Knowledge, throws: Throws, kept: Path) -> dict[str, Callable[[], object]]:
+    """Return what computes each figure, by name; each throws what it needs."""
+
+    def alone() -> dict[str, ThrowSet]:
+        return alone_of(throws.sets("test"))
+
+    def case(name: str) -> ThrowSet:
+        return throws.sets("cases", name)[name]
+
+    def sound() -> ThrowSet:
+        return throws.sets("test", HISTORY)[HISTORY]
+
+    others = [name for name in throws.plans["cases"] if name.startswith("other")]
     return {
-        "time": lambda: verdict_times(knowledge, alone[OBJECT]),
-        "alone": lambda: verdict_figures(knowledge, judge_alone(knowledge, alone, draws=1)),
-        "known": lambda: known_figures(
-            knowledge, *judge_with_history(knowledge, test, kept / "known")
+        "rates alone": lambda: rates_alone(knowledge, sound()),
+        "known": lambda: known_figures(knowledge, throws.sets("test"), kept),
+        "narrow": lambda: narrow_figures(knowledge, throws.sets("narrow"), kept),
+        "other": lambda: other_figures(
+            knowledge, [throws.forces("cases", name) for name in others]
         ),
-        "other": lambda: other_figures(knowledge, forces),
-        "narrow": lambda: narrow_figures(knowledge, narrow, kept),
-        "rates alone": lambda: rates_alone(knowledge, test[HISTORY]),
-        "known place": lambda: known_place_a90(knowledge, test[HISTORY], alone[OBJECT]),
-        "unknown": lambda: unknown_auroc(knowledge, alone),
-        "ice": lambda: [vars_of(item) for item in ice_ramps(knowledge, cases["ice"])],
-        "soft": lambda: soft_shares(knowledge, cases["soft"], SOFT_KINDS),
-        "price": lambda: price_of(knowledge, sets["train"], alone, discrepancy=0.08),
-        "year": lambda: year_rates(knowledge, cases["year"], kept / "year"),
+        "robustness": lambda: robustness(knowledge, sound(), alone()[OBJECT]),
+        "ice": lambda: [vars_of(item) for item in ice_ramps(knowledge, case("ice"))],
+        "alone": lambda: verdict_figures(knowledge, judge_alone(knowledge, alone(), draws=1)),
+        "known place": lambda: known_place_a90(knowledge, sound(), alone()[OBJECT]),
+        "unknown": lambda: unknown_auroc(knowledge, alone()),
+        "time": lambda: verdict_times(knowledge, alone()[OBJECT]),
+        "year": lambda: year_rates(knowledge, case("year"), kept / "year"),
+        "soft": lambda: soft_shares(knowledge, case("soft"), SOFT_KINDS),
+        "price": lambda: price_of(knowledge, throws.sets("train"), alone(), discrepancy=0.08),
     }
 
 

@@ -266,7 +266,7 @@ def price_of(
         other = knowledge_of_sets(
             {name: item for name, item in train.items() if not name.startswith(HISTORY)},
             setting,
-            draws=12,
+            draws=4,
         )
         errors = drawn_errors(knowledge, 28)
         view, objects = make_view(other), test[OBJECT]

@@ -1,12 +1,16 @@
 """The throws behind the figures of the detector: for training, for judging, and further cases."""
 
-from collections.abc import Mapping
+import io
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import xarray as xr
 from tests.verification.detector_cases import case_plans
 
+from turnout.core.files import write_atomic
+from turnout.core.sources import THROWS, digest_of_sources
 from turnout.detection.detector.throw_layout import Layout
 from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.detector.training import read_set
@@ -15,6 +19,8 @@ from turnout.detection.detector.training_sets import Counts, throw_plans, traini
 from turnout.study.load_study import load_study
 from turnout.study.study import Study
 from turnout.sweep.run import SweepProgress
+
+Arrays = dict[str, np.ndarray]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,50 +51,116 @@ class Sizes:
         )  # fmt: skip
 
 
-def sets_of(
-    plans: Mapping[str, Plan], folder: Path, layout: Layout, *, workers: int = 1
-) -> dict[str, ThrowSet]:
-    """Throw what is missing, and return features and labels, kept beside the sweeps as arrays.
+class Throws:
+    """The throws of all plans, made when they are first needed and kept as arrays.
+
+    Beside each sweep lies `NAME.npz` with its features and labels, or `NAME forces.npz`. It is read
+    where it is of the same plan and of the same sources; where it comes from other sources, some of
+    its throws are thrown again, and it counts as it is only if these are the same.
 
     Parameters
     ----------
-    plans : mapping of str to Plan
-        By name.
+    plans : mapping of str to mapping of str to Plan
+        By folder and name.
     folder : Path
-        Keeps the sweeps, and `NAME.npz` of each, which is read where it is of the same plan.
+        That holds these folders.
     layout : Layout
         Of the features.
     workers : int
         Processes.
     """
-    found = {}
-    for name, plan in plans.items():
-        path = folder / f"{_stem(name)}.npz"
-        kept = _kept(path, plan)
-        if kept is None:
-            dataset = throw_plans({name: plan}, folder, workers=workers, report=show)[name]
-            kept = read_set(plan, dataset, layout)
-            np.savez(
-                path,
-                allow_pickle=False,
-                study=np.array(plan.study.digest),
-                **{field: getattr(kept, field) for field in ThrowSet.__slots__},
-            )
-        found[name] = kept
-    return found
+
+    def __init__(
+        self,
+        plans: Mapping[str, Mapping[str, Plan]],
+        folder: Path,
+        layout: Layout,
+        *,
+        workers: int = 1,
+    ) -> None:
+        self.plans, self._folder = plans, folder
+        self._layout, self._workers = layout, workers
+        self._read: dict[tuple[str, str], ThrowSet] = {}
+
+    def sets(self, folder: str, *names: str) -> dict[str, ThrowSet]:
+        """Return features and labels of some plans of a folder, or of all of them."""
+        found = {}
+        for name in names or self.plans[folder]:
+            if (folder, name) not in self._read:
+                arrays = self._arrays(folder, name, _stem(name), self._features)
+                own = ThrowSet(**{field: arrays[field] for field in ThrowSet.__slots__})
+                self._read[folder, name] = own
+            found[name] = self._read[folder, name]
+        return found
+
+    def forces(self, folder: str, name: str) -> Arrays:
+        """Return the drive forces of a plan as they are sampled, and labels."""
+        return self._arrays(folder, name, f"{_stem(name)} forces", _forces)
+
+    def _features(self, plan: Plan, dataset: xr.Dataset) -> Arrays:
+        found = read_set(plan, dataset, self._layout)
+        return {field: getattr(found, field) for field in ThrowSet.__slots__}
+
+    def _arrays(
+        self, folder: str, name: str, stem: str, read: Callable[[Plan, xr.Dataset], Arrays]
+    ) -> Arrays:
+        plan, place = self.plans[folder][name], self._folder / folder
+        path = place / f"{stem}.npz"
+        sources = digest_of_sources(THROWS)
+        arrays = _kept(path, plan)
+        if arrays is not None and str(arrays.pop("sources", "")) != sources:
+            if not self._same(plan, arrays, place / "again" / stem, read):
+                print(f"{path}: other sources gave other throws; they are thrown again", flush=True)
+                arrays = None
+            else:
+                print(f"{path}: {SAMPLE} of its throws thrown again are the same", flush=True)
+                _keep(path, plan, sources, arrays)
+        if arrays is None:
+            made = throw_plans({name: plan}, place, workers=self._workers, report=show)[name]
+            arrays = read(plan, made)
+            _keep(path, plan, sources, arrays)
+        return arrays
+
+    def _same(
+        self,
+        plan: Plan,
+        arrays: Arrays,
+        place: Path,
+        read: Callable[[Plan, xr.Dataset], Arrays],
+    ) -> bool:
+        """Whether some throws come out as they are kept, thrown again in a folder of its own."""
+        every = np.linspace(0, len(arrays["row"]) - 1, SAMPLE).astype(np.intp)
+        made = read(*_thrown_again(plan, arrays["row"][every], place / digest_of_sources(THROWS)))
+        names = [name for name in ("features", "gaps", "force") if name in made]
+        return all(
+            np.allclose(made[n], arrays[n][every], rtol=SAME, atol=SAME, equal_nan=True)
+            for n in names
+        )
 
 
-def forces_of(plan: Plan, folder: Path) -> dict[str, np.ndarray]:
-    """Return the drive forces of a plan as they are sampled, and labels, kept as arrays."""
-    path = folder / f"{_stem(plan.name)} forces.npz"
-    if path.exists():
-        with np.load(path, allow_pickle=False) as content:
-            if str(content["study"]) == plan.study.digest:
-                return {name: content[name] for name in content.files}
-    dataset = throw_plans({plan.name: plan}, folder, report=show)[plan.name]
+SAMPLE = 6
+"""Throws of a kept sweep that are thrown again where the sources changed."""
+SAME = 1e-9
+"""Difference that counts as rounding [-], [N], [m]."""
+
+
+def _thrown_again(plan: Plan, rows: np.ndarray, place: Path) -> tuple[Plan, xr.Dataset]:
+    """Throw some rows of a plan, and return them as a plan of their own."""
+    (axis,) = plan.study.design.axes
+    chosen = replace(axis, rows=tuple(axis.rows[row] for row in rows))
+    design = replace(plan.study.design, axes=(chosen,))
+    labels = {
+        name: getattr(plan, name)[rows]
+        for name in ("partner", "switch", "inputs", "level", "start")
+    }
+    own = replace(plan, study=replace(plan.study, design=design), **labels)
+    return own, throw_plans({"again": own}, place)["again"]
+
+
+def _forces(plan: Plan, dataset: xr.Dataset) -> Arrays:
     complete = (dataset["outcome"].astype(str) == "complete").to_numpy()
     row = dataset["scenario"].to_numpy()[complete]
-    arrays = {
+    return {
         "time": dataset["time"].to_numpy(),
         "force": dataset["drive_force"].to_numpy()[complete],
         "switch": plan.switch[row],
@@ -96,23 +168,27 @@ def forces_of(plan: Plan, folder: Path) -> dict[str, np.ndarray]:
         "size": dataset[OBJECT_SIZE].to_numpy()[complete],
         "x": dataset[OBJECT_AT].to_numpy()[complete],
         "touch": dataset["object_force_peak"].to_numpy()[complete],
-        "study": np.array(plan.study.digest),
     }
-    np.savez(path, allow_pickle=False, **arrays)
-    return arrays
 
 
 def _stem(name: str) -> str:
     return name.replace(", ", "-").replace(" ", "-")
 
 
-def _kept(path: Path, plan: Plan) -> ThrowSet | None:
+def _keep(path: Path, plan: Plan, sources: str, arrays: Arrays) -> None:
+    content = io.BytesIO()
+    of = {"study": np.array(plan.study.digest), "sources": np.array(sources)}
+    np.savez(content, allow_pickle=False, **of, **arrays)
+    write_atomic(path, content.getvalue())
+
+
+def _kept(path: Path, plan: Plan) -> Arrays | None:
     if not path.exists():
         return None
     with np.load(path, allow_pickle=False) as content:
         if str(content["study"]) != plan.study.digest:
             return None
-        return ThrowSet(**{field: content[field] for field in ThrowSet.__slots__})
+        return {name: content[name] for name in content.files if name != "study"}
 
 
 def show(name: str) -> "Watch":

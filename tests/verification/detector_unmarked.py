@@ -159,7 +159,8 @@ def main(folder: Path) -> None:
     for mesh in ("0.1", "0.2"):
         with np.load(folder / "cases" / f"other-{mesh}-m forces.npz", allow_pickle=False) as kept:
             forces.append({name: kept[name] for name in kept.files})
-    knowledge = Detector.load(folder / "switch.detector").knowledge
+    path = max(folder.glob("switch-*.detector"), key=lambda item: item.stat().st_mtime)
+    knowledge = Detector.load(path).knowledge
     with one_blas_thread():
         print(json.dumps(unmarked_figures(knowledge, forces), indent=1))
 

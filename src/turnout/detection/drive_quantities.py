@@ -1,7 +1,6 @@
 """What is recorded of each drive: its force, and of a machine its current and power."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
@@ -9,6 +8,7 @@ from numpy.typing import NDArray
 
 from turnout.core.problems import choices
 from turnout.detection.conditions import CURRENT, FORCE, POWER, Conditions
+from turnout.detection.signal_discrepancy import Signal
 from turnout.errors import StudyError
 from turnout.panel.foreign_object import resolve_objects
 from turnout.panel.load import LoadedPanel
@@ -23,22 +23,6 @@ CHANNELS = {FORCE: "drive_force", CURRENT: "drive_current", POWER: "drive_power"
 """Channel of a dataset of each quantity."""
 ALL = "all"
 CHOICES = (*CHANNELS, ALL)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Signal:
-    """A quantity of a drive.
-
-    Attributes
-    ----------
-    quantity : str
-        "force", "current" or "power".
-    drive : str
-        Name.
-    """
-
-    quantity: str
-    drive: str
 
 
 def signals_of(panel: LoadedPanel, wanted: str = FORCE) -> tuple[Signal, ...]:

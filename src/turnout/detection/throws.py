@@ -14,7 +14,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.detection.conditions import FORCE
-from turnout.detection.drive_quantities import Signal, read_signals, signals_of
+from turnout.detection.drive_quantities import read_signals, signals_of
 from turnout.detection.floor import touch_floor
 from turnout.detection.reference import (
     FIELD_MEAN,
@@ -24,7 +24,8 @@ from turnout.detection.reference import (
     reference_study,
     switch_inputs,
 )
-from turnout.detection.signal_errors import SignalErrors, signal_errors
+from turnout.detection.signal_discrepancy import Signal, SignalErrors
+from turnout.detection.signal_errors import signal_errors
 from turnout.errors import StudyError
 from turnout.panel.load import LoadedPanel
 from turnout.panel.object_kind import kind_faults

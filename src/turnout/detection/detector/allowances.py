@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from turnout.detection.conditions import CURRENT, FORCE, POWER, Conditions
 from turnout.detection.detector.throw_layout import Layout, means_on
 from turnout.detection.features import discrepancy_covariance
+from turnout.detection.signal_discrepancy import Signal, SignalErrors, discrepancy_of_signals
 from turnout.errors import StudyError
 
 Floats = NDArray[np.float64]
@@ -34,6 +35,8 @@ class Allowances:
         Of the discrepancy, as in `Conditions`.
     correlation_time : float
         Of the discrepancy [s].
+    machine_discrepancy : float
+        The same of what a machine draws for a given force, share of its peak after the inrush [-].
     fixed_share : float
         Of its variance, fixed for a switch [-].
     noise : float
@@ -65,6 +68,7 @@ class Allowances:
     gap: float = 0.2e-3
     current_noise: float = 0.02
     power_noise: float = 5.0
+    machine_discrepancy: float = 0.02
 
     def __post_init__(self) -> None:
         """Refuse what has no meaning."""
@@ -90,12 +94,43 @@ class Allowances:
         """The part that the reference case knows too."""
         return Conditions(
             discrepancy=self.discrepancy,
+            machine_discrepancy=self.machine_discrepancy,
             kernel=self.kernel,
             correlation_time=self.correlation_time,
             fixed_share=self.fixed_share,
             noise=self.noise,
             rate=self.rate,
         )
+
+
+def discrepancy_through_machines(
+    layout: Layout, *, quantity: str, errors: SignalErrors, conditions: Conditions
+) -> Floats:
+    """Return the covariance of features of currents or powers, [A^2] or [W^2].
+
+    The discrepancy is one of the force, which the machine passes on, and one of its own.
+
+    Parameters
+    ----------
+    layout : Layout
+        Windows.
+    quantity : str
+        "current" or "power".
+    errors : SignalErrors
+        Of the drives, with gains at the instants of `gain_times`.
+    conditions : Conditions
+        Sizes, kernel, time.
+    """
+    time, means = means_on(layout, rate=FINE_RATE)
+    signals = [Signal(quantity=quantity, drive=drive) for drive in layout.drives]
+    return discrepancy_of_signals(
+        time, means, errors=errors, signals=signals, conditions=conditions
+    )
+
+
+def gain_times(layout: Layout) -> Floats:
+    """Return the instants of a nominal throw that the gains of machines are needed at [s]."""
+    return means_on(layout, rate=FINE_RATE)[0]
 
 
 def discrepancy_of(layout: Layout, *, amplitude: Floats, conditions: Conditions) -> Floats:

@@ -4,12 +4,12 @@ Each throw is used several times, with its own discrepancy, noise and timing.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.detection.alarm_threshold import threshold_for
+from turnout.detection.alarm_threshold import confident_threshold
 from turnout.detection.detector.interval_widths import (
     AT_ONCE,
     Misses,
@@ -43,7 +43,8 @@ Floats = NDArray[np.float64]
 RATES = (1e-3, 1e-4)
 """Of false alarms a sound throw, that thresholds are given for."""
 SAFETY = 0.5
-"""Thresholds are set for so much of the stated rate, for what is not foreseen [-]."""
+"""Thresholds are set for so much of the stated rate, for what is not foreseen [-]; their own
+uncertainty comes on top."""
 LEAST_THRESHOLD = 1.0 - float(np.log(CAUSE_WEIGHT))
 """A cause that explains a throw nearly as well as an object does keeps it below this [-]."""
 INTERVALS, INTERVAL_DRAWS = 400, 2
@@ -112,8 +113,7 @@ def alarms_of(view: View, features: Floats) -> tuple[Floats, Floats, Floats]:
         ratios = ratios_of(view, evidence)
         alarm.append(ratios.alarm)
         left.append(best_square(evidence))
-        known = np.isfinite(view.cause_weight)
-        cause.append(ratios.cause[known].max(axis=0, initial=-np.inf))
+        cause.append(ratios.cause[view.identifiable].max(axis=0, initial=-np.inf))
     return np.concatenate(alarm), np.concatenate(left), np.concatenate(cause)
 
 
@@ -151,23 +151,35 @@ def throw_levels(view: View, features: Floats, *, levels: Floats) -> Floats:
     return level_of(view, evidence_of(view, features), levels=levels)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Fold:
+    """A detector, and the throws that it did not learn from.
+
+    Attributes
+    ----------
+    knowledge : Knowledge
+        Without thresholds.
+    sound, objects : ThrowSet
+        Held back.
+    """
+
+    knowledge: Knowledge
+    sound: ThrowSet
+    objects: ThrowSet
+
+
 def calibrate_alone(
-    knowledge: Knowledge,
-    sound: ThrowSet,
-    objects: ThrowSet,
-    *,
-    part: str = CYCLE,
-    draws: int = 40,
-    seed: int = 0,
+    folds: Sequence[Fold], *, part: str = CYCLE, draws: int = 16, seed: int = 0
 ) -> Calibrated:
     """Return what holds without a history, from single throws of many switches.
 
+    The detectors of all folds share the thresholds (cross-fitting), so that every switch counts:
+    few of them raise most of the false alarms, and a single fold knows too few of these.
+
     Parameters
     ----------
-    knowledge : Knowledge
-        That did not see these throws.
-    sound, objects : ThrowSet
-        Held back.
+    folds : sequence of Fold
+        Each switch is held back in one of them.
     part : str
         What is recorded.
     draws : int
@@ -175,22 +187,27 @@ def calibrate_alone(
     seed : int
         Of chance.
     """
-    errors = _errors(knowledge, seed)
-    view = make_view(knowledge, part=part)
-    found = [alarms_of(view, measured(sound, errors)) for _ in range(draws)]
-    tried = []
-    for _ in range(INTERVAL_DRAWS):
-        for throws in (sound, objects):
-            order = errors.rng.permutation(len(throws.level))[:INTERVALS]
-            tried.append((view, measured(throws.of(order), errors), throws.of(order)))
+    judged, tried, switches = [], [], []
+    for number, fold in enumerate(folds):
+        errors = _errors(fold.knowledge, seed + FOLD_SEED * number)
+        view = make_view(fold.knowledge, part=part)
+        judged += [alarms_of(view, measured(fold.sound, errors)) for _ in range(draws)]
+        switches += [fold.sound.switch] * draws
+        for _ in range(INTERVAL_DRAWS):
+            for throws in (fold.sound, fold.objects):
+                order = errors.rng.permutation(len(throws.level))[: INTERVALS // len(folds)]
+                tried.append((view, measured(throws.of(order), errors), throws.of(order)))
+    switch = np.concatenate(switches)
     return _calibrated(
-        knowledge,
-        Calibrated(
-            part=part, history=0, thresholds={}, throws=0, switches=len(np.unique(sound.switch))
-        ),
-        judged=[np.concatenate(item) for item in zip(*found, strict=True)],
+        folds[0].knowledge,
+        Calibrated(part=part, history=0, thresholds={}, throws=0, switches=len(np.unique(switch))),
+        judged=[np.concatenate(item) for item in zip(*judged, strict=True)],
+        switch=switch,
         tried=tried,
     )
+
+
+FOLD_SEED = 1000
 
 
 def _errors(knowledge: Knowledge, seed: int) -> Errors:
@@ -199,7 +216,7 @@ def _errors(knowledge: Knowledge, seed: int) -> Errors:
 
 
 def calibrate_history(
-    knowledge: Knowledge,
+    folds: Sequence[Fold],
     throws: ThrowSet,
     *,
     history: int,
@@ -214,10 +231,10 @@ def calibrate_history(
 
     Parameters
     ----------
-    knowledge : Knowledge
-        That did not see these throws.
+    folds : sequence of Fold
+        Whose detectors take turns, switch by switch.
     throws : ThrowSet
-        Repeated throws; those after the history are judged.
+        Repeated throws of switches that none of them learned from.
     history : int
         Throws that are known of each switch.
     alone : mapping of str to Calibrated
@@ -239,21 +256,24 @@ def calibrate_history(
     list of Calibrated
         For each part; none where no switch has more throws than the history.
     """
-    errors = _errors(knowledge, seed + 1)
-    population = make_view(knowledge)
+    errors = [_errors(fold.knowledge, seed + 1 + FOLD_SEED * i) for i, fold in enumerate(folds)]
+    populations = [make_view(fold.knowledge) for fold in folds]
     numbers = np.unique(throws.switch)
     judged: dict[str, list[tuple[Floats, Floats, Floats]]] = {part: [] for part in alone}
     tried: dict[str, list[tuple[View, Floats, ThrowSet]]] = {part: [] for part in alone}
+    switches: list[NDArray[np.intp]] = []
     for done, (switch, draw) in enumerate((s, d) for s in numbers for d in range(draws)):
+        turn = int(switch) % len(folds)
+        knowledge, drawn = folds[turn].knowledge, errors[turn]
         own = throws.of(throws.switch == switch)
         if len(own.level) <= history:
             continue
-        fixed = errors.of_switches(1)
-        known = own.of(slice(history))
-        measured_ones = known.features + fixed + errors.of_throws(known.rates)
-        expected = learn_history(knowledge, measured_ones, view=population)
-        later = own.of(slice(history, None)).of(slice(MOST_LATER))
-        features = [later.features + fixed + errors.of_throws(later.rates) for _ in range(again)]
+        known, later = known_and_later(own, history=history, draw=draw, rng=drawn.rng)
+        fixed = drawn.of_switches(1)
+        learned = known.features + fixed + drawn.of_throws(known.rates)
+        expected = learn_history(knowledge, learned, view=populations[turn])
+        features = [later.features + fixed + drawn.of_throws(later.rates) for _ in range(again)]
+        switches += [later.switch] * again
         for part in alone:
             view = make_view(knowledge, part=part, known=expected)
             judged[part] += [alarms_of(view, rows) for rows in features]
@@ -263,15 +283,16 @@ def calibrate_history(
             if objects is not None:
                 held = objects.of((objects.switch == switch) & (objects.force > 0.0))
                 for _ in range(INTERVAL_DRAWS):
-                    moved = held.features + fixed + errors.of_throws(held.rates)
+                    moved = held.features + fixed + drawn.of_throws(held.rates)
                     tried[part].append((view, moved, held))
         if report is not None:
             report(done + 1, len(numbers) * draws)
     return [
         _calibrated(
-            knowledge,
+            folds[0].knowledge,
             replace(other, history=history, switches=len(numbers)),
             judged=[np.concatenate(item) for item in zip(*judged[part], strict=True)],
+            switch=np.concatenate(switches),
             tried=tried[part],
         )
         for part, other in alone.items()
@@ -279,8 +300,21 @@ def calibrate_history(
     ]
 
 
+def known_and_later(
+    throws: ThrowSet, *, history: int, draw: int, rng: np.random.Generator
+) -> tuple[ThrowSet, ThrowSet]:
+    """Return the throws of a switch that are known, and those that are judged.
+
+    At first its first throws, then some drawn from all of them, so that every throw is judged: a
+    quantile of the same few throws would rest on two or three from high friction.
+    """
+    if draw:
+        throws = throws.of(rng.permutation(len(throws.level)))
+    return throws.of(slice(history)), throws.of(slice(history, history + MOST_LATER))
+
+
 MOST_LATER = 6
-"""Throws judged after a history: the first ones."""
+"""Throws judged after a history."""
 
 
 def _calibrated(
@@ -288,14 +322,21 @@ def _calibrated(
     usual: Calibrated,
     *,
     judged: Sequence[Floats],
+    switch: NDArray[np.intp],
     tried: Sequence[tuple[View, Floats, ThrowSet]],
 ) -> Calibrated:
-    """Return thresholds and widths; those of `usual` where the throws say too little."""
+    """Return thresholds and widths; those of `usual` where the throws say too little.
+
+    A threshold is never below the usual one. That without a history rests on thousands of switches,
+    those after one on some dozens; of n switches none may be of a kind that makes up 3 / n of all
+    (rule of three), and one switch in 200 can raise most of the false alarms.
+    """
     ratios, left, cause = judged
-    thresholds = {
-        f"{rate:g}": max(LEAST_THRESHOLD, threshold_for(ratios, rate=SAFETY * rate))
-        for rate in RATES
-    }
+    thresholds = {}
+    for rate in RATES:
+        least = usual.thresholds.get(f"{rate:g}", LEAST_THRESHOLD)
+        own = confident_threshold(ratios, rate=SAFETY * rate, switch=switch)
+        thresholds[f"{rate:g}"] = max(LEAST_THRESHOLD, least, own)
     found = misses_of(knowledge, tried, threshold=thresholds[f"{RATES[0]:g}"])
     count = len(knowledge.setting.gaps)
 

@@ -67,12 +67,24 @@ class View:
 
     @property
     def cause_weight(self) -> Floats:
-        """Logarithm of the weight of each further kind."""
-        found = np.full(len(self.kinds) - self.objects, np.log(CAUSE_WEIGHT))
-        for number, name in enumerate(self.kinds[self.objects :]):
-            if name == ADJUSTED and self.history < LEAST_HISTORY:
-                found[number] = -np.inf  # part of the population then
-        return found
+        """Logarithm of the weight of each further kind, shape (n_causes,).
+
+        An adjustment counts without a history too, although it is part of the population then and
+        never named: over-travels are evenly spread, up to a limit, and the normal model gives
+        switches near that limit too little weight. Where an adjustment explains a throw, so does
+        such a switch.
+        """
+        return np.full(len(self.kinds) - self.objects, np.log(CAUSE_WEIGHT))
+
+    @property
+    def identifiable(self) -> NDArray[np.bool_]:
+        """Whether each further kind can be named, shape (n_causes,)."""
+        return np.array(
+            [
+                name != ADJUSTED or self.history >= LEAST_HISTORY
+                for name in self.kinds[self.objects :]
+            ]
+        )
 
 
 def make_view(

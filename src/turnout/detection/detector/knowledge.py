@@ -18,6 +18,7 @@ from turnout.detection.conditions import FORCE, UNITS
 from turnout.detection.detector.allowances import (
     Allowances,
     discrepancy_of,
+    discrepancy_through_machines,
     gains_of,
     noise_of,
     zeros_of,
@@ -26,6 +27,7 @@ from turnout.detection.detector.sound_model import SoundModel
 from turnout.detection.detector.switch_history import ThrowErrors
 from turnout.detection.detector.throw_layout import Layout, Part
 from turnout.detection.likelihood import Signatures
+from turnout.detection.signal_discrepancy import SignalErrors
 from turnout.errors import FileError
 
 Floats = NDArray[np.float64]
@@ -108,6 +110,9 @@ class Setting:
     quantity : str
         What of the drives is judged: "force", "current" or "power"; then all that is said to be in
         newtons is in amperes or watts.
+    machines : SignalErrors, optional
+        How errors of the force show in currents or powers; without it the discrepancy is taken as
+        a share of their amplitude.
     """
 
     layout: Layout
@@ -117,6 +122,7 @@ class Setting:
     limits: tuple[float, ...]
     allowances: Allowances
     quantity: str = FORCE
+    machines: SignalErrors | None = None
 
     @property
     def unit(self) -> str:
@@ -135,7 +141,13 @@ class Setting:
         """
         given = allowances or self.allowances
         layout, share = self.layout, given.fixed_share
-        whole = discrepancy_of(layout, amplitude=self.amplitude, conditions=given.conditions)
+        conditions = given.conditions
+        if self.machines is None:
+            whole = discrepancy_of(layout, amplitude=self.amplitude, conditions=conditions)
+        else:
+            whole = discrepancy_through_machines(
+                layout, quantity=self.quantity, errors=self.machines, conditions=conditions
+            )
         return ThrowErrors(
             fixed=share * whole + gains_of(layout, mean, gain=given.gain),
             changing=(1.0 - share) * whole
@@ -219,6 +231,9 @@ def store(knowledge: Knowledge, path: Path, *, extra: Mapping[str, Any] | None =
     arrays |= {f"signatures.{name}": getattr(signatures, name) for name in SIGNATURE_ARRAYS}
     setting = knowledge.setting
     arrays["amplitude"] = setting.amplitude
+    if setting.machines is not None:
+        machines = setting.machines
+        arrays |= {f"machines.{name}": getattr(machines, name) for name in MACHINE_ARRAYS}
     arrays |= {f"extra.{name}": np.asarray(value) for name, value in (extra or {}).items()}
     said = {
         "schema": SCHEMA,
@@ -242,6 +257,7 @@ def store(knowledge: Knowledge, path: Path, *, extra: Mapping[str, Any] | None =
 
 
 MODEL_ARRAYS = ("level", "weight", "mean", "slope", "switch", "within", "shift")
+MACHINE_ARRAYS = ("amplitude", "force_peak", "gain")
 SIGNATURE_ARRAYS = ("basis", "change", "gap", "level", "kind", "size", "x")
 _PRECISION = {"within": np.float32, "shift": np.float32}
 
@@ -295,6 +311,7 @@ def load(path: Path | str) -> tuple[Knowledge, dict[str, NDArray[Any]]]:
         limits=tuple(said["limits"]),
         allowances=Allowances(**said["allowances"]),
         quantity=said.get("quantity", FORCE),  # the first detectors knew no other
+        machines=_machines(arrays),
     )
     knowledge = Knowledge(
         setting=setting,
@@ -310,6 +327,13 @@ def load(path: Path | str) -> tuple[Knowledge, dict[str, NDArray[Any]]]:
         if name.startswith("extra.")
     }
     return knowledge, extra
+
+
+def _machines(arrays: Mapping[str, NDArray[Any]]) -> SignalErrors | None:
+    """Return the gains of machines, which detectors of forces and the first of currents lack."""
+    if "machines.gain" not in arrays:
+        return None
+    return SignalErrors(**{name: arrays[f"machines.{name}"] for name in MACHINE_ARRAYS})
 
 
 def _calibrated(item: Mapping[str, Any]) -> Calibrated:

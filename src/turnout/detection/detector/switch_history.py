@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
 
+from turnout.detection.conditioning import conditioned
 from turnout.detection.detector.sound_model import SPACING_SHARE, SoundModel
 
 Floats = NDArray[np.float64]
@@ -169,13 +169,10 @@ def observe(
     before = known.covariance
     if known.throws and drift:
         before = before + drift * before_history(model, errors).covariance
-    crossed = before @ response.T
-    innovation = cho_factor(response @ crossed + error)
-    gain = cho_solve(innovation, crossed.T).T
-    covariance = before - gain @ crossed.T
+    covariance, gain = conditioned(before, way=response, error=error)
     return Expectation(
         mean=known.mean + gain @ (own - mean - response @ known.mean),
-        covariance=0.5 * (covariance + covariance.T),
+        covariance=covariance,
         throws=known.throws + 1,
     )
 

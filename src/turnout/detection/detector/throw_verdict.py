@@ -281,7 +281,7 @@ def verdict_on(
 def _odds(view: View, ratios: Ratios, number: int) -> dict[str, float]:
     """Return log likelihood ratios against a sound switch, of causes that can be identified."""
     found = {"object": float(ratios.object[number])}
-    identifiable = np.isfinite(view.cause_weight)
+    identifiable = view.identifiable
     for at, name in enumerate(view.kinds[view.objects :]):
         if identifiable[at]:
             found[name] = float(ratios.cause[at, number])

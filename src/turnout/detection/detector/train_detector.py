@@ -1,6 +1,6 @@
 """Train a detector: throw a population, learn, and calibrate on what was held back."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -11,6 +11,7 @@ from turnout.core.threads import one_blas_thread
 from turnout.detection.conditions import FORCE
 from turnout.detection.detector.allowances import Allowances
 from turnout.detection.detector.calibrating import (
+    Fold,
     calibrate_alone,
     calibrate_history,
     with_calibration,
@@ -20,7 +21,7 @@ from turnout.detection.detector.knowledge import Calibrated, Knowledge, Setting
 from turnout.detection.detector.throw_layout import CLOSING
 from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.detector.training import read_set, setting_of, teach
-from turnout.detection.detector.training_plan import HISTORY, OBJECT, SOUND
+from turnout.detection.detector.training_plan import BLOCK, HISTORY, OBJECT, SOUND
 from turnout.detection.detector.training_sets import (
     Counts,
     after_history,
@@ -35,8 +36,12 @@ from turnout.panel.load import LoadedPanel
 from turnout.study.study import Study
 from turnout.sweep.run import SweepProgress
 
-HELD_BACK = 0.25
-"""Share of the sound throws that thresholds are taken from [-]."""
+FOLDS = 4
+"""Parts of the switches; thresholds of each come from a detector that learned from the others."""
+RUNS = 8
+"""Of states in a row that the switches of a fold come in, at least."""
+LEAST_LEFT = 30
+"""Throws of a cause that a fold leaves to learn from; else it leaves all of them."""
 HISTORIES = (5, 20)
 """Sound throws known of a switch that thresholds are taken for, beside none."""
 
@@ -85,7 +90,7 @@ def train_detector(
     chosen = counts or Counts()
     if chosen.sound < LEAST_COUNT:
         message = (
-            f"sound = {chosen.sound}: a quarter of the sound throws is held back for thresholds; "
+            f"sound = {chosen.sound}: a part of the sound throws is held back for thresholds; "
             f"give {LEAST_COUNT} at least"
         )
         raise StudyError([message])
@@ -113,7 +118,7 @@ def knowledge_of_sets(
     sets: Mapping[str, ThrowSet],
     setting: Setting,
     *,
-    draws: int = 40,
+    draws: int = 16,
     history_draws: int = 4,
     histories: tuple[int, ...] = HISTORIES,
     report: Report | None = None,
@@ -135,22 +140,10 @@ def knowledge_of_sets(
     report : callable, optional
         Called with what is calibrated, and how far it is.
     """
-    sound, objects = sets[SOUND], sets[OBJECT]
-    first = int(np.quantile(sound.row, 1.0 - HELD_BACK))
-    seen = {
-        name: item.of(item.row < first if name == SOUND else item.partner < first)
-        for name, item in sets.items()
-        if not name.startswith(HISTORY)
-    }
-    # objects may all lie in states before the limit; then the last of them are held back
-    last = int(np.quantile(objects.partner, 1.0 - HELD_BACK))
-    seen[OBJECT] = objects.of(objects.partner < min(first, last))
-    held_objects = objects.of((objects.partner >= min(first, last)) & (objects.force > 0.0))
     with one_blas_thread():
         calibrated = _calibrations(
-            teach(seen, setting),
-            {SOUND: sound.of(sound.row >= first), OBJECT: held_objects}
-            | {name: item for name, item in sets.items() if name.startswith(HISTORY)},
+            folds_of(sets, setting),
+            {name: item for name, item in sets.items() if name.startswith(HISTORY)},
             draws=draws,
             history_draws=history_draws,
             histories=histories,
@@ -159,9 +152,42 @@ def knowledge_of_sets(
         return with_calibration(teach(sets, setting), calibrated)
 
 
+def folds_of(sets: Mapping[str, ThrowSet], setting: Setting, *, count: int = FOLDS) -> list[Fold]:
+    """Return detectors of a part of the switches each, with the throws of the others.
+
+    Switches that share their sections lie in a row and are held back together. Causes are thrown
+    in the first states only; where a fold would leave too few of one, it leaves all: the threshold
+    of sound throws hardly depends on the signatures of their own states.
+
+    Parameters
+    ----------
+    sets : mapping of str to ThrowSet
+        "sound", "object" and defects; no throws of switches with a history are learned.
+    setting : Setting
+        What for.
+    count : int
+        Of folds.
+    """
+    run = min(BLOCK, max(1, (int(sets[SOUND].row.max()) + 1) // RUNS))
+    found = []
+    for number in range(count):
+        seen, held = {}, {}
+        for name, item in sets.items():
+            if name.startswith(HISTORY):
+                continue
+            state = item.row if name == SOUND else item.partner
+            out = state // run % count == number
+            few = name != SOUND and np.count_nonzero(~out) < min(LEAST_LEFT, len(out))
+            seen[name] = item if few else item.of(~out)
+            held[name] = item.of(np.zeros_like(out) if few else out)
+        touched = held[OBJECT].of(held[OBJECT].force > 0.0)
+        found.append(Fold(knowledge=teach(seen, setting), sound=held[SOUND], objects=touched))
+    return found
+
+
 def _calibrations(
-    knowledge: Knowledge,
-    held_back: Mapping[str, ThrowSet],
+    folds: Sequence[Fold],
+    repeated: Mapping[str, ThrowSet],
     *,
     draws: int,
     history_draws: int,
@@ -169,21 +195,16 @@ def _calibrations(
     report: Report | None,
 ) -> list[Calibrated]:
     """Return what throws that a detector did not see say of it, without and with a history."""
-    parts = [CYCLE, CLOSING] if len(knowledge.layout.parts) > 1 else [CYCLE]
-    alone = {
-        part: calibrate_alone(
-            knowledge, held_back[SOUND], held_back[OBJECT], part=part, draws=draws
-        )
-        for part in parts
-    }
+    parts = [CYCLE, CLOSING] if len(folds[0].knowledge.layout.parts) > 1 else [CYCLE]
+    alone = {part: calibrate_alone(folds, part=part, draws=draws) for part in parts}
     calibrated = list(alone.values())
-    for number in histories if HISTORY in held_back else ():
+    for number in histories if HISTORY in repeated else ():
         calibrated += calibrate_history(
-            knowledge,
-            held_back[HISTORY],
+            folds,
+            repeated[HISTORY],
             history=number,
             alone=alone,
-            objects=held_back.get(after_history(OBJECT)),
+            objects=repeated.get(after_history(OBJECT)),
             draws=history_draws,
             report=report and partial(report, f"thresholds after {number} throws"),
         )

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from turnout.detection.conditions import FORCE
-from turnout.detection.detector.allowances import Allowances
+from turnout.detection.detector.allowances import Allowances, gain_times
 from turnout.detection.detector.knowledge import Knowledge, Setting
 from turnout.detection.detector.sound_model import SoundModel, fit_sound_model
 from turnout.detection.detector.switch_history import ThrowErrors, error_at
@@ -33,6 +33,8 @@ from turnout.detection.detector.training_plan import (
 from turnout.detection.drive_quantities import CHANNELS, signals_of
 from turnout.detection.floor import TOUCH_FORCE
 from turnout.detection.likelihood import Signatures
+from turnout.detection.reference import FRICTION, NOMINAL_FRICTION
+from turnout.detection.signal_errors import signal_errors
 from turnout.detection.throws import places_of
 from turnout.errors import StudyError
 from turnout.panel.load import LoadedPanel
@@ -130,14 +132,20 @@ def setting_of(
         for name, item in panel.drive.items()
     }
     limits = sensors | drives
+    layout = layout_of_panel(panel, quantity)
+    machines = None
+    if quantity != FORCE:
+        nominal = panel.with_overrides({FRICTION: NOMINAL_FRICTION})
+        machines = signal_errors(nominal, signals_of(panel, quantity), time=gain_times(layout))
     return Setting(
-        layout=layout_of_panel(panel, quantity),
+        layout=layout,
         places=places_of(panel),
         amplitude=amplitude,
         gaps=tuple(limits),
         limits=tuple(limits.values()),
         allowances=allowances,
         quantity=quantity,
+        machines=machines,
     )
 
 

@@ -51,7 +51,7 @@ class Counts:
     switches, repeats : int
         Switches with a history, and sound throws of each.
     judged : int
-        The last of these that are also thrown with causes.
+        The last of these that are also thrown with objects, and for judging with causes.
     objects_each : int
         Objects in each of them.
     """
@@ -66,10 +66,9 @@ class Counts:
 
     @property
     def throws(self) -> int:
-        """All of them."""
+        """All that a detector is trained on."""
         causes = self.sound + self.objects + sum(self.of_cause(name) for name in DEFECTS)
-        each = self.judged * (self.objects_each + (2 if self.objects_each else 0))
-        return causes + self.switches * (self.repeats + each)
+        return causes + self.switches * (self.repeats + self.judged * self.objects_each)
 
     def of_cause(self, name: str) -> int:
         """Return how many throws another cause gets."""
@@ -134,9 +133,10 @@ def _paired(population: Population, name: str, rows: list[Row], sound: list[Row]
 def _history_plans(
     study: Study, counts: Counts, *, seed: int, places: np.ndarray
 ) -> dict[str, Plan]:
-    """Return repeated throws of some switches, and the last of them with causes.
+    """Return repeated throws of some switches, and the last of them with objects.
 
-    For judging every other cause follows in the last throw of each switch.
+    For judging adjustments and dry chairs follow in the same throws, and every other cause in the
+    last throw of each switch.
     """
     population = Population(study, seed=seed + HISTORY_SEED)
     rng = np.random.default_rng([study.seed, seed, 8])
@@ -159,6 +159,8 @@ def _history_plans(
         ),
     }
     for kind, change in kinds.items():
+        if not (seed or kind == OBJECT):
+            continue
         each = counts.objects_each if kind == OBJECT else 1
         partner = [i for i in judged for _ in range(each)]
         made = [change(rows[i], number) for number, i in enumerate(partner)]

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.stats import binom, norm
 
+from turnout.detection.conditioning import conditioned
 from turnout.detection.population import Local
 
 Floats = NDArray[np.float64]
@@ -123,7 +124,7 @@ def predictive(
     if history:
         share = history / len(models)
         for way, error in zip(maps, own, strict=True):
-            known = conditioned(known, way=way, error=error / share)
+            known, _ = conditioned(known, way=way, error=error / share)
     found = [way @ known @ way.T + error / averaged for way, error in zip(maps, own, strict=True)]
     said = _root(prior - known) if history else np.zeros((len(prior), 0))
     return Predictive(
@@ -141,28 +142,6 @@ def _root(covariance: Floats) -> Floats:
 
 ROUNDING = 1e-15
 """Share of the largest eigenvalue below which one is rounding."""
-
-
-def conditioned(prior: Floats, *, way: Floats, error: Floats) -> Floats:
-    """Return the covariance of what is known after an observation (Kalman 1960).
-
-    Parameters
-    ----------
-    prior : ndarray, shape (n, n)
-        Covariance before.
-    way : ndarray, shape (m, n)
-        What is observed, of what is to be known.
-    error : ndarray, shape (m, m)
-        Covariance of the observation.
-
-    Examples
-    --------
-    >>> conditioned(np.eye(1), way=np.eye(1), error=np.eye(1)).round(9).tolist()
-    [[0.5]]
-    """
-    crossed = prior @ way.T
-    found = prior - crossed @ cho_solve(cho_factor(way @ crossed + error), crossed.T)
-    return np.asarray(0.5 * (found + found.T))
 
 
 def repeated_alarm_rate(correlation: ArrayLike, *, false_alarm_rate: float) -> Floats:

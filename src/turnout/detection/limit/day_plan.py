@@ -20,13 +20,14 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from turnout.core.threads import one_blas_thread
+from turnout.detection.conditioning import conditioned
 from turnout.detection.features import (
     discrepancy_covariance,
     features_of,
     noise_covariance,
     window_means,
 )
-from turnout.detection.limit.bound import conditioned, detection_index
+from turnout.detection.limit.bound import detection_index
 from turnout.detection.reference import FRICTION, NOMINAL_FRICTION, Conditions, reference_study
 from turnout.detection.throws import closing_time, places_of
 from turnout.errors import StudyError
@@ -324,7 +325,7 @@ def _prior(of: Candidates) -> Floats:
 
 def _updated(of: Candidates, known: Floats, row: int, times: int) -> Floats:
     way = np.hstack([of.sensitivity[row], np.eye(len(of.fixed))])
-    return conditioned(known, way=way, error=of.own / times)
+    return conditioned(known, way=way, error=of.own / times)[0]
 
 
 def _parameter_gain(of: Candidates, known: Floats, row: int) -> float:

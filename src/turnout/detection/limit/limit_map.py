@@ -10,7 +10,7 @@ from scipy.linalg import solve_triangular
 
 from turnout.core.threads import one_blas_thread
 from turnout.detection.conditions import FORCE
-from turnout.detection.drive_quantities import Signal, noise_of, quantities_of
+from turnout.detection.drive_quantities import noise_of, quantities_of
 from turnout.detection.features import (
     OPENING_WINDOW,
     features_of,
@@ -22,7 +22,7 @@ from turnout.detection.limit.bound import predictive, probability_of_detection
 from turnout.detection.pod.roc import index_quantiles
 from turnout.detection.population import local_models
 from turnout.detection.reference import Conditions
-from turnout.detection.signal_errors import discrepancy_of_signals
+from turnout.detection.signal_discrepancy import Signal, discrepancy_of_signals
 from turnout.detection.throws import Throws
 from turnout.schema.channels import SCHEMA_VERSION
 

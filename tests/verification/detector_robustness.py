@@ -1,0 +1,74 @@
+"""What a detector makes of throws that differ from what it assumes: errors of other sizes."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from tests.verification.detector_figures import a90, false_alarm_limits, measured_by_switch
+
+from turnout.detection.detector.allowances import Allowances
+from turnout.detection.detector.calibrating import Errors, alarms_of
+from turnout.detection.detector.judging import CYCLE, make_view
+from turnout.detection.detector.knowledge import Knowledge
+from turnout.detection.detector.throw_set import ThrowSet
+from turnout.detection.floor import TOUCH_FORCE
+
+Floats = NDArray[np.float64]
+
+CASES: dict[str, dict[str, float | str]] = {
+    "as assumed": {},
+    "onsets 10 ms": {"timing": 10e-3},
+    "noise 60 N": {"noise": 60.0},
+    "sensor gains 3 %": {"gain": 0.03},
+    "sensor zeros 100 N": {"zero": 100.0},
+    "discrepancy 8 %": {"discrepancy": 0.08},
+    "discrepancy of each throw alone": {"fixed_share": 0.0},
+    "discrepancy of each switch alone": {"fixed_share": 1.0},
+    "discrepancy over 0.2 s": {"correlation_time": 0.2},
+    "discrepancy over 1 s": {"correlation_time": 1.0},
+    "smooth discrepancy": {"kernel": "matern 3/2"},
+}
+"""Changes of what test throws are drawn with."""
+
+
+def robustness(
+    knowledge: Knowledge, sound: ThrowSet, objects: ThrowSet, *, draws: int = 2
+) -> dict[str, dict[str, float]]:
+    """Return false alarms without a history at 1/1,000, and what is seen of objects.
+
+    Parameters
+    ----------
+    knowledge : Knowledge
+        As it is: it does not know that errors differ.
+    sound, objects : ThrowSet
+        Of switches that it never saw.
+    draws : int
+        Uses of each sound throw.
+    """
+    view = make_view(knowledge)
+    calibrated = knowledge.calibration(part=CYCLE, history=0)
+    assert calibrated is not None
+    threshold = calibrated.thresholds["0.001"]
+    held = objects.of(objects.force > TOUCH_FORCE)
+    middle = np.abs(held.x - knowledge.setting.places["sleeper 6"]) < 0.3
+    usual: Allowances = knowledge.setting.allowances
+    found = {}
+    for name, changed in CASES.items():
+        errors = Errors(
+            knowledge.errors(replace(usual, **changed)),  # type: ignore[arg-type]
+            part=knowledge.layout.part,
+            rng=np.random.default_rng([41, len(found)]),
+        )
+        alarms = np.array(
+            [
+                alarms_of(view, measured_by_switch(sound, errors))[0] > threshold
+                for _ in range(draws)
+            ]
+        )
+        seen = alarms_of(view, measured_by_switch(held, errors))[0] > threshold
+        by_switch = [alarms[:, sound.switch == own].ravel() for own in np.unique(sound.switch)]
+        found[name] = false_alarm_limits(by_switch) | {
+            "seen": float(seen.mean()),
+            "a90 at sleeper 6": a90(held.size[middle], seen[middle]),
+        }
+    return found
