@@ -26,6 +26,12 @@ KINDS: dict[str, dict[str, object]] = {
         "drive.2.machine": "s700k",
         "machine.s700k.clutch.torque": 2.6,
     },
+    "two `zdj9`": {
+        "drive.1.machine": "zdj9",
+        "drive.2.machine": "zdj9",
+        "machine.zdj9.clutch.torque": 2.6,
+    },
+    "two `m70`": {"drive.1.machine": "m70", "drive.2.machine": "m70"},
 }
 
 

@@ -107,6 +107,37 @@ def test_one_machine_as_in_one_step(h: float, share: float) -> None:
     assert residual.max() <= 1e-6
 
 
+@pytest.mark.parametrize("name", ["sb3", "s700k"])
+def test_a_step_worked_out_at_its_acceptance_is_that_worked_out_at_once(name: str) -> None:
+    """A shared resistance that is all but none takes the other way, to the same bits.
+
+    Over a whole throw: start, run, limit contact, lock, rest; of `s700k` as a steady circuit.
+    """
+    changes: dict[str, object] = {"motor.transient": False} if name == "s700k" else {}
+    loaded = load_machines(name, overrides=changes)
+    machine, rail, throw = loaded.machine[name], loaded.rail, loaded.throw
+    assert rail is not None
+    assert throw is not None
+    step, end = 1e-3, 7.0
+    bed, y0 = np.array([[rail.bed_stiffness]]), np.array([throw.start])
+
+    def states(shared: float) -> np.ndarray:
+        outside = TrapezoidalRail(
+            np.array([[rail.mass]]),
+            np.array([[rail.damping]]),
+            bed,
+            np.array([rail.bed_rest]),
+            y0,
+            step,
+        )
+        pairs = [(machine, throw.command)]
+        return coupled(pairs, outside, [throw.start], round(end / step), shared)[0][:, 0]
+
+    later, at_once = states(0.0), states(1e-300)
+    assert later[-1, at.LOCKED] == 1.0
+    np.testing.assert_array_equal(later, at_once)
+
+
 def test_two_machines_on_one_rail_and_supply() -> None:
     """Stiff coupling of the rods and a supply that drops: the condensed equations hold exactly."""
     loaded = load_machines("sb3", overrides={"supply.shared_resistance": 3.0})

@@ -45,7 +45,9 @@ Ints = NDArray[np.int64]
 Templates = dict[tuple[int, int], tuple[State, Work]]
 
 MOST_KEPT = 24
-"""Condensed rails in the cache, and rails with objects in place, the latest used."""
+"""Condensed rails in the cache, the latest used."""
+MOST_PLACED = 64
+"""Rails with objects in place in the cache, under a megabyte each in quick mode."""
 LARGE_PAGE = 1 << 21
 """Size of a large page of memory [bytes]."""
 
@@ -105,7 +107,7 @@ class _Rails:
     frames: dict[Hashable, _Frame]
 
 
-_cache = LRUCache[Arrangement](MOST_KEPT)
+_cache = LRUCache[Arrangement](MOST_PLACED)
 _rails_cache = LRUCache[_Rails](MOST_KEPT)
 
 

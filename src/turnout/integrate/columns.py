@@ -70,6 +70,7 @@ def assemble_level(
         return
     state.level_ready[level] = 1
     compliance = state.compliance[level]
+    _fill(0.0, compliance)  # its memory may have served before
     for block in range(system.end_stop.size):
         first, last = system.mode_start[block], system.mode_start[block + 1]
         n = last - first
@@ -92,10 +93,6 @@ def assemble_level(
         for end in range(system.follower_start[block], system.follower_start[block + 1]):
             _assemble_column(system, end, inverse, modes, compliance[end, : width + n])
         _put(inverse, compliance[stop : stop + n, width : width + n])
-        padded = system.end_start[block + 1] - start
-        _fill(0.0, compliance[start : stop + n, width + n : padded])
-        followers = system.follower_start[block], system.follower_start[block + 1]
-        _fill(0.0, compliance[followers[0] : followers[1], width + n : padded])
 
 
 @compiled

@@ -5,6 +5,7 @@ the time of a run in waveform mode. A buffer that no array refers to any more th
 next run.
 """
 
+import math
 import weakref
 from collections import deque
 from typing import NamedTuple
@@ -57,14 +58,12 @@ def acquire_buffer(count: int) -> Floats:
     return found
 
 
-def zeroed_lines(*shape: int) -> Floats:
-    """Return an array of zeros from `acquire_buffer` that begins at a cache line."""
-    count = int(np.prod(shape))
+def lines_from_buffer(*shape: int) -> Floats:
+    """Return an uninitialised array from `acquire_buffer` that begins at a cache line."""
+    count = int(math.prod(shape))
     memory = acquire_buffer(int(whole_lines(count)) + LANES)
     first = (-(memory.ctypes.data // 8)) % LANES
-    found = memory[first : first + count].reshape(shape)
-    found.fill(0.0)
-    return found
+    return memory[first : first + count].reshape(shape)
 
 
 def release_buffers() -> None:

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from turnout.integrate.scratch import zeroed_lines
+from turnout.integrate.scratch import lines_from_buffer
 from turnout.integrate.system import Floats, Ints, System
 from turnout.kernels.compiled import compiled
 from turnout.kernels.lanes import zeros_in_lines
@@ -182,7 +182,7 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
             level_ready=np.zeros(levels, dtype=np.int64),
             mode_columns=zeros_in_lines(n_modes, widest),
             constant_column=np.zeros(int(system.end_start[-1])),
-            compliance=zeroed_lines(levels, n_ends, widest),
+            compliance=lines_from_buffer(levels, n_ends, widest),
             q=modal.copy(),
             v=modal.copy(),
             a=modal.copy(),
@@ -217,7 +217,7 @@ def fresh_copy(state: State, table: LawTable) -> State:
         columns=zeros_in_lines(*state.columns.shape),
         coupling=np.zeros(state.coupling.shape),
         mode_columns=zeros_in_lines(*state.mode_columns.shape),
-        compliance=zeroed_lines(*state.compliance.shape),
+        compliance=lines_from_buffer(*state.compliance.shape),
     )
     set_home_segments(table, copied)
     return copied

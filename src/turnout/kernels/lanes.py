@@ -13,6 +13,7 @@ Vectors must be padded to whole cache lines, as those of `turnout.kernels.shared
 the last eight may reach beyond the end. In Python the same functions work on padded vectors.
 """
 
+import math
 import operator
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -56,7 +57,7 @@ def zeros_in_lines(*shape: int) -> Floats:
     >>> zeros_in_lines(2, 3).ctypes.data % (8 * LANES)
     0
     """
-    count = int(np.prod(shape))
+    count = int(math.prod(shape))
     memory = np.zeros(whole_lines(count) + LANES)
     first = (-(memory.ctypes.data // 8)) % LANES
     return memory[first : first + count].reshape(shape)

@@ -9,7 +9,7 @@ what is in them can.
 
 import itertools
 from collections.abc import Mapping
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any, NamedTuple, TypeVar, cast
 
 import numba
@@ -135,28 +135,64 @@ def shared_record(arrays: T, **beyond: float) -> T:
     >>> shared_record(builder.table()).offset.tolist()
     [0.5]
     """
-    vectors, words, at = {}, [], 0
     for name, array in zip(arrays._fields, arrays, strict=True):
         if not (isinstance(array, np.ndarray) and array.flags.c_contiguous and array.itemsize == 8):
             msg = f"{type(arrays).__name__}.{name} must be an array of 8-byte numbers without gaps"
             raise TypeError(msg)
+    shapes = tuple([(array.dtype, array.shape) for array in arrays])
+    layout = _layout(type(arrays), shapes, tuple(beyond.items()))
+    memory = zeros_in_lines(layout.size)
+    pieces: list[NDArray[np.float64]] = []
+    for array, padding in zip(arrays, layout.padding, strict=True):
         if array.ndim == 1:
-            vectors[name] = (at, array.size, array.dtype)
-            at += whole_lines(array.size)
-        words += [array.ctypes.data if array.ndim != 1 else 0, *array.shape]
-    kind = _shared_type(type(arrays), tuple([(array.dtype.str, array.ndim) for array in arrays]))
-    record = Shared(kind, zeros_in_lines(at), vectors, np.array(words, dtype=np.int64))
-    first = record.memory.ctypes.data
+            pieces += (array.view(np.float64), padding)
+    if pieces:
+        np.concatenate(pieces, out=memory)
+    record = Shared(layout.kind, memory, layout.vectors, layout.words.copy())
+    record.words[layout.of_vectors] += memory.ctypes.data
     for name, array in zip(arrays._fields, arrays, strict=True):
-        if name not in vectors:
+        if array.ndim != 1:
             record.arrays[name] = array
-            continue
-        start, size, _ = vectors[name]
-        record.words[kind.word_of[name]] = first + 8 * start
-        getattr(record, name)[:] = array
-        if name in beyond:
-            record.memory[start + size : start + whole_lines(size)] = beyond[name]
+            record.words[layout.kind.word_of[name]] = array.ctypes.data
     return cast("T", record)
+
+
+class _Layout(NamedTuple):
+    """Where the vectors of a record lie in its memory.
+
+    `words` have the place of each vector in bytes, at `of_vectors`, in place of its address;
+    `padding` is what follows each array in memory, `size` that of all.
+    """
+
+    kind: _SharedType
+    vectors: Mapping[str, tuple[int, int, np.dtype[Any]]]
+    words: NDArray[np.int64]
+    of_vectors: NDArray[np.int64]
+    padding: tuple[NDArray[np.float64], ...]
+    size: int
+
+
+@lru_cache(maxsize=256)
+def _layout(
+    record: Any,
+    shapes: tuple[tuple[np.dtype[Any], tuple[int, ...]], ...],
+    beyond: tuple[tuple[str, float], ...],
+) -> _Layout:
+    """Lay out a record of arrays of these kinds and shapes; records of throws are mostly alike."""
+    kind = _shared_type(record, tuple([(dtype.str, len(shape)) for dtype, shape in shapes]))
+    vectors: dict[str, tuple[int, int, np.dtype[Any]]] = {}
+    words, padding, at, fills = list[int](), [], 0, dict(beyond)
+    for name, (dtype, shape) in zip(record._fields, shapes, strict=True):
+        words += [8 * at if len(shape) == 1 else 0, *shape]
+        count = 0
+        if len(shape) == 1:
+            vectors[name] = (at, shape[0], dtype)
+            count = whole_lines(shape[0]) - shape[0]
+            at += shape[0] + count
+        padding.append(np.full(count, fills.get(name, 0.0)))
+    of_vectors = np.array([kind.word_of[name] for name in vectors], dtype=np.int64)
+    found = np.array(words, dtype=np.int64)
+    return _Layout(kind, vectors, found, of_vectors, tuple(padding), at)
 
 
 def clone_record(record: T, **matrices: NDArray[Any]) -> T:

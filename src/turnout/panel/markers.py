@@ -10,6 +10,7 @@ Schedules recorded elsewhere: a CSV file with the columns time and fraction.
 """
 
 import csv
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from turnout.core.files import user_path
+from turnout.core.lru_cache import LRUCache
 from turnout.core.problems import Problem, shortened, show_value
 from turnout.core.toml import decode, read_bytes
 from turnout.core.units import MOST_VALUES, SI
@@ -103,6 +105,33 @@ def prior_positions(panel: Panel, movement: Movement, time: npt.ArrayLike) -> Fl
         [m], as `marker_positions` does; the last are those with which the schedule starts.
     """
     instants = np.atleast_1d(np.asarray(time, dtype=np.float64))
+    return _remembered(panel, instants, movement, lambda: _prior(panel, movement, instants))
+
+
+_positions: LRUCache[tuple[FloatArray, tuple[object, ...]]] = LRUCache(8)
+"""Positions of markers, with the records that they follow from: throws mostly move alike."""
+
+
+def _remembered(
+    panel: Panel, instants: FloatArray, prior: Movement | None, made: Callable[[], FloatArray]
+) -> FloatArray:
+    """Return positions, those of the same drives, schedule and instants from memory.
+
+    Schedule and movements are known by their identity, which the cache keeps alive.
+    """
+    held = (panel.schedule, prior, *panel.movement.values())
+    ways = tuple(
+        (name, drive.stroke, drive.over_travel_open, drive.over_travel_closed)
+        for name, drive in panel.drive.items()
+    )
+    key = (tuple(id(record) for record in held), ways, instants.tobytes())
+    known = _positions.get(key)
+    if known is None:
+        known = _positions.put(key, (made(), held))
+    return known[0].copy()
+
+
+def _prior(panel: Panel, movement: Movement, instants: FloatArray) -> FloatArray:
     starts = panel.schedule.starts
     begins = "open" if starts == "closed" else "closed"
     positions = np.zeros((len(panel.drive), instants.size))
@@ -131,6 +160,10 @@ def marker_positions(panel: Panel, time: npt.ArrayLike) -> FloatArray:
         Marker positions [m] in the order of `panel.drive`, positive closing.
     """
     instants = np.atleast_1d(np.asarray(time, dtype=np.float64))
+    return _remembered(panel, instants, None, lambda: _scheduled(panel, instants))
+
+
+def _scheduled(panel: Panel, instants: FloatArray) -> FloatArray:
     positions = np.zeros((len(panel.drive), instants.size))
     rising = bool(np.all(instants[1:] >= instants[:-1]))
     for row, (name, drive) in enumerate(panel.drive.items()):

@@ -56,7 +56,7 @@ from turnout.response.signals import (
     stop_signals,
 )
 from turnout.response.signals import NAMES as FASTENINGS
-from turnout.schema.channels import SCHEMA_VERSION, check_schema, label
+from turnout.schema.channels import SCHEMA_VERSION, add_labels, check_schema
 from turnout.scheme import Scheme
 
 if TYPE_CHECKING:
@@ -104,7 +104,7 @@ def response_dataset(
     save = save or Save()
     channels = response_channels(panel, mechanism, history, save=save)
     coords = coordinates_of(channels, panel, mechanism, time=history.time, save=save)
-    return check_schema(label(xr.Dataset(channels, coords)))
+    return check_schema(add_labels(xr.Dataset(channels, coords)))
 
 
 def response_channels(

@@ -132,7 +132,7 @@ def simulate_placed(
         wall_time=time.perf_counter() - began - solved.compile_time,
         solver_time=solved.solver_time,
     )
-    dataset = dataset.assign_attrs(attributes)
+    dataset.attrs.update(attributes)
     if throw and not solved.history.outcome.complete:
         raise NotConverged(solved.history.outcome, partial=dataset)
     return dataset

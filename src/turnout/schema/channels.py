@@ -317,18 +317,21 @@ def label(dataset: "xr.Dataset") -> "xr.Dataset":
     >>> label(bare)["object_force"].attrs["units"]
     'N'
     """
-    labelled = dataset.copy()
-    for name, variable in labelled.variables.items():
-        channel = known_channel(str(name), outer=outer_dimension(dataset))
+    return add_labels(dataset.copy())
+
+
+def add_labels(dataset: "xr.Dataset") -> "xr.Dataset":
+    """Do in place what `label` does to a copy; return the dataset."""
+    outer = outer_dimension(dataset)
+    for name, variable in dataset.variables.items():
+        channel = known_channel(str(name), outer=outer)
         if channel is None:
             raise KeyError(name)
         attributes = {"units": channel.units, "long_name": channel.long_name}
-        if channel.positive:
-            attributes["positive"] = channel.positive
-        if name in AXES:
-            attributes["axis"] = AXES[str(name)]
-        variable.attrs.update(attributes)
-    return labelled.assign_attrs(Conventions=CONVENTIONS)
+        attributes |= {"positive": channel.positive} if channel.positive else {}
+        variable.attrs |= attributes | ({"axis": AXES[str(name)]} if name in AXES else {})
+    dataset.attrs["Conventions"] = CONVENTIONS
+    return dataset
 
 
 def outer_dimension(dataset: "xr.Dataset") -> str:
@@ -379,10 +382,11 @@ def schema_problems(dataset: "xr.Dataset") -> list[str]:
         One sentence each; empty when the dataset is in order.
     """
     problems = []
+    outer, coordinates = outer_dimension(dataset), set(dataset.coords)
     for name, variable in dataset.variables.items():
-        channel = known_channel(str(name), outer=outer_dimension(dataset))
+        channel = known_channel(str(name), outer=outer)
         inside = name in CHANNELS or name in SEQUENCE
-        if channel is None or (name in dataset.coords) == inside:
+        if channel is None or (name in coordinates) == inside:
             near = nearest_channel(str(name))
             problems.append(f"{name}: no such channel{near}")
             continue

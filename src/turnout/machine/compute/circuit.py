@@ -274,6 +274,17 @@ def rests(constants: Floats, rail: Floats, state: Floats) -> bool:
     return bool(off and held and state[LOCKED] > 0.0 and rail[ONE_MASS] == 0.0)
 
 
+@compiled_part
+def _hold(
+    constants: Floats, rail: Floats, state: Floats, span: tuple[float, float]
+) -> tuple[float, float]:
+    """Return the force of a rod that stands, and the rail's position, at the end of a span."""
+    free, compliance = span_of(constants, rail, state, span[0] + span[1])[1:]
+    x, y = state[ROD_POSITION], state[RAIL_POSITION]
+    force, _, y = rail_side(constants, rail, span[1], state, free, compliance, y, x)
+    return force, y
+
+
 @compiled
 def advance(
     constants: Floats,
@@ -308,10 +319,7 @@ def advance(
     """
     time, end = span[0], span[0] + span[1]
     if rests(constants, rail, state) and next_instant(constants, state, commands, time) > end:
-        free, compliance = span_of(constants, rail, state, end)[1:]
-        x, y = state[ROD_POSITION], state[RAIL_POSITION]
-        force, _, y = rail_side(constants, rail, span[1], state, free, compliance, y, x)
-        state[ROD_FORCE], state[RAIL_POSITION] = force, y
+        state[ROD_FORCE], state[RAIL_POSITION] = _hold(constants, rail, state, span)
         return CONVERGED
     pieces = 0
     while True:
@@ -337,16 +345,21 @@ def try_plain_step(
     span: tuple[float, float],
     work: Floats,
 ) -> bool:
-    """Solve a span in which nothing switches, where that is one step; False where it is not.
+    """Solve a span in which nothing switches, where that is one step or rest; False otherwise.
 
     Takes what `advance` takes. The state stays as it is but for `set_local_faults`, so that the
     span may be tried again; `accept_plain_step` makes the state of it that `advance` would.
     """
     time, end = span[0], span[0] + span[1]
     h = end - time
-    if rests(constants, rail, state) or h > constants[LONGEST_STEP]:
-        return False
     if next_instant(constants, state, commands, time) <= end + INSTANT:
+        return False
+    if rests(constants, rail, state):
+        work[SECOND, ROD_POSITION] = state[ROD_POSITION]
+        held = _hold(constants, rail, state, span)
+        work[SECOND, ROD_FORCE], work[SECOND, RAIL_POSITION] = held
+        return True
+    if h > constants[LONGEST_STEP]:
         return False
     set_local_faults(constants, state)
     if take_step(constants, rail, table, state, time, h, work) != CONVERGED:
@@ -370,5 +383,9 @@ def accept_plain_step(
 ) -> None:
     """Make the end of a span that `try_plain_step` has solved the state."""
     time, end = span[0], span[0] + span[1]
+    if rests(constants, rail, state):
+        state[ROD_FORCE] = work[SECOND, ROD_FORCE]
+        state[RAIL_POSITION] = work[SECOND, RAIL_POSITION]
+        return
     _finish_step(constants, rail, table, state, (time, end - time), work, log)
     switch_all_due(constants, state, commands, end, log)
