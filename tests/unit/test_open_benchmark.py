@@ -1,5 +1,6 @@
 """The open benchmark: its definition, its recorder, its metrics, and the file of verdicts."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,13 @@ from tests.unit.benchmark_toy import POSITIONS, TIME, toy_benchmark, toy_side
 from turnout.detection.detector.allowances import Allowances
 from turnout.detection.detector.training_plan import Population
 from turnout.errors import FileError, StudyError
+from turnout.open_benchmark.classical import (
+    NUMBERS,
+    Limits,
+    LimitsMethod,
+    closing_of,
+    peak_and_build_up,
+)
 from turnout.open_benchmark.definition import (
     MACHINES,
     PRESETS,
@@ -19,9 +27,11 @@ from turnout.open_benchmark.definition import (
 )
 from turnout.open_benchmark.make_throws import claim_folder
 from turnout.open_benchmark.margin import margin_over, mid_span_draws, weighted_a90
+from turnout.open_benchmark.method import judged_of
 from turnout.open_benchmark.metrics import clustered_rate, detectable, roc_curve
 from turnout.open_benchmark.minirocket import fit_minirocket
 from turnout.open_benchmark.order import margins_from, order_changes, order_table
+from turnout.open_benchmark.ours import less_offset, machine_offsets
 from turnout.open_benchmark.recorder_errors import Recorder, correlated, recorded
 from turnout.open_benchmark.run_methods import Conditions
 from turnout.open_benchmark.sides import Side
@@ -241,9 +251,62 @@ def test_who_is_first_is_said_in_a_table_and_in_words() -> None:
     said = order_changes(conditions, margins)
     assert said[0] == "markers-force-h20-d10: a baseline is first by 1.0 mm."
     assert "discrepancy of 8.3%" in said[1]  # 2 mm at 5 %, -1 mm at 10 %
+    of_machines = Conditions(track="machines")
+    lost = margins_from({"turnout": np.full(9, np.inf), "rocket": np.full(9, 13e-3)})
+    lost["best"]["own"] = lost["best"]["value"] = None  # as files say it
+    assert order_changes([of_machines], {of_machines.name: lost})[0].startswith(
+        "machines-force-h20-d5: a baseline is first"
+    )
     assert order_changes(conditions[:1], margins) == [
         "Under none of these conditions is a baseline first."
     ]
+
+
+# ---- methods
+
+
+def test_the_duration_is_that_until_the_force_builds_up() -> None:
+    bench = toy_benchmark(train=2, test=1)
+    closing = closing_of(bench.layout)
+    steps = np.arange(closing.stop - closing.start)
+    force = np.zeros((2, 1, closing.stop))
+    for row, (at, rise) in enumerate(((120, 800.0), (135, 3000.0))):  # below and above 1 kN
+        force[row, 0, closing] = 1500.0 + rise * (steps >= at)
+    found = peak_and_build_up(force, closing)
+    assert found[:, 0] == pytest.approx([2300.0, 4500.0])
+    assert found[1, 1] - found[0, 1] == pytest.approx(15 * 0.02)
+
+
+def test_a_number_that_is_mostly_the_same_does_not_take_the_limit() -> None:
+    # of a duration that is the same in most throws the median deviation is 0
+    train = judged_of(toy_benchmark(train=6, test=2), "train")
+    for name in NUMBERS:
+        method = LimitsMethod("threshold", "threshold", name)
+        model = method.fit(train, {"relative": True, "largest": True})
+        assert isinstance(model, Limits)
+        values = model.values(train)[train.sound]
+        assert model.spread == pytest.approx(np.maximum(values.std(axis=0), 1e-6))
+        assert np.quantile(model.score(train)[train.sound], 0.999) < 12.0
+
+
+def test_offsets_of_machines_leave_what_they_have_in_common() -> None:
+    bench = toy_benchmark(train=6, test=2)
+    machine = np.array(["first", "second"])[bench.train.groups % 2]
+    kinds = {"first": 500.0, "second": -300.0}
+    added = np.array([kinds[name] for name in machine])[:, np.newaxis, np.newaxis]
+    clean = bench.train.histories + added
+    side = replace(bench.train, clean=clean, labels={**bench.train.labels, "machine": machine})
+    found = machine_offsets(side)
+    assert found["first"].mean() - found["second"].mean() == pytest.approx(800.0, abs=300.0)
+    judged = judged_of(replace(bench, train=replace(side, histories=clean)), "train")
+    centred = less_offset(judged, found)
+    assert abs(sum(item.mean() for item in found.values())) < 1e-6
+    for name in found:
+        rows = (centred.side.labels["machine"] == name) & centred.sound
+        others = (centred.side.labels["machine"] != name) & centred.sound
+        apart = centred.side.histories[rows].mean(0) - centred.side.histories[others].mean(0)
+        assert np.abs(apart).mean() < 40.0  # 500 N and more apart before
+    assert less_offset(judged, {}) is judged
 
 
 # ---- MiniRocket

@@ -5,6 +5,7 @@
 says so.
 """
 
+import json
 import re
 import shutil
 import sys
@@ -22,7 +23,7 @@ from turnout.open_benchmark.run_methods import (
     RESULTS,
     VARIED,
     Conditions,
-    run_methods,
+    methods_for,
 )
 from turnout.open_benchmark.sides import read_throws_file
 from turnout.open_benchmark.tables import (
@@ -39,9 +40,15 @@ FIGURES = {"roc.png": "benchmark_roc.png", "pod.png": "benchmark_pod.png"}
 Results = Mapping[str, Mapping[str, Any]]
 
 
-def was_run(folder: Path, conditions: Conditions) -> bool:
-    """Return whether this program's detector, which is run first but one, has a result."""
-    return (folder / RESULTS / conditions.name / f"{OURS}.json").exists()
+def stored(folder: Path, conditions: Conditions) -> dict[str, dict[str, Any]]:
+    """Return the results that are there, by method, in the order of the tables."""
+    place = folder / RESULTS / conditions.name
+    paths = {item.name: place / f"{item.name}.json" for item in methods_for(conditions)}
+    return {
+        name: json.loads(path.read_text(encoding="utf-8"))
+        for name, path in paths.items()
+        if path.exists()
+    }
 
 
 def by_method(conditions: list[Conditions], results: Mapping[str, Results]) -> str:
@@ -81,8 +88,9 @@ def main() -> None:
     folder = Path(sys.argv[1])
     known = known_throws(folder)
     longest = (Conditions(history=known),) if known > MAIN[0].history else ()
-    wanted = [own for own in (*MAIN, *VARIED, *longest) if was_run(folder, own)]
-    results = run_methods(folder, wanted)
+    found = {own: stored(folder, own) for own in (*MAIN, *VARIED, *longest)}
+    wanted = [own for own, methods in found.items() if OURS in methods]
+    results = {own.name: found[own] for own in wanted}
     margins = {own.name: margins_of(folder, own, results[own.name]) for own in wanted}
     text = PAGE.read_text(encoding="utf-8")
     first, alone = results[MAIN[0].name], results.get(MAIN[1].name)

@@ -16,6 +16,10 @@ Settings = Sequence[Mapping[str, Any]]
 
 SETTLED = 1000.0
 """A movement lasts until its force stays nearer than this to the one at the end [N]."""
+BUILD_UP = 10
+"""Samples of the means whose rise is the build-up."""
+LEAST_SPREAD = 1e-6
+"""Of a number that is the same in all sound throws [N], [s]."""
 REST = 0.4
 """At the end of a closing, over which the end force is averaged [s]."""
 
@@ -38,6 +42,24 @@ def peak_and_duration(histories: Floats, closing: slice) -> Floats:
     return np.hstack([peak, STEP * np.where(away.any(axis=-1), last, 0)])
 
 
+def peak_and_build_up(histories: Floats, closing: slice) -> Floats:
+    """Return peak force and duration until the force builds up at the end, for each signal.
+
+    The build-up is the steepest rise between means over 0.2 s, after the first quarter. Until when
+    a force stays away from its end depends on a limit in newtons, and jumps in sound throws.
+
+    Returns
+    -------
+    ndarray, shape (n, 2 n_signals)
+    """
+    own = histories[..., closing]
+    peak = np.abs(own).max(axis=-1)
+    total = np.cumsum(own, axis=-1)
+    mean = (total[..., BUILD_UP:] - total[..., :-BUILD_UP]) / BUILD_UP
+    rise = (mean[..., BUILD_UP:] - mean[..., :-BUILD_UP])[..., own.shape[-1] // 4 :]
+    return np.hstack([peak, STEP * rise.argmax(axis=-1)])
+
+
 def three_features(histories: Floats, closing: slice) -> Floats:
     """Return peak, plateau and end force of the closing, shape (n, 3 n_signals).
 
@@ -52,7 +74,7 @@ def three_features(histories: Floats, closing: slice) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """Limits on some numbers, by their distance in robust deviations: the largest, or all."""
+    """Limits on some numbers, by their distance from the median in deviations: largest, or all."""
 
     numbers: str
     relative: bool
@@ -74,7 +96,7 @@ class Limits:
         return {"novelty": self.score(judged)}
 
 
-NUMBERS = {"peak and duration": peak_and_duration, "three features": three_features}
+NUMBERS = {"peak and duration": peak_and_build_up, "three features": three_features}
 
 
 def numbers_of(name: str, judged: Judged, *, relative: bool) -> Floats:
@@ -86,7 +108,7 @@ def numbers_of(name: str, judged: Judged, *, relative: bool) -> Floats:
 
 @dataclass(frozen=True)
 class LimitsMethod:
-    """Learned limits: median and median absolute deviation of sound throws."""
+    """Learned limits: median and standard deviation of sound throws."""
 
     name: str
     title: str
@@ -101,10 +123,9 @@ class LimitsMethod:
         """Take the limits from sound throws."""
         values = numbers_of(self.numbers, train, relative=setting["relative"])[train.sound]
         middle = np.median(values, axis=0)
-        spread = 1.4826 * np.median(np.abs(values - middle), axis=0)
-        return Limits(
-            self.numbers, setting["relative"], setting["largest"], middle, np.maximum(spread, 1e-6)
-        )
+        # a duration is the same in most throws: a median deviation of it may be 0
+        spread = np.maximum(values.std(axis=0), LEAST_SPREAD)
+        return Limits(self.numbers, setting["relative"], setting["largest"], middle, spread)
 
 
 def dtw_distance(series: Floats, reference: Floats, *, band: int) -> Floats:

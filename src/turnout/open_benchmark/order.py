@@ -100,7 +100,8 @@ def order_table(
         if "best" not in found:
             continue
         best, a90 = found["best"], found["a90"]
-        title = results[own.name][found["first"]]["title"]
+        seen = best["other"] is not None
+        title = results[own.name][found["first"]]["title"] if seen else "none"
         rows.append([
             own.track, own.channels, str(own.history), f"{own.discrepancy:.0%}",
             sized(a90[OURS]), sized(a90[found["first"]]), title,
@@ -135,9 +136,15 @@ def order_changes(conditions: Sequence[Conditions], margins: Mapping[str, Any]) 
     found = []
     for own in conditions:
         best = margins.get(own.name, {}).get("best")
-        if best is None or best["value"] is None:
+        if best is None or (best["own"] is None and best["other"] is None):
             continue
-        if best["value"] <= 0.0:
+        if best["own"] is None:
+            found.append(
+                f"{own.name}: a baseline is first, and only it sees nine of ten at all places."
+            )
+        elif best["other"] is None:
+            continue
+        elif best["value"] <= 0.0:
             found.append(f"{own.name}: a baseline is first by {-1e3 * best['value']:.1f} mm.")
         elif best["low"] is None or best["low"] <= 0.0:
             found.append(

@@ -13,7 +13,7 @@ hundred switches could determine.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -45,10 +45,11 @@ from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.detector.throw_verdict import ALARM, CAUSE, UNKNOWN, Verdict, verdict_on
 from turnout.detection.detector.training import LEAST_SOUND, setting_of, teach
 from turnout.detection.detector.training_plan import DEFECTS
+from turnout.detection.detector.training_sets import Counts
 from turnout.detection.likelihood import Evidence
 from turnout.open_benchmark.definition import HISTORY, MACHINES, OBJECT, SOUND, panels_study
 from turnout.open_benchmark.make_throws import STEP, fine_layout
-from turnout.open_benchmark.method import Judged, Model, fold_of_panels
+from turnout.open_benchmark.method import FOLDS, Judged, Model, fold_of_panels
 from turnout.open_benchmark.recorder_errors import slopes
 from turnout.open_benchmark.sides import Side, window_features
 
@@ -116,14 +117,18 @@ class Taught:
     ----------
     knowledge : mapping of str to Knowledge
         By machine; one for all has the name "".
+    offset : mapping of str to ndarray, shape (n_signals, n_samples)
+        By machine, taken off all throws; empty where nothing is.
     """
 
     knowledge: Mapping[str, Knowledge]
+    offset: Mapping[str, Floats] = field(default_factory=dict)
 
     def weighed(
         self, judged: Judged
     ) -> Iterator[tuple[NDArray[np.intp], Knowledge, View, Evidence]]:
         """Yield some throws of a switch, what they are judged with, and the evidence."""
+        judged = less_offset(judged, self.offset)
         populations = {name: make_view(item) for name, item in self.knowledge.items()}
         for switch in np.unique(judged.side.groups):
             own = np.flatnonzero(judged.side.groups == switch)
@@ -186,8 +191,13 @@ def cause_of(verdict: Verdict) -> str:
 
 
 MARKER_SETTINGS: Settings = ({"components": 4}, {"components": 8})
-MACHINE_SETTINGS: Settings = tuple(
-    {"components": count, "each machine": each} for each in (False, True) for count in (4, 8)
+AS_ONE, CENTRED, EACH = "as one", "less their means", "each"
+"""How machines are learned: all alike, all but less what a kind has in common, or each alone."""
+MACHINE_SETTINGS: Settings = (
+    {"components": 4, "machines": AS_ONE},
+    {"components": 4, "machines": CENTRED},
+    {"components": 8, "machines": CENTRED},
+    {"components": 4, "machines": EACH},
 )
 
 
@@ -212,16 +222,18 @@ class DetectorMethod:
     def fit(self, train: Judged, setting: Mapping[str, Any], *, final: bool = False) -> Model:
         """Teach a detector with the training throws."""
         machines = [str(name) for name in np.unique(train.side.labels["machine"])]
-        found = {}
+        how, found = setting.get("machines", AS_ONE), {}
+        offset = machine_offsets(train.everything) if how == CENTRED else {}
+        train = less_offset(train, offset)
         with one_blas_thread():
-            for name in machines if setting.get("each machine") else []:
+            for name in machines if how == EACH else []:
                 own = train.of(train.side.labels["machine"] == name)
-                if _sound(own) >= LEAST_SOUND:
+                if _sound(own) >= LEAST_SOUND and len(np.unique(own.side.labels["panel"])) >= FOLDS:
                     found[name] = self._taught(own, setting, final=final)
             if len(found) < len(machines):
                 # too few of some machine: one detector of all of them
                 found = {"": self._taught(train, setting, final=final)} | found
-        return Taught(found)
+        return Taught(found, offset)
 
     def _taught(self, train: Judged, setting: Mapping[str, Any], *, final: bool) -> Knowledge:
         """Return a detector; finally with thresholds and widths from panels held back."""
@@ -273,14 +285,57 @@ class DetectorMethod:
 
 
 def training_sets(train: Judged, setting: Mapping[str, Any]) -> dict[str, ThrowSet]:
-    """Return the throws that a detector learns from, by what they are."""
+    """Return the throws that a detector learns from, by what they are.
+
+    No more than `turnout detect train` makes, evenly among all: the time of a verdict grows with
+    the signatures.
+    """
     whole = train.everything
     inputs = switch_components(whole, train.layout, count=int(setting["components"]))
-    return {
-        name: throw_set_of(whole, [name], train.layout, inputs)
-        for name in (SOUND, HISTORY, OBJECT, *DEFECTS)
-        if np.any(whole.labels["role"] == name)
+    usual = Counts()
+    most = {HISTORY: usual.sound, OBJECT: usual.objects} | {
+        name: usual.of_cause(name) for name in DEFECTS
     }
+    found = {}
+    for name in (SOUND, HISTORY, OBJECT, *DEFECTS):
+        if np.any(whole.labels["role"] == name):
+            own = throw_set_of(whole, [name], train.layout, inputs)
+            found[name] = _spread(own, most.get(name, len(own.level)))  # all that others pair with
+    return found
+
+
+def machine_offsets(side: Side) -> dict[str, Floats]:
+    """Return by how much the mean sound throw of each machine differs from that of all of them."""
+    machine = side.labels["machine"]
+    sound = np.isin(side.labels["role"], [SOUND, HISTORY])
+    means = {str(name): side.clean[sound & (machine == name)].mean(axis=0)
+             for name in np.unique(machine[sound])}  # fmt: skip
+    middle = np.mean(list(means.values()), axis=0)
+    return {name: mean - middle for name, mean in means.items()}
+
+
+def less_offset(judged: Judged, offset: Mapping[str, Floats]) -> Judged:
+    """Return throws less the offset of their machine; a machine without one keeps its throws."""
+    if not offset:
+        return judged
+    nothing = np.zeros_like(next(iter(offset.values())))
+
+    def less(side: Side) -> Side:
+        own = np.array([offset.get(str(name), nothing) for name in side.labels["machine"]])
+        own = own.reshape(len(side.throw), *nothing.shape)
+        return replace(
+            side,
+            histories=side.histories - own,
+            features=side.features - window_features(own, judged.layout),
+            clean=side.clean - own if len(side.clean) else side.clean,
+        )
+
+    return replace(
+        judged,
+        side=less(judged.side),
+        known=less(judged.known),
+        everything=less(judged.everything),
+    )
 
 
 def _sound(train: Judged) -> int:
