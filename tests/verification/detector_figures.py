@@ -424,7 +424,7 @@ def _holds(interval: Interval, value: float) -> bool:
 
 
 def cause_figures(judged: Judged, kinds: Sequence[str], *, least: float = 0.0) -> dict[str, object]:
-    """Return how throws are named by status or cause, and the macro-F1 of the given kinds.
+    """Return how throws are named, and the macro-F1 of those of the given kinds that occur.
 
     Parameters
     ----------
@@ -450,7 +450,7 @@ def cause_figures(judged: Judged, kinds: Sequence[str], *, least: float = 0.0) -
         hits = table.get(kind, {}).get(kind, 0)
         said = sum(row.get(kind, 0) for row in table.values())
         true = sum(table.get(kind, {}).values())
-        scores.append(2.0 * hits / (said + true) if said + true else float("nan"))
+        scores.append(2.0 * hits / (said + true) if true else float("nan"))
     return {"table": table, "macro_f1": float(np.nanmean(scores))}
 
 
