@@ -55,11 +55,11 @@ def write_bands(
         typer.echo(
             f"a90 [mm] of the bound over {found.sizes['panel']} panels; in brackets the 95 % "
             f"interval over {found.attrs['states']} drawn states\n"
-            f"{'place':<12}{'5 %':>20}{'middle':>20}{'95 %':>20}"
+            f"{'place':<12}{'5 %':>24}{'middle':>24}{'95 %':>24}"
         )
         for row in rows:
             cells = [_with_ends(row, f"a90_{band}") for band in ("low", "middle", "high")]
-            typer.echo(f"{row['place']:<12}" + "".join(f"{cell:>20}" for cell in cells))
+            typer.echo(f"{row['place']:<12}" + "".join(f"{cell:>24}" for cell in cells))
 
 
 def _with_ends(row: "Mapping[str, float | str | None]", name: str) -> str:
