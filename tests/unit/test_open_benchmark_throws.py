@@ -69,7 +69,7 @@ def test_each_baseline_sees_an_obvious_object_at_its_best_place(
     "conditions",
     [
         pytest.param(CONDITIONS[0], marks=pytest.mark.long),
-        CONDITIONS[1],
+        pytest.param(CONDITIONS[1], marks=pytest.mark.long),
         pytest.param(CONDITIONS[2], marks=pytest.mark.long),
     ],
     ids=lambda item: item.channels,
