@@ -4,7 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.integrate import quad
+from scipy.optimize import minimize
 from scipy.stats import norm
 
 from turnout.detection.pod.estimate import estimate_pod
@@ -16,6 +18,8 @@ from turnout.detection.pod.pod_table import TestThrows, response_value
 from turnout.errors import StudyError
 from turnout.plot.pod import plot_pod
 from turnout.plot.style import rendered
+
+Floats = NDArray[np.float64]
 
 # Bliss (1935): beetles killed by 8 doses of carbon disulphide, a classic of hits and misses.
 # Estimates as in Dobson (2002, An Introduction to Generalized Linear Models, table 7.3 and text).
@@ -264,6 +268,55 @@ def test_the_dataset_holds_curve_throws_and_key_figures() -> None:
 def test_a_campaign_that_says_too_little_is_refused(change: dict[str, object], words: str) -> None:
     with pytest.raises(StudyError, match=words):
         estimate_pod(replace(table(), **change), PodModel(drawn=0))  # type: ignore[arg-type]
+
+
+def hits(size: Floats, hit: NDArray[np.bool_], switches: tuple[str, ...] = ()) -> TestThrows:
+    """Return a table of hits and misses, of one switch unless others are named."""
+    names = switches or ("1",) * size.size
+    simulated = np.zeros(size.size, bool)
+    return TestThrows(size=size, response=None, hit=hit, switch=names, simulated=simulated)
+
+
+@pytest.mark.parametrize("scatter", [0.02, 0.05])
+def test_a_sharp_change_has_the_likeliest_a90_and_a_bound_above(scatter: float) -> None:
+    rng = np.random.default_rng(0)
+    size = np.concatenate([np.linspace(1, 31, 60), rng.uniform(11, 15, 80)]) * 1e-3
+    hit = np.log(size / 13e-3) + scatter * rng.standard_normal(size.size) > 0.0
+
+    def height(values: Floats) -> float:
+        u = (np.log(size) - values[0]) / np.exp(values[1])
+        return -float(np.sum(np.where(hit, norm.logcdf(u), norm.logsf(u))))
+
+    best = minimize(height, [np.log(13e-3), -3.0], method="Nelder-Mead", tol=1e-9).x
+    found = estimate_pod(hits(size, hit), PodModel(drawn=100))
+    assert found.a90 == pytest.approx(np.exp(best[0] + norm.ppf(0.9) * np.exp(best[1])), rel=1e-4)
+    assert found.a90_95 > found.a90 * (1.0 + 0.4 * scatter)
+
+
+@pytest.mark.parametrize("last_miss", [13e-3, 14e-3], ids=["apart", "tied"])
+def test_one_size_from_which_all_are_hit_is_refused(last_miss: float) -> None:
+    size = np.append(np.arange(1, 31) * 1e-3, 14e-3)
+    hit = np.append(size[:-1] > 13.5e-3, last_miss < 14e-3)
+    with pytest.raises(StudyError, match="do not overlap"):
+        estimate_pod(hits(size, hit), PodModel(drawn=0))
+
+
+def test_switches_that_change_at_one_size_each_have_no_bound_and_say_so() -> None:
+    size = np.tile(np.arange(1, 31) * 1e-3, 4)
+    ends = np.repeat([8.5e-3, 11.5e-3, 14.5e-3, 17.5e-3], 30)
+    names = tuple(np.repeat(list("abcd"), 30))
+    found = estimate_pod(hits(size, size > ends, names), PodModel(drawn=100))
+    deviation = np.log([8.5, 11.5, 14.5, 17.5]).std()
+    expected = np.exp(np.log([8.5, 11.5, 14.5, 17.5]).mean() + norm.ppf(0.9) * deviation)
+    assert 1e3 * found.a90 == pytest.approx(expected, rel=0.02)
+    assert np.isnan(found.a90_95)
+    assert any("no a90/95" in note for note in found.notes)
+
+
+def test_an_a90_beyond_the_sizes_thrown_is_said_to_be_extrapolated() -> None:
+    found = estimate_pod(table(), replace(PLAIN, threshold=1400.0))
+    assert found.a90 > 31e-3
+    assert any("a90 is extrapolated: the largest object was 31 mm" in note for note in found.notes)
 
 
 def test_hits_and_misses_that_do_not_overlap_are_refused() -> None:

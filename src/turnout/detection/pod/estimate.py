@@ -16,7 +16,7 @@ from scipy.stats import chi2
 
 from turnout.detection.alarm_threshold import share_interval
 from turnout.detection.pod.pod_bound import confidence_bound, separated, upper_bound
-from turnout.detection.pod.pod_fit import Fit, detected_size, maximise
+from turnout.detection.pod.pod_fit import Fit, detected_size, is_endless, maximise
 from turnout.detection.pod.pod_likelihood import (
     INTERCEPT,
     KNOWN,
@@ -38,6 +38,12 @@ ASYMPTOTE_GAIN = float(chi2.isf(0.1, 1))
 """Likelihood ratio from which a floor or ceiling is kept: 5 % at a bound (Self and Liang 1987)."""
 SCREENED = (-5.0, -3.5, -2.2, -1.2)
 """Floors and ceilings of 0.3, 1.5, 5 and 12 %, on the scale of the search, that are tried first."""
+SHARPEST = 6.0
+"""Spread of switches in errors of a throw beyond which hits and misses have no reliable bound [-].
+
+Each switch then has a size of its own from which it hits, and its likelihood over the effect of the
+switch is a box, which seven nodes of a quadrature around its middle do not resolve.
+"""
 FEWEST_THROWS, FEWEST_SWITCHES, FEWEST = 10, 3, 5
 
 
@@ -61,11 +67,16 @@ def estimate_pod(throws: TestThrows, model: PodModel | None = None) -> Pod:
     sound = throws.size == 0.0
     alarms = alarms_of(throws, model)[sound]
     _refuse_without_range(campaigns, throws)
-    campaigns, best = _with_asymptotes(campaigns, int(alarms.sum()), int(sound.sum()))
+    _refuse_without_overlap(campaigns, throws)
+    best = maximise(campaigns)
+    _refuse_endless(campaigns, best, throws)
+    campaigns, best = _with_asymptotes(campaigns, best, int(alarms.sum()), int(sound.sum()))
     _refuse_without_growth(campaigns, best, throws)
+    _refuse_endless(campaigns, best, throws)
     reachable = campaigns.low < WANTED < campaigns.high
+    bounded = reachable and not _too_sharp(campaigns, best)
     bound = plain = limit = np.nan
-    if reachable:
+    if bounded:
         bound, plain, limit = confidence_bound(
             campaigns, best, probability=WANTED, confidence=CONFIDENCE,
             drawn=model.drawn, seed=model.seed,
@@ -74,7 +85,7 @@ def estimate_pod(throws: TestThrows, model: PodModel | None = None) -> Pod:
     shares = np.array([p for p in CURVE if campaigns.low < p < campaigns.high])
     sizes = np.array([float(detected_size(best.parameters, campaigns, p)[0]) for p in shares])
     bounds = [
-        upper_bound(campaigns, best, probability=float(p), limit=limit)[0] if reachable else np.nan
+        upper_bound(campaigns, best, probability=float(p), limit=limit)[0] if bounded else np.nan
         for p in shares
     ]
     scale = row[SCALE] if not campaigns.binary else 1.0
@@ -106,7 +117,11 @@ def estimate_pod(throws: TestThrows, model: PodModel | None = None) -> Pod:
         log_likelihood=float(best.value[0]),
         parameters=row,
         model=model,
-        notes=_notes(campaigns, throws, model, given=len(set(throws.switch))),
+        notes=(
+            *_notes(campaigns, throws, model, given=len(set(throws.switch))),
+            *_unbounded(campaigns, best),
+            *_extrapolated(_unscaled(_size_of(best, campaigns, WANTED), model), throws),
+        ),
         throws_read=throws,
     )
 
@@ -194,9 +209,10 @@ def _size_of(best: Fit, campaigns: Campaigns, share: float) -> float:
     return float(detected_size(best.parameters, campaigns, share)[0])
 
 
-def _with_asymptotes(campaigns: Campaigns, alarms: int, sound: int) -> tuple[Campaigns, Fit]:
+def _with_asymptotes(
+    campaigns: Campaigns, best: Fit, alarms: int, sound: int
+) -> tuple[Campaigns, Fit]:
     """Fit, with a floor and a ceiling of the probability where the likelihood asks for them."""
-    best = maximise(campaigns)
     if not campaigns.binary:
         return campaigns, best
 
@@ -249,6 +265,17 @@ def _refuse_without_range(campaigns: Campaigns, throws: TestThrows) -> None:
         raise StudyError([message], source=throws.source)
 
 
+def _refuse_without_overlap(campaigns: Campaigns, throws: TestThrows) -> None:
+    """Refuse a campaign whose throws do not say how they scatter."""
+    if not separated(campaigns):
+        return
+    message = (
+        "hits and misses do not overlap: every object above some size was hit, every one below "
+        "missed; throw more sizes between the largest miss and the smallest hit"
+    )
+    raise StudyError([message], source=throws.source)
+
+
 def _refuse_without_growth(campaigns: Campaigns, best: Fit, throws: TestThrows) -> None:
     """Refuse a campaign whose size of detection is not defined."""
     sizes = throws.size[throws.size > 0.0]
@@ -256,12 +283,42 @@ def _refuse_without_growth(campaigns: Campaigns, best: Fit, throws: TestThrows) 
     if best.parameters[0, SLOPE] <= 0.0:
         message = f"detection does not grow with the size from {span}; throw a wider range of sizes"
         raise StudyError([message], source=throws.source)
-    if separated(best, campaigns):
+
+
+def _refuse_endless(campaigns: Campaigns, best: Fit, throws: TestThrows) -> None:
+    """Refuse hits and misses that do not say how the throws of a switch scatter."""
+    if is_endless(best.parameters, campaigns)[0]:
         message = (
-            "hits and misses do not overlap: every object above some size was hit, every one below "
-            "missed; throw more sizes between the largest miss and the smallest hit"
+            "hits and misses of single switches hardly overlap, so how throws of a switch scatter "
+            "has no finite estimate; throw sizes between its largest miss and its smallest hit, "
+            "several times"
         )
         raise StudyError([message], source=throws.source)
+
+
+def _too_sharp(campaigns: Campaigns, best: Fit) -> bool:
+    return campaigns.binary and bool(best.parameters[0, SPREAD] > SHARPEST)
+
+
+def _unbounded(campaigns: Campaigns, best: Fit) -> tuple[str, ...]:
+    """Return a note where switches differ by far more than their throws scatter."""
+    if not _too_sharp(campaigns, best):
+        return ()
+    return (
+        f"no a90/95: switches differ by {best.parameters[0, SPREAD]:.0f} times what throws of one "
+        f"switch scatter by, and beyond {SHARPEST:g} hits and misses give no reliable bound; use "
+        "responses with a threshold",
+    )
+
+
+def _extrapolated(a90: float, throws: TestThrows) -> tuple[str, ...]:
+    """Return a note where a90 lies outside the sizes that were thrown."""
+    sizes = throws.size[throws.size > 0.0]
+    if a90 > sizes.max():
+        return (f"a90 is extrapolated: the largest object was {1e3 * sizes.max():g} mm",)
+    if a90 < sizes.min():
+        return (f"a90 is extrapolated: the smallest object was {1e3 * sizes.min():g} mm",)
+    return ()
 
 
 def _notes(

@@ -25,8 +25,6 @@ from turnout.detection.pod.pod_likelihood import Campaigns, Constraint
 
 DRAWN, ROUNDS = 400, 2
 """Simulated campaigns, and how often the place where they are drawn is moved to the bound."""
-PERFECT = -0.1
-"""Log-likelihood above which every hit and miss counts as explained: the slope has no end."""
 FARTHEST = 20.0
 """Ranges of the sizes beyond which a bound counts as none."""
 
@@ -172,6 +170,15 @@ def confidence_bound(
     return bound, plain, limit
 
 
-def separated(fit: Fit, campaigns: Campaigns) -> bool:
-    """Return whether hits and misses do not overlap, so that the slope has no finite estimate."""
-    return campaigns.binary and float(fit.value[0]) > PERFECT
+def separated(campaigns: Campaigns) -> bool:
+    """Return whether every hit is at least as large as every miss.
+
+    Then the slope has no finite estimate.
+
+    Parameters
+    ----------
+    campaigns : Campaigns
+        One campaign of hits and misses.
+    """
+    hit = campaigns.side[0] > 0
+    return campaigns.binary and bool(campaigns.x[~hit].max() <= campaigns.x[hit].min())

@@ -25,8 +25,9 @@ CLOSE = 1e-7
 """Gain of log-likelihood that a further step promises at the end [-]."""
 LEAST_SHARE = 0.3
 """Of the scale, which a step may leave."""
-STEEPEST, WIDEST = 100.0, 30.0
-"""Change of the mean over the sizes, and spread of switches, that count as infinite, in errors.
+STEEPEST, WIDEST = 20.0, 30.0
+"""What counts as infinite: change of the mean between the two nearest sizes, in errors of a throw;
+spread of switches, in changes of the mean over all sizes, or in errors where these are more.
 
 Hits and misses that do not overlap have no finite estimate; their likelihood no longer changes.
 """
@@ -76,9 +77,8 @@ def maximise(
         value[active] = found.value
         step = _step(found.gradient, found.hessian)
         promised = np.einsum("bk,bk->b", found.gradient, step)
-        here = np.abs(parameters[active])
-        endless = (here[:, SLOPE] * np.ptp(campaigns.x) > STEEPEST) | (here[:, SPREAD] > WIDEST)
-        going = (promised > CLOSE) & ~(endless & campaigns.binary) & ~stuck
+        endless = is_endless(parameters[active], campaigns)
+        going = (promised > CLOSE) & ~endless & ~stuck
         if not going.any():
             break
         active, step, data = active[going], step[going], data.rows(going)
@@ -92,6 +92,24 @@ def maximise(
         mean = margin(parameters[:, SPREAD], campaigns, constraint.probability)[0]
         parameters[:, INTERCEPT] = mean - parameters[:, SLOPE] * constraint.x
     return Fit(parameters=parameters, value=value)
+
+
+def is_endless(parameters: Floats, campaigns: Campaigns) -> NDArray[np.bool_]:
+    """Return whether slope or spread of hits and misses have no finite estimate.
+
+    Parameters
+    ----------
+    parameters : ndarray, shape (n_campaigns, 4)
+        Of a fit that may still be under way.
+    campaigns : Campaigns
+        The data.
+    """
+    if not campaigns.binary:
+        return np.zeros(len(parameters), dtype=np.bool_)
+    slope, spread = np.abs(parameters[:, SLOPE]), np.abs(parameters[:, SPREAD])
+    finest = np.diff(np.unique(campaigns.x)).min(initial=np.inf)
+    change = slope * np.ptp(campaigns.x)
+    return np.asarray((slope * finest > STEEPEST) | (spread > WIDEST * np.maximum(change, 1.0)))
 
 
 def _uphill(
