@@ -32,7 +32,7 @@ from turnout.detection.limit.what_if import (
     read_measure,
     repeated_throw,
 )
-from turnout.detection.reference import Conditions
+from turnout.detection.reference import Conditions, reference_study
 from turnout.errors import StudyError
 from turnout.panel.load import LoadedPanel, load_panel
 from turnout.response.store import open_response
@@ -316,3 +316,20 @@ def test_the_command_prints_map_end_positions_and_measures(
     assert record["end_positions"][0]["position"] == "TKK1"
     assert record["second_throw"]["rate"] < 1e-3
     assert record["units"]["revealed_gap"] == "m"
+
+
+def test_a_quiet_command_says_nothing_of_its_population(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    study = reference_study(count=1)
+    remarked = replace(study, remarks=("panel p has no number rail.k: it does not vary",))
+    monkeypatch.setattr("turnout.detection.reference.reference_study", lambda *_, **__: remarked)
+    monkeypatch.setattr("turnout.detection.throws.throw_all", lambda *_, **__: toy_throws())
+    monkeypatch.setattr("turnout.detection.throws.closing_time", lambda _: CLOSING)
+    line = ["limit", "-o", str(tmp_path / "limit.nc")]
+    shown = CliRunner().invoke(app, line)
+    assert shown.exit_code == 0, shown.exception
+    assert "turnout: panel p has no number rail.k" in shown.output
+    quiet = CliRunner().invoke(app, [*line, "-q"])
+    assert quiet.exit_code == 0, quiet.exception
+    assert not quiet.output
