@@ -238,11 +238,15 @@ def _load_identity(path: Path) -> tuple[Identity | None, str]:
 
 def _refuse_other(folder: Path, found: Identity, wanted: Identity) -> None:
     if found.study != wanted.study or found.count != wanted.count:
-        message = (
-            f"{folder}: holds the sweep '{found.name}' ({found.count} scenarios, study "
-            f"{found.study[:12]}), not '{wanted.name}' ({wanted.count} scenarios, study "
-            f"{wanted.study[:12]}); name another folder"
+        one, other = (
+            f"'{item.name}'"
+            + (f" of panel {item.panel}" if found.panel != wanted.panel else "")
+            + f" ({item.count} scenarios, study {item.study[:12]})"
+            for item in (found, wanted)
         )
+        alike = (found.name, found.panel, found.count) == (wanted.name, wanted.panel, wanted.count)
+        values = ", which has other values" if alike else ""
+        message = f"{folder}: holds the sweep {one}, not {other}{values}; name another folder"
         raise FileError(message)
     if (found.version, found.code) != (wanted.version, wanted.code):
         message = (
