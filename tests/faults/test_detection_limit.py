@@ -53,6 +53,22 @@ def test_a_plan_that_cannot_be_made_is_refused(options: list[str], words: str) -
     assert words in str(found.exception)
 
 
+@pytest.mark.parametrize("line", [["limit"], ["limit", "--over-travel"], ["detect", "train"]])
+@pytest.mark.parametrize("inside", [False, True])
+def test_a_file_in_place_of_the_folder_is_refused(
+    line: list[str], inside: bool, tmp_path: Path
+) -> None:
+    file = tmp_path / "file"
+    file.write_text("mine")
+    out = ["-o", str(tmp_path / "switch.detector")] if line[0] == "detect" else []
+    folder = file / "throws" if inside else file
+    found = CliRunner().invoke(app, [*line, *out, "-q", "--folder", str(folder)])
+    assert isinstance(found.exception, TurnoutError)
+    assert str(file) in str(found.exception)
+    assert "name a" in str(found.exception)
+    assert file.read_text() == "mine"
+
+
 def test_an_exact_model_is_warned_of(capsys: pytest.CaptureFixture[str]) -> None:
     assert conditions_of_options(discrepancy=0.05).discrepancy == 0.05
     assert not capsys.readouterr().err

@@ -19,6 +19,7 @@ from turnout.detection.limit.day_plan import (
     full_grid,
     known_after,
     ordered,
+    parameters_of,
     plan,
 )
 from turnout.detection.limit.end_positions import EndThrows, Position, end_position_map, end_rows
@@ -31,8 +32,9 @@ from turnout.detection.limit.what_if import (
     read_measure,
     repeated_throw,
 )
-from turnout.detection.reference import Conditions
+from turnout.detection.reference import Conditions, reference_study
 from turnout.errors import StudyError
+from turnout.panel.load import LoadedPanel, load_panel
 from turnout.response.store import open_response
 
 INPUTS = ("drive.1.over_travel_closed",)
@@ -220,6 +222,50 @@ def test_a_plan_beats_a_grid_of_as_many_throws() -> None:
     assert slipping == sorted(slipping)
 
 
+@pytest.mark.parametrize(("sound", "expected"), [(4, [4, 8]), (6, [3, 6, 8]), (1, []), (2, [8])])
+def test_sound_throws_follow_places_at_even_distances_and_end_the_day(
+    sound: int, expected: list[int]
+) -> None:
+    places = [f"sleeper {number}" for number in range(1, 9)]
+    of = replace(
+        toy_candidates(),
+        place=("none", *places),
+        size=np.full(9, 5e-3),
+        slips=np.array([False] * 7 + [True] * 2),
+    )
+    order = ordered(of, [*[0] * sound, *range(1, 9)])
+    first = (sound + 1) // 2
+    assert order[:first] == [0] * first
+    shown = np.cumsum(np.array(order[first:]) != 0)[np.array(order[first:]) == 0]
+    assert shown.tolist() == expected
+
+
+def test_a_day_of_sound_throws_keeps_all_of_them() -> None:
+    assert ordered(toy_candidates(), [0, 0, 0]) == [0, 0, 0]
+
+
+@pytest.fixture(scope="module")
+def with_a_machine() -> LoadedPanel:
+    machines = {"drive.1.machine": "jea73", "drive.2.machine": "jea73"}
+    return load_panel("uic60-760-1-15").with_overrides(machines)
+
+
+def test_the_slip_level_of_a_machine_is_that_of_its_clutch(with_a_machine: LoadedPanel) -> None:
+    names = [item.name for item in parameters_of(with_a_machine)]
+    assert names.count("machine.jea73.clutch.torque") == 1
+    assert not [name for name in names if name.endswith("saturation_force")]
+    of = candidates(with_a_machine, sizes=(31e-3,))
+    largest = np.abs(of.sensitivity).max(axis=(0, 1))
+    assert dict(zip(names, largest, strict=True))["machine.jea73.clutch.torque"] > 20.0
+    assert largest.min() > 20.0
+
+
+def test_a_plan_is_of_the_same_panel_named_or_not() -> None:
+    found, named = candidates(sizes=()), candidates(load_panel("uic60-760-1-15"), sizes=())
+    np.testing.assert_array_equal(found.features, named.features)
+    np.testing.assert_array_equal(found.sensitivity, named.sensitivity)
+
+
 def test_a_day_without_throws_is_refused() -> None:
     with pytest.raises(StudyError, match="throws = 0: must be 1 or more"):
         plan(toy_candidates(), 0)
@@ -270,3 +316,20 @@ def test_the_command_prints_map_end_positions_and_measures(
     assert record["end_positions"][0]["position"] == "TKK1"
     assert record["second_throw"]["rate"] < 1e-3
     assert record["units"]["revealed_gap"] == "m"
+
+
+def test_a_quiet_command_says_nothing_of_its_population(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    study = reference_study(count=1)
+    remarked = replace(study, remarks=("panel p has no number rail.k: it does not vary",))
+    monkeypatch.setattr("turnout.detection.reference.reference_study", lambda *_, **__: remarked)
+    monkeypatch.setattr("turnout.detection.throws.throw_all", lambda *_, **__: toy_throws())
+    monkeypatch.setattr("turnout.detection.throws.closing_time", lambda _: CLOSING)
+    line = ["limit", "-o", str(tmp_path / "limit.nc")]
+    shown = CliRunner().invoke(app, line)
+    assert shown.exit_code == 0, shown.exception
+    assert "turnout: panel p has no number rail.k" in shown.output
+    quiet = CliRunner().invoke(app, [*line, "-q"])
+    assert quiet.exit_code == 0, quiet.exception
+    assert not quiet.output

@@ -26,7 +26,7 @@ from turnout.study.study import Study
 from turnout.sweep import folder as sweep_folder
 from turnout.sweep import row as sweep_row
 from turnout.sweep.batch import batch_variables, file_bytes, plan_batches, throw_batch
-from turnout.sweep.folder import lock_folder
+from turnout.sweep.folder import check_folder, lock_folder
 from turnout.sweep.labels import object_labels
 from turnout.sweep.read import label_arrays, open_sweep, read_index, read_labels
 from turnout.sweep.run import SweepProgress, run_sweep
@@ -156,6 +156,15 @@ def test_another_study_is_refused_and_nothing_is_touched(whole: Path, tmp_path: 
     with pytest.raises(FileError, match=r"holds the sweep 'tiny' \(20 scenarios.*another folder"):
         run_sweep(other, whole, pool=here)
     assert {p: p.stat().st_mtime_ns for p in whole.rglob("*")} == before
+
+
+def test_a_refused_study_of_the_same_name_says_what_differs(study: Study, whole: Path) -> None:
+    panel = study.panel.model_copy(update={"name": "other"})
+    words = rf"of panel {study.panel.name} \(20 scen.*, not 'tiny' of panel other \(20 scen"
+    with pytest.raises(FileError, match=words):
+        check_folder(whole, replace(study, panel=panel, seed=study.seed + 1))
+    with pytest.raises(FileError, match=r"\), which has other values; name another folder"):
+        check_folder(whole, replace(study, seed=study.seed + 1))
 
 
 def test_another_version_is_refused(

@@ -199,14 +199,14 @@ def limit_command(
         )  # fmt: skip
         write_bands(bands, out=out, plot=plot, as_json=as_json, quiet=quiet)
         return
-    _check_population(given, channels, measures)
+    _check_population(given, channels, measures, quiet=quiet)
     throws = throw_all(
         given, folder,
         sound=max(least, states), states=states, channels=channels, steps=steps, kind=kind,
         workers=count, report=watch,
     )  # fmt: skip
     closing = closing_time(given)
-    _warn([too_few_sound(throws, closing=closing)])
+    _warn([too_few_sound(throws, closing=closing)], quiet=quiet)
     found = limit_map(throws, conditions, closing=closing)
     if known_place:
         known = _known_place(throws, conditions, closing, quiet=quiet)
@@ -267,7 +267,7 @@ def _given(
 
 
 def _check_population(
-    panel: "LoadedPanel | None", channels: str, measures: "Sequence[str]"
+    panel: "LoadedPanel | None", channels: str, measures: "Sequence[str]", *, quiet: bool
 ) -> None:
     """Refuse channels and measures that a panel cannot have; say what its population lacks."""
     from turnout.detection.drive_quantities import signals_of
@@ -277,11 +277,11 @@ def _check_population(
     population = reference_study(panel, count=1)
     signals_of(population.panel, channels)
     check_equipment(measures, population.panel)
-    _warn(population.remarks)
+    _warn(population.remarks, quiet=quiet)
 
 
-def _warn(remarks: "Sequence[str]") -> None:
-    for remark in filter(None, remarks):
+def _warn(remarks: "Sequence[str]", *, quiet: bool) -> None:
+    for remark in () if quiet else filter(None, remarks):
         typer.echo(f"turnout: {remark}", err=True)
 
 

@@ -116,8 +116,10 @@ def _print(
         sizes = [f"{1e3 * found.size[row]:g}{'*' if found.slips[row] else ''}" for row in rows]
         what = f"{len(sizes)} sound" if place == "none" else ", ".join(sizes) + " mm"
         typer.echo(f"  {'no object' if place == 'none' else place:<12}{what}")
+    wide = max(34, *(len(item.name) + 1 for item in found.parameters))
     typer.echo(
-        f"\n{'standard deviation of':<34}{'before':>10}{'this day':>10}{f'grid of {len(grid)}':>14}"
+        f"\n{'standard deviation of':<{wide}}{'before':>10}{'this day':>10}"
+        f"{f'grid of {len(grid)}':>14}"
     )
     for row in _parameter_rows(found, known, of_grid):
         cells = [
@@ -126,7 +128,7 @@ def _print(
             )
             for key in ("before", "after", "after_grid")
         ]
-        typer.echo(f"{row['parameter']:<34}{cells[0]:>10}{cells[1]:>10}{cells[2]:>14}")
+        typer.echo(f"{row['parameter']:<{wide}}{cells[0]:>10}{cells[1]:>10}{cells[2]:>14}")
     typer.echo(f"\n{'bound at':<14}{'a90 [mm]':>10}{'a90/95, this day':>18}{'grid':>10}")
     for row in _place_rows(known, of_grid):
         cells = [f"{1e3 * float(str(row[key])):.1f}" for key in ("a90", "a90_95", "grid_a90_95")]

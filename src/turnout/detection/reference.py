@@ -12,6 +12,7 @@ from turnout.detection.drive_quantities import stored_channels
 from turnout.detection.held_rails import with_held_rails
 from turnout.detection.panel_population import population_for
 from turnout.panel.load import LoadedPanel
+from turnout.panel.records import Drive
 from turnout.study.design import Drawn
 from turnout.study.distribution import Distribution
 from turnout.study.load_study import load_study
@@ -100,12 +101,36 @@ def _with_machines(study: Study) -> Study:
         if drive.machine is None or found is None or drive.machine in taken:
             continue
         taken.add(drive.machine)
-        torque = f"machine.{drive.machine}.clutch.torque"
-        variables[found.name] = replace(found, key=torque)
+        variables[found.name] = replace(found, key=slip_level_key(name, drive))
     return replace(study, variables=variables, output=replace(study.output, channels=tuple(kept)))
 
 
 SLIP_LEVEL = "saturation_force"
+
+
+def slip_level_key(name: str, drive: Drive) -> str:
+    """Return the key of the slip level of a drive: torque of the clutch where it is a machine.
+
+    Parameters
+    ----------
+    name : str
+        Of the drive.
+    drive : Drive
+        Of a panel.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> panel = load_panel("sb1")
+    >>> slip_level_key("2", panel.drive["2"])
+    'drive.2.saturation_force'
+    >>> changed = panel.with_overrides({"drive.2.machine": "jea73"})
+    >>> slip_level_key("2", changed.drive["2"])
+    'machine.jea73.clutch.torque'
+    """
+    if drive.machine is not None:
+        return f"machine.{drive.machine}.clutch.torque"
+    return f"drive.{name}.{SLIP_LEVEL}"
 
 
 def switch_inputs(study: Study) -> tuple[str, ...]:
@@ -132,5 +157,6 @@ __all__ = [
     "THROWS_A_DAY",
     "Conditions",
     "reference_study",
+    "slip_level_key",
     "switch_inputs",
 ]

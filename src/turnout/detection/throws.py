@@ -34,6 +34,7 @@ from turnout.study.random_inputs import TemperatureLaw
 from turnout.study.scenario import Output
 from turnout.study.study import Study
 from turnout.study.variable import Variable, value_kind
+from turnout.sweep.folder import make_folder
 from turnout.sweep.read import open_sweep
 from turnout.sweep.run import SweepProgress, run_sweep
 
@@ -258,7 +259,7 @@ def throw_all(
     whole = reference_study(panel, count=sound, over_travel=over_travel)
     first = reference_study(panel, count=states, over_travel=over_travel)
     signals = signals_of(whole.panel, channels)
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
 
     def run(study: Study, name: str, *, own: str = "") -> xr.Dataset:
         watch = report(name) if report is not None else None

@@ -142,9 +142,7 @@ def check_folder(folder: Path, study: Study) -> None:
     FileError
         Naming what is there and the remedy.
     """
-    if folder.exists() and not folder.is_dir():
-        message = f"{folder}: is a file; name a folder"
-        raise FileError(message)
+    _refuse_file(folder)
     path, wanted = folder / IDENTITY, study_identity(study)
     if path.exists():
         found, fault = _load_identity(path)
@@ -240,11 +238,15 @@ def _load_identity(path: Path) -> tuple[Identity | None, str]:
 
 def _refuse_other(folder: Path, found: Identity, wanted: Identity) -> None:
     if found.study != wanted.study or found.count != wanted.count:
-        message = (
-            f"{folder}: holds the sweep '{found.name}' ({found.count} scenarios, study "
-            f"{found.study[:12]}), not '{wanted.name}' ({wanted.count} scenarios, study "
-            f"{wanted.study[:12]}); name another folder"
+        one, other = (
+            f"'{item.name}'"
+            + (f" of panel {item.panel}" if found.panel != wanted.panel else "")
+            + f" ({item.count} scenarios, study {item.study[:12]})"
+            for item in (found, wanted)
         )
+        alike = (found.name, found.panel, found.count) == (wanted.name, wanted.panel, wanted.count)
+        values = ", which has other values" if alike else ""
+        message = f"{folder}: holds the sweep {one}, not {other}{values}; name another folder"
         raise FileError(message)
     if (found.version, found.code) != (wanted.version, wanted.code):
         message = (
@@ -253,6 +255,28 @@ def _refuse_other(folder: Path, found: Identity, wanted: Identity) -> None:
             "another folder, so that no results of two versions are mixed"
         )
         raise FileError(message)
+
+
+def _refuse_file(folder: Path) -> None:
+    if folder.exists() and not folder.is_dir():
+        message = f"{folder}: is a file; name a folder"
+        raise FileError(message)
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder for sweeps, with those above it, unless it is there.
+
+    Raises
+    ------
+    FileError
+        When it is a file, or cannot be made.
+    """
+    _refuse_file(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        message = f"{folder}: cannot be made ({error.strerror}); name another folder"
+        raise FileError(message) from None
 
 
 @contextmanager

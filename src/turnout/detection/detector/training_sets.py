@@ -23,6 +23,7 @@ from turnout.detection.detector.training_plan import (
 )
 from turnout.detection.throws import places_of
 from turnout.study.study import Study
+from turnout.sweep.folder import make_folder
 from turnout.sweep.read import open_sweep
 from turnout.sweep.run import SweepProgress, run_sweep
 
@@ -211,7 +212,7 @@ def throw_plans(
     report: Callable[[str], Report] | None = None,
 ) -> dict[str, xr.Dataset]:
     """Throw what is missing of some sweeps, and open them."""
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     found = {}
     for name, plan in plans.items():
         watch = report(name) if report is not None else None

@@ -28,7 +28,7 @@ from turnout.detection.features import (
     window_means,
 )
 from turnout.detection.limit.bound import detection_index
-from turnout.detection.reference import FRICTION, NOMINAL_FRICTION, Conditions, reference_study
+from turnout.detection.reference import FRICTION, Conditions, reference_study, slip_level_key
 from turnout.detection.throws import closing_time, places_of
 from turnout.errors import StudyError
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
@@ -36,6 +36,7 @@ from turnout.panel.load import LoadedPanel
 from turnout.response.signals import drive_signals
 from turnout.response.simulate import solve_placed
 from turnout.scheme import Scheme
+from turnout.study.variable import values_at
 
 Floats = NDArray[np.float64]
 Report = Callable[[int, int], None]
@@ -137,17 +138,19 @@ class Knowledge:
 def parameters_of(panel: LoadedPanel) -> tuple[Parameter, ...]:
     """Return friction, and stiffness, slip level and closing over-travel of each drive.
 
-    Deviations are those of the reference case.
+    Deviations are those of the reference case. The slip level of a drive that is a machine is that
+    of its clutch, which drives of one machine share.
     """
-    found = [Parameter(name=FRICTION, step=0.02, deviation=0.115, share=False)]
-    for name in panel.drive:
+    found = {FRICTION: Parameter(name=FRICTION, step=0.02, deviation=0.115, share=False)}
+    for name, drive in panel.drive.items():
         key = f"drive.{name}"
-        found += [
+        own = (
             Parameter(name=f"{key}.stiffness", step=0.05, deviation=0.05, share=True),
-            Parameter(name=f"{key}.saturation_force", step=0.03, deviation=0.03, share=True),
+            Parameter(name=slip_level_key(name, drive), step=0.03, deviation=0.03, share=True),
             Parameter(name=f"{key}.over_travel_closed", step=3e-4, deviation=5.8e-4, share=False),
-        ]
-    return tuple(found)
+        )
+        found |= {item.name: item for item in own}
+    return tuple(found.values())
 
 
 def candidates(
@@ -162,7 +165,7 @@ def candidates(
     Parameters
     ----------
     panel : LoadedPanel, optional
-        None for the panel of the reference case, at its nominal friction.
+        None for the panel of the reference case.
     conditions : Conditions, optional
         Discrepancy, noise, rate of false alarms.
     sizes : sequence of float
@@ -172,7 +175,7 @@ def candidates(
     """
     conditions = conditions if conditions is not None else Conditions()
     study = reference_study(panel, count=1)
-    nominal = study.panel.with_overrides({FRICTION: NOMINAL_FRICTION}) if panel is None else panel
+    nominal = study.panel
     parameters = parameters_of(nominal)
     tests = [(NO_OBJECT, 0.0)]
     tests += [(place, float(size)) for place in places_of(nominal) for size in sizes]
@@ -232,18 +235,10 @@ def _objects(place: str, size: float) -> tuple[ForeignObject, ...]:
 
 
 def _changed(panel: LoadedPanel, item: Parameter) -> LoadedPanel:
-    if not item.share:
-        family, _, rest = item.name.partition(".")
-        if family == "drive":
-            name, _, field = rest.partition(".")
-            return panel.with_overrides(
-                {item.name: float(getattr(panel.drive[name], field)) + item.step}
-            )
-        value = float(np.mean([chair.friction_coefficient for chair in panel.chair.values()]))
-        return panel.with_overrides({item.name: value + item.step})
-    _, name, field = item.name.split(".")
-    value = float(getattr(panel.drive[name], field))
-    return panel.with_overrides({item.name: value * (1.0 + item.step)})
+    """Return a panel with one parameter a step away from its mean over the members."""
+    value = float(np.mean(list(values_at(panel, item.name).values())))
+    moved = value * (1.0 + item.step) if item.share else value + item.step
+    return panel.with_overrides({item.name: moved})
 
 
 def _forces(
@@ -418,21 +413,25 @@ def ordered(of: Candidates, chosen: Sequence[int]) -> list[int]:
     """Return throws in the order of the day.
 
     Half of the sound throws come first, so that a history is known; then place by place from the
-    toe with rising sizes, a sound throw after each place, which shows drift; objects at which a
-    drive slips come last, since slip may move an adjustment.
+    toe with rising sizes; objects at which a drive slips come last, since slip may move an
+    adjustment. The other sound throws follow places at even distances, the last one at the end:
+    they show drift.
     """
     sound = [row for row in chosen if of.place[row] == NO_OBJECT]
     calm = [row for row in chosen if of.place[row] != NO_OBJECT and not of.slips[row]]
     rough = [row for row in chosen if of.place[row] != NO_OBJECT and of.slips[row]]
     first = (len(sound) + 1) // 2
     found, spare = sound[:first], sound[first:]
-    for group in (calm, rough):
-        for place in dict.fromkeys(of.place):
-            own = sorted((row for row in group if of.place[row] == place), key=lambda r: of.size[r])
-            found += own
-            if own and spare:
-                found.append(spare.pop())
-    return found + spare
+    stays = [
+        sorted((row for row in group if of.place[row] == place), key=lambda row: of.size[row])
+        for group in (calm, rough)
+        for place in dict.fromkeys(of.place)
+        if any(of.place[row] == place for row in group)
+    ]
+    for number, stay in enumerate(stays):
+        before, after = (len(spare) * count // len(stays) for count in (number, number + 1))
+        found += [*stay, *spare[before:after]]
+    return found if stays else found + spare
 
 
 def full_grid(of: Candidates) -> list[int]:
