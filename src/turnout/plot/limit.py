@@ -182,13 +182,17 @@ def plot_bands(dataset: xr.Dataset) -> "Figure":
     few = len(names) <= FEW
     for name, row in zip(names, each, strict=True):
         label = name if few else None
-        ax.plot(x, row, color=None if few else "0.75", linewidth=0.8, label=label)
+        (line,) = ax.plot(x, row, color=None if few else "0.75", linewidth=0.8, label=label)
+        ends = ends_before_gaps(row)
+        ax.plot(x[ends], row[ends], "^", color=line.get_color() if few else "0.45", markersize=5)
     ax.fill_between(x, band[0], band[-1], color="0.9", zorder=0, label="90 % of the panels")
     label = "middle, 95 % over drawn states"
     middle = len(band) // 2
-    ends = [1e3 * dataset[f"a90_band_{end}"].to_numpy()[middle] for end in ("low", "high")]
+    interval = [1e3 * dataset[f"a90_band_{end}"].to_numpy()[middle] for end in ("low", "high")]
     ax.plot(x, band[middle], "o-", color="black", markersize=4, label=label)
-    ax.vlines(x, *ends, color="black", linewidth=1.0)
+    ax.vlines(x, *interval, color="black", linewidth=1.0)
+    if np.isnan(each).any():
+        ax.plot([], [], "^", color="0.45", markersize=5, label="line ends: beyond what was thrown")
     ax.set_ylim(bottom=0.0)
     ax.set_xlabel("Position from the toe [m]")
     ax.set_ylabel("a90 of the bound [mm]")
@@ -197,6 +201,23 @@ def plot_bands(dataset: xr.Dataset) -> "Figure":
     ax.legend(fontsize=8)
     figure.suptitle(f"Smallest object that can be seen, {len(names)} panels", fontsize=10)
     return figure
+
+
+def ends_before_gaps(row: "NDArray[np.float64]") -> "NDArray[np.bool_]":
+    """Return which values have a neighbour that is NaN.
+
+    Parameters
+    ----------
+    row : ndarray, shape (n,)
+        Values in the order in which a line joins them.
+
+    Examples
+    --------
+    >>> ends_before_gaps(np.array([1.0, 2.0, np.nan, 3.0])).tolist()
+    [False, True, False, True]
+    """
+    gap = np.pad(np.isnan(row), 1)
+    return np.asarray(~gap[1:-1] & (gap[:-2] | gap[2:]), dtype=np.bool_)
 
 
 FEW = 8
