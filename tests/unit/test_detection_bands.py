@@ -31,6 +31,19 @@ def test_panels_that_are_alike_have_the_interval_of_one() -> None:
         np.testing.assert_allclose(at["a90_band_high"], alone["a90_high"])
 
 
+def test_a_line_that_ends_beyond_what_was_thrown_is_marked_there() -> None:
+    found = limit_map(toy_throws(), Conditions(), closing=CLOSING)
+    band = bands.bands_of(["a", "b"], [found] * 2)
+    said = "line ends: beyond what was thrown"
+    assert said not in [text.get_text() for text in plot_bands(band).axes[0].get_legend().texts]
+    band["a90"][0, 1] = np.nan
+    ax = plot_bands(band).axes[0]
+    assert said in [text.get_text() for text in ax.get_legend().texts]
+    marked = [line for line in ax.get_lines() if line.get_marker() == "^" and len(line.get_xdata())]
+    assert len(marked) == 1
+    assert marked[0].get_xdata()[0] == band["x"][0]
+
+
 def test_the_over_travel_moves_its_population_and_nothing_else() -> None:
     usual, moved = reference_study(count=40), reference_study(count=40, over_travel=0.5e-3)
     name = "drive.1.over_travel_closed"

@@ -10,7 +10,7 @@ from tests.unit.detection_throws import toy_throws
 from turnout.detection.limit.limit_map import limit_map, rows_of, size_weights, smallest_seen
 from turnout.detection.reference import Conditions, reference_study
 from turnout.detection.throws import objects_study, of_kind, places_of, sizes_beyond
-from turnout.plot.limit import plot_limit
+from turnout.plot.limit import LEVELS, labels_of, level_sizes, plot_limit
 from turnout.plot.style import rendered
 
 
@@ -102,3 +102,40 @@ def test_figure_shows_the_blade_and_the_floor() -> None:
     named = [text.get_text() for text in ax.get_legend().get_texts()]
     assert any("not touched" in text for text in named)
     assert rendered(figure, ".png").startswith(b"\x89PNG")
+
+
+def test_the_edge_of_nine_of_ten_is_a90_between_places_too() -> None:
+    found = limit_map(toy_throws(), Conditions(), closing=0.8)
+    at = found.sel(channel="both drives")
+    edges = level_sizes(at)
+    np.testing.assert_array_equal(edges[LEVELS.index(0.9)], at["a90"])
+    assert np.all(np.diff(edges, axis=0) >= 0.0)
+    filled = {item.get_label(): item for item in plot_limit(found).axes[0].collections}
+    drawn = filled["_0.9"].get_paths()[0].vertices
+    for point in np.column_stack([at["x"], 1e3 * at["a90"]]):
+        assert np.any(np.all(np.isclose(drawn, point), axis=1))
+    assert len({round(float(value), 9) for value in drawn[:, 0]}) == at.sizes["place"]
+
+
+def test_what_is_not_reached_ends_at_what_was_thrown_and_is_marked() -> None:
+    found = limit_map(toy_throws(), Conditions(), closing=0.8).copy(deep=True)
+    found["pod"][:, 0] = np.minimum(found["pod"][:, 0], 0.6)
+    found["a90"][:, 0] = np.nan
+    at = found.sel(channel="both drives")
+    assert level_sizes(at)[LEVELS.index(0.9), 0] == at["largest_size"][0]
+    ax = plot_limit(found).axes[0]
+    marks = {line.get_label(): line for line in ax.get_lines()}
+    beyond = marks["a90 beyond what was thrown"]
+    assert beyond.get_xdata() == [at["x"][0]]
+    assert beyond.get_ydata()[0] < ax.get_ylim()[1]
+
+
+def test_places_that_lie_together_have_one_label() -> None:
+    found = limit_map(toy_throws(), Conditions(), closing=0.8)
+    names = ["drive 1", "drive 2", *(f"sleeper {n}" for n in range(1, 12))]
+    x = np.array([0.3, 0.3, *(0.6 * n for n in range(1, 12))])
+    at, joined = labels_of(x, names)
+    assert joined[:2] == ["D1, D2", "1"]
+    assert len(at) == len(joined) == 12
+    together = found.assign_coords(x=("place", np.full(found.sizes["place"], 0.3)))
+    assert rendered(plot_limit(together), ".png").startswith(b"\x89PNG")
