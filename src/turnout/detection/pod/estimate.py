@@ -90,10 +90,6 @@ def estimate_pod(throws: TestThrows, model: PodModel | None = None) -> Pod:
     ]
     scale = row[SCALE] if not campaigns.binary else 1.0
     count = int(sound.sum())
-    high_rate = (
-        float(share_interval(alarms.sum(), count, tail=0.05)[1])
-        if count > alarms.sum() else np.nan
-    )  # fmt: skip
     return Pod(
         a50=_unscaled(_size_of(best, campaigns, 0.5), model),
         a90=_unscaled(_size_of(best, campaigns, WANTED), model),
@@ -113,7 +109,7 @@ def estimate_pod(throws: TestThrows, model: PodModel | None = None) -> Pod:
         sound_throws=count,
         alarms=int(alarms.sum()),
         simulated=int(throws.simulated.sum()),
-        alarm_rate_high=high_rate,
+        alarm_rate_high=_alarm_rate_high(int(alarms.sum()), count),
         log_likelihood=float(best.value[0]),
         parameters=row,
         model=model,
@@ -294,6 +290,11 @@ def _refuse_endless(campaigns: Campaigns, best: Fit, throws: TestThrows) -> None
             "several times"
         )
         raise StudyError([message], source=throws.source)
+
+
+def _alarm_rate_high(alarms: int, count: int) -> float:
+    """Return the upper 95 % limit of false alarms a sound throw; NaN where every one is called."""
+    return float(share_interval(alarms, count, tail=0.05)[1]) if count > alarms else float("nan")
 
 
 def _too_sharp(campaigns: Campaigns, best: Fit) -> bool:
