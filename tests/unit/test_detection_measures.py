@@ -273,7 +273,7 @@ def test_a_day_without_throws_is_refused() -> None:
 
 @pytest.mark.long
 def test_a_day_on_the_default_panel_determines_what_it_should() -> None:
-    of = candidates(sizes=(5e-3, 13e-3))
+    of = candidates(sizes=(10e-3, 18e-3))
     known = known_after(of, plan(of, 24))
     assert known.deviations.max() < 0.5
     assert known.a90["sleeper 6"][0] == pytest.approx(11e-3, abs=3e-3)
