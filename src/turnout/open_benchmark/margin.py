@@ -178,12 +178,24 @@ def margin_over(own: Floats, others: Sequence[Floats]) -> Margin:
     with np.errstate(invalid="ignore"):
         margin = best - own
     margin = np.where(np.isfinite(own), margin, np.where(np.isfinite(best), -np.inf, np.nan))
-    drawn = np.sort(margin[1:][~np.isnan(margin[1:])])
+    drawn = margin[1:][~np.isnan(margin[1:])]
     if not drawn.size:
         drawn = np.array([np.nan])
-    tail = int(0.025 * drawn.size)
+    low, high = central_interval(drawn)
     return Margin(
         own=float(own[0]), other=float(best[0]), value=float(margin[0]),
-        low=float(drawn[tail]), high=float(drawn[-1 - tail]),
+        low=low, high=high,
         ahead=float(np.mean(drawn > 0.0)),
     )  # fmt: skip
+
+
+def central_interval(drawn: Floats) -> tuple[float, float]:
+    """Return the ends between which 95 % of draws lie, infinite ones included.
+
+    Examples
+    --------
+    >>> central_interval(np.arange(100.0))
+    (2.0, 97.0)
+    """
+    rising, tail = np.sort(drawn), int(0.025 * len(drawn))
+    return float(rising[tail]), float(rising[-1 - tail])

@@ -14,7 +14,7 @@ from turnout.core.json_files import to_plain
 from turnout.core.provenance import content_hash
 from turnout.core.sources import digest_of_sources
 from turnout.open_benchmark.definition import MARKERS
-from turnout.open_benchmark.margin import DRAWS, margin_over, mid_span_draws
+from turnout.open_benchmark.margin import DRAWS, central_interval, margin_over, mid_span_draws
 from turnout.open_benchmark.run_methods import OURS, RESULTS, Conditions
 from turnout.open_benchmark.tables import NOTHING, markdown_table, millimetres
 from turnout.open_benchmark.verdicts import read_verdicts
@@ -81,9 +81,8 @@ def margins_from(draws: Mapping[str, Floats]) -> dict[str, Any]:
 
 
 def _interval(row: Floats) -> dict[str, float]:
-    drawn = np.sort(row[1:])
-    tail = int(0.025 * len(drawn))
-    return {"value": float(row[0]), "low": float(drawn[tail]), "high": float(drawn[-1 - tail])}
+    low, high = central_interval(row[1:])
+    return {"value": float(row[0]), "low": low, "high": high}
 
 
 def order_table(
