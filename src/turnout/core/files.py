@@ -230,3 +230,26 @@ def read_fault(path: Path | str, error: OSError | ValueError) -> str:
     if isinstance(error, PermissionError):
         return f"{path}: is not readable; check its permissions"
     return f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})"
+
+
+def refuse_file(folder: Path) -> None:
+    """Refuse a file where a folder is needed."""
+    if folder.exists() and not folder.is_dir():
+        message = f"{folder}: is a file; name a folder"
+        raise FileError(message)
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder, with those above it, unless it is there.
+
+    Raises
+    ------
+    FileError
+        When it is a file, or cannot be made.
+    """
+    refuse_file(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        message = f"{folder}: cannot be made ({error.strerror}); name another folder"
+        raise FileError(message) from None

@@ -13,6 +13,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from turnout.core.files import make_folder
 from turnout.detection.conditions import FORCE
 from turnout.detection.drive_quantities import read_signals, signals_of
 from turnout.detection.floor import touch_floor
@@ -34,7 +35,6 @@ from turnout.study.random_inputs import TemperatureLaw
 from turnout.study.scenario import Output
 from turnout.study.study import Study
 from turnout.study.variable import Variable, value_kind
-from turnout.sweep.folder import make_folder
 from turnout.sweep.read import open_sweep
 from turnout.sweep.run import SweepProgress, run_sweep
 

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from itertools import chain, count
 from pathlib import Path
 
-from turnout.core.files import is_leftover, write_atomic, write_fault
+from turnout.core.files import is_leftover, refuse_file, write_atomic, write_fault
 from turnout.core.json_files import from_plain, read_sealed, sealed_json, to_plain
 from turnout.core.provenance import version
 from turnout.core.sources import THROWS, digest_of_sources
@@ -142,7 +142,7 @@ def check_folder(folder: Path, study: Study) -> None:
     FileError
         Naming what is there and the remedy.
     """
-    _refuse_file(folder)
+    refuse_file(folder)
     path, wanted = folder / IDENTITY, study_identity(study)
     if path.exists():
         found, fault = _load_identity(path)
@@ -255,28 +255,6 @@ def _refuse_other(folder: Path, found: Identity, wanted: Identity) -> None:
             "another folder, so that no results of two versions are mixed"
         )
         raise FileError(message)
-
-
-def _refuse_file(folder: Path) -> None:
-    if folder.exists() and not folder.is_dir():
-        message = f"{folder}: is a file; name a folder"
-        raise FileError(message)
-
-
-def make_folder(folder: Path) -> None:
-    """Make a folder for sweeps, with those above it, unless it is there.
-
-    Raises
-    ------
-    FileError
-        When it is a file, or cannot be made.
-    """
-    _refuse_file(folder)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        message = f"{folder}: cannot be made ({error.strerror}); name another folder"
-        raise FileError(message) from None
 
 
 @contextmanager

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from turnout.core.files import write_atomic
+from turnout.core.files import refuse_file, write_atomic
 from turnout.core.provenance import content_hash, provenance, version
 from turnout.core.toml import parse_toml
 from turnout.errors import FileError
@@ -141,9 +141,7 @@ def _claim(folder: Path, panel: LoadedPanel, plan: CampaignPlan) -> None:
         {"panel": panel.hash, "plan": _plain(asdict(plan)), "version": version()}
     )
     state = folder / STATE
-    if folder.exists() and not folder.is_dir():
-        message = f"{folder}: is a file; name a folder"
-        raise FileError(message)
+    refuse_file(folder)
     if state.is_dir() and (state / _PLAN_FILE).is_file():
         known = json.loads((state / _PLAN_FILE).read_text(encoding="utf-8"))
         if known.get("identity") != identity:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from turnout.core.files import make_folder
 from turnout.detection.detector.training_plan import (
     ADJUSTED,
     DEFECTS,
@@ -23,7 +24,6 @@ from turnout.detection.detector.training_plan import (
 )
 from turnout.detection.throws import places_of
 from turnout.study.study import Study
-from turnout.sweep.folder import make_folder
 from turnout.sweep.read import open_sweep
 from turnout.sweep.run import SweepProgress, run_sweep
 
