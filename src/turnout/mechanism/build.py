@@ -172,6 +172,7 @@ def build_mechanism(panel: Panel, objects: Sequence[PlacedObject] = ()) -> Mecha
         obstructions=obstructions_of(layout.index, objects),
         courses=friction_courses(panel, layout.index, linear.travel),
         core=kept.core,
+        reduced=linear.reduced,
     )
 
 
@@ -193,8 +194,13 @@ class _Linear:
     damping: Floats
     load: Floats
     rows: Floats
-    rails: tuple[RailBody, ...]
+    reduced: tuple[ReducedRail, ...]
     travel: Travel
+
+    @property
+    def rails(self) -> tuple[RailBody, ...]:
+        """The bodies of the rails."""
+        return tuple(rail.body for rail in self.reduced)
 
 
 @dataclass(frozen=True, slots=True)
@@ -315,9 +321,7 @@ def _made_between(
     )
     with one_blas_thread():
         yields = tuple(
-            local_flexibility(
-                panel, item, rails=lambda: kept.frame.scaled(panel), owner=kept
-            )
+            local_flexibility(panel, item, rails=lambda: kept.frame.scaled(panel), owner=kept)
             for item in between
         )
     return _Between(kept, more, rows, yields)
@@ -361,7 +365,7 @@ def _made_linear(panel: Panel, frame: _Frame) -> _Linear:
         damping=block_diag(*(r.damping for r in rails)),
         load=np.concatenate([r.load for r in rails]),
         rows=_stacked_rows(rows, rails),
-        rails=tuple(r.body for r in rails),
+        reduced=tuple(rails),
         travel=travel,
     )
 

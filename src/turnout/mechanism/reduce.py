@@ -149,7 +149,20 @@ def superelement_of(data: RailData) -> tuple[Structure, Superelement, Floats]:
     structure = rail_structure(data)
     rows = point_rows(structure, data.points, name=data.name)
     element = superelement(structure, rows, cutoff_frequency=data.cutoff_frequency)
-    return structure, element, reduce_matrix(element, structure.damping)
+    return structure, element, _reduced_damping(data, structure, element)
+
+
+def _reduced_damping(data: RailData, structure: Structure, element: Superelement) -> Floats:
+    """Return the damping in reduced coordinates: of few places once Rayleigh's is taken out."""
+    beyond = structure.beyond_rayleigh
+    if beyond is None:
+        return reduce_matrix(element, structure.damping)
+    of_mass, of_stiffness = data.damping
+    found = of_mass * element.mass + of_stiffness * element.stiffness
+    places = np.flatnonzero(np.diff(beyond.indptr))
+    at_places = element.transformation[places]
+    found += at_places.T @ (beyond[places] @ element.transformation)
+    return found
 
 
 def reduction_of(data: RailData) -> ReductionReport:

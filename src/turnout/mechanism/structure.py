@@ -51,6 +51,8 @@ class Structure:
         The matrices are a superelement already, not to be reduced again.
     mirror : ndarray, shape (n,), optional
         Signs that turn the coordinates into those of the rail's image in the plane of x and z.
+    beyond_rayleigh : csr_array, shape (n, n), optional
+        The damping less the rail's Rayleigh factors times the mass and the whole stiffness.
     """
 
     stiffness: sp.csr_array
@@ -63,6 +65,7 @@ class Structure:
     names: tuple[str, ...]
     reduced: bool = False
     mirror: Floats | None = None
+    beyond_rayleigh: sp.csr_array | None = None
 
 
 def rail_structure(data: RailData) -> Structure:
@@ -93,6 +96,7 @@ def rail_structure(data: RailData) -> Structure:
         motion=fixed.motion,
         names=fixed.names,
         mirror=None if bare.mirror is None else bare.mirror[fixed.free],
+        beyond_rayleigh=fixed.beyond_rayleigh,
     )
 
 
@@ -111,6 +115,7 @@ class _Parts:
     free: NDArray[np.intp]
     motion: sp.csr_array
     names: tuple[str, ...]
+    beyond_rayleigh: sp.csr_array | None
     owner: RailData
 
 
@@ -131,6 +136,9 @@ def _fixed_parts(data: RailData, bare: Structure) -> _Parts:
         free=free,
         motion=sp.csr_array(bare.motion[:, free]),
         names=tuple(bare.names[i] for i in free),
+        beyond_rayleigh=None
+        if data.matrices is not None
+        else _square(sp.csr_array(dashpots - data.damping[1] * springs), free),
         owner=data,
     )
 
@@ -142,7 +150,8 @@ _rows = LRUCache[tuple[sp.csr_array, object, object]](2 * MOST_KEPT)
 
 def _beam_parts(data: RailData) -> _Parts:
     """Return what does not depend on the sections of a rail of beams, or find it."""
-    key = (id(data.x), id(data.axis_height), id(data.supports), data.name, data.clamped)
+    key = (id(data.x), id(data.axis_height), id(data.supports))
+    key = (*key, data.name, data.clamped, data.damping)
     found = _parts.get(key)
     if found is None:
         size = 6 * data.x.size

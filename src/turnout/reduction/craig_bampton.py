@@ -110,9 +110,7 @@ def craig_bampton(
     [0.3333, -0.3333, 0.0]
     """
     full_stiffness, full_mass = _as_sparse(stiffness), _as_sparse(mass)
-    shapes = inner_shapes(
-        full_stiffness, full_mass, interface, cutoff_frequency=cutoff_frequency
-    )
+    shapes = inner_shapes(full_stiffness, full_mass, interface, cutoff_frequency=cutoff_frequency)
     return superelement_in(shapes, full_stiffness, full_mass)
 
 
