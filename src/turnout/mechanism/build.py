@@ -17,7 +17,6 @@ from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 
 from turnout.core.lru_cache import LRUCache
 from turnout.core.threads import one_blas_thread
@@ -360,14 +359,23 @@ def _made_linear(panel: Panel, frame: _Frame) -> _Linear:
         held = {name: _held_rows(name, rail, layout) for name, rail in switch_rails.items()}
         travel = rail_travel(panel, switch_rails, held)
     return _Linear(
-        stiffness=block_diag(*(r.stiffness for r in rails)),
-        mass=block_diag(*(r.mass for r in rails)),
-        damping=block_diag(*(r.damping for r in rails)),
+        stiffness=_block_diagonal([r.stiffness for r in rails]),
+        mass=_block_diagonal([r.mass for r in rails]),
+        damping=_block_diagonal([r.damping for r in rails]),
         load=np.concatenate([r.load for r in rails]),
         rows=_stacked_rows(rows, rails),
         reduced=tuple(rails),
         travel=travel,
     )
+
+
+def _block_diagonal(blocks: list[Floats]) -> Floats:
+    """Return square matrices along the diagonal of one."""
+    ends = np.cumsum([0, *(block.shape[0] for block in blocks)])
+    found = np.zeros((ends[-1], ends[-1]))
+    for block, first, last in zip(blocks, ends[:-1], ends[1:], strict=True):
+        found[first:last, first:last] = block
+    return found
 
 
 def _held_rows(name: str, rail: ReducedRail, layout: Layout) -> RailRows:
@@ -428,12 +436,14 @@ def _reduced_rails(data: list[RailData]) -> list[ReducedRail]:
 
 
 def _stacked_rows(rows: Rows, rails: list[ReducedRail]) -> Floats:
-    by_name = {rail.body.name: rail for rail in rails}
     size = sum(rail.body.count for rail in rails)
     matrix = np.zeros((len(rows.rows), size))
+    listed: dict[str, list[tuple[int, int]]] = {rail.body.name: [] for rail in rails}
     for number, parts in enumerate(rows.rows):
         for rail_name, point in parts:
-            rail = by_name[rail_name]
-            place = slice(rail.body.first, rail.body.first + rail.body.count)
-            matrix[number, place] += rail.rows[point]
+            listed[rail_name].append((number, point))
+    for rail in rails:
+        numbers, points = np.array(listed[rail.body.name], dtype=np.intp).reshape(-1, 2).T
+        place = slice(rail.body.first, rail.body.first + rail.body.count)
+        np.add.at(matrix[:, place], numbers, rail.rows[points])
     return matrix

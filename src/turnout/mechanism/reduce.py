@@ -16,7 +16,6 @@ from turnout.reduction.craig_bampton import (
     InnerShapes,
     Superelement,
     inner_shapes,
-    reduce_matrix,
     reduce_vector,
     superelement_in,
 )
@@ -149,20 +148,17 @@ def superelement_of(data: RailData) -> tuple[Structure, Superelement, Floats]:
     structure = rail_structure(data)
     rows = point_rows(structure, data.points, name=data.name)
     element = superelement(structure, rows, cutoff_frequency=data.cutoff_frequency)
-    return structure, element, _reduced_damping(data, structure, element)
+    return structure, element, _reduced_damping(structure, element)
 
 
-def _reduced_damping(data: RailData, structure: Structure, element: Superelement) -> Floats:
-    """Return the damping in reduced coordinates: of few places once Rayleigh's is taken out."""
-    beyond = structure.beyond_rayleigh
-    if beyond is None:
-        return reduce_matrix(element, structure.damping)
-    of_mass, of_stiffness = data.damping
-    found = of_mass * element.mass + of_stiffness * element.stiffness
+def _reduced_damping(structure: Structure, element: Superelement) -> Floats:
+    """Return the damping in reduced coordinates; what is not Rayleigh's reaches few of the full."""
+    of_mass, of_stiffness = structure.rayleigh
+    beyond = sp.csr_array(structure.beyond_rayleigh)
     places = np.flatnonzero(np.diff(beyond.indptr))
     at_places = element.transformation[places]
-    found += at_places.T @ (beyond[places] @ element.transformation)
-    return found
+    reduced: Floats = at_places.T @ (beyond[places] @ element.transformation)
+    return of_mass * element.mass + of_stiffness * element.stiffness + reduced
 
 
 def reduction_of(data: RailData) -> ReductionReport:

@@ -35,8 +35,8 @@ class Structure:
 
     Attributes
     ----------
-    stiffness, mass, damping : csr_array, shape (n, n)
-        Chair dashpots are left out: they act at points.
+    stiffness, mass : csr_array, shape (n, n)
+        Of the rail and its fastenings.
     load : ndarray, shape (n,)
         Own weight [N].
     x : ndarray, shape (n_nodes,)
@@ -47,25 +47,35 @@ class Structure:
         Whether the coordinates say what that displacement is; if not, its row is zero.
     names : tuple of str
         Of the coordinates.
+    beyond_rayleigh : csr_array, shape (n, n)
+        The rest of the damping; chair dashpots are left out: they act at points.
     reduced : bool
         The matrices are a superelement already, not to be reduced again.
     mirror : ndarray, shape (n,), optional
         Signs that turn the coordinates into those of the rail's image in the plane of x and z.
-    beyond_rayleigh : csr_array, shape (n, n), optional
-        The damping less the rail's Rayleigh factors times the mass and the whole stiffness.
+    rayleigh : tuple of float
+        Factors of mass [1/s] and stiffness [s] in the damping.
     """
 
     stiffness: sp.csr_array
     mass: sp.csr_array
-    damping: sp.csr_array
     load: Floats
     x: Floats
     motion: sp.csr_array
     known: NDArray[np.bool_]
     names: tuple[str, ...]
+    beyond_rayleigh: sp.csr_array
     reduced: bool = False
     mirror: Floats | None = None
-    beyond_rayleigh: sp.csr_array | None = None
+    rayleigh: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def damping(self) -> sp.csr_array:
+        """The whole damping, as a csr_array of shape (n, n)."""
+        of_mass, of_stiffness = self.rayleigh
+        return sp.csr_array(
+            of_mass * self.mass + of_stiffness * self.stiffness + self.beyond_rayleigh
+        )
 
 
 def rail_structure(data: RailData) -> Structure:
@@ -91,7 +101,6 @@ def rail_structure(data: RailData) -> Structure:
         bare,
         stiffness=_square(bare.stiffness + fixed.springs, fixed.free),
         mass=_square(bare.mass, fixed.free),
-        damping=_square(bare.damping + fixed.dashpots, fixed.free),
         load=bare.load[fixed.free],
         motion=fixed.motion,
         names=fixed.names,
@@ -104,18 +113,17 @@ def rail_structure(data: RailData) -> Structure:
 class _Parts:
     """What does not depend on the sections of a rail.
 
-    `free` are the coordinates that are not clamped, in which `motion` and `names` are;
-    `springs` and `dashpots` are the matrices of the fastenings in all coordinates. `bare` has what
-    a rail has without its fastenings.
+    `free` are the coordinates that are not clamped, in which `motion`, `names` and
+    `beyond_rayleigh` are; `springs` is the matrix of the fastenings in all coordinates. `bare` has
+    what a rail has without its fastenings.
     """
 
     bare: Structure
     springs: sp.csr_array
-    dashpots: sp.csr_array
     free: NDArray[np.intp]
     motion: sp.csr_array
     names: tuple[str, ...]
-    beyond_rayleigh: sp.csr_array | None
+    beyond_rayleigh: sp.csr_array
     owner: RailData
 
 
@@ -132,13 +140,10 @@ def _fixed_parts(data: RailData, bare: Structure) -> _Parts:
     return _Parts(
         bare=bare,
         springs=springs,
-        dashpots=dashpots,
         free=free,
         motion=sp.csr_array(bare.motion[:, free]),
         names=tuple(bare.names[i] for i in free),
-        beyond_rayleigh=None
-        if data.matrices is not None
-        else _square(sp.csr_array(dashpots - data.damping[1] * springs), free),
+        beyond_rayleigh=_square(bare.beyond_rayleigh + dashpots - bare.rayleigh[1] * springs, free),
         owner=data,
     )
 
@@ -159,7 +164,8 @@ def _beam_parts(data: RailData) -> _Parts:
         bare = Structure(
             stiffness=nothing,
             mass=nothing,
-            damping=nothing,
+            beyond_rayleigh=nothing,
+            rayleigh=data.damping,
             load=np.zeros(size),
             x=data.x,
             motion=_lowered(sp.eye_array(size, format="csr"), data.axis_height),
@@ -186,12 +192,10 @@ def beam_structure(data: RailData) -> Structure:
         gravity=data.gravity,
         name=f"rail {data.name}",
     )
-    mass_factor, stiffness_factor = data.damping
     return replace(
         _beam_parts(data).bare,
         stiffness=beam.stiffness,
         mass=beam.mass,
-        damping=sp.csr_array(mass_factor * beam.mass + stiffness_factor * beam.stiffness),
         load=beam.gravity_load,
     )
 
@@ -209,17 +213,14 @@ def given_structure(data: RailData, given: RailMatrices) -> Structure:
     height = np.zeros(x.size)
     height[node] = given.z
     motion = _lowered(sp.csr_array(place @ rows), height)
-    mass_factor, stiffness_factor = data.damping
-    damping = given.damping
-    if damping is None:
-        damping = sp.csr_array(mass_factor * given.mass + stiffness_factor * given.stiffness)
     weight = given.unit_weight
     if weight is None:
         weight = -(given.mass @ _lifted(motion))
     return Structure(
         stiffness=given.stiffness,
         mass=given.mass,
-        damping=damping,
+        beyond_rayleigh=sp.csr_array((size, size)) if given.damping is None else given.damping,
+        rayleigh=data.damping if given.damping is None else (0.0, 0.0),
         load=data.gravity * weight,
         x=x,
         motion=motion,
@@ -321,4 +322,6 @@ def _lifted(motion: sp.csr_array) -> Floats:
 
 
 def _square(matrix: sp.csr_array, free: NDArray[np.intp]) -> sp.csr_array:
+    if free.size == matrix.shape[0]:
+        return sp.csr_array(matrix)
     return sp.csr_array(matrix.tocsr()[free][:, free])

@@ -27,6 +27,7 @@ _SMALL = 30  # coordinates; fewer are solved densely
 _DENSE_SHARE = 0.25  # from this share of all modes on, the dense solution is the faster one
 _HOLD_SHARE = 0.0025  # of the square of the cut-off
 _BLOCKS = (8, 16)  # least and greatest number of vectors in a block
+_MOST_DIRECTIONS = 4  # so many times the modes that are wanted are tried, and some blocks
 _CONVERGED = 1e-6  # residual of a mode of the inverse, as a share; the share squared is its error
 _DEPENDENT = 1e-14  # of the squares in a block: directions below this are nothing but rounding
 _SIGN_SHARE = 0.3  # no sine of a rational angle has this value, so no entry sits on the edge
@@ -223,10 +224,10 @@ def _solve_lanczos(
     Returns
     -------
     tuple or None
-        None where they do not converge within half of all directions.
+        None where they do not converge within some times as many directions.
     """
     size, width = mass.shape[0], int(np.clip((count + 1) // 3, *_BLOCKS))
-    most = size // 2
+    most = min(size // 2, _MOST_DIRECTIONS * count + 24 * width)
     basis, with_mass = np.empty((2, most, size)).transpose(0, 2, 1)
     inverse = np.zeros((most, most))
     # A fixed start keeps the modes the same from run to run.
