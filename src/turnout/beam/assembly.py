@@ -119,7 +119,7 @@ def assemble_beam(
         x=nodes,
         stiffness=pattern.assemble(stiffness),
         mass=pattern.assemble(mass),
-        gravity_load=np.bincount(pattern.dofs, load.ravel(), 6 * nodes.size),
+        gravity_load=pattern.add_loads(load),
         name=name,
     )
 
@@ -260,6 +260,13 @@ class _Pattern:
     place: npt.NDArray[np.intp]
     indices: npt.NDArray[np.int32]
     indptr: npt.NDArray[np.int32]
+
+    def add_loads(self, loads: FloatArray) -> FloatArray:
+        """Add up the nodal loads of elements, shape (n, 12)."""
+        found: FloatArray = np.bincount(self.dofs, loads.ravel(), self.indptr.size - 1).astype(
+            np.float64, copy=False
+        )
+        return found
 
     def assemble(self, blocks: FloatArray) -> sp.csr_array:
         """Add up element matrices, shape (n, 12, 12); entries that are zero are left out."""

@@ -183,7 +183,7 @@ def _of_block(
     at = block.coordinates
     if at.size and at[-1] - at[0] == at.size - 1 and np.all(np.diff(at) == 1):
         own: slice | Ints = slice(int(at[0]), int(at[-1]) + 1)
-        square: tuple[Any, Any] = (own, own)
+        square: Any = (own, own)
     else:
         own, square = at, np.ix_(at, at)
     matrices = {name: getattr(mechanism, name)[square] for name in _MATRICES}

@@ -193,13 +193,9 @@ class _Linear:
     damping: Floats
     load: Floats
     rows: Floats
+    rails: tuple[RailBody, ...]
     reduced: tuple[ReducedRail, ...]
     travel: Travel
-
-    @property
-    def rails(self) -> tuple[RailBody, ...]:
-        """The bodies of the rails."""
-        return tuple(rail.body for rail in self.reduced)
 
 
 @dataclass(frozen=True, slots=True)
@@ -364,6 +360,7 @@ def _made_linear(panel: Panel, frame: _Frame) -> _Linear:
         damping=_block_diagonal([r.damping for r in rails]),
         load=np.concatenate([r.load for r in rails]),
         rows=_stacked_rows(rows, rails),
+        rails=tuple(rail.body for rail in rails),
         reduced=tuple(rails),
         travel=travel,
     )

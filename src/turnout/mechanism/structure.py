@@ -155,8 +155,8 @@ _rows = LRUCache[tuple[sp.csr_array, object, object]](2 * MOST_KEPT)
 
 def _beam_parts(data: RailData) -> _Parts:
     """Return what does not depend on the sections of a rail of beams, or find it."""
-    key = (id(data.x), id(data.axis_height), id(data.supports))
-    key = (*key, data.name, data.clamped, data.damping)
+    named = (data.x, data.axis_height, data.supports)
+    key = (*map(id, named), data.name, data.clamped, data.damping)
     found = _parts.get(key)
     if found is None:
         size = 6 * data.x.size

@@ -169,48 +169,53 @@ def modes_below(
         raise MechanicsError(msg)
     wanted = min(count + 1, size)
     shift = (2.0 * np.pi * cutoff_frequency) ** 2
-    found = None
-    if factor is not None and size >= _SMALL and wanted <= _DENSE_SHARE * size:
-        found = _solve_lanczos(mass, factor, count)
-    if found is None:
-        found = _solve_dense(mass, stiffness, wanted, shift=shift)
-    squares, modes = found
-    frequencies = np.sqrt(np.maximum(squares + shift, 0.0)) / (2.0 * np.pi)
-    order = np.argsort(frequencies, kind="stable")
-    frequencies, modes = frequencies[order], modes[:, order]
-    if frequencies.size < count or frequencies[:count].max(initial=0.0) > (
-        cutoff_frequency * (1.0 + 1e-6)
-    ):
-        msg = f"{count} modes lie below {cutoff_frequency} Hz, but not all were found"
-        raise MechanicsError(msg)
+    large = factor is not None and size >= _SMALL and wanted <= _DENSE_SHARE * size
+    ways = [lambda: _solve_lanczos(mass, factor, count, shift=shift)] if large else []
+    ways += [
+        lambda hold=hold: _solve_dense(mass, stiffness, wanted, hold=hold)
+        for hold in (0.0, _HOLD_SHARE * shift)
+    ]
+    for solve in ways:
+        found = solve()
+        if found is None:
+            continue
+        frequencies = np.sqrt(np.maximum(found[0], 0.0)) / (2.0 * np.pi)
+        order = np.argsort(frequencies, kind="stable")
+        frequencies, modes = frequencies[order], found[1][:, order]
+        if frequencies.size >= count and frequencies[:count].max(initial=0.0) <= (
+            cutoff_frequency * (1.0 + 1e-6)
+        ):
+            break
+    else:
+        raise MechanicsError(_NOT_HELD)
     omitted = float(frequencies[count]) if frequencies.size > count else float("nan")
     return frequencies[:count], _normalise(modes[:, :count], mass), omitted
 
 
 def _solve_dense(
-    mass: sp.csr_array, stiffness: sp.csr_array, wanted: int, *, shift: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return eigenvalues less the shift, and modes, of the lowest few.
+    mass: sp.csr_array, stiffness: sp.csr_array, wanted: int, *, hold: float
+) -> tuple[FloatArray, FloatArray] | None:
+    """Return eigenvalues and modes of the lowest few; None if the matrix on the right is singular.
 
-    They solve M x = theta (K + hold M) x; the little mass on the right holds a free body.
+    They solve M x = theta (K + hold M) x; a little mass on the right holds a free body.
     """
-    size, hold = mass.shape[0], _HOLD_SHARE * shift
+    size = mass.shape[0]
     held = stiffness + hold * mass
     try:
         theta, modes = scipy.linalg.eigh(
             mass.toarray(), held.toarray(), subset_by_index=[size - wanted, size - 1]
         )
-    except np.linalg.LinAlgError as error:
-        raise MechanicsError(_NOT_HELD) from error
+    except np.linalg.LinAlgError:
+        return None
     # A mode without mass has an infinite frequency: its theta is nothing but rounding.
     positive = theta > size * np.finfo(float).eps * theta.max()
-    return 1.0 / theta[positive] - hold - shift, modes[:, positive]
+    return 1.0 / theta[positive] - hold, modes[:, positive]
 
 
 def _solve_lanczos(
-    mass: sp.csr_array, factor: Factor, count: int
+    mass: sp.csr_array, factor: Factor, count: int, *, shift: float
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Return eigenvalues less the shift, and modes, of the `count` below it and one above it.
+    """Return eigenvalues and modes of the `count` below a shift and of one above it.
 
     Parameters
     ----------
@@ -220,6 +225,8 @@ def _solve_lanczos(
         Of K - shift M; its inverse times M has the eigenvalues theta = 1 / (omega^2 - shift).
     count : int
         Modes below the shift: so many thetas are negative.
+    shift : float
+        Of the factor [rad^2/s^2].
 
     Returns
     -------
@@ -249,7 +256,7 @@ def _solve_lanczos(
         residual = np.linalg.norm(links @ shares[before:here, chosen], axis=0)
         found = int(np.count_nonzero(theta < 0.0)) == count
         if found and np.all(residual <= _CONVERGED * np.abs(theta[chosen])):
-            return 1.0 / theta[chosen], basis[:, :here] @ shares[:, chosen]
+            return shift + 1.0 / theta[chosen], basis[:, :here] @ shares[:, chosen]
         check = here + width
     return None
 
