@@ -43,7 +43,7 @@ def test_a_perfect_detector_has_the_figures_of_one() -> None:
         probability=(size > 0.0).astype(float), novelty=size, cause=side.labels["role"],
         size=np.column_stack([size, size, size]),
     )  # fmt: skip
-    score = score_verdicts(verdicts, BENCH)
+    score = score_verdicts(verdicts, side, history=BENCH.history)
     assert score.false_alarms.value == 0.0
     assert score.macro_f1 == 1.0
     assert score.calibration == 0.0

@@ -54,8 +54,7 @@ def margins_of(folder: Path, conditions: Conditions, results: Results) -> dict[s
             return found
     except (OSError, ValueError):
         pass
-    bench = conditions.open(folder)
-    side = bench.test.of(bench.test.judged)
+    side = conditions.judged(folder)
     scores = {
         name: read_verdicts(
             path.with_name(f"{name}.csv"), throws=side.throw, positions=side.positions

@@ -32,7 +32,14 @@ from turnout.open_benchmark.make_throws import data_digest
 from turnout.open_benchmark.method import Floats, Keep, Method, fold_of_panels, judged_of, tune
 from turnout.open_benchmark.ours import DetectorMethod
 from turnout.open_benchmark.score import plain, score_verdicts
-from turnout.open_benchmark.sides import TRACKS, Benchmark, open_benchmark, read_throws_file
+from turnout.open_benchmark.sides import (
+    TRACKS,
+    Benchmark,
+    Side,
+    judged_labels,
+    open_benchmark,
+    read_throws_file,
+)
 from turnout.open_benchmark.verdicts import Verdicts, read_verdicts, write_verdicts
 from turnout.sweep.process import worker_processes
 
@@ -49,7 +56,9 @@ USES = {
     "open_benchmark/machine_kinds.py": ("open_benchmark/ours.py", *DETECTOR),
 }
 """Further sources, by that of the method."""
-SCORES = tuple(f"open_benchmark/{name}.py" for name in ("metrics", "score")) + ("detection/pod",)
+SCORES = tuple(f"open_benchmark/{name}.py" for name in ("margin", "metrics", "score")) + (
+    "detection/pod",
+)
 """Sources that scores depend on."""
 
 
@@ -80,6 +89,10 @@ class Conditions:
     def open(self, folder: Path) -> Benchmark:
         """Open the benchmark under these conditions."""
         return open_benchmark(folder, **asdict(self))
+
+    def judged(self, folder: Path) -> Side:
+        """Return the labels of the test throws that are judged, without what was recorded."""
+        return judged_labels(folder, **asdict(self))
 
 
 MAIN = (Conditions(), Conditions(history=0))
@@ -271,8 +284,7 @@ def _kept(folder: Path, conditions: Conditions, method: Method, data: str) -> di
     if found.get("key") != _key(method, data) or "score" not in found:
         return None
     if found.get("scored") != digest_of_sources(SCORES):
-        bench = _opened(folder, conditions)
-        found["score"] = score_file(place / f"{method.name}.csv", bench)
+        found["score"] = score_file(place / f"{method.name}.csv", folder, conditions)
         found["scored"] = digest_of_sources(SCORES)
         write_atomic(path, json.dumps(found, indent=1) + "\n")
     return found
@@ -310,7 +322,7 @@ def run_method(method: Method, bench: Benchmark, place: Path, *, data: str) -> d
         "tuning_time": tuned,
         "milliseconds": 1e3 * took / len(scores),
         "bytes": len(dumps(fitted.model)),
-        "score": plain(score_verdicts(verdicts, bench)),
+        "score": plain(score_verdicts(verdicts, test.side, history=bench.history)),
     }
     text = json.dumps(to_plain(result, nonfinite=lambda _: None), indent=1)
     write_atomic(place / f"{method.name}.json", text + "\n")
@@ -355,8 +367,9 @@ def numbers_digest(folder: Path, results: Mapping[str, Mapping[str, Mapping[str,
     return str(content_hash(content))
 
 
-def score_file(path: Path, bench: Benchmark) -> dict[str, Any]:
+def score_file(path: Path, folder: Path, conditions: Conditions) -> dict[str, Any]:
     """Return the score of anyone's verdict file."""
-    side = bench.test.of(bench.test.judged)
+    side = conditions.judged(folder)
     verdicts = read_verdicts(path, throws=side.throw, positions=side.positions)
-    return dict(to_plain(plain(score_verdicts(verdicts, bench)), nonfinite=lambda _: None))
+    score = score_verdicts(verdicts, side, history=conditions.history)
+    return dict(to_plain(plain(score), nonfinite=lambda _: None))
