@@ -62,9 +62,15 @@ LEVEL_DEGREE = 3
 """Of the friction level in what all switches have in common."""
 
 
-def throw_set_of(side: Side, roles: Sequence[str], layout: Layout, inputs: Floats) -> ThrowSet:
-    """Return simulated training throws of some roles as the detector learns from them."""
+def throw_set_of(
+    side: Side, roles: Sequence[str], layout: Layout, inputs: Floats, *, most: int | None = None
+) -> ThrowSet:
+    """Return simulated training throws of some roles as the detector learns from them.
+
+    At most so many, evenly among all.
+    """
     rows = np.flatnonzero(np.isin(side.labels["role"], roles))
+    rows = rows[_even(len(rows), most or len(rows))]
     clean = side.clean[rows]
     fine = fine_layout(layout)
     # a throw that is late is lower where it rises
@@ -283,8 +289,8 @@ def training_sets(train: Judged, setting: Mapping[str, Any]) -> dict[str, ThrowS
     found = {}
     for name in (SOUND, HISTORY, OBJECT, *DEFECTS):
         if np.any(whole.labels["role"] == name):
-            own = throw_set_of(whole, [name], train.layout, inputs)
-            found[name] = _spread(own, most.get(name, len(own.level)))  # all that others pair with
+            # of sound throws all that others pair with
+            found[name] = throw_set_of(whole, [name], train.layout, inputs, most=most.get(name))
     return found
 
 
@@ -295,5 +301,8 @@ def sound_count(train: Judged) -> int:
 
 def _spread(throws: ThrowSet, most: int) -> ThrowSet:
     """Return at most so many throws, evenly among all."""
-    count = len(throws.level)
-    return throws.of(np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.intp)))
+    return throws.of(_even(len(throws.level), most))
+
+
+def _even(count: int, most: int) -> NDArray[np.intp]:
+    return np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.intp))

@@ -264,13 +264,15 @@ def _key(method: Method, data: str) -> str:
     """Return a digest of all that verdicts follow from."""
     settings = [dict(item) for item in method.settings]
     given = [str(getattr(method, name, "")) for name in ("errors", "details")]
-    return str(content_hash([data, method.name, settings, given, sources_digest(method)]))
+    return str(
+        content_hash([data, method.name, settings, given, digest_of_sources(sources_of(method))])
+    )
 
 
-def sources_digest(method: Method) -> str:
-    """Return a digest of the sources that verdicts of a method depend on."""
+def sources_of(method: Method) -> tuple[str, ...]:
+    """Return the sources that verdicts of a method depend on."""
     own = type(method).__module__.removeprefix("turnout.").replace(".", "/") + ".py"
-    return digest_of_sources((*COMMON, own, *USES.get(own, ())))
+    return (*COMMON, own, *USES.get(own, ()))
 
 
 def _kept(folder: Path, conditions: Conditions, method: Method, data: str) -> dict[str, Any] | None:
