@@ -141,11 +141,11 @@ def methods_for(conditions: Conditions) -> list[Method]:
     ]
     if conditions.discrepancy != ASSUMED:
         title = f"turnout detector, {ASSUMED:.0%} assumed"
-        found.append(detector(ASSUMED, "turnout-assumed", title))
+        found.append(detector(ASSUMED, ASSUMING, title))
     return [*found, detector(conditions.discrepancy, OURS, "turnout detector")]
 
 
-OURS = "turnout"
+OURS, ASSUMING = "turnout", "turnout-assumed"
 
 
 def run_methods(
