@@ -311,6 +311,17 @@ def concern_lines(panel: Panel, found: list[Concern]) -> list[str]:
     ]
 
 
+def piece_lines(limits: Iterable[PieceLimit]) -> list[str]:
+    """Return the text of the least pieces that are refused.
+
+    Examples
+    --------
+    >>> piece_lines([PieceLimit("1", 3.2e-3, "slip", 15e-3)])
+    ['test piece: drive 1 refuses to lock from 3.2 mm on, by slip']
+    """
+    return [f"test piece: {item.text}" for item in limits]
+
+
 def flutter_concerns(panel: Panel, *, cutoff_frequency: float = float("inf")) -> list[Concern]:
     """Return whether the rails can flutter in motion, at their friction or at a quarter more.
 

@@ -145,9 +145,10 @@ def check_command(
         concern_lines,
         panel_concerns,
         piece_concerns,
+        piece_lines,
         unusual_concerns,
     )
-    from turnout.cli.show import least_pieces, piece_limit_line, thrown_alone
+    from turnout.cli.show import least_pieces, thrown_alone
 
     dataset = thrown_alone(panel) if throw else None
     found = unusual_concerns(panel) if dataset is None else panel_concerns(panel, dataset)
@@ -163,8 +164,8 @@ def check_command(
 
         for line in concern_lines(panel, found) if throw or found else ():
             typer.echo(coloured(line, "look" if found else "good"))
-        for piece in pieces:
-            typer.echo(f"test piece: {piece_limit_line(piece)}")
+        for line in piece_lines(pieces):
+            typer.echo(line)
     if dataset is not None and (code := end_code(dataset)):
         raise typer.Exit(code)
     if found and strict:
