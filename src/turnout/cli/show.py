@@ -144,7 +144,7 @@ class Thrown:
 
 
 def panel_lines(
-    panel: "LoadedPanel", *, thrown: Thrown | None = None, values: bool = False
+    panel: "LoadedPanel", *, case: str = "", thrown: Thrown | None = None, values: bool = False
 ) -> Iterator[str]:
     """Yield what `turnout panel show` prints.
 
@@ -152,12 +152,15 @@ def panel_lines(
     ----------
     panel : LoadedPanel
         Loaded panel with the origin of every number.
+    case : str
+        By which it was named, where it is a case of a study.
     thrown : Thrown, optional
         Adds results that need throws.
     values : bool
         Whether every value is listed, or only those that are assumed.
     """
-    yield f"{panel.name}  (hash {panel.hash[:12]})"
+    name = f"{case}, a case of {panel.name}" if case else panel.name
+    yield f"{name}  (hash {panel.hash[:12]})"
     yield from textwrap.wrap(" ".join(panel.description.split()), WIDTH)
     yield from ("", "PLAN, the closing direction of the instrumented rail upwards")
     yield from plan_lines(panel)
