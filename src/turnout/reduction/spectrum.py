@@ -7,6 +7,7 @@ far from the crowd of modes high above it, which all lie next to zero (Ericsson 
 Mathematics of Computation 35, 1980, doi:10.2307/2006390).
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -167,18 +168,8 @@ def modes_below(
             "lower the cut-off, for a panel discretisation.superelement_cutoff"
         )
         raise MechanicsError(msg)
-    wanted = min(count + 1, size)
     shift = (2.0 * np.pi * cutoff_frequency) ** 2
-    large = factor is not None and size >= _SMALL and wanted <= _DENSE_SHARE * size
-    ways = [lambda: _solve_lanczos(mass, factor, count, shift=shift)] if large else []
-    ways += [
-        lambda hold=hold: _solve_dense(mass, stiffness, wanted, hold=hold)
-        for hold in (0.0, _HOLD_SHARE * shift)
-    ]
-    for solve in ways:
-        found = solve()
-        if found is None:
-            continue
+    for found in _attempts(stiffness, mass, factor, count=count, shift=shift):
         frequencies = np.sqrt(np.maximum(found[0], 0.0)) / (2.0 * np.pi)
         order = np.argsort(frequencies, kind="stable")
         frequencies, modes = frequencies[order], found[1][:, order]
@@ -190,6 +181,27 @@ def modes_below(
         raise MechanicsError(_NOT_HELD)
     omitted = float(frequencies[count]) if frequencies.size > count else float("nan")
     return frequencies[:count], _normalise(modes[:, :count], mass), omitted
+
+
+def _attempts(
+    stiffness: sp.csr_array,
+    mass: sp.csr_array,
+    factor: Factor | None,
+    *,
+    count: int,
+    shift: float,
+) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Yield eigenvalues and modes by one method after the other, the quickest first."""
+    size = mass.shape[0]
+    wanted = min(count + 1, size)
+    if factor is not None and size >= _SMALL and wanted <= _DENSE_SHARE * size:
+        found = _solve_lanczos(mass, factor, count, shift=shift)
+        if found is not None:
+            yield found
+    for hold in (0.0, _HOLD_SHARE * shift):
+        found = _solve_dense(mass, stiffness, wanted, hold=hold)
+        if found is not None:
+            yield found
 
 
 def _solve_dense(
