@@ -1,6 +1,7 @@
 """What is kept by content: nothing is rebuilt that need not be, damage costs time only."""
 
 import logging
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -174,6 +175,25 @@ def test_old_files_go_and_memory_stays_small(fresh: Path, monkeypatch: pytest.Mo
     cache.cached_arrays("d", [0], lambda: {"value": np.array([4.0])})
     assert cache.counts["d from memory"] == 1
     assert cache.counts["d computed"] == 1
+
+
+def test_folders_of_other_sources_are_bounded(fresh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each change of the sources makes folders of its own, which nobody else would remove."""
+    monkeypatch.setattr(cache_folder, "MOST_FOLDERS", 2)
+    monkeypatch.setattr(cache_folder, "safe_folder", cache_folder.safe_folder.__wrapped__)
+    for age in range(4):
+        for kind in ("models", "kernels"):
+            old = fresh / f"{kind}-{age:016x}"
+            old.mkdir()
+            os.utime(old, (1e9 - age, 1e9 - age))
+    (fresh / "kept-by the user").mkdir()
+    folder = cache.cache_folder()
+    left = sorted(path.name for path in fresh.iterdir())
+    assert folder is not None
+    assert left == sorted(
+        ["kept-by the user", folder.name]
+        + [f"{kind}-{age:016x}" for kind in ("models", "kernels") for age in (0, 1)]
+    )
 
 
 @pytest.mark.parametrize(

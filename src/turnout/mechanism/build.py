@@ -316,7 +316,7 @@ def _made_between(
     )
     with one_blas_thread():
         yields = tuple(
-            local_flexibility(panel, item, rails=lambda: kept.frame.scaled(panel), owner=kept)
+            local_flexibility(panel, item, rails=lambda: kept.frame.scaled(panel))
             for item in between
         )
     return _Between(kept, more, rows, yields)

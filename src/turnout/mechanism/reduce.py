@@ -29,6 +29,9 @@ LARGE = 2000
 
 _FIELDS = ("transformation", "frequencies", "frequency_first_omitted")
 _rails = LRUCache[ReducedRail](MOST_RAILS)
+MOST_REDUCTIONS = 6
+"""So many rails are kept before their rows are taken, for objects between their nodes."""
+_reductions = LRUCache[tuple[Structure, Superelement, Floats]](MOST_REDUCTIONS)
 _at_dashpots = LRUCache[tuple[sp.csr_array, Floats, object, object]](MOST_RAILS)
 # Named by identity: rails that differ in their sections share all else.
 _digests = LRUCache[tuple[str, tuple[object, ...]]](4 * MOST_RAILS)
@@ -50,10 +53,9 @@ def reduce_rail(data: RailData, *, first: int = 0) -> ReducedRail:
         ``rows`` has shape (number of points, reduced coordinates). Its arrays are shared with every
         other caller and therefore not writeable.
     """
-    if data.matrices is not None and not data.matrices.digest:  # of unknown content
+    key = content_key(data)
+    if key is None:
         return _reduced(data, first=first)
-    sections = (getattr(data.sections, part.name) for part in fields(data.sections))
-    key = digest((_digest_of_rest(data), *sections))
     found = _rails.get(key)
     if found is None:
         found = _rails.put(key, _reduced(data, first=0))
@@ -62,10 +64,19 @@ def reduce_rail(data: RailData, *, first: int = 0) -> ReducedRail:
     return replace(found, body=replace(found.body, first=first))
 
 
+def content_key(data: RailData) -> str | None:
+    """Return a digest of all that a reduced rail depends on; None for matrices without one."""
+    if data.matrices is not None and not data.matrices.digest:
+        return None
+    sections = (getattr(data.sections, part.name) for part in fields(data.sections))
+    return digest((_digest_of_rest(data), *sections))
+
+
 def clear_memory() -> None:
     """Empty the memory of reduced rails."""
     _rails.clear()
     _digests.clear()
+    _reductions.clear()
 
 
 def _digest_of_rest(data: RailData) -> str:
@@ -145,10 +156,15 @@ def superelement_of(data: RailData) -> tuple[Structure, Superelement, Floats]:
 
     The dashpots of chairs are left out.
     """
+    key = content_key(data)
+    found = None if key is None else _reductions.get(key)
+    if found is not None:
+        return found
     structure = rail_structure(data)
     rows = point_rows(structure, data.points, name=data.name)
     element = superelement(structure, rows, cutoff_frequency=data.cutoff_frequency)
-    return structure, element, _reduced_damping(structure, element)
+    made = structure, element, _reduced_damping(structure, element)
+    return made if key is None else _reductions.put(key, made)
 
 
 def _reduced_damping(structure: Structure, element: Superelement) -> Floats:
