@@ -398,7 +398,7 @@ def gap_figures(judged: Judged, kind: str, names: Sequence[str]) -> dict[str, di
 def object_figures(judged: Judged, places: Mapping[str, float]) -> dict[str, float]:
     """Return errors of place and size of detected objects [m], and coverage of their intervals."""
     own = [i for i in judged.of("object") if judged.verdict[i].status == ALARM]
-    off, wrong, inside, within = [], [], [], []
+    off, wrong, inside, within, around = [], [], [], [], []
     for i in own:
         verdict = judged.verdict[i]
         assert verdict.size is not None
@@ -406,6 +406,7 @@ def object_figures(judged: Judged, places: Mapping[str, float]) -> dict[str, flo
         off.append(abs(verdict.x.middle - judged.x[i]))
         wrong.append(abs(verdict.size.middle - judged.size[i]))
         inside.append(_holds(verdict.size, judged.size[i]))
+        around.append(_holds(verdict.x, judged.x[i]))
         near = min(places, key=lambda name: abs(places[name] - judged.x[i]))
         within.append(near in verdict.places)
     return {
@@ -413,6 +414,7 @@ def object_figures(judged: Judged, places: Mapping[str, float]) -> dict[str, flo
         "place_median": float(np.median(off)),
         "place_90": float(np.quantile(off, 0.9)),
         "place_in_set": float(np.mean(within)),
+        "place_coverage": float(np.mean(around)),
         "size_median": float(np.median(wrong)),
         "size_90": float(np.quantile(wrong, 0.9)),
         "size_coverage": float(np.mean(inside)),

@@ -142,9 +142,8 @@ def _left_by_others(view: View, features: Floats, left_out: NDArray[np.intp]) ->
     found = []
     for first in range(0, len(features), AT_ONCE):
         evidence = evidence_of(view, features[first : first + AT_ONCE])
-        kept = ~np.isin(view.signatures.kind[evidence.number], left_out)
-        sound = np.einsum("kft,kft->kt", evidence.white, evidence.white).min(axis=0)
-        found.append(np.minimum(sound, evidence.square[kept].min(axis=0)))
+        kept = ~np.isin(evidence.hypotheses.kind, left_out)
+        found.append(np.minimum(evidence.own.min(axis=0), evidence.square[kept].min(axis=0)))
     return np.concatenate(found)
 
 

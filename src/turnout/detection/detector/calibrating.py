@@ -28,6 +28,7 @@ from turnout.detection.detector.judging import (
     level_of,
     make_view,
     ratios_of,
+    unexplained,
 )
 from turnout.detection.detector.knowledge import RESIDUAL_LEVELS, Calibrated, Knowledge
 from turnout.detection.detector.switch_history import (
@@ -37,6 +38,7 @@ from turnout.detection.detector.switch_history import (
     observe,
 )
 from turnout.detection.detector.throw_set import ThrowSet
+from turnout.detection.likelihood import Evidence
 
 Floats = NDArray[np.float64]
 
@@ -107,14 +109,28 @@ def alarms_of(view: View, features: Floats) -> tuple[Floats, Floats, Floats]:
     cause : ndarray, shape (n_throws,)
         Likeliest other cause against a sound switch [-].
     """
-    alarm, left, cause = [], [], []
+    found = []
     for first in range(0, len(features), AT_ONCE):
         evidence = evidence_of(view, features[first : first + AT_ONCE])
-        ratios = ratios_of(view, evidence)
-        alarm.append(ratios.alarm)
-        left.append(best_square(evidence))
-        cause.append(ratios.cause[view.identifiable].max(axis=0, initial=-np.inf))
-    return np.concatenate(alarm), np.concatenate(left), np.concatenate(cause)
+        found.append((*_ratios(view, evidence), best_square(evidence)))
+    alarm, cause, left = (np.concatenate(item) for item in zip(*found, strict=True))
+    return alarm, left, cause
+
+
+def _ratios(view: View, evidence: Evidence) -> tuple[Floats, Floats]:
+    """Return log likelihood ratios of an object, and of the likeliest cause that is named."""
+    ratios = ratios_of(view, evidence)
+    return ratios.alarm, ratios.cause[view.identifiable].max(axis=0, initial=-np.inf)
+
+
+def _said_of_sound(view: View, features: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return alarm, cause, square and irregularity of sound throws, each shape (n_throws,)."""
+    found = []
+    for first in range(0, len(features), AT_ONCE):
+        evidence = evidence_of(view, features[first : first + AT_ONCE])
+        found.append((*_ratios(view, evidence), *unexplained(view, evidence)))
+    alarm, cause, square, irregularity = (np.concatenate(item) for item in zip(*found, strict=True))
+    return alarm, cause, square, irregularity
 
 
 def learn_history(
@@ -191,7 +207,7 @@ def calibrate_alone(
     for number, fold in enumerate(folds):
         errors = _errors(fold.knowledge, seed + FOLD_SEED * number)
         view = make_view(fold.knowledge, part=part)
-        judged += [alarms_of(view, measured(fold.sound, errors)) for _ in range(draws)]
+        judged += [_said_of_sound(view, measured(fold.sound, errors)) for _ in range(draws)]
         switches += [fold.sound.switch] * draws
         for _ in range(INTERVAL_DRAWS):
             for throws in (fold.sound, fold.objects):
@@ -259,7 +275,7 @@ def calibrate_history(
     errors = [_errors(fold.knowledge, seed + 1 + FOLD_SEED * i) for i, fold in enumerate(folds)]
     populations = [make_view(fold.knowledge) for fold in folds]
     numbers = np.unique(throws.switch)
-    judged: dict[str, list[tuple[Floats, Floats, Floats]]] = {part: [] for part in alone}
+    judged: dict[str, list[tuple[Floats, ...]]] = {part: [] for part in alone}
     tried: dict[str, list[tuple[View, Floats, ThrowSet]]] = {part: [] for part in alone}
     switches: list[NDArray[np.intp]] = []
     for done, (switch, draw) in enumerate((s, d) for s in numbers for d in range(draws)):
@@ -276,7 +292,7 @@ def calibrate_history(
         switches += [later.switch] * again
         for part in alone:
             view = make_view(knowledge, part=part, known=expected)
-            judged[part] += [alarms_of(view, rows) for rows in features]
+            judged[part] += [_said_of_sound(view, rows) for rows in features]
             if draw:
                 continue
             tried[part].append((view, features[0], later))
@@ -331,7 +347,7 @@ def _calibrated(
     those after one on some dozens; of n switches none may be of a kind that makes up 3 / n of all
     (rule of three), and one switch in 200 can raise most of the false alarms.
     """
-    ratios, left, cause = judged
+    ratios, cause, left, irregular = judged
     thresholds = {}
     for rate in RATES:
         least = usual.thresholds.get(f"{rate:g}", LEAST_THRESHOLD)
@@ -352,8 +368,10 @@ def _calibrated(
         thresholds=thresholds,
         throws=len(ratios),
         residual=tuple(np.quantile(left, RESIDUAL_LEVELS).tolist()),
+        irregularity=tuple(np.quantile(irregular, RESIDUAL_LEVELS).tolist()),
         cause_threshold=max(LEAST_CAUSE, float(np.quantile(cause, 1.0 - CAUSE_RATE))),
         size_factor=factor_of(misses_in_doubt(found.size), otherwise=usual.size_factor),
+        x_factor=factor_of(misses_in_doubt(found.x), otherwise=usual.x_factor),
         gap_factor=gap_factor,
         object_gap_factor=object_gap_factor,
         gap_reach=reach_of_call(
