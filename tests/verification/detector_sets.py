@@ -225,7 +225,7 @@ def plans_of(study: Study, sizes: Sizes) -> dict[str, dict[str, Plan]]:
     }
 
 
-JUDGED_SEED = 530_000
+JUDGED_SEED = 540_000
 """Of switches that no choice in the detector was made on [-]."""
 
 

@@ -127,9 +127,9 @@ class Detector:
                     rows.setdefault(part, []).append((number, features))
             for part, own in rows.items():
                 for first in range(0, len(own), AT_ONCE):
-                    numbers, features = zip(*own[first : first + AT_ONCE], strict=True)
+                    numbers, measured = zip(*own[first : first + AT_ONCE], strict=True)
                     names = [throws[number].name for number in numbers]
-                    said = self._judge_rows(np.array(features), part=part, names=names)
+                    said = self._judge_rows(np.array(measured), part=part, names=names)
                     found |= dict(zip(numbers, said, strict=True))
         return [found[number] for number in range(len(throws))]
 

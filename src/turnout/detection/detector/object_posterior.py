@@ -270,8 +270,9 @@ def _joined(means: Floats, deviations: Floats, weights: Floats) -> tuple[Floats,
     cell = (place + JOINED * np.arange(count)).ravel()
 
     def summed(values: Floats) -> Floats:
-        found = np.bincount(cell, np.broadcast_to(values, means.shape).ravel(), JOINED * count)
-        return np.asarray(found).reshape(count, JOINED).T
+        each = np.broadcast_to(values, means.shape).ravel()
+        found = np.asarray(np.bincount(cell, each, JOINED * count), dtype=np.float64)
+        return found.reshape(count, JOINED).T
 
     whole = summed(weights[:, np.newaxis])
     some = np.maximum(whole, 1e-300)
@@ -302,7 +303,8 @@ def _brackets(
     low, high = (np.take_along_axis(grid, above + at, axis=0) for at in (0, 1))
     first, last = (np.take_along_axis(share, above + at, axis=0) for at in (0, 1))
     part = np.clip((wanted - first) / np.maximum(last - first, 1e-300), 0.0, 1.0)
-    return low, high, low + part * (high - low)
+    between: Floats = low + part * (high - low)
+    return low, high, between
 
 
 GRID = 49
