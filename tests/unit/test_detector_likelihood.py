@@ -97,7 +97,7 @@ def test_a_throw_that_fits_nothing_makes_differences_count_less() -> None:
 
 
 def test_kinds_are_sums_over_signatures_near_each_centre() -> None:
-    """Three centres and eleven signatures in any order, against each density by itself."""
+    """Three centres and eleven signatures in any order, against the sum of their densities."""
     rng = np.random.default_rng(3)
     count, kinds = 11, 4
     signatures = rng.standard_normal((count, SIZE))
@@ -108,7 +108,8 @@ def test_kinds_are_sums_over_signatures_near_each_centre() -> None:
         basis=basis, change=mixing.T, gap=np.zeros((count, 0)), level=level, kind=kind,
         size=nothing, x=nothing,
     )  # fmt: skip
-    means, covariances = rng.standard_normal((3, SIZE)), [drawn_covariance(rng) for _ in range(3)]
+    means = rng.standard_normal((3, SIZE))
+    covariances = [drawn_covariance(rng) + 9.0 * np.eye(SIZE) for _ in range(3)]  # within the noise
     weights = np.array([0.5, 0.3, 0.2])
     centres = tuple(
         make_centre(
