@@ -14,7 +14,7 @@ from turnout.calibration.covariance import spread_of
 from turnout.calibration.evaluate import CELL, Evaluator, Response, ThrowInputs, packed, unpacked
 from turnout.calibration.fit import _least_squares, fit
 from turnout.calibration.fit_noise import inflate_noise
-from turnout.calibration.linearisation import FINE_DIFFERENCE
+from turnout.calibration.linearisation import DIFFERENCE
 from turnout.calibration.measured_movements import BIN, MeasuredMovement, Signal
 from turnout.calibration.misfit import Misfit, framed, jacobian
 from turnout.calibration.noise import Noise, measured_noise, missed_by_model
@@ -203,12 +203,13 @@ def test_steps_are_fine_where_a_fit_is_and_plain_aside() -> None:
     whole.fine = True
     whole.local(TRUE, ("k",))
     assert [value for throw, value in asked if throw.fine] == [TRUE["k"]]
-    assert {value for throw, value in asked if not throw.fine} > {TRUE["k"]}
+    assert {value for throw, value in asked if throw.lean} > {TRUE["k"]}
+    assert all(throw.fine != throw.lean for throw, _ in asked)
     assert not any(throw.quick for throw, _ in asked)
     asked.clear()
     whole.fine, whole.quick = False, True
     whole.local(TRUE, ("k",))
-    assert all(throw.quick for throw, _ in asked)
+    assert all(throw.quick and not throw.lean for throw, _ in asked)
 
 
 def test_slopes_are_thrown_again_only_for_movements_that_went_away() -> None:
@@ -220,14 +221,14 @@ def test_slopes_are_thrown_again_only_for_movements_that_went_away() -> None:
     assert near.stepped is known.stepped
     assert len(asked) == 2
     asked.clear()
-    whole.effects = {"mu": (0.0, 0.01)}
+    whole.effects = {"mu": (0.0, 0.02)}
     part = whole.local_near(TRUE, ("k",), known)
     assert part.stepped["k"][0] is known.stepped["k"][0]
     assert part.stepped["k"][1] is not known.stepped["k"][1]
-    assert len(asked) == 2 + 3
+    assert len(asked) == 2 + 4
     asked.clear()
-    whole.local_near({**TRUE, "k": TRUE["k"] * 1.01}, ("k",), known)
-    assert len(asked) == 2 * 3
+    whole.local_near({**TRUE, "k": TRUE["k"] * 1.02}, ("k",), known)
+    assert len(asked) == 2 * 4
     asked.clear()
     whole.effects, whole.quick = {}, True
     assert whole.local_near(TRUE, ("k",), known).quick
@@ -351,9 +352,9 @@ def test_sensitivities_are_those_of_the_residuals() -> None:
     frame = framed(local, whole)
     slopes = jacobian(local, frame, ("mu", "k"))
     ahead = whole.residuals_of(
-        whole.responses([{**TRUE, "k": TRUE["k"] * np.exp(FINE_DIFFERENCE)}])[0], frame
+        whole.responses([{**TRUE, "k": TRUE["k"] * np.exp(DIFFERENCE)}])[0], frame
     )
-    change = (ahead - whole.residuals_of(local.simulated, frame)) / FINE_DIFFERENCE
+    change = (ahead - whole.residuals_of(local.simulated, frame)) / DIFFERENCE
     np.testing.assert_allclose(slopes[:, 1], change, atol=1e-6 * np.abs(change).max())
 
 

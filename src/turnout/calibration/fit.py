@@ -18,7 +18,7 @@ from turnout.calibration.fit_noise import (
     same_noise,
     scale_inflation,
 )
-from turnout.calibration.linearisation import Linearisation
+from turnout.calibration.linearisation import SAME_ROUGH_SLOPE, Linearisation
 from turnout.calibration.misfit import (
     EFFECT_PASSES,
     Frame,
@@ -163,6 +163,7 @@ def fit(
     iterations, effects = 0, near.misfit.effects if near else {}
     local = near.local if near else None
     if rough:
+        misfit = replace(misfit, same_slope=SAME_ROUGH_SLOPE)
         inflated = inflate_noise(misfit, parameters, values)
         for share in noise_shares:
             scaled = replace(scale_inflation(inflated, misfit, share), effects=effects)
@@ -173,10 +174,11 @@ def fit(
             values, effects, local = found.values, found.misfit.effects, found.local
         return replace(found, misfit=reestimate_noise(found, misfit), iterations=iterations)
     first, misfit = misfit, replace(misfit, effects=effects)
+    judged = near.misfit.comparison if near else None
     for number in range(MAX_PASSES):
-        # Finer steps are no remedy for a model of something else.
-        poor = bool(poorly_followed(misfit.comparison, misfit.movements))
-        misfit = replace(misfit, fine=refined and number > 0 and not poor)
+        # Finer steps are no remedy for a model of something else, and too long a way from afar.
+        poor = judged is None or bool(poorly_followed(judged, misfit.movements))
+        misfit = replace(misfit, fine=refined and not poor)
         found = _least_squares(
             misfit,
             parameters,
@@ -189,6 +191,7 @@ def fit(
         iterations += found.iterations
         values, local = found.values, found.local
         misfit = reestimate_noise(found, first)
+        judged = misfit.comparison
         if number > 0 and (poor or same_noise(found.misfit, misfit)):
             break
     return replace(found, iterations=iterations)
@@ -205,7 +208,7 @@ def brief_fit(
     share: float = 1.0,
     on_step: Callable[[float], None] | None = None,
 ) -> Fit:
-    """Fit near to the end only, to see what a model misses: few steps with slopes of quick throws.
+    """Fit near to the end only, to see what a model misses: few steps, with slopes from near by.
 
     A model that does not follow is fitted slowly: noise, discrepancy and each movement's friction
     change with every pass. What it misses is seen long before that.
@@ -239,7 +242,9 @@ def brief_fit(
     }
     kept = replace(misfit.comparison, noise=noise, scatter=near.misfit.comparison.scatter)
     kept = _with_sensors_held(kept, share) if share < 1.0 else kept
-    present = replace(misfit, comparison=kept, effects=near.misfit.effects, quick_slopes=True)
+    present = replace(
+        misfit, comparison=kept, effects=near.misfit.effects, same_slope=SAME_ROUGH_SLOPE
+    )
     local, iterations = near.local, 0
     for _ in range(passes):
         found = _least_squares(
@@ -332,7 +337,7 @@ def _least_squares(
                 if not fresh and iterations < max_steps:
                     local, fresh = misfit.local(local.values, names), True
                     continue
-                message, converged = "converged as far as slopes of quick throws lead", True
+                message, converged = "converged as far as its slopes lead", True
             break
         local, fresh = replace(local, values=trial, simulated=here), False
     return Fit(
