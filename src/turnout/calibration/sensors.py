@@ -62,6 +62,12 @@ class FoundSensor:
         )
 
     @property
+    def short_text(self) -> str:
+        """Found value alone in words."""
+        factor, unit, digits = (1.0, "N", 1) if self.column.kind == ZERO else (100.0, "%", 2)
+        return f"{self.name} {factor * self.value:+.{digits}f} {unit}"
+
+    @property
     def warning(self) -> str:
         """What to do where it leaves its prior."""
         remedy = {
