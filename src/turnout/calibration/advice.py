@@ -28,8 +28,8 @@ Floats = NDArray[np.float64]
 WEIGHT = "gravity"
 # Relative error of the weight and of each sensitivity that is examined [-].
 SHARE = 0.01
-# What moves residuals by less than this many standard deviations is not noticed, even if looked for;
-# the misfit shows it where it raises the sum of squares by as many of its deviations.
+# Residuals that move by less than this many standard deviations are not noticed, even if looked
+# for; the misfit shows what raises the sum of squares by as many of its deviations.
 SEEN = 3.0
 # A gain above this share of the error is one that it is taken for [-].
 TAKEN_UP = 0.3

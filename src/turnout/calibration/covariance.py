@@ -216,7 +216,7 @@ def common_gain(found: Fit) -> tuple[float, float] | None:
     .. math:: \bar g = \sum_c g_c / s_c^2 \Big/ \sum_c 1 / s_c^2, \quad
         s = \Big(\sum_c 1 / s_c^2\Big)^{-1/2}
 
-    with the estimated gains and the deviations that were stated of them. None where gains are known.
+    with the estimated gains and the deviations that were stated of them. None where one is known.
     """
     shared = found.frame.shared
     sizes = shared_estimates(found.local, found.frame)
