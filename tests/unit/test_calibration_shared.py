@@ -25,10 +25,13 @@ KEY = ("drive_force", "1")
 
 
 def shared(columns: Floats) -> Shared:
-    squares, vectors = np.linalg.eigh(columns.T @ columns)
+    gram = columns.T @ columns
+    squares, vectors = np.linalg.eigh(gram)
     sizes = np.sqrt(squares)
     basis = columns @ vectors / sizes
-    return Shared(sensors=(), columns=columns, plain=(columns,), basis=basis, sizes=sizes)
+    return Shared(
+        sensors=(), columns=columns, gram=gram, plain=(columns,), basis=basis, sizes=sizes
+    )
 
 
 def test_the_cost_is_that_of_the_whole_covariance() -> None:
