@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 from scipy.stats import t as student
 
+from turnout.calibration.candidate_causes import CHAIR_SPREAD, FRICTION, GROUP, MODULUS
 from turnout.calibration.comparison import Key
 from turnout.calibration.fit import Fit
 from turnout.calibration.fit_noise import SCATTER_WEIGHT
@@ -188,11 +189,29 @@ def _of_solver(found: Fit) -> Floats:
     values = [(item, found.values[item.name]) for item in found.parameters]
     shares = np.array([abs(value) / item.slope(value) for item, value in values])
     scale = _scale_uncertainty(found)
+    chairs = {FRICTION: chair_uncertainty(found)}
     sizes = [
         np.hypot(comparison.uncertainty.solver, scale if item.unit in FORCES else 0.0)
         for item in found.parameters
     ]
-    return np.asarray(np.array(sizes) * shares)
+    own = [chairs.get(item.name, 0.0) for item in found.parameters]
+    return np.asarray(np.hypot(sizes, own) * shares)
+
+
+def chair_uncertainty(found: Fit) -> float:
+    r"""Return how well forces know the friction of all chairs where it differs between them [-].
+
+    They see a chair by how far the rail slides on it, which falls from the toe to about nothing at
+    the heel. With `N` chairs of a spread `s` and weights that fall in proportion, the mean that
+    forces see and the mean of all chairs differ by
+
+    .. math:: s \sqrt{\sum_i (w_i - 1/N)^2} = s / \sqrt{3 N}
+
+    as standard deviation; nothing where friction is not fitted by chair.
+    """
+    if not any(item.name.startswith(GROUP) for item in found.parameters):
+        return 0.0
+    return float(CHAIR_SPREAD / np.sqrt(3.0 * len(found.misfit.evaluator.panel.chair)))
 
 
 def _scale_uncertainty(found: Fit) -> float:
@@ -200,14 +219,20 @@ def _scale_uncertainty(found: Fit) -> float:
 
     The scale is then that of the model, from weight and stiffness of its rails. A gain that all
     channels have alike is not separable from an error of these. Where it is more than chance makes
-    of gains as they were stated, it counts as uncertainty in full.
+    of gains as they were stated, or the rails are not those of the panel, the gains alone are the
+    scale: it is as uncertain as their mean, which counts in full.
     """
     alike = common_gain(found)
     if alike is None:
         return 0.0
+    doubt = float(np.hypot(*alike)) if _scale_is_doubted(found, alike) else 0.0
+    return float(np.hypot(found.misfit.comparison.uncertainty.scale, doubt))
+
+
+def _scale_is_doubted(found: Fit, alike: tuple[float, float]) -> bool:
     mean, deviation = alike
-    doubted = abs(mean) > SCALE_DOUBTED * deviation
-    return float(np.hypot(found.misfit.comparison.uncertainty.scale, mean if doubted else 0.0))
+    other_rails = any(item.name == MODULUS for item in found.parameters)
+    return other_rails or abs(mean) > SCALE_DOUBTED * deviation
 
 
 def common_gain(found: Fit) -> tuple[float, float] | None:
@@ -236,14 +261,16 @@ def common_gain(found: Fit) -> tuple[float, float] | None:
 def _scale_finding(found: Fit) -> list[str]:
     """Say where the scale of the model is doubted."""
     alike = common_gain(found)
-    if alike is None or abs(alike[0]) <= SCALE_DOUBTED * alike[1]:
+    if alike is None or not _scale_is_doubted(found, alike):
         return []
     mean, deviation = alike
+    why = f"{abs(mean) / deviation:.1f} standard deviations of what was stated of them"
+    if abs(mean) <= SCALE_DOUBTED * deviation:
+        why = "and the rails are not those of the panel"
     return [
-        f"all sensors read {100 * mean:+.2g} % together, {abs(mean) / deviation:.1f} standard "
-        "deviations of what was stated of them: weight or stiffness of the rails may be off by as "
-        "much instead, so it is in the intervals of all forces and stiffnesses; calibrate one "
-        "channel (shunt or known load) and state its gain_uncertainty to know which"
+        f"all sensors read {100 * mean:+.2g} % together, {why}: weight or stiffness of the rails "
+        "may be off by as much instead, so all forces and stiffnesses are as uncertain; calibrate "
+        "one channel (shunt or known load) and state its gain_uncertainty to know which"
     ]
 
 

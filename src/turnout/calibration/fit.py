@@ -174,10 +174,12 @@ def fit(
             values, effects, local = found.values, found.misfit.effects, found.local
         return replace(found, misfit=reestimate_noise(found, misfit), iterations=iterations)
     first, misfit = misfit, replace(misfit, effects=effects)
-    judged = near.misfit.comparison if near else None
+    known = refined and near is not None and not _is_poor(near.misfit)
+    if near is not None and known:
+        misfit = replace(misfit, comparison=_noise_of(near.misfit, misfit.comparison))
     for number in range(MAX_PASSES):
         # Finer steps are no remedy for a model of something else, and too long a way from afar.
-        poor = judged is None or bool(poorly_followed(judged, misfit.movements))
+        poor = _is_poor(misfit) if number else not known
         misfit = replace(misfit, fine=refined and not poor)
         found = _least_squares(
             misfit,
@@ -191,10 +193,26 @@ def fit(
         iterations += found.iterations
         values, local = found.values, found.local
         misfit = reestimate_noise(found, first)
-        judged = misfit.comparison
-        if number > 0 and (poor or same_noise(found.misfit, misfit)):
+        if (number > 0 or known) and (poor or same_noise(found.misfit, misfit)):
             break
     return replace(found, iterations=iterations)
+
+
+def _is_poor(misfit: Misfit) -> bool:
+    """Return whether a model misses too much for a trustworthy fit."""
+    return bool(poorly_followed(misfit.comparison, misfit.movements))
+
+
+def _noise_of(near: Misfit, comparison: Comparison) -> Comparison:
+    """Return a comparison with the noise that a fit near by left."""
+    known = near.comparison
+    return replace(
+        comparison,
+        noise=known.noise,
+        scatter=known.scatter,
+        discrepancy=known.discrepancy,
+        outlier_limit=known.outlier_limit,
+    )
 
 
 def brief_fit(
@@ -333,10 +351,12 @@ def _least_squares(
                 message, converged = "converged to the noise of the solver", True
                 break
         if not accepted:
+            # Slopes from near by may be why.
+            if rejected and not (rough or fresh) and iterations < max_steps:
+                local, fresh = misfit.local(local.values, names), True
+                message, converged = "", False
+                continue
             if brief is not None and rejected == max_rejected:
-                if not fresh and iterations < max_steps:
-                    local, fresh = misfit.local(local.values, names), True
-                    continue
                 message, converged = "converged as far as its slopes lead", True
             break
         local, fresh = replace(local, values=trial, simulated=here), False

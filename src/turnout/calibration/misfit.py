@@ -7,8 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.calibration.comparison import Alignment, Comparison, Sensitivity, align
-from turnout.calibration.evaluate import Evaluator, Response, ThrowInputs
+from turnout.calibration.evaluate import Evaluator, Response, ThrowInputs, with_change
 from turnout.calibration.linearisation import (
+    DIFFERENCE,
+    FINE_DIFFERENCE,
     SAME_SLOPE,
     Linearisation,
     stepped_value,
@@ -52,7 +54,7 @@ class Misfit:
     fine : bool
         Whether throws have shorter steps, those aside excepted.
     lean : bool
-        Whether throws are lean. Those aside are, unless throws are quick: differences alone count.
+        Whether throws are lean.
     same_slope : float
         Within this of where steps aside were taken they are not thrown again [coordinate].
     """
@@ -157,11 +159,14 @@ class Misfit:
             if response.failure:
                 message = f"{movement.text}: cannot be simulated: {response.failure}"
                 raise SolverError(message)
-        aside = {p.name: stepped_value(p, whole[p.name]) for p in stepped}
-        plain = replace(self, fine=False, lean=not self.quick)
-        apart = stepped and plain.lean != self.lean
-        origin = plain.responses([whole])[0] if apart else here
-        moved = plain._moved(whole, stepped, aside, origin)
+        difference = DIFFERENCE if self.quick else FINE_DIFFERENCE
+        aside = {
+            p.name: stepped_value(p, whole[p.name], DIFFERENCE if p.prior else difference)
+            for p in stepped
+        }
+        plain = replace(self, fine=False)
+        origin = plain.responses([whole])[0] if stepped and self.fine else here
+        moved = plain._moved(whole, stepped, aside, (origin, here))
         count = len(self.movements)
         steps = {
             p.name: (p.coordinate(aside[p.name]) - p.coordinate(whole[p.name]),) * count
@@ -227,22 +232,38 @@ class Misfit:
         whole: Mapping[str, float],
         stepped: Sequence[Parameter],
         aside: Mapping[str, float],
-        here: Sequence[Response],
+        known: tuple[Sequence[Response], Sequence[Response]],
     ) -> dict[str, tuple[Response, ...]]:
-        """Return the responses aside; known ones where nothing acts."""
-        wanted: list[tuple[Parameter, int]] = []
+        """Return the responses aside; those at the point, the first of two, where nothing acts.
+
+        Those of parameters with priors are lean.
+        """
+        here = known[0]
+        wanted: list[tuple[Parameter, int, bool]] = []
         throws = []
         found = {p.name: list(here) for p in stepped}
+        light = replace(self, lean=True)
         for p in stepped:
             values = {**whole, p.name: aside[p.name]}
+            lean = p.prior > 0.0 and not self.quick
             for number in range(len(self.movements)):
-                if p.name in self.always or touches(p, whole[p.name], here[number]):
-                    wanted.append((p, number))
-                    throws.append(self._throw(number, values))
+                acts = any(touches(p, whole[p.name], rows[number]) for rows in known)
+                if p.name in self.always or acts:
+                    wanted.append((p, number, lean))
+                    throws.append((light if lean else self)._throw(number, values))
+        origins = sorted({number for _, number, lean in wanted if lean})
+        throws += [light._throw(number, whole) for number in origins]
         made = self.evaluator.responses(throws)
-        for (p, number), response in zip(wanted, made, strict=True):
+        before = {
+            number: self._shaped(number, response, whole)
+            for number, response in zip(origins, made[len(wanted) :], strict=True)
+        }
+        for (p, number, lean), response in zip(wanted, made[: len(wanted)], strict=True):
             values = {**whole, p.name: aside[p.name]}
-            found[p.name][number] = self._shaped(number, response, values)
+            moved = self._shaped(number, response, values)
+            found[p.name][number] = (
+                with_change(here[number], moved, before[number]) if lean else moved
+            )
         return {name: tuple(row) for name, row in found.items()}
 
     def _shaped(self, number: int, response: Response, values: Mapping[str, float]) -> Response:
