@@ -14,7 +14,7 @@ from turnout.calibration.covariance import spread_of
 from turnout.calibration.evaluate import CELL, Evaluator, Response, ThrowInputs, packed, unpacked
 from turnout.calibration.fit import _least_squares, fit
 from turnout.calibration.fit_noise import inflate_noise
-from turnout.calibration.linearisation import DIFFERENCE
+from turnout.calibration.linearisation import FINE_DIFFERENCE
 from turnout.calibration.measured_movements import BIN, MeasuredMovement, Signal
 from turnout.calibration.misfit import Misfit, framed, jacobian
 from turnout.calibration.noise import Noise, measured_noise, missed_by_model
@@ -211,6 +211,20 @@ def test_steps_are_fine_where_a_fit_is_and_plain_aside() -> None:
     assert all(throw.quick and not throw.lean for throw, _ in asked)
 
 
+def test_steps_of_parameters_with_priors_are_lean() -> None:
+    whole = misfit([movement("m", rng=np.random.default_rng(2))])
+    whole.parameters = (PARAMETERS[0], replace(PARAMETERS[1], prior=0.1))
+    asked = listened(whole)
+    local = whole.local(TRUE, ("k",))
+    # One aside and one where the fit is, whose difference is what counts.
+    assert sorted(value for throw, value in asked if throw.lean) == [
+        TRUE["k"],
+        pytest.approx(TRUE["k"] * np.exp(0.01)),
+    ]
+    assert not any(throw.quick for throw, _ in asked)
+    assert local.stepped["k"][0] is not local.origin[0]
+
+
 def test_slopes_are_thrown_again_only_for_movements_that_went_away() -> None:
     rng = np.random.default_rng(2)
     whole = misfit([movement("m", rng=rng), movement("n", rng=rng)])
@@ -351,9 +365,9 @@ def test_sensitivities_are_those_of_the_residuals() -> None:
     frame = framed(local, whole)
     slopes = jacobian(local, frame, ("mu", "k"))
     ahead = whole.residuals_of(
-        whole.responses([{**TRUE, "k": TRUE["k"] * np.exp(DIFFERENCE)}])[0], frame
+        whole.responses([{**TRUE, "k": TRUE["k"] * np.exp(FINE_DIFFERENCE)}])[0], frame
     )
-    change = (ahead - whole.residuals_of(local.simulated, frame)) / DIFFERENCE
+    change = (ahead - whole.residuals_of(local.simulated, frame)) / FINE_DIFFERENCE
     np.testing.assert_allclose(slopes[:, 1], change, atol=1e-6 * np.abs(change).max())
 
 
