@@ -29,6 +29,10 @@ def test_a_limit_follows_the_size_of_the_slider(
     page.get_by_label("Forces").select_option("drive 1")
     assert page.evaluate(BARS)[3] == "0.50"
     assert page.locator("#limit-blade line.mark").count() == 0  # known for both drives together
+    assert "WARNING" not in page.locator("#limit-note").inner_text()
+    page.locator("#panel").select_option("sb1")
+    said = "WARNING: of panel sb2, not of sb1"
+    screen.wait(f"document.querySelector('#limit-note').textContent.includes('{said}')")
     page.locator("#limit-file").set_input_files(table_file(tmp_path, [0.0]))
     page.wait_for_selector("#message:not([hidden])")
     assert "no netCDF-4 file" in page.locator("#message").inner_text()

@@ -4,9 +4,8 @@ import numpy as np
 
 from turnout.detection.detector.allowances import Allowances
 from turnout.detection.detector.training import layout_of_panel
-from turnout.open_benchmark.definition import panels_study
+from turnout.open_benchmark.definition import MID_SPAN, panels_study
 from turnout.open_benchmark.make_throws import fine_layout
-from turnout.open_benchmark.score import MID_SPAN
 from turnout.open_benchmark.sides import Benchmark, Side, window_features
 
 LAYOUT = layout_of_panel(panels_study().panel)

@@ -8,6 +8,7 @@ from tests.unit.detector_toy import toy_set, toy_setting, toy_throw
 
 from turnout.detection.detector.detector import Detector
 from turnout.detection.detector.train_detector import knowledge_of_sets
+from turnout.panel.load import load_panel
 from turnout.response.store import save_response
 from turnout.schema.channels import SCHEMA_VERSION
 
@@ -70,6 +71,8 @@ def limit_file(folder: Path) -> Path:
             "false_alarm_rate": 1e-3,
             "history": 0,
             "states": 50,
+            "panel": "sb2",
+            "panel_hash": load_panel("sb2").hash,
         },
     )
     path = folder / "limit.nc"

@@ -44,6 +44,21 @@ def test_a_line_that_ends_beyond_what_was_thrown_is_marked_there() -> None:
     assert marked[0].get_xdata()[0] == band["x"][0]
 
 
+def test_a_place_lies_where_it_is_in_each_panel() -> None:
+    found = limit_map(toy_throws(), Conditions(), closing=CLOSING)
+    x = found["x"].to_numpy()
+    moved = found.assign_coords(x=("place", x + np.where(x == x[0], 0.4, 0.0)))
+    band = bands.bands_of(["a", "b", "c"], [found, moved, moved])
+    first = str(found["place"].to_numpy()[0])
+    np.testing.assert_allclose(band["panel_x"].sel(place=first), x[0] + np.array([0.0, 0.4, 0.4]))
+    assert float(band["x"].sel(place=first)) == x[0] + 0.4
+    drawn = {line.get_label(): line.get_xdata() for line in plot_bands(band).axes[0].get_lines()}
+    np.testing.assert_allclose(drawn["a"], np.sort(band["panel_x"].sel(panel="a")))
+    np.testing.assert_allclose(drawn["b"], np.sort(band["panel_x"].sel(panel="b")))
+    assert {"panel", "panel_hash"}.isdisjoint(band.attrs)
+    assert {"panel", "panel_hash"} <= set(found.attrs)
+
+
 def test_the_over_travel_moves_its_population_and_nothing_else() -> None:
     usual, moved = reference_study(count=40), reference_study(count=40, over_travel=0.5e-3)
     name = "drive.1.over_travel_closed"

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from turnout.detection.detector.allowances import Allowances
 from turnout.detection.reference import (
     PER_THROW,
     Conditions,
@@ -39,6 +40,37 @@ def test_spreads_are_those_that_are_stated() -> None:
     assert over_travel.max() < 4.8e-3
     common = column("rail.straight.stress_free") + column("rail.curved.stress_free")
     np.testing.assert_allclose(common, 1.0, atol=2e-3)  # the copula's rank correlation is -0.9999
+
+
+def test_the_population_lies_about_the_panel_and_is_sampled_as_its_noise() -> None:
+    """The study file repeats numbers of the panel, and the rate of the conditions."""
+    study = reference_study()
+    panel = study.panel
+    assert study.output.rate == Conditions().rate
+    own = {
+        **{f"drive.{n}.over_travel_closed": d.over_travel_closed for n, d in panel.drive.items()},
+        **{f"rail.{name}.stress_free": rail.stress_free for name, rail in panel.rail.items()},
+        "movement.return.extra_time.2": panel.movement["return"].extra_time["2"],
+    }
+    laws = {item.name: item.law for item in study.design.drawn}
+    middles = {name: np.mean(laws[name].bounds) for name in own}  # type: ignore[union-attr]
+    assert middles == pytest.approx(own)
+    start = laws["movement.return.start"].parameters["mean"]  # type: ignore[union-attr]
+    assert start == panel.movement["return"].start
+    for name, law in laws.items():
+        if "factor" in name or "_scale" in name:
+            parameters = law.parameters  # type: ignore[union-attr]
+            ends = [parameters[end] for end in ("minimum", "maximum") if end in parameters]
+            assert parameters.get("median", np.mean(ends or 1.0)) == pytest.approx(1.0), name
+
+
+def test_errors_are_one_record_for_the_bound_and_the_detector() -> None:
+    assert Allowances().conditions == Conditions()
+    given = Allowances(discrepancy=0.03, current_noise=0.1, timing=1e-3)
+    assert given.conditions == Conditions(discrepancy=0.03, current_noise=0.1)
+    with pytest.raises(StudyError, match="noise = 0 N: must be more than 0") as found:
+        Allowances(noise=0.0, discrepancy=1.0)
+    assert len(found.value.problems) == 2
 
 
 def test_the_fit_is_multiplied_as_a_whole() -> None:

@@ -308,3 +308,19 @@ def test_bad_input_is_one_message(folder: Path) -> None:
     refused = CliRunner().invoke(app, ["detect", "run", *paths, "--far", "0.5"])
     assert isinstance(refused.exception, FileError)
     assert "thresholds are known for" in str(refused.exception)
+
+
+def test_throws_judged_together_get_the_verdicts_of_each_alone() -> None:
+    """Good and bad recordings in any order; the order stays."""
+    detector = fresh()
+    sound = [toy_throw(seed=61 + number) for number in range(3)]
+    held = [toy_throw(seed=71 + number, size=20e-3) for number in range(3)]
+    bad = replace(sound[0], force=np.full_like(sound[0].force, np.nan), name="bad")
+    throws = [sound[0], bad, held[0], sound[1], held[1], held[2], sound[2]]
+    together = detector.predict(throws)
+    for one, throw in zip(together, throws, strict=True):
+        alone = detector.judge(throw)
+        assert (one.name, one.status) == (alone.name, alone.status)
+        np.testing.assert_allclose(one.log_ratio, alone.log_ratio, atol=1e-9)
+        assert one.peaks == alone.peaks
+    assert together[1].status == "cannot judge"

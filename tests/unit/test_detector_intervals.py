@@ -12,7 +12,12 @@ from turnout.detection.detector import interval_widths, knowledge
 from turnout.detection.detector.detector import Detector
 from turnout.detection.detector.interval_widths import level_of_places, likelier
 from turnout.detection.detector.judging import evidence_of
-from turnout.detection.detector.object_posterior import Posterior, mixture_intervals, posterior_of
+from turnout.detection.detector.object_posterior import (
+    EndGaps,
+    gaps_of,
+    mixture_intervals,
+    object_of,
+)
 
 
 def test_quantiles_of_mixtures_are_exact() -> None:
@@ -32,12 +37,36 @@ def test_quantiles_of_mixtures_are_exact() -> None:
             assert value == pytest.approx(exact, abs=1e-4)
 
 
-def said(factor: tuple[float, ...], limits: np.ndarray) -> Posterior:
+def said(factor: tuple[float, ...], limits: np.ndarray) -> EndGaps:
     detector = Detector(toy_detector().knowledge)
     view = detector.view()
     features = detector.knowledge.model.mean[5][np.newaxis, : detector.knowledge.layout.size]
     evidence = evidence_of(view, features)
-    return posterior_of(view, evidence, 0, limits=limits, gap_factor=factor)
+    return gaps_of(view, evidence, 0, limits=limits, factor=factor)
+
+
+def test_quantiles_of_many_parts_are_those_of_all_of_them() -> None:
+    """Parts that lie close are joined by two moments: to 3 % of the least deviation."""
+    rng = np.random.default_rng(4)
+    means = np.concatenate([rng.normal(0.0, 3.0, (150, 1)), rng.normal(12.0, 0.5, (100, 1))])
+    deviations = rng.uniform(0.5, 1.0, means.shape)
+    weights = rng.dirichlet(np.ones(len(means)))
+    (found,) = mixture_intervals(means, deviations, weights)
+    for value, share in ((found.low, 0.025), (found.middle, 0.5), (found.high, 0.975)):
+        below = weights @ norm.cdf(value, means[:, 0], deviations[:, 0])
+        steepness = weights @ norm.pdf(value, means[:, 0], deviations[:, 0])
+        assert abs(below - share) / steepness < 0.03 * deviations.min()
+
+
+def test_place_and_size_are_widened_by_their_own_factors() -> None:
+    detector = Detector(toy_detector().knowledge)
+    view = detector.view()
+    features = detector.knowledge.model.mean[5][np.newaxis, : detector.knowledge.layout.size]
+    evidence = evidence_of(view, features)
+    plain, wide = object_of(view, evidence, 0), object_of(view, evidence, 0, x_factor=2.0)
+    assert wide.size == plain.size
+    assert wide.x.middle == plain.x.middle
+    assert wide.x.high - wide.x.middle == pytest.approx(2.0 * (plain.x.high - plain.x.middle))
 
 
 def test_each_gap_is_widened_by_its_own_factor_about_its_median() -> None:

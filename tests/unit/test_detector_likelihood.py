@@ -6,17 +6,19 @@ from scipy.stats import multivariate_normal, norm
 
 from turnout.detection.likelihood import (
     AMPLITUDE,
+    REACH,
+    Hypotheses,
     Signatures,
     log_density,
-    log_sums,
     make_centre,
+    make_hypotheses,
     weigh,
 )
 
 SIZE = 6
 
 
-def toy(signatures: np.ndarray, covariance: np.ndarray) -> tuple[tuple, Signatures]:
+def toy(signatures: np.ndarray, covariance: np.ndarray) -> Hypotheses:
     """One centre without gaps, each signature a kind of its own."""
     count = len(signatures)
     basis, mixing = np.linalg.qr(signatures.T)
@@ -34,9 +36,8 @@ def toy(signatures: np.ndarray, covariance: np.ndarray) -> tuple[tuple, Signatur
         covariance=covariance,
         log_weight=0.0,
         signatures=samples,
-        distance=np.zeros(count),
     )
-    return (centre,), samples
+    return make_hypotheses((centre,), samples, distance=np.zeros((1, count)), kinds=count)
 
 
 def drawn_covariance(rng: np.random.Generator) -> np.ndarray:
@@ -49,9 +50,9 @@ def test_the_ratio_is_that_of_normal_densities_with_an_uncertain_factor() -> Non
     rng = np.random.default_rng(1)
     covariance = drawn_covariance(rng)
     signatures = rng.standard_normal((2, SIZE))
-    centres, samples = toy(signatures, covariance)
+    hypotheses = toy(signatures, covariance)
     y = 0.3 * np.linalg.cholesky(covariance) @ rng.standard_normal((SIZE, 4))
-    found = weigh(y.T, centres, kind=samples.kind, kinds=2)
+    found = weigh(y.T, hypotheses)
     sound = multivariate_normal(np.zeros(SIZE), covariance)
     for number, signature in enumerate(signatures):
         wide = covariance + AMPLITUDE**2 * np.outer(signature, signature)
@@ -69,12 +70,12 @@ def test_a_known_signature_is_detected_as_often_as_the_best_test_detects_it() ->
     covariance = drawn_covariance(rng)
     signature = rng.standard_normal(SIZE)
     signature *= 3.0 / np.sqrt(signature @ np.linalg.solve(covariance, signature))
-    centres, samples = toy(signature[np.newaxis], covariance)
+    hypotheses = toy(signature[np.newaxis], covariance)
     root = np.linalg.cholesky(covariance)
     throws, rate = 40_000, 0.01
 
     def ratios(y: np.ndarray) -> np.ndarray:
-        found = weigh(y, centres, kind=samples.kind, kinds=1)
+        found = weigh(y, hypotheses)
         return found.kind[0] - found.sound
 
     noise = rng.standard_normal((2, throws, SIZE)) @ root.T
@@ -95,9 +96,53 @@ def test_a_throw_that_fits_nothing_makes_differences_count_less() -> None:
     assert far[0] - far[1] < 0.102 * (near[0] - near[1])
 
 
-def test_sums_of_groups_do_not_underflow() -> None:
-    values = np.array([[-2000.0], [-2001.0], [-2500.0]])
-    found = log_sums(values, np.array([0, 0, 1]), groups=3).ravel()
-    np.testing.assert_allclose(found[0], -2000.0 + np.log1p(np.exp(-1.0)))
-    assert found[1] == pytest.approx(-2500.0)
-    assert found[2] == -np.inf
+def test_kinds_are_sums_over_signatures_near_each_centre() -> None:
+    """Three centres and eleven signatures in any order, against the sum of their densities."""
+    rng = np.random.default_rng(3)
+    count, kinds = 11, 4
+    signatures = rng.standard_normal((count, SIZE))
+    level, kind = rng.uniform(-1.2, 3.3, count), rng.integers(0, kinds - 1, count)
+    basis, mixing = np.linalg.qr(signatures.T)
+    nothing = np.zeros(count)
+    samples = Signatures(
+        basis=basis, change=mixing.T, gap=np.zeros((count, 0)), level=level, kind=kind,
+        size=nothing, x=nothing,
+    )  # fmt: skip
+    means = rng.standard_normal((3, SIZE))
+    covariances = [drawn_covariance(rng) + 9.0 * np.eye(SIZE) for _ in range(3)]  # within the noise
+    weights = np.array([0.5, 0.3, 0.2])
+    centres = tuple(
+        make_centre(
+            mean=means[at], covariance=covariances[at], log_weight=np.log(weights[at]),
+            signatures=samples,
+        )
+        for at in range(3)
+    )  # fmt: skip
+    distance = level - np.arange(3.0)[:, np.newaxis]
+    y = means.mean(axis=0) + 0.5 * rng.standard_normal((5, SIZE))
+    near = np.maximum(1.0 - np.abs(distance) / REACH, 0.0)
+    exact = np.zeros((kinds, 5))
+    for at, number in zip(*np.nonzero(near), strict=True):
+        signature = signatures[number]
+        wide = covariances[at] + AMPLITUDE**2 * np.outer(signature, signature)
+        density = multivariate_normal(means[at] + signature, wide).pdf(y)
+        share = near[at, number] / near[at, kind == kind[number]].sum()
+        exact[kind[number]] += weights[at] * share * density
+    constant = (2.0 * np.pi) ** (0.5 * SIZE)
+    for given in (samples, samples.by_level()):
+        order = distance if given is samples else np.sort(level) - np.arange(3.0)[:, np.newaxis]
+        found = weigh(y, make_hypotheses(centres, given, distance=order, kinds=kinds))
+        np.testing.assert_allclose(np.exp(found.kind), exact * constant, rtol=1e-9)
+        one = found.of_throw(3)
+        np.testing.assert_array_equal(one.kind[:, 0], found.kind[:, 3])
+        assert len(one.component) == np.count_nonzero(near)
+    assert (found.kind[-1] == -np.inf).all(), "no signature is of the last kind"
+
+
+def test_sums_of_kinds_do_not_underflow() -> None:
+    """A throw so far out that every density is 0 in double precision has finite logarithms."""
+    hypotheses = toy(np.eye(SIZE)[:2], 1e-6 * np.eye(SIZE))
+    found = weigh(np.full((1, SIZE), 50.0), hypotheses)
+    assert np.isfinite(found.kind).all()
+    assert np.exp(found.component.max()) < 1.0
+    np.testing.assert_allclose(found.kind[:, 0], found.component[:, 0])

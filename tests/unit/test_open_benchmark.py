@@ -25,13 +25,13 @@ from turnout.open_benchmark.definition import (
     definition_digest,
     switches_of,
 )
+from turnout.open_benchmark.machine_kinds import less_offset, machine_offsets
 from turnout.open_benchmark.make_throws import claim_folder
 from turnout.open_benchmark.margin import margin_over, mid_span_draws, weighted_a90
 from turnout.open_benchmark.method import judged_of
 from turnout.open_benchmark.metrics import clustered_rate, detectable, roc_curve
 from turnout.open_benchmark.minirocket import fit_minirocket
 from turnout.open_benchmark.order import margins_from, order_changes, order_table
-from turnout.open_benchmark.ours import less_offset, machine_offsets
 from turnout.open_benchmark.recorder_errors import Recorder, correlated, recorded
 from turnout.open_benchmark.run_methods import Conditions
 from turnout.open_benchmark.sides import Side

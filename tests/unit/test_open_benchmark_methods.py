@@ -1,6 +1,9 @@
 """Every method of the open benchmark sees what is obvious, and gives the same numbers twice."""
 
+import ast
 import json
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,10 +13,18 @@ from tests.unit.benchmark_toy import toy_benchmark
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
+from turnout.open_benchmark import run_methods
 from turnout.open_benchmark.definition import PRESETS, Counts
 from turnout.open_benchmark.make_throws import make_throws
 from turnout.open_benchmark.method import Method
-from turnout.open_benchmark.run_methods import Conditions, methods_for, run_method
+from turnout.open_benchmark.run_methods import (
+    COMMON,
+    USES,
+    Conditions,
+    methods_for,
+    run_method,
+    sources_of,
+)
 from turnout.open_benchmark.score import score_verdicts
 from turnout.open_benchmark.sides import open_benchmark
 from turnout.open_benchmark.verdicts import Verdicts
@@ -43,7 +54,7 @@ def test_a_perfect_detector_has_the_figures_of_one() -> None:
         probability=(size > 0.0).astype(float), novelty=size, cause=side.labels["role"],
         size=np.column_stack([size, size, size]),
     )  # fmt: skip
-    score = score_verdicts(verdicts, BENCH)
+    score = score_verdicts(verdicts, side, history=BENCH.history)
     assert score.false_alarms.value == 0.0
     assert score.macro_f1 == 1.0
     assert score.calibration == 0.0
@@ -111,3 +122,59 @@ def test_an_interrupted_benchmark_goes_on_to_the_same_throws(tmp_path: Path) -> 
     for row in rows[train.labels["role"][rows] == "object"]:
         change = train.clean[row] - train.clean[train.partner[row]]
         assert np.abs(change[:, before]).max() <= 1.0
+
+
+SOURCES = Path(run_methods.__file__).parents[1]
+MADE = {"definition", "make_throws", "switch_throws"}
+"""Modules that what is stored of throws follows from: the digest of the data stands for them."""
+
+
+@pytest.mark.parametrize(
+    "method",
+    [*methods_for(Conditions(discrepancy=0.1)), methods_for(Conditions(track="machines"))[-1]],
+    ids=lambda item: f"{type(item).__name__} {item.name}",
+)
+def test_results_are_made_again_when_what_they_come_from_changes(method: Method) -> None:
+    sources = sources_of(method)
+    assert len(set(sources)) == len(sources)
+    assert set(COMMON) < set(sources)
+    for name in [item for item in sources if item.startswith("open_benchmark/")]:
+        tree = ast.parse((SOURCES / name).read_text(encoding="utf-8"))
+        imported = [
+            node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)
+        ]
+        own = {
+            item.split(".")[-1] for item in imported if item.startswith("turnout.open_benchmark")
+        }
+        assert {f"open_benchmark/{item}.py" for item in own - MADE} <= set(sources), name
+
+
+def test_a_baseline_does_not_depend_on_the_detector() -> None:
+    pca = next(item for item in methods_for(Conditions()) if item.name == "pca")
+    assert not any("detection/" in name or "ours" in name for name in sources_of(pca))
+    assert "detection/detector" in USES["open_benchmark/machine_kinds.py"]
+
+
+def test_a_fault_of_a_method_is_raised_after_the_others_ran(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def run_piece(folder: Path, conditions: Conditions, name: str, data: str) -> dict[str, str]:
+        if name == "boosting":
+            message = "no trees"
+            raise RuntimeError(message)
+        return {"title": name}
+
+    monkeypatch.setattr(run_methods, "_run_piece", run_piece)
+    monkeypatch.setattr(run_methods, "worker_processes", ThreadPoolExecutor)
+    missing: Sequence[run_methods.Piece] = [
+        (Conditions(), name) for name in ("boosting", "pca", "dtw")
+    ]
+    came = []
+
+    def take() -> None:
+        for piece, _ in run_methods._results(tmp_path, missing, {"markers": ""}, workers=2):
+            came.append(piece[1])
+
+    with pytest.raises(RuntimeError, match="no trees"):
+        take()
+    assert sorted(came) == ["dtw", "pca"]

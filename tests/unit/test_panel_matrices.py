@@ -236,7 +236,7 @@ def test_command_writes_a_folder(tmp_path: Path) -> None:
 
 
 def test_command_refuses_a_folder_that_cannot_be(tmp_path: Path) -> None:
-    for out, words in (("none/deep", "create it first"), ("file", "cannot be made a folder")):
+    for out, words in (("none/deep", "create it first"), ("file", "is a file; name a folder")):
         (tmp_path / "file").touch()
         result = CliRunner().invoke(app, ["panel", "export", "sb1", "--out", str(tmp_path / out)])
         assert words in str(result.exception)

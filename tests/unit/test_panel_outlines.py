@@ -205,6 +205,7 @@ def test_nothing_left_of_a_rail_names_its_section(tmp_path: Path) -> None:
             "lowering: has 2 entries, lowering_offset 1",
         ),
         (SEAT, SEAT + '\nlowering = ["-1 mm"]', "lowering: must be at least 0"),
+        (SEAT, SEAT + '\nlowering = ["1 m"]', "lowering: must be less than .* mm, the height of"),
         (SEAT, SEAT + '\nclearance = "-1 mm"', "clearance"),
         ("[outline_section.block]", "[outline_section.blade]", "outline_section has this name"),
         ('section = "stock"', 'section = "blade"', "stock_rail.section.* is a planed_section"),

@@ -60,6 +60,40 @@ def test_a_stock_rail_that_bends_is_drawn_with_its_fastenings() -> None:
     assert top.get_xlim()[0] < min(stock.start for stock in panel.stock_rail.values())
 
 
+def test_a_stock_rail_reaches_beyond_its_switch_rail() -> None:
+    changed = {"stock_rail.curved.end": 20.0}
+    panel = load_panel("uic60-760-1-15", overrides=changed)
+    (name,) = [stock.faces for stock in panel.stock_rail.values() if stock.end == 20.0]
+    top = plot_plan(panel).axes[0]
+    (drawn,) = [
+        corners
+        for corners in (item.get_paths()[0].vertices for item in top.collections)
+        if corners[:, 0].max() == pytest.approx(20.0) and np.ptp(corners[:, 0]) > 10.0
+    ]
+    line = rail_line(panel, name, [20.0])
+    last = drawn[np.isclose(drawn[:, 0], 20.0), 1]
+    edge = line.stock_edge[0] + 0.5 * line.side * TRACK
+    assert np.abs(last - edge).min() == pytest.approx(0.0, abs=1e-9)
+    low, high = top.get_ylim()
+    assert low < last.min() < last.max() < high
+
+
+def test_back_drives_are_drawn_from_their_drive_to_the_rails() -> None:
+    panel = load_panel("60e1-441-1-12")
+    (back,) = panel.back_drive.values()
+    top = plot_plan(panel).axes[0]
+    rod = line_of(top, "Back drive")
+    assert list(rod.get_xdata()) == [panel.drive[back.drive].x] * 2 + [back.x]
+    bar = next(line for line in top.lines if list(line.get_xdata()) == [back.x, back.x])
+    edges = [
+        rail_line(panel, name, [back.x]).closed_edge[0]
+        + 0.5 * TRACK * rail_line(panel, name, [back.x]).side
+        for name in panel.rail
+    ]
+    assert sorted(bar.get_ydata()) == pytest.approx(sorted(edges))
+    assert "Back drive 1" in [text.get_text() for text in top.texts]
+
+
 def test_the_open_edge_is_that_of_the_layout(figure) -> None:  # type: ignore[no-untyped-def]
     line = line_of(figure.axes[0], "Running edge open (estimate)")
     expected = rail_line(sb2_panel(), "A", line.get_xdata()).open_edge + 0.5 * TRACK

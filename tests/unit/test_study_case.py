@@ -56,6 +56,8 @@ def test_commands_take_a_case() -> None:
     done = CliRunner().invoke(app, ["panel", "check", "plausible-panels:17", "--no-throw"])
     assert done.exit_code == 0, done.output
     assert "plausible-panels:17: OK (uic60-760-1-15" in done.output
+    shown = CliRunner().invoke(app, ["panel", "show", "plausible-panels:17"])
+    assert shown.output.startswith("plausible-panels:17, a case of uic60-760-1-15  (hash ")
 
 
 def test_values_that_change_together_are_tried_together() -> None:

@@ -4,10 +4,21 @@ import pytest
 import xarray as xr
 from tests.unit.simulated import sb1_dataset, sb1_panel, sb2_panel
 from tests.verification.flutter import unsymmetric_panel
+from typer.testing import CliRunner
 
-from turnout.analysis.panel_check import concerns, flutter_concerns, panel_concerns, piece_concerns
+from turnout.analysis.panel_check import (
+    concerns,
+    file_concerns,
+    flutter_concerns,
+    panel_concerns,
+    piece_concerns,
+    planing_concerns,
+)
 from turnout.analysis.stability import FrictionStability, SlidingCase, friction_stability
 from turnout.analysis.test_piece import PieceLimit
+from turnout.cli.main import app
+from turnout.mechanism.rail_sections import planed_outlines
+from turnout.panel.load import load_panel
 
 NONE, USUAL = "0 N s/m", "3.75 kN s/m"
 
@@ -47,6 +58,28 @@ def test_unknown_is_not_in_order(monkeypatch: pytest.MonkeyPatch) -> None:
     assert concern.what == "flutter is not known"
     assert concern.number == "no steady sliding was found in 1 of 2 places"
     assert "50 % of movement 'throw'" in concern.where
+
+
+def test_steel_that_planing_severs_is_a_warning() -> None:
+    """Seated 60 mm high the stock rail's foot cuts through the web: the head stands on nothing."""
+    panel = load_panel("uic60-760-1-15", overrides={"planed_section.tongue.seat_height": 0.06})
+    (concern,) = planing_concerns(panel)
+    assert concern.where == "planed_section.tongue at running_edge_offset 15 mm"
+    cut = planed_outlines(panel, "tongue")[5]
+    assert cut.running_edge_offset == 0.015
+    height = 1e3 * cut.outline.points[:, 1].max()
+    assert f"what remains ends {height:.0f} mm above the underside" in concern.number
+    assert concern in file_concerns(panel)
+    for command in ("check", "sections"):
+        line = [
+            "panel",
+            command,
+            "uic60-760-1-15",
+            "--set",
+            "planed_section.tongue.seat_height=60 mm",
+        ]
+        done = CliRunner().invoke(app, [*line, *(["--no-throw"] if command == "check" else [])])
+        assert "warning: planing severs a part of the switch rail" in done.output
 
 
 def test_a_panel_that_never_moves_cannot_flutter() -> None:

@@ -17,6 +17,7 @@ from tests.unit.simulated import sb2_panel
 
 from turnout.detection.detector.detector import Detector
 from turnout.detection.detector.reading import read_table
+from turnout.panel.load import load_panel
 
 SIZES = [0.0, 0.0, 0.0, 0.0, 0.0, 24e-3]
 
@@ -109,6 +110,7 @@ def test_a_limit_keeps_its_numbers(studio: Client, files: dict[str, Path]) -> No
     assert [place["name"] for place in found["places"]] == [
         *("drive 1", "sleeper 3", "sleeper 6", "drive 2"),
     ]
+    assert found["panel"] == {"panel": "sb2", "panel_hash": load_panel("sb2").hash}
     assert found["places"][2]["floor"] == pytest.approx(6e-3)
     both = found["channels"]["both drives"]
     at = int(np.argmin(np.abs(np.array(found["sizes"]) - 11e-3)))

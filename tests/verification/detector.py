@@ -30,24 +30,26 @@ from tests.verification.detector_figures import (
 from tests.verification.detector_further import (
     ice_ramps,
     known_place_a90,
+    missed_shares,
     price_of,
     rates_alone,
     rates_known,
     soft_shares,
-    unknown_auroc,
+    unknown_alone,
     verdict_times,
     year_rates,
 )
-from tests.verification.detector_other import other_figures
+from tests.verification.detector_other import other_figures, relative_a90
 from tests.verification.detector_robustness import robustness
 from tests.verification.detector_sets import Sizes, Throws, plans_of
+from tests.verification.detector_unknown import SEVERE, unknown_figures
 
 from turnout.core.files import write_atomic
 from turnout.core.sources import digest_of_sources
 from turnout.core.threads import one_blas_thread
 from turnout.detection.detector.allowances import Allowances
 from turnout.detection.detector.detector import Detector
-from turnout.detection.detector.judging import ADJUSTED, LEAST_HISTORY
+from turnout.detection.detector.judging import ADJUSTED, CYCLE, LEAST_HISTORY
 from turnout.detection.detector.knowledge import Knowledge, Setting
 from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.detector.train_detector import knowledge_of_sets
@@ -64,8 +66,6 @@ DETECTOR = (
     *(f"detection/{name}.py" for name in ("signal_discrepancy", "throws")),
 )
 """Sources that a detector and its verdicts depend on, beside those of its throws."""
-SEVERE = 0.1
-"""Change of a drive force that a cause must make to be counted as severe, of its amplitude [-]."""
 
 
 def main() -> None:
@@ -98,6 +98,10 @@ def main() -> None:
             print(json.dumps({name: said[name]}, indent=1))
             print(f"{name}: {process_time() - start:.0f} s of processor time", flush=True)
             write_atomic(kept, json.dumps(said, indent=1).encode())
+    if {"other", "alone", "known"} <= set(said):
+        reference = {"0": said["alone"]["a90"], "20": said["known"]["a90"]}
+        print("a90 of other switches, times that of the reference case, and 90 % limits:")
+        print(relative_a90(said["other"], reference, setting.places))
 
 
 def detector_file(throws: Throws, setting: Setting, folder: Path) -> tuple[Path, str]:
@@ -145,18 +149,26 @@ def figures_of(knowledge: Knowledge, throws: Throws, kept: Path) -> dict[str, Ca
         "ice": lambda: [vars_of(item) for item in ice_ramps(knowledge, case("ice"))],
         "alone": lambda: verdict_figures(knowledge, judge_alone(knowledge, alone(), draws=1)),
         "known place": lambda: known_place_a90(knowledge, sound(), alone()[OBJECT]),
-        "unknown": lambda: unknown_auroc(knowledge, alone()),
+        "unknown": lambda: unknown_alone(knowledge, alone() | throws.sets("test", HISTORY)),
         "time": lambda: verdict_times(knowledge, alone()[OBJECT]),
         "year": lambda: year_rates(knowledge, case("year"), kept / "year"),
         "soft": lambda: soft_shares(knowledge, case("soft"), SOFT_KINDS),
-        "price": lambda: price_of(knowledge, throws.sets("train"), alone(), discrepancy=0.08),
+        "price": lambda: price_of(
+            knowledge,
+            throws.sets("train"),
+            alone() | throws.sets("test", HISTORY),
+            discrepancy=0.08,
+        ),
     }
 
 
 def known_figures(knowledge: Knowledge, test: dict[str, ThrowSet], kept: Path) -> dict[str, object]:
     """Return figures of verdicts after a history, and rates of alarms of many more uses."""
-    judged, ratios = judge_with_history(knowledge, test, kept / "known")
-    return verdict_figures(knowledge, judged) | {"rates": rates_known(knowledge, ratios)}
+    judged, ratios, unknown = judge_with_history(knowledge, test, kept / "known")
+    return verdict_figures(knowledge, judged) | {
+        "rates": rates_known(knowledge, ratios),
+        "unknown": unknown_figures(unknown),
+    }
 
 
 def narrow_figures(
@@ -165,9 +177,8 @@ def narrow_figures(
     """Return a90 and false alarms in the narrow population, by the same detector [m]."""
     places = knowledge.setting.places
     alone = judge_alone(knowledge, alone_of(narrow), draws=1)
-    known, _ = judge_with_history(
-        knowledge, narrow, kept / "narrow", uses=Uses(verdicts=1, sound=0, causes=0)
-    )
+    uses = Uses(verdicts=1, sound=0, causes=0, unknown=False)
+    known, _, _ = judge_with_history(knowledge, narrow, kept / "narrow", uses=uses)
     return {
         "alone": a90_of_places(alone, places),
         "known": a90_of_places(known, places),
@@ -189,9 +200,15 @@ def verdict_figures(knowledge: Knowledge, judged: Judged) -> dict[str, object]:
     kinds = [kind for kind in ("sound", "object", *DEFECTS) if judged.of(kind).size]
     alone = max(item.history for item in judged.verdict) < LEAST_HISTORY
     named = [kind for kind in kinds if not (alone and kind == ADJUSTED)]
+    history = max(item.history for item in judged.verdict)
+    calibrated = knowledge.calibration(part=CYCLE, history=history)
+    assert calibrated is not None
+    rare = calibrated.thresholds["0.0001"]
     return {
         "false alarms": {kind: false_alarms(judged, kind) for kind in kinds if kind != "object"},
         "a90": a90_of_places(judged, places),
+        "a90 at 1/10,000": a90_of_places(judged, places, threshold=rare),
+        "missed": missed_shares(judged),
         "gaps": {kind: gap_figures(judged, kind, gaps) for kind in ("sound", "object")},
         "objects": object_figures(judged, places),
         "causes": cause_figures(judged, named),

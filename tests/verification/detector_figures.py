@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
+from tests.verification.detector_unknown import Scores, left_out_scores
 
 from turnout.core.files import write_atomic
 from turnout.detection.alarm_threshold import share_interval
@@ -18,7 +19,7 @@ from turnout.detection.detector.knowledge import Knowledge
 from turnout.detection.detector.object_posterior import Interval
 from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.detector.throw_verdict import ALARM, Change, Gap, Verdict, verdict_on
-from turnout.detection.detector.training_plan import ADJUSTED, DRY, HISTORY, SOUND
+from turnout.detection.detector.training_plan import ADJUSTED, DRY, HISTORY, OBJECT, SOUND
 from turnout.detection.floor import TOUCH_FORCE
 
 Floats = NDArray[np.float64]
@@ -162,7 +163,7 @@ def judge_alone(
         for _ in range(draws):
             features = measured_by_switch(throws, errors)
             said = verdicts_on(knowledge, view, features, rate=rate)
-            judged.add(kind, throws, said, change=change)
+            judged.add(kind, errors.of_gaps(throws), said, change=change)
     return judged
 
 
@@ -176,11 +177,14 @@ class Uses:
         For a whole verdict.
     sound, causes : int
         For the alarm alone, of sound throws, and of dry chairs and adjustments.
+    unknown : bool
+        Whether each cause is left out in turn as well.
     """
 
     verdicts: int = 1
     sound: int = 50
     causes: int = 10
+    unknown: bool = True
 
 
 def judge_with_history(
@@ -192,7 +196,7 @@ def judge_with_history(
     rate: float = 1e-3,
     uses: Uses = Uses(),  # noqa: B008 - frozen
     seed: int = 6,
-) -> tuple[Judged, list[dict[str, list[float]]]]:
+) -> tuple[Judged, list[dict[str, list[float]]], list[Scores]]:
     """Judge throws of switches whose first throws are known.
 
     Returns
@@ -201,8 +205,12 @@ def judge_with_history(
         Whole verdicts.
     ratios : list of dict
         For each switch the log likelihood ratios of further uses, by kind.
+    unknown : list of dict
+        For each switch how badly throws fit when their cause is left out.
     """
     population = make_view(knowledge)
+    calibrated = knowledge.calibration(part=CYCLE, history=history)
+    assert calibrated is not None
     sound = sets[HISTORY]
     first = int(np.bincount(sound.switch).max())
 
@@ -215,6 +223,7 @@ def judge_with_history(
         )
         view = make_view(knowledge, known=expected)
         judged, ratios = Judged(), {}
+        measured: dict[str, tuple[Floats, Floats]] = {}
         for name, item in sets.items():
             kind = SOUND if name == HISTORY else name.removeprefix(f"{HISTORY}, ")
             if not name.startswith(HISTORY):
@@ -226,7 +235,10 @@ def judge_with_history(
             for _ in range(uses.verdicts):
                 features = mine.features + fixed + errors.of_throws(mine.rates)
                 said = verdicts_on(knowledge, view, features, rate=rate)
-                judged.add(kind, mine, said, change=change)
+                judged.add(kind, errors.of_gaps(mine), said, change=change)
+            if len(mine.row):
+                held = mine.force > TOUCH_FORCE if kind == OBJECT else np.full(len(change), True)
+                measured[kind] = features[held], change[held]
             again = uses.sound if kind == SOUND else uses.causes
             if again and len(mine.row) and kind in (SOUND, DRY, ADJUSTED):
                 rows = [mine.features + fixed + errors.of_throws(mine.rates) for _ in range(again)]
@@ -235,13 +247,14 @@ def judge_with_history(
                 if kind == DRY:
                     for label, part in dry_by_friction(np.tile(mine.level, again)).items():
                         ratios[label] = np.array(found)[part].tolist()
-        return {"judged": judged.record(), "ratios": ratios}
+        unknown = left_out_scores(knowledge, view, calibrated, measured) if uses.unknown else {}
+        return {"judged": judged.record(), "ratios": ratios, "unknown": unknown}
 
     found = of_each_switch(np.unique(sound.switch), folder, of_switch)
     whole = Judged()
     for item in found:
         whole.extend(item["judged"])
-    return whole, [item["ratios"] for item in found]
+    return whole, [item["ratios"] for item in found], [item["unknown"] for item in found]
 
 
 def dry_by_friction(level: Floats) -> dict[str, NDArray[np.bool_]]:
@@ -304,12 +317,21 @@ def a90(size: Floats, seen: NDArray[np.bool_]) -> float:
 
 
 def a90_of_places(
-    judged: Judged, places: Mapping[str, float], *, seed: int = 1
+    judged: Judged,
+    places: Mapping[str, float],
+    *,
+    threshold: float | None = None,
+    seed: int = 1,
 ) -> dict[str, tuple[float, float, int]]:
-    """Return a90, its upper 95 % limit over drawn switches, and throws, at each place [m]."""
+    """Return a90, its upper 95 % limit over drawn switches, and throws, at each place [m].
+
+    By the alarms, or by log ratios above another threshold.
+    """
     own = judged.of("object")
     x, size = np.array(judged.x)[own], np.array(judged.size)[own]
     seen, switch = judged.alarms(own), np.array(judged.switch)[own]
+    if threshold is not None:
+        seen = np.array([judged.verdict[i].log_ratio > threshold for i in own])
     near = np.abs(x[:, np.newaxis] - np.array(list(places.values()))).argmin(axis=1)
     rng = np.random.default_rng(seed)
     found = {}
@@ -398,7 +420,7 @@ def gap_figures(judged: Judged, kind: str, names: Sequence[str]) -> dict[str, di
 def object_figures(judged: Judged, places: Mapping[str, float]) -> dict[str, float]:
     """Return errors of place and size of detected objects [m], and coverage of their intervals."""
     own = [i for i in judged.of("object") if judged.verdict[i].status == ALARM]
-    off, wrong, inside, within = [], [], [], []
+    off, wrong, inside, within, around = [], [], [], [], []
     for i in own:
         verdict = judged.verdict[i]
         assert verdict.size is not None
@@ -406,6 +428,7 @@ def object_figures(judged: Judged, places: Mapping[str, float]) -> dict[str, flo
         off.append(abs(verdict.x.middle - judged.x[i]))
         wrong.append(abs(verdict.size.middle - judged.size[i]))
         inside.append(_holds(verdict.size, judged.size[i]))
+        around.append(_holds(verdict.x, judged.x[i]))
         near = min(places, key=lambda name: abs(places[name] - judged.x[i]))
         within.append(near in verdict.places)
     return {
@@ -413,6 +436,7 @@ def object_figures(judged: Judged, places: Mapping[str, float]) -> dict[str, flo
         "place_median": float(np.median(off)),
         "place_90": float(np.quantile(off, 0.9)),
         "place_in_set": float(np.mean(within)),
+        "place_coverage": float(np.mean(around)),
         "size_median": float(np.median(wrong)),
         "size_90": float(np.quantile(wrong, 0.9)),
         "size_coverage": float(np.mean(inside)),

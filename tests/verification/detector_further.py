@@ -1,5 +1,6 @@
 """Further figures of a detector: rates, causes unknown to it, ice, soft objects, a year."""
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -8,23 +9,26 @@ from time import process_time
 import numpy as np
 from numpy.typing import NDArray
 from tests.verification.detector_figures import (
+    Judged,
     a90,
+    changes_of,
     drawn_errors,
     false_alarm_limits,
     measured_by_switch,
     of_each_switch,
 )
+from tests.verification.detector_unknown import left_out_scores, unknown_figures
 
 from turnout.core.threads import one_blas_thread
-from turnout.detection.detector.calibrating import AT_ONCE, alarms_of, learn_history
+from turnout.detection.detector.calibrating import AT_ONCE, Errors, alarms_of, learn_history
 from turnout.detection.detector.detector import Detector
 from turnout.detection.detector.judging import CYCLE, View, evidence_of, make_view
 from turnout.detection.detector.knowledge import Knowledge
 from turnout.detection.detector.switch_history import observe
 from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.detector.train_detector import knowledge_of_sets
-from turnout.detection.detector.training_plan import HISTORY, OBJECT, SOUND
-from turnout.open_benchmark.metrics import auroc
+from turnout.detection.detector.training_plan import ADJUSTED, HISTORY, OBJECT
+from turnout.detection.floor import TOUCH_FORCE
 
 Floats = NDArray[np.float64]
 
@@ -113,48 +117,44 @@ def _place_ratios(view: View, features: Floats) -> Floats:
     return np.concatenate(found, axis=1)
 
 
-def unknown_auroc(
-    knowledge: Knowledge, sets: Mapping[str, ThrowSet], *, draws: int = 2
-) -> dict[str, float]:
-    """Return for each cause how well its throws differ from sound ones when it is left out.
+def unknown_alone(
+    knowledge: Knowledge, sets: Mapping[str, ThrowSet]
+) -> dict[str, dict[str, float]]:
+    """Return how well each cause differs from sound throws without a history when it is left out.
 
-    Area under the curve of what the best of the remaining hypotheses leaves.
+    An adjustment is part of the population then.
     """
-    errors = drawn_errors(knowledge, 24)
-    view = make_view(knowledge)
-    found = {}
-    for name in (*(item for item in knowledge.causes if item in sets), OBJECT):
-        left_out = np.arange(view.objects) if name == OBJECT else np.array([view.kinds.index(name)])
-        squares = {}
-        for kind in (SOUND, name):
-            item = sets[kind].of(slice(600))
-            parts = []
-            for _ in range(draws):
-                rows = item.features + errors.of_switches(len(item.level))
-                rows = rows + errors.of_throws(item.rates)
-                parts.append(_left_by_others(view, rows, left_out))
-            squares[kind] = np.concatenate(parts)
-        found[name] = auroc(squares[name], squares[SOUND])
-    return found
-
-
-def _left_by_others(view: View, features: Floats, left_out: NDArray[np.intp]) -> Floats:
-    found = []
-    for first in range(0, len(features), AT_ONCE):
-        evidence = evidence_of(view, features[first : first + AT_ONCE])
-        kept = ~np.isin(view.signatures.kind[evidence.number], left_out)
-        sound = np.einsum("kft,kft->kt", evidence.white, evidence.white).min(axis=0)
-        found.append(np.minimum(sound, evidence.square[kept].min(axis=0)))
-    return np.concatenate(found)
+    errors, view = drawn_errors(knowledge, 24), make_view(knowledge)
+    calibrated = knowledge.calibration(part=CYCLE, history=0)
+    assert calibrated is not None
+    measured = {}
+    for name, throws in sets.items():
+        if name.startswith(HISTORY) or name == ADJUSTED:
+            continue
+        own = throws.of(throws.force > TOUCH_FORCE) if name == OBJECT else throws
+        change = changes_of(own, sets[HISTORY], knowledge)
+        measured[name] = measured_by_switch(own, errors), change
+    return unknown_figures([left_out_scores(knowledge, view, calibrated, measured)])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ramp:
-    """When growing ice was found [m], and what lock and sensors reported first [m]."""
+    """When growing ice was touched, called, and reported by lock or sensors first [m].
+
+    Attributes
+    ----------
+    place, touched, called, reported : float
+        [m]; infinite where it never was.
+    before, early : int
+        Throws before the ice is touched, and alarms among them.
+    """
 
     place: float
+    touched: float
     called: float
     reported: float
+    before: int
+    early: int
 
 
 def ice_ramps(knowledge: Knowledge, ice: ThrowSet, *, known: int = 20) -> list[Ramp]:
@@ -172,19 +172,33 @@ def ice_ramps(knowledge: Knowledge, ice: ThrowSet, *, known: int = 20) -> list[R
         fixed = errors.of_switches(1)
         features = own.features + fixed + errors.of_throws(own.rates)
         expected = learn_history(knowledge, features[:known], view=population)
-        called = np.inf
+        alarm = np.zeros(len(features), dtype=bool)
+        touched = own.force > TOUCH_FORCE
         for first in range(known, len(features), 5):
-            rows = features[first : first + 5]
-            alarms = alarms_of(make_view(knowledge, known=expected), rows)[0] > threshold
-            if alarms.any():
-                called = float(own.size[first + int(np.argmax(alarms))])
+            rows = np.arange(first, min(first + 5, len(features)))
+            view = make_view(knowledge, known=expected)
+            alarm[rows] = alarms_of(view, features[rows])[0] > threshold
+            if (alarm & touched).any():
                 break
-            for row, level in zip(rows, own.level[first : first + 5], strict=True):
-                expected = observe(model, assumed, expected, row, level=float(level))
-        above = (own.gaps >= limits).any(axis=1)
-        reported = float(own.size[np.argmax(above)]) if above.any() else np.inf
-        found.append(Ramp(place=float(own.x[-1]), called=called, reported=reported))
+            for row in rows[~alarm[rows]]:
+                level = float(own.level[row])
+                expected = observe(model, assumed, expected, features[row], level=level)
+        before = int(np.count_nonzero(~touched[known:]))
+        found.append(
+            Ramp(
+                place=float(own.x[-1]),
+                touched=_first(own.size, touched),
+                called=_first(own.size, alarm & touched),
+                reported=_first(own.size, (own.gaps >= limits).any(axis=1)),
+                before=before,
+                early=int(np.count_nonzero(alarm & ~touched)),
+            )
+        )
     return found
+
+
+def _first(size: Floats, which: NDArray[np.bool_]) -> float:
+    return float(size[np.argmax(which)]) if which.any() else np.inf
 
 
 def soft_shares(
@@ -254,34 +268,82 @@ def price_of(
     test: Mapping[str, ThrowSet],
     *,
     discrepancy: float,
-) -> dict[str, dict[str, float]]:
-    """Return a90 without a history of detectors that assume the drawn discrepancy, and more [m].
+) -> dict[str, dict[str, object]]:
+    """Return what a detector that assumes a larger discrepancy loses and wins, without a history.
 
-    Both learn and take thresholds in the same way; test throws differ by the drawn discrepancy.
+    a90 at every place [m] and false alarms of test throws whose discrepancy is the drawn one, and
+    of such whose discrepancy is that large; of the detector as it is, and of one that assumes it.
     """
     drawn = knowledge.setting.allowances
-    found = {}
-    for share in (drawn.discrepancy, discrepancy):
-        setting = replace(knowledge.setting, allowances=replace(drawn, discrepancy=share))
-        other = knowledge_of_sets(
-            {name: item for name, item in train.items() if not name.startswith(HISTORY)},
-            setting,
-            draws=4,
-        )
-        errors = drawn_errors(knowledge, 28)
-        view, objects = make_view(other), test[OBJECT]
-        calibrated = other.calibration(part=CYCLE, history=0)
+    larger = replace(drawn, discrepancy=discrepancy)
+    rows = {name: item for name, item in train.items() if not name.startswith(HISTORY)}
+    setting = replace(knowledge.setting, allowances=larger)
+    robust = knowledge_of_sets(rows, setting, draws=4, histories=())
+    found: dict[str, dict[str, object]] = {}
+    for name, judge in (("as drawn", knowledge), ("larger", robust)):
+        calibrated = judge.calibration(part=CYCLE, history=0)
         assert calibrated is not None
-        rows = objects.features + errors.of_switches(len(objects.level))
-        seen = alarms_of(view, rows + errors.of_throws(objects.rates))[0]
-        called = seen > calibrated.thresholds["0.001"]
-        places = knowledge.setting.places
-        near = np.abs(objects.x[:, np.newaxis] - np.array(list(places.values()))).argmin(axis=1)
-        found[f"{share:g}"] = {
+        threshold, view = calibrated.thresholds["0.001"], make_view(judge)
+        found[name] = {"threshold": threshold}
+        for case, errors in (
+            ("drawn", drawn_errors(knowledge, 28)),
+            ("larger", drawn_errors(robust, 28)),
+        ):
+            found[name] |= _alarms_and_a90(view, test, errors, threshold, judge, case)
+    return found
+
+
+def _alarms_and_a90(
+    view: View,
+    test: Mapping[str, ThrowSet],
+    errors: Errors,
+    threshold: float,
+    knowledge: Knowledge,
+    case: str,
+) -> dict[str, object]:
+    objects, sound = test[OBJECT], test[HISTORY]
+    called = alarms_of(view, measured_by_switch(objects, errors))[0] > threshold
+    false = alarms_of(view, measured_by_switch(sound, errors))[0] > threshold
+    places = knowledge.setting.places
+    near = np.abs(objects.x[:, np.newaxis] - np.array(list(places.values()))).argmin(axis=1)
+    return {
+        f"a90, {case} discrepancy": {
             name: a90(objects.size[near == number], called[near == number])
             for number, name in enumerate(places)
-        }
+        },
+        f"false alarms, {case} discrepancy": false_alarm_limits(
+            [false[sound.switch == own] for own in np.unique(sound.switch)]
+        ),
+    }
+
+
+def missed_shares(judged: Judged) -> dict[str, dict[str, float]]:
+    """Return shares of touched objects that the detector, lock and end-position sensors miss.
+
+    Lock and sensors see an object by the true gap at the end: lock at the drives, TKK at sensors.
+    """
+    own = [i for i in judged.of(OBJECT) if judged.touched[i]]
+    size = np.array([judged.size[i] for i in own])
+    names = [gap.name for gap in judged.verdict[own[0]].gaps]
+    limits = np.array([gap.limit for gap in judged.verdict[own[0]].gaps])
+    above = np.array([judged.gaps[i] for i in own]) >= limits
+    seen = {
+        "detector": judged.alarms(np.array(own)),
+        "lock": above[:, [name.startswith("drive ") for name in names]].any(axis=1),
+        "sensors": above[:, [name.startswith("sensor ") for name in names]].any(axis=1),
+    }
+    found = {}
+    for low, high in itertools.pairwise(SIZES):
+        rows = (size >= low) & (size < high)
+        if rows.any():
+            found[f"{1e3 * low:g} to {1e3 * high:g} mm"] = {"objects": float(rows.sum())} | {
+                name: 1.0 - float(item[rows].mean()) for name, item in seen.items()
+            }
     return found
+
+
+SIZES = (0.0, 5e-3, 10e-3, 15e-3, 31e-3)
+"""Bounds of sizes that shares of missed objects are given for [m]."""
 
 
 def verdict_times(knowledge: Knowledge, objects: ThrowSet, *, count: int = 200) -> dict[str, float]:

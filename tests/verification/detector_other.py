@@ -1,11 +1,12 @@
 """How the detector judges switches of another kind, from recordings with uncertain onsets."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from tests.verification.detector_cases import KNOWN, OTHER_OBJECTS, OTHER_SOUND
-from tests.verification.detector_figures import false_alarm_limits
+from tests.verification.detector_figures import a90, false_alarm_limits
 
 from turnout.detection.conditions import Conditions
 from turnout.detection.detector.detector import Detector
@@ -65,6 +66,37 @@ def other_figures(
         "objects": {str(known): rows for known, rows in seen.items()},
         "dry called": {name: named.count(name) for name in dict.fromkeys(named)},
     }
+
+
+def relative_a90(
+    figures: Mapping[str, Any],
+    reference: Mapping[str, Mapping[str, Sequence[float]]],
+    places: Mapping[str, float],
+) -> dict[str, tuple[float, float, float]]:
+    """Return a90 of these switches as a multiple of that of the reference case, with 90 % limits.
+
+    Sizes count in units of a90 at their place, so that objects at all places count together.
+
+    Parameters
+    ----------
+    figures : mapping
+        From `other_figures`.
+    reference : mapping of str to mapping
+        "0" and "20": a90 and more by place, without and with a history [m].
+    places : mapping of str to float
+        [m]
+    """
+    rng = np.random.default_rng(32)
+    found = {}
+    for known, rows in figures["objects"].items():
+        near = [min(places, key=lambda name: abs(places[name] - row[0])) for row in rows]
+        unit = [reference[known][name][0] for name in near]
+        size = 1e-3 * np.array([row[1] for row in rows]) / unit
+        seen = np.array([bool(row[2]) for row in rows])
+        drawn = rng.integers(0, len(size), (200, len(size)))
+        low, high = np.quantile([a90(size[i], seen[i]) for i in drawn], [0.05, 0.95])
+        found[known] = (1e3 * a90(size, seen), 1e3 * float(low), 1e3 * float(high))
+    return found
 
 
 def _name(verdict: object) -> str:

@@ -14,8 +14,14 @@ from turnout.core.sources import THROWS, digest_of_sources
 from turnout.detection.detector.throw_layout import Layout
 from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.detector.training import read_set
-from turnout.detection.detector.training_plan import HISTORY, OBJECT_AT, OBJECT_SIZE, Plan
-from turnout.detection.detector.training_sets import Counts, throw_plans, training_plans
+from turnout.detection.detector.training_plan import HISTORY, OBJECT, OBJECT_AT, OBJECT_SIZE, Plan
+from turnout.detection.detector.training_sets import (
+    Counts,
+    after_history,
+    throw_plans,
+    training_plans,
+)
+from turnout.detection.throws import places_of
 from turnout.study.load_study import load_study
 from turnout.study.study import Study
 from turnout.sweep.run import SweepProgress
@@ -225,7 +231,7 @@ def plans_of(study: Study, sizes: Sizes) -> dict[str, dict[str, Plan]]:
     }
 
 
-JUDGED_SEED = 530_000
+JUDGED_SEED = 540_000
 """Of switches that no choice in the detector was made on [-]."""
 
 
@@ -238,10 +244,15 @@ def judged_plans(study: Study, counts: Counts, *, seed: int) -> dict[str, Plan]:
 def narrow_plans(sizes: Sizes) -> dict[str, Plan]:
     """Return switches of the narrow population: no variation of sections, fit or stress-free state.
 
-    Their numbers compare with the study that the goals of the detector come from.
+    Their numbers compare with the study that the goals of the detector come from. Every judged
+    throw comes with an object at each place, so that a90/95 rests on some 300 objects a place.
     """
-    counts = replace(sizes.test, switches=min(NARROW_SWITCHES, sizes.switches))
-    return judged_plans(load_study(NARROW), counts, seed=JUDGED_SEED + 1)
+    study = load_study(NARROW)
+    each = len(places_of(study.panel))
+    switches = min(NARROW_SWITCHES, sizes.switches)
+    counts = replace(sizes.test, switches=switches, objects_each=each)
+    plans = judged_plans(study, counts, seed=JUDGED_SEED + 1)
+    return {name: plans[name] for name in (HISTORY, after_history(OBJECT))}
 
 
 NARROW = Path(__file__).with_name("detector_narrow.toml")

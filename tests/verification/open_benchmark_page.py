@@ -21,9 +21,10 @@ from turnout.open_benchmark.run_methods import (
     MAIN,
     OURS,
     RESULTS,
-    VARIED,
     Conditions,
+    conditions_for,
     methods_for,
+    numbers_digest,
 )
 from turnout.open_benchmark.sides import read_throws_file
 from turnout.open_benchmark.tables import (
@@ -34,6 +35,7 @@ from turnout.open_benchmark.tables import (
     table_of,
 )
 
+MACHINES = Conditions(track="machines").name
 DOCS = Path(__file__).parents[2] / "docs"
 PAGE = DOCS / "open-benchmark.md"
 FIGURES = {"roc.png": "benchmark_roc.png", "pod.png": "benchmark_pod.png"}
@@ -67,18 +69,24 @@ def by_method(conditions: list[Conditions], results: Mapping[str, Results]) -> s
     return markdown_table(heads, rows)
 
 
-def obvious_table(results: Results) -> str:
+def obvious_table(conditions: list[Conditions], results: Mapping[str, Results]) -> str:
     """Return where each method calls obvious objects best, and how many of them."""
+    usual = [own for own in conditions if (own.history, own.discrepancy) == (20, 0.05)]
+    heads = ["best place for 25 mm and more, called there",
+             *(f"{own.track[:-1]} {own.channels}" for own in usual)]  # fmt: skip
     rows = []
-    for item in results.values():
-        place, share, count = item["score"]["obvious"]
-        rows.append([item["title"], place, f"{share:.0%} of {count}"])
-    return markdown_table(("objects of 25 mm and more", "best place", "called there"), rows)
+    for name, item in results[MAIN[0].name].items():
+        said = [results[own.name][name]["score"]["obvious"] if name in results[own.name] else None
+                for own in usual]  # fmt: skip
+        rows.append([item["title"], *(
+            "" if one is None else f"{one[0]}, {one[1]:.0%} of {one[2]}" for one in said
+        )])  # fmt: skip
+    return markdown_table(heads, rows)
 
 
 def known_throws(folder: Path) -> int:
     """Return the length of the longest history of a switch."""
-    whole = read_throws_file(folder)
+    whole = read_throws_file(folder, recorded=False)
     history = whole["switch"].to_numpy()[whole["role"].to_numpy() == "history"]
     return int(max((history == switch).sum() for switch in set(history.tolist())))
 
@@ -87,8 +95,7 @@ def main() -> None:
     """Write the page."""
     folder = Path(sys.argv[1])
     known = known_throws(folder)
-    longest = (Conditions(history=known),) if known > MAIN[0].history else ()
-    found = {own: stored(folder, own) for own in (*MAIN, *VARIED, *longest)}
+    found = {own: stored(folder, own) for own in conditions_for(known)}
     wanted = [own for own, methods in found.items() if OURS in methods]
     results = {own.name: found[own] for own in wanted}
     margins = {own.name: margins_of(folder, own, results[own.name]) for own in wanted}
@@ -99,8 +106,12 @@ def main() -> None:
     text = put(text, "by method", by_method(wanted, results))
     text = put(text, "with history", table_of(first))
     text = put(text, "said", said_table(first))
-    text = put(text, "obvious", obvious_table(first))
+    text = put(text, "obvious", obvious_table(wanted, results))
     text = put(text, "budget", budget_table(first))
+    text = put(text, "numbers", f"Digest of all of them: `{numbers_digest(folder, results)}`")
+    if MACHINES in results:
+        text = put(text, "machines", table_of(results[MACHINES]))
+        text = put(text, "budget of machines", budget_table(results[MACHINES]))
     if alone is not None:
         text = put(text, "no history", table_of(alone))
     card = (folder / CARD).read_text(encoding="utf-8")

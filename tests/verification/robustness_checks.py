@@ -5,6 +5,7 @@ that pulls, no friction above its limit, every force on its law, friction that t
 equilibrium; and a run that ends early says when, where, why, and what to do.
 """
 
+import gc
 import hashlib
 import signal
 import time
@@ -86,9 +87,14 @@ def run_scenario(scenario: Scenario, *, step: float | None = None) -> Run:
 def seconds_deaf(scenario: Scenario, *, after: float) -> float:
     """Press Ctrl-C so many seconds into a scenario; return how long it goes on after that [s].
 
-    Zero if it ended before. An alarm raises what Ctrl-C raises, in the main thread.
+    Zero if it ended before. An alarm raises what Ctrl-C raises, in the main thread, between any two
+    instructions. Those of a finaliser are among them, and Python drops what a finaliser raises: the
+    interrupt would be lost, and the warning about it fail whichever test runs. So what waits for
+    the garbage collector, also of other tests, is finalised before, and nothing on the way.
     """
     panel, scheme = scenario.panel(), scenario.scheme()
+    gc.collect()
+    gc.disable()
     before = signal.signal(signal.SIGALRM, signal.default_int_handler)
     began = time.perf_counter()
     signal.setitimer(signal.ITIMER_REAL, after)
@@ -99,6 +105,7 @@ def seconds_deaf(scenario: Scenario, *, after: float) -> float:
             )
         finally:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
+            gc.enable()
     except KeyboardInterrupt:  # before the first step or after the last
         pass
     signal.signal(signal.SIGALRM, before)

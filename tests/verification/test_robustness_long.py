@@ -1,5 +1,6 @@
 """The long job of 2,000 scenarios (-m long), and the machinery that runs it."""
 
+import gc
 import json
 import os
 import signal
@@ -10,7 +11,9 @@ from pathlib import Path
 import pytest
 from tests.verification import robustness
 from tests.verification.robustness import is_defect, main, read_results, result_of, run_job
+from tests.verification.robustness_checks import seconds_deaf, simulate_module
 from tests.verification.robustness_report import page
+from tests.verification.robustness_scenarios import numbered_scenario
 
 COUNT = 2000
 ALLOWED = 0.01
@@ -73,6 +76,32 @@ def test_ctrl_c_keeps_what_there_is(tmp_path: Path) -> None:
     assert program.returncode == 130, text
     assert "interrupted; results until now are in" in text
     assert len(read_results(tmp_path)) > 2
+
+
+class Cycle:
+    """Garbage that only the collector finds."""
+
+    def __init__(self, found: list[bool]) -> None:
+        self.found, self.itself = found, self
+
+    def __del__(self) -> None:
+        self.found.append(True)
+
+
+def test_no_finaliser_of_others_meets_the_interrupt(monkeypatch: pytest.MonkeyPatch) -> None:
+    """When the throw begins the garbage of others is gone, and nothing collects during it."""
+    found: list[bool] = []
+    during: list[tuple[int, bool]] = []
+
+    def thrown(*_: object, **__: object) -> None:
+        during.append((len(found), gc.isenabled()))
+
+    monkeypatch.setattr(simulate_module, "simulate", thrown)
+    gc.disable()  # so that nothing else collects it
+    Cycle(found)
+    seconds_deaf(numbered_scenario(0), after=10.0)
+    assert during == [(1, False)]
+    assert gc.isenabled()
 
 
 def test_an_exception_is_a_result(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,6 +13,7 @@ import xarray as xr
 from turnout.analysis.stability import FrictionStability, friction_stability
 from turnout.analysis.test_piece import PieceLimit
 from turnout.mechanism.drive_machines import blind_currents, weak_motors
+from turnout.mechanism.rail_sections import severed_steel
 from turnout.metric.slip import LEAST_SHARE, margins
 from turnout.metric.summary import is_inaccurate
 from turnout.panel.check_shape import resting_slips
@@ -162,11 +163,11 @@ def panel_concerns(panel: Panel, dataset: xr.Dataset) -> list[Concern]:
     Returns
     -------
     list of Concern
-        Unusual values, drives that slip at rest, those of the throw
+        Unusual values, steel that planing severs, drives that slip at rest, those of the throw
         (`turnout.analysis.panel_check.concerns`), then flutter.
     """
     return [
-        *unusual_concerns(panel),
+        *file_concerns(panel),
         *resting_concerns(panel),
         *blind_concerns(panel),
         *supply_concerns(panel),
@@ -211,6 +212,11 @@ def piece_concerns(panel: Panel, limits: Iterable[PieceLimit]) -> list[Concern]:
     return found
 
 
+def file_concerns(panel: Panel) -> list[Concern]:
+    """Return the warnings that need no throw: unusual values, steel that planing severs."""
+    return [*unusual_concerns(panel), *planing_concerns(panel)]
+
+
 def unusual_concerns(panel: Panel) -> list[Concern]:
     """Return the values that no switch has, which need no throw to be seen.
 
@@ -225,6 +231,39 @@ def unusual_concerns(panel: Panel) -> list[Concern]:
         Concern("unusual value", item.given, item.usual, "check value and unit")
         for item in unusual_values(panel)
     ]
+
+
+LOST_SHARE = 0.05
+"""A warning follows where planing severs more than this share of what it leaves [-]."""
+
+
+def planing_concerns(panel: Panel) -> list[Concern]:
+    """Return the stations at which planing severs a part of the switch rail, such as its head.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> planing_concerns(load_panel("uic60-760-1-15"))
+    []
+    """
+    found = []
+    used = dict.fromkeys(rail.section for rail in panel.rail.values())
+    for name in (section for section in used if section in panel.planed_section):
+        severed = [item for item in severed_steel(panel, name) if item.share > LOST_SHARE]
+        if not severed:
+            continue
+        worst = max(severed, key=lambda item: item.share)
+        places = ", ".join(f"{1e3 * item.running_edge_offset:g}" for item in severed)
+        found.append(
+            Concern(
+                "planing severs a part of the switch rail",
+                f"planed_section.{name} at running_edge_offset {places} mm",
+                f"{1e6 * worst.area:.0f} mm2 are left out at {1e3 * worst.running_edge_offset:g} "
+                f"mm; what remains ends {1e3 * worst.height:.0f} mm above the underside",
+                "check outlines, running_edge and seat_height (turnout panel sections --plot)",
+            )
+        )
+    return found
 
 
 def blind_concerns(panel: Panel) -> list[Concern]:
@@ -309,6 +348,17 @@ def concern_lines(panel: Panel, found: list[Concern]) -> list[str]:
         "no warnings: force margins, chairs and flutter are in order; "
         "the flangeway was not judged, the file has no flangeway.limit"
     ]
+
+
+def piece_lines(limits: Iterable[PieceLimit]) -> list[str]:
+    """Return the text of the least pieces that are refused.
+
+    Examples
+    --------
+    >>> piece_lines([PieceLimit("1", 3.2e-3, "slip", 15e-3)])
+    ['test piece: drive 1 refuses to lock from 3.2 mm on, by slip']
+    """
+    return [f"test piece: {item.text}" for item in limits]
 
 
 def flutter_concerns(panel: Panel, *, cutoff_frequency: float = float("inf")) -> list[Concern]:

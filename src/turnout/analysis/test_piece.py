@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from turnout.errors import PanelError
 from turnout.metric.slip import last_instant_at
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel
@@ -94,6 +95,15 @@ class PieceLimit:
     largest: float
     fault: str = ""
 
+    @property
+    def text(self) -> str:
+        """From which piece on the drive refuses to lock, and by which part of the rule."""
+        if self.fault:
+            return f"drive {self.drive}: least piece that is refused not known: {self.fault}"
+        if math.isinf(self.size):
+            return f"drive {self.drive} locks on every piece up to {1e3 * self.largest:g} mm"
+        return f"drive {self.drive} refuses to lock from {1e3 * self.size:.1f} mm on, by {self.by}"
+
 
 def check_piece(
     panel: LoadedPanel,
@@ -175,12 +185,8 @@ def least_piece(
     Returns
     -------
     PieceLimit
-        Of a panel that locks on smaller pieces and refuses larger ones.
-
-    Raises
-    ------
-    PanelError
-        When a piece does not fit into the opening, or the rail has no stock rail.
+        Of a panel that locks on smaller pieces and refuses larger ones. A piece that does not fit
+        into the opening, and a rail without a stock rail, are given as a fault.
 
     Examples
     --------
@@ -189,6 +195,15 @@ def least_piece(
     >>> round(1e3 * least.size, 1), least.by  # doctest: +SKIP
     (4.9, 'slip')
     """
+    try:
+        return _bisected(panel, drive, report)
+    except PanelError as error:
+        return PieceLimit(drive, math.nan, "", math.nan, "; ".join(error.problems))
+
+
+def _bisected(
+    panel: LoadedPanel, drive: str, report: Callable[[int, int], None] | None
+) -> PieceLimit:
     count = round(LARGEST * panel.gap_limits()[drive] / RESOLUTION)
     throws = 1 + math.ceil(math.log2(count))
     largest = count * RESOLUTION

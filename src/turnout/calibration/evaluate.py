@@ -14,7 +14,7 @@ from typing import Self, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.core.files import write_atomic
+from turnout.core.files import make_folder, write_atomic
 from turnout.core.provenance import content_hash, version
 from turnout.core.stored_arrays import arrays_from_bytes, arrays_to_bytes
 from turnout.errors import FileError, TurnoutError
@@ -127,11 +127,7 @@ class Evaluator:
     def __enter__(self) -> Self:
         """Make the folder; processes start when there is something to do."""
         if self.folder is not None:
-            try:
-                self.folder.mkdir(parents=True, exist_ok=True)
-            except OSError as error:
-                message = f"{self.folder}: cannot be made ({error.strerror or error})"
-                raise FileError(message) from None
+            make_folder(self.folder)
         return self
 
     def __exit__(

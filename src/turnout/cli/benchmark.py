@@ -138,7 +138,7 @@ def _figures(folder: Path, conditions: "Conditions", results: dict[str, Any]) ->
 
     own = results[conditions.name]
     place = folder / RESULTS / conditions.name
-    roc, size, pod = benchmark_curves(own, conditions.open(folder), place)
+    roc, size, pod = benchmark_curves(own, conditions.judged(folder), place)
     text = f"{conditions.history} sound throws known, discrepancy {conditions.discrepancy:.0%}"
     figures = {
         "roc.png": plot_benchmark_roc(roc, title=f"Objects anywhere: {text}"),
@@ -171,7 +171,7 @@ def score_command(
     conditions = Conditions(
         history=history, discrepancy=discrepancy, channels=channels, track=track
     )
-    score = score_file(verdicts, conditions.open(folder))
+    score = score_file(verdicts, folder, conditions)
     if as_json:
         print_json("benchmark score", {"score": score}, units=SCORE_UNITS)
         return

@@ -109,14 +109,16 @@ def print_schema(schema: dict[str, Any], out: Path | None) -> None:
 
 
 def made_folder(option: str, folder: Path) -> Path:
-    """Make a folder for files unless it is there; refuse what is none."""
-    try:
-        folder.mkdir(exist_ok=True)
-    except FileNotFoundError:
+    """Make a folder for files unless it is there; refuse what is none, and one in no folder."""
+    from turnout.core.files import make_folder
+
+    if not folder.parent.exists():
         message = f"{option} {folder}: there is no folder {folder.parent}; create it first"
-        raise FileError(message) from None
-    except OSError as error:
-        message = f"{option} {folder}: cannot be made a folder ({error.strerror}); name another"
+        raise FileError(message)
+    try:
+        make_folder(folder)
+    except FileError as error:
+        message = f"{option} {error}"
         raise FileError(message) from None
     if not os.access(folder, os.W_OK):
         message = f"{option} {folder}: is not writable; choose another or change its permissions"

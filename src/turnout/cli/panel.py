@@ -65,11 +65,12 @@ def show_command(
     """Show a panel: plan, closed gap, force margins, test piece, assumptions."""
     check_outputs({"--plot": plot}, {"--plot": FIGURES})
     from turnout.cli.show import panel_lines, thrown
+    from turnout.study.case import case_of
 
     opened = opened_panel(panel, settings, calibration)
     found = thrown(opened) if throw else None
     if not as_json:
-        for line in panel_lines(opened, thrown=found, values=values):
+        for line in panel_lines(opened, case=case_of(panel), thrown=found, values=values):
             typer.echo(line)
     if plot is not None:
         from turnout.plot.plan import plot_plan
@@ -143,14 +144,15 @@ def check_command(
         typer.echo(f"{file}: OK ({panel.name}, hash {panel.hash[:12]})")
     from turnout.analysis.panel_check import (
         concern_lines,
+        file_concerns,
         panel_concerns,
         piece_concerns,
-        unusual_concerns,
+        piece_lines,
     )
-    from turnout.cli.show import least_pieces, piece_limit_line, thrown_alone
+    from turnout.cli.show import least_pieces, thrown_alone
 
     dataset = thrown_alone(panel) if throw else None
-    found = unusual_concerns(panel) if dataset is None else panel_concerns(panel, dataset)
+    found = file_concerns(panel) if dataset is None else panel_concerns(panel, dataset)
     pieces = least_pieces(panel) if dataset is not None and dataset.attrs["complete"] else []
     found += piece_concerns(panel, pieces)
     if as_json:
@@ -163,8 +165,8 @@ def check_command(
 
         for line in concern_lines(panel, found) if throw or found else ():
             typer.echo(coloured(line, "look" if found else "good"))
-        for piece in pieces:
-            typer.echo(f"test piece: {piece_limit_line(piece)}")
+        for line in piece_lines(pieces):
+            typer.echo(line)
     if dataset is not None and (code := end_code(dataset)):
         raise typer.Exit(code)
     if found and strict:
@@ -188,8 +190,12 @@ def sections_command(
 
     opened = opened_panel(panel, settings, calibration)
     if not as_json:
+        from turnout.analysis.panel_check import planing_concerns
+
         for line in section_lines(opened):
             typer.echo(line)
+        for concern in planing_concerns(opened):
+            typer.echo(f"turnout: warning: {concern.text}", err=True)
     if plot is not None:
         from turnout.cli.sections import section_figure
         from turnout.plot.style import rendered

@@ -144,7 +144,7 @@ class Thrown:
 
 
 def panel_lines(
-    panel: "LoadedPanel", *, thrown: Thrown | None = None, values: bool = False
+    panel: "LoadedPanel", *, case: str = "", thrown: Thrown | None = None, values: bool = False
 ) -> Iterator[str]:
     """Yield what `turnout panel show` prints.
 
@@ -152,12 +152,15 @@ def panel_lines(
     ----------
     panel : LoadedPanel
         Loaded panel with the origin of every number.
+    case : str
+        By which it was named, where it is a case of a study.
     thrown : Thrown, optional
         Adds results that need throws.
     values : bool
         Whether every value is listed, or only those that are assumed.
     """
-    yield f"{panel.name}  (hash {panel.hash[:12]})"
+    name = f"{case}, a case of {panel.name}" if case else panel.name
+    yield f"{name}  (hash {panel.hash[:12]})"
     yield from textwrap.wrap(" ".join(panel.description.split()), WIDTH)
     yield from ("", "PLAN, the closing direction of the instrumented rail upwards")
     yield from plan_lines(panel)
@@ -287,16 +290,7 @@ def _pieces(panel: "LoadedPanel", thrown: Thrown | None) -> Iterator[str]:
             f"{_zero(piece.piece_force / 1e3):12.2f} kN{piece.largest_force / 1e3:20.2f} kN"
             f"{1e3 * piece.gap:9.2f} mm"
         )
-    yield from (f"  {piece_limit_line(item)}" for item in thrown.limits)
-
-
-def piece_limit_line(item: "PieceLimit") -> str:
-    """Say from which piece on a drive refuses to lock, and by which part of the rule."""
-    if item.fault:
-        return f"drive {item.drive}: least piece that is refused not known: {item.fault}"
-    if math.isinf(item.size):
-        return f"drive {item.drive} locks on every piece up to {1e3 * item.largest:g} mm"
-    return f"drive {item.drive} refuses to lock from {1e3 * item.size:.1f} mm on, by {item.by}"
+    yield from (f"  {item.text}" for item in thrown.limits)
 
 
 def _zero(value: float, digits: int = 2) -> float:
@@ -354,20 +348,14 @@ def thrown_on_pieces(panel: "LoadedPanel") -> "list[PieceResult]":
 
 def least_pieces(panel: "LoadedPanel", *, quiet: bool = False) -> "list[PieceLimit]":
     """Find the least piece at each drive that keeps a panel from locking."""
-    from turnout.analysis.test_piece import PieceLimit, least_piece
+    from turnout.analysis.test_piece import least_piece
     from turnout.cli.watch import watched
-    from turnout.errors import PanelError
 
     found = []
     for drive in panel.drive:
         text = f"finding the piece that {panel.name} refuses at drive {drive}"
         with watched(text, quiet=quiet) as watch:
-            try:
-                found.append(least_piece(panel, drive, report=watch.report))
-            except PanelError as error:
-                nothing = float("nan")
-                fault = "; ".join(error.problems)
-                found.append(PieceLimit(drive, nothing, "", nothing, fault))
+            found.append(least_piece(panel, drive, report=watch.report))
     return found
 
 

@@ -226,7 +226,31 @@ def _read(value: str, dimension: Dimension) -> float:
     number, unit = match[0], text[match.end() :].strip()
     if not unit:
         raise ValueError(_bare(number, dimension))
+    if dimension is LENGTH:
+        _refuse_feet_and_inches(text)
     return _scaled(float(number), unit, dimension)
+
+
+_FEET = re.compile(
+    r"""(?:(?P<feet>\d+(?:\.\d+)?)\s*(?:ft|feet|foot|'|′)\s*-?\s*)?
+    (?:(?P<inches>\d+(?:\.\d+)?)??(?:[\s-]*(?P<over>\d+)/(?P<under>\d+))?\s*
+    (?:in|inch|inches|"|″|'')?)?\.?""",
+    re.VERBOSE | re.ASCII,
+)
+
+
+def _refuse_feet_and_inches(text: str) -> None:
+    """Refuse "16 ft 6 in", 16'6" and "6 1/4 in", and say which decimal number they are."""
+    found = _FEET.fullmatch(text)
+    if found is None or not (found["inches"] or found["over"]):
+        return
+    if not (found["feet"] or found["over"]):
+        return  # plain inches
+    inches = 12.0 * float(found["feet"] or 0.0) + float(found["inches"] or 0.0)
+    if found["over"] and int(found["under"]):
+        inches += int(found["over"]) / int(found["under"])
+    message = f'is more than one number and one unit; write it as "{inches:.10g} in"'
+    raise ValueError(message)
 
 
 def is_finite(value: float) -> bool:

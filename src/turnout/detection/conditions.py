@@ -13,8 +13,8 @@ UNITS = {FORCE: "N", CURRENT: "A", POWER: "W"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Conditions:
-    r"""What a detector meets besides the population.
+class ErrorModel:
+    r"""What a measured throw may differ by from a simulated one: discrepancy and noise.
 
     Attributes
     ----------
@@ -38,12 +38,6 @@ class Conditions:
         The same of a motor current [A], and of the power from the supply [W]; assumptions.
     rate : float
         Samples a second [Hz].
-    history : int
-        Sound throws that are known of the switch.
-    false_alarm_rate : float
-        Alarms a sound throw [-].
-    level_deviation : float
-        How well a throw's friction level is known beside its own forces [-].
     """
 
     discrepancy: float = 0.05
@@ -55,9 +49,6 @@ class Conditions:
     current_noise: float = 0.02
     power_noise: float = 5.0
     rate: float = 125.0
-    history: int = 0
-    false_alarm_rate: float = 1e-3
-    level_deviation: float = 0.03
 
     def __post_init__(self) -> None:
         """Refuse what has no meaning, all of it at once."""
@@ -67,13 +58,32 @@ class Conditions:
             raise StudyError(listed, source="conditions of detection")
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Conditions(ErrorModel):
+    """What a detector meets besides the population: errors, history, rate of false alarms.
+
+    Attributes
+    ----------
+    history : int
+        Sound throws that are known of the switch.
+    false_alarm_rate : float
+        Alarms a sound throw [-].
+    level_deviation : float
+        How well a throw's friction level is known beside its own forces [-].
+    """
+
+    history: int = 0
+    false_alarm_rate: float = 1e-3
+    level_deviation: float = 0.03
+
+
 def condition_faults(given: object) -> dict[str, tuple[str, str]]:
     """Return what is wrong with conditions: the value as text and what is allowed, by name.
 
     Parameters
     ----------
     given : object
-        With the attributes of `Conditions`, or some of them.
+        With the attributes of `ErrorModel` or `Conditions`, or some of them.
 
     Examples
     --------

@@ -24,7 +24,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
-from scipy.special import logsumexp
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
@@ -70,6 +69,10 @@ class Signatures:
         names = ("change", "gap", "level", "kind", "size", "x")
         return replace(self, **{name: getattr(self, name)[index] for name in names})
 
+    def by_level(self) -> "Signatures":
+        """Return them by rising friction level."""
+        return self.of(np.argsort(self.level, kind="stable"))
+
     def seen_by(self, features: Ints) -> "Signatures":
         """Return them in some of the features."""
         return replace(self, basis=self.basis[features])
@@ -93,14 +96,6 @@ class Centre:
         Logarithm of the weight of the centre, less half the logarithm of the determinant.
     basis : ndarray, shape (n_features, r)
         Of the signatures, whitened [1/N].
-    index : ndarray of int, shape (m,)
-        Signatures that are used here.
-    change : ndarray, shape (m, r)
-        These, in their basis [N].
-    square : ndarray, shape (m, 1)
-        Their squared lengths, whitened [-].
-    log_share : ndarray, shape (m, 1)
-        Logarithm of the weight of each within its kind.
     gap_mean : ndarray, shape (n_gaps,)
         [m]
     gap_gain : ndarray, shape (n_gaps, n_features)
@@ -117,10 +112,6 @@ class Centre:
     log_weight: float
     log_scale: float
     basis: Floats
-    index: Ints
-    change: Floats
-    square: Floats
-    log_share: Floats
     gap_mean: Floats
     gap_gain: Floats
     gap_variance: Floats
@@ -128,12 +119,7 @@ class Centre:
 
 
 def make_centre(
-    *,
-    mean: Floats,
-    covariance: Floats,
-    log_weight: float,
-    signatures: Signatures,
-    distance: Floats,
+    *, mean: Floats, covariance: Floats, log_weight: float, signatures: Signatures
 ) -> Centre:
     """Prepare a friction level.
 
@@ -146,19 +132,12 @@ def make_centre(
     log_weight : float
         Logarithm of the share of throws around this level.
     signatures : Signatures
-        All.
-    distance : ndarray, shape (n_signatures,)
-        Of their levels from this one, in spacings of centres [-].
+        In these features.
     """
     features = len(signatures.basis)
     lower = np.linalg.cholesky(covariance[:features, :features])
     root = solve_triangular(lower, np.eye(features), lower=True)
-    weight = np.maximum(1.0 - np.abs(distance) / REACH, 0.0)
-    index = np.flatnonzero(weight > 0.0)
     basis = root @ signatures.basis
-    change = signatures.change[index]
-    kinds = signatures.kind[index]
-    total = np.bincount(kinds, weights=weight[index], minlength=int(signatures.kind.max()) + 1)
     cross = covariance[features:, :features] @ root.T
     unexplained = np.diag(covariance)[features:] - np.einsum("ij,ij->i", cross, cross)
     return Centre(
@@ -168,12 +147,6 @@ def make_centre(
         log_weight=log_weight,
         log_scale=float(log_weight - np.log(np.diag(lower)).sum()),
         basis=basis,
-        index=index,
-        change=change,
-        square=np.einsum("ij,jk,ik->i", change, basis.T @ basis, change, optimize=True)[
-            :, np.newaxis
-        ],
-        log_share=np.log(weight[index] / total[kinds])[:, np.newaxis],
         gap_mean=mean[features:],
         gap_gain=cross,
         gap_variance=np.maximum(unexplained, 0.0),
@@ -182,10 +155,139 @@ def make_centre(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Evidence:
-    """Logarithms of densities of some throws.
+class Block:
+    """Signatures that are used at the same centres, which follow each other.
+
+    Attributes
+    ----------
+    change : ndarray, shape (m, r)
+        Of features, in the basis of the signatures [N].
+    centres : slice
+        Of all centres.
+    components : slice
+        Of all components: those of a signature follow each other.
+    """
+
+    change: Floats
+    centres: slice
+    components: slice
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Hypotheses:
+    """Sound throws at some centres and signatures there: what throws are weighed by.
 
     A component is a signature at a centre that it is used at.
+
+    Attributes
+    ----------
+    centres : tuple of Centre
+        Friction levels.
+    blocks : tuple of Block
+        Of the components, in their order.
+    number, place, kind : ndarray of int, shape (n_components,)
+        Signature, centre and kind of each component.
+    square : ndarray, shape (n_components, 1)
+        Squared length of its signature, whitened [-].
+    tight : ndarray, shape (n_components, 1)
+        Variance of the factor on it when the throw is known [-].
+    log_scale : ndarray, shape (n_components, 1)
+        Logarithm of its density where nothing is left.
+    order : ndarray of int, shape (n_components,)
+        Of components by kind.
+    starts : ndarray of int, shape (n_used,)
+        Where the kinds begin that have components.
+    used : ndarray of int, shape (n_used,)
+        These kinds.
+    kinds : int
+        How many there are.
+    """
+
+    centres: tuple[Centre, ...]
+    blocks: tuple[Block, ...]
+    number: Ints
+    place: Ints
+    kind: Ints
+    square: Floats
+    tight: Floats
+    log_scale: Floats
+    order: Ints
+    starts: Ints
+    used: Ints
+    kinds: int
+
+
+def make_hypotheses(
+    centres: tuple[Centre, ...], signatures: Signatures, *, distance: Floats, kinds: int
+) -> Hypotheses:
+    """Combine centres with the signatures that are used at each.
+
+    Parameters
+    ----------
+    centres : tuple of Centre
+        By rising friction level.
+    signatures : Signatures
+        All; sorted by level they are not copied.
+    distance : ndarray, shape (k, n_signatures)
+        Of their levels from those of the centres, in spacings of centres [-].
+    kinds : int
+        How many kinds of signature there are.
+    """
+    weight = np.maximum(1.0 - np.abs(distance) / REACH, 0.0)
+    total = np.array([np.bincount(signatures.kind, weights=row, minlength=kinds) for row in weight])
+    first, count = np.argmax(weight > 0.0, axis=0), np.count_nonzero(weight, axis=0)
+    blocks, parts, end = [], [], 0
+    for start, length in sorted({(int(a), int(b)) for a, b in zip(first, count, strict=True) if b}):
+        number = np.flatnonzero((first == start) & (count == length))
+        span = slice(start, start + length)
+        change = _rows(signatures.change, number)
+        square = np.stack([_squares(change, centre.basis) for centre in centres[span]], axis=1)
+        kind = signatures.kind[number]
+        share = np.log(weight[span, number] / total[span][:, kind]).T
+        scale = np.array([centre.log_scale for centre in centres[span]])
+        tight = AMPLITUDE**2 / (1.0 + AMPLITUDE**2 * square)
+        log_scale = scale + share - 0.5 * np.log1p(AMPLITUDE**2 * square)
+        place = np.tile(np.arange(start, start + length), (len(number), 1))
+        parts.append((np.tile(number[:, np.newaxis], length), place, square, tight, log_scale))
+        blocks.append(Block(change=change, centres=span, components=slice(end, end + square.size)))
+        end += square.size
+    number, place, square, tight, log_scale = (
+        np.concatenate([part.ravel() for part in item]) for item in zip(*parts, strict=True)
+    )
+    kind = signatures.kind[number]
+    order = np.argsort(kind, kind="stable")
+    used, starts = np.unique(kind[order], return_index=True)
+    return Hypotheses(
+        centres=centres,
+        blocks=tuple(blocks),
+        number=number,
+        place=place,
+        kind=kind,
+        square=square[:, np.newaxis],
+        tight=tight[:, np.newaxis],
+        log_scale=log_scale[:, np.newaxis],
+        order=order,
+        starts=starts,
+        used=used,
+        kinds=kinds,
+    )
+
+
+def _rows(values: Floats, number: Ints) -> Floats:
+    """Return some rows, without a copy where they follow each other."""
+    if number[-1] - number[0] + 1 == len(number):
+        return values[number[0] : number[-1] + 1]
+    return values[number]
+
+
+def _squares(change: Floats, basis: Floats) -> Floats:
+    """Return squared lengths of signatures, whitened, shape (m,)."""
+    return np.asarray(np.einsum("ij,ij->i", change @ (basis.T @ basis), change))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Evidence:
+    """Logarithms of densities of some throws.
 
     Attributes
     ----------
@@ -197,25 +299,33 @@ class Evidence:
         Of sound throws at each centre.
     white : ndarray, shape (k, n_features, n_throws)
         Throws less the mean of each centre, whitened [-].
+    own : ndarray, shape (k, n_throws)
+        Squared lengths of these [-].
     component : ndarray, shape (n_components, n_throws)
         Of each component.
     square : ndarray, shape (n_components, n_throws)
         Squared length of what it leaves, whitened [-].
     factor : ndarray, shape (n_components, n_throws)
         Most likely factor on its signature [-].
-    number, place : ndarray of int, shape (n_components,)
-        Of its signature and of its centre.
+    hypotheses : Hypotheses
+        What the throws were weighed by.
     """
 
     sound: Floats
     kind: Floats
     centre: Floats
     white: Floats
+    own: Floats
     component: Floats
     square: Floats
     factor: Floats
-    number: Ints
-    place: Ints
+    hypotheses: Hypotheses
+
+    def of_throw(self, number: int) -> "Evidence":
+        """Return that of one throw, without a copy."""
+        names = ("sound", "kind", "centre", "white", "own", "component", "square", "factor")
+        column = slice(number, number + 1)
+        return replace(self, **{name: getattr(self, name)[..., column] for name in names})
 
 
 def log_density(square: Floats, *, size: int) -> Floats:
@@ -237,6 +347,8 @@ def log_density(square: Floats, *, size: int) -> Floats:
     """
     given = np.asarray(square, dtype=np.float64)
     usual = size + USUAL * np.sqrt(2.0 * size)
+    if not given.size or given.max() <= usual:
+        return -0.5 * given
     beyond = usual * (1.0 + np.log(np.maximum(given, usual) / usual))
     return -0.5 * np.where(given <= usual, given, beyond)
 
@@ -245,82 +357,82 @@ USUAL = 3.0
 """Standard deviations of the squared distance within which a density is normal [-]."""
 
 
-def weigh(features: Floats, centres: tuple[Centre, ...], *, kind: Ints, kinds: int) -> Evidence:
+def weigh(features: Floats, hypotheses: Hypotheses) -> Evidence:
     """Return the likelihood of throws under every hypothesis.
 
     Parameters
     ----------
     features : ndarray, shape (n_throws, n_features)
         [N]
-    centres : tuple of Centre
-        Friction levels.
-    kind : ndarray of int, shape (n_signatures,)
-        Of the signatures.
-    kinds : int
-        How many there are.
+    hypotheses : Hypotheses
+        Sound throws, and signatures.
     """
-    size = features.shape[1]
-    whites, sound, component, square, factor = [], [], [], [], []
-    for centre in centres:
-        white = centre.root @ (features - centre.mean).T
-        own = np.einsum("ij,ij->j", white, white)
-        along = centre.change @ (centre.basis.T @ white)
-        tight = AMPLITUDE**2 / (1.0 + AMPLITUDE**2 * centre.square)
-        off = along - centre.square  # the signature times what it leaves
-        left = np.maximum(own - 2.0 * along + centre.square - tight * off**2, 0.0)
-        spread = 0.5 * np.log1p(AMPLITUDE**2 * centre.square)
-        shared = centre.log_scale + centre.log_share - spread
-        whites.append(white)
-        sound.append(centre.log_scale + log_density(own, size=size))
-        component.append(shared + log_density(left, size=size))
-        square.append(left)
-        factor.append(1.0 + tight * off)
-    joined = np.concatenate(component)
-    number = np.concatenate([centre.index for centre in centres])
+    throws, size = features.shape
+    centres = hypotheses.centres
+    white = np.empty((len(centres), size, throws))
+    projected = np.empty((len(hypotheses.blocks[0].change.T), len(centres), throws))
+    for at, centre in enumerate(centres):
+        white[at] = centre.root @ (features - centre.mean).T
+        projected[:, at] = centre.basis.T @ white[at]
+    own = np.einsum("kft,kft->kt", white, white)
+    scale = np.array([[centre.log_scale] for centre in centres])
+    sound = scale + log_density(own, size=size)
+    component, square, factor = (np.empty((len(hypotheses.number), throws)) for _ in range(3))
+    for block in hypotheses.blocks:
+        rows, span = block.components, block.centres
+        seen = projected[:, span].reshape(len(projected), -1)
+        along = (block.change @ seen).reshape(-1, throws)
+        whole = np.tile(own[span], (len(block.change), 1))
+        length, tight = hypotheses.square[rows], hypotheses.tight[rows]
+        off = along - length  # the signature times what it leaves
+        loose = tight * off
+        left = np.maximum(whole - along - off - loose * off, 0.0)
+        component[rows] = hypotheses.log_scale[rows] + log_density(left, size=size)
+        square[rows] = left
+        factor[rows] = 1.0 + loose
     return Evidence(
-        sound=np.asarray(logsumexp(sound, axis=0)),
-        kind=log_sums(joined, kind[number], groups=kinds),
-        centre=np.array(sound),
-        white=np.array(whites),
-        component=joined,
-        square=np.concatenate(square),
-        factor=np.concatenate(factor),
-        number=number,
-        place=np.repeat(np.arange(len(centres)), [len(centre.index) for centre in centres]),
+        sound=log_sum(sound),
+        kind=_kind_sums(component, hypotheses),
+        centre=sound,
+        white=white,
+        own=own,
+        component=component,
+        square=square,
+        factor=factor,
+        hypotheses=hypotheses,
     )
 
 
-def log_sums(values: Floats, group: Ints, *, groups: int) -> Floats:
-    """Return the logarithm of the sum of exponentials in each group; minus infinity of none.
+def log_sum(values: Floats) -> Floats:
+    """Return the logarithm of the sum of exponentials along the first axis.
+
+    Without the checks of scipy, which take longer than the sum for a single throw.
 
     Parameters
     ----------
-    values : ndarray, shape (n, m)
-        Logarithms.
-    group : ndarray of int, shape (n,)
-        Of each row.
-    groups : int
-        How many there are.
-
-    Returns
-    -------
-    ndarray, shape (groups, m)
+    values : ndarray, shape (n, ...)
+        Logarithms, not all of them minus infinity.
 
     Examples
     --------
-    >>> values = np.log([[1.0], [2.0], [5.0]])
-    >>> log_sums(values, np.array([0, 0, 1]), groups=2).ravel().round(6).tolist()
-    [1.098612, 1.609438]
+    >>> log_sum(np.log([[1.0], [2.0], [5.0]])).round(6).tolist()
+    [2.079442]
     """
     highest = values.max(axis=0)
-    scaled = np.exp(np.maximum(values - highest, LEAST))
-    order = np.argsort(group, kind="stable")
-    bounds = np.searchsorted(group[order], np.arange(groups + 1))
-    found = np.full((groups, values.shape[1]), -np.inf)
-    for number in range(groups):
-        rows = order[bounds[number] : bounds[number + 1]]
-        if rows.size:
-            found[number] = np.log(scaled[rows].sum(axis=0)) + highest
+    return np.asarray(highest + np.log(np.exp(values - highest).sum(axis=0)))
+
+
+def _kind_sums(component: Floats, hypotheses: Hypotheses) -> Floats:
+    """Return the logarithm of the density of each kind, minus infinity without a component.
+
+    Returns
+    -------
+    ndarray, shape (kinds, n_throws)
+    """
+    highest = component.max(axis=0)
+    scaled = np.exp(np.maximum(component[hypotheses.order] - highest, LEAST))
+    found = np.full((hypotheses.kinds, component.shape[1]), -np.inf)
+    found[hypotheses.used] = highest + np.log(np.add.reduceat(scaled, hypotheses.starts, axis=0))
     return found
 
 

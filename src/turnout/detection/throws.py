@@ -93,6 +93,8 @@ class Throws:
         What was recorded of the drives.
     kind : str
         Of the objects.
+    panel, panel_hash : str
+        Name and hash of the panel.
     """
 
     sound: Floats
@@ -109,6 +111,8 @@ class Throws:
     errors: SignalErrors
     signals: tuple[Signal, ...]
     kind: str = ELASTIC
+    panel: str = ""
+    panel_hash: str = ""
 
     @property
     def amplitude(self) -> Floats:
@@ -396,4 +400,6 @@ def throws_from(
             scheme=study.scheme,
         ),
         signals=tuple(signals),
+        panel=study.panel.name,
+        panel_hash=study.panel.hash,
     )

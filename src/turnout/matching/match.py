@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.core.files import write_atomic
+from turnout.core.files import make_folder, write_atomic
 from turnout.core.json_files import to_plain
 from turnout.core.threads import one_blas_thread
 from turnout.errors import FileError, StudyError
@@ -272,11 +272,7 @@ def _claim(folder: Path, facts: Facts) -> None:
             message = f"{folder}: holds a matching of other facts or ranges; name another folder"
             raise FileError(message)
         return
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        message = f"{folder}: cannot be made a folder ({error.strerror}); name another"
-        raise FileError(message) from None
+    make_folder(folder)
     names = [item.name for item in facts.parameters] + [item.name for item in facts.facts]
     content = {"name": facts.name, "digest": facts.digest, "columns": names}
     write_atomic(head, json.dumps(content, indent=1, ensure_ascii=False) + "\n")

@@ -5,7 +5,7 @@ rail, from the rail's reference line. An outline adds the edges of its underside
 carry it. What is computed from outlines is kept by its content.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,11 +23,11 @@ from turnout.panel.profile import (
 )
 from turnout.panel.records import ScaledSection
 from turnout.panel.section_records import PlanedSection
-from turnout.section.outline import Outline, make_outline
+from turnout.section.outline import Outline, make_outline, ring_area
 from turnout.section.properties import SectionProperties
 
 if TYPE_CHECKING:
-    from turnout.section.taper import Planing
+    from turnout.section.taper import PlanedOutline, Planing
 
 Floats = NDArray[np.float64]
 
@@ -118,11 +118,22 @@ def section_outlines(panel: Panel, section: str) -> list[tuple[Outline, Outline 
     """
     if section in panel.outline_section:
         return [(make_outline(_points(panel, panel.outline_section[section].outline)), None)]
+    return [(cut.outline, cut.stock_rail) for cut in planed_outlines(panel, section)]
+
+
+def planed_outlines(panel: Panel, section: str) -> "list[PlanedOutline]":
+    """Return the cuts of a planed section, one a station, with what planing severed.
+
+    Raises
+    ------
+    MechanicsError
+        If planing leaves nothing at some station.
+    """
     from turnout.section.taper import planed_sections
 
     planed = panel.planed_section[section]
     try:
-        cuts = planed_sections(
+        return planed_sections(
             make_outline(_points(panel, planed.outline)),
             make_outline(_points(panel, planed.stock_outline)),
             running_edge_offsets=planed.running_edge_offset,
@@ -131,7 +142,41 @@ def section_outlines(panel: Panel, section: str) -> list[tuple[Outline, Outline 
     except MechanicsError as error:
         msg = f"planed_section.{section}: {error}; check its outlines and offsets"
         raise MechanicsError(msg) from None
-    return [(cut.outline, cut.stock_rail) for cut in cuts]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SeveredSteel:
+    """What planing severs at a station, which is left out.
+
+    Attributes
+    ----------
+    running_edge_offset : float
+        The station [m].
+    area, share : float
+        What is left out [m^2], and of what remains [-].
+    height : float
+        Top of what remains above the underside [m].
+    """
+
+    running_edge_offset: float
+    area: float
+    share: float
+    height: float
+
+
+def severed_steel(panel: Panel, section: str) -> list[SeveredSteel]:
+    """Return what planing severs at each station of a planed section."""
+    found = []
+    for cut in planed_outlines(panel, section):
+        area = sum(cut.dropped_areas) + cut.thin_area
+        share = area / ring_area(cut.outline.points)
+        height = float(cut.outline.points[:, 1].max())
+        found.append(
+            SeveredSteel(
+                running_edge_offset=cut.running_edge_offset, area=area, share=share, height=height
+            )
+        )
+    return found
 
 
 def foot_spans(panel: Panel, rail: str, x: npt.ArrayLike) -> Floats | None:

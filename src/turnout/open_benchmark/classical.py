@@ -91,9 +91,10 @@ class Limits:
         away = np.abs(self.values(judged) - self.middle) / self.spread
         return np.asarray(away.max(axis=1) if self.largest else np.linalg.norm(away, axis=1))
 
-    def extras(self, judged: Judged) -> Mapping[str, Any]:
-        """Return the score once more: what lies far out is new."""
-        return {"novelty": self.score(judged)}
+    def judge(self, judged: Judged) -> tuple[Floats, Mapping[str, Any]]:
+        """Return the score twice: what lies far out is new."""
+        score = self.score(judged)
+        return score, {"novelty": score}
 
 
 NUMBERS = {"peak and duration": peak_and_build_up, "three features": three_features}
@@ -179,9 +180,10 @@ class Warped:
 
         return dtw_distance(halved(judged.side.histories), halved(judged.reference), band=self.band)
 
-    def extras(self, judged: Judged) -> Mapping[str, Any]:
-        """Return the distance once more."""
-        return {"novelty": self.score(judged)}
+    def judge(self, judged: Judged) -> tuple[Floats, Mapping[str, Any]]:
+        """Return the distance twice: what is far from the reference is new."""
+        score = self.score(judged)
+        return score, {"novelty": score}
 
 
 @dataclass(frozen=True)
@@ -224,12 +226,12 @@ class Components:
 
     def score(self, judged: Judged) -> Floats:
         """Return both, each as a share of its limit, added (Yue and Qin 2001)."""
-        squares, errors = self.parts(judged)
-        return squares / self.limits[0] + errors / self.limits[1]
+        return self.judge(judged)[0]
 
-    def extras(self, judged: Judged) -> Mapping[str, Any]:
-        """Return the error: what the components do not hold is new."""
-        return {"novelty": self.parts(judged)[1]}
+    def judge(self, judged: Judged) -> tuple[Floats, Mapping[str, Any]]:
+        """Return the score, and the error: what the components do not hold is new."""
+        squares, errors = self.parts(judged)
+        return squares / self.limits[0] + errors / self.limits[1], {"novelty": errors}
 
 
 @dataclass(frozen=True)

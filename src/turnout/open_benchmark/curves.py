@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.open_benchmark.definition import SOUND
+from turnout.open_benchmark.definition import HARD, MID_SPAN, SOUND
 from turnout.open_benchmark.method import object_touched
 from turnout.open_benchmark.metrics import roc_curve
-from turnout.open_benchmark.score import HARD, KNOWN_PLACE, MID_SPAN
-from turnout.open_benchmark.sides import Benchmark
+from turnout.open_benchmark.score import KNOWN_PLACE
+from turnout.open_benchmark.sides import Side
 from turnout.open_benchmark.verdicts import read_verdicts
 
 Floats = NDArray[np.float64]
@@ -20,7 +20,7 @@ EDGES = 1e-3 * np.array([1.0, 3.0, 5.0, 7.0, 9.0, 11.0, 13.0, 15.0, 17.5, 20.0, 
 
 
 def benchmark_curves(
-    results: Mapping[str, Mapping[str, Any]], bench: Benchmark, place: Path
+    results: Mapping[str, Mapping[str, Any]], side: Side, place: Path
 ) -> tuple[dict[str, tuple[Floats, Floats]], Floats, dict[str, Floats]]:
     """Return curves over false alarms, middles of classes of sizes, and curves over size.
 
@@ -28,12 +28,11 @@ def benchmark_curves(
     ----------
     results : mapping of str to mapping
         Of the methods, by name.
-    bench : Benchmark
-        Under the same conditions.
+    side : Side
+        Judged test throws, of the same track.
     place : Path
         Folder with their verdict files.
     """
-    side = bench.test.of(bench.test.judged)
     sound, touched = side.labels["role"] == SOUND, object_touched(side)
     middle = np.isin(side.labels["place"], MID_SPAN) & np.isin(side.labels["kind"], HARD)
     which = np.digitize(side.labels["size"], EDGES) - 1

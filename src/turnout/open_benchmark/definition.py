@@ -33,6 +33,11 @@ RATES = (125.0, 50.0, 25.0)
 MARKERS, WITH_MACHINES = "markers", "machines"
 TRAIN, TEST = "train", "test"
 HISTORY, SOUND, OBJECT = "history", "sound", "object"
+HARD = ("stone", "metal")
+"""Kinds that a90 of a place is of."""
+MID_SPAN = ("sleeper 4", "sleeper 5", "sleeper 6", "sleeper 7", "sleeper 8")
+EQUAL = 1e-3
+"""Rate of false alarms of the test throws themselves at which methods are also compared [-]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -54,9 +54,10 @@ class Forest:
         """Return how few cuts isolate each throw."""
         return -np.asarray(self.forest.score_samples(forest_inputs(self.components, judged)))
 
-    def extras(self, judged: Judged) -> Mapping[str, Any]:
-        """Return the score once more: what is isolated is new."""
-        return {"novelty": self.score(judged)}
+    def judge(self, judged: Judged) -> tuple[Floats, Mapping[str, Any]]:
+        """Return the score twice: what is isolated is new."""
+        score = self.score(judged)
+        return score, {"novelty": score}
 
 
 def forest_inputs(components: Components, judged: Judged) -> Floats:
@@ -126,11 +127,12 @@ class Boosted:
         with threadpool_limits(limits=1):
             return np.asarray(self.classifier.decision_function(values))
 
-    def extras(self, judged: Judged) -> Mapping[str, Any]:
-        """Return the likeliest cause and the probability of an object."""
+    def judge(self, judged: Judged) -> tuple[Floats, Mapping[str, Any]]:
+        """Return the log odds, the likeliest cause and the probability of an object."""
         values = boosting_inputs(self.inputs, judged)
         with threadpool_limits(limits=1):
-            return {
+            score = np.asarray(self.classifier.decision_function(values))
+            return score, {
                 "cause": self.causes.predict(values).astype(np.str_),
                 "probability": self.classifier.predict_proba(values)[:, 1],
             }
@@ -200,9 +202,9 @@ class Ridge:
         values = (self.features.of(judged) - self.middle) / self.scale
         return np.asarray(values @ self.weights, dtype=np.float64)
 
-    def extras(self, judged: Judged) -> Mapping[str, Any]:
-        """Return nothing more."""
-        return {}
+    def judge(self, judged: Judged) -> tuple[Floats, Mapping[str, Any]]:
+        """Return the linear score, and nothing more."""
+        return self.score(judged), {}
 
 
 @dataclass

@@ -243,6 +243,7 @@ def encoding_of(dataset: xr.Dataset) -> dict[str, dict[str, Any]]:
 def _join(paths: list[Path], whole: Path, *, digest: str, counts: Counts) -> None:
     """Write the file of all switches."""
     parts: list[xr.Dataset] = []
+    quantum = np.array([QUANTUM[name.split()[0]] for name in SIGNALS])
     for path in paths:
         with xr.open_dataset(path, engine="h5netcdf") as part:
             own = part.load()
@@ -250,12 +251,10 @@ def _join(paths: list[Path], whole: Path, *, digest: str, counts: Counts) -> Non
         own["partner"] = own["partner"].where(own["partner"] < 0, own["partner"] + before)
         for name in TEXTS:  # of different lengths
             own[name] = own[name].astype(object)
+        # a quarter of the memory before all are joined
+        own["history"] = (own["history"].dims, quantized(own["history"].to_numpy(), quantum))
         parts.append(own)
     joined = xr.concat(parts, "throw", join="exact")
-    quantum = np.array([QUANTUM[name.split()[0]] for name in SIGNALS])
-    steps = np.rint(joined["history"].to_numpy() / quantum[:, np.newaxis])
-    stored = np.where(np.isfinite(steps), np.clip(steps, -32767, 32767), MISSING).astype(np.int16)
-    joined["history"] = (("throw", "signal", "sample"), stored)
     joined["quantum"] = ("signal", quantum)
     layout = fine_layout(layout_of_panel(panels_study().panel))
     joined = joined.assign_coords(time=("sample", layout.time[: layout.windows]))
@@ -268,6 +267,25 @@ def _join(paths: list[Path], whole: Path, *, digest: str, counts: Counts) -> Non
     }
     with atomic_path(whole) as temporary:
         joined.to_netcdf(temporary, engine="h5netcdf", encoding=encoding_of(joined))
+
+
+def quantized(history: Floats, quantum: Floats) -> NDArray[np.int16]:
+    """Return histories in multiples of a quantum for each signal; `MISSING` where there are none.
+
+    Parameters
+    ----------
+    history : ndarray, shape (n, n_signals, n_samples)
+        NaN where there is no such channel.
+    quantum : ndarray, shape (n_signals,)
+        In the unit of each.
+
+    Examples
+    --------
+    >>> quantized(np.array([[[1.2, np.nan]]]), np.array([0.5])).tolist()
+    [[[2, -32768]]]
+    """
+    steps = np.clip(np.rint(history / quantum[:, np.newaxis]), -32767, 32767)
+    return np.asarray(np.where(np.isfinite(steps), steps, MISSING).astype(np.int16))
 
 
 TEXTS = ("role", "kind", "place", "track", "machine", "split")

@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr, ndtri
 
-from turnout.open_benchmark.definition import SOUND
-from turnout.open_benchmark.score import EQUAL, HARD, MID_SPAN
+from turnout.open_benchmark.definition import EQUAL, HARD, MID_SPAN, SOUND
 from turnout.open_benchmark.sides import Side
 
 Floats = NDArray[np.float64]

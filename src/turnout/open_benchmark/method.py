@@ -124,8 +124,8 @@ class Model(Protocol):
     def score(self, judged: Judged) -> Floats:
         """Return what is higher where an object is likelier, shape (n,)."""
 
-    def extras(self, judged: Judged) -> Mapping[str, Any]:
-        """Return further fields of `Verdicts`."""
+    def judge(self, judged: Judged) -> tuple[Floats, Mapping[str, Any]]:
+        """Return the same, and further fields of `Verdicts`."""
 
 
 class Method(Protocol):
@@ -144,7 +144,7 @@ class Method(Protocol):
         """Tried in turn."""
 
     def fit(self, train: Judged, setting: Mapping[str, Any], *, final: bool = False) -> Model:
-        """Learn from training throws; finally with all that `extras` needs."""
+        """Learn from training throws; finally with all that `judge` needs."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -19,7 +19,7 @@ LENGTH, KERNELS = 9, 84
 TRIPLES = tuple(combinations(range(LENGTH), 3))
 MOST_DILATIONS = 32
 GOLDEN = (np.sqrt(5.0) + 1.0) / 2.0
-AT_ONCE = 1000
+AT_ONCE = 256
 """Series that are transformed together."""
 
 
@@ -50,46 +50,48 @@ class MiniRocket:
         return np.concatenate(parts)
 
     def _some(self, series: Floats) -> Floats:
-        found = []
+        samples = series.shape[-1]
+        # of at most so many samples the number above a bias fits into a byte: 8 times as fast
+        counted = np.uint8 if samples < 256 else np.uint32
+        found = np.empty((sum(part.size for part in self.biases), len(series)), dtype=np.float32)
+        at = 0
         for number, dilation in enumerate(self.dilations):
             padding = (LENGTH - 1) * dilation // 2
             shifted = shifts_of(series, dilation)
-            whole = shifted.sum(axis=0)
+            whole = sum(shifted[1:], start=shifted[0])
             for kernel, triple in enumerate(TRIPLES):
-                own = list(self.signals[number][kernel])
-                values = _convolved(shifted, whole, triple, own)
+                values = _convolved(shifted, whole, triple, self.signals[number][kernel])
                 if (number + kernel) % 2:
-                    values = values[:, padding:-padding]
+                    values = values[padding:-padding]
                 for bias in self.biases[number][kernel]:
-                    found.append((values > bias).mean(axis=1, dtype=np.float32))
-        return np.stack(found, axis=1)
+                    above = (values > bias).view(np.uint8)
+                    found[at] = above.sum(axis=0, dtype=counted) / np.float32(len(values))
+                    at += 1
+        return found.T
 
 
-def shifts_of(series: Floats, dilation: int) -> Floats:
+def shifts_of(series: Floats, dilation: int) -> list[Floats]:
     """Return series shifted by the nine places of a kernel, zeros beyond their ends.
 
     Returns
     -------
-    ndarray, shape (9, n, n_signals, n_samples)
+    list of ndarray, shape (n_signals, n_samples, n)
+        Views of one array, in which all series stand side by side.
     """
-    samples = series.shape[-1]
-    found = np.zeros((LENGTH, *series.shape), dtype=np.float32)
-    for place in range(LENGTH):
-        lag = (place - LENGTH // 2) * dilation
-        if lag >= 0:
-            found[place, ..., : samples - lag] = series[..., lag:]
-        else:
-            found[place, ..., -lag:] = series[..., :lag]
-    return found
+    count, signals, samples = series.shape
+    reach = LENGTH // 2 * dilation
+    padded = np.zeros((signals, samples + 2 * reach, count), dtype=np.float32)
+    padded[:, reach : reach + samples] = series.transpose(1, 2, 0)
+    return [padded[:, place * dilation : place * dilation + samples] for place in range(LENGTH)]
 
 
 def _convolved(
-    shifted: Floats, whole: Floats, triple: tuple[int, ...], signals: list[int]
+    shifted: list[Floats], whole: Floats, triple: tuple[int, ...], signals: tuple[int, ...]
 ) -> Floats:
     """Return the convolution with weights -1, and 2 at three places, of added signals."""
-    heavy = shifted[triple[0]] + shifted[triple[1]] + shifted[triple[2]]
-    found = 3.0 * heavy[:, signals] - whole[:, signals]
-    return np.asarray(found.sum(axis=1), dtype=np.float32)
+    first, second, third = (shifted[place] for place in triple)
+    added = [3.0 * (first[at] + second[at] + third[at]) - whole[at] for at in signals]
+    return np.asarray(sum(added[1:], start=added[0]), dtype=np.float32)
 
 
 def fit_minirocket(
@@ -119,8 +121,9 @@ def fit_minirocket(
             own = sorted(rng.choice(count, min(size, count), replace=False).tolist())
             one = np.asarray(series[example[kernel]][np.newaxis], dtype=np.float32)
             shifted = shifts_of(one, dilation)
-            values = _convolved(shifted, shifted.sum(axis=0), triple, own)
-            rows.append(np.quantile(values[0], quantiles[at : at + number]))
+            whole = sum(shifted[1:], start=shifted[0])
+            values = _convolved(shifted, whole, triple, tuple(own))
+            rows.append(np.quantile(values[:, 0], quantiles[at : at + number]))
             subsets.append(tuple(own))
             at += number
         chosen.append(tuple(subsets))

@@ -1,7 +1,7 @@
 """Under which conditions this program's detector is the first, and by how much."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from turnout.core.provenance import content_hash
 from turnout.core.sources import digest_of_sources
 from turnout.open_benchmark.definition import MARKERS
 from turnout.open_benchmark.margin import DRAWS, central_interval, margin_over, mid_span_draws
-from turnout.open_benchmark.run_methods import OURS, RESULTS, Conditions
+from turnout.open_benchmark.run_methods import ASSUMED, ASSUMING, OURS, RESULTS, Conditions
 from turnout.open_benchmark.tables import NOTHING, markdown_table, millimetres
 from turnout.open_benchmark.verdicts import read_verdicts
 
@@ -24,6 +24,11 @@ Results = Mapping[str, Mapping[str, Any]]
 
 SOURCES = ("open_benchmark/margin.py", "open_benchmark/order.py")
 FILE = "margins.json"
+CLEAR = 2e-3
+"""Margin that was wanted [m]."""
+LINEAR_BOUND = {(0, 0.05): 10.1, (20, 0.03): 8.0, (20, 0.05): 9.1, (20, 0.10): 11.7}
+"""a90 of the linear bound for forces on the default panel, mean of sleepers 4 to 8, by throws known
+and discrepancy [mm]; from docs/detection-limit.md."""
 
 
 def margins_of(folder: Path, conditions: Conditions, results: Results) -> dict[str, Any]:
@@ -42,7 +47,8 @@ def margins_of(folder: Path, conditions: Conditions, results: Results) -> dict[s
     -------
     dict
         "a90" by method (value, low, high); with a result of this program also "over" by baseline
-        and "best" (as `Margin`), and "first", the best baseline.
+        and "best" (as `Margin`), "first", the best baseline, and "assuming", the margin of the
+        detector that assumes the usual discrepancy where there is one.
     """
     path = folder / RESULTS / conditions.name / FILE
     key = content_hash([
@@ -54,8 +60,7 @@ def margins_of(folder: Path, conditions: Conditions, results: Results) -> dict[s
             return found
     except (OSError, ValueError):
         pass
-    bench = conditions.open(folder)
-    side = bench.test.of(bench.test.judged)
+    side = conditions.judged(folder)
     scores = {
         name: read_verdicts(
             path.with_name(f"{name}.csv"), throws=side.throw, positions=side.positions
@@ -77,6 +82,8 @@ def margins_from(draws: Mapping[str, Floats]) -> dict[str, Any]:
         found["over"] = {name: asdict(margin_over(own, [row])) for name, row in others.items()}
         found["best"] = asdict(margin_over(own, list(others.values())))
         found["first"] = min(others, key=lambda name: others[name][0])
+        if ASSUMING in draws:
+            found["assuming"] = asdict(margin_over(draws[ASSUMING], list(others.values())))
     return found
 
 
@@ -91,23 +98,34 @@ def order_table(
     """Return a table of who is first under which conditions, as Markdown."""
     heads = (
         *("track", "channels", "history", "discrepancy", "turnout detector [mm]"),
-        *("best baseline [mm]", "", "margin [mm]", "ahead in"),
+        *("best baseline [mm]", "", "margin [mm]", "ahead in", "linear bound [mm]"),
     )
     rows = []
-    for own in conditions:
-        found = margins.get(own.name, {})
-        if "best" not in found:
-            continue
-        best, a90 = found["best"], found["a90"]
+    for own, assumed, name, best in _compared(conditions, margins):
+        found = margins[own.name]
         seen = best["other"] is not None
         title = results[own.name][found["first"]]["title"] if seen else "none"
+        bound = LINEAR_BOUND.get((own.history, own.discrepancy)) if own.track == MARKERS else None
         rows.append([
-            own.track, own.channels, str(own.history), f"{own.discrepancy:.0%}",
-            sized(a90[OURS]), sized(a90[found["first"]]), title,
+            own.track, own.channels, str(own.history), f"{own.discrepancy:.0%}{assumed}",
+            sized(found["a90"][name]), sized(found["a90"][found["first"]]), title,
             f"{_signed(best['value'])} ({_signed(best['low'])} to {_signed(best['high'])})",
-            f"{best['ahead']:.0%}",
+            f"{best['ahead']:.0%}", NOTHING if bound is None else f"{bound:.1f}",
         ])  # fmt: skip
     return markdown_table(heads, rows)
+
+
+def _compared(
+    conditions: Sequence[Conditions], margins: Mapping[str, Any]
+) -> Iterator[tuple[Conditions, str, str, Mapping[str, Any]]]:
+    """Yield conditions, what a detector of this program assumes else, its name and its margin."""
+    for own in conditions:
+        found = margins.get(own.name, {})
+        for key, name, assumed in (
+            ("best", OURS, ""), ("assuming", ASSUMING, f", {ASSUMED:.0%} assumed")
+        ):  # fmt: skip
+            if key in found:
+                yield own, assumed, name, found[key]
 
 
 def sized(interval: Mapping[str, float | None]) -> str:
@@ -127,29 +145,31 @@ def _signed(value: float | None) -> str:
 
 
 def order_changes(conditions: Sequence[Conditions], margins: Mapping[str, Any]) -> list[str]:
-    """Return in words where this program's detector is not first, or not surely so.
+    """Return in words where this program's detector is not first, or not surely or clearly so.
 
     With the discrepancy it is said at which one the margin would be zero, on the straight line
     between the two nearest.
     """
     found = []
-    for own in conditions:
-        best = margins.get(own.name, {}).get("best")
-        if best is None or (best["own"] is None and best["other"] is None):
-            continue
-        if best["own"] is None:
+    for own, assumed, _, best in _compared(conditions, margins):
+        name, by = f"{own.name}{assumed}", 1e3 * (best["value"] or 0.0)
+        if best["own"] is None and best["other"] is None:
+            found.append(f"{name}: no method sees nine of ten at all places.")
+        elif best["own"] is None:
             found.append(
-                f"{own.name}: a baseline is first, and only it sees nine of ten at all places."
+                f"{name}: a baseline is first, and only it sees nine of ten at all places."
             )
         elif best["other"] is None:
             continue
-        elif best["value"] <= 0.0:
-            found.append(f"{own.name}: a baseline is first by {-1e3 * best['value']:.1f} mm.")
+        elif by <= 0.0:
+            found.append(f"{name}: a baseline is first by {-by:.1f} mm.")
         elif best["low"] is None or best["low"] <= 0.0:
             found.append(
-                f"{own.name}: first by {1e3 * best['value']:.1f} mm, but a baseline is in "
+                f"{name}: first by {by:.1f} mm, but a baseline is in "
                 f"{1.0 - best['ahead']:.0%} of the draws of switches."
             )
+        elif best["value"] < CLEAR:
+            found.append(f"{name}: first by {by:.1f} mm, less than {1e3 * CLEAR:g} mm.")
     usual = Conditions()
     line = sorted(
         (own.discrepancy, margins[own.name]["best"]["value"])

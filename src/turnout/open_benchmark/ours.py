@@ -13,7 +13,7 @@ hundred switches could determine.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -49,7 +49,7 @@ from turnout.detection.detector.training_sets import Counts
 from turnout.detection.likelihood import Evidence
 from turnout.open_benchmark.definition import HISTORY, MACHINES, OBJECT, SOUND, panels_study
 from turnout.open_benchmark.make_throws import STEP, fine_layout
-from turnout.open_benchmark.method import FOLDS, Judged, Model, fold_of_panels
+from turnout.open_benchmark.method import Judged, Model, fold_of_panels
 from turnout.open_benchmark.recorder_errors import slopes
 from turnout.open_benchmark.sides import Side, window_features
 
@@ -62,9 +62,15 @@ LEVEL_DEGREE = 3
 """Of the friction level in what all switches have in common."""
 
 
-def throw_set_of(side: Side, roles: Sequence[str], layout: Layout, inputs: Floats) -> ThrowSet:
-    """Return simulated training throws of some roles as the detector learns from them."""
+def throw_set_of(
+    side: Side, roles: Sequence[str], layout: Layout, inputs: Floats, *, most: int | None = None
+) -> ThrowSet:
+    """Return simulated training throws of some roles as the detector learns from them.
+
+    At most so many, evenly among all.
+    """
     rows = np.flatnonzero(np.isin(side.labels["role"], roles))
+    rows = rows[_even(len(rows), most or len(rows))]
     clean = side.clean[rows]
     fine = fine_layout(layout)
     # a throw that is late is lower where it rises
@@ -117,18 +123,14 @@ class Taught:
     ----------
     knowledge : mapping of str to Knowledge
         By machine; one for all has the name "".
-    offset : mapping of str to ndarray, shape (n_signals, n_samples)
-        By machine, taken off all throws; empty where nothing is.
     """
 
     knowledge: Mapping[str, Knowledge]
-    offset: Mapping[str, Floats] = field(default_factory=dict)
 
     def weighed(
         self, judged: Judged
     ) -> Iterator[tuple[NDArray[np.intp], Knowledge, View, Evidence]]:
         """Yield some throws of a switch, what they are judged with, and the evidence."""
-        judged = less_offset(judged, self.offset)
         populations = {name: make_view(item) for name, item in self.knowledge.items()}
         for switch in np.unique(judged.side.groups):
             own = np.flatnonzero(judged.side.groups == switch)
@@ -151,12 +153,18 @@ class Taught:
                 found[rows] = ratios_of(view, evidence).alarm
         return found
 
-    def extras(self, judged: Judged) -> Mapping[str, Any]:
-        """Return place, size, gaps, cause, probability and what no hypothesis explains."""
+    def judge(self, judged: Judged) -> tuple[Floats, Mapping[str, Any]]:
+        """Return the ratio, and place, size, gaps, cause, probability and what nothing explains.
+
+        Without thresholds of its own the detector names no cause, place, size or gap.
+        """
         count, gaps = len(judged.side.throw), len(judged.side.positions)
-        x, size = np.full((count, 3), np.nan), np.full((count, 3), np.nan)
-        gap, novelty = np.full((count, gaps, 3), np.nan), np.empty(count)
-        cause, ratio = np.full(count, SOUND, dtype="<U24"), np.empty(count)
+        ratio, novelty = np.empty(count), np.empty(count)
+        said: dict[str, Any] = {}
+        if all(item.calibrated for item in self.knowledge.values()):
+            said["cause"] = np.full(count, SOUND, dtype="<U24")
+            said |= {name: np.full((count, 3), np.nan) for name in ("x", "size")}
+            said["gap"] = np.full((count, gaps, 3), np.nan)
         with one_blas_thread():
             for rows, knowledge, view, evidence in self.weighed(judged):
                 novelty[rows] = best_square(evidence)
@@ -165,20 +173,17 @@ class Taught:
                 if calibrated is None:
                     continue
                 for number, row in enumerate(rows):
-                    said = verdict_on(
+                    own = verdict_on(
                         "", view, evidence, number,
                         knowledge=knowledge, calibrated=calibrated, rate=RATES[0],
                     )  # fmt: skip
-                    cause[row] = cause_of(said)
-                    gap[row] = [(item.middle, item.low, item.high) for item in said.gaps]
-                    if said.x is not None and said.size is not None:
-                        x[row] = (said.x.middle, said.x.low, said.x.high)
-                        size[row] = (said.size.middle, said.size.low, said.size.high)
+                    said["cause"][row] = cause_of(own)
+                    said["gap"][row] = [(item.middle, item.low, item.high) for item in own.gaps]
+                    if own.x is not None and own.size is not None:
+                        said["x"][row] = (own.x.middle, own.x.low, own.x.high)
+                        said["size"][row] = (own.size.middle, own.size.low, own.size.high)
         probability = 1.0 / (1.0 + np.exp(-np.clip(ratio, -50.0, 50.0)))
-        return {
-            "x": x, "size": size, "gap": gap, "cause": cause, "probability": probability,
-            "novelty": novelty,
-        }  # fmt: skip
+        return ratio, {**said, "probability": probability, "novelty": novelty}
 
 
 def cause_of(verdict: Verdict) -> str:
@@ -191,14 +196,6 @@ def cause_of(verdict: Verdict) -> str:
 
 
 MARKER_SETTINGS: Settings = ({"components": 4}, {"components": 8})
-AS_ONE, CENTRED, EACH = "as one", "less their means", "each"
-"""How machines are learned: all alike, all but less what a kind has in common, or each alone."""
-MACHINE_SETTINGS: Settings = (
-    {"components": 4, "machines": AS_ONE},
-    {"components": 4, "machines": CENTRED},
-    {"components": 8, "machines": CENTRED},
-    {"components": 4, "machines": EACH},
-)
 
 
 @dataclass(frozen=True)
@@ -211,39 +208,32 @@ class DetectorMethod:
         What is assumed of a recorder.
     quantity : str
         "force", "current" or "power".
+    details : bool
+        Whether it says place, size, gaps and causes beside its ratio, which take thresholds and
+        widths from a third of the panels.
     """
 
     errors: Allowances
     quantity: str = FORCE
+    details: bool = True
     name: str = "turnout"
     title: str = "turnout detector"
     settings: Settings = MARKER_SETTINGS
 
     def fit(self, train: Judged, setting: Mapping[str, Any], *, final: bool = False) -> Model:
         """Teach a detector with the training throws."""
-        machines = [str(name) for name in np.unique(train.side.labels["machine"])]
-        how, found = setting.get("machines", AS_ONE), {}
-        offset = machine_offsets(train.everything) if how == CENTRED else {}
-        train = less_offset(train, offset)
         with one_blas_thread():
-            for name in machines if how == EACH else []:
-                own = train.of(train.side.labels["machine"] == name)
-                if _sound(own) >= LEAST_SOUND and len(np.unique(own.side.labels["panel"])) >= FOLDS:
-                    found[name] = self._taught(own, setting, final=final)
-            if len(found) < len(machines):
-                # too few of some machine: one detector of all of them
-                found = {"": self._taught(train, setting, final=final)} | found
-        return Taught(found, offset)
+            return Taught({"": self.taught(train, setting, final=final)})
 
-    def _taught(self, train: Judged, setting: Mapping[str, Any], *, final: bool) -> Knowledge:
+    def taught(self, train: Judged, setting: Mapping[str, Any], *, final: bool) -> Knowledge:
         """Return a detector; finally with thresholds and widths from panels held back."""
         made_for = self._made_for(train)
         knowledge = teach(training_sets(train, setting), made_for)
-        if not final:
+        if not (final and self.details):
             return knowledge
         of_fold = fold_of_panels(train.side.labels["panel"])
         others, held_back = train.of(of_fold != 0), train.of(of_fold == 0)
-        if _sound(others) < LEAST_SOUND:
+        if sound_count(others) < LEAST_SOUND:
             others = train
         less = teach(training_sets(others, setting), made_for)
         sets = training_sets(held_back, setting)
@@ -299,50 +289,20 @@ def training_sets(train: Judged, setting: Mapping[str, Any]) -> dict[str, ThrowS
     found = {}
     for name in (SOUND, HISTORY, OBJECT, *DEFECTS):
         if np.any(whole.labels["role"] == name):
-            own = throw_set_of(whole, [name], train.layout, inputs)
-            found[name] = _spread(own, most.get(name, len(own.level)))  # all that others pair with
+            # of sound throws all that others pair with
+            found[name] = throw_set_of(whole, [name], train.layout, inputs, most=most.get(name))
     return found
 
 
-def machine_offsets(side: Side) -> dict[str, Floats]:
-    """Return by how much the mean sound throw of each machine differs from that of all of them."""
-    machine = side.labels["machine"]
-    sound = np.isin(side.labels["role"], [SOUND, HISTORY])
-    means = {str(name): side.clean[sound & (machine == name)].mean(axis=0)
-             for name in np.unique(machine[sound])}  # fmt: skip
-    middle = np.mean(list(means.values()), axis=0)
-    return {name: mean - middle for name, mean in means.items()}
-
-
-def less_offset(judged: Judged, offset: Mapping[str, Floats]) -> Judged:
-    """Return throws less the offset of their machine; a machine without one keeps its throws."""
-    if not offset:
-        return judged
-    nothing = np.zeros_like(next(iter(offset.values())))
-
-    def less(side: Side) -> Side:
-        own = np.array([offset.get(str(name), nothing) for name in side.labels["machine"]])
-        own = own.reshape(len(side.throw), *nothing.shape)
-        return replace(
-            side,
-            histories=side.histories - own,
-            features=side.features - window_features(own, judged.layout),
-            clean=side.clean - own if len(side.clean) else side.clean,
-        )
-
-    return replace(
-        judged,
-        side=less(judged.side),
-        known=less(judged.known),
-        everything=less(judged.everything),
-    )
-
-
-def _sound(train: Judged) -> int:
+def sound_count(train: Judged) -> int:
+    """Return how many throws without an object or another cause a detector may learn from."""
     return int(np.isin(train.everything.labels["role"], [SOUND, HISTORY]).sum())
 
 
 def _spread(throws: ThrowSet, most: int) -> ThrowSet:
     """Return at most so many throws, evenly among all."""
-    count = len(throws.level)
-    return throws.of(np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.intp)))
+    return throws.of(_even(len(throws.level), most))
+
+
+def _even(count: int, most: int) -> NDArray[np.intp]:
+    return np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.intp))

@@ -11,7 +11,6 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import as_completed
 from dataclasses import asdict, dataclass
-from functools import lru_cache
 from pathlib import Path
 from pickle import dumps  # its length is the size of a model; nothing is read that way
 from typing import Any
@@ -28,11 +27,19 @@ from turnout.errors import StudyError
 from turnout.open_benchmark.classical import ComponentsMethod, LimitsMethod, WarpingMethod
 from turnout.open_benchmark.definition import MARKERS, TEST, TRAIN, WITH_MACHINES
 from turnout.open_benchmark.learned import BoostingMethod, ForestMethod, RocketMethod
+from turnout.open_benchmark.machine_kinds import MachineDetectorMethod
 from turnout.open_benchmark.make_throws import data_digest
 from turnout.open_benchmark.method import Floats, Keep, Method, fold_of_panels, judged_of, tune
-from turnout.open_benchmark.ours import MACHINE_SETTINGS, MARKER_SETTINGS, DetectorMethod
+from turnout.open_benchmark.ours import DetectorMethod
 from turnout.open_benchmark.score import plain, score_verdicts
-from turnout.open_benchmark.sides import TRACKS, Benchmark, open_benchmark, read_throws_file
+from turnout.open_benchmark.sides import (
+    TRACKS,
+    Benchmark,
+    Side,
+    judged_labels,
+    open_benchmark,
+    read_throws_file,
+)
 from turnout.open_benchmark.verdicts import Verdicts, read_verdicts, write_verdicts
 from turnout.sweep.process import worker_processes
 
@@ -40,23 +47,18 @@ RESULTS = "results"
 Report = Callable[[str, int, int], None]
 ASSUMED = 0.05
 """Usual discrepancy, which a detector assumes that does not know the true one [-]."""
-METHODS = (
-    *(
-        f"open_benchmark/{name}.py"
-        for name in (
-            "classical",
-            "learned",
-            "method",
-            "minirocket",
-            "ours",
-            "recorder_errors",
-            "sides",
-        )  # fmt: skip
-    ),
-    *("detection/detector", "detection/likelihood.py", "detection/population.py"),
+COMMON = tuple(f"open_benchmark/{name}.py" for name in ("method", "recorder_errors", "sides"))
+"""Sources that verdicts of all methods depend on."""
+DETECTOR = ("detection/detector", "detection/likelihood.py", "detection/population.py")
+USES = {
+    "open_benchmark/learned.py": ("open_benchmark/classical.py", "open_benchmark/minirocket.py"),
+    "open_benchmark/ours.py": DETECTOR,
+    "open_benchmark/machine_kinds.py": ("open_benchmark/ours.py", *DETECTOR),
+}
+"""Further sources, by that of the method."""
+SCORES = tuple(f"open_benchmark/{name}.py" for name in ("margin", "metrics", "score")) + (
+    "detection/pod",
 )
-"""Sources that verdicts depend on: results of others are made again."""
-SCORES = tuple(f"open_benchmark/{name}.py" for name in ("metrics", "score")) + ("detection/pod",)
 """Sources that scores depend on."""
 
 
@@ -88,6 +90,10 @@ class Conditions:
         """Open the benchmark under these conditions."""
         return open_benchmark(folder, **asdict(self))
 
+    def judged(self, folder: Path) -> Side:
+        """Return the labels of the test throws that are judged, without what was recorded."""
+        return judged_labels(folder, **asdict(self))
+
 
 MAIN = (Conditions(), Conditions(history=0))
 VARIED = (
@@ -112,15 +118,16 @@ def methods_for(conditions: Conditions) -> list[Method]:
     """Return the methods that are compared under some conditions, the simplest first.
 
     Where the discrepancy is not the usual one, the detector of this program is there twice: the
-    second one assumes the usual one.
+    second one assumes the usual one. It says more than its ratio of machines and under the main
+    conditions.
     """
     of_machines = conditions.track == WITH_MACHINES
+    kind = MachineDetectorMethod if of_machines else DetectorMethod
 
     def detector(assumed: float, name: str, title: str) -> DetectorMethod:
-        return DetectorMethod(
+        return kind(
             errors=Allowances(discrepancy=assumed), quantity=conditions.channels,
-            name=name, title=title,
-            settings=MACHINE_SETTINGS if of_machines else MARKER_SETTINGS,
+            name=name, title=title, details=of_machines or conditions in MAIN,
         )  # fmt: skip
 
     found: list[Method] = [
@@ -134,11 +141,11 @@ def methods_for(conditions: Conditions) -> list[Method]:
     ]
     if conditions.discrepancy != ASSUMED:
         title = f"turnout detector, {ASSUMED:.0%} assumed"
-        found.append(detector(ASSUMED, "turnout-assumed", title))
+        found.append(detector(ASSUMED, ASSUMING, title))
     return [*found, detector(conditions.discrepancy, OURS, "turnout detector")]
 
 
-OURS = "turnout"
+OURS, ASSUMING = "turnout", "turnout-assumed"
 
 
 def run_methods(
@@ -205,6 +212,7 @@ def _results(
         for own, name in missing:
             yield (own, name), _run_piece(folder, own, name, data[own.track])
         return
+    fault: BaseException | None = None
     pool = worker_processes(min(workers, len(missing)))
     try:
         futures = {
@@ -212,7 +220,12 @@ def _results(
             for own, name in missing
         }
         for future in as_completed(futures):
-            yield futures[future], future.result()
+            if future.exception() is None:
+                yield futures[future], future.result()
+            fault = fault or future.exception()
+        # the others first: what a method lacks is not to cost hours of them
+        if fault is not None:
+            raise fault
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
 
@@ -226,10 +239,16 @@ def _run_piece(folder: Path, conditions: Conditions, name: str, data: str) -> di
         return run_method(method, _opened(folder, conditions), place, data=data)
 
 
-@lru_cache(maxsize=1)
+_LAST: dict[tuple[Path, Conditions], Benchmark] = {}
+
+
 def _opened(folder: Path, conditions: Conditions) -> Benchmark:
-    """Open a benchmark; the one opened last is kept."""
-    return conditions.open(folder)
+    """Open a benchmark; the one opened last is kept, and freed before another is opened."""
+    key = folder, conditions
+    if key not in _LAST:
+        _LAST.clear()
+        _LAST[key] = conditions.open(folder)
+    return _LAST[key]
 
 
 def _data_of(folder: Path) -> dict[str, str]:
@@ -244,8 +263,16 @@ def _data_of(folder: Path) -> dict[str, str]:
 def _key(method: Method, data: str) -> str:
     """Return a digest of all that verdicts follow from."""
     settings = [dict(item) for item in method.settings]
-    assumed = str(getattr(method, "errors", ""))
-    return str(content_hash([data, method.name, settings, assumed, digest_of_sources(METHODS)]))
+    given = [str(getattr(method, name, "")) for name in ("errors", "details")]
+    return str(
+        content_hash([data, method.name, settings, given, digest_of_sources(sources_of(method))])
+    )
+
+
+def sources_of(method: Method) -> tuple[str, ...]:
+    """Return the sources that verdicts of a method depend on."""
+    own = type(method).__module__.removeprefix("turnout.").replace(".", "/") + ".py"
+    return (*COMMON, own, *USES.get(own, ()))
 
 
 def _kept(folder: Path, conditions: Conditions, method: Method, data: str) -> dict[str, Any] | None:
@@ -259,8 +286,7 @@ def _kept(folder: Path, conditions: Conditions, method: Method, data: str) -> di
     if found.get("key") != _key(method, data) or "score" not in found:
         return None
     if found.get("scored") != digest_of_sources(SCORES):
-        bench = _opened(folder, conditions)
-        found["score"] = score_file(place / f"{method.name}.csv", bench)
+        found["score"] = score_file(place / f"{method.name}.csv", folder, conditions)
         found["scored"] = digest_of_sources(SCORES)
         write_atomic(path, json.dumps(found, indent=1) + "\n")
     return found
@@ -278,14 +304,14 @@ def run_method(method: Method, bench: Benchmark, place: Path, *, data: str) -> d
     tuned = time.process_time() - began + spent()
     test = judged_of(bench, TEST)
     began = time.process_time()
-    scores = fitted.model.score(test)
+    scores, said = fitted.model.judge(test)
     took = time.process_time() - began
     verdicts = Verdicts(
         throw=test.side.throw,
         score=scores,
         alarm=scores > fitted.thresholds[0],
         rare_alarm=scores > fitted.thresholds[1],
-        **fitted.model.extras(test),
+        **said,
     )
     write_verdicts(verdicts, place / f"{method.name}.csv", test.side.positions)
     result = {
@@ -298,7 +324,7 @@ def run_method(method: Method, bench: Benchmark, place: Path, *, data: str) -> d
         "tuning_time": tuned,
         "milliseconds": 1e3 * took / len(scores),
         "bytes": len(dumps(fitted.model)),
-        "score": plain(score_verdicts(verdicts, bench)),
+        "score": plain(score_verdicts(verdicts, test.side, history=bench.history)),
     }
     text = json.dumps(to_plain(result, nonfinite=lambda _: None), indent=1)
     write_atomic(place / f"{method.name}.json", text + "\n")
@@ -343,8 +369,9 @@ def numbers_digest(folder: Path, results: Mapping[str, Mapping[str, Mapping[str,
     return str(content_hash(content))
 
 
-def score_file(path: Path, bench: Benchmark) -> dict[str, Any]:
+def score_file(path: Path, folder: Path, conditions: Conditions) -> dict[str, Any]:
     """Return the score of anyone's verdict file."""
-    side = bench.test.of(bench.test.judged)
+    side = conditions.judged(folder)
     verdicts = read_verdicts(path, throws=side.throw, positions=side.positions)
-    return dict(to_plain(plain(score_verdicts(verdicts, bench)), nonfinite=lambda _: None))
+    score = score_verdicts(verdicts, side, history=conditions.history)
+    return dict(to_plain(plain(score), nonfinite=lambda _: None))

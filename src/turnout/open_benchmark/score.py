@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.open_benchmark.definition import OBJECT, SOUND
+from turnout.open_benchmark.definition import EQUAL, HARD, MID_SPAN, OBJECT, SOUND
+from turnout.open_benchmark.margin import weighted_a90
 from turnout.open_benchmark.method import object_touched
 from turnout.open_benchmark.metrics import (
     Accuracy,
@@ -20,19 +21,14 @@ from turnout.open_benchmark.metrics import (
     detectable,
     macro_f1,
 )
-from turnout.open_benchmark.sides import Benchmark, Side
+from turnout.open_benchmark.sides import Side
 from turnout.open_benchmark.switch_throws import UNKNOWN
 from turnout.open_benchmark.verdicts import Verdicts
 
 Floats = NDArray[np.float64]
 
-HARD = ("stone", "metal")
-"""Kinds that a90 of a place is of."""
-MID_SPAN = ("sleeper 4", "sleeper 5", "sleeper 6", "sleeper 7", "sleeper 8")
 OBVIOUS = 25e-3
 """Size that every method must see at its best place [m]."""
-EQUAL = 1e-3
-"""Rate of false alarms of the test throws themselves at which methods are also compared [-]."""
 KNOWN_PLACE = {
     0: (0.7, 1.7, 4.1, 7.3, 10.2, 12.4, 13.1, 11.2, 9.0, 6.1, 4.3, 3.4, 3.4),
     20: (0.6, 1.0, 3.1, 6.1, 8.7, 10.5, 11.1, 10.1, 7.7, 5.6, 4.0, 3.1, 3.1),
@@ -53,8 +49,9 @@ class Score:
         Of throws with another cause that are called an object [-].
     place, kind : mapping of str to Detectable
         a90 by place, of stones and metal; by kind, sleepers 4 to 8.
-    equal_place : mapping of str to Detectable
-        a90 by place where exactly 1 in 1,000 of the sound test throws is called.
+    equal_place : mapping of str to float
+        a90 by place where exactly 1 in 1,000 of the sound test throws is called, by the probit
+        curve of `margin` [m].
     mid_span, equal_mid_span : float
         Mean a90 of sleepers 4 to 8 [m].
     excess : mapping of str to float
@@ -74,7 +71,7 @@ class Score:
     other_alarms: Mapping[str, Rate]
     place: Mapping[str, Detectable]
     kind: Mapping[str, Detectable]
-    equal_place: Mapping[str, Detectable]
+    equal_place: Mapping[str, float]
     mid_span: float
     equal_mid_span: float
     excess: Mapping[str, float]
@@ -94,23 +91,24 @@ def places_in_order(side: Side) -> list[str]:
     return sorted(names, key=lambda name: float(np.nanmean(side.labels["x"][place == name])))
 
 
-def score_verdicts(verdicts: Verdicts, bench: Benchmark) -> Score:
+def score_verdicts(verdicts: Verdicts, side: Side, *, history: int) -> Score:
     """Score verdicts on the judged test throws.
 
     Parameters
     ----------
     verdicts : Verdicts
-        In the order of `bench.test`, of its judged throws.
-    bench : Benchmark
-        Under the conditions that they were made for.
+        In the order of `side`.
+    side : Side
+        Judged test throws; what was recorded of them is not needed.
+    history : int
+        Sound throws that were known of each switch.
     """
-    side = bench.test.of(bench.test.judged)
     role, groups = side.labels["role"], side.groups
     sound = role == SOUND
     level = float(np.quantile(verdicts.score[sound], 1.0 - EQUAL, method="higher"))
     places = places_in_order(side)
     found = {name: _at(side, verdicts.alarm, name) for name in places}
-    equal = {name: _at(side, verdicts.score > level, name, grouped=False) for name in places}
+    equal = {name: _equal_at(side, verdicts.score > level, name) for name in places}
     middle = np.isin(side.labels["place"], MID_SPAN)
     kinds = {}
     for kind in np.unique(side.labels["kind"][role == OBJECT]):
@@ -130,21 +128,31 @@ def score_verdicts(verdicts: Verdicts, bench: Benchmark) -> Score:
         place=found,
         kind=kinds,
         equal_place=equal,
-        mid_span=_mean_of(found),
+        mid_span=_mean_of({name: item.a90 for name, item in found.items()}),
         equal_mid_span=_mean_of(equal),
-        excess=_excess(found, places, bench.history),
+        excess=_excess(found, places, history),
         obvious=obvious_share(side, verdicts.alarm, places),
         **_said(side, verdicts),
     )
 
 
-def _at(side: Side, alarm: NDArray[np.bool_], place: str, *, grouped: bool = True) -> Detectable:
-    own = (side.labels["place"] == place) & np.isin(side.labels["kind"], HARD)
-    return detectable(side.labels["size"][own], alarm[own], side.groups[own], grouped=grouped)
+def _hard_at(side: Side, place: str) -> NDArray[np.bool_]:
+    return np.asarray((side.labels["place"] == place) & np.isin(side.labels["kind"], HARD))
 
 
-def _mean_of(found: Mapping[str, Detectable]) -> float:
-    own = [found[name].a90 for name in MID_SPAN if name in found]
+def _at(side: Side, alarm: NDArray[np.bool_], place: str) -> Detectable:
+    own = _hard_at(side, place)
+    return detectable(side.labels["size"][own], alarm[own], side.groups[own])
+
+
+def _equal_at(side: Side, called: NDArray[np.bool_], place: str) -> float:
+    own = _hard_at(side, place)
+    once = np.ones((1, int(own.sum())))
+    return weighted_a90(side.labels["size"][own], called[np.newaxis, own], once).item()
+
+
+def _mean_of(found: Mapping[str, float]) -> float:
+    own = [found[name] for name in MID_SPAN if name in found]
     return float(np.mean(own)) if own else float("nan")
 
 

@@ -215,6 +215,7 @@ def check_planed_section(draft: Draft, path: tuple[str, str], record: Any) -> It
     yield from until_unknown(_offsets(path, record, "running_edge_offset"))
     yield from until_unknown(_offsets(path, record, "lowering_offset"))
     yield from until_unknown(_lowering(path, record))
+    yield from until_unknown(_lowest(draft, path, record))
 
 
 def first_crossing(points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64] | None:
@@ -297,6 +298,19 @@ def _lowering(path: tuple[str, str], record: Any) -> Iterator[Problem]:
         yield Problem((*path, "lowering"), text)
     if min(record.lowering) < 0.0:
         text = f": must be at least 0, the least is {min(record.lowering):g} m"
+        yield Problem((*path, "lowering"), text)
+
+
+def _lowest(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:
+    """Refuse a lowering that leaves nothing above the underside of the switch rail."""
+    outline = draft.records["outline"].get(record.stock_outline, Partial())
+    height = float(outline_points(outline.points, symmetric=outline.symmetric)[:, 1].max())
+    room = height - record.seat_height
+    if max(record.lowering) >= room:
+        text = (
+            f": must be less than {1e3 * room:g} mm, the height of the stock rail above "
+            f"seat_height; the largest is {1e3 * max(record.lowering):g} mm"
+        )
         yield Problem((*path, "lowering"), text)
 
 

@@ -83,7 +83,9 @@ class PlanedSection(Record):
     clearance: Length = Field(0.0, ge=0, description="kept from the stock rail's outline [m]")
     lowering_offset: LengthList = Field((0.0,), description="offsets w of the lowering table [m]")
     lowering: LengthList = Field(
-        (0.0,), description="top of the planed rail below the stock rail's there [m]"
+        (0.0,),
+        description="top of the planed rail below the stock rail's there, from 0 to less than "
+        "the height of the stock rail above seat_height [m]",
     )
     least_thickness: Length = Field(
         0.0, ge=0, description="steel thinner than this is taken as cut away [m]"

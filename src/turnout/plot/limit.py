@@ -168,7 +168,8 @@ def plot_bands(dataset: xr.Dataset) -> "Figure":
     Parameters
     ----------
     dataset : xarray.Dataset
-        With a90 over panel and place, and a90_band with its interval over share and place.
+        With a90 and panel_x over panel and place, and a90_band with its interval over share and
+        place. The line of a panel has its places where they are in that panel.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -180,11 +181,13 @@ def plot_bands(dataset: xr.Dataset) -> "Figure":
     each = 1e3 * dataset["a90"].to_numpy()
     names = [str(name) for name in dataset["panel"].to_numpy()]
     few = len(names) <= FEW
-    for name, row in zip(names, each, strict=True):
+    for name, own, values in zip(names, dataset["panel_x"].to_numpy(), each, strict=True):
         label = name if few else None
-        (line,) = ax.plot(x, row, color=None if few else "0.75", linewidth=0.8, label=label)
+        along = np.argsort(own, kind="stable")
+        at, row = own[along], values[along]
+        (line,) = ax.plot(at, row, color=None if few else "0.75", linewidth=0.8, label=label)
         ends = ends_before_gaps(row)
-        ax.plot(x[ends], row[ends], "^", color=line.get_color() if few else "0.45", markersize=5)
+        ax.plot(at[ends], row[ends], "^", color=line.get_color() if few else "0.45", markersize=5)
     ax.fill_between(x, band[0], band[-1], color="0.9", zorder=0, label="90 % of the panels")
     label = "middle, 95 % over drawn states"
     middle = len(band) // 2

@@ -8,7 +8,9 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 import xarray as xr
+from numpy.typing import NDArray
 
 from turnout.metric.slip import last_instant_at
 from turnout.panel.layout import RailLine, extent, rail_line, resting_gap, stands_at
@@ -101,6 +103,8 @@ EXAGGERATION = 8
 TRACK = 0.8
 # Free strips beside the stock rails for what stands there, and at both ends [m].
 BEYOND, MARGIN = 0.24, 0.5
+# The rod of a back drive runs along the track so far from its rail [m].
+ASIDE = 0.1
 PLAN_WIDTH, GAP_HEIGHT = 12.0, 1.7  # inches
 
 
@@ -140,6 +144,7 @@ def plot_plan(panel: Panel, *, dataset: xr.Dataset | None = None) -> "Figure":
         _supports(top, panel, line)
         _sensors(top, panel, name)
     _links(top, panel)
+    _back_drives(top, panel)
     _drives(top, panel)
     _frame(top, (start - MARGIN, end + MARGIN), (low, high))
     plot_closed_gap(panel, dataset=dataset, ax=bottom)
@@ -180,9 +185,10 @@ def _rails(ax: "Axes", panel: Panel, line: RailLine) -> None:
     base, side = _base(line), line.side
     width = panel.rail[line.rail].head_width or 0.0
     if panel.rail[line.rail].has_stock_rail:
-        edge = base + line.stock_edge
+        x = _along_stock_rail(panel, line)
+        edge = base + _stock_edge(panel, line, x)
         ax.fill_between(
-            line.x,
+            x,
             edge,
             edge + side * width,
             color="0.55",
@@ -190,10 +196,6 @@ def _rails(ax: "Axes", panel: Panel, line: RailLine) -> None:
             label=_label(ax, "Stock rail"),
             zorder=3,
         )
-        for stock in panel.stock_rail.values():
-            if stock.faces == line.rail and stock.start < line.x[0]:
-                y = [edge[0], edge[0]]
-                ax.fill_between([stock.start, line.x[0]], y, y[0] + side * width, color="0.55")
     colour = COLOURS[0]
     closed, opened = base + line.closed_edge, base + line.open_edge
     ax.fill_between(
@@ -226,6 +228,20 @@ def _rails(ax: "Axes", panel: Panel, line: RailLine) -> None:
     )
 
 
+def _stock_edge(panel: Panel, line: RailLine, x: npt.ArrayLike) -> NDArray[np.float64]:
+    """Return the running edge of a stock rail, straight ahead of the toe [m]."""
+    places = np.asarray(x, dtype=np.float64)
+    return rail_line(panel, line.rail, np.maximum(places, line.x[0])).stock_edge
+
+
+def _along_stock_rail(panel: Panel, line: RailLine) -> NDArray[np.float64]:
+    """Return places along the stock rail of a rail: its own length, or at least the rail's [m]."""
+    own = [stock for stock in panel.stock_rail.values() if stock.faces == line.rail]
+    first = min([line.x[0], *(stock.start for stock in own)])
+    last = max([line.x[-1], *(stock.end for stock in own)])
+    return np.unique(np.append(np.linspace(first, last, POINTS), [line.x[0], line.x[-1]]))
+
+
 def _sleepers(ax: "Axes", panel: Panel, span: tuple[float, float]) -> None:
     """Draw a bar at every sleeper, chair and fastening; number the named sleepers."""
     families: Iterable[Iterable[Placed]] = (
@@ -253,6 +269,11 @@ def _span(panel: Panel, lines: dict[str, RailLine]) -> tuple[float, float]:
         for line in lines.values()
         for edge in (line.stock_edge, line.closed_edge)
     ]
+    edges += [
+        _base(line) + _stock_edge(panel, line, _along_stock_rail(panel, line))
+        + line.side * 0.5 * BEYOND
+        for line in lines.values()
+    ]  # fmt: skip
     values = np.concatenate(edges)
     values = np.append(values, [_base(line) + line.open_edge.min() for line in lines.values()])
     return float(values.min()) - 0.04, float(values.max()) + 0.04
@@ -301,7 +322,7 @@ def _stock_fastenings(ax: "Axes", panel: Panel, line: RailLine) -> None:
         if stock.faces != line.rail:
             continue
         places = [item.x for item in panel.stock_fastening.values() if stands_at(item, name)]
-        edge = np.interp(places, line.x, _base(line) + line.stock_edge)
+        edge = _base(line) + _stock_edge(panel, line, places)
         middle = edge + 0.5 * line.side * (panel.rail[line.rail].head_width or 0.0)
         ax.plot(
             places,
@@ -348,6 +369,26 @@ def _links(ax: "Axes", panel: Panel) -> None:
             label=_label(ax, "Link"),
             zorder=2,
         )
+
+
+def _back_drives(ax: "Axes", panel: Panel) -> None:
+    """Draw the linkage from the place of its drive to the rails that it moves."""
+    for name, back in panel.back_drive.items():
+        rails = list(panel.rail) if back.rails is None else back.rails
+        ends = [_at(panel, rail, back.x)[1] for rail in rails]
+        drive = panel.drive[back.drive]
+        side = 1.0 if panel.rail[drive.rail].closes == "+y" else -1.0
+        begin = _at(panel, drive.rail, drive.x)[1]
+        rod = begin - side * ASIDE
+        ends.append(rod)
+        x, y = [drive.x, drive.x, back.x], [begin, rod, rod]
+        colour = COLOURS[4]
+        ax.plot(x, y, color=colour, linewidth=2, label=_label(ax, "Back drive"), zorder=2)
+        ax.plot([back.x, back.x], [min(ends), max(ends)], color=colour, linewidth=2, zorder=2)
+        ax.annotate(
+            f"Back drive {name}", (back.x, rod), xytext=(5, 0), textcoords="offset points",
+            va="center", fontsize=8,
+        )  # fmt: skip
 
 
 def _drives(ax: "Axes", panel: Panel) -> None:

@@ -56,6 +56,18 @@ def load_panel_or_case(
     return panel.with_overrides(overrides) if overrides else panel
 
 
+def case_of(name_or_path: str | Path | None) -> str:
+    """Return what names a case of a study as it stands, empty for a panel.
+
+    Examples
+    --------
+    >>> case_of("plausible-panels:7"), case_of("sb1")
+    ('plausible-panels:7', '')
+    """
+    named = isinstance(name_or_path, str) and _CASE.fullmatch(name_or_path.strip())
+    return str(name_or_path).strip() if named else ""
+
+
 def _refuse_study(name: str) -> None:
     """Refuse a study of the library where one of its cases is wanted, with or without a number."""
     study, colon, number = name.strip().partition(":")

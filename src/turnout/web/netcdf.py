@@ -1,5 +1,6 @@
 """Datasets (.nc) that the page sends, which may refer to no other file of this machine."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from turnout.response.store import open_response
 
 LIMIT_CHANNELS = ("pod", "a90", "touch_floor")
 CONDITIONS = ("discrepancy", "false_alarm_rate", "history", "states", "bound")
+PANEL = ("panel", "panel_hash")
 
 
 def sent_dataset(path: Path) -> xr.Dataset:
@@ -54,7 +56,8 @@ def limit_record(path: Path) -> dict[str, Any]:
     dict
         ``places`` (name, x, touch floor [m]), ``sizes`` [m], and for each channel ``pod``,
         ``known_pod`` and ``untouched`` (place, size), ``a90``, ``a90_low``, ``a90_high``,
-        ``known_a90`` (place) [m]; None where it is beyond what was thrown, or not in the map.
+        ``known_a90`` (place) [m]; None where it is beyond what was thrown, or not in the map;
+        ``conditions`` and ``panel`` (name and hash) as far as the file states them.
 
     Raises
     ------
@@ -84,11 +87,17 @@ def limit_record(path: Path) -> dict[str, Any]:
         ],
         "sizes": _numbers(dataset["size"].values),
         "channels": channels,
-        "conditions": {
-            name: value.item() if isinstance(value, np.generic) else value
-            for name in CONDITIONS
-            if isinstance(value := dataset.attrs.get(name), str | float | int | np.generic)
-        },
+        "conditions": _attributes(dataset, CONDITIONS),
+        "panel": _attributes(dataset, PANEL),
+    }
+
+
+def _attributes(dataset: xr.Dataset, names: Sequence[str]) -> dict[str, Any]:
+    """Return attributes that are numbers or texts, as far as they are there."""
+    return {
+        name: value.item() if isinstance(value, np.generic) else value
+        for name in names
+        if isinstance(value := dataset.attrs.get(name), str | float | int | np.generic)
     }
 
 

@@ -13,7 +13,7 @@ from turnout.errors import FileError
 TIME_LIMIT = 10.0
 """Of a reply [s], from when a process starts on it."""
 CHECK_TIME_LIMIT = 60.0
-"""Of the check of a panel [s], which for the default panel takes 7 s."""
+"""Of the check of a panel [s], which for the default panel takes 10 s."""
 MAP_TIME_LIMIT = 600.0
 """Of a map of objects [s], which for the default panel takes 10 s."""
 MEMORY_LIMIT = 2_000_000_000

@@ -16,7 +16,13 @@ from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
-from turnout.analysis.panel_check import concern_lines, panel_concerns
+from turnout.analysis.panel_check import (
+    concern_lines,
+    panel_concerns,
+    piece_concerns,
+    piece_lines,
+)
+from turnout.analysis.test_piece import least_piece
 from turnout.core.lru_cache import LRUCache
 from turnout.core.toml import decode, parse_toml
 from turnout.errors import FileError, PanelError, TurnoutError
@@ -46,7 +52,7 @@ from turnout.web.measured import (
     shifted,
 )
 from turnout.web.object_map import object_map
-from turnout.web.question import Question, Reply, Task, UnknownMarkError
+from turnout.web.question import Question, Reply, Superseded, Task, UnknownMarkError
 from turnout.web.request import (
     FileRequest,
     MapRequest,
@@ -196,10 +202,16 @@ class TaskHandler:
         return self._texts.get(mark) or ""
 
     def _concerns(self, task: Task, question: Question) -> Reply:
-        """Simulate a panel without an object and return the warnings of `turnout panel check`."""
+        """Throw a panel alone and on test pieces; return the lines of `turnout panel check`."""
         request = read_request(MarkRequest, task.content)
         panel, dataset = self._thrown(RunRequest(panel=request.panel), question, report=True)
-        return Reply.of({"lines": concern_lines(panel, panel_concerns(panel, dataset))})
+        drives = panel.drive if dataset.attrs["complete"] else {}
+        try:
+            pieces = [least_piece(panel, name, report=question.check) for name in drives]
+        except KeyboardInterrupt:
+            raise Superseded from None
+        found = [*panel_concerns(panel, dataset), *piece_concerns(panel, pieces)]
+        return Reply.of({"lines": [*concern_lines(panel, found), *piece_lines(pieces)]})
 
     def _run(self, task: Task, question: Question) -> Reply:
         request = read_request(RunRequest, task.content)

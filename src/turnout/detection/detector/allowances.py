@@ -7,42 +7,29 @@ assumes, besides the discrepancy and noise of the reference case:
 - the force sensors have a gain, the same in all throws of a switch, and a zero that drifts.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.detection.conditions import CURRENT, FORCE, POWER, Conditions
+from turnout.detection.conditions import CURRENT, FORCE, POWER, Conditions, ErrorModel
 from turnout.detection.detector.throw_layout import Layout, means_on
 from turnout.detection.features import discrepancy_covariance
 from turnout.detection.signal_discrepancy import Signal, SignalErrors, discrepancy_of_signals
-from turnout.errors import StudyError
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Allowances:
-    """What a detector allows for.
+class Allowances(ErrorModel):
+    """What a detector allows for: errors as in `ErrorModel`, and what is not in a simulation.
+
+    More `discrepancy` than is expected makes a detector robust and a little blind. The zeros of
+    current and power are taken to be as uncertain as a sample of them.
 
     Attributes
     ----------
-    discrepancy : float
-        Assumed difference between model and switch, share of the amplitude; more than what is
-        expected makes a detector robust and a little blind [-].
-    kernel : str
-        Of the discrepancy, as in `Conditions`.
-    correlation_time : float
-        Of the discrepancy [s].
-    machine_discrepancy : float
-        The same of what a machine draws for a given force, share of its peak after the inrush [-].
-    fixed_share : float
-        Of its variance, fixed for a switch [-].
-    noise : float
-        Of a sample [N].
-    rate : float
-        Samples a second [Hz].
     timing : float
         Standard deviation of the onset of each movement [s].
     gain : float
@@ -51,35 +38,12 @@ class Allowances:
         Standard deviation of the zero of each force sensor in a throw [N].
     gap : float
         Of gaps beside what the model says [m].
-    current_noise, power_noise : float
-        As `noise`, of a motor current [A] and of the power from the supply [W]; their zeros are
-        taken to be as uncertain as that.
     """
 
-    discrepancy: float = 0.05
-    kernel: str = "exponential"
-    correlation_time: float = 0.5
-    fixed_share: float = 0.5
-    noise: float = 20.0
-    rate: float = 125.0
     timing: float = 3e-3
     gain: float = 0.01
     zero: float = 20.0
     gap: float = 0.2e-3
-    current_noise: float = 0.02
-    power_noise: float = 5.0
-    machine_discrepancy: float = 0.02
-
-    def __post_init__(self) -> None:
-        """Refuse what has no meaning."""
-        faults = []
-        if not 0.0 <= self.discrepancy < 1.0:
-            faults.append(f"discrepancy = {self.discrepancy:g}: must be from 0 to below 1")
-        for name in ("noise", "rate"):
-            if not getattr(self, name) > 0.0:
-                faults.append(f"{name} = {getattr(self, name):g}: must be more than 0")
-        if faults:
-            raise StudyError(faults)
 
     def noise_of(self, quantity: str) -> float:
         """Return the noise of a sample of a quantity [N], [A] or [W]."""
@@ -92,15 +56,7 @@ class Allowances:
     @property
     def conditions(self) -> Conditions:
         """The part that the reference case knows too."""
-        return Conditions(
-            discrepancy=self.discrepancy,
-            machine_discrepancy=self.machine_discrepancy,
-            kernel=self.kernel,
-            correlation_time=self.correlation_time,
-            fixed_share=self.fixed_share,
-            noise=self.noise,
-            rate=self.rate,
-        )
+        return Conditions(**{item.name: getattr(self, item.name) for item in fields(ErrorModel)})
 
 
 def discrepancy_through_machines(

@@ -28,6 +28,7 @@ from turnout.detection.detector.judging import (
     level_of,
     make_view,
     ratios_of,
+    unexplained,
 )
 from turnout.detection.detector.knowledge import RESIDUAL_LEVELS, Calibrated, Knowledge
 from turnout.detection.detector.switch_history import (
@@ -37,14 +38,16 @@ from turnout.detection.detector.switch_history import (
     observe,
 )
 from turnout.detection.detector.throw_set import ThrowSet
+from turnout.detection.likelihood import Evidence
 
 Floats = NDArray[np.float64]
 
 RATES = (1e-3, 1e-4)
 """Of false alarms a sound throw, that thresholds are given for."""
-SAFETY = 0.5
-"""Thresholds are set for so much of the stated rate, for what is not foreseen [-]; their own
-uncertainty comes on top."""
+SAFETY = {1e-3: 0.35, 1e-4: 0.1}
+"""Thresholds are set for so much of each rate, beside their own uncertainty [-]. 30,000 throws of
+other switches show a rate of 1/1,000 where at most 20 are alarms, which come in clusters, and one
+of 1/10,000 where none is: a true rate of 1/100,000 leaves three times in four none."""
 LEAST_THRESHOLD = 1.0 - float(np.log(CAUSE_WEIGHT))
 """A cause that explains a throw nearly as well as an object does keeps it below this [-]."""
 INTERVALS, INTERVAL_DRAWS = 400, 2
@@ -77,7 +80,7 @@ class Errors:
         tiny = 1e-9 * np.trace(errors.changing) / size * np.eye(size)
         self._fixed = np.linalg.cholesky(errors.fixed + tiny)
         self._changing = np.linalg.cholesky(errors.changing + tiny)
-        self._timing, self._part, self.rng = errors.timing, part, rng
+        self._timing, self._gap, self._part, self.rng = errors.timing, errors.gap, part, rng
 
     def of_switches(self, count: int) -> Floats:
         """Return what stays the same for each of some switches, shape (count, n_features) [N]."""
@@ -88,6 +91,11 @@ class Errors:
         found = self.rng.standard_normal(rates.shape) @ self._changing.T
         shifts = self._timing * self.rng.standard_normal((len(rates), int(self._part.max()) + 1))
         return np.asarray(found + shifts[:, self._part] * rates)
+
+    def of_gaps(self, throws: ThrowSet) -> ThrowSet:
+        """Return throws whose end gaps differ from the simulated ones as is assumed."""
+        drawn = self._gap * self.rng.standard_normal(throws.gaps.shape)
+        return replace(throws, gaps=throws.gaps + drawn)
 
 
 def measured(throws: ThrowSet, errors: Errors) -> Floats:
@@ -107,14 +115,28 @@ def alarms_of(view: View, features: Floats) -> tuple[Floats, Floats, Floats]:
     cause : ndarray, shape (n_throws,)
         Likeliest other cause against a sound switch [-].
     """
-    alarm, left, cause = [], [], []
+    found = []
     for first in range(0, len(features), AT_ONCE):
         evidence = evidence_of(view, features[first : first + AT_ONCE])
-        ratios = ratios_of(view, evidence)
-        alarm.append(ratios.alarm)
-        left.append(best_square(evidence))
-        cause.append(ratios.cause[view.identifiable].max(axis=0, initial=-np.inf))
-    return np.concatenate(alarm), np.concatenate(left), np.concatenate(cause)
+        found.append((*_ratios(view, evidence), best_square(evidence)))
+    alarm, cause, left = (np.concatenate(item) for item in zip(*found, strict=True))
+    return alarm, left, cause
+
+
+def _ratios(view: View, evidence: Evidence) -> tuple[Floats, Floats]:
+    """Return log likelihood ratios of an object, and of the likeliest cause that is named."""
+    ratios = ratios_of(view, evidence)
+    return ratios.alarm, ratios.cause[view.identifiable].max(axis=0, initial=-np.inf)
+
+
+def _said_of_sound(view: View, features: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return alarm, cause, square and irregularity of sound throws, each shape (n_throws,)."""
+    found = []
+    for first in range(0, len(features), AT_ONCE):
+        evidence = evidence_of(view, features[first : first + AT_ONCE])
+        found.append((*_ratios(view, evidence), *unexplained(view, evidence)))
+    alarm, cause, square, irregularity = (np.concatenate(item) for item in zip(*found, strict=True))
+    return alarm, cause, square, irregularity
 
 
 def learn_history(
@@ -191,12 +213,13 @@ def calibrate_alone(
     for number, fold in enumerate(folds):
         errors = _errors(fold.knowledge, seed + FOLD_SEED * number)
         view = make_view(fold.knowledge, part=part)
-        judged += [alarms_of(view, measured(fold.sound, errors)) for _ in range(draws)]
+        judged += [_said_of_sound(view, measured(fold.sound, errors)) for _ in range(draws)]
         switches += [fold.sound.switch] * draws
         for _ in range(INTERVAL_DRAWS):
             for throws in (fold.sound, fold.objects):
                 order = errors.rng.permutation(len(throws.level))[: INTERVALS // len(folds)]
-                tried.append((view, measured(throws.of(order), errors), throws.of(order)))
+                some = errors.of_gaps(throws.of(order))
+                tried.append((view, measured(some, errors), some))
     switch = np.concatenate(switches)
     return _calibrated(
         folds[0].knowledge,
@@ -259,7 +282,7 @@ def calibrate_history(
     errors = [_errors(fold.knowledge, seed + 1 + FOLD_SEED * i) for i, fold in enumerate(folds)]
     populations = [make_view(fold.knowledge) for fold in folds]
     numbers = np.unique(throws.switch)
-    judged: dict[str, list[tuple[Floats, Floats, Floats]]] = {part: [] for part in alone}
+    judged: dict[str, list[tuple[Floats, ...]]] = {part: [] for part in alone}
     tried: dict[str, list[tuple[View, Floats, ThrowSet]]] = {part: [] for part in alone}
     switches: list[NDArray[np.intp]] = []
     for done, (switch, draw) in enumerate((s, d) for s in numbers for d in range(draws)):
@@ -276,15 +299,15 @@ def calibrate_history(
         switches += [later.switch] * again
         for part in alone:
             view = make_view(knowledge, part=part, known=expected)
-            judged[part] += [alarms_of(view, rows) for rows in features]
+            judged[part] += [_said_of_sound(view, rows) for rows in features]
             if draw:
                 continue
-            tried[part].append((view, features[0], later))
+            tried[part].append((view, features[0], drawn.of_gaps(later)))
             if objects is not None:
                 held = objects.of((objects.switch == switch) & (objects.force > 0.0))
                 for _ in range(INTERVAL_DRAWS):
                     moved = held.features + fixed + drawn.of_throws(held.rates)
-                    tried[part].append((view, moved, held))
+                    tried[part].append((view, moved, drawn.of_gaps(held)))
         if report is not None:
             report(done + 1, len(numbers) * draws)
     return [
@@ -331,11 +354,11 @@ def _calibrated(
     those after one on some dozens; of n switches none may be of a kind that makes up 3 / n of all
     (rule of three), and one switch in 200 can raise most of the false alarms.
     """
-    ratios, left, cause = judged
+    ratios, cause, left, irregular = judged
     thresholds = {}
     for rate in RATES:
         least = usual.thresholds.get(f"{rate:g}", LEAST_THRESHOLD)
-        own = confident_threshold(ratios, rate=SAFETY * rate, switch=switch)
+        own = confident_threshold(ratios, rate=SAFETY[rate] * rate, switch=switch)
         thresholds[f"{rate:g}"] = max(LEAST_THRESHOLD, least, own)
     found = misses_of(knowledge, tried, threshold=thresholds[f"{RATES[0]:g}"])
     count = len(knowledge.setting.gaps)
@@ -352,8 +375,10 @@ def _calibrated(
         thresholds=thresholds,
         throws=len(ratios),
         residual=tuple(np.quantile(left, RESIDUAL_LEVELS).tolist()),
+        irregularity=tuple(np.quantile(irregular, RESIDUAL_LEVELS).tolist()),
         cause_threshold=max(LEAST_CAUSE, float(np.quantile(cause, 1.0 - CAUSE_RATE))),
         size_factor=factor_of(misses_in_doubt(found.size), otherwise=usual.size_factor),
+        x_factor=factor_of(misses_in_doubt(found.x), otherwise=usual.x_factor),
         gap_factor=gap_factor,
         object_gap_factor=object_gap_factor,
         gap_reach=reach_of_call(

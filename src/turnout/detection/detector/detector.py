@@ -12,6 +12,7 @@ from turnout.core.threads import one_blas_thread
 from turnout.detection.conditions import FORCE
 from turnout.detection.detector.calibrating import throw_levels
 from turnout.detection.detector.find_movements import MovementFinder, located
+from turnout.detection.detector.interval_widths import AT_ONCE
 from turnout.detection.detector.judging import CYCLE, View, evidence_of, make_view
 from turnout.detection.detector.knowledge import Knowledge, load, store
 from turnout.detection.detector.recorded import (
@@ -87,7 +88,7 @@ class Detector:
             from turnout.detection.detector.reading import throws_of_dataset
 
             throws = throws_of_dataset(cast("xr.Dataset", throws), quantity=self.quantity)
-        return [self.judge(throw) for item in throws for throw in self.located(item)]
+        return self._judge_all([throw for item in throws for throw in self.located(item)])
 
     def located(self, recording: Recorded) -> list[Recorded]:
         """Return the throws of a recording; where no channel marks them, they are found."""
@@ -106,16 +107,38 @@ class Detector:
             throws = self.located(throw)
             several = f"holds {len(throws)} throws; `predict` judges each"
             throw = throws[0] if len(throws) == 1 else replace(throw, fault=several)
-        fault = recording_fault(throw, self.knowledge.layout, self.quantity)
-        if fault:
-            return Verdict(name=throw.name, status=CANNOT, reason=fault, advice=ADVICE[CANNOT])
-        with one_blas_thread():
-            return self._judge_measured(throw.name, *self.features(throw))
+        return self._judge_all([throw])[0]
 
-    def _judge_measured(self, name: str, part: str, features: Floats) -> Verdict:
+    def _judge_all(self, throws: Sequence[Recorded]) -> list[Verdict]:
+        """Judge located throws, many together: that takes half the time of one after another."""
+        found: dict[int, Verdict] = {}
+        rows: dict[str, list[tuple[int, Floats]]] = {}
+        with one_blas_thread():
+            for number, throw in enumerate(throws):
+                reason = recording_fault(throw, self.knowledge.layout, self.quantity)
+                if reason:
+                    found[number] = _cannot_judge(throw.name, reason)
+                    continue
+                part, features = self.features(throw)
+                reason = self._unusable(part, features)
+                if reason:
+                    found[number] = _cannot_judge(throw.name, reason)
+                else:
+                    rows.setdefault(part, []).append((number, features))
+            for part, own in rows.items():
+                for first in range(0, len(own), AT_ONCE):
+                    numbers, measured = zip(*own[first : first + AT_ONCE], strict=True)
+                    names = [throws[number].name for number in numbers]
+                    said = self._judge_rows(np.array(measured), part=part, names=names)
+                    found |= dict(zip(numbers, said, strict=True))
+        return [found[number] for number in range(len(throws))]
+
+    def _unusable(self, part: str, features: Floats) -> str:
+        """Return why a throw cannot be judged by its features; empty where it can."""
         if self._rest(part, features) == ZEROED:
-            return Verdict(name=name, status=CANNOT, reason=ZEROED, advice=ADVICE[CANNOT])
-        return self.judge_features(features, part=part, name=name)
+            return ZEROED
+        lost = np.count_nonzero(~np.isfinite(features[self.view(part).features]))
+        return f"{lost} windows hold no samples" if lost else ""
 
     def _rest(self, part: str, features: Floats) -> str:
         """Return what is unusual in the forces at rest; machines at rest draw no current."""
@@ -125,11 +148,13 @@ class Detector:
 
     def judge_features(self, features: Floats, *, part: str = CYCLE, name: str = "") -> Verdict:
         """Judge one throw by its features, shape (n_features,) [N]."""
-        view = self.view(part)
-        own = features[view.features]
-        if not np.isfinite(own).all():
-            reason = f"{np.count_nonzero(~np.isfinite(own))} windows hold no samples"
-            return Verdict(name=name, status=CANNOT, reason=reason, advice=ADVICE[CANNOT])
+        lost = np.count_nonzero(~np.isfinite(features[self.view(part).features]))
+        if lost:
+            return _cannot_judge(name, f"{lost} windows hold no samples")
+        return self._judge_rows(np.atleast_2d(features), part=part, names=[name])[0]
+
+    def _judge_rows(self, features: Floats, *, part: str, names: Sequence[str]) -> list[Verdict]:
+        """Judge throws without gaps together, shape (n_throws, n_features)."""
         calibrated = self.knowledge.calibration(part=part, history=self.known.throws)
         if calibrated is None or f"{self.false_alarm_rate:g}" not in calibrated.thresholds:
             message = (
@@ -137,21 +162,23 @@ class Detector:
                 "alarms a throw; train it again: turnout detect train"
             )
             raise TurnoutError(message)
-        layout = self.knowledge.layout
-        peaks = {
-            drive: float(np.abs(own[layout.drive[view.features] == row]).max())
-            for row, drive in enumerate(layout.drives)
-        }
-        found = verdict_on(
-            name,
-            view,
-            evidence_of(view, features),
-            0,
-            knowledge=self.knowledge,
-            calibrated=calibrated,
-            rate=self.false_alarm_rate,
-        )
-        return replace(found, peaks=peaks)
+        view, layout = self.view(part), self.knowledge.layout
+        peaks = _peaks(np.abs(features[:, view.features]), layout.drive[view.features])
+        evidence = evidence_of(view, features)
+        found = []
+        for number, name in enumerate(names):
+            verdict = verdict_on(
+                name,
+                view,
+                evidence,
+                number,
+                knowledge=self.knowledge,
+                calibrated=calibrated,
+                rate=self.false_alarm_rate,
+            )
+            own = dict(zip(layout.drives, peaks[number].tolist(), strict=True))
+            found.append(replace(verdict, peaks=own))
+        return found
 
     def features(self, throw: Recorded) -> tuple[str, Floats]:
         """Return what of a throw can be judged, and its features, shape (n_features,) [N]."""
@@ -202,8 +229,12 @@ class Detector:
                 found.append(self.judge(throw))
                 continue
             with one_blas_thread():
-                measured = self.features(throw)
-                verdict = self._judge_measured(throw.name, *measured)
+                part, own = measured = self.features(throw)
+                reason = self._unusable(part, own)
+                if reason:
+                    verdict = _cannot_judge(throw.name, reason)
+                else:
+                    verdict = self.judge_features(own, part=part, name=throw.name)
             found.append(verdict)
             if verdict.status == SOUND or not (check or verdict.status == CANNOT):
                 rows.append(measured)
@@ -294,3 +325,12 @@ class Detector:
                 throws=int(extra["throws"]),
             )
         return found
+
+
+def _cannot_judge(name: str, reason: str) -> Verdict:
+    return Verdict(name=name, status=CANNOT, reason=reason, advice=ADVICE[CANNOT])
+
+
+def _peaks(size: Floats, drive: NDArray[np.intp]) -> Floats:
+    """Return the largest value of each drive in each throw, shape (n_throws, n_drives)."""
+    return np.stack([size[:, drive == row].max(axis=1) for row in np.unique(drive)], axis=1)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from turnout.detection.detector.judging import View, evidence_of, ratios_of
 from turnout.detection.detector.knowledge import Knowledge
-from turnout.detection.detector.object_posterior import Interval, posterior_of
+from turnout.detection.detector.object_posterior import Interval, gaps_of, object_of
 from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.floor import touched
 
@@ -25,8 +25,8 @@ class Missed:
 
     Attributes
     ----------
-    size : list of (float, float)
-        Of detected objects: log likelihood ratio of the alarm, and the miss [-].
+    size, x : list of (float, float)
+        Of size and place of detected objects: log likelihood ratio of the alarm, and the miss [-].
     likelier : list of float
         How probable all places are that are likelier than the true one [-].
     sound, unnoticed, alarm : list of lists
@@ -38,6 +38,7 @@ class Missed:
     """
 
     size: list[tuple[float, float]] = field(default_factory=list)
+    x: list[tuple[float, float]] = field(default_factory=list)
     likelier: list[float] = field(default_factory=list)
     sound: Misses = field(default_factory=list)
     unnoticed: Misses = field(default_factory=list)
@@ -69,7 +70,7 @@ def misses_of(
             ratio = ratios_of(view, evidence).alarm
             for number in range(len(ratio)):
                 at = first + number
-                said = posterior_of(view, evidence, number, limits=limits)
+                said = gaps_of(view, evidence, number, limits=limits)
                 gaps = [miss(g, float(t)) for g, t in zip(said.gaps, throws.gaps[at], strict=True)]
                 alarm = bool(ratio[number] > threshold)
                 for row in np.flatnonzero(throws.gaps[at] >= limits + CLEARLY_OPEN):
@@ -81,10 +82,12 @@ def misses_of(
                     continue
                 found.alarm.append(gaps)
                 if held[at]:
-                    missed = miss(said.size, float(throws.size[at]))
-                    found.size.append((float(ratio[number]), missed))
-                    nearest = int(np.abs(places - throws.x[at]).argmin())
-                    found.likelier.append(likelier(said.place, nearest))
+                    trapped = object_of(view, evidence, number)
+                    alarm_ratio, true = float(ratio[number]), float(throws.x[at])
+                    found.size.append((alarm_ratio, miss(trapped.size, float(throws.size[at]))))
+                    found.x.append((alarm_ratio, miss(trapped.x, true)))
+                    nearest = int(np.abs(places - true).argmin())
+                    found.likelier.append(likelier(trapped.place, nearest))
     return found
 
 

@@ -7,11 +7,11 @@ over places :math:`p` of objects and other causes :math:`k`. A throw is an alarm
 well as an object does keeps it from being an alarm, and costs little where it does not.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
 
 from turnout.detection.detector.knowledge import Knowledge
 from turnout.detection.detector.switch_history import (
@@ -21,7 +21,17 @@ from turnout.detection.detector.switch_history import (
     predict,
 )
 from turnout.detection.detector.throw_layout import CLOSING
-from turnout.detection.likelihood import Centre, Evidence, Signatures, make_centre, weigh
+from turnout.detection.detector.unexplained import Variation, irregularities, least_squares
+from turnout.detection.likelihood import (
+    Centre,
+    Evidence,
+    Hypotheses,
+    Signatures,
+    log_sum,
+    make_centre,
+    make_hypotheses,
+    weigh,
+)
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
@@ -45,8 +55,8 @@ class View:
         "cycle" or "closing".
     features : ndarray of int
         Which of all features.
-    centres : tuple of Centre
-        Friction levels.
+    hypotheses : Hypotheses
+        Friction levels, and the signatures that are used at each.
     signatures : Signatures
         In these features.
     objects : int
@@ -55,15 +65,23 @@ class View:
         All.
     history : int
         Throws known of the switch.
+    variation : Variation
+        Of sound throws from one to the next.
     """
 
     part: str
     features: Ints
-    centres: tuple[Centre, ...]
+    hypotheses: Hypotheses
     signatures: Signatures
     objects: int
     kinds: tuple[str, ...]
     history: int
+    variation: Variation
+
+    @property
+    def centres(self) -> tuple[Centre, ...]:
+        """Friction levels."""
+        return self.hypotheses.centres
 
     @property
     def cause_weight(self) -> Floats:
@@ -117,7 +135,7 @@ def make_view(
     kept = np.concatenate([features, np.arange(size, model.mean.shape[1])])
     signatures = knowledge.signatures.seen_by(features)
     centres = []
-    for number, level in enumerate(model.level):
+    for number in range(len(model.level)):
         mean, covariance = predict(model, assumed, expected, number)
         centres.append(
             make_centre(
@@ -125,28 +143,28 @@ def make_view(
                 covariance=covariance[np.ix_(kept, kept)],
                 log_weight=float(np.log(model.weight[number])),
                 signatures=signatures,
-                distance=(signatures.level - level) / model.spacing,
             )
         )
     return View(
         part=part,
         features=features,
-        centres=tuple(centres),
+        hypotheses=make_hypotheses(
+            tuple(centres),
+            signatures,
+            distance=(signatures.level - model.level[:, np.newaxis]) / model.spacing,
+            kinds=len(knowledge.kinds),
+        ),
         signatures=signatures,
         objects=len(knowledge.places),
         kinds=knowledge.kinds,
         history=expected.throws,
+        variation=Variation(model.within[:, features[:, np.newaxis], features]),
     )
 
 
 def evidence_of(view: View, features: Floats) -> Evidence:
     """Weigh throws, shape (n_throws, all features)."""
-    return weigh(
-        np.atleast_2d(features)[:, view.features],
-        view.centres,
-        kind=view.signatures.kind,
-        kinds=len(view.kinds),
-    )
+    return weigh(np.atleast_2d(features)[:, view.features], view.hypotheses)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -175,9 +193,8 @@ def ratios_of(view: View, evidence: Evidence) -> Ratios:
     """Return the likelihood ratios."""
     places = evidence.kind[: view.objects]
     causes = evidence.kind[view.objects :]
-    anywhere = logsumexp(places, axis=0) - np.log(view.objects)
-    weighed = np.vstack([evidence.sound, causes + view.cause_weight[:, np.newaxis]])
-    against = np.asarray(logsumexp(weighed, axis=0))
+    anywhere = log_sum(places) - np.log(view.objects)
+    against = log_sum(np.vstack([evidence.sound, causes + view.cause_weight[:, np.newaxis]]))
     return Ratios(
         alarm=anywhere - against,
         place=places - against,
@@ -188,8 +205,33 @@ def ratios_of(view: View, evidence: Evidence) -> Ratios:
 
 def best_square(evidence: Evidence) -> Floats:
     """Return what the hypothesis that fits best leaves of each throw, whitened, squared [-]."""
-    sound = np.einsum("kft,kft->kt", evidence.white, evidence.white).min(axis=0)
-    return np.asarray(np.minimum(sound, evidence.square.min(axis=0)))
+    return least_squares(evidence)
+
+
+def unexplained(
+    view: View, evidence: Evidence, *, without: Sequence[int] = ()
+) -> tuple[Floats, Floats]:
+    """Return what the best explanation leaves of throws.
+
+    Parameters
+    ----------
+    view : View
+        That the evidence was weighed with.
+    evidence : Evidence
+        Of some throws.
+    without : sequence of int
+        Kinds of signature that do not count, as if they had never been learned.
+
+    Returns
+    -------
+    square, irregularity : ndarray, shape (n_throws,)
+        [-]
+    """
+    kept = ~np.isin(evidence.hypotheses.kind, without) if len(without) else None
+    return (
+        least_squares(evidence, kept=kept),
+        irregularities(evidence, view.variation, view.signatures, kept=kept),
+    )
 
 
 def level_of(view: View, evidence: Evidence, *, levels: Floats) -> Floats:

@@ -58,8 +58,10 @@ class Calibrated:
         Among how many switches.
     residual : tuple of float
         Quantiles of what the best hypothesis leaves of a throw, at `RESIDUAL_LEVELS` [-].
-    size_factor : float
-        By which intervals of size are widened to hold 95 % [-].
+    irregularity : tuple of float
+        The same of how irregular it is; the first detectors did not know that [-].
+    size_factor, x_factor : float
+        By which intervals of size and place are widened to hold 95 % [-].
     gap_factor, object_gap_factor : tuple of float
         The same for each end gap without and with an alarm; a single one is for all gaps [-].
     place_level : float
@@ -78,7 +80,9 @@ class Calibrated:
     throws: int
     switches: int
     residual: tuple[float, ...] = ()
+    irregularity: tuple[float, ...] = ()
     size_factor: float = 1.0
+    x_factor: float = 1.0
     gap_factor: tuple[float, ...] = (1.0,)
     object_gap_factor: tuple[float, ...] = (1.0,)
     place_level: float = 0.9
@@ -316,7 +320,9 @@ def load(path: Path | str) -> tuple[Knowledge, dict[str, NDArray[Any]]]:
     knowledge = Knowledge(
         setting=setting,
         model=model,
-        signatures=Signatures(**{name: arrays[f"signatures.{name}"] for name in SIGNATURE_ARRAYS}),
+        signatures=Signatures(
+            **{name: arrays[f"signatures.{name}"] for name in SIGNATURE_ARRAYS}
+        ).by_level(),
         causes=tuple(said["causes"]),
         calibrated=tuple(_calibrated(item) for item in said["calibrated"]),
         about=said["about"],
@@ -341,6 +347,7 @@ def _calibrated(item: Mapping[str, Any]) -> Calibrated:
     return replace(
         Calibrated(**item),
         residual=tuple(item["residual"]),
+        irregularity=tuple(item.get("irregularity", ())),
         gap_factor=tuple(np.atleast_1d(item["gap_factor"]).tolist()),
         object_gap_factor=tuple(np.atleast_1d(item["object_gap_factor"]).tolist()),
     )

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr, ndtri
+from scipy.special import ndtr
 
 from turnout.detection.detector.judging import View
-from turnout.detection.likelihood import AMPLITUDE, Evidence
+from turnout.detection.likelihood import AMPLITUDE, Evidence, log_sum
 
 Floats = NDArray[np.float64]
 
@@ -45,40 +45,42 @@ class Interval:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Posterior:
-    """What one throw says, where there is an object and in any case.
+class TrappedObject:
+    """What one throw says of an object, were there one.
 
     Attributes
     ----------
     place : ndarray, shape (n_places,)
-        Probability of each place, were there an object [-].
-    x : Interval
-        Of the object [m].
-    size : Interval
-        Of the object [m].
-    gaps : tuple of Interval
-        At the end [m].
-    above : ndarray, shape (n_gaps,)
-        Probability that each is above its limit [-].
+        Probability of each place [-].
+    x, size : Interval
+        [m]
     """
 
     place: Floats
     x: Interval
     size: Interval
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class EndGaps:
+    """What one throw says of the gaps at the end, whether there is an object or not.
+
+    Attributes
+    ----------
+    gaps : tuple of Interval
+        [m]
+    above : ndarray, shape (n_gaps,)
+        Probability that each is above its limit [-].
+    """
+
     gaps: tuple[Interval, ...]
     above: Floats
 
 
-def posterior_of(
-    view: View,
-    evidence: Evidence,
-    number: int,
-    *,
-    limits: Floats,
-    size_factor: float = 1.0,
-    gap_factor: float | Sequence[float] = 1.0,
-) -> Posterior:
-    """Return what one of the throws of some evidence says.
+def object_of(
+    view: View, evidence: Evidence, number: int, *, size_factor: float = 1.0, x_factor: float = 1.0
+) -> TrappedObject:
+    """Return what one of the throws of some evidence says of an object, were there one.
 
     Parameters
     ----------
@@ -88,21 +90,17 @@ def posterior_of(
         Of some throws.
     number : int
         Which one.
-    limits : ndarray, shape (n_gaps,)
-        [m]
-    size_factor : float
-        By which the interval of the size is widened about its median [-].
-    gap_factor : float or sequence of float
-        By which the distribution of all gaps, or of each, is widened about its median [-].
+    size_factor, x_factor : float
+        By which the intervals of size and place are widened about their medians [-].
     """
     component = evidence.component[:, number] / TEMPER
-    kinds = view.signatures.kind[evidence.number]
+    kinds = evidence.hypotheses.kind
     objects = np.flatnonzero(kinds < view.objects)
     objects = objects[component[objects] > component[objects].max() - NEGLIGIBLE]
-    share = np.exp(component[objects] - _log_sum(component[objects]))
+    share = np.exp(component[objects] - log_sum(component[objects]))
     used = share > LEAST_WEIGHT
     objects, share = objects[used], share[used] / share[used].sum()
-    signature = evidence.number[objects]
+    signature = evidence.hypotheses.number[objects]
     sizes, places = view.signatures.size[signature], view.signatures.x[signature]
     spread = SMOOTHING + SMOOTHING_SHARE * sizes
     x, size = mixture_intervals(
@@ -110,45 +108,69 @@ def posterior_of(
         np.column_stack([np.full(len(places), PLACE_SPREAD), spread]),
         share,
     )
-    means, variances, weights = _gaps(view, evidence, number, kinds)
-    deviation = np.sqrt(variances)
-    factor = np.broadcast_to(np.asarray(gap_factor, dtype=np.float64), means.shape[1:])
-    found = mixture_intervals(means, deviation, weights)
-    middle = np.array([item.middle for item in found])
-    # wider about the median: that of a gap at its limit stays as likely above as below it
-    above = weights @ ndtr((means - middle + (middle - limits) / factor) / deviation)
-    return Posterior(
+    return TrappedObject(
         place=np.asarray(np.bincount(kinds[objects], share, view.objects), dtype=np.float64),
-        x=x,
+        x=_widened(x, x_factor),
         size=_widened(size, size_factor),
-        gaps=tuple(
-            _widened(item, float(by), least=-np.inf) for item, by in zip(found, factor, strict=True)
-        ),
-        above=above,
     )
 
 
-def _gaps(
-    view: View, evidence: Evidence, number: int, kinds: NDArray[np.intp]
-) -> tuple[Floats, Floats, Floats]:
+def gaps_of(
+    view: View,
+    evidence: Evidence,
+    number: int,
+    *,
+    limits: Floats,
+    factor: float | Sequence[float] = 1.0,
+) -> EndGaps:
+    """Return what one of the throws of some evidence says of the end gaps.
+
+    Parameters
+    ----------
+    view, evidence, number
+        As of `object_of`.
+    limits : ndarray, shape (n_gaps,)
+        [m]
+    factor : float or sequence of float
+        By which the distribution of all gaps, or of each, is widened about its median [-].
+    """
+    means, variances, weights = _gaps(view, evidence, number)
+    deviation = np.sqrt(variances)
+    each = np.broadcast_to(np.asarray(factor, dtype=np.float64), means.shape[1:])
+    found = mixture_intervals(means, deviation, weights)
+    middle = np.array([item.middle for item in found])
+    # wider about the median: that of a gap at its limit stays as likely above as below it
+    return EndGaps(
+        gaps=tuple(
+            _widened(item, float(by), least=-np.inf) for item, by in zip(found, each, strict=True)
+        ),
+        above=weights @ ndtr((means - middle + (middle - limits) / each) / deviation),
+    )
+
+
+def _gaps(view: View, evidence: Evidence, number: int) -> tuple[Floats, Floats, Floats]:
     """Return means, variances and weights of the normal parts that gaps are made of."""
+    hypotheses = evidence.hypotheses
     before = np.full(view.objects, np.log(OBJECT_WEIGHT / view.objects))
-    logs = evidence.component[:, number] + np.concatenate([before, view.cause_weight])[kinds]
-    for group in (np.flatnonzero(kinds < view.objects), np.flatnonzero(kinds >= view.objects)):
+    weight = np.concatenate([before, view.cause_weight])[hypotheses.kind[hypotheses.order]]
+    logs = weight + evidence.component[hypotheses.order, number]
+    objects = int(np.searchsorted(hypotheses.kind[hypotheses.order], view.objects))
+    for group in (slice(objects), slice(objects, None)):
         logs[group] = _tempered(logs[group])
     sound = evidence.centre[:, number]
     kept = np.flatnonzero(logs > max(logs.max(), sound.max()) - NEGLIGIBLE)
     if len(kept) > MOST_COMPONENTS:
         kept = kept[np.argpartition(logs[kept], -MOST_COMPONENTS)[-MOST_COMPONENTS:]]
-    place = np.concatenate([np.arange(len(view.centres)), evidence.place[kept]])
-    joined = np.concatenate([sound, logs[kept]])
-    weights = np.exp(joined - _log_sum(joined))
+    logs, kept = logs[kept], hypotheses.order[kept]
+    place = np.concatenate([np.arange(len(view.centres)), hypotheses.place[kept]])
+    joined = np.concatenate([sound, logs])
+    weights = np.exp(joined - log_sum(joined))
     own = np.s_[len(view.centres) :]
     factor = evidence.factor[kept, number]
-    signature = evidence.number[kept]
+    signature = hypotheses.number[kept]
     moved = np.zeros((len(place), view.signatures.gap.shape[1]))
     moved[own] = factor[:, np.newaxis] * view.signatures.gap[signature]
-    square = np.concatenate([centre.square[:, 0] for centre in view.centres])[kept] * factor**2
+    square = hypotheses.square[kept, 0] * factor**2
     loose = np.zeros(len(place))
     loose[own] = AMPLITUDE**2 / (1.0 + AMPLITUDE**2 * square)
     explained = np.zeros_like(moved)
@@ -172,12 +194,6 @@ PLACE_SPREAD = 0.15
 """Deviation by which the place of a signature is spread [m]."""
 
 
-def _log_sum(logs: Floats) -> float:
-    """Return the logarithm of the sum of exponentials, without the checks of scipy."""
-    highest = float(logs.max())
-    return highest + float(np.log(np.exp(logs - highest).sum()))
-
-
 def _tempered(logs: Floats) -> Floats:
     """Return logarithms of weights that are evener, with the same sum.
 
@@ -190,18 +206,18 @@ def _tempered(logs: Floats) -> Floats:
     if not np.isfinite(highest):
         return logs
     counted = logs[logs > highest - BELOW]
-    return np.asarray(logs / TEMPER - _log_sum(counted / TEMPER) + _log_sum(counted))
+    return np.asarray(logs / TEMPER - log_sum(counted / TEMPER) + log_sum(counted))
 
 
 def mixture_intervals(means: Floats, deviations: Floats, weights: Floats) -> tuple[Interval, ...]:
     """Return median and central interval of some mixtures of normal distributions.
 
-    By Newton's method, halved where it would leave the bracket.
+    By Newton's method between the nearest values of a grid, halved where it would leave these.
 
     Parameters
     ----------
     means, deviations : ndarray, shape (n, n_mixtures)
-        Of the parts.
+        Of the parts; where these are many, near ones are joined.
     weights : ndarray, shape (n,)
         Of the parts, the same in every mixture; they sum to 1.
 
@@ -211,24 +227,25 @@ def mixture_intervals(means: Floats, deviations: Floats, weights: Floats) -> tup
     >>> round(found.middle, 3), round(found.low, 3), round(found.high, 3)
     (1.0, 0.02, 1.98)
     """
+    if len(means) > JOINED:
+        means, deviations, weights = _joined(means, deviations, weights)
+    else:
+        weights = np.tile(weights[:, np.newaxis], means.shape[1])
+    parts = weights.T[np.newaxis]
     wanted = np.array([0.5, 0.5 - 0.5 * COVERAGE, 0.5 + 0.5 * COVERAGE])[:, np.newaxis]
-    count = (3, 1)
-    low = np.tile((means - REACH * deviations).min(axis=0), count)
-    high = np.tile((means + REACH * deviations).max(axis=0), count)
-    narrow = TOLERANCE * (high - low)
-    centre = weights @ means
-    spread = np.sqrt(weights @ (deviations**2 + (means - centre) ** 2))
-    at = centre + ndtri(wanted) * spread
+    ends = (means - REACH * deviations).min(axis=0), (means + REACH * deviations).max(axis=0)
+    low, high, at = _brackets(means, deviations, parts, wanted=wanted, ends=ends)
+    narrow = TOLERANCE * (ends[1] - ends[0])
     steepness = 1.0 / (np.sqrt(2.0 * np.pi) * deviations.T)
     for _ in range(MOST_STEPS):
         z = (at[:, :, np.newaxis] - means.T) / deviations.T
-        over = ndtr(z) @ weights - wanted
-        density = (steepness * np.exp(-0.5 * z**2)) @ weights
+        over = (ndtr(z) * parts).sum(axis=2) - wanted
+        density = (steepness * np.exp(-0.5 * z**2) * parts).sum(axis=2)
         low, high = np.where(over < 0.0, at, low), np.where(over < 0.0, high, at)
         following = at - over / np.maximum(density, 1e-300)
         outside = (following <= low) | (following >= high)
         following = np.where(outside, 0.5 * (low + high), following)
-        done = bool(np.all(np.abs(following - at) <= narrow))
+        done = bool((np.abs(following - at) <= narrow).all())
         at = following
         if done:
             break
@@ -238,6 +255,60 @@ def mixture_intervals(means: Floats, deviations: Floats, weights: Floats) -> tup
     )
 
 
+def _joined(means: Floats, deviations: Floats, weights: Floats) -> tuple[Floats, Floats, Floats]:
+    """Join the parts of each mixture that lie in one of `JOINED` equal intervals, by two moments.
+
+    Returns
+    -------
+    means, deviations, weights : ndarray, shape (JOINED, n_mixtures)
+        Without weight where an interval is empty.
+    """
+    count = means.shape[1]
+    low, high = means.min(axis=0), means.max(axis=0)
+    width = np.maximum(high - low, 1e-12) / JOINED
+    place = np.minimum(((means - low) / width).astype(np.intp), JOINED - 1)
+    cell = (place + JOINED * np.arange(count)).ravel()
+
+    def summed(values: Floats) -> Floats:
+        each = np.broadcast_to(values, means.shape).ravel()
+        found = np.asarray(np.bincount(cell, each, JOINED * count), dtype=np.float64)
+        return found.reshape(count, JOINED).T
+
+    whole = summed(weights[:, np.newaxis])
+    some = np.maximum(whole, 1e-300)
+    middle = summed(weights[:, np.newaxis] * means) / some
+    square = summed(weights[:, np.newaxis] * (deviations**2 + means**2)) / some
+    empty = whole == 0.0
+    variance = np.maximum(square - middle**2, deviations.min(axis=0) ** 2)
+    middle = np.where(empty, low + 0.5 * width * JOINED, middle)
+    return middle, np.sqrt(variance), whole
+
+
+JOINED = 48
+"""Parts of a mixture that quantiles are sought of, at most."""
+
+
+def _brackets(
+    means: Floats, deviations: Floats, parts: Floats, *, wanted: Floats, ends: tuple[Floats, Floats]
+) -> tuple[Floats, Floats, Floats]:
+    """Return between which values of a grid quantiles lie, and where a straight line puts them.
+
+    Returns
+    -------
+    low, high, between : ndarray, shape (n_wanted, n_mixtures)
+    """
+    grid = ends[0] + np.linspace(0.0, 1.0, GRID)[:, np.newaxis] * (ends[1] - ends[0])
+    share = (ndtr((grid[:, :, np.newaxis] - means.T) / deviations.T) * parts).sum(axis=2)
+    above = (share[np.newaxis, 1:-1] < wanted[:, np.newaxis]).sum(axis=1)
+    low, high = (np.take_along_axis(grid, above + at, axis=0) for at in (0, 1))
+    first, last = (np.take_along_axis(share, above + at, axis=0) for at in (0, 1))
+    part = np.clip((wanted - first) / np.maximum(last - first, 1e-300), 0.0, 1.0)
+    between: Floats = low + part * (high - low)
+    return low, high, between
+
+
+GRID = 49
+"""Values between which quantiles are sought."""
 REACH = 8.0
 """Quantiles are sought within so many deviations of the outermost parts [-]."""
 TOLERANCE = 1e-6

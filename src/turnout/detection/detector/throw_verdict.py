@@ -5,20 +5,26 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
 
 from turnout.detection.detector.judging import (
     ADJUSTED,
     Ratios,
     View,
-    best_square,
     level_of,
     ratios_of,
+    unexplained,
 )
 from turnout.detection.detector.knowledge import RESIDUAL_LEVELS, Calibrated, Knowledge
-from turnout.detection.detector.object_posterior import Interval, Posterior, posterior_of
+from turnout.detection.detector.object_posterior import (
+    NEGLIGIBLE,
+    EndGaps,
+    Interval,
+    TrappedObject,
+    gaps_of,
+    object_of,
+)
 from turnout.detection.detector.throw_layout import CLOSING
-from turnout.detection.likelihood import Evidence
+from turnout.detection.likelihood import Evidence, log_sum
 
 Floats = NDArray[np.float64]
 
@@ -234,27 +240,29 @@ def verdict_on(
     rate : float
         Of false alarms.
     """
-    ratios = ratios_of(view, evidence)
-    log_ratio = float(ratios.alarm[number])
+    own = evidence.of_throw(number)
+    ratios = ratios_of(view, own)
+    log_ratio = float(ratios.alarm[0])
     threshold = calibrated.thresholds[f"{rate:g}"]
-    odds = _odds(view, ratios, number)
-    fit = _share_worse(float(best_square(evidence)[number]), calibrated)
+    odds = _odds(view, ratios)
+    fit = float(share_worse(*unexplained(view, own), calibrated=calibrated)[0])
     status = _status(log_ratio, odds, fit, threshold=threshold, calibrated=calibrated)
-    found = posterior_of(
+    alarm = status == ALARM
+    end = gaps_of(
         view,
-        evidence,
-        number,
+        own,
+        0,
         limits=np.array(knowledge.setting.limits),
-        size_factor=calibrated.size_factor,
-        gap_factor=calibrated.object_gap_factor if status == ALARM else calibrated.gap_factor,
+        factor=calibrated.object_gap_factor if alarm else calibrated.gap_factor,
     )
-    gaps = _gaps(knowledge, found, reach=calibrated.gap_reach)
+    widths = {"size_factor": calibrated.size_factor, "x_factor": calibrated.x_factor}
+    trapped = object_of(view, own, 0, **widths) if alarm else None
+    gaps = _gaps(knowledge, end, reach=calibrated.gap_reach)
     best = max(odds, key=lambda item: odds[item])
     advice = ADVICE[status]
     if status == CAUSE:
         best = max((item for item in odds if item != "object"), key=lambda item: odds[item])
         advice = CAUSE_ADVICE.get(best, advice)
-    alarm = status == ALARM
     return Verdict(
         name=name,
         status=status,
@@ -265,26 +273,26 @@ def verdict_on(
         threshold=threshold,
         odds={item: float(np.exp(min(value, 700.0))) for item, value in odds.items()},
         fit=fit,
-        friction=float(level_of(view, evidence, levels=knowledge.model.level)[number]),
-        places=_places(knowledge, found, level=calibrated.place_level) if alarm else {},
-        x=found.x if alarm else None,
-        size=found.size if alarm else None,
+        friction=float(level_of(view, own, levels=knowledge.model.level)[0]),
+        places=_places(knowledge, trapped, level=calibrated.place_level) if trapped else {},
+        x=trapped.x if trapped else None,
+        size=trapped.size if trapped else None,
         gaps=gaps,
         locked=_below(gaps, "drive "),
         in_control=_below(gaps, "sensor "),
-        changes=_changes(knowledge, view, evidence, number, best) if status != SOUND else (),
+        changes=_changes(knowledge, view, own, best) if status != SOUND else (),
         excluded=_excluded(odds, best),
         advice=advice,
     )
 
 
-def _odds(view: View, ratios: Ratios, number: int) -> dict[str, float]:
-    """Return log likelihood ratios against a sound switch, of causes that can be identified."""
-    found = {"object": float(ratios.object[number])}
+def _odds(view: View, ratios: Ratios) -> dict[str, float]:
+    """Return log likelihood ratios of one throw against a sound switch, of causes to be named."""
+    found = {"object": float(ratios.object[0])}
     identifiable = view.identifiable
     for at, name in enumerate(view.kinds[view.objects :]):
         if identifiable[at]:
-            found[name] = float(ratios.cause[at, number])
+            found[name] = float(ratios.cause[at, 0])
     return found
 
 
@@ -304,20 +312,44 @@ def _status(
     return UNKNOWN if fit < UNKNOWN_SHARE else SOUND
 
 
-def _share_worse(square: float, calibrated: Calibrated) -> float:
-    """Return the share of throws whose best explanation leaves more."""
-    quantiles = np.array(calibrated.residual)
-    if quantiles.size == 0:
-        return float("nan")
-    if square <= quantiles[-1]:
-        return float(1.0 - np.interp(square, quantiles, RESIDUAL_LEVELS))
+def share_worse(square: Floats, irregularity: Floats, *, calibrated: Calibrated) -> Floats:
+    """Return the share of sound throws that fit their best explanation worse.
+
+    The smaller of the shares that leave more and that leave something more irregular, twice: of
+    two tests at half the level each, one at least fails as seldom as wanted (Bonferroni).
+
+    Parameters
+    ----------
+    square, irregularity : ndarray, shape (n_throws,)
+        From `unexplained` [-].
+    calibrated : Calibrated
+        Quantiles of both.
+
+    Returns
+    -------
+    ndarray, shape (n_throws,)
+        NaN where there are no quantiles.
+    """
+    by_size = _share_above(square, calibrated.residual)
+    if not calibrated.irregularity:
+        return by_size
+    by_kind = _share_above(irregularity, calibrated.irregularity)
+    return np.minimum(1.0, 2.0 * np.minimum(by_size, by_kind))
+
+
+def _share_above(values: Floats, quantiles: tuple[float, ...]) -> Floats:
+    """Return the share of sound throws above some values, of which quantiles are known."""
+    if not quantiles:
+        return np.full(values.shape, np.nan)
+    within = 1.0 - np.interp(values, quantiles, RESIDUAL_LEVELS)
     # beyond what was seen, as the normal tail of a sum of many squares falls
     middle, high = quantiles[RESIDUAL_LEVELS.index(0.5)], quantiles[RESIDUAL_LEVELS.index(0.999)]
     fall = np.log(0.5 / 1e-3) / (high - middle)
-    return float((1.0 - RESIDUAL_LEVELS[-1]) * np.exp(-fall * (square - quantiles[-1])))
+    beyond = (1.0 - RESIDUAL_LEVELS[-1]) * np.exp(-fall * np.maximum(values - quantiles[-1], 0.0))
+    return np.asarray(np.where(values <= quantiles[-1], within, beyond))
 
 
-def _gaps(knowledge: Knowledge, found: Posterior, *, reach: float) -> tuple[Gap, ...]:
+def _gaps(knowledge: Knowledge, found: EndGaps, *, reach: float) -> tuple[Gap, ...]:
     return tuple(
         Gap(
             name=name,
@@ -340,7 +372,7 @@ def _below(gaps: tuple[Gap, ...], family: str) -> bool | None:
     return all(own) if own else None
 
 
-def _places(knowledge: Knowledge, found: Posterior, *, level: float) -> dict[str, float]:
+def _places(knowledge: Knowledge, found: TrappedObject, *, level: float) -> dict[str, float]:
     """Return the fewest places whose probabilities sum to a level, likeliest first."""
     order = np.argsort(found.place)[::-1]
     count = int(np.searchsorted(np.cumsum(found.place[order])[:-1], level)) + 1
@@ -348,18 +380,20 @@ def _places(knowledge: Knowledge, found: Posterior, *, level: float) -> dict[str
 
 
 def _changes(
-    knowledge: Knowledge, view: View, evidence: Evidence, number: int, cause: str
+    knowledge: Knowledge, view: View, evidence: Evidence, cause: str
 ) -> tuple[Change, ...]:
     """Return the largest change of each drive force that the likeliest cause makes in closing."""
-    kinds = view.signatures.kind[evidence.number]
+    kinds = evidence.hypotheses.kind
     if cause == "object":
         own = np.flatnonzero(kinds < view.objects)
     else:
         own = np.flatnonzero(kinds == view.kinds.index(cause))
-    logs = evidence.component[own, number]
-    share = np.exp(logs - logsumexp(logs)) * evidence.factor[own, number]
-    of_signature = np.bincount(evidence.number[own], share, len(view.signatures.change))
-    change = view.signatures.basis @ (of_signature @ view.signatures.change)
+    logs = evidence.component[own, 0]
+    near = logs > logs.max() - NEGLIGIBLE
+    own, logs = own[near], logs[near]
+    share = np.exp(logs - log_sum(logs)) * evidence.factor[own, 0]
+    signature = evidence.hypotheses.number[own]
+    change = view.signatures.basis @ (share @ view.signatures.change[signature])
     layout = knowledge.layout
     closing = layout.parts[-1]
     found = []

@@ -289,7 +289,7 @@ def compress(samples: Sequence[Samples], *, model: SoundModel, errors: ThrowErro
     kept = directions[: int(np.searchsorted(explained, EXPLAINED)) + 1]
     basis, mixing = np.linalg.qr(lower @ kept.T)
     change = (white @ kept.T) @ mixing.T
-    return Signatures(basis=basis, **(joined | {"change": change}))
+    return Signatures(basis=basis, **(joined | {"change": change})).by_level()
 
 
 CLEAR = 5.0

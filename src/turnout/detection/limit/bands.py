@@ -3,9 +3,10 @@
 Each panel has a folder of its own, in which its throws are kept; a run that was stopped goes on.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -33,6 +34,8 @@ SHARES = (0.05, 0.5, 0.95)
 UNITS = {
     "a90": ("m", "smallest size from which nine of ten objects are detected"),
     "touch_floor": ("m", "size that is touched in nine of ten states"),
+    "x": ("m", "position from the toe, median of the panels"),
+    "panel_x": ("m", "position from the toe in each panel"),
     "a90_band": ("m", "size that a share of the panels stays below; NaN beyond what was thrown"),
     "a90_band_low": ("m", "lower end of the 95 % interval of it over drawn states"),
     "a90_band_high": ("m", "upper end of the 95 % interval of it over drawn states"),
@@ -180,6 +183,9 @@ def _named(report: Callable[[str, str], Report], panel: str) -> Callable[[str], 
 def bands_of(names: Sequence[str], maps: Sequence[xr.Dataset]) -> xr.Dataset:
     """Put maps of panels side by side, at the places that all of them have.
 
+    A drive or sleeper of one name may stand elsewhere in another panel: `panel_x` holds where it
+    is in each, `x` the median, by which the places are sorted.
+
     Parameters
     ----------
     names : sequence of str
@@ -195,6 +201,9 @@ def bands_of(names: Sequence[str], maps: Sequence[xr.Dataset]) -> xr.Dataset:
     if not common:
         message = "the panels have no place of the same name: nothing can be compared"
         raise StudyError([message], source="limit")
+    x = np.array([item["x"].sel(place=common).to_numpy() for item in maps])
+    along = np.argsort(np.median(x, axis=0), kind="stable")
+    common, x = [common[number] for number in along], x[:, along]
     at = [item.sel(channel="both drives", place=common) for item in maps]
     a90 = np.array([item["a90"].to_numpy() for item in at])
     band = _quantiles(np.where(np.isfinite(a90), a90, np.inf), SHARES, axis=0)
@@ -217,13 +226,21 @@ def bands_of(names: Sequence[str], maps: Sequence[xr.Dataset]) -> xr.Dataset:
         },
         {
             "panel": list(names), "place": common, "share": list(SHARES),
-            "x": ("place", at[0]["x"].data),
+            "x": ("place", np.median(x, axis=0)), "panel_x": (("panel", "place"), x),
         },
-        {**maps[0].attrs, "kind": "limit bands"},
+        {**_shared(maps[0].attrs), "kind": "limit bands"},
     )  # fmt: skip
     for name, (units, text) in UNITS.items():
         found[name].attrs |= {"units": units, "long_name": text}
     return found
+
+
+def _shared(said: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the attributes of a map that are not those of its own panel."""
+    return {name: value for name, value in said.items() if name not in OF_ONE_PANEL}
+
+
+OF_ONE_PANEL = ("panel", "panel_hash", "amplitude", "touch_agreement")
 
 
 def _quantiles(values: Floats, shares: Sequence[float], *, axis: int) -> Floats:

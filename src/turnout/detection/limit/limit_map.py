@@ -378,6 +378,8 @@ def _dataset(
         {
             "schema_version": SCHEMA_VERSION,
             "kind": KIND,
+            "panel": throws.panel,
+            "panel_hash": throws.panel_hash,
             **asdict(conditions),
             "states": states,
             "sound_throws": len(throws.sound),

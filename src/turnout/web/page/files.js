@@ -39,6 +39,7 @@ export async function showPanel(panel, { addressed = false } = {}) {
   list.value = [...list.options].find((item) => item.value === panel.mark)?.value ?? panel.name;
   buildControls();
   forgetSteps();
+  notify("panel");
   if (addressed) applyAddress();
   notify("pins");
   drawPlan();

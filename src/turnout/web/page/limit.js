@@ -14,6 +14,14 @@ const nearest = (sizes, size) => sizes.reduce((best, item, number) => (Math.abs(
 
 const mm = (value) => (value === null || value === undefined ? "beyond what was thrown" : `${(MILLI * value).toFixed(1)} mm`);
 
+// Empty where the map is of the panel shown; a map without a hash was written by an older version.
+function ofAnotherPanel() {
+  const { panel, panel_hash: hash } = found.panel, shown = state.panel;
+  if (!hash) return "the file does not say of which panel it is; ";
+  if (hash.startsWith(shown.hash)) return "";
+  return panel === shown.name ? `WARNING: of panel ${panel} with other values than those shown; ` : `WARNING: of panel ${panel}, not of ${shown.name}, which is shown; `;
+}
+
 function draw() {
   if (!found || !isOpen("map") || !state.panel) return;
   const channel = found.channels[byId("limit-channel").value], at = nearest(found.sizes, state.values["object.size"] / MILLI), size = found.sizes[at];
@@ -32,7 +40,7 @@ function draw() {
   if (discrepancy !== undefined) said.push(`model error ${100 * discrepancy} %, ${history} sound throws known, ${rate} false alarms a throw`);
   if (places.some((place) => place.mark !== null)) said.push("line in a bar: if only the place is known; the truth lies between");
   said.push("hatched: often not even touched");
-  byId("limit-note").textContent = `${found.name}: ${said.join("; ")}. ${blind.length ? `Below 90 % at ${blind.map((place) => place.name).join(", ")}.` : "At least 90 % everywhere."}`;
+  byId("limit-note").textContent = `${found.name}: ${ofAnotherPanel()}${said.join("; ")}. ${blind.length ? `Below 90 % at ${blind.map((place) => place.name).join(", ")}.` : "At least 90 % everywhere."}`;
 }
 
 async function read() {
@@ -53,6 +61,6 @@ async function read() {
 export function startLimit() {
   byId("limit-file").addEventListener("change", read);
   byId("limit-channel").addEventListener("change", draw);
-  for (const what of ["values", "view", "theme"]) on(what, draw);
+  for (const what of ["panel", "values", "view", "theme"]) on(what, draw);
   new ResizeObserver(draw).observe(byId("view-map"));
 }

@@ -52,10 +52,11 @@ function layout(svg) {
     bands.set(rail.name, { top, reach, inner, outside, face, inward: rail.side, y: (gap) => face + rail.side * gap * along * scale });
     top += room;
   }
-  return { width, height, along, scale, foot, bands, start, end, x: (x) => LEFT + (x - start) * along };
+  return { panel: state.panel, width, height, along, scale, foot, bands, start, end, x: (x) => LEFT + (x - start) * along };
 }
 
-const railOf = (name) => state.panel.plan.rails.find((rail) => rail.name === name);
+// Whether the plan is that of the panel shown: controls of a newly chosen one change before it is drawn.
+const drawn = () => view?.panel === state.panel;
 
 function at(values, xs, x) {
   const i = xs.findIndex((item) => item >= x - 1e-9);
@@ -135,7 +136,7 @@ function handle(svg) {
 
 // What moves: rails, rods, links, forces, and the object, which the user moves.
 function frame() {
-  if (!view || !state.answer) return;
+  if (!drawn() || !state.answer) return;
   const { motion } = state.answer, now = state.frame, gap = {};
   for (const rail of state.panel.plan.rails) {
     const band = view.bands.get(rail.name), own = motion.rails[rail.name];
@@ -169,7 +170,7 @@ function arrow(own, px, py, length) {
 }
 
 function object() {
-  if (!view || !moving.handle) return;
+  if (!drawn() || !moving.handle) return;
   const { handle: group, stone } = moving;
   group.style.display = stone.style.display = state.trapped ? "" : "none";
   const x = state.values["object.x"], size = state.values["object.size"], px = view.x(x);
