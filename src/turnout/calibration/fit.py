@@ -323,7 +323,7 @@ def _least_squares(
         fresh = fresh or local.stepped is not slopes
         r = misfit.residuals_of(local.simulated, frame)
         J = jacobian(local, frame, names)
-        cost = float(r @ r) + _prior_cost(parameters, local.values)
+        cost = _cost(r, parameters, local.values)
         if on_step is not None:
             on_step(float(np.sqrt(cost / max(r.size, 1))))
         accepted, rejected = False, 0
@@ -338,8 +338,7 @@ def _least_squares(
             trial = {**local.values, **values_at(parameters, theta)}
             trial_misfit = replace(misfit, effects=effects_after(misfit, local, frame, names, step))
             here = tuple(trial_misfit.responses([trial])[0])
-            r_trial = trial_misfit.residuals_of(here, frame)
-            trial_cost = float(r_trial @ r_trial) + _prior_cost(parameters, trial)
+            trial_cost = _cost(trial_misfit.residuals_of(here, frame), parameters, trial)
             if np.isfinite(trial_cost) and trial_cost < cost:
                 damping, accepted, misfit = 0.1 * damping, True, trial_misfit
                 worth = max(EXTENDING_DECREASE, EXTENDING_SHARE * trial_cost)
@@ -351,8 +350,7 @@ def _least_squares(
                 message, converged = "converged to the noise of the solver", True
                 break
         if not accepted:
-            # Slopes from near by may be why.
-            if rejected and not (rough or fresh) and iterations < max_steps:
+            if rejected and not (rough or fresh) and iterations < max_steps:  # by slopes from afar?
                 local, fresh = misfit.local(local.values, names), True
                 message, converged = "", False
                 continue
@@ -391,10 +389,10 @@ def _limits(*, rough: bool, brief: int | None) -> tuple[int, int, int]:
     return (ROUGH_STEPS, ROUGH_REJECTED, 1) if rough else (MAX_STEPS, MAX_STEPS, EFFECT_PASSES)
 
 
-def _prior_cost(parameters: Sequence[Parameter], values: Mapping[str, float]) -> float:
-    """Return the part of the cost that priors of parameters have."""
+def _cost(r: Floats, parameters: Sequence[Parameter], values: Mapping[str, float]) -> float:
+    """Return the sum of squares of residuals, and of what priors of parameters add to them."""
     away = prior_residuals(parameters, coordinates(parameters, values))
-    return float(away @ away)
+    return float(r @ r) + float(away @ away)
 
 
 def _step(
