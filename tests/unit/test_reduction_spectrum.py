@@ -58,13 +58,18 @@ def test_double_frequencies_are_all_found(count):
 
 
 @pytest.mark.parametrize("count", [20, 200], ids=["dense", "lanczos"])
-def test_free_body_needs_a_negative_shift(count):
+def test_free_body_has_its_rigid_modes_too(count):
     stiffness, mass = chain(count, free=True)
-    with pytest.raises(MechanicsError, match="not held"):
-        modes_below(stiffness, mass, cutoff_frequency=0.03)
-    frequencies, _, _ = modes_below(stiffness, mass, cutoff_frequency=0.03, shift=-0.001)
+    frequencies, modes, _ = modes_below(stiffness, mass, cutoff_frequency=0.03)
     exact = 2.0 * np.sin(np.arange(count) * np.pi / (2 * count)) / TURN
     np.testing.assert_allclose(frequencies, exact[exact < 0.03], rtol=1e-9, atol=1e-8)
+    np.testing.assert_allclose(modes[:, 0], 1.0 / np.sqrt(count), rtol=1e-9)
+
+
+@pytest.mark.parametrize("count", [20, 200], ids=["dense", "lanczos"])
+def test_free_body_without_a_cutoff_is_refused(count):
+    with pytest.raises(MechanicsError, match="not held"):
+        modes_below(*chain(count, free=True), cutoff_frequency=0.0)
 
 
 def test_all_modes_below_a_high_cutoff():

@@ -1,12 +1,13 @@
 """Sparse matrices of a whole beam, with its DOFs addressed by position and name."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 
-from turnout.beam.element import element_gravity_load, element_mass, element_stiffness
+from turnout.beam.element import element_matrices
 from turnout.beam.material import Material
 from turnout.beam.mesh import MERGE_DISTANCE
 from turnout.errors import MechanicsError
@@ -106,21 +107,19 @@ def assemble_beam(
         msg = f"{name}: {advance.size} elements need as many sections, not {sections.area.size}"
         raise MechanicsError(msg)
     sideways = np.zeros(advance.size) if y is None else np.diff(np.asarray(y, dtype=float))
-    length = np.hypot(advance, sideways)
-    rotation = _rotation_matrices(np.arctan2(sideways, advance))
-    dofs = 6 * np.arange(length.size)[:, None] + np.arange(12)
-    load = np.zeros(6 * nodes.size)
-    weight = element_gravity_load(length, sections, material, gravity=gravity)
-    np.add.at(load, dofs, np.einsum("nij,ni->nj", rotation, weight))
+    stiffness, mass, load = element_matrices(
+        np.hypot(advance, sideways), sections, material, gravity=gravity
+    )
+    if np.any(sideways):
+        rotation = _rotation_matrices(np.arctan2(sideways, advance))
+        stiffness, mass = _rotate(stiffness, rotation), _rotate(mass, rotation)
+        load = (load[:, None, :] @ rotation)[:, 0]
+    pattern = _pattern(nodes.size)
     return BeamModel(
         x=nodes,
-        stiffness=_assemble(
-            _rotate(element_stiffness(length, sections, material), rotation), dofs, load.size
-        ),
-        mass=_assemble(
-            _rotate(element_mass(length, sections, material), rotation), dofs, load.size
-        ),
-        gravity_load=load,
+        stiffness=pattern.assemble(stiffness),
+        mass=pattern.assemble(mass),
+        gravity_load=pattern.add_loads(load),
         name=name,
     )
 
@@ -243,9 +242,52 @@ def _rotate(blocks: FloatArray, rotation: FloatArray) -> FloatArray:
     return rotated
 
 
-def _assemble(blocks: FloatArray, dofs: npt.NDArray[np.intp], size: int) -> sp.csr_array:
-    rows = np.repeat(dofs, 12, axis=1).ravel()
-    columns = np.tile(dofs, (1, 12)).ravel()
-    matrix = sp.coo_array((blocks.ravel(), (rows, columns)), shape=(size, size)).tocsr()
-    matrix.eliminate_zeros()
-    return matrix
+@dataclass(frozen=True, slots=True, eq=False)
+class _Pattern:
+    """Where the entries of elements in a row go in the matrix of all.
+
+    Attributes
+    ----------
+    dofs : ndarray of int, shape (12 n_elements,)
+        DOF of each entry of the elements' loads.
+    place : ndarray of int, shape (144 n_elements,)
+        Number of the stored entry that each entry of the elements' matrices is added to.
+    indices, indptr : ndarray of int
+        Of the assembled matrix, rows compressed.
+    """
+
+    dofs: npt.NDArray[np.intp]
+    place: npt.NDArray[np.intp]
+    indices: npt.NDArray[np.int32]
+    indptr: npt.NDArray[np.int32]
+
+    def add_loads(self, loads: FloatArray) -> FloatArray:
+        """Add up the nodal loads of elements, shape (n, 12)."""
+        found: FloatArray = np.bincount(self.dofs, loads.ravel(), self.indptr.size - 1).astype(
+            np.float64, copy=False
+        )
+        return found
+
+    def assemble(self, blocks: FloatArray) -> sp.csr_array:
+        """Add up element matrices, shape (n, 12, 12); entries that are zero are left out."""
+        size = self.indptr.size - 1
+        data = np.bincount(self.place, blocks.ravel(), self.indices.size)
+        matrix = sp.csr_array((data, self.indices.copy(), self.indptr.copy()), shape=(size, size))
+        matrix.eliminate_zeros()
+        return matrix
+
+
+@lru_cache(maxsize=16)
+def _pattern(n_nodes: int) -> _Pattern:
+    """Return the pattern of a beam of so many nodes."""
+    size = 6 * n_nodes
+    dofs = 6 * np.arange(n_nodes - 1)[:, None] + np.arange(12)
+    number = (dofs[:, :, None] * size + dofs[:, None, :]).ravel()
+    stored, place = np.unique(number, return_inverse=True)
+    starts = np.searchsorted(stored, size * np.arange(size + 1))
+    return _Pattern(
+        dofs=dofs.ravel(),
+        place=place,
+        indices=(stored % size).astype(np.int32),
+        indptr=starts.astype(np.int32),
+    )

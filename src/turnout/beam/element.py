@@ -27,6 +27,8 @@ equations.
 Arrays: one leading axis over elements; the 12 DOFs are those of the first, then the second node.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 
@@ -41,6 +43,7 @@ _AXIAL = _EYE[[0, 6]]
 _TWIST = _EYE[[3, 9]]
 _DEFLECTION = (_EYE[[1, 2]], _EYE[[7, 8]])
 _SLOPE = (_EYE[[5, 4]] * [[1.0], [-1.0]], _EYE[[11, 10]] * [[1.0], [-1.0]])
+_RELATIVE = (_SLOPE[1] - _SLOPE[0])[None]
 _GAUSS_POINTS, _GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(4)  # exact to degree 7
 
 
@@ -66,6 +69,36 @@ def offset_transformation(sections: SectionProperties) -> FloatArray:
     transformation[:, :6, :6] = node
     transformation[:, 6:, 6:] = node
     return transformation
+
+
+def element_matrices(
+    length: npt.ArrayLike,
+    sections: SectionProperties,
+    material: Material,
+    *,
+    gravity: float = 9.81,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Form stiffness, mass and load of elements at once, which is quicker than one by one.
+
+    Parameters
+    ----------
+    length, sections, material, gravity
+        As for `element_stiffness`, `element_mass` and `element_gravity_load`.
+
+    Returns
+    -------
+    stiffness, mass : ndarray, shape (n, 12, 12)
+    load : ndarray, shape (n, 12)
+    """
+    span = np.asarray(length, dtype=float)[:, None, None]
+    flexure = _flexure(span, sections, material)
+    offsets = offset_transformation(sections)
+    shapes = _shape_functions(span, sections, flexure)
+    return (
+        _symmetrise(_congruence(offsets, _stiffness(span, sections, material, flexure))),
+        _symmetrise(_congruence(offsets, _mass(span, sections, material, shapes))),
+        _gravity_load(span, sections, material.density * gravity, shapes, offsets),
+    )
 
 
 def element_stiffness(
@@ -95,19 +128,7 @@ def element_stiffness(
     >>> float(element_stiffness([2.0], section, steel)[0, 0, 0]) / 1e9  # E A / L
     1.0
     """
-    span = np.asarray(length, dtype=float)[:, None, None]
-    bending, _, force, shear, relative = _flexure(span, sections, material)
-    axial = (_AXIAL[1] - _AXIAL[0])[None, None, :]
-    twist = (_TWIST[1] - _TWIST[0])[None, None, :]
-    axial_rigidity = material.youngs_modulus * sections.area[:, None, None]
-    torsion_rigidity = material.shear_modulus * sections.torsion_constant[:, None, None]
-    stiffness = (
-        _congruence(axial, axial_rigidity / span)
-        + _congruence(twist, torsion_rigidity / span)
-        + _congruence(relative, bending / span)
-        + _transpose(shear) @ force
-    )
-    return _symmetrise(_congruence(offset_transformation(sections), stiffness))
+    return element_matrices(length, sections, material)[0]
 
 
 def element_mass(
@@ -132,21 +153,7 @@ def element_mass(
     ndarray, shape (n, 12, 12)
         Symmetric, positive definite [kg, kg m, kg m^2].
     """
-    span = np.asarray(length, dtype=float)[:, None, None]
-    inertia = material.density * _second_moments(sections)
-    line_mass = material.density * sections.area[:, None, None]
-    polar = np.trace(inertia, axis1=1, axis2=2)[:, None, None]
-    mass = np.zeros((span.size, 12, 12))
-    for point, weight in zip(_GAUSS_POINTS, _GAUSS_WEIGHTS, strict=True):
-        axial, deflection, slope, twist = _displacements(point, span, sections, material)
-        density = (
-            _congruence(axial, line_mass)
-            + _congruence(deflection, line_mass * np.eye(2))
-            + _congruence(slope, inertia)
-            + _congruence(twist, polar)
-        )
-        mass += 0.5 * weight * span * density
-    return _symmetrise(_congruence(offset_transformation(sections), mass))
+    return element_matrices(length, sections, material)[1]
 
 
 def element_gravity_load(
@@ -175,13 +182,95 @@ def element_gravity_load(
     ndarray, shape (n, 12)
         Forces [N] and moments [N m] on the nodes.
     """
-    span = np.asarray(length, dtype=float)[:, None, None]
-    line_weight = material.density * gravity * sections.area[:, None]
-    load = np.zeros((span.size, 12))
-    for point, weight in zip(_GAUSS_POINTS, _GAUSS_WEIGHTS, strict=True):
-        _, deflection, _, _ = _displacements(point, span, sections, material)
-        load -= 0.5 * weight * span[:, :, 0] * line_weight * deflection[:, 1, :]
-    nodal: FloatArray = np.einsum("nij,ni->nj", offset_transformation(sections), load)
+    return element_matrices(length, sections, material, gravity=gravity)[2]
+
+
+@dataclass(frozen=True, slots=True)
+class _Flexure:
+    """How elements bend: their shear force, which is constant along each, and what follows.
+
+    `bending` (n, 2, 2) is the rigidity, `bow` (n, 2, 12) the change of curvature; `sheared`
+    (n, 2, 12) the slope due to shear; `force` (n, 2, 12) the shear force of the section DOFs and
+    `shear` (n, 2, 12) its work-conjugate deformation, end deflection less mean slope times length.
+    """
+
+    bending: FloatArray
+    bow: FloatArray
+    sheared: FloatArray
+    force: FloatArray
+    shear: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class _Shape:
+    """Shape functions at a point of integration, as rows over the section DOFs.
+
+    axial : (1, 1, 12) u_C; deflection : (n, 2, 12) of the centroid; slope : (n, 2, 12) psi;
+    twist : (1, 1, 12) rx.
+    """
+
+    axial: FloatArray
+    deflection: FloatArray
+    slope: FloatArray
+    twist: FloatArray
+
+
+def _stiffness(
+    span: FloatArray, sections: SectionProperties, material: Material, flexure: _Flexure
+) -> FloatArray:
+    """Form stiffness matrices, (n, 12, 12), over the section DOFs."""
+    axial = (_AXIAL[1] - _AXIAL[0])[None, None, :]
+    twist = (_TWIST[1] - _TWIST[0])[None, None, :]
+    axial_rigidity = material.youngs_modulus * sections.area[:, None, None]
+    torsion_rigidity = material.shear_modulus * sections.torsion_constant[:, None, None]
+    stiffness: FloatArray = (
+        (axial_rigidity / span) * (_transpose(axial) @ axial)
+        + (torsion_rigidity / span) * (_transpose(twist) @ twist)
+        + _congruence(_RELATIVE, flexure.bending / span)
+        + _transpose(flexure.shear) @ flexure.force
+    )
+    return stiffness
+
+
+def _mass(
+    span: FloatArray,
+    sections: SectionProperties,
+    material: Material,
+    shapes: tuple[_Shape, ...],
+) -> FloatArray:
+    """Form mass matrices, (n, 12, 12), over the section DOFs: sums over points of integration."""
+    count = span.size
+    inertia = material.density * _second_moments(sections)
+    line_mass = (material.density * sections.area)[:, None, None]
+    polar = np.trace(inertia, axis1=1, axis2=2)[:, None, None]
+    rows = np.empty((count, len(shapes), 6, 12))
+    weighted = np.empty_like(rows)
+    for number, (shape, weight) in enumerate(zip(shapes, _GAUSS_WEIGHTS, strict=True)):
+        part, heavy = rows[:, number], weighted[:, number]
+        part[:, :1], part[:, 1:3] = shape.axial, shape.deflection
+        part[:, 3:5], part[:, 5:] = shape.slope, shape.twist
+        share = 0.5 * weight * span
+        heavy[:, :3] = (share * line_mass) * part[:, :3]
+        heavy[:, 3:5] = share * (inertia @ part[:, 3:5])
+        heavy[:, 5:] = (share * polar) * part[:, 5:]
+    stacked = (count, 6 * len(shapes), 12)
+    mass: FloatArray = _transpose(rows.reshape(stacked)) @ weighted.reshape(stacked)
+    return mass
+
+
+def _gravity_load(
+    span: FloatArray,
+    sections: SectionProperties,
+    weight_density: float,
+    shapes: tuple[_Shape, ...],
+    offsets: FloatArray,
+) -> FloatArray:
+    """Form nodal loads, (n, 12), of a weight density [N/m^3] along -z."""
+    down = np.zeros((span.size, 12))
+    for shape, weight in zip(shapes, _GAUSS_WEIGHTS, strict=True):
+        down -= 0.5 * weight * span[:, :, 0] * shape.deflection[:, 1, :]
+    load = weight_density * sections.area[:, None] * down
+    nodal: FloatArray = (load[:, None, :] @ offsets)[:, 0]
     return nodal
 
 
@@ -201,55 +290,39 @@ def _shear_flexibility(sections: SectionProperties, material: Material) -> Float
     return flexibility
 
 
-def _flexure(
-    span: FloatArray, sections: SectionProperties, material: Material
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Solve one element for its shear force, which is constant along it.
-
-    Returns
-    -------
-    bending : (n, 2, 2) bending rigidity; shear_flexibility : (n, 2, 2);
-    force : (n, 2, 12) shear force of the section DOFs; shear : (n, 2, 12) its work-conjugate
-    deformation, end deflection less mean slope times length; relative : (1, 2, 12) end slope.
-    """
+def _flexure(span: FloatArray, sections: SectionProperties, material: Material) -> _Flexure:
+    """Solve elements for their shear force."""
     bending = material.youngs_modulus * _second_moments(sections)
     shear_flexibility = _shear_flexibility(sections, material)
-    flexibility = span**3 / 12.0 * np.linalg.inv(bending) + span * shear_flexibility
+    yielding = np.linalg.inv(bending)
     shear = _DEFLECTION[1] - _DEFLECTION[0] - 0.5 * span * (_SLOPE[0] + _SLOPE[1])
-    force = np.asarray(np.linalg.solve(flexibility, shear), dtype=np.float64)
-    relative = (_SLOPE[1] - _SLOPE[0])[None]
-    return bending, shear_flexibility, force, shear, relative
+    force = np.linalg.inv(span**3 / 12.0 * yielding + span * shear_flexibility) @ shear
+    return _Flexure(bending, yielding @ force, shear_flexibility @ force, force, shear)
 
 
-def _displacements(
-    point: float, span: FloatArray, sections: SectionProperties, material: Material
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Evaluate the shape functions at `point` in [-1, 1] along each element.
-
-    Returns
-    -------
-    axial : (1, 1, 12) u_C; deflection : (n, 2, 12) of the centroid; slope : (n, 2, 12) psi;
-    twist : (1, 1, 12) rx; each as rows over the section DOFs.
-    """
-    bending, shear_flexibility, force, _, relative = _flexure(span, sections, material)
-    s = 0.5 * point * span
-    ends = np.array([0.5 * (1.0 - point), 0.5 * (1.0 + point)])
-    axial = (ends @ _AXIAL)[None, None, :]
-    twist = (ends @ _TWIST)[None, None, :]
-    bow = np.linalg.solve(bending, force)
-    slope_middle = 0.5 * (_SLOPE[0] + _SLOPE[1]) + bow * span**2 / 8.0
-    slope = slope_middle + relative * s / span - bow * s**2 / 2.0
-    deflection = (
-        0.5 * (_DEFLECTION[0] + _DEFLECTION[1])
-        + slope_middle * s
-        + relative * (s**2 / span - span / 4.0) / 2.0
-        - bow * s**3 / 6.0
-        + shear_flexibility @ force * s
-    )
+def _shape_functions(
+    span: FloatArray, sections: SectionProperties, flexure: _Flexure
+) -> tuple[_Shape, ...]:
+    """Evaluate the shape functions at the points of integration along each element."""
+    slope_middle = 0.5 * (_SLOPE[0] + _SLOPE[1]) + flexure.bow * (span**2 / 8.0)
     arm_y = sections.centroid_y - sections.shear_centre_y
     arm_z = sections.centroid_z - sections.shear_centre_z
     arm = np.stack([-arm_z, arm_y], axis=1)[:, :, None]
-    return axial, deflection + arm * twist, slope, twist
+    found = []
+    for point in _GAUSS_POINTS:
+        s = 0.5 * point * span
+        ends = np.array([0.5 * (1.0 - point), 0.5 * (1.0 + point)])
+        twist = (ends @ _TWIST)[None, None, :]
+        deflection = (
+            0.5 * (_DEFLECTION[0] + _DEFLECTION[1])
+            + (slope_middle + flexure.sheared) * s
+            + _RELATIVE * ((s**2 / span - span / 4.0) / 2.0)
+            - flexure.bow * (s**3 / 6.0)
+            + arm * twist
+        )
+        slope = slope_middle + _RELATIVE * (s / span) - flexure.bow * (s**2 / 2.0)
+        found.append(_Shape((ends @ _AXIAL)[None, None, :], deflection, slope, twist))
+    return tuple(found)
 
 
 def _transpose(stack: FloatArray) -> FloatArray:

@@ -10,6 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,52 +25,73 @@ from turnout.condense.modal import (
     split_modes,
     with_rows,
 )
-from turnout.core.content_cache import cached_arrays
+from turnout.core.content_cache import digest
+from turnout.core.lru_cache import LRUCache
 from turnout.law.table import LawTable
-from turnout.mechanism.mechanism import Mechanism
+from turnout.mechanism.mechanism import Mechanism, ReducedRail
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+_MATRICES = ("stiffness", "mass", "damping")
 
 
-def _cached_model(
-    stiffness: Floats,
-    mass: Floats,
-    *,
-    damping: Floats,
-    rows: Floats,
-    at_rows: Floats,
-    first: NDArray[np.bool_],
-    load: Floats,
-    cutoff_frequency: float,
-) -> tuple[ModalModel, Leading, Omitted]:
-    """Return the modal model with stiffnesses `at_rows` added [N/m], leading rows, and other modes.
+MOST_MODELS = 32
+"""So many blocks are kept in memory, the latest used."""
 
-    Its damping is diagonal. Both are cached: throws that differ in friction, objects or motion only
-    share them.
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Given:
+    """What the modal model of a block follows from, and the rail that it is if it is one alone.
+
+    `at_rows` are the stiffnesses of laws at its rows [N/m]; the rows that are `first` lead if they
+    can.
     """
 
-    def compute() -> dict[str, Floats]:
+    stiffness: Floats
+    mass: Floats
+    damping: Floats
+    load: Floats
+    rows: Floats
+    at_rows: Floats
+    first: NDArray[np.bool_]
+    rail: ReducedRail | None
+
+    def key(self, cutoff_frequency: float) -> tuple[object, ...]:
+        """Return what names this: a rail is known by identity, all else by its content."""
+        matrices = (self.stiffness, self.mass, self.damping, self.load)
+        beside = digest((self.rows, self.at_rows, self.first, cutoff_frequency))
+        if self.rail is None:
+            return digest(matrices), beside
+        of_rail = (self.rail.stiffness, self.rail.mass, self.rail.damping, self.rail.load)
+        return tuple(map(id, of_rail)), beside
+
+
+_models = LRUCache[tuple[ModalModel, Leading, Omitted, ReducedRail | None]](MOST_MODELS)
+
+
+def _cached_model(given: _Given, *, cutoff_frequency: float) -> tuple[ModalModel, Leading, Omitted]:
+    """Return the modal model of a block, leading rows, and other modes, all read-only.
+
+    Its damping is diagonal. Throws that differ in friction, objects or motion only share them.
+    """
+    key = given.key(cutoff_frequency)
+    found = _models.get(key)
+    if found is None:
         model, omitted = split_modes(
-            stiffness + (rows.T * at_rows) @ rows,
-            mass,
-            damping=damping,
-            rows=rows,
-            load=load,
+            given.stiffness + (given.rows.T * given.at_rows) @ given.rows,
+            given.mass,
+            damping=given.damping,
+            rows=given.rows,
+            load=given.load,
             cutoff_frequency=cutoff_frequency,
         )
         model = diagonalise_damping(model)
-        leading = leading_rows(rows, first=first)
-        found = {item.name: getattr(model, item.name) for item in fields(model)}
-        found |= {f"omitted_{item.name}": getattr(omitted, item.name) for item in fields(omitted)}
-        of_rows = {"leaders": leading.leaders.astype(np.float64), "weights": leading.weights}
-        return found | of_rows
-
-    parts = (stiffness, mass, damping, rows, at_rows, first, load, cutoff_frequency)
-    kept = dict(cached_arrays("modes", parts, compute, on_disk=False))
-    leading = Leading(kept.pop("leaders").astype(np.int64), kept.pop("weights"))
-    omitted = Omitted(**{item.name: kept.pop(f"omitted_{item.name}") for item in fields(Omitted)})
-    return ModalModel(**kept), leading, omitted
+        for record in (model, omitted):
+            for item in fields(record):
+                getattr(record, item.name).flags.writeable = False
+        leading = leading_rows(given.rows, first=given.first)
+        found = _models.put(key, (model, leading, omitted, given.rail))
+    return found[:3]
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,19 +170,41 @@ def condense_blocks(
     rubs[laws.friction_row] = rubs[laws.row[laws.friction_normal]] = True
     found = []
     for block in split_blocks(mechanism, laws):
-        square = np.ix_(block.coordinates, block.coordinates)
-        model, leading, omitted = _cached_model(
-            mechanism.stiffness[square],
-            mechanism.mass[square],
-            damping=mechanism.damping[square],
-            rows=mechanism.rows[np.ix_(block.rows, block.coordinates)],
-            at_rows=at_rows[block.rows],
-            first=rubs[block.rows],
-            load=mechanism.load[block.coordinates],
-            cutoff_frequency=cutoff_frequency,
-        )
+        given = _of_block(mechanism, block, at_rows=at_rows[block.rows], first=rubs[block.rows])
+        model, leading, omitted = _cached_model(given, cutoff_frequency=cutoff_frequency)
         found.append(BlockModel(block, model, leading, omitted))
     return tuple(found)
+
+
+def _of_block(
+    mechanism: Mechanism, block: Block, *, at_rows: Floats, first: NDArray[np.bool_]
+) -> _Given:
+    """Return what the model of a block follows from, in its coordinates."""
+    at = block.coordinates
+    if at.size and at[-1] - at[0] == at.size - 1 and np.all(np.diff(at) == 1):
+        own: slice | Ints = slice(int(at[0]), int(at[-1]) + 1)
+        square: Any = (own, own)
+    else:
+        own, square = at, np.ix_(at, at)
+    matrices = {name: getattr(mechanism, name)[square] for name in _MATRICES}
+    load, rail = mechanism.load[own], None
+    for one in mechanism.reduced:
+        same = (
+            one.body.first == at[0] and one.body.count == at.size and not one.load.flags.writeable
+        )
+        if same and np.array_equal(one.load, load):
+            pairs = ((getattr(one, name), matrix) for name, matrix in matrices.items())
+            rail = one if all(np.array_equal(a, b) for a, b in pairs) else None
+    if rail is not None:  # not views of matrices of the whole mechanism, which would stay in memory
+        matrices, load = {name: getattr(rail, name) for name in _MATRICES}, rail.load
+    return _Given(
+        **matrices,
+        load=load,
+        rows=mechanism.rows[block.rows][:, own],
+        at_rows=at_rows,
+        first=first,
+        rail=rail,
+    )
 
 
 def assemble_model(parts: Sequence[BlockModel], n: int, n_rows: int) -> ModalModel:

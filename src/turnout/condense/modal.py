@@ -15,6 +15,7 @@ semi-definite, free of the cancellation of "static minus modal" flexibility.
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
@@ -152,22 +153,24 @@ def split_modes(
     limit = (2.0 * np.pi * cutoff_frequency) ** 2
     kept = max(int(np.searchsorted(eigenvalues, limit, side="right")), 1)
     low, high = shapes[:, :kept], shapes[:, kept:]
-    high_rows = _multiply_by_rows(rows, high.T)
+    of_rows = _sparse(rows)
     scaled = high / eigenvalues[kept:]
     residual_load = scaled @ (high.T @ load)
+    yielding = scaled @ high.T
+    residual_shapes = (of_rows @ (0.5 * (yielding + yielding.T))).T
     model = ModalModel(
         eigenvalues=eigenvalues[:kept].copy(),
         stiffness=np.diag(eigenvalues[:kept]),
         damping=low.T @ damping @ low,
         modes=np.ascontiguousarray(low),
-        row_modes=_multiply_by_rows(rows, low.T),
-        flexibility=_multiply_by_rows(high_rows / eigenvalues[kept:], high_rows),
-        residual_shapes=np.ascontiguousarray(scaled @ high_rows.T),
+        row_modes=of_rows @ low,
+        flexibility=of_rows @ residual_shapes,
+        residual_shapes=np.ascontiguousarray(residual_shapes),
         load=low.T @ load,
         residual_load=residual_load,
-        row_load=_multiply_by_rows(rows, residual_load[np.newaxis])[:, 0].copy(),
+        row_load=of_rows @ residual_load,
     )
-    return model, Omitted(eigenvalues[kept:], high, high_rows)
+    return model, Omitted(eigenvalues[kept:], high, of_rows @ high)
 
 
 def with_rows(model: ModalModel, omitted: Omitted, rows: Floats) -> ModalModel:
@@ -192,17 +195,17 @@ def with_rows(model: ModalModel, omitted: Omitted, rows: Floats) -> ModalModel:
     >>> bool(np.allclose(found.flexibility, both.flexibility, rtol=1e-14))
     True
     """
-    own = _multiply_by_rows(rows, omitted.modes.T)
+    of_rows = _sparse(rows)
+    own = of_rows @ omitted.modes
     before, squares = omitted.row_modes, omitted.eigenvalues
     beside = _multiply_by_rows(before / squares, own)
     below = _multiply_by_rows(own / squares, np.concatenate((before, own)))
-    of_load = _multiply_by_rows(rows, model.residual_load[np.newaxis])[:, 0]
     return replace(
         model,
-        row_modes=np.concatenate((model.row_modes, _multiply_by_rows(rows, model.modes.T))),
+        row_modes=np.concatenate((model.row_modes, of_rows @ model.modes)),
         flexibility=np.concatenate((np.hstack((model.flexibility, beside)), below)),
         residual_shapes=np.hstack((model.residual_shapes, (omitted.modes / squares) @ own.T)),
-        row_load=np.concatenate((model.row_load, of_load)),
+        row_load=np.concatenate((model.row_load, of_rows @ model.residual_load)),
     )
 
 
@@ -249,6 +252,14 @@ def diagonalise_damping(model: ModalModel) -> ModalModel:
         row_modes=_multiply_by_rows(model.row_modes, turn.T),
         load=turn.T @ model.load,
     )
+
+
+def _sparse(rows: Floats) -> sp.csr_array:
+    """Return rows, of which most reach few coordinates, as a sparse matrix.
+
+    Its products are summed row by row: one more row changes no bit of the others.
+    """
+    return sp.csr_array(rows)
 
 
 def _fix_signs(shapes: Floats) -> Floats:

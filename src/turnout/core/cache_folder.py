@@ -8,6 +8,7 @@ processes share it, and it is removed at the end.
 
 import atexit
 import os
+import re
 import shutil
 import stat
 import sys
@@ -19,6 +20,7 @@ from pathlib import Path
 PRIVATE_VARIABLE = "TURNOUT_PRIVATE_CACHE"
 """Environment variable with the private folder, for child processes."""
 
+_DIGEST = re.compile("[0-9a-f]{16}")
 _OTHERS = stat.S_IWGRP | stat.S_IWOTH
 _SYSTEM = 0
 _reasons: dict[Path, str] = {}
@@ -69,6 +71,28 @@ def safe_folder(wanted: Path) -> Path | None:
     if private is None or _make(private / wanted.name):
         return None
     return private / wanted.name
+
+
+MOST_FOLDERS = 32
+"""Folders of a kind that stay: each change of the sources makes one of its own."""
+
+
+def remove_outdated(folder: Path) -> None:
+    """Remove the folders beside a new one that were not written to for longest.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the present sources; its name is a kind and a digest, "models-0123456789abcdef". Beside
+        it `MOST_FOLDERS` stay of each kind. What is removed costs time, never a result.
+    """
+    with suppress(OSError):
+        written = {path: path.stat().st_mtime for path in folder.parent.glob("*-*")}
+        for kind in {path.name.split("-")[0] for path in written}:
+            own = [path for path in written if path.name.startswith(f"{kind}-") and path != folder]
+            own = [path for path in own if _DIGEST.fullmatch(path.name.partition("-")[2])]
+            for path in sorted(own, key=lambda path: -written[path])[MOST_FOLDERS:]:
+                shutil.rmtree(path, ignore_errors=True)
 
 
 def why_private() -> str:

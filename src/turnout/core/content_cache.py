@@ -15,7 +15,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.core.cache_folder import safe_folder, user_cache_folder, why_private
+from turnout.core.cache_folder import (
+    remove_outdated,
+    safe_folder,
+    user_cache_folder,
+    why_private,
+)
 from turnout.core.files import write_atomic
 from turnout.core.lru_cache import LRUCache
 from turnout.core.sources import RAILS, digest_of_sources
@@ -109,7 +114,12 @@ def digest(parts: Iterable[object]) -> str:
 
 def cache_folder() -> Path | None:
     """Return the folder of cached arrays of the present sources; None where there can be none."""
-    return safe_folder(user_cache_folder() / f"models-{digest_of_sources(RAILS)}")
+    wanted = user_cache_folder() / f"models-{digest_of_sources(RAILS)}"
+    new = not wanted.exists()
+    folder = safe_folder(wanted)
+    if new and folder is not None:
+        remove_outdated(folder)
+    return folder
 
 
 def _read(key: str) -> Arrays | None:

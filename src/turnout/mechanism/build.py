@@ -17,11 +17,10 @@ from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 
 from turnout.core.lru_cache import LRUCache
 from turnout.core.threads import one_blas_thread
-from turnout.mechanism.build_rails import stock_rail_data, switch_rail_data
+from turnout.mechanism.build_rails import stock_rail_data, switch_rail_data, with_scale
 from turnout.mechanism.chair_courses import friction_courses
 from turnout.mechanism.drive_machines import drive_machines
 from turnout.mechanism.laws import Layout, Rows, law_table, lay_out
@@ -53,12 +52,16 @@ _LAW_ALONE: dict[type[Record], frozenset[str]] = {
     Rail: frozenset(("stress_free", "fit_gap", "stock_rail_gap", "running_edge", "head_width")),
 }
 """Fields that end up in laws, markers or gaps, of which neither rows nor matrices depend."""
+_SCALES = ("section_scale", "lateral_inertia_scale")
+"""Fields of a switch rail that scale its sections: rows and meshes do not depend on them."""
 
 
 def shape_of(
     panel: LoadedPanel, objects: Sequence[PlacedObject]
-) -> tuple[Hashable, tuple[object, ...]]:
+) -> tuple[tuple[Hashable, Hashable], tuple[object, ...]]:
     """Return a key of all that shapes rails and rows, and the records that it names.
+
+    Its second part are the scales of sections, of which rows and meshes do not depend.
 
     Records are named by identity: those that an override leaves alone stay the same. Who keeps
     something by the key must keep the records too, so that no other takes their place.
@@ -95,7 +98,8 @@ def shape_of(
         for name, member in family.items():
             key.append((name, *map(_plain, values(vars(member)))))
     key += [(item.name, item.rail, item.x, item.height) for item in objects]
-    return tuple(key), tuple(named)
+    scales = tuple(getattr(rail, name) for rail in panel.rail.values() for name in _SCALES)
+    return (tuple(key), scales), tuple(named)
 
 
 def _plain(value: object) -> Hashable:
@@ -113,14 +117,17 @@ def _geometry(record: type[Record]) -> Callable[[Mapping[str, object]], tuple[ob
 
     The record has more than one such field.
     """
-    fields = (name for name in record.model_fields if name not in _LAW_ALONE[record])
+    left_out = _LAW_ALONE[record] | frozenset(_SCALES)
+    fields = (name for name in record.model_fields if name not in left_out)
     return itemgetter(*fields)
 
 
 Floats = NDArray[np.float64]
 
-MOST_LINEAR = 64
+MOST_LINEAR = 32
 """So many linear parts are kept in memory, the latest used; with objects the rows alone."""
+MOST_FRAMES = 16
+"""So many panels are known without the scales of their sections, the latest used."""
 _MATRICES = ("stiffness", "mass", "damping", "load")
 
 
@@ -164,6 +171,7 @@ def build_mechanism(panel: Panel, objects: Sequence[PlacedObject] = ()) -> Mecha
         obstructions=obstructions_of(layout.index, objects),
         courses=friction_courses(panel, layout.index, linear.travel),
         core=kept.core,
+        reduced=linear.reduced,
     )
 
 
@@ -186,21 +194,42 @@ class _Linear:
     load: Floats
     rows: Floats
     rails: tuple[RailBody, ...]
+    reduced: tuple[ReducedRail, ...]
     travel: Travel
+
+
+@dataclass(frozen=True, slots=True)
+class _Frame:
+    """What panels have in common that differ in the scales of sections too.
+
+    `rails` are without these scales; the records are those that the key names by identity.
+    """
+
+    layout: Layout
+    rails: tuple[RailData, ...]
+    records: object
+
+    def scaled(self, panel: Panel) -> list[RailData]:
+        """Return the rails with the scales that a panel gives for their sections."""
+        return [with_scale(d, panel) if d.name in panel.rail else d for d in self.rails]
 
 
 @dataclass(frozen=True, slots=True)
 class _Kept:
     """What panels have in common that differ in values of laws and motion alone.
 
-    The records are those that the key names by identity; see `shape_of`. `core` are the rows
-    without those of objects, shared with panels whose objects stand elsewhere if they can be.
+    `core` are the rows without those of objects, shared with panels whose objects stand elsewhere
+    if they can be.
     """
 
-    layout: Layout
+    frame: _Frame
     linear: _Linear
     core: Floats
-    records: object
+
+    @property
+    def layout(self) -> Layout:
+        """Where laws act."""
+        return self.frame.layout
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,6 +252,7 @@ class _Between:
         ]
 
 
+_frames = LRUCache[_Frame](MOST_FRAMES)
 _memory = LRUCache[_Kept](MOST_LINEAR)
 _objects = LRUCache[_Between](MOST_LINEAR)
 
@@ -230,11 +260,14 @@ _objects = LRUCache[_Between](MOST_LINEAR)
 def _kept(panel: Panel, objects: Sequence[PlacedObject]) -> _Kept:
     """Return layout and linear part, or those of a panel that differs in laws and motion alone."""
     if not isinstance(panel, LoadedPanel) or not all(m.digest for m in panel.matrices.values()):
-        return _made(panel, objects, records=None)
+        return _made(panel, objects, _made_frame(panel, objects, records=None))
     key, records = shape_of(panel, objects)
     made = _memory.get(key)
     if made is None:
-        made = _made(panel, objects, records=records)
+        frame = _frames.get(key[0])
+        if frame is None:
+            frame = _frames.put(key[0], _made_frame(panel, objects, records=records))
+        made = _made(panel, objects, frame)
         for name in (*_MATRICES, "rows"):
             getattr(made.linear, name).flags.writeable = False
         _memory.put(key, made)
@@ -243,6 +276,7 @@ def _kept(panel: Panel, objects: Sequence[PlacedObject]) -> _Kept:
 
 def clear_memory() -> None:
     """Empty the memory of layouts and linear parts."""
+    _frames.clear()
     _memory.clear()
     _objects.clear()
 
@@ -282,23 +316,25 @@ def _made_between(
     )
     with one_blas_thread():
         yields = tuple(
-            local_flexibility(
-                panel, item, rails=lambda: _rail_data(panel, layout.rows, standing), owner=kept
-            )
+            local_flexibility(panel, item, rails=lambda: kept.frame.scaled(panel))
             for item in between
         )
     return _Between(kept, more, rows, yields)
 
 
-def _made(panel: Panel, objects: Sequence[PlacedObject], *, records: object) -> _Kept:
+def _made_frame(panel: Panel, objects: Sequence[PlacedObject], *, records: object) -> _Frame:
     layout = lay_out(panel, objects)
-    linear = _made_linear(panel, layout, objects)
+    return _Frame(layout, tuple(_rail_data(panel, layout.rows, objects)), records)
+
+
+def _made(panel: Panel, objects: Sequence[PlacedObject], frame: _Frame) -> _Kept:
+    linear = _made_linear(panel, frame)
     core = linear.rows
-    if objects and records is not None:
+    if objects and frame.records is not None:
         bare = _kept(panel, ()).linear
         if _differ_in_objects(bare, linear):
             linear, core = replace(bare, rows=linear.rows), bare.rows
-    return _Kept(layout, linear, core, records)
+    return _Kept(frame, linear, core)
 
 
 def _differ_in_objects(bare: _Linear, linear: _Linear) -> bool:
@@ -311,22 +347,32 @@ def _differ_in_objects(bare: _Linear, linear: _Linear) -> bool:
     return all(np.array_equal(one, other) for one, other in pairs)
 
 
-def _made_linear(panel: Panel, layout: Layout, objects: Sequence[PlacedObject]) -> _Linear:
-    rows = layout.rows
+def _made_linear(panel: Panel, frame: _Frame) -> _Linear:
+    layout, rows = frame.layout, frame.layout.rows
     with one_blas_thread():
-        rails = _reduced_rails(_rail_data(panel, rows, objects))
+        rails = _reduced_rails(frame.scaled(panel))
         switch_rails = {rail.body.name: rail for rail in rails if rail.body.name in panel.rail}
         held = {name: _held_rows(name, rail, layout) for name, rail in switch_rails.items()}
         travel = rail_travel(panel, switch_rails, held)
     return _Linear(
-        stiffness=block_diag(*(r.stiffness for r in rails)),
-        mass=block_diag(*(r.mass for r in rails)),
-        damping=block_diag(*(r.damping for r in rails)),
+        stiffness=_block_diagonal([r.stiffness for r in rails]),
+        mass=_block_diagonal([r.mass for r in rails]),
+        damping=_block_diagonal([r.damping for r in rails]),
         load=np.concatenate([r.load for r in rails]),
         rows=_stacked_rows(rows, rails),
-        rails=tuple(r.body for r in rails),
+        rails=tuple(rail.body for rail in rails),
+        reduced=tuple(rails),
         travel=travel,
     )
+
+
+def _block_diagonal(blocks: list[Floats]) -> Floats:
+    """Return square matrices along the diagonal of one."""
+    ends = np.cumsum([0, *(block.shape[0] for block in blocks)])
+    found = np.zeros((ends[-1], ends[-1]))
+    for block, first, last in zip(blocks, ends[:-1], ends[1:], strict=True):
+        found[first:last, first:last] = block
+    return found
 
 
 def _held_rows(name: str, rail: ReducedRail, layout: Layout) -> RailRows:
@@ -365,10 +411,11 @@ def rail_data(panel: Panel, objects: Sequence[PlacedObject] = ()) -> list[RailDa
         Foreign objects; those at places of the panel become nodes.
     """
     objects = [item for item in divided(objects) if not is_off_node(panel, item)]
-    return _rail_data(panel, lay_out(panel, objects).rows, objects)
+    return _made_frame(panel, objects, records=None).scaled(panel)
 
 
 def _rail_data(panel: Panel, rows: Rows, objects: Sequence[PlacedObject]) -> list[RailData]:
+    """Return the rails, switch rails without the scales of their sections."""
     data = [switch_rail_data(panel, n, tuple(rows.points[n]), objects) for n in panel.rail]
     data += [
         stock_rail_data(panel, n, tuple(rows.points[f"stock rail {n}"])) for n in panel.stock_rail
@@ -386,12 +433,14 @@ def _reduced_rails(data: list[RailData]) -> list[ReducedRail]:
 
 
 def _stacked_rows(rows: Rows, rails: list[ReducedRail]) -> Floats:
-    by_name = {rail.body.name: rail for rail in rails}
     size = sum(rail.body.count for rail in rails)
     matrix = np.zeros((len(rows.rows), size))
+    listed: dict[str, list[tuple[int, int]]] = {rail.body.name: [] for rail in rails}
     for number, parts in enumerate(rows.rows):
         for rail_name, point in parts:
-            rail = by_name[rail_name]
-            place = slice(rail.body.first, rail.body.first + rail.body.count)
-            matrix[number, place] += rail.rows[point]
+            listed[rail_name].append((number, point))
+    for rail in rails:
+        numbers, points = np.array(listed[rail.body.name], dtype=np.intp).reshape(-1, 2).T
+        place = slice(rail.body.first, rail.body.first + rail.body.count)
+        np.add.at(matrix[:, place], numbers, rail.rows[points])
     return matrix

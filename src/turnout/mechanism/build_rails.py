@@ -66,6 +66,8 @@ def switch_rail_data(
 ) -> RailData:
     """Return one switch rail with its fastenings, chair dashpots and points.
 
+    Its sections are those of the table or the outlines; see `with_scale`.
+
     Parameters
     ----------
     panel : Panel
@@ -86,7 +88,7 @@ def switch_rail_data(
     )
     side = SIGN[rail.closes]
     values = section_values(panel, name, 0.5 * (x[1:] + x[:-1]))
-    sections = scale_sections(in_panel_axes(values, side=side), rail)
+    sections = in_panel_axes(values, side=side)
     axis_height = np.zeros(x.size)
     if rail.axis == "centroid":
         axis_height = section_values(panel, name, x)["centroid_height"]
@@ -121,6 +123,11 @@ def switch_rail_data(
         matrices=_matrices(panel, name),
         plan=_plan(rail, x, radius=rail.curve_radius, side=-side),
     )
+
+
+def with_scale(data: RailData, panel: Panel) -> RailData:
+    """Return a switch rail with the factors that its panel gives for its sections."""
+    return replace(data, sections=scale_sections(data.sections, panel.rail[data.name]))
 
 
 def _matrices(panel: Panel, name: str) -> RailMatrices | None:

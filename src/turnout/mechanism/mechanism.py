@@ -90,6 +90,8 @@ class Mechanism:
         Laws that remember what was done to them.
     courses : FrictionCourses
         Friction that differs along the stroke.
+    reduced : tuple of ReducedRail
+        What the matrices were put together from, rail by rail, to know them by.
     """
 
     stiffness: Floats
@@ -107,6 +109,7 @@ class Mechanism:
     obstructions: Obstructions = field(default_factory=no_obstructions)
     courses: FrictionCourses = field(default_factory=no_courses)
     core: Floats | None = None
+    reduced: "tuple[ReducedRail, ...]" = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -23,7 +23,7 @@ from turnout.core.lru_cache import LRUCache
 from turnout.errors import MechanicsError
 from turnout.mechanism.build_rails import SIGN, stock_body
 from turnout.mechanism.mechanism import RailBody, RailData
-from turnout.mechanism.reduce import superelement_of
+from turnout.mechanism.reduce import content_key, superelement_of
 from turnout.mechanism.structure import Structure
 from turnout.panel.foreign_object import PlacedObject
 from turnout.panel.model import Panel
@@ -136,14 +136,13 @@ class _Inside:
     element: Superelement
     inner: Ints
     factor: Factor
-    owner: object
 
 
 _memory = LRUCache[_Inside](MOST_RAILS)
 
 
 def local_flexibility(
-    panel: Panel, item: PlacedObject, *, rails: Callable[[], Sequence[RailData]], owner: object
+    panel: Panel, item: PlacedObject, *, rails: Callable[[], Sequence[RailData]]
 ) -> float:
     """Return what the rails yield to an object beyond their reduced coordinates [m/N].
 
@@ -155,28 +154,28 @@ def local_flexibility(
         The object.
     rails : callable
         Gives all rails without it.
-    owner : object
-        What the rails are known by: as long as it is the same, they are.
     """
     total = 0.0
     for name, z, _ in _sides(panel, item):
-        key = (id(owner), name)
-        rail = _memory.get(key)
+        data = next(data for data in rails() if data.name == name)
+        key = content_key(data)
+        rail = None if key is None else _memory.get(key)
         if rail is None:
-            data = next(data for data in rails() if data.name == name)
-            rail = _memory.put(key, _inside(data, owner))
+            rail = _inside(data)
+            if key is not None:
+                _memory.put(key, rail)
         total += _residual(rail, x=item.x, z=z)
     return total
 
 
-def _inside(data: RailData, owner: object) -> _Inside:
+def _inside(data: RailData) -> _Inside:
     structure, element, _ = superelement_of(data)
     inner = np.setdiff1d(np.arange(structure.load.size), element.interface)
     factor = factorise(sp.csr_array(structure.stiffness[inner][:, inner]))
     if factor is None:
         msg = f"rail {data.name} is not held between the places of its stops, chairs and drives"
         raise MechanicsError(msg)
-    return _Inside(structure, element, inner, factor, owner)
+    return _Inside(structure, element, inner, factor)
 
 
 def _residual(rail: _Inside, *, x: float, z: float) -> float:

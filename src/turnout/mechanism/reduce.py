@@ -1,6 +1,6 @@
 """One rail from its structure to a superelement with the points where laws act."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import fields, is_dataclass, replace
 
 import numpy as np
@@ -13,20 +13,28 @@ from turnout.mechanism.mechanism import RailBody, RailData, ReducedRail
 from turnout.mechanism.structure import Structure, point_rows, rail_structure
 from turnout.panel.records import RailMatrices
 from turnout.reduction.craig_bampton import (
+    InnerShapes,
     Superelement,
-    craig_bampton,
-    reduce_matrix,
+    inner_shapes,
     reduce_vector,
+    superelement_in,
 )
 from turnout.reduction.truncation import ReductionReport, reduction_report
-from turnout.section.properties import SectionProperties
 
 Floats = NDArray[np.float64]
 MOST_RAILS = 48
 """So many reduced rails are kept in memory, the latest used."""
+LARGE = 2000
+"""Coordinates from which on shapes are kept as files too; those of fewer take milliseconds."""
 
+_FIELDS = ("transformation", "frequencies", "frequency_first_omitted")
 _rails = LRUCache[ReducedRail](MOST_RAILS)
-_FIELDS = ("stiffness", "mass", "transformation", "frequencies_kept", "frequency_first_omitted")
+MOST_REDUCTIONS = 6
+"""So many rails are kept before their rows are taken, for objects between their nodes."""
+_reductions = LRUCache[tuple[Structure, Superelement, Floats]](MOST_REDUCTIONS)
+_at_dashpots = LRUCache[tuple[sp.csr_array, Floats, object, object]](MOST_RAILS)
+# Named by identity: rails that differ in their sections share all else.
+_digests = LRUCache[tuple[str, tuple[object, ...]]](4 * MOST_RAILS)
 
 
 def reduce_rail(data: RailData, *, first: int = 0) -> ReducedRail:
@@ -45,9 +53,9 @@ def reduce_rail(data: RailData, *, first: int = 0) -> ReducedRail:
         ``rows`` has shape (number of points, reduced coordinates). Its arrays are shared with every
         other caller and therefore not writeable.
     """
-    if data.matrices is not None and not data.matrices.digest:  # of unknown content
+    key = content_key(data)
+    if key is None:
         return _reduced(data, first=first)
-    key = digest(_parts(data))
     found = _rails.get(key)
     if found is None:
         found = _rails.put(key, _reduced(data, first=0))
@@ -56,18 +64,35 @@ def reduce_rail(data: RailData, *, first: int = 0) -> ReducedRail:
     return replace(found, body=replace(found.body, first=first))
 
 
+def content_key(data: RailData) -> str | None:
+    """Return a digest of all that a reduced rail depends on; None for matrices without one."""
+    if data.matrices is not None and not data.matrices.digest:
+        return None
+    sections = (getattr(data.sections, part.name) for part in fields(data.sections))
+    return digest((_digest_of_rest(data), *sections))
+
+
 def clear_memory() -> None:
     """Empty the memory of reduced rails."""
     _rails.clear()
+    _digests.clear()
+    _reductions.clear()
 
 
-def _parts(data: RailData) -> Iterator[object]:
-    """Yield all that a reduced rail depends on."""
-    for item in fields(data):
-        value = getattr(data, item.name)
-        if isinstance(value, SectionProperties):
-            yield from (getattr(value, part.name) for part in fields(value))
-        elif isinstance(value, RailMatrices):
+def _digest_of_rest(data: RailData) -> str:
+    """Return a digest of all that a reduced rail depends on but its sections."""
+    rest = [getattr(data, item.name) for item in fields(data) if item.name != "sections"]
+    key = tuple(id(v) if isinstance(v, np.ndarray | tuple | RailMatrices) else v for v in rest)
+    found = _digests.get(key)
+    if found is None:
+        found = _digests.put(key, (digest(_parts(rest)), tuple(rest)))
+    return found[0]
+
+
+def _parts(values: Iterable[object]) -> Iterator[object]:
+    """Yield values as arrays, numbers and texts."""
+    for value in values:
+        if isinstance(value, RailMatrices):
             yield value.digest
         elif isinstance(value, tuple) and value and is_dataclass(value[0]):
             yield from _columns(value)
@@ -88,9 +113,8 @@ def _columns(records: Sequence[object]) -> Iterator[object]:
 def _reduced(data: RailData, *, first: int) -> ReducedRail:
     structure, element, damping = superelement_of(data)
     rows = point_rows(structure, data.points, name=data.name)
-    at_dashpots = point_rows(structure, tuple(s.point for s in data.dashpots), name=data.name)
+    at_dashpots, constants = _dashpots(structure, data)
     reduced_dashpots = np.asarray(at_dashpots @ element.transformation)
-    constants = np.array([s.damping for s in data.dashpots])
     damping = damping + (reduced_dashpots.T * constants) @ reduced_dashpots
     kept = element.frequencies_kept
     body = RailBody(
@@ -116,15 +140,41 @@ def _reduced(data: RailData, *, first: int) -> ReducedRail:
     )
 
 
+def _dashpots(structure: Structure, data: RailData) -> tuple[sp.csr_array, Floats]:
+    """Return rows and constants of the dashpots at chairs."""
+    key = (id(structure.motion), id(data.dashpots))
+    found = _at_dashpots.get(key)
+    if found is None:
+        rows = point_rows(structure, tuple(s.point for s in data.dashpots), name=data.name)
+        constants = np.array([s.damping for s in data.dashpots])
+        found = _at_dashpots.put(key, (rows, constants, structure.motion, data.dashpots))
+    return found[:2]
+
+
 def superelement_of(data: RailData) -> tuple[Structure, Superelement, Floats]:
     """Return a rail with its fastenings, its superelement, and that one's damping.
 
     The dashpots of chairs are left out.
     """
+    key = content_key(data)
+    found = None if key is None else _reductions.get(key)
+    if found is not None:
+        return found
     structure = rail_structure(data)
     rows = point_rows(structure, data.points, name=data.name)
     element = superelement(structure, rows, cutoff_frequency=data.cutoff_frequency)
-    return structure, element, reduce_matrix(element, structure.damping)
+    made = structure, element, _reduced_damping(structure, element)
+    return made if key is None else _reductions.put(key, made)
+
+
+def _reduced_damping(structure: Structure, element: Superelement) -> Floats:
+    """Return the damping in reduced coordinates; what is not Rayleigh's reaches few of the full."""
+    of_mass, of_stiffness = structure.rayleigh
+    beyond = sp.csr_array(structure.beyond_rayleigh)
+    places = np.flatnonzero(np.diff(beyond.indptr))
+    at_places = element.transformation[places]
+    reduced: Floats = at_places.T @ (beyond[places] @ element.transformation)
+    return of_mass * element.mass + of_stiffness * element.stiffness + reduced
 
 
 def reduction_of(data: RailData) -> ReductionReport:
@@ -158,23 +208,57 @@ def superelement(
 def _kept_superelement(
     structure: Structure, rows: sp.csr_array, *, cutoff_frequency: float
 ) -> Superelement:
-    """Reduce a structure, or find what was made of these very matrices before."""
-    interface = np.unique(rows.nonzero()[1]).astype(np.intp)
+    """Reduce a structure, with shapes that were found for these very matrices before if there are.
+
+    Springs at the interface change no shape, and a rail and its image in the plane of x and z have
+    the same ones but for signs: both rails of a symmetric panel share theirs.
+    """
+    interface = np.unique(rows.indices[rows.data != 0.0]).astype(np.intp)
     stiffness, mass = structure.stiffness, structure.mass
+    signs = _signs(structure)
+    if signs is not None:
+        stiffness, mass = _signed(stiffness, signs), _signed(mass, signs)
 
-    def made() -> dict[str, Floats]:
-        element = craig_bampton(stiffness, mass, interface, cutoff_frequency=cutoff_frequency)
-        return {name: np.asarray(getattr(element, name)) for name in _FIELDS}
+    def found() -> dict[str, Floats]:
+        shapes = inner_shapes(stiffness, mass, interface, cutoff_frequency=cutoff_frequency)
+        return {name: np.asarray(getattr(shapes, name)) for name in _FIELDS}
 
-    matrices = (stiffness.tocsr(), mass.tocsr())
-    parts = [array for m in matrices for array in (m.data, m.indices, m.indptr)]
-    kept = cached_arrays("superelement", [*parts, interface, float(cutoff_frequency)], made)
-    return Superelement(
-        stiffness=kept["stiffness"],
-        mass=kept["mass"],
-        transformation=kept["transformation"],
+    at_interface = np.zeros(structure.load.size, dtype=bool)
+    at_interface[interface] = True
+    row = np.repeat(at_interface, np.diff(stiffness.indptr))
+    inner = np.where(row & at_interface[stiffness.indices], 0.0, stiffness.data)
+    pattern = (stiffness.indices, stiffness.indptr, mass.indices, mass.indptr)
+    parts = [inner, mass.data, *pattern, interface, float(cutoff_frequency)]
+    kept = cached_arrays("superelement", parts, found, on_disk=structure.load.size >= LARGE)
+    transformation = kept["transformation"]
+    if signs is not None:
+        transformation = signs[:, np.newaxis] * transformation
+        transformation[:, : interface.size] *= signs[interface]
+    shapes = InnerShapes(
+        transformation=transformation,
         interface=interface,
-        frequencies_kept=kept["frequencies_kept"],
+        frequencies=kept["frequencies"],
         frequency_first_omitted=float(kept["frequency_first_omitted"]),
         cutoff_frequency=float(cutoff_frequency),
     )
+    return superelement_in(shapes, structure.stiffness, structure.mass)
+
+
+def _signs(structure: Structure) -> Floats | None:
+    """Return the signs that mirror a rail, if it is the one of two images to be mirrored.
+
+    That is the one whose first stiffness between coordinates that keep and that change their sign
+    is negative.
+    """
+    mirror, stiffness = structure.mirror, structure.stiffness
+    if mirror is None:
+        return None
+    turned = np.repeat(mirror, np.diff(stiffness.indptr)) * mirror[stiffness.indices] < 0.0
+    first = stiffness.data[turned & (stiffness.data != 0.0)][:1]
+    return mirror if first.size and first[0] < 0.0 else None
+
+
+def _signed(matrix: sp.csr_array, signs: Floats) -> sp.csr_array:
+    """Return a matrix with signs on its rows and columns."""
+    data = np.repeat(signs, np.diff(matrix.indptr)) * matrix.data * signs[matrix.indices]
+    return sp.csr_array((data, matrix.indices, matrix.indptr), shape=matrix.shape)

@@ -5,7 +5,7 @@ is a row over the coordinates, and a point fixed to the section follows from row
 ``u_px = u_x + r_y z - r_z y``, ``u_py = u_y - r_x z``, ``u_pz = u_z + r_x y``.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from turnout.beam.assembly import DOF, assemble_beam
 from turnout.beam.mesh import MERGE_DISTANCE
+from turnout.core.lru_cache import LRUCache
 from turnout.errors import MechanicsError
 from turnout.mechanism.mechanism import Point, RailData, Support
 from turnout.panel.records import RailMatrices
@@ -24,6 +25,9 @@ ARMS: dict[str, tuple[tuple[str, str, float], ...]] = {
     "uz": (("rx", "y", 1.0),),
 }
 
+MOST_KEPT = 16
+"""So many rails are known without their sections, the latest used."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Structure:
@@ -31,8 +35,8 @@ class Structure:
 
     Attributes
     ----------
-    stiffness, mass, damping : csr_array, shape (n, n)
-        Chair dashpots are left out: they act at points.
+    stiffness, mass : csr_array, shape (n, n)
+        Of the rail and its fastenings.
     load : ndarray, shape (n,)
         Own weight [N].
     x : ndarray, shape (n_nodes,)
@@ -43,19 +47,35 @@ class Structure:
         Whether the coordinates say what that displacement is; if not, its row is zero.
     names : tuple of str
         Of the coordinates.
+    beyond_rayleigh : csr_array, shape (n, n)
+        The rest of the damping; chair dashpots are left out: they act at points.
     reduced : bool
         The matrices are a superelement already, not to be reduced again.
+    mirror : ndarray, shape (n,), optional
+        Signs that turn the coordinates into those of the rail's image in the plane of x and z.
+    rayleigh : tuple of float
+        Factors of mass [1/s] and stiffness [s] in the damping.
     """
 
     stiffness: sp.csr_array
     mass: sp.csr_array
-    damping: sp.csr_array
     load: Floats
     x: Floats
     motion: sp.csr_array
     known: NDArray[np.bool_]
     names: tuple[str, ...]
+    beyond_rayleigh: sp.csr_array
     reduced: bool = False
+    mirror: Floats | None = None
+    rayleigh: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def damping(self) -> sp.csr_array:
+        """The whole damping, as a csr_array of shape (n, n)."""
+        of_mass, of_stiffness = self.rayleigh
+        return sp.csr_array(
+            of_mass * self.mass + of_stiffness * self.stiffness + self.beyond_rayleigh
+        )
 
 
 def rail_structure(data: RailData) -> Structure:
@@ -71,9 +91,45 @@ def rail_structure(data: RailData) -> Structure:
     MechanicsError
         When there is no node, or no coordinate, where something acts.
     """
-    bare = bare_structure(data)
+    if data.matrices is not None:
+        bare = given_structure(data, data.matrices)
+        fixed = _fixed_parts(data, bare)
+    else:
+        fixed = _beam_parts(data)
+        bare = beam_structure(data)
+    return replace(
+        bare,
+        stiffness=_square(bare.stiffness + fixed.springs, fixed.free),
+        mass=_square(bare.mass, fixed.free),
+        load=bare.load[fixed.free],
+        motion=fixed.motion,
+        names=fixed.names,
+        mirror=None if bare.mirror is None else bare.mirror[fixed.free],
+        beyond_rayleigh=fixed.beyond_rayleigh,
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Parts:
+    """What does not depend on the sections of a rail.
+
+    `free` are the coordinates that are not clamped, in which `motion`, `names` and
+    `beyond_rayleigh` are; `springs` is the matrix of the fastenings in all coordinates. `bare` has
+    what a rail has without its fastenings.
+    """
+
+    bare: Structure
+    springs: sp.csr_array
+    free: NDArray[np.intp]
+    motion: sp.csr_array
+    names: tuple[str, ...]
+    beyond_rayleigh: sp.csr_array
+    owner: RailData
+
+
+def _fixed_parts(data: RailData, bare: Structure) -> _Parts:
     whole = data.matrices is None or not data.matrices.with_supports
-    stiffness, damping = _supported(bare, data.name, data.supports if whole else ())
+    springs, dashpots = _supports(bare, data.name, data.supports if whole else ())
     ends = {"first": 0, "last": bare.x.size - 1}
     clamped = np.zeros(bare.load.size, dtype=bool)
     if not bare.reduced:
@@ -81,17 +137,44 @@ def rail_structure(data: RailData) -> Structure:
             at = bare.motion[6 * ends[end] : 6 * ends[end] + 6]
             clamped[np.unique(at.nonzero()[1])] = True
     free = np.flatnonzero(~clamped)
-    return Structure(
-        stiffness=_square(stiffness, free),
-        mass=_square(bare.mass, free),
-        damping=_square(damping, free),
-        load=bare.load[free],
-        x=bare.x,
+    return _Parts(
+        bare=bare,
+        springs=springs,
+        free=free,
         motion=sp.csr_array(bare.motion[:, free]),
-        known=bare.known,
         names=tuple(bare.names[i] for i in free),
-        reduced=bare.reduced,
+        beyond_rayleigh=_square(bare.beyond_rayleigh + dashpots - bare.rayleigh[1] * springs, free),
+        owner=data,
     )
+
+
+# Named by identity: rails that differ in their sections share all else.
+_parts = LRUCache[_Parts](MOST_KEPT)
+_rows = LRUCache[tuple[sp.csr_array, object, object]](2 * MOST_KEPT)
+
+
+def _beam_parts(data: RailData) -> _Parts:
+    """Return what does not depend on the sections of a rail of beams, or find it."""
+    named = (data.x, data.axis_height, data.supports)
+    key = (*map(id, named), data.name, data.clamped, data.damping)
+    found = _parts.get(key)
+    if found is None:
+        size = 6 * data.x.size
+        nothing = sp.csr_array((size, size))
+        bare = Structure(
+            stiffness=nothing,
+            mass=nothing,
+            beyond_rayleigh=nothing,
+            rayleigh=data.damping,
+            load=np.zeros(size),
+            x=data.x,
+            motion=_lowered(sp.eye_array(size, format="csr"), data.axis_height),
+            known=np.ones(size, dtype=bool),
+            names=tuple(f"{d} at x = {x:g} m" for x in data.x for d in DOF),
+            mirror=np.tile([1.0, -1.0, 1.0, -1.0, 1.0, -1.0], data.x.size),
+        )
+        found = _parts.put(key, _fixed_parts(data, bare))
+    return found
 
 
 def bare_structure(data: RailData) -> Structure:
@@ -109,17 +192,11 @@ def beam_structure(data: RailData) -> Structure:
         gravity=data.gravity,
         name=f"rail {data.name}",
     )
-    size = beam.gravity_load.size
-    mass_factor, stiffness_factor = data.damping
-    return Structure(
+    return replace(
+        _beam_parts(data).bare,
         stiffness=beam.stiffness,
         mass=beam.mass,
-        damping=sp.csr_array(mass_factor * beam.mass + stiffness_factor * beam.stiffness),
         load=beam.gravity_load,
-        x=beam.x,
-        motion=_lowered(sp.eye_array(size, format="csr"), data.axis_height),
-        known=np.ones(size, dtype=bool),
-        names=tuple(f"{d} at x = {x:g} m" for x in beam.x for d in DOF),
     )
 
 
@@ -136,17 +213,14 @@ def given_structure(data: RailData, given: RailMatrices) -> Structure:
     height = np.zeros(x.size)
     height[node] = given.z
     motion = _lowered(sp.csr_array(place @ rows), height)
-    mass_factor, stiffness_factor = data.damping
-    damping = given.damping
-    if damping is None:
-        damping = sp.csr_array(mass_factor * given.mass + stiffness_factor * given.stiffness)
     weight = given.unit_weight
     if weight is None:
         weight = -(given.mass @ _lifted(motion))
     return Structure(
         stiffness=given.stiffness,
         mass=given.mass,
-        damping=damping,
+        beyond_rayleigh=sp.csr_array((size, size)) if given.damping is None else given.damping,
+        rayleigh=data.damping if given.damping is None else (0.0, 0.0),
         load=data.gravity * weight,
         x=x,
         motion=motion,
@@ -166,6 +240,15 @@ def point_rows(structure: Structure, points: tuple[Point, ...], *, name: str) ->
     MechanicsError
         Naming every point whose node or coordinate is missing.
     """
+    key = (id(structure.motion), id(points))
+    found = _rows.get(key)
+    if found is None:
+        made = _point_rows(structure, points, name=name)
+        found = _rows.put(key, (made, structure.motion, points))
+    return found[0]
+
+
+def _point_rows(structure: Structure, points: tuple[Point, ...], *, name: str) -> sp.csr_array:
     problems: list[str] = []
     entries: list[list[tuple[int, float]]] = []
     for point in points:
@@ -207,14 +290,14 @@ def _entries(structure: Structure, point: Point) -> list[tuple[int, float]]:
     return [(6 * nearest + DOF.index(d), point.sign * weight) for d, weight in parts]
 
 
-def _supported(
+def _supports(
     bare: Structure, name: str, supports: tuple[Support, ...]
 ) -> tuple[sp.csr_array, sp.csr_array]:
-    rows = point_rows(bare, tuple(s.point for s in supports), name=name)
+    """Return the matrices of springs and dashpots of fastenings."""
+    rows = _point_rows(bare, tuple(s.point for s in supports), name=name)
     springs = sp.diags_array(np.array([s.stiffness for s in supports]))
     dashpots = sp.diags_array(np.array([s.damping for s in supports]))
-    stiffness = sp.csr_array(bare.stiffness + rows.T @ springs @ rows)
-    return stiffness, sp.csr_array(bare.damping + rows.T @ dashpots @ rows)
+    return sp.csr_array(rows.T @ springs @ rows), sp.csr_array(rows.T @ dashpots @ rows)
 
 
 def _lowered(motion: sp.csr_array, height: Floats) -> sp.csr_array:
@@ -239,4 +322,6 @@ def _lifted(motion: sp.csr_array) -> Floats:
 
 
 def _square(matrix: sp.csr_array, free: NDArray[np.intp]) -> sp.csr_array:
+    if free.size == matrix.shape[0]:
+        return sp.csr_array(matrix)
     return sp.csr_array(matrix.tocsr()[free][:, free])

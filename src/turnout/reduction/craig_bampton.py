@@ -110,7 +110,42 @@ def craig_bampton(
     [0.3333, -0.3333, 0.0]
     """
     full_stiffness, full_mass = _as_sparse(stiffness), _as_sparse(mass)
-    size = full_stiffness.shape[0]
+    shapes = inner_shapes(full_stiffness, full_mass, interface, cutoff_frequency=cutoff_frequency)
+    return superelement_in(shapes, full_stiffness, full_mass)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class InnerShapes:
+    """The shapes that a structure is reduced to; what acts on its interface alone changes none.
+
+    Attributes
+    ----------
+    transformation : ndarray, shape (n, r)
+        Reduced to full displacement: static shapes of the interface, then modes.
+    interface : ndarray of int, shape (n_interface,)
+        Indices of the interface DOFs.
+    frequencies : ndarray, shape (r - n_interface,)
+        Fixed-interface frequencies [Hz], increasing.
+    frequency_first_omitted, cutoff_frequency : float
+        As of a `Superelement`.
+    """
+
+    transformation: FloatArray
+    interface: npt.NDArray[np.intp]
+    frequencies: FloatArray
+    frequency_first_omitted: float
+    cutoff_frequency: float
+
+
+def inner_shapes(
+    stiffness: sp.csr_array,
+    mass: sp.csr_array,
+    interface: Sequence[int] | npt.NDArray[np.intp],
+    *,
+    cutoff_frequency: float,
+) -> InnerShapes:
+    """Find the shapes for `superelement_in`; parameters and errors are those of `craig_bampton`."""
+    size = stiffness.shape[0]
     kept = _check_interface(interface, size)
     if not cutoff_frequency >= 0.0:
         msg = f"cutoff_frequency is {cutoff_frequency} Hz, allowed is 0 or more"
@@ -123,31 +158,48 @@ def craig_bampton(
         )
         raise MechanicsError(msg)
     inner = np.setdiff1d(np.arange(size), kept)
-    static, coupling = _solve_static_shapes(full_stiffness, kept, inner)
-    inner_mass = full_mass[inner][:, inner]
+    of_inner = stiffness[inner]
+    own = sp.csr_array(of_inner[:, inner])
+    static = _solve_static_shapes(own, of_inner[:, kept].toarray())
     frequencies, modes, omitted = modes_below(
-        full_stiffness[inner][:, inner], inner_mass, cutoff_frequency=cutoff_frequency
+        own, sp.csr_array(mass[inner][:, inner]), cutoff_frequency=cutoff_frequency
     )
     transformation = np.zeros((size, kept.size + frequencies.size))
     transformation[kept, np.arange(kept.size)] = 1.0
     transformation[inner, : kept.size] = static
     transformation[inner, kept.size :] = modes
+    return InnerShapes(transformation, kept, frequencies, omitted, cutoff_frequency)
+
+
+def superelement_in(
+    shapes: InnerShapes, stiffness: sp.csr_array, mass: sp.csr_array
+) -> Superelement:
+    """Reduce a structure to given shapes.
+
+    Parameters
+    ----------
+    shapes : InnerShapes
+        Of a structure that differs from this one in springs at its interface at most.
+    stiffness, mass : csr_array, shape (n, n)
+        Symmetric.
+    """
+    transformation, kept = shapes.transformation, shapes.interface
     reduced_stiffness = np.diag(
-        np.concatenate([np.zeros(kept.size), (2.0 * np.pi * frequencies) ** 2])
+        np.concatenate([np.zeros(kept.size), (2.0 * np.pi * shapes.frequencies) ** 2])
     )
-    condensed = full_stiffness[kept][:, kept].toarray() + coupling.T @ static
+    condensed = stiffness[kept] @ transformation[:, : kept.size]
     reduced_stiffness[: kept.size, : kept.size] = 0.5 * (condensed + condensed.T)
-    reduced_mass: FloatArray = transformation.T @ (full_mass @ transformation)
+    reduced_mass: FloatArray = transformation.T @ (mass @ transformation)
     reduced_mass = 0.5 * (reduced_mass + reduced_mass.T)
-    reduced_mass[kept.size :, kept.size :] = np.eye(frequencies.size)
+    reduced_mass[kept.size :, kept.size :] = np.eye(shapes.frequencies.size)
     return Superelement(
         stiffness=reduced_stiffness,
         mass=reduced_mass,
         transformation=transformation,
         interface=kept,
-        frequencies_kept=frequencies,
-        frequency_first_omitted=omitted,
-        cutoff_frequency=cutoff_frequency,
+        frequencies_kept=shapes.frequencies,
+        frequency_first_omitted=shapes.frequency_first_omitted,
+        cutoff_frequency=shapes.cutoff_frequency,
     )
 
 
@@ -206,18 +258,15 @@ def _check_interface(
     return kept
 
 
-def _solve_static_shapes(
-    stiffness: sp.csr_array, kept: npt.NDArray[np.intp], inner: npt.NDArray[np.intp]
-) -> tuple[FloatArray, FloatArray]:
-    """Return inner displacements for unit interface displacements, and K_bi, both (n_b, n_i)."""
-    coupling = stiffness[inner][:, kept].toarray()
-    if not inner.size or not kept.size:
-        return np.zeros(coupling.shape), coupling
-    factor = factorise(stiffness[inner][:, inner])
+def _solve_static_shapes(inner_stiffness: sp.csr_array, coupling: FloatArray) -> FloatArray:
+    """Return inner displacements for unit interface displacements, (n_b, n_i), of K_bb and K_bi."""
+    if not coupling.size:
+        return np.zeros(coupling.shape)
+    factor = factorise(inner_stiffness)
     if factor is None:
         msg = (
-            f"the {kept.size} interface DOFs do not hold the body when fixed; add DOFs to the "
-            "interface or springs to the stiffness"
+            f"the {coupling.shape[1]} interface DOFs do not hold the body when fixed; add DOFs to "
+            "the interface or springs to the stiffness"
         )
         raise MechanicsError(msg)
-    return -factor.solve(coupling), coupling
+    return -factor.solve(coupling)

@@ -1,9 +1,13 @@
 """All modes of a structure up to a frequency, with a count that proves none is missing.
 
 The number of eigenvalues of (K, M) below a shift is the number of negative pivots of K - shift M
-(Sylvester's law of inertia). The modes themselves come from Lanczos iteration on the inverse.
+(Sylvester's law of inertia). The modes themselves come from block Lanczos iteration on the inverse
+of that same matrix, with the shift at the cut-off: modes below it then have negative eigenvalues,
+far from the crowd of modes high above it, which all lie next to zero (Ericsson and Ruhe,
+Mathematics of Computation 35, 1980, doi:10.2307/2006390).
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +24,13 @@ MOST_MODES = 2000
 """Modes that are sought below a frequency; matrices of as many as four times that are dense."""
 
 _SINGULAR_PIVOT = 1e-13  # of a matrix scaled to unit diagonal
+_SMALL = 30  # coordinates; fewer are solved densely
 _DENSE_SHARE = 0.25  # from this share of all modes on, the dense solution is the faster one
+_HOLD_SHARE = 0.0025  # of the square of the cut-off
+_BLOCKS = (8, 16)  # least and greatest number of vectors in a block
+_MOST_DIRECTIONS = 4  # so many times the modes that are wanted are tried, and some blocks
+_CONVERGED = 1e-6  # residual of a mode of the inverse, as a share; the share squared is its error
+_DEPENDENT = 1e-14  # of the squares in a block: directions below this are nothing but rounding
 _SIGN_SHARE = 0.3  # no sine of a rational angle has this value, so no entry sits on the edge
 
 
@@ -105,29 +115,34 @@ def count_below(stiffness: sp.csr_array, mass: sp.csr_array, *, frequency: float
     >>> count_below(chain, sp.eye_array(2, format="csr"), frequency=0.2)
     1
     """
+    return _count_and_factor(stiffness, mass, frequency)[0]
+
+
+def _count_and_factor(
+    stiffness: sp.csr_array, mass: sp.csr_array, frequency: float
+) -> tuple[int, Factor | None]:
+    """Count the modes below a frequency [Hz]; return the factor that counted, if one could."""
     shift = (2.0 * np.pi * frequency) ** 2
-    shifted = sp.csr_array(stiffness - shift * mass)
-    factor = factorise(shifted, reference=sp.csr_array(stiffness + shift * mass))
+    moved = shift * mass
+    shifted = sp.csr_array(stiffness - moved)
+    factor = factorise(shifted, reference=sp.csr_array(stiffness + moved))
     if factor is not None and factor.is_symmetric:
-        return int(np.count_nonzero(factor.pivots < 0.0))
+        return int(np.count_nonzero(factor.pivots < 0.0)), factor
     # A leading block is singular exactly at the shift: rare, so the slow method will do.
-    return int(np.count_nonzero(np.linalg.eigvalsh(shifted.toarray()) < 0.0))
+    return int(np.count_nonzero(np.linalg.eigvalsh(shifted.toarray()) < 0.0)), None
 
 
 def modes_below(
-    stiffness: sp.csr_array, mass: sp.csr_array, *, cutoff_frequency: float, shift: float = 0.0
+    stiffness: sp.csr_array, mass: sp.csr_array, *, cutoff_frequency: float
 ) -> tuple[FloatArray, FloatArray, float]:
     """Find all modes of a structure up to a frequency.
 
     Parameters
     ----------
     stiffness, mass : csr_array, shape (n, n)
-        Symmetric; the mass may be semi-definite.
+        Symmetric; the mass may be semi-definite, and the body free if the cut-off is above zero.
     cutoff_frequency : float
         Modes below it are found [Hz].
-    shift : float
-        The search starts at this eigenvalue, which must lie below all others [rad^2/s^2]. Give a
-        negative one for a free body.
 
     Returns
     -------
@@ -141,68 +156,145 @@ def modes_below(
     Raises
     ------
     MechanicsError
-        If the shifted stiffness is not positive definite, or there are more than `MOST_MODES`.
+        If a motion has neither stiffness nor mass, or there are more than `MOST_MODES`.
     """
     size = stiffness.shape[0]
     if size == 0 or mass.count_nonzero() == 0:
         return np.zeros(0), np.zeros((size, 0)), float("nan")
-    count = count_below(stiffness, mass, frequency=cutoff_frequency)
+    count, factor = _count_and_factor(stiffness, mass, cutoff_frequency)
     if count > MOST_MODES:
         msg = (
             f"{count} modes lie below {cutoff_frequency:g} Hz, at most {MOST_MODES} are kept; "
             "lower the cut-off, for a panel discretisation.superelement_cutoff"
         )
         raise MechanicsError(msg)
-    wanted = min(count + 1, size)
-    shifted = sp.csr_array(stiffness - shift * mass)
-    # Both ways solve M x = theta (K - shift M) x for the greatest theta = 1 / (omega^2 - shift).
-    dense = wanted > _DENSE_SHARE * size or size < 30
-    methods = (_solve_dense,) if dense else (_solve_lanczos, _solve_dense)
-    for method in methods:
-        theta, modes = method(mass, shifted, wanted)
-        frequencies = np.sqrt(np.maximum(1.0 / theta + shift, 0.0)) / (2.0 * np.pi)
+    shift = (2.0 * np.pi * cutoff_frequency) ** 2
+    for found in _attempts(stiffness, mass, factor, count=count, shift=shift):
+        frequencies = np.sqrt(np.maximum(found[0], 0.0)) / (2.0 * np.pi)
         order = np.argsort(frequencies, kind="stable")
-        frequencies, modes = frequencies[order], modes[:, order]
-        # Lanczos may pass over one of several modes that lie close together.
+        frequencies, modes = frequencies[order], found[1][:, order]
         if frequencies.size >= count and frequencies[:count].max(initial=0.0) <= (
             cutoff_frequency * (1.0 + 1e-6)
         ):
             break
     else:
-        msg = f"{count} modes lie below {cutoff_frequency} Hz, but not all were found"
-        raise MechanicsError(msg)
+        raise MechanicsError(_NOT_HELD)
     omitted = float(frequencies[count]) if frequencies.size > count else float("nan")
     return frequencies[:count], _normalise(modes[:, :count], mass), omitted
 
 
-def _solve_dense(
-    mass: sp.csr_array, shifted: sp.csr_array, wanted: int
-) -> tuple[FloatArray, FloatArray]:
+def _attempts(
+    stiffness: sp.csr_array,
+    mass: sp.csr_array,
+    factor: Factor | None,
+    *,
+    count: int,
+    shift: float,
+) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Yield eigenvalues and modes by one method after the other, the quickest first."""
     size = mass.shape[0]
+    wanted = min(count + 1, size)
+    if factor is not None and size >= _SMALL and wanted <= _DENSE_SHARE * size:
+        found = _solve_lanczos(mass, factor, count, shift=shift)
+        if found is not None:
+            yield found
+    for hold in (0.0, _HOLD_SHARE * shift):
+        found = _solve_dense(mass, stiffness, wanted, hold=hold)
+        if found is not None:
+            yield found
+
+
+def _solve_dense(
+    mass: sp.csr_array, stiffness: sp.csr_array, wanted: int, *, hold: float
+) -> tuple[FloatArray, FloatArray] | None:
+    """Return eigenvalues and modes of the lowest few; None if the matrix on the right is singular.
+
+    They solve M x = theta (K + hold M) x; a little mass on the right holds a free body.
+    """
+    size = mass.shape[0]
+    held = stiffness + hold * mass
     try:
         theta, modes = scipy.linalg.eigh(
-            mass.toarray(), shifted.toarray(), subset_by_index=[size - wanted, size - 1]
+            mass.toarray(), held.toarray(), subset_by_index=[size - wanted, size - 1]
         )
-    except np.linalg.LinAlgError as error:
-        raise MechanicsError(_NOT_HELD) from error
+    except np.linalg.LinAlgError:
+        return None
     # A mode without mass has an infinite frequency: its theta is nothing but rounding.
     positive = theta > size * np.finfo(float).eps * theta.max()
-    return theta[positive], modes[:, positive]
+    return 1.0 / theta[positive] - hold, modes[:, positive]
 
 
 def _solve_lanczos(
-    mass: sp.csr_array, shifted: sp.csr_array, wanted: int
-) -> tuple[FloatArray, FloatArray]:
-    factor = factorise(shifted)
-    if factor is None:
-        raise MechanicsError(_NOT_HELD)
+    mass: sp.csr_array, factor: Factor, count: int, *, shift: float
+) -> tuple[FloatArray, FloatArray] | None:
+    """Return eigenvalues and modes of the `count` below a shift and of one above it.
+
+    Parameters
+    ----------
+    mass : csr_array, shape (n, n)
+        Of the structure.
+    factor : Factor
+        Of K - shift M; its inverse times M has the eigenvalues theta = 1 / (omega^2 - shift).
+    count : int
+        Modes below the shift: so many thetas are negative.
+    shift : float
+        Of the factor [rad^2/s^2].
+
+    Returns
+    -------
+    tuple or None
+        None where they do not converge within some times as many directions.
+    """
+    size, width = mass.shape[0], int(np.clip((count + 1) // 3, *_BLOCKS))
+    most = min(size // 2, _MOST_DIRECTIONS * count + 24 * width)
+    basis, with_mass = np.empty((2, most, size)).transpose(0, 2, 1)
+    inverse = np.zeros((most, most))
     # A fixed start keeps the modes the same from run to run.
-    start = np.random.default_rng(20240501).standard_normal(mass.shape[0])
-    inverse = spla.LinearOperator(mass.shape, matvec=factor.solve, dtype=float)
-    values, modes = spla.eigsh(
-        shifted, k=wanted, M=mass, sigma=0.0, which="LM", OPinv=inverse, v0=start
-    )
-    return 1.0 / values, modes
+    start = np.random.default_rng(20240501).standard_normal((size, width))
+    block, block_mass, _ = _orthonormal(factor.solve(mass @ start), mass)
+    here, check = 0, 2 * count + 6 * width
+    while block.shape[1] and here + block.shape[1] <= most:
+        before, here = here, here + block.shape[1]
+        basis[:, before:here], with_mass[:, before:here] = block, block_mass
+        image = factor.solve(block_mass)
+        inverse[:here, before:here] = with_mass[:, :here].T @ image
+        image -= basis[:, :here] @ inverse[:here, before:here]
+        image -= basis[:, :here] @ (with_mass[:, :here].T @ image)
+        block, block_mass, links = _orthonormal(image, mass)
+        if here <= count or (here < check and block.shape[1]):
+            continue
+        theta, shares = np.linalg.eigh(inverse[:here, :here], UPLO="U")
+        chosen = np.append(np.arange(count), here - 1)
+        residual = np.linalg.norm(links @ shares[before:here, chosen], axis=0)
+        found = int(np.count_nonzero(theta < 0.0)) == count
+        if found and np.all(residual <= _CONVERGED * np.abs(theta[chosen])):
+            return shift + 1.0 / theta[chosen], basis[:, :here] @ shares[:, chosen]
+        check = here + width
+    return None
+
+
+def _orthonormal(
+    vectors: FloatArray, mass: sp.csr_array
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return an orthonormal basis of some vectors with respect to the mass.
+
+    Returns
+    -------
+    basis, with_mass : ndarray, shape (n, m)
+        The basis, and the mass times it; fewer vectors than given where these depend on each other.
+    shares : ndarray, shape (m, n_vectors)
+        ``vectors = basis @ shares``.
+    """
+    shares = np.eye(vectors.shape[1])
+    with_mass = mass @ vectors
+    for _ in range(2):  # once more, since the squares lose half of the digits
+        squares, turn = np.linalg.eigh(vectors.T @ with_mass)
+        kept = squares > _DEPENDENT * max(squares[-1], 0.0)
+        length = np.sqrt(squares[kept])
+        scaled = turn[:, kept] / length
+        vectors, with_mass = vectors @ scaled, with_mass @ scaled
+        shares = (length[:, None] * turn[:, kept].T) @ shares
+    return vectors, with_mass, shares
 
 
 def _normalise(modes: FloatArray, mass: sp.csr_array) -> FloatArray:
@@ -215,4 +307,4 @@ def _normalise(modes: FloatArray, mass: sp.csr_array) -> FloatArray:
     return signed
 
 
-_NOT_HELD = "the structure is not held: its stiffness, less the shift times the mass, is singular"
+_NOT_HELD = "the structure is not held: a motion of it has neither stiffness nor mass"

@@ -13,7 +13,7 @@ from turnout.reduction.spectrum import factorise, modes_below
 
 FloatArray = npt.NDArray[np.float64]
 
-_SHIFT_SHARE = 0.05  # of the cut-off: where the search for modes of a free body starts from below
+_SHIFT_SHARE = 0.05  # of the cut-off: what a free body is held by
 _RIGID_SHARE = 1e-4  # of the cut-off: modes below this are rigid-body modes
 
 
@@ -186,7 +186,7 @@ def _free_frequencies(
     if cutoff == 0.0:
         return np.zeros(0), np.zeros(0)
     shift = -((2.0 * np.pi * _SHIFT_SHARE * cutoff) ** 2)
-    full, _, _ = modes_below(stiffness, mass, cutoff_frequency=cutoff, shift=shift)
+    full, _, _ = modes_below(stiffness, mass, cutoff_frequency=cutoff)
     size = superelement.stiffness.shape[0]
     if not full.size:
         return full, full
