@@ -297,17 +297,13 @@ def calibrate_history(
         expected = learn_history(knowledge, learned, view=populations[turn])
         features = [later.features + fixed + drawn.of_throws(later.rates) for _ in range(again)]
         switches += [later.switch] * again
+        # the same for every part, so that none depends on which parts there are
+        held = [(features[0], drawn.of_gaps(later))] + _with_objects(objects, switch, fixed, drawn)
         for part in alone:
             view = make_view(knowledge, part=part, known=expected)
             judged[part] += [_said_of_sound(view, rows) for rows in features]
-            if draw:
-                continue
-            tried[part].append((view, features[0], drawn.of_gaps(later)))
-            if objects is not None:
-                held = objects.of((objects.switch == switch) & (objects.force > 0.0))
-                for _ in range(INTERVAL_DRAWS):
-                    moved = held.features + fixed + drawn.of_throws(held.rates)
-                    tried[part].append((view, moved, drawn.of_gaps(held)))
+            if not draw:
+                tried[part] += [(view, *item) for item in held]
         if report is not None:
             report(done + 1, len(numbers) * draws)
     return [
@@ -320,6 +316,19 @@ def calibrate_history(
         )
         for part, other in alone.items()
         if judged[part]
+    ]
+
+
+def _with_objects(
+    objects: ThrowSet | None, switch: int, fixed: Floats, errors: Errors
+) -> list[tuple[Floats, ThrowSet]]:
+    """Return measured features of the throws of a switch with objects, and these throws."""
+    if objects is None:
+        return []
+    held = objects.of((objects.switch == switch) & (objects.force > 0.0))
+    return [
+        (held.features + fixed + errors.of_throws(held.rates), errors.of_gaps(held))
+        for _ in range(INTERVAL_DRAWS)
     ]
 
 
