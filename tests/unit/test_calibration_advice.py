@@ -1,10 +1,12 @@
 """Systematic errors absorbed by parameters, on made-up movements."""
 
+from dataclasses import replace
+
 import numpy as np
 from tests.unit.test_calibration_fit import PARAMETERS, TRUE, misfit, movement
 
 from turnout.calibration.advice import SHARE, Candidate, _systematic_error, next_lines
-from turnout.calibration.covariance import gain_column
+from turnout.calibration.covariance import plain_gain_column
 from turnout.calibration.fit import fit
 
 
@@ -27,7 +29,7 @@ def test_an_error_that_nothing_imitates_is_seen() -> None:
 def test_gauges_that_read_too_much_are_seen_where_a_slip_level_is_known() -> None:
     rng = np.random.default_rng(1)
     found = fit(misfit([movement(f"m{n}", rng=rng) for n in range(3)]), PARAMETERS, TRUE)
-    column = SHARE * gain_column(found, ("drive_force", "1"))
+    column = SHARE * plain_gain_column(found, ("drive_force", "1"))
     assert "but the misfit would show it" in _systematic_error(found, "1 % more", column)
 
 
@@ -38,3 +40,23 @@ def test_the_best_come_first_and_few() -> None:
     lines = next_lines(many)
     assert len(lines) == 3
     assert lines[0].startswith("next: m0: leaves 50 % of the standard deviation of k")
+
+
+def test_an_error_that_a_free_gain_takes_up_is_not_said_to_be_seen() -> None:
+    rng = np.random.default_rng(1)
+    key = ("drive_force", "1")
+    whole = misfit([movement(f"m{n}", rng=rng) for n in range(3)])
+    free = replace(whole, comparison=replace(whole.comparison, gains={key: 0.01}))
+    found = fit(free, PARAMETERS, TRUE)
+    text = _systematic_error(found, "1 % more", SHARE * plain_gain_column(found, key))
+    assert "and these movements would not show it" in text
+    assert "the fit takes it for gauges of drive 1 +" in text
+
+
+def test_what_is_lost_among_all_residuals_is_no_misfit_that_shows() -> None:
+    found = fit(misfit([movement("m", rng=np.random.default_rng(1))]), PARAMETERS, TRUE)
+    wave = np.sin(np.arange(found.residuals.size))
+    wave *= 4.0 / np.linalg.norm(wave)
+    assert "only a fit with it as an unknown would show it (4 st" in _systematic_error(
+        found, "a wave", wave
+    )

@@ -208,7 +208,21 @@ def test_steps_are_fine_where_a_fit_is_and_plain_aside() -> None:
     asked.clear()
     whole.fine, whole.quick = False, True
     whole.local(TRUE, ("k",))
-    assert all(throw.quick for throw, _ in asked)
+    assert all(throw.quick and not throw.lean for throw, _ in asked)
+
+
+def test_steps_of_parameters_with_priors_are_lean() -> None:
+    whole = misfit([movement("m", rng=np.random.default_rng(2))])
+    whole.parameters = (PARAMETERS[0], replace(PARAMETERS[1], prior=0.1))
+    asked = listened(whole)
+    local = whole.local(TRUE, ("k",))
+    # One aside and one where the fit is, whose difference is what counts.
+    assert sorted(value for throw, value in asked if throw.lean) == [
+        TRUE["k"],
+        pytest.approx(TRUE["k"] * np.exp(0.01)),
+    ]
+    assert not any(throw.quick for throw, _ in asked)
+    assert local.stepped["k"][0] is not local.origin[0]
 
 
 def test_slopes_are_thrown_again_only_for_movements_that_went_away() -> None:
@@ -220,13 +234,13 @@ def test_slopes_are_thrown_again_only_for_movements_that_went_away() -> None:
     assert near.stepped is known.stepped
     assert len(asked) == 2
     asked.clear()
-    whole.effects = {"mu": (0.0, 0.01)}
+    whole.effects = {"mu": (0.0, 0.02)}
     part = whole.local_near(TRUE, ("k",), known)
     assert part.stepped["k"][0] is known.stepped["k"][0]
     assert part.stepped["k"][1] is not known.stepped["k"][1]
     assert len(asked) == 2 + 3
     asked.clear()
-    whole.local_near({**TRUE, "k": TRUE["k"] * 1.01}, ("k",), known)
+    whole.local_near({**TRUE, "k": TRUE["k"] * 1.02}, ("k",), known)
     assert len(asked) == 2 * 3
     asked.clear()
     whole.effects, whole.quick = {}, True

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from tests.unit.test_calibration_fit import PARAMETERS, TRUE, misfit, movement
 
-from turnout.calibration.covariance import spread_of
+from turnout.calibration.covariance import common_gain, spread_of
 from turnout.calibration.fit import fit
 from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.misfit import framed
@@ -25,10 +25,13 @@ KEY = ("drive_force", "1")
 
 
 def shared(columns: Floats) -> Shared:
-    squares, vectors = np.linalg.eigh(columns.T @ columns)
+    gram = columns.T @ columns
+    squares, vectors = np.linalg.eigh(gram)
     sizes = np.sqrt(squares)
     basis = columns @ vectors / sizes
-    return Shared(sensors=(), columns=columns, plain=(columns,), basis=basis, sizes=sizes)
+    return Shared(
+        sensors=(), columns=columns, gram=gram, plain=(columns,), basis=basis, sizes=sizes
+    )
 
 
 def test_the_cost_is_that_of_the_whole_covariance() -> None:
@@ -112,6 +115,24 @@ def test_a_gain_is_found_as_far_as_the_movements_show_it_and_widens_the_interval
         widths.append(high - low)
     # Gains that are free never cost more than the quadrature sum of what is known beside them.
     assert widths[1] < 1.3 * np.hypot(widths[0], 2 * 1.96 * 0.01 * TRUE["k"])
+
+
+def test_gains_that_are_alike_count_where_chance_does_not_make_them_so() -> None:
+    """One channel: its gain is the scale. By 2 stated deviations it may be off, not by 4."""
+    widths = []
+    for gain in (0.02, 0.04):
+        whole = misfit(movements(gain=gain))
+        free = replace(whole, comparison=replace(whole.comparison, gains={KEY: 0.01}))
+        # With the slip level as good as known, the gain is.
+        found = fit(free, PARAMETERS[:1], TRUE)
+        mean, stated = common_gain(found) or (0.0, 0.0)
+        assert mean == pytest.approx(gain, rel=0.1)
+        assert stated == pytest.approx(0.01)
+        spread = spread_of(replace(found, parameters=(replace(PARAMETERS[0], unit="N"),)))
+        widths.append(spread.deviations[0] / found.values["mu"])
+        doubted = [text for text in spread.findings if text.startswith("all sensors read")]
+        assert bool(doubted) == (gain > 0.03)
+    assert widths[1] == pytest.approx(np.hypot(widths[0], np.hypot(0.04, 0.01)), rel=0.1)
 
 
 def test_shared_discrepancies_make_movements_worth_less() -> None:

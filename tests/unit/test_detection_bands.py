@@ -15,7 +15,7 @@ from turnout.detection.limit.limit_map import limit_map
 from turnout.detection.reference import Conditions, reference_study
 from turnout.errors import StudyError
 from turnout.panel.load import library_text
-from turnout.plot.limit import plot_bands
+from turnout.plot.limit import plot_bands, plot_limit
 
 CLOSING = 0.8
 
@@ -57,6 +57,13 @@ def test_a_place_lies_where_it_is_in_each_panel() -> None:
     np.testing.assert_allclose(drawn["b"], np.sort(band["panel_x"].sel(panel="b")))
     assert {"panel", "panel_hash"}.isdisjoint(band.attrs)
     assert {"panel", "panel_hash"} <= set(found.attrs)
+
+
+def test_one_drive_is_not_called_both() -> None:
+    found = limit_map(toy_throws(drives=1), Conditions(), closing=CLOSING)
+    assert "force, its one drive: " in plot_limit(found).get_suptitle()
+    found = limit_map(toy_throws(), Conditions(), closing=CLOSING)
+    assert "force, both drives: " in plot_limit(found).get_suptitle()
 
 
 def test_the_over_travel_moves_its_population_and_nothing_else() -> None:

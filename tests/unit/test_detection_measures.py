@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ from turnout.detection.limit.day_plan import (
     plan,
 )
 from turnout.detection.limit.end_positions import EndThrows, Position, end_position_map, end_rows
+from turnout.detection.limit.known_place_map import known_place_map
 from turnout.detection.limit.limit_map import limit_map, sound_throws
 from turnout.detection.limit.what_if import (
     FORMS,
@@ -289,6 +291,10 @@ def test_the_command_prints_map_end_positions_and_measures(
     monkeypatch.setattr("turnout.detection.throws.closing_time", lambda _: CLOSING)
     monkeypatch.setattr(
         "turnout.detection.limit.end_positions.throw_ends", lambda *_, **__: ends(2e5)
+    )
+    monkeypatch.setattr(  # the tests of known places have all draws
+        "turnout.detection.limit.known_place_map.known_place_map",
+        partial(known_place_map, draws=2_000),
     )
     out, figure = tmp_path / "limit.nc", tmp_path / "limit.png"
     line = [

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from turnout.condense import condense
+from turnout.integrate import arrange as arrangement
 from turnout.integrate import start
 from turnout.integrate.arrange import arrange, clear_memory
 from turnout.integrate.integration import integrate
@@ -138,3 +139,30 @@ def test_an_object_elsewhere_finds_rails_and_prior_motion_and_gives_the_same_bit
         clear_linear()
         start.clear_starts()
         np.testing.assert_array_equal(history(place), known)
+
+
+def test_rails_of_other_sections_share_the_layout_and_give_the_same_bits(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    panel = load_panel("uic60-760-1-15").with_overrides({"schedule.end": 8.0})
+    laid_out: list[object] = []
+
+    def lay_out(*given: object) -> object:
+        laid_out.append(given)
+        return condensing(*given)
+
+    condensing = arrangement.condensed_system
+    monkeypatch.setattr(arrangement, "condensed_system", lay_out)
+
+    def history(scale: float) -> np.ndarray:
+        scaled = panel.with_overrides({"rail.section_scale": scale})
+        objects = resolve_objects(scaled, (ForeignObject(0.01, "x = 3.333 m"),))
+        return solve_placed(scaled, objects, scheme=QUICK).history.g
+
+    one_after_another = [history(scale) for scale in (0.98, 1.0, 1.02)]
+    assert len(laid_out) == 1
+    for scale, known in zip((0.98, 1.0, 1.02), one_after_another, strict=True):
+        clear_memory()
+        clear_linear()
+        start.clear_starts()
+        np.testing.assert_array_equal(history(scale), known)

@@ -178,7 +178,7 @@ def test_old_files_go_and_memory_stays_small(fresh: Path, monkeypatch: pytest.Mo
 
 
 def test_folders_of_other_sources_are_bounded(fresh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each change of the sources makes folders of its own, which nobody else would remove."""
+    """Each change of the sources makes folders of its own, which nothing else would remove."""
     monkeypatch.setattr(cache_folder, "MOST_FOLDERS", 2)
     monkeypatch.setattr(cache_folder, "safe_folder", cache_folder.safe_folder.__wrapped__)
     for age in range(4):

@@ -21,6 +21,7 @@ from turnout.open_benchmark.run_methods import (
     COMMON,
     USES,
     Conditions,
+    folds_of,
     methods_for,
     run_method,
     sources_of,
@@ -178,3 +179,14 @@ def test_a_fault_of_a_method_is_raised_after_the_others_ran(
     with pytest.raises(RuntimeError, match="no trees"):
         take()
     assert sorted(came) == ["dtw", "pca"]
+
+
+def test_every_fold_holds_back_as_many_switches_of_each_kind() -> None:
+    # 8 kinds of 3 panels, two switches of each panel, one throw of each switch
+    machine = np.repeat([f"kind {number}" for number in range(8)], 6)
+    panel = np.repeat(np.random.default_rng(0).permutation(24), 2)
+    labels = {**BENCH.train.labels, "panel": panel, "machine": machine}
+    found = folds_of(replace(BENCH.train, labels=labels))
+    assert np.array_equal(found[::2], found[1::2])
+    for name in np.unique(machine):
+        assert sorted(found[machine == name]) == [0, 0, 1, 1, 2, 2]

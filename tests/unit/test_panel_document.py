@@ -46,6 +46,14 @@ def test_generators_number_or_name_their_members() -> None:
     assert {name: member["x"] for name, member in named.items()} == {"front": 9.0, "rear": 10.0}
 
 
+def test_a_single_place_is_a_member_where_there_is_no_other() -> None:
+    """It was a default of no member, so that the family was left out without a word."""
+    alone = tree('[stud]\nx = "9 m"\nheight = "0.1 m"')["stud"]
+    assert alone == tree('[stud]\nx = ["9 m"]\nheight = "0.1 m"')["stud"]
+    shared = tree('[stud]\nx = "9 m"\n[stud.rear]\nheight = "0.1 m"')["stud"]
+    assert list(shared) == ["rear"]
+
+
 def test_a_member_overrides_or_joins_a_generated_family() -> None:
     text = library_text("sb1") + '\n[chair.5]\nclearance = "1 mm"\n[chair.extra]\nx = "9.5 m"\n'
     changed = panel_from_file(parse_toml(text, source="sb1"))

@@ -12,7 +12,8 @@ of the default calibration starts 5 % or so from the truth. A campaign is fixed 
 that was stopped goes on. `report` writes into docs/calibration.md.
 
 Beside the intervals, every eighth record has their widths as they would be at the same fit without
-the discrepancy that movements share and without gains as unknowns, and with gains that are known.
+the discrepancy that movements share and without gains as unknowns, with a measuring chain that is
+known (gains, zeros and clock, as the former likelihood had it), and with known gains alone.
 """
 
 from dataclasses import replace
@@ -100,7 +101,8 @@ def widths(final: Fit) -> dict[str, dict[str, float]]:
     """Return standard deviations of all values at a fit, by what is taken to be known.
 
     "former" and "former, gains 1 %" are those without a shared discrepancy, gains in quadrature as
-    they were and 1 %; "gains known" are the present ones with gains that are exact.
+    they were and 1 %; "gains known" are the present ones with gains that are exact, "chain known"
+    those with zeros and clock that are exact too.
     """
     now = final.misfit.comparison
     noise = measured_noise(final.misfit.movements)
@@ -117,6 +119,7 @@ def widths(final: Fit) -> dict[str, dict[str, float]]:
         "former": plain(FORMER_GAIN),
         "former, gains 1 %": plain(Uncertainty().common_gain),
         "gains known": exact,
+        "chain known": replace(exact, common_zero=0.0, clock=0.0),
     }
     with one_blas_thread():
         return _deviations(final, cases)
@@ -203,13 +206,15 @@ def width_lines(records: list[Record]) -> list[str]:
         "likelihood (no shared discrepancy, gains known to 0.1 % and added in quadrature), median "
         "and largest ratio; the quadrature sum is that of the former one and of 1 % of the value:",
         "",
-        "| parameter | gains known exactly | gains known to 1 % | against the quadrature sum with "
-        "1 % |",
-        "|---|---|---|---|",
+        "| parameter | gains, zeros, clock known | gains known, zeros to 10 N, clock to 0.1 % | "
+        "gains known to 1 % | against the quadrature sum with 1 % |",
+        "|---|---|---|---|---|",
     ]
     for name in known[0]["truth"]:
         cells = []
-        for case, gain in (("gains known", 0.0), ("now", 0.0), ("now", Uncertainty().common_gain)):
+        gain_1 = Uncertainty().common_gain
+        cases = (("chain known", 0.0), ("gains known", 0.0), ("now", 0.0), ("now", gain_1))
+        for case, gain in cases:
             ratios = [
                 r["widths"][case][name]
                 / np.hypot(r["widths"]["former"][name], gain * abs(r["values"][name]))

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.calibration.covariance import Spread, force_channels, gain_column
+from turnout.calibration.covariance import Spread, force_channels, plain_gain_column
 from turnout.calibration.fit import Fit
 from turnout.calibration.measured_movements import (
     BIN,
@@ -15,9 +15,11 @@ from turnout.calibration.measured_movements import (
     Signal,
     movement_length,
 )
-from turnout.calibration.misfit import Misfit, framed, jacobian
-from turnout.calibration.parameter import free_parameter
+from turnout.calibration.misfit import Misfit, framed, jacobian, plain_jacobian
+from turnout.calibration.parameter import free_parameter, prior_slopes
 from turnout.calibration.predict import predicted
+from turnout.calibration.sensors import FoundSensor
+from turnout.calibration.shared import GAIN
 from turnout.errors import PanelError, SolverError
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel
@@ -26,8 +28,11 @@ Floats = NDArray[np.float64]
 WEIGHT = "gravity"
 # Relative error of the weight and of each sensitivity that is examined [-].
 SHARE = 0.01
-# Residuals below this many standard deviations are not noticed.
+# Residuals that move by less than this many standard deviations are not noticed, even if looked
+# for; the misfit shows what raises the sum of squares by as many of its deviations.
 SEEN = 3.0
+# A gain above this share of the error is one that it is taken for [-].
+TAKEN_UP = 0.3
 # Changes of a parameter below this share of the error are not listed [-].
 WORTH = 0.1
 SIZES = (0.013, 0.026)
@@ -60,7 +65,8 @@ def systematic_errors(found: Fit) -> list[str]:
     """Say how errors of weight and sensitivity would change the parameters.
 
     Examined are the weight of the rails and the sensitivity of each force channel. An error that
-    the parameters can imitate is not seen in the residuals, and goes into the parameters.
+    parameters can imitate is not seen in the residuals, and goes into the parameters; one that free
+    gains can imitate is not seen either, and is printed as gains.
 
     Parameters
     ----------
@@ -72,34 +78,36 @@ def systematic_errors(found: Fit) -> list[str]:
     list of str
         A sentence each.
     """
-    found = _without_gain_uncertainty(found)
     columns = {f"{100 * SHARE:g} % more weight of the rails": _weight_column(found)}
     for key in force_channels(found):
         name = f"the gauges of drive {key[1]}" if key[1] else "the load cell"
-        columns[f"{100 * SHARE:g} % more sensitivity of {name}"] = SHARE * gain_column(found, key)
+        columns[f"{100 * SHARE:g} % more sensitivity of {name}"] = SHARE * plain_gain_column(
+            found, key
+        )
     return [_systematic_error(found, what, column) for what, column in columns.items()]
 
 
-def _without_gain_uncertainty(found: Fit) -> Fit:
-    """Return a fit as if all gains were exact, so that their uncertainty absorbs no gain error."""
-    comparison = found.misfit.comparison
-    exact = replace(comparison.uncertainty, gain=0.0)
-    known = replace(comparison, gains={}, uncertainty=exact)
-    misfit = replace(found.misfit, comparison=known)
-    frame = framed(found.local, misfit)
-    return replace(
-        found,
-        misfit=misfit,
-        frame=frame,
-        residuals=misfit.residuals_of(found.local.simulated, frame),
-        jacobian=jacobian(found.local, frame, [item.name for item in found.parameters]),
-    )
-
-
 def _systematic_error(found: Fit, what: str, column: Floats) -> str:
-    """Return a sentence on one error: what it does to the parameters, and whether it is seen."""
-    change = np.linalg.lstsq(found.jacobian, -column, rcond=None)[0]
-    left = float(np.linalg.norm(column + found.jacobian @ change))
+    """Return a sentence on one error: what it does to the parameters, and whether it is seen.
+
+    Gains, zeros, clock and discrepancy are unknowns here as in the fit, so what they take up is
+    not said to be seen.
+
+    Parameters
+    ----------
+    found : Fit
+        At its end.
+    what : str
+        The error, in words.
+    column : ndarray, shape (n,)
+        What it does to the residuals that are whitened movement by movement alone.
+    """
+    names = [item.name for item in found.parameters]
+    joined = found.frame.joined(column)
+    priors = np.diag(prior_slopes(found.parameters))
+    rows = np.vstack([found.jacobian, priors])
+    change = np.linalg.lstsq(rows, -np.concatenate([joined, 0.0 * priors[0]]), rcond=None)[0]
+    left = float(np.linalg.norm(joined + found.jacobian @ change))
     parts = [
         f"{item.name} by {100 * slope / found.values[item.name]:+.2g} %"
         for item, move in zip(found.parameters, change, strict=True)
@@ -107,15 +115,33 @@ def _systematic_error(found: Fit, what: str, column: Floats) -> str:
         if abs(slope / found.values[item.name]) > WORTH * SHARE
     ]
     moved = f"would change {', '.join(parts)}" if parts else "would change no value"
+    times = f"({left:.{1 if left < SEEN else 0}f} standard deviations)"
     if left < SEEN:
-        seen = f"and these movements would not show it ({left:.1f} standard deviations)"
+        seen = f"and these movements would not show it {times}"
+    elif left**2 < SEEN * np.sqrt(2.0 * joined.size):
+        seen = f"and only a fit with it as an unknown would show it {times}"
     else:
-        seen = f"but the misfit would show it ({left:.0f} standard deviations)"
-    return f"{what} {moved}, {seen}"
+        seen = f"but the misfit would show it {times}"
+    rest = column + plain_jacobian(found.local, found.frame, names) @ change
+    return f"{what} {moved}, {seen}{_taken_up(found, rest)}"
+
+
+def _taken_up(found: Fit, rest: Floats) -> str:
+    """Say which sensors an error is taken for, from what the parameters leave of it."""
+    shared = found.frame.shared
+    if shared is None:
+        return ""
+    sizes = shared.estimates(rest)
+    taken = [
+        FoundSensor(column=item, value=float(size) * item.stated, deviation=0.0).short_text
+        for item, size in zip(shared.sensors, sizes, strict=False)
+        if item.kind == GAIN and abs(size) * item.stated > TAKEN_UP * SHARE
+    ]
+    return f"; the fit takes it for {', '.join(taken)}" if taken else ""
 
 
 def _weight_column(found: Fit) -> Floats:
-    """Return the change of the whitened residuals with an error of the weight."""
+    """Return the change of each movement's whitened residuals with an error of the weight."""
     misfit = found.misfit
     weight = free_parameter(misfit.evaluator.panel, WEIGHT)
     wider = replace(
@@ -125,7 +151,7 @@ def _weight_column(found: Fit) -> Floats:
     )
     local = wider.local({**found.values, WEIGHT: weight.start}, (WEIGHT,))
     # The truth being heavier moves measured less simulated the other way.
-    return -SHARE * jacobian(local, found.frame, (WEIGHT,))[:, 0]
+    return -SHARE * plain_jacobian(local, found.frame, (WEIGHT,))[:, 0]
 
 
 def next_movements(found: Fit, spread: Spread, panel: LoadedPanel) -> list[Candidate]:

@@ -69,8 +69,8 @@ from turnout.calibration.stage_progress import (
     planned_throws,
     throws_per_step,
 )
-from turnout.calibration.stages import CalibrationPlan, Stage, default_plan
-from turnout.calibration.starts import nearest_fit, starts_of
+from turnout.calibration.stages import JOINT_MOVEMENTS, CalibrationPlan, Stage, default_plan
+from turnout.calibration.starts import nearest_fit, starts_of, with_movements
 from turnout.core.provenance import provenance
 from turnout.core.threads import one_blas_thread
 from turnout.errors import PanelError, SolverError
@@ -201,17 +201,17 @@ def calibrate(
                 sampled = posterior_of(final, spread).record()
             except SolverError as error:
                 warnings.append(str(error))
-    calibration = replace(
-        _result(final, spread, of=(plan, panel, dataset, movements), scheme=scheme or Scheme()),
-        stages=tuple(logs),
-        warnings=tuple(dict.fromkeys(warnings)),
-        findings=tuple(findings),
-        posterior=sampled,
-        causes=_cause_lines(final, search, sensors),
-        fitted_causes=tuple(item.name for item, _ in search.taken) if search else (),
-        sensors=tuple(item.text for item in sensors),
-        effects=movement_rows(final),
-    )
+        calibration = replace(
+            _result(final, spread, of=(plan, panel, dataset, movements), scheme=scheme or Scheme()),
+            stages=tuple(logs),
+            warnings=tuple(dict.fromkeys(warnings)),
+            findings=tuple(findings),
+            posterior=sampled,
+            causes=_cause_lines(final, search, sensors),
+            fitted_causes=tuple(item.name for item, _ in search.taken) if search else (),
+            sensors=tuple(item.text for item in sensors),
+            effects=movement_rows(final),
+        )
     return CalibrationOutcome(
         calibration=calibration,
         final=final,
@@ -324,25 +324,29 @@ class _Run:
                 continue
             before = self.evaluator.made
             misfit = self._misfit(stage, chosen, values, scatter)
-            starts = starts_of(misfit, skipped, parameters, values)
+            # What leads near need not be all that there is.
+            fewer = replace(stage.movements, most=stage.movements.most or JOINT_MOVEMENTS)
+            leading = replace(misfit, movements=selected(chosen, fewer, self.panel))
+            starts = starts_of(leading, skipped, parameters, values)
             values = starts[0]
             skipped = [item for item in skipped if item[0] not in parameters]
             swept: GridSearch | None = None
             if "sweep" in stage.method and parameters[0].name == stage.parameters[0]:
-                swept = sweep(replace(misfit, quick=True), parameters[0], stage.grid, values)
+                swept = sweep(replace(leading, quick=True), parameters[0], stage.grid, values)
                 sweeps.append(swept)
                 values = {**values, **swept.values}
                 starts = [values]
             if "fit" in stage.method:
                 last = number == len(self.plan.stages)
                 rough = replace(misfit.comparison, gains={}, common_zero=0.0, clock=0.0)
-                near = replace(misfit, quick=True, comparison=rough)
+                near = replace(leading, quick=True, comparison=rough)
                 shares = JOINT_SHARES if last else ROUGH_SHARES
                 final = nearest_fit(near, parameters, starts, shares, on_step=self.watch.found)
                 values = dict(final.values)
                 if last:
                     start = replace(misfit, base=values)
-                    final, search = self._last(final, start, parameters)
+                    whole = with_movements(final, chosen)
+                    final, search = self._last(whole, start, parameters)
                     values = dict(final.values)
                 scatter = dict(final.misfit.comparison.scatter)
             made = self.evaluator.made - before

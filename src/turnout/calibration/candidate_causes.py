@@ -28,6 +28,8 @@ from turnout.panel.load import LoadedPanel
 Floats = NDArray[np.float64]
 Beside = Callable[[Mapping[str, float], Sequence[float]], dict[str, float]]
 FRICTION, MODULUS = "chair.friction_coefficient", "material.youngs_modulus"
+# What names of friction of a group of chairs begin with.
+GROUP = "friction.group."
 # How much softer a bushing is at first, as a logarithm [-], and how far that is expected from this;
 # the share of the slip level at which its stretch stays the same, and how far at most its stiffness
 # rises for that, as a factor [-].
@@ -411,7 +413,7 @@ def _friction_by_chair(panel: LoadedPanel) -> list[Cause]:
     chairs = sorted(panel.chair, key=lambda name: panel.chair[name].x)
     count = min(CHAIR_GROUPS, len(chairs) // 2)
     groups = [[str(name) for name in part] for part in np.array_split(np.array(chairs), count)]
-    keys = tuple(f"friction.group.{number}" for number in range(1, count + 1))
+    keys = tuple(f"{GROUP}{number}" for number in range(1, count + 1))
 
     def shares(values: Mapping[str, float]) -> dict[str, float]:
         own = {name: values[key] for key, names in zip(keys, groups, strict=True) for name in names}

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 from scipy.stats import t as student
 
+from turnout.calibration.candidate_causes import CHAIR_SPREAD, FRICTION, GROUP, MODULUS
 from turnout.calibration.comparison import Key
 from turnout.calibration.fit import Fit
 from turnout.calibration.fit_noise import SCATTER_WEIGHT
@@ -27,6 +28,8 @@ NOTED = 0.6
 HARDLY_KNOWN = 0.3
 # Units of values that a scale of all forces changes.
 FORCES = ("N", "N/m")
+# Gains whose mean is so many of its stated deviations off are no chance: the model's scale may be.
+SCALE_DOUBTED = 2.5
 NORMAL_95 = float(norm.ppf(0.975))
 
 
@@ -76,6 +79,14 @@ def force_channels(found: Fit) -> list[Key]:
 def gain_column(found: Fit, key: Key, *, source: Key | None = None) -> Floats:
     """Return the change of the whitened residuals with a channel's sensitivity.
 
+    As `plain_gain_column`, with what movements share made independent too.
+    """
+    return found.frame.joined(plain_gain_column(found, key, source=source))
+
+
+def plain_gain_column(found: Fit, key: Key, *, source: Key | None = None) -> Floats:
+    """Return the change of the residuals that are whitened movement by movement alone.
+
     Parameters
     ----------
     found : Fit
@@ -100,7 +111,7 @@ def gain_column(found: Fit, key: Key, *, source: Key | None = None) -> Floats:
                 row[place] = _measured_at(alignment.movement, source, bins)
             first += bins.size
         rows.append(alignment.whitened(row))
-    return found.frame.joined(np.concatenate(rows))
+    return np.concatenate(rows)
 
 
 def _measured_at(movement: MeasuredMovement, source: Key, bins: NDArray[np.intp]) -> Floats:
@@ -168,7 +179,7 @@ def spread_of(found: Fit) -> Spread:
         deviations=deviations,
         intervals=intervals,
         states=tuple(states),
-        findings=tuple(_correlations(parameters, whole, kept)),
+        findings=(*_scale_finding(found), *_correlations(parameters, whole, kept)),
     )
 
 
@@ -178,30 +189,89 @@ def _of_solver(found: Fit) -> Floats:
     values = [(item, found.values[item.name]) for item in found.parameters]
     shares = np.array([abs(value) / item.slope(value) for item, value in values])
     scale = _scale_uncertainty(found)
+    chairs = {FRICTION: chair_uncertainty(found)}
     sizes = [
         np.hypot(comparison.uncertainty.solver, scale if item.unit in FORCES else 0.0)
         for item in found.parameters
     ]
-    return np.asarray(np.array(sizes) * shares)
+    own = [chairs.get(item.name, 0.0) for item in found.parameters]
+    return np.asarray(np.hypot(sizes, own) * shares)
+
+
+def chair_uncertainty(found: Fit) -> float:
+    r"""Return how well forces know the friction of all chairs where it differs between them [-].
+
+    They see a chair by how far the rail slides on it, which falls from the toe to about nothing at
+    the heel. With `N` chairs of a spread `s` and weights that fall in proportion, the mean that
+    forces see and the mean of all chairs differ by
+
+    .. math:: s \sqrt{\sum_i (w_i - 1/N)^2} = s / \sqrt{3 N}
+
+    as standard deviation; nothing where friction is not fitted by chair.
+    """
+    if not any(item.name.startswith(GROUP) for item in found.parameters):
+        return 0.0
+    return float(CHAIR_SPREAD / np.sqrt(3.0 * len(found.misfit.evaluator.panel.chair)))
 
 
 def _scale_uncertainty(found: Fit) -> float:
     """Return the uncertainty of the scale of all forces, where gains are free [-].
 
     The scale is then that of the model, from weight and stiffness of its rails. A gain that all
-    channels have alike is not separable from an error of these, so it counts as uncertainty.
+    channels have alike is not separable from an error of these. Where it is more than chance makes
+    of gains as they were stated, or the rails are not those of the panel, the gains alone are the
+    scale: it is as uncertain as their mean, which counts in full.
     """
-    comparison, shared = found.misfit.comparison, found.frame.shared
+    alike = common_gain(found)
+    if alike is None:
+        return 0.0
+    doubt = float(np.hypot(*alike)) if _scale_is_doubted(found, alike) else 0.0
+    return float(np.hypot(found.misfit.comparison.uncertainty.scale, doubt))
+
+
+def _scale_is_doubted(found: Fit, alike: tuple[float, float]) -> bool:
+    mean, deviation = alike
+    other_rails = any(item.name == MODULUS for item in found.parameters)
+    return other_rails or abs(mean) > SCALE_DOUBTED * deviation
+
+
+def common_gain(found: Fit) -> tuple[float, float] | None:
+    r"""Return the gain that all channels have alike, and how far off it was stated to be [-].
+
+    .. math:: \bar g = \sum_c g_c / s_c^2 \Big/ \sum_c 1 / s_c^2, \quad
+        s = \Big(\sum_c 1 / s_c^2\Big)^{-1/2}
+
+    with the estimated gains and the deviations that were stated of them. None where one is known.
+    """
+    shared = found.frame.shared
     sizes = shared_estimates(found.local, found.frame)
     gains = [
-        size * item.stated
+        (size, item.stated)
         for size, item in zip(sizes, shared.sensors if shared else (), strict=False)
         if item.kind == GAIN
     ]
-    if not gains:
-        return 0.0
-    alike = float(np.mean(gains)) if min(gains) * max(gains) > 0.0 else 0.0
-    return float(np.hypot(comparison.uncertainty.scale, alike))
+    # One that is known exactly is the scale.
+    if not gains or min(found.misfit.comparison.gains.values()) == 0.0:
+        return None
+    weight = sum(stated**-2 for _, stated in gains)
+    mean = sum(size / stated for size, stated in gains) / weight
+    return float(mean), float(weight**-0.5)
+
+
+def _scale_finding(found: Fit) -> list[str]:
+    """Say where the scale of the model is doubted."""
+    alike = common_gain(found)
+    if alike is None or not _scale_is_doubted(found, alike):
+        return []
+    mean, deviation = alike
+    why = f"{abs(mean) / deviation:.1f} standard deviations of what was stated of them"
+    if abs(mean) <= SCALE_DOUBTED * deviation:
+        why = "and the rails are not those of the panel"
+    return [
+        f"all sensors read {100 * mean:+.2g} % together, {why}: weight or stiffness of the rails "
+        "may be off by as much instead, so all forces and stiffnesses are as uncertain; calibrate "
+        "one channel (shunt or known load) and state its gain_uncertainty to know which"
+    ]
 
 
 def _of_sensitivities(found: Fit, estimate: Floats) -> Floats:

@@ -50,6 +50,9 @@ class ThrowInputs:
         Whether the quick scheme of the evaluator is good enough.
     fine : bool
         Whether steps are half as long as its scheme says: where a fit ends.
+    lean : bool
+        Whether the steps are those of its scheme, but the modes those of the quick one: forces are
+        off by a constant, differences between throws are not.
     """
 
     overrides: Mapping[str, object]
@@ -57,6 +60,7 @@ class ThrowInputs:
     size: float = 0.0
     quick: bool = False
     fine: bool = False
+    lean: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -118,7 +122,7 @@ class Evaluator:
     reused: int = 0
     _known: "OrderedDict[str, Response]" = field(default_factory=OrderedDict)
     _pool: Pool | None = None
-    _shared: dict[tuple[bool, bool], str] = field(default_factory=dict)
+    _shared: dict[tuple[bool, bool, bool], str] = field(default_factory=dict)
 
     def __enter__(self) -> Self:
         """Make the folder; processes start when there is something to do."""
@@ -185,6 +189,8 @@ class Evaluator:
     def _scheme_of(self, throw: ThrowInputs) -> Scheme:
         if throw.fine:
             return replace(self.scheme, step=FINE * self.scheme.step)
+        if throw.lean:
+            return replace(self.scheme, cutoff_frequency=self.quick.cutoff_frequency)
         return self.quick if throw.quick else self.scheme
 
     def _key(self, throw: ThrowInputs) -> str:
@@ -198,7 +204,7 @@ class Evaluator:
 
     def _by(self, throw: ThrowInputs) -> str:
         """Return a hash of what throws of this kind share."""
-        kind = (throw.quick, throw.fine)
+        kind = (throw.quick, throw.fine, throw.lean)
         if kind not in self._shared:
             self._shared[kind] = content_hash(
                 {

@@ -18,7 +18,7 @@ from turnout.calibration.fit_noise import (
     same_noise,
     scale_inflation,
 )
-from turnout.calibration.linearisation import Linearisation
+from turnout.calibration.linearisation import SAME_ROUGH_SLOPE, Linearisation
 from turnout.calibration.misfit import (
     EFFECT_PASSES,
     Frame,
@@ -163,6 +163,7 @@ def fit(
     iterations, effects = 0, near.misfit.effects if near else {}
     local = near.local if near else None
     if rough:
+        misfit = replace(misfit, same_slope=SAME_ROUGH_SLOPE)
         inflated = inflate_noise(misfit, parameters, values)
         for share in noise_shares:
             scaled = replace(scale_inflation(inflated, misfit, share), effects=effects)
@@ -173,10 +174,13 @@ def fit(
             values, effects, local = found.values, found.misfit.effects, found.local
         return replace(found, misfit=reestimate_noise(found, misfit), iterations=iterations)
     first, misfit = misfit, replace(misfit, effects=effects)
+    known = refined and near is not None and not _is_poor(near.misfit)
+    if near is not None and known:
+        misfit = replace(misfit, comparison=_noise_of(near.misfit, misfit.comparison))
     for number in range(MAX_PASSES):
-        # Finer steps are no remedy for a model of something else.
-        poor = bool(poorly_followed(misfit.comparison, misfit.movements))
-        misfit = replace(misfit, fine=refined and number > 0 and not poor)
+        # Finer steps are no remedy for a model of something else, and too long a way from afar.
+        poor = _is_poor(misfit) if number else not known
+        misfit = replace(misfit, fine=refined and not poor)
         found = _least_squares(
             misfit,
             parameters,
@@ -189,9 +193,26 @@ def fit(
         iterations += found.iterations
         values, local = found.values, found.local
         misfit = reestimate_noise(found, first)
-        if number > 0 and (poor or same_noise(found.misfit, misfit)):
+        if (number > 0 or known) and (poor or same_noise(found.misfit, misfit)):
             break
     return replace(found, iterations=iterations)
+
+
+def _is_poor(misfit: Misfit) -> bool:
+    """Return whether a model misses too much for a trustworthy fit."""
+    return bool(poorly_followed(misfit.comparison, misfit.movements))
+
+
+def _noise_of(near: Misfit, comparison: Comparison) -> Comparison:
+    """Return a comparison with the noise that a fit near by left."""
+    known = near.comparison
+    return replace(
+        comparison,
+        noise=known.noise,
+        scatter=known.scatter,
+        discrepancy=known.discrepancy,
+        outlier_limit=known.outlier_limit,
+    )
 
 
 def brief_fit(
@@ -205,7 +226,7 @@ def brief_fit(
     share: float = 1.0,
     on_step: Callable[[float], None] | None = None,
 ) -> Fit:
-    """Fit near to the end only, to see what a model misses: few steps with slopes of quick throws.
+    """Fit near to the end only, to see what a model misses: few steps, with slopes from near by.
 
     A model that does not follow is fitted slowly: noise, discrepancy and each movement's friction
     change with every pass. What it misses is seen long before that.
@@ -239,7 +260,9 @@ def brief_fit(
     }
     kept = replace(misfit.comparison, noise=noise, scatter=near.misfit.comparison.scatter)
     kept = _with_sensors_held(kept, share) if share < 1.0 else kept
-    present = replace(misfit, comparison=kept, effects=near.misfit.effects, quick_slopes=True)
+    present = replace(
+        misfit, comparison=kept, effects=near.misfit.effects, same_slope=SAME_ROUGH_SLOPE
+    )
     local, iterations = near.local, 0
     for _ in range(passes):
         found = _least_squares(
@@ -300,7 +323,7 @@ def _least_squares(
         fresh = fresh or local.stepped is not slopes
         r = misfit.residuals_of(local.simulated, frame)
         J = jacobian(local, frame, names)
-        cost = float(r @ r) + _prior_cost(parameters, local.values)
+        cost = _cost(r, parameters, local.values)
         if on_step is not None:
             on_step(float(np.sqrt(cost / max(r.size, 1))))
         accepted, rejected = False, 0
@@ -315,8 +338,7 @@ def _least_squares(
             trial = {**local.values, **values_at(parameters, theta)}
             trial_misfit = replace(misfit, effects=effects_after(misfit, local, frame, names, step))
             here = tuple(trial_misfit.responses([trial])[0])
-            r_trial = trial_misfit.residuals_of(here, frame)
-            trial_cost = float(r_trial @ r_trial) + _prior_cost(parameters, trial)
+            trial_cost = _cost(trial_misfit.residuals_of(here, frame), parameters, trial)
             if np.isfinite(trial_cost) and trial_cost < cost:
                 damping, accepted, misfit = 0.1 * damping, True, trial_misfit
                 worth = max(EXTENDING_DECREASE, EXTENDING_SHARE * trial_cost)
@@ -328,11 +350,12 @@ def _least_squares(
                 message, converged = "converged to the noise of the solver", True
                 break
         if not accepted:
+            if rejected and not (rough or fresh) and iterations < max_steps:  # by slopes from afar?
+                local, fresh = misfit.local(local.values, names), True
+                message, converged = "", False
+                continue
             if brief is not None and rejected == max_rejected:
-                if not fresh and iterations < max_steps:
-                    local, fresh = misfit.local(local.values, names), True
-                    continue
-                message, converged = "converged as far as slopes of quick throws lead", True
+                message, converged = "converged as far as its slopes lead", True
             break
         local, fresh = replace(local, values=trial, simulated=here), False
     return Fit(
@@ -366,10 +389,10 @@ def _limits(*, rough: bool, brief: int | None) -> tuple[int, int, int]:
     return (ROUGH_STEPS, ROUGH_REJECTED, 1) if rough else (MAX_STEPS, MAX_STEPS, EFFECT_PASSES)
 
 
-def _prior_cost(parameters: Sequence[Parameter], values: Mapping[str, float]) -> float:
-    """Return the part of the cost that priors of parameters have."""
+def _cost(r: Floats, parameters: Sequence[Parameter], values: Mapping[str, float]) -> float:
+    """Return the sum of squares of residuals, and of what priors of parameters add to them."""
     away = prior_residuals(parameters, coordinates(parameters, values))
-    return float(away @ away)
+    return float(r @ r) + float(away @ away)
 
 
 def _step(

@@ -11,11 +11,11 @@ from turnout.calibration.parameter import Parameter
 
 T = TypeVar("T")
 # Far enough for the noise of the solver, near enough for a straight line [coordinate]: of quick
-# throws, and of those whose slopes must hold where little is left over but noise.
+# throws and of parameters with priors, and of those near the end, where slips begin nearby.
 DIFFERENCE, FINE_DIFFERENCE = 0.01, 0.003
-# Within this, steps aside are not simulated again [coordinate]: of quick throws, of those that
-# only lead near, and of those whose small rest, without nuisances, has to point the right way.
-SAME_SLOPE, SAME_BRIEF_SLOPE, SAME_FINE_SLOPE = 0.015, 0.04, 0.003
+# Within this, steps aside are not simulated again [coordinate]: of fits that only lead near, and of
+# those whose small rest, without nuisances, has to point the right way.
+SAME_ROUGH_SLOPE, SAME_SLOPE = 0.04, 0.01
 # A drive that stays this far below its slip level does not feel it [-].
 UNTOUCHED = 0.98
 

@@ -11,8 +11,6 @@ from turnout.calibration.evaluate import Evaluator, Response, ThrowInputs, with_
 from turnout.calibration.linearisation import (
     DIFFERENCE,
     FINE_DIFFERENCE,
-    SAME_BRIEF_SLOPE,
-    SAME_FINE_SLOPE,
     SAME_SLOPE,
     Linearisation,
     stepped_value,
@@ -52,11 +50,13 @@ class Misfit:
     always : tuple of str
         Parameters that act in every movement, whatever forces the plain law would ask for.
     quick : bool
-        Whether throws are quick, and slopes taken over wider differences.
+        Whether throws are quick, those aside too.
     fine : bool
-        Whether throws have shorter steps, those aside excepted, whose differences alone count.
-    quick_slopes : bool
-        Whether throws aside are quick, though the others are not, which leads near.
+        Whether throws have shorter steps, those aside excepted.
+    lean : bool
+        Whether throws are lean.
+    same_slope : float
+        Within this of where steps aside were taken they are not thrown again [coordinate].
     """
 
     evaluator: Evaluator
@@ -70,12 +70,8 @@ class Misfit:
     always: tuple[str, ...] = ()
     quick: bool = False
     fine: bool = False
-    quick_slopes: bool = False
-
-    @property
-    def coarse(self) -> bool:
-        """Whether slopes are those of quick throws."""
-        return self.quick or self.quick_slopes
+    lean: bool = False
+    same_slope: float = SAME_SLOPE
 
     def residuals_of(self, responses: Sequence[Response], frame: "Frame") -> Floats:
         """Return the whitened residuals of the response to each movement.
@@ -139,6 +135,7 @@ class Misfit:
             size=movement.size,
             quick=self.quick,
             fine=self.fine,
+            lean=self.lean,
         )
 
     def local(self, values: Mapping[str, float], vary: Sequence[str]) -> Linearisation:
@@ -162,15 +159,14 @@ class Misfit:
             if response.failure:
                 message = f"{movement.text}: cannot be simulated: {response.failure}"
                 raise SolverError(message)
-        difference = DIFFERENCE if self.coarse else FINE_DIFFERENCE
+        difference = DIFFERENCE if self.quick else FINE_DIFFERENCE
         aside = {
             p.name: stepped_value(p, whole[p.name], DIFFERENCE if p.prior else difference)
             for p in stepped
         }
-        plain = replace(self, fine=False, quick=self.coarse)
-        apart = stepped and (self.fine or plain.quick != self.quick)
-        origin = plain.responses([whole])[0] if apart else here
-        moved = plain._moved(whole, stepped, aside, origin)
+        plain = replace(self, fine=False)
+        origin = plain.responses([whole])[0] if stepped and self.fine else here
+        moved = plain._moved(whole, stepped, aside, (origin, here))
         count = len(self.movements)
         steps = {
             p.name: (p.coordinate(aside[p.name]) - p.coordinate(whole[p.name]),) * count
@@ -192,7 +188,7 @@ class Misfit:
             steps=steps,
             shares=shares,
             about=tuple(self._inputs_of(whole, n) for n in range(len(self.movements))),
-            quick=self.coarse,
+            quick=self.quick,
         )
 
     def local_near(
@@ -203,10 +199,9 @@ class Misfit:
         Near is judged movement by movement, as each is simulated at its own values.
         """
         whole = {**self.base, **values}
-        coarse = SAME_BRIEF_SLOPE if self.quick_slopes else SAME_SLOPE
-        most = coarse if self.coarse else SAME_FINE_SLOPE
-        stale = [n for n in range(len(self.movements)) if self._shift(whole, n, previous) > most]
-        same = set(vary) <= set(previous.stepped) and previous.quick == self.coarse
+        shifts = [self._shift(whole, n, previous) for n in range(len(self.movements))]
+        stale = [n for n, shift in enumerate(shifts) if shift > self.same_slope]
+        same = set(vary) <= set(previous.stepped) and previous.quick == self.quick
         if not same or len(stale) == len(self.movements):
             return self.local(whole, vary)
         here = tuple(self.responses([whole])[0])
@@ -237,31 +232,37 @@ class Misfit:
         whole: Mapping[str, float],
         stepped: Sequence[Parameter],
         aside: Mapping[str, float],
-        here: Sequence[Response],
+        known: tuple[Sequence[Response], Sequence[Response]],
     ) -> dict[str, tuple[Response, ...]]:
-        """Return the responses aside, quickly thrown for priors; known ones where nothing acts."""
+        """Return the responses aside; those at the point, the first of two, where nothing acts.
+
+        Those of parameters with priors are lean.
+        """
+        here = known[0]
         wanted: list[tuple[Parameter, int, bool]] = []
         throws = []
         found = {p.name: list(here) for p in stepped}
-        fast = replace(self, quick=True)
+        light = replace(self, lean=True)
         for p in stepped:
             values = {**whole, p.name: aside[p.name]}
-            rough = p.prior > 0.0 and not self.quick
+            lean = p.prior > 0.0 and not self.quick
             for number in range(len(self.movements)):
-                if p.name in self.always or touches(p, whole[p.name], here[number]):
-                    wanted.append((p, number, rough))
-                    throws.append((fast if rough else self)._throw(number, values))
-        origins = sorted({number for _, number, rough in wanted if rough})
-        throws += [fast._throw(number, whole) for number in origins]
+                acts = any(touches(p, whole[p.name], rows[number]) for rows in known)
+                if p.name in self.always or acts:
+                    wanted.append((p, number, lean))
+                    throws.append((light if lean else self)._throw(number, values))
+        origins = sorted({number for _, number, lean in wanted if lean})
+        throws += [light._throw(number, whole) for number in origins]
         made = self.evaluator.responses(throws)
         before = {
             number: self._shaped(number, response, whole)
             for number, response in zip(origins, made[len(wanted) :], strict=True)
         }
-        for (p, number, rough), response in zip(wanted, made[: len(wanted)], strict=True):
-            moved = self._shaped(number, response, {**whole, p.name: aside[p.name]})
+        for (p, number, lean), response in zip(wanted, made[: len(wanted)], strict=True):
+            values = {**whole, p.name: aside[p.name]}
+            moved = self._shaped(number, response, values)
             found[p.name][number] = (
-                with_change(here[number], moved, before[number]) if rough else moved
+                with_change(here[number], moved, before[number]) if lean else moved
             )
         return {name: tuple(row) for name, row in found.items()}
 

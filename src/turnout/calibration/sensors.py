@@ -62,6 +62,12 @@ class FoundSensor:
         )
 
     @property
+    def short_text(self) -> str:
+        """Found value alone in words."""
+        factor, unit, digits = (1.0, "N", 1) if self.column.kind == ZERO else (100.0, "%", 2)
+        return f"{self.name} {factor * self.value:+.{digits}f} {unit}"
+
+    @property
     def warning(self) -> str:
         """What to do where it leaves its prior."""
         remedy = {
@@ -131,7 +137,7 @@ def found_sensors(found: Fit) -> list[FoundSensor]:
     B = shared.columns
     # Parameters with flat priors: a weak one keeps those that are not identified regular.
     weak = 1e-6 * np.eye(J.shape[1]) + np.diag(prior_slopes(found.parameters) ** 2)
-    joint = np.block([[J.T @ J + weak, -J.T @ B], [-B.T @ J, np.eye(B.shape[1]) + B.T @ B]])
+    joint = np.block([[J.T @ J + weak, -J.T @ B], [-B.T @ J, np.eye(B.shape[1]) + shared.gram]])
     deviations = np.sqrt(np.diag(np.linalg.inv(joint))[J.shape[1] :])
     values = shared_estimates(found.local, found.frame)
     return [

@@ -65,6 +65,8 @@ class Shared:
         What the first columns stand for.
     columns : ndarray, shape (n, q)
         Whitened, for one standard deviation each.
+    gram : ndarray, shape (q, q)
+        Inner products of the columns.
     plain : tuple of ndarray, shape (n_m, q)
         The same in newtons, for each movement.
     basis, sizes : ndarray, shape (n, k) and (k,)
@@ -73,6 +75,7 @@ class Shared:
 
     sensors: tuple["SensorColumn", ...]
     columns: Floats
+    gram: Floats
     plain: tuple[Floats, ...]
     basis: Floats
     sizes: Floats
@@ -84,7 +87,7 @@ class Shared:
 
     def estimates(self, rows: Floats) -> Floats:
         """Return the likeliest size of each column, in deviations, from whitened rows."""
-        normal = np.eye(self.columns.shape[1]) + self.columns.T @ self.columns
+        normal = np.eye(self.columns.shape[1]) + self.gram
         return np.asarray(np.linalg.solve(normal, self.columns.T @ rows))
 
     @property
@@ -114,12 +117,14 @@ def shared_of(alignments: Sequence[Alignment], comparison: Comparison) -> Shared
     columns = np.concatenate(
         [item.whitened(block) for item, block in zip(alignments, blocks, strict=True)]
     )
-    squares, vectors = np.linalg.eigh(columns.T @ columns)
+    gram = columns.T @ columns
+    squares, vectors = np.linalg.eigh(gram)
     kept = squares > LEAST_SIZE
     sizes = np.sqrt(squares[kept])
     return Shared(
         sensors=sensors,
         columns=columns,
+        gram=gram,
         plain=tuple(blocks),
         basis=columns @ vectors[:, kept] / sizes,
         sizes=sizes,

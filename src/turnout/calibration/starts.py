@@ -5,8 +5,12 @@ from dataclasses import replace
 
 from turnout.calibration.fit import Fit, fit
 from turnout.calibration.grid_search import misfit_share, other_minima, sweep
-from turnout.calibration.misfit import Misfit
+from turnout.calibration.measured_movements import MeasuredMovement
+from turnout.calibration.misfit import Misfit, update_movement_effects
 from turnout.calibration.parameter import Parameter
+
+# How often movements that join a fit are thrown at their own values before it goes on.
+OWN_PASSES = 2
 
 
 def starts_of(
@@ -74,3 +78,27 @@ def nearest_fit(
         for start in starts
     ]
     return min(found, key=lambda item: misfit_share(item.misfit, item.local.simulated))
+
+
+def with_movements(near: Fit, movements: Sequence[MeasuredMovement]) -> Fit:
+    """Return a rough fit of some movements as one of more, each with its own values.
+
+    Parameters
+    ----------
+    near : Fit
+        Of some of the movements.
+    movements : sequence of MeasuredMovement
+        Of the fit that goes on.
+    """
+    if tuple(movements) == near.misfit.movements:
+        return near
+    places = {item.name: number for number, item in enumerate(near.misfit.movements)}
+    effects = {
+        name: tuple(row[places[item.name]] if item.name in places else 0.0 for item in movements)
+        for name, row in near.misfit.effects.items()
+    }
+    misfit = replace(near.misfit, movements=tuple(movements), effects=effects)
+    # Before slopes of all parameters are thrown where these movements then are not.
+    local = misfit.local(near.values, ())
+    misfit, local, _ = update_movement_effects(misfit, local, (), passes=OWN_PASSES)
+    return replace(near, misfit=misfit, local=replace(local, stepped={}))

@@ -20,6 +20,7 @@ from turnout.condense.condense import (
     condense_blocks,
     folded_stiffness,
 )
+from turnout.condense.followers import Leading
 from turnout.condense.modal import ModalModel
 from turnout.core.lru_cache import LRUCache
 from turnout.errors import MechanicsError
@@ -44,10 +45,12 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Templates = dict[tuple[int, int], tuple[State, Work]]
 
-MOST_KEPT = 24
-"""Condensed rails in the cache, the latest used."""
+MOST_KEPT = 12
+"""Condensed rails in the cache, the latest used; ten megabytes each with all that they hold."""
 MOST_PLACED = 64
-"""Rails with objects in place in the cache, under a megabyte each in quick mode."""
+"""Objects in other places that each of them keeps, under a megabyte each in quick mode."""
+MOST_LAYOUTS = 24
+"""Systems in the cache that rails of other sections are filled into, the latest used."""
 LARGE_PAGE = 1 << 21
 """Size of a large page of memory [bytes]."""
 
@@ -98,17 +101,36 @@ class _Frame:
 class _Rails:
     """Condensed rails without objects; frames by the blocks that each object joins.
 
-    The mechanism keeps alive the matrices whose identities are the key of the cache.
+    The mechanism keeps alive the matrices whose identities are the key of the cache; `placed` are
+    the arrangements by the identity of their rows.
     """
 
     mechanism: Mechanism
     parts: tuple[BlockModel, ...]
     base_segment: NDArray[np.int64]
     frames: dict[Hashable, _Frame]
+    placed: LRUCache[Arrangement]
 
 
-_cache = LRUCache[Arrangement](MOST_PLACED)
+@dataclass(frozen=True, slots=True, eq=False)
+class _SystemLayout:
+    """A system with its places; the choices of leading rows are kept, as their identity is used."""
+
+    system: System
+    places: Places
+    leading: tuple[Leading, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Structure:
+    """What condensed rails depend on, but for their rows: matrices by identity, and the laws."""
+
+    matrices: tuple[int, ...]
+    laws: Hashable
+
+
 _rails_cache = LRUCache[_Rails](MOST_KEPT)
+_layouts = LRUCache[_SystemLayout](MOST_LAYOUTS)
 
 
 def arrange(mechanism: Mechanism, scheme: Scheme) -> Arrangement:
@@ -121,24 +143,24 @@ def arrange(mechanism: Mechanism, scheme: Scheme) -> Arrangement:
     """
     check_normals(mechanism.laws)
     structure = _structure(mechanism, scheme)
-    key = None if structure is None else (id(mechanism.rows), structure)
-    cached = _cache.get(key) if key is not None else None
-    if cached is None:
-        made = _condense(mechanism, scheme, structure)
-        return made if key is None else _cache.put(key, made)
-    laws = mechanism.laws._replace(base_segment=cached.laws.base_segment)
-    table = shared_record(place_laws(laws, cached.system.row_place))
-    return replace(cached, mechanism=mechanism, laws=laws, table=table)
+    rails = _find_rails(mechanism, scheme, structure)
+    found = None if structure is None else rails.placed.get(id(mechanism.rows))
+    if found is None:
+        made = _arranged(mechanism, rails, structure)
+        return made if structure is None else rails.placed.put(id(mechanism.rows), made)
+    laws = mechanism.laws._replace(base_segment=found.laws.base_segment)
+    table = shared_record(place_laws(laws, found.system.row_place))
+    return replace(found, mechanism=mechanism, laws=laws, table=table)
 
 
 def clear_memory() -> None:
     """Clear the cache of condensed mechanisms, and release the buffers of histories."""
-    _cache.clear()
     _rails_cache.clear()
+    _layouts.clear()
     release_buffers()
 
 
-def _structure(mechanism: Mechanism, scheme: Scheme) -> Hashable | None:
+def _structure(mechanism: Mechanism, scheme: Scheme) -> _Structure | None:
     """Return what condensed rails depend on, but for their rows; None for writeable matrices."""
     matrices = (
         mechanism.stiffness,
@@ -163,32 +185,57 @@ def _structure(mechanism: Mechanism, scheme: Scheme) -> Hashable | None:
     )
     same = tuple(id(matrix) for matrix in matrices[:-1])
     rails = tuple((rail.first, rail.count) for rail in mechanism.rails)
-    return (*same, rails, scheme.cutoff_frequency, *(part.tobytes() for part in structure))
+    of_laws = (rails, scheme.cutoff_frequency, *(part.tobytes() for part in structure))
+    return _Structure(same, of_laws)
 
 
-def _condense(mechanism: Mechanism, scheme: Scheme, structure: Hashable | None) -> Arrangement:
-    """Condense the rails, or find them, and put the objects in their places."""
+def _find_rails(mechanism: Mechanism, scheme: Scheme, structure: _Structure | None) -> _Rails:
+    """Condense the rails without objects, or find them."""
     core = _without_objects(mechanism)
-    key = None if structure is None else (id(core.rows), structure)
-    rails = _rails_cache.get(key) if key is not None else None
+    if structure is None:
+        return _condense_rails(core, scheme.cutoff_frequency)
+    key = (id(core.rows), structure)
+    rails = _rails_cache.get(key)
     if rails is None:
-        rails = _condense_rails(core, scheme.cutoff_frequency)
-        if key is not None:
-            _rails_cache.put(key, rails)
-    parts, joined = _with_objects(rails.parts, mechanism.rows, first=core.rows.shape[0])
+        rails = _rails_cache.put(key, _condense_rails(core, scheme.cutoff_frequency))
+    return rails
+
+
+def _arranged(mechanism: Mechanism, rails: _Rails, structure: _Structure | None) -> Arrangement:
+    """Put the objects in their places."""
+    first = mechanism.rows.shape[0] if mechanism.core is None else mechanism.core.shape[0]
+    parts, joined = _with_objects(rails.parts, mechanism.rows, first=first)
     further = np.full(mechanism.laws.row.size - rails.base_segment.size, -1)
     laws = mechanism.laws._replace(base_segment=np.concatenate((rails.base_segment, further)))
     frame = rails.frames.get(joined)
     if frame is None:
-        places = number_places(parts)
-        system = condensed_system(parts, laws, places)
-        rails.frames[joined] = frame = _Frame(system, places, {})
+        layout, system = _laid_out(parts, laws, structure)
+        rails.frames[joined] = frame = _Frame(system, layout.places, {})
     else:
         system = refill_system(frame.system, parts, laws, frame.places)
     n_rows, n_coordinates = mechanism.rows.shape
     condensed = CondensedRails(parts, n_coordinates=n_coordinates, n_rows=n_rows)
     table = shared_record(place_laws(laws, system.row_place))
     return Arrangement(mechanism, laws, table, condensed, system, frame.templates)
+
+
+def _laid_out(
+    parts: tuple[BlockModel, ...], laws: LawTable, structure: _Structure | None
+) -> tuple[_SystemLayout, System]:
+    """Lay out the system, or fill one of rails that differ in their sections."""
+    bases = [part if part.before is None else part.before for part in parts]
+    leading = tuple(part.leading for part in bases)
+    shapes = tuple((p.model.load.size, p.block.rows.tobytes(), id(p.leading)) for p in bases)
+    ends = tuple(part.block.rows.tobytes() for part in parts)
+    key = None if structure is None else (structure.laws, laws.base_segment.tobytes(), shapes, ends)
+    layout = None if key is None else _layouts.get(key)
+    if layout is not None:
+        return layout, refill_system(layout.system, parts, laws, layout.places)
+    places = number_places(parts)
+    layout = _SystemLayout(condensed_system(parts, laws, places), places, leading)
+    if key is not None:
+        _layouts.put(key, layout)
+    return layout, layout.system
 
 
 def _condense_rails(mechanism: Mechanism, cutoff_frequency: float) -> _Rails:
@@ -199,7 +246,7 @@ def _condense_rails(mechanism: Mechanism, cutoff_frequency: float) -> _Rails:
     except MechanicsError:
         laws = mechanism.laws
         parts = condense_blocks(mechanism, laws, cutoff_frequency=cutoff_frequency)
-    return _Rails(mechanism, parts, laws.base_segment, {})
+    return _Rails(mechanism, parts, laws.base_segment, {}, LRUCache[Arrangement](MOST_PLACED))
 
 
 def _without_objects(mechanism: Mechanism) -> Mechanism:

@@ -175,7 +175,7 @@ def condensed_system(
 def refill_system(
     system: System, parts: Sequence[BlockModel], laws: LawTable, places: Places
 ) -> System:
-    """Return a system whose ends have other displacements and flexibilities, and nothing else.
+    """Return a system of rails of other sections, or whose objects stand elsewhere.
 
     Parameters
     ----------
@@ -189,12 +189,17 @@ def refill_system(
         Of the parts.
     """
     of_ends = _assemble_ends(parts, places)
-    others = ("stiffness", "row_ends", "follower_list", "follower_weight", "joining_ends")
+    models = [part.model for part in parts]
+    others = ("row_ends", "follower_list", "follower_weight", "joining_ends")
     matrices = {name: getattr(system, name) for name in others}
     matrices |= {name: of_ends[name] for name in ("end_modes", "mode_ends", "flexibility")}
+    matrices["stiffness"] = _stack_padded([model.stiffness for model in models])
     found = clone_record(system, **matrices)
+    found.load[:] = np.concatenate([model.load for model in models])
+    found.damping[:] = np.concatenate([np.diagonal(model.damping) for model in models])
     found.end_load[:] = of_ends["end_load"]
     found.law_load[:] = of_ends["end_load"][places.of_row[laws.row]]
+    found.friction_load[:] = of_ends["end_load"][places.of_row[laws.friction_row]]
     return found
 
 

@@ -124,10 +124,12 @@ def _geometry(record: type[Record]) -> Callable[[Mapping[str, object]], tuple[ob
 
 Floats = NDArray[np.float64]
 
-MOST_LINEAR = 32
-"""So many linear parts are kept in memory, the latest used; with objects the rows alone."""
-MOST_FRAMES = 16
+MOST_PLACES = 64
+"""So many panels with objects between nodes are kept in memory, the latest used."""
+MOST_FRAMES = 64
 """So many panels are known without the scales of their sections, the latest used."""
+MOST_SCALES = 4
+"""Of each, so many linear parts are kept in memory, the latest used; about ten megabytes each."""
 _MATRICES = ("stiffness", "mass", "damping", "load")
 
 
@@ -202,12 +204,14 @@ class _Linear:
 class _Frame:
     """What panels have in common that differ in the scales of sections too.
 
-    `rails` are without these scales; the records are those that the key names by identity.
+    `rails` are without these scales; the records are those that the key names by identity. `kept`
+    are the linear parts by the scales.
     """
 
     layout: Layout
     rails: tuple[RailData, ...]
     records: object
+    kept: "LRUCache[_Kept]"
 
     def scaled(self, panel: Panel) -> list[RailData]:
         """Return the rails with the scales that a panel gives for their sections."""
@@ -253,31 +257,29 @@ class _Between:
 
 
 _frames = LRUCache[_Frame](MOST_FRAMES)
-_memory = LRUCache[_Kept](MOST_LINEAR)
-_objects = LRUCache[_Between](MOST_LINEAR)
+_objects = LRUCache[_Between](MOST_PLACES)
 
 
 def _kept(panel: Panel, objects: Sequence[PlacedObject]) -> _Kept:
     """Return layout and linear part, or those of a panel that differs in laws and motion alone."""
     if not isinstance(panel, LoadedPanel) or not all(m.digest for m in panel.matrices.values()):
         return _made(panel, objects, _made_frame(panel, objects, records=None))
-    key, records = shape_of(panel, objects)
-    made = _memory.get(key)
+    (key, scales), records = shape_of(panel, objects)
+    frame = _frames.get(key)
+    if frame is None:
+        frame = _frames.put(key, _made_frame(panel, objects, records=records))
+    made = frame.kept.get(scales)
     if made is None:
-        frame = _frames.get(key[0])
-        if frame is None:
-            frame = _frames.put(key[0], _made_frame(panel, objects, records=records))
         made = _made(panel, objects, frame)
         for name in (*_MATRICES, "rows"):
             getattr(made.linear, name).flags.writeable = False
-        _memory.put(key, made)
+        frame.kept.put(scales, made)
     return made
 
 
 def clear_memory() -> None:
     """Empty the memory of layouts and linear parts."""
     _frames.clear()
-    _memory.clear()
     _objects.clear()
 
 
@@ -324,7 +326,8 @@ def _made_between(
 
 def _made_frame(panel: Panel, objects: Sequence[PlacedObject], *, records: object) -> _Frame:
     layout = lay_out(panel, objects)
-    return _Frame(layout, tuple(_rail_data(panel, layout.rows, objects)), records)
+    rails = tuple(_rail_data(panel, layout.rows, objects))
+    return _Frame(layout, rails, records, LRUCache[_Kept](MOST_SCALES))
 
 
 def _made(panel: Panel, objects: Sequence[PlacedObject], frame: _Frame) -> _Kept:

@@ -22,7 +22,7 @@ from turnout.reduction.craig_bampton import (
 from turnout.reduction.truncation import ReductionReport, reduction_report
 
 Floats = NDArray[np.float64]
-MOST_RAILS = 48
+MOST_RAILS = 24
 """So many reduced rails are kept in memory, the latest used."""
 LARGE = 2000
 """Coordinates from which on shapes are kept as files too; those of fewer take milliseconds."""

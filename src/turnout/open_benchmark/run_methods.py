@@ -16,6 +16,7 @@ from pickle import dumps  # its length is the size of a model; nothing is read t
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from turnout.core.files import write_atomic
 from turnout.core.json_files import to_plain
@@ -29,7 +30,15 @@ from turnout.open_benchmark.definition import MARKERS, TEST, TRAIN, WITH_MACHINE
 from turnout.open_benchmark.learned import BoostingMethod, ForestMethod, RocketMethod
 from turnout.open_benchmark.machine_kinds import MachineDetectorMethod
 from turnout.open_benchmark.make_throws import data_digest
-from turnout.open_benchmark.method import Floats, Keep, Method, fold_of_panels, judged_of, tune
+from turnout.open_benchmark.method import (
+    FOLDS,
+    Floats,
+    Keep,
+    Method,
+    fold_of_panels,
+    judged_of,
+    tune,
+)
 from turnout.open_benchmark.ours import DetectorMethod
 from turnout.open_benchmark.score import plain, score_verdicts
 from turnout.open_benchmark.sides import (
@@ -96,22 +105,24 @@ class Conditions:
 
 
 MAIN = (Conditions(), Conditions(history=0))
-VARIED = (
-    *(Conditions(discrepancy=0.03), Conditions(discrepancy=0.10)),
-    *(Conditions(track=WITH_MACHINES, channels=name) for name in ("force", "current", "power")),
+MACHINES = tuple(
+    Conditions(track=WITH_MACHINES, channels=name) for name in ("force", "current", "power")
 )
+DISCREPANCIES = (Conditions(discrepancy=0.10), Conditions(discrepancy=0.03))
 
 
 def conditions_for(known: int) -> tuple[Conditions, ...]:
     """Return all conditions that are compared, by the throws known of each switch.
 
+    Those that may change the order come first.
+
     Examples
     --------
-    >>> [item.name for item in conditions_for(200)][-1]
+    >>> [item.name for item in conditions_for(200)][5]
     'markers-force-h200-d5'
     """
     longest = (Conditions(history=known),) if known > MAIN[0].history else ()
-    return (*MAIN, *VARIED, *longest)
+    return (*MAIN, MACHINES[0], *DISCREPANCIES, *longest, *MACHINES[1:])
 
 
 def methods_for(conditions: Conditions) -> list[Method]:
@@ -119,15 +130,17 @@ def methods_for(conditions: Conditions) -> list[Method]:
 
     Where the discrepancy is not the usual one, the detector of this program is there twice: the
     second one assumes the usual one. It says more than its ratio of machines and under the main
-    conditions.
+    conditions, and tries all its settings there alone: of markers they hardly differ.
     """
     of_machines = conditions.track == WITH_MACHINES
     kind = MachineDetectorMethod if of_machines else DetectorMethod
+    whole = of_machines or conditions in MAIN
+    settings = kind.settings if whole else kind.settings[-1:]
 
     def detector(assumed: float, name: str, title: str) -> DetectorMethod:
         return kind(
             errors=Allowances(discrepancy=assumed), quantity=conditions.channels,
-            name=name, title=title, details=of_machines or conditions in MAIN,
+            name=name, title=title, details=whole, settings=settings,
         )  # fmt: skip
 
     found: list[Method] = [
@@ -295,12 +308,11 @@ def _kept(folder: Path, conditions: Conditions, method: Method, data: str) -> di
 def run_method(method: Method, bench: Benchmark, place: Path, *, data: str) -> dict[str, Any]:
     """Tune a method, judge the test throws, and keep verdicts and score in a folder."""
     train = judged_of(bench, TRAIN)
-    panels = bench.train.labels["panel"][bench.train.judged]
     place.mkdir(parents=True, exist_ok=True)
     tuning, key = place / "tuning", _key(method, data)
     began = time.process_time()
     keep, spent = _keeper(tuning, f"{method.name}-{key[:16]}")
-    fitted = tune(method, train, fold_of_panels(panels), keep)
+    fitted = tune(method, train, folds_of(train.side), keep)
     tuned = time.process_time() - began + spent()
     test = judged_of(bench, TEST)
     began = time.process_time()
@@ -331,6 +343,24 @@ def run_method(method: Method, bench: Benchmark, place: Path, *, data: str) -> d
     for path in tuning.glob(f"{method.name}-*.npz"):
         path.unlink()
     return dict(json.loads(text))
+
+
+def folds_of(side: Side) -> NDArray[np.intp]:
+    """Return the fold of each training throw: all switches of a panel in one, each kind in all.
+
+    Folds that are drawn from all panels may leave two switches of a kind of machine to learn from.
+    """
+    panel, machine = side.labels["panel"], side.labels["machine"]
+    found = fold_of_panels(panel)
+    first = {int(number): str(name) for number, name in zip(panel, machine, strict=True)}
+    kind = np.array([first[int(number)] for number in panel])
+    names, start = np.unique(kind), 0
+    for name in names if len(names) > 1 else []:
+        own = np.unique(panel[kind == name])
+        place = (start + np.random.default_rng(0).permutation(len(own))) % FOLDS
+        found[kind == name] = place[np.searchsorted(own, panel[kind == name])]
+        start += len(own)
+    return found
 
 
 def _keeper(tuning: Path, name: str) -> tuple[Keep, Callable[[], float]]:

@@ -3,6 +3,7 @@
 A family is a table of members: `[chair.5]` is the chair named "5". The table `[chair]` itself may
 hold defaults (`friction_coefficient = 0.4`), which every member takes that has no own value, and
 the generator `x = {start, step, count}` or `x = [...]` with optional `names`, which makes members.
+A single `x` is a generator too where the family has no member of its own.
 A member's own value replaces a default as a whole.
 """
 
@@ -122,7 +123,7 @@ class _Spread:
         for key, value in table.items():
             target = defaults if key in record.model_fields or key == "names" else own
             target[key] = value
-        positions = self._generate(defaults) if is_generated(family) else {}
+        positions = self._generate(defaults, alone=not own) if is_generated(family) else {}
         names = (*positions, *(name for name in own if name not in positions))
         if fault := _too_much(len(names), defaults):
             self.problems.append(Problem((self.family,), fault))
@@ -130,10 +131,11 @@ class _Spread:
         for name in names:
             self._member(name, own.get(name, {}), defaults, positions)
 
-    def _generate(self, defaults: dict[str, Any]) -> dict[str, SI]:
+    def _generate(self, defaults: dict[str, Any], *, alone: bool) -> dict[str, SI]:
+        """Return the positions of members; one that is no list is a member where there is none."""
         names = defaults.pop("names", None)
         given = defaults.get("x")
-        if not isinstance(given, dict | list):
+        if not isinstance(given, dict | list) and not (alone and given is not None):
             if names is not None:
                 text = ": needs a generator `x = [...]` or `x = {start, step, count}` beside it"
                 self.problems.append(Problem((self.family, "names"), text))

@@ -154,6 +154,9 @@ def _lines(ax: "Axes", at: xr.Dataset, *, known: bool) -> None:
 
 def _title(dataset: xr.Dataset, channel: str) -> str:
     said = dataset.attrs
+    drives = [name for name in dataset["channel"].values.tolist() if name.startswith("drive ")]
+    if len(drives) == 1 and channel == "both drives":
+        channel = "its one drive"
     return (
         f"Best detection by {said.get('quantities', 'force')}, {channel}: discrepancy "
         f"{100 * said['discrepancy']:g} %, "

@@ -3,8 +3,8 @@
 The number of eigenvalues of (K, M) below a shift is the number of negative pivots of K - shift M
 (Sylvester's law of inertia). The modes themselves come from block Lanczos iteration on the inverse
 of that same matrix, with the shift at the cut-off: modes below it then have negative eigenvalues,
-far from the crowd of modes high above it, which all lie next to zero (Ericsson and Ruhe,
-Mathematics of Computation 35, 1980, doi:10.2307/2006390).
+far from the crowd of modes high above it, which all lie next to zero (the spectral
+transformation of Nour-Omid, Parlett, Ericsson and Jensen, Mathematics of Computation 48, 1987).
 """
 
 from collections.abc import Iterator
