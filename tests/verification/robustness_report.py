@@ -107,6 +107,8 @@ def _numbers(results: Sequence[Record], key: str) -> list[float]:
 
 def _worst(results: Sequence[Record], key: str, unit: str) -> str:
     known = [record for record in results if record[key] == record[key]]
+    if not known:
+        return "none"
     worst = max(known, key=lambda record: float(record[key]))
     return f"{worst[key]:.1e} {unit} (scenario {worst['index']}, {worst['kind']})"
 
