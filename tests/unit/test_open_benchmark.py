@@ -376,14 +376,15 @@ def test_all_faults_of_a_verdict_file_are_said_at_once(tmp_path: Path) -> None:
 
 def test_wrong_throws_and_values_are_said(tmp_path: Path) -> None:
     path = tmp_path / "said.csv"
-    path.write_text("throw,score,alarm,probability\n1,0.5,2,0.1\n1,,0,1.5\n9,0.1,0,0.2\n")
+    path.write_text("throw,score,alarm,probability\n1,inf,2,0.1\n1,,0,1.5\n9,0.1,0,0.2\n")
     with pytest.raises(FileError) as fault:
         read_verdicts(path, throws=np.array([1, 2]), positions=POSITIONS)
     text = str(fault.value)
     for part in (
         "1 throws judged twice: 1", "1 throws to be judged are missing: 2",
         "1 throws are none of those to be judged: 9", '"score" is empty in 1 rows',
-        '"alarm" must be 0 or 1', '"probability" must be from 0 to 1',
+        '"score" is infinite in 1 rows', '"alarm" must be 0 or 1',
+        '"probability" must be from 0 to 1',
     ):  # fmt: skip
         assert part in text
 

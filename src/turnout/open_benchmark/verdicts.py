@@ -115,7 +115,7 @@ def read_verdicts(path: Path, *, throws: NDArray[np.intp], positions: Sequence[s
     Raises
     ------
     FileError
-        With everything that is wrong with it.
+        With everything that is wrong with its columns, or else with its rows.
     """
     frame = _read(path)
     faults = _column_faults(frame, positions)
@@ -186,6 +186,8 @@ def _value_faults(frame: pd.DataFrame) -> list[str]:
     for name in (SCORE, NOVELTY):
         if name in frame and frame[name].isna().any():
             found.append(f'"{name}" is empty in {int(frame[name].isna().sum())} rows')
+        if name in frame and np.isinf(frame[name]).any():
+            found.append(f'"{name}" is infinite in {int(np.isinf(frame[name]).sum())} rows')
     for name in (ALARM, RARE):
         if name in frame and not frame[name].isin([0, 1]).all():
             found.append(f'"{name}" must be 0 or 1 in every row')
