@@ -29,6 +29,7 @@ from turnout.open_benchmark.run_methods import (
 from turnout.open_benchmark.sides import read_throws_file
 from turnout.open_benchmark.tables import (
     budget_table,
+    kind_table,
     markdown_table,
     millimetres,
     said_table,
@@ -105,6 +106,7 @@ def main() -> None:
     text = put(text, "order", f"{order_table(wanted, results, margins)}\n\n{changes}")
     text = put(text, "by method", by_method(wanted, results))
     text = put(text, "with history", table_of(first))
+    text = put(text, "kinds", kind_table(first))
     text = put(text, "said", said_table(first))
     text = put(text, "obvious", obvious_table(wanted, results))
     text = put(text, "budget", budget_table(first))

@@ -19,9 +19,20 @@ def write_table(folder: Path, order: str, results: Mapping[str, Results]) -> Pat
     path = folder / TABLE
     parts = [order] if order else []
     for name, own in results.items():
-        parts += [f"## {name}", table_of(own), said_table(own), budget_table(own)]
+        parts += [f"## {name}", table_of(own), kind_table(own), said_table(own), budget_table(own)]
     write_atomic(path, "\n\n".join(part for part in parts if part) + "\n")
     return path
+
+
+def kind_table(results: Results) -> str:
+    """Return a table of a90 and a90/95 by the kind of the object, sleepers 4 to 8."""
+    kinds = list(next(iter(results.values()))["score"]["kind"])
+    rows = []
+    for result in results.values():
+        found = [result["score"]["kind"][name] for name in kinds]
+        sizes = (f"{millimetres(of['a90'])} / {millimetres(of['a90_95'])}" for of in found)
+        rows.append([result["title"], *sizes])
+    return markdown_table(["a90 / a90/95, sleepers 4 to 8 [mm]", *kinds], rows)
 
 
 def said_table(results: Results) -> str:
