@@ -242,7 +242,7 @@ def judge_with_history(
             again = uses.sound if kind == SOUND else uses.causes
             if again and len(mine.row) and kind in (SOUND, DRY, ADJUSTED):
                 rows = [mine.features + fixed + errors.of_throws(mine.rates) for _ in range(again)]
-                found = alarms_of(view, np.concatenate(rows))[0].tolist()
+                found = alarms_of(view, np.concatenate(rows)).tolist()
                 ratios[kind] = found
                 if kind == DRY:
                     for label, part in dry_by_friction(np.tile(mine.level, again)).items():

@@ -39,7 +39,7 @@ def rates_alone(
     """Return false alarms of single sound throws, each used several times, at both thresholds."""
     errors = drawn_errors(knowledge, 21)
     view = make_view(knowledge)
-    found = [alarms_of(view, measured_by_switch(sound, errors))[0] for _ in range(draws)]
+    found = [alarms_of(view, measured_by_switch(sound, errors)) for _ in range(draws)]
     ratios = np.array(found)
     calibrated = knowledge.calibration(part=CYCLE, history=0)
     assert calibrated is not None
@@ -177,7 +177,7 @@ def ice_ramps(knowledge: Knowledge, ice: ThrowSet, *, known: int = 20) -> list[R
         for first in range(known, len(features), 5):
             rows = np.arange(first, min(first + 5, len(features)))
             view = make_view(knowledge, known=expected)
-            alarm[rows] = alarms_of(view, features[rows])[0] > threshold
+            alarm[rows] = alarms_of(view, features[rows]) > threshold
             if (alarm & touched).any():
                 break
             for row in rows[~alarm[rows]]:
@@ -216,7 +216,7 @@ def soft_shares(
         called = []
         for _ in range(draws):
             rows = own.features + errors.of_switches(len(own.level)) + errors.of_throws(own.rates)
-            called.append(alarms_of(view, rows)[0] > calibrated.thresholds["0.001"])
+            called.append(alarms_of(view, rows) > calibrated.thresholds["0.001"])
         found[kind] = {
             "touched": float(len(own.level)),
             "called": float(np.mean(called)),
@@ -247,7 +247,7 @@ def year_rates(
             own = year.of(year.switch == 12 * number + month)
             view = make_view(knowledge, known=expected)
             uses = [own.features + fixed + errors.of_throws(own.rates) for _ in range(again)]
-            ratios = [alarms_of(view, rows)[0] for rows in uses]
+            ratios = [alarms_of(view, rows) for rows in uses]
             found[str(month)] = np.concatenate(ratios).tolist()
             for row, level, ratio in zip(uses[0], own.level, ratios[0], strict=True):
                 if ratio <= threshold:
@@ -302,8 +302,8 @@ def _alarms_and_a90(
     case: str,
 ) -> dict[str, object]:
     objects, sound = test[OBJECT], test[HISTORY]
-    called = alarms_of(view, measured_by_switch(objects, errors))[0] > threshold
-    false = alarms_of(view, measured_by_switch(sound, errors))[0] > threshold
+    called = alarms_of(view, measured_by_switch(objects, errors)) > threshold
+    false = alarms_of(view, measured_by_switch(sound, errors)) > threshold
     places = knowledge.setting.places
     near = np.abs(objects.x[:, np.newaxis] - np.array(list(places.values()))).argmin(axis=1)
     return {

@@ -60,12 +60,9 @@ def robustness(
             rng=np.random.default_rng([41, len(found)]),
         )
         alarms = np.array(
-            [
-                alarms_of(view, measured_by_switch(sound, errors))[0] > threshold
-                for _ in range(draws)
-            ]
+            [alarms_of(view, measured_by_switch(sound, errors)) > threshold for _ in range(draws)]
         )
-        seen = alarms_of(view, measured_by_switch(held, errors))[0] > threshold
+        seen = alarms_of(view, measured_by_switch(held, errors)) > threshold
         by_switch = [alarms[:, sound.switch == own].ravel() for own in np.unique(sound.switch)]
         found[name] = false_alarm_limits(by_switch) | {
             "seen": float(seen.mean()),

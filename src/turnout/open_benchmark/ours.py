@@ -34,7 +34,6 @@ from turnout.detection.detector.interval_widths import AT_ONCE
 from turnout.detection.detector.judging import (
     CYCLE,
     View,
-    best_square,
     evidence_of,
     make_view,
     ratios_of,
@@ -46,6 +45,7 @@ from turnout.detection.detector.throw_verdict import ALARM, CAUSE, UNKNOWN, Verd
 from turnout.detection.detector.training import LEAST_SOUND, setting_of, teach
 from turnout.detection.detector.training_plan import DEFECTS
 from turnout.detection.detector.training_sets import Counts
+from turnout.detection.detector.unexplained import least_squares
 from turnout.detection.likelihood import Evidence
 from turnout.open_benchmark.definition import HISTORY, MACHINES, OBJECT, SOUND, panels_study
 from turnout.open_benchmark.make_throws import STEP, fine_layout
@@ -167,7 +167,7 @@ class Taught:
             said["gap"] = np.full((count, gaps, 3), np.nan)
         with one_blas_thread():
             for rows, knowledge, view, evidence in self.weighed(judged):
-                novelty[rows] = best_square(evidence)
+                novelty[rows] = least_squares(evidence)
                 ratio[rows] = ratios_of(view, evidence).alarm
                 calibrated = knowledge.calibration(part=CYCLE, history=judged.history)
                 if calibrated is None:

@@ -3,7 +3,7 @@
 Each throw is used several times, with its own discrepancy, noise and timing.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,7 +23,6 @@ from turnout.detection.detector.judging import (
     CAUSE_WEIGHT,
     CYCLE,
     View,
-    best_square,
     evidence_of,
     level_of,
     make_view,
@@ -103,38 +102,28 @@ def measured(throws: ThrowSet, errors: Errors) -> Floats:
     return throws.features + errors.of_switches(len(throws.level)) + errors.of_throws(throws.rates)
 
 
-def alarms_of(view: View, features: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return log likelihood ratios of throws, what the best hypothesis leaves, and causes.
+def alarms_of(view: View, features: Floats) -> Floats:
+    """Return log likelihood ratios of an object against everything else, shape (n_throws,) [-]."""
+    return np.concatenate([ratios_of(view, some).alarm for some in _weighed(view, features)])
 
-    Returns
-    -------
-    alarm : ndarray, shape (n_throws,)
-        Object against everything else [-].
-    left : ndarray, shape (n_throws,)
-        Squared whitened distance from the best hypothesis [-].
-    cause : ndarray, shape (n_throws,)
-        Likeliest other cause against a sound switch [-].
-    """
-    found = []
+
+def _weighed(view: View, features: Floats) -> Iterator[Evidence]:
+    """Yield what throws say of all hypotheses, some throws at a time."""
     for first in range(0, len(features), AT_ONCE):
-        evidence = evidence_of(view, features[first : first + AT_ONCE])
-        found.append((*_ratios(view, evidence), best_square(evidence)))
-    alarm, cause, left = (np.concatenate(item) for item in zip(*found, strict=True))
-    return alarm, left, cause
-
-
-def _ratios(view: View, evidence: Evidence) -> tuple[Floats, Floats]:
-    """Return log likelihood ratios of an object, and of the likeliest cause that is named."""
-    ratios = ratios_of(view, evidence)
-    return ratios.alarm, ratios.cause[view.identifiable].max(axis=0, initial=-np.inf)
+        yield evidence_of(view, features[first : first + AT_ONCE])
 
 
 def _said_of_sound(view: View, features: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return alarm, cause, square and irregularity of sound throws, each shape (n_throws,)."""
+    """Return alarm, cause, square and irregularity of sound throws, each shape (n_throws,).
+
+    The first is the log likelihood ratio of an object against everything else, the second that of
+    the likeliest cause that is named against a sound switch.
+    """
     found = []
-    for first in range(0, len(features), AT_ONCE):
-        evidence = evidence_of(view, features[first : first + AT_ONCE])
-        found.append((*_ratios(view, evidence), *unexplained(view, evidence)))
+    for evidence in _weighed(view, features):
+        ratios = ratios_of(view, evidence)
+        named = ratios.cause[view.identifiable].max(axis=0, initial=-np.inf)
+        found.append((ratios.alarm, named, *unexplained(view, evidence)))
     alarm, cause, square, irregularity = (np.concatenate(item) for item in zip(*found, strict=True))
     return alarm, cause, square, irregularity
 

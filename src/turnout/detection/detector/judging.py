@@ -203,11 +203,6 @@ def ratios_of(view: View, evidence: Evidence) -> Ratios:
     )
 
 
-def best_square(evidence: Evidence) -> Floats:
-    """Return what the hypothesis that fits best leaves of each throw, whitened, squared [-]."""
-    return least_squares(evidence)
-
-
 def unexplained(
     view: View, evidence: Evidence, *, without: Sequence[int] = ()
 ) -> tuple[Floats, Floats]:
