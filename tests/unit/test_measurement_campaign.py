@@ -313,13 +313,14 @@ def test_the_map_states_gains_and_the_recorder(tmp_path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     text = text.replace('column = "Rod 1"', 'column = "Rod 1"\ngain_uncertainty = 0.002')
     keys = (
-        'recorded_average = "0.1 s"\nrecorded_rate = "20 Hz"\n'
+        'clock_uncertainty = 1e-5\nrecorded_average = "0.1 s"\nrecorded_rate = "20 Hz"\n'
         'recorded_filter = { kind = "bessel", order = 4, corner = "6 Hz" }\n'
     )
     path.write_text(keys + text, encoding="utf-8")
     built = build_campaign(folder)
     assert built.dataset is not None
     assert built.dataset.attrs["gain_uncertainty"] == '{"drive_force.1": 0.002}'
+    assert built.dataset.attrs["clock_uncertainty"] == 1e-5
     assert recorder_response_of(built.dataset.attrs) == RecorderResponse(
         average=0.1, low_pass=LowPass(kind="bessel", order=4, corner=6.0), rate=20.0
     )

@@ -233,7 +233,7 @@ def _comparison(
         scatter={p.name: p.scatter for p in plan.parameters if p.scatter > 0},
         uncertainty=known,
         common_zero=known.common_zero,
-        clock=known.clock,
+        clock=float(dataset.attrs.get("clock_uncertainty", known.clock)),
     )
     return replace(comparison, gains=stated_gains(dataset, comparison))
 

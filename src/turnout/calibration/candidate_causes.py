@@ -313,7 +313,7 @@ def _drive_tables(panel: LoadedPanel, drive: str) -> list[Cause]:
         Cause(
             name="drive law",
             text=lambda sizes: (
-                f"drive {drive} has {1e3 * sizes[0]:.2g} mm of play before it pushes"
+                f"drive {drive} has {1e3 * sizes[0]:.2g} mm of play between pull and push"
             ),
             parameters=(_linear(play, 0.03, "m"),),
             tries=(0.5e-3, 2e-3, 4e-3),

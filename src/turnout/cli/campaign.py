@@ -417,9 +417,8 @@ def _print_campaign(campaign: "BuiltCampaign", *, remarks: bool) -> None:
     typer.echo(f"{'movements':<12}{len(sheet.runs)} in the sheet, {usable} usable")
     if campaign.reused:
         typer.echo(f"{'':<12}{campaign.reused} taken from the cache")
-    recorder = recorder_text(campaign)
-    if recorder:
-        typer.echo(f"{'recorder':<12}{recorder}; applied to simulated forces too")
+    if campaign.recorder:
+        typer.echo(f"{'recorder':<12}{campaign.recorder}; applied to simulated forces too")
     shown = campaign.remarks if remarks else campaign.remarks[:MOST_REMARKS]
     for number, text in enumerate(shown):
         typer.echo(f"{'remarks' if number == 0 else '':<12}{text}")
@@ -429,13 +428,6 @@ def _print_campaign(campaign: "BuiltCampaign", *, remarks: bool) -> None:
     for who, reasons in excluded_movements(campaign):
         for number, reason in enumerate(reasons):
             typer.echo(f"{'excluded' if number == 0 else '':<12}{who}: {reason}")
-
-
-def recorder_text(campaign: "BuiltCampaign") -> str:
-    """Return what the recorder makes of forces, in words; empty where nothing is stated."""
-    from turnout.measurement.chain.recorder_response import recorder_response_of
-
-    return recorder_response_of(campaign.dataset.attrs if campaign.dataset is not None else {}).text
 
 
 def excluded_movements(campaign: "BuiltCampaign") -> list[tuple[str, tuple[str, ...]]]:

@@ -218,13 +218,10 @@ def quantity_record(dataset: "xr.Dataset", rows: "Sequence[MappedChannel]") -> R
 
 def campaign_record(campaign: "BuiltCampaign") -> Record:
     """Return movements, exclusions with reasons, and remarks of a campaign."""
-    from turnout.measurement.chain.recorder_response import recorder_response_of
-
     sheet = campaign.sheet
-    attributes = campaign.dataset.attrs if campaign.dataset is not None else {}
     return {
         "title": sheet.title,
-        "recorder": recorder_response_of(attributes).text,
+        "recorder": campaign.recorder,
         "synthetic": bool(sheet.synthetic),
         "movements": len(sheet.runs),
         "usable": len(sheet.runs) - len(campaign.excluded),

@@ -33,7 +33,7 @@ from turnout.measurement.campaign.sheet_checks import (
 )
 from turnout.measurement.chain.apply import load_channel_map, map_hash, stated_uncertainties
 from turnout.measurement.chain.channel_map import ChannelMap
-from turnout.measurement.chain.recorder_response import RecorderResponse
+from turnout.measurement.chain.recorder_response import RecorderResponse, recorder_response_of
 from turnout.measurement.quality.channel_faults import MEASURED, Limits
 from turnout.measurement.quality.judge import Expected, ThrowQuality, judge
 from turnout.measurement.quality.throw_faults import (
@@ -172,6 +172,11 @@ class BuiltCampaign:
     excluded: tuple[Excluded, ...]
     remarks: tuple[str, ...]
     reused: int
+
+    @property
+    def recorder(self) -> str:
+        """What the recorder makes of forces, in words; empty where nothing is stated."""
+        return recorder_response_of(self.dataset.attrs).text if self.dataset is not None else ""
 
 
 def build_campaign(
@@ -410,6 +415,8 @@ def _dataset(
     stated = stated_uncertainties(channel_map)
     if stated:
         attributes["gain_uncertainty"] = json.dumps(stated)
+    if channel_map.clock_uncertainty is not None:
+        attributes["clock_uncertainty"] = float(channel_map.clock_uncertainty)
     attributes |= _recorder([piece for _, piece, _ in usable], channel_map).attributes()
     pair = swapped_rods(dataset)
     if pair:

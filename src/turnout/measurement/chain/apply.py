@@ -209,7 +209,10 @@ def map_hash(channel_map: ChannelMap) -> str:
 
 
 # Keys that came later: a map without them keeps its hash, so that nothing is read again.
-_LATER = ("gain_uncertainty", "recorded_average", "recorded_filter", "recorded_rate")
+_LATER = (
+    *("gain_uncertainty", "clock_uncertainty"),
+    *("recorded_average", "recorded_filter", "recorded_rate"),
+)
 
 
 def _without_new(value: Any) -> Any:

@@ -274,6 +274,12 @@ class ChannelMap(Record):
     rate: Frequency | None = Field(
         None, gt=0, description="sample rate of the dataset [Hz]; default the highest of a column"
     )
+    clock_uncertainty: float | None = Field(
+        None,
+        ge=0,
+        lt=0.05,
+        description="standard uncertainty of the recorder's sampling rate, default 0.001 [-]",
+    )
     recorded_average: Time | None = Field(
         None, gt=0, le=2, description="the recorder averages over this time before each sample [s]"
     )
