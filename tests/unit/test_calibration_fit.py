@@ -442,3 +442,36 @@ def test_an_onset_that_forces_showed_far_too_early_is_found() -> None:
     estimated = [alignment.estimates["onset"][0] for alignment in found.frame.alignments]
     np.testing.assert_allclose(estimated, lates, atol=1e-3)
     assert found.values["k"] == pytest.approx(TRUE["k"], rel=2e-3)
+
+
+class OfSecondOrder(MadeUp):
+    """Is wrong by the square of the step, in the stiffness."""
+
+    def responses(self, throws: Sequence[ThrowInputs]) -> list[Response]:
+        self.made += len(throws)
+        wrong = [1.0 + STEP_ERROR * (1.0 if throw.fine else 4.0) for throw in throws]
+        return [
+            response({**throw.overrides, "k": float(str(throw.overrides["k"])) * share})
+            for throw, share in zip(throws, wrong, strict=True)
+        ]
+
+
+STEP_ERROR = 2e-3
+
+
+def test_the_error_of_the_step_is_in_the_deviations() -> None:
+    """Half the step leaves a quarter of the error: a third of what halving it changes."""
+    rng = np.random.default_rng(3)
+    measured = [movement(f"m{n}", rng=rng) for n in range(6)]
+    exact = fit(misfit(measured), PARAMETERS, TRUE)
+    whole = replace(misfit(measured), evaluator=OfSecondOrder(load_panel("sb1")))
+    found = fit(whole, PARAMETERS, TRUE)
+    assert found.misfit.fine
+    assert found.values["k"] == pytest.approx(exact.values["k"] * (1.0 - STEP_ERROR), rel=2e-4)
+    _, plain = spread_of(exact).deviations
+    _, wide = spread_of(found).deviations
+    own = STEP_ERROR * found.values["k"]
+    assert wide == pytest.approx(float(np.hypot(plain, own)), rel=0.03)
+    # Throws that were not refined say nothing of it.
+    rough = replace(found, misfit=replace(found.misfit, fine=False))
+    assert spread_of(rough).deviations[1] == pytest.approx(plain, rel=0.05)

@@ -25,6 +25,7 @@ from turnout.calibration.parameter import prior_slopes
 from turnout.calibration.result_entries import channel_name
 from turnout.calibration.sensors import found_sensors
 from turnout.calibration.shared import effective_samples, model_error
+from turnout.core.threads import one_blas_thread
 from turnout.errors import SolverError
 from turnout.panel.load import LoadedPanel
 
@@ -125,6 +126,7 @@ def unexplained_reasons(final: Fit) -> list[str]:
     ]
 
 
+@one_blas_thread()
 def with_causes(
     found: Fit, first: Misfit, panel: LoadedPanel, *, on_step: Callable[[float], None] | None = None
 ) -> CauseSearch:

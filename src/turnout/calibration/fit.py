@@ -36,6 +36,7 @@ from turnout.calibration.parameter import (
     values_at,
 )
 from turnout.calibration.shared import poorly_followed
+from turnout.core.threads import one_blas_thread
 
 Floats = NDArray[np.float64]
 # Steps of a fit; how many more are allowed after one that still lowered the cost by this share and
@@ -114,6 +115,7 @@ class Fit:
         return float(np.sqrt(np.mean(self.residuals**2)))
 
 
+@one_blas_thread()
 def fit(
     misfit: Misfit,
     parameters: Sequence[Parameter],
@@ -215,6 +217,7 @@ def _noise_of(near: Misfit, comparison: Comparison) -> Comparison:
     )
 
 
+@one_blas_thread()
 def brief_fit(
     misfit: Misfit,
     parameters: Sequence[Parameter],
