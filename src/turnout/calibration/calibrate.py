@@ -291,6 +291,16 @@ def _cause_lines(
     return (*lines, *(f"{item.cause}: {item.text}" for item in sensors if item.cause))
 
 
+def _stepped(first: Fit, found: Fit) -> Fit:
+    """Return a first step with the noise of where it began; slopes of quick throws end with it."""
+    quick = first.local.stepped is found.local.stepped
+    return replace(
+        first,
+        misfit=replace(first.misfit, comparison=found.misfit.comparison),
+        local=replace(first.local, quick=quick),
+    )
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Run:
     """The stages of one calibration."""
@@ -361,21 +371,27 @@ class _Run:
     ) -> tuple[Fit, CauseSearch]:
         """Fit to the end, with a lead of the motors and what else the misfit asks for."""
         on_step = self.watch.found
+        # Slopes of quick throws serve to see what is missed, and for a first step.
+        quick = replace(near, local=replace(near.local, quick=False))
         # What a model that is far off misses is seen at once; it would go on only to move away.
-        found = brief_fit(start, parameters, near.values, near=near, passes=1, steps=0)
+        found = brief_fit(start, parameters, near.values, near=quick, passes=1, steps=0)
         lead = common_lead(found)
         # A recorder that averages, or a bushing that is soft, delays forces too, by less.
         if abs(lead) > LONG_LEAD:
             start = replace(start, comparison=replace(start.comparison, lead=lead))
-            found = brief_fit(start, parameters, near.values, near=near, passes=1, steps=0)
+            found = brief_fit(start, parameters, near.values, near=quick, passes=1, steps=0)
         clearly = is_worth_a_search(found, share=CLEARLY)
         # A start that is far off misses as much; a model that lacks nothing leaves it at once.
+        share = LEFT_MISSED if clearly else 1.0
+        first = brief_fit(
+            start, parameters, near.values, near=found, share=share, passes=1, steps=1
+        )
         again = brief_fit(
             start,
             parameters,
-            near.values,
-            near=found,
-            share=LEFT_MISSED if clearly else 1.0,
+            first.values,
+            near=_stepped(first, found),
+            share=share,
             on_step=on_step,
         )
         if not (clearly and is_worth_a_search(again, share=CLEARLY)):
