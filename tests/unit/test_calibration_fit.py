@@ -473,5 +473,5 @@ def test_the_error_of_the_step_is_in_the_deviations() -> None:
     own = STEP_ERROR * found.values["k"]
     assert wide == pytest.approx(float(np.hypot(plain, own)), rel=0.03)
     # Throws that were not refined say nothing of it.
-    rough = replace(found, misfit=replace(found.misfit, fine=False))
+    rough = replace(found, refined=())
     assert spread_of(rough).deviations[1] == pytest.approx(plain, rel=0.05)

@@ -1,7 +1,7 @@
 """Uncertainty of a fit: covariance, intervals, and strongly correlated parameters in words."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -142,7 +142,7 @@ def spread_of(found: Fit) -> Spread:
     slopes = np.where(bound[None, :], 0.0, found.jacobian)
     whole = np.linalg.inv(slopes.T @ slopes + np.diag(prior))
     estimate = whole @ slopes.T
-    step = _of_step(found, estimate)
+    step = _of_refinement(found, estimate)
     whole = whole + _of_sensitivities(found, estimate) + np.outer(step, step)
     whole = whole + np.diag(_of_solver(found) ** 2)
     sizes = np.sqrt(np.diag(whole))
@@ -187,15 +187,16 @@ def spread_of(found: Fit) -> Spread:
     )
 
 
-def _of_step(found: Fit, estimate: Floats) -> Floats:
-    r"""Return the error of each coordinate by the step of the solver, by Richardson's rule.
+def _of_refinement(found: Fit, estimate: Floats) -> Floats:
+    r"""Return the error of each coordinate by step and modes of the solver, by Richardson's rule.
 
     A scheme of second order with steps h leaves
 
     .. math:: \theta_h - \theta_0 = \frac{\theta_{2h} - \theta_h}{2^2 - 1},
 
-    with the change of the values that the forces of throws with twice the step would make. It is
-    the error of all movements together; nothing where the fit did not come to its finer throws.
+    with the change of the values that the forces of throws with twice the step, and modes to half
+    the frequency, would make. It is one error of all movements together; nothing where the fit did
+    not come to its fine throws.
 
     Parameters
     ----------
@@ -204,16 +205,12 @@ def _of_step(found: Fit, estimate: Floats) -> Floats:
     estimate : ndarray, shape (p, n)
         Change of the coordinates with the residuals.
     """
-    if not found.misfit.fine:
-        return np.zeros(len(estimate))
-    coarse = replace(found.misfit, fine=False).responses([found.values])[0]
-    if any(item.failure for item in coarse):
+    pairs = found.refined
+    if not pairs or any(item.failure for pair in pairs for item in pair):
         return np.zeros(len(estimate))
     rows = [
-        alignment.whitened(alignment.predicted(long) - alignment.predicted(short))
-        for alignment, long, short in zip(
-            found.frame.alignments, coarse, found.local.simulated, strict=True
-        )
+        alignment.whitened(alignment.predicted(plain) - alignment.predicted(fine))
+        for alignment, (plain, fine) in zip(found.frame.alignments, pairs, strict=True)
     ]
     return estimate @ found.frame.joined(np.concatenate(rows)) / RICHARDSON
 

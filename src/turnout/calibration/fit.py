@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from turnout.calibration.comparison import Comparison
+from turnout.calibration.evaluate import Response
 from turnout.calibration.fit_noise import (
     inflate_noise,
     reestimate_noise,
@@ -86,6 +87,8 @@ class Fit:
         How it ended.
     converged : bool
         Whether it met a convergence criterion, instead of a limit of steps.
+    refined : tuple of (Response, Response)
+        Of each movement, near the end: thrown as the scheme says, and finely.
     """
 
     misfit: Misfit
@@ -98,6 +101,7 @@ class Fit:
     iterations: int
     message: str
     converged: bool
+    refined: tuple[tuple[Response, Response], ...] = ()
 
     @property
     def point(self) -> Floats:
@@ -179,10 +183,14 @@ def fit(
     known = refined and near is not None and not _is_poor(near.misfit)
     if near is not None and known:
         misfit = replace(misfit, comparison=_noise_of(near.misfit, misfit.comparison))
+    pairs: tuple[tuple[Response, Response], ...] = ()
     for number in range(MAX_PASSES):
         # Finer steps are no remedy for a model of something else, and too long a way from afar.
         poor = _is_poor(misfit) if number else not known
         misfit = replace(misfit, fine=refined and not poor)
+        if misfit.fine and not pairs and local is not None and not local.quick:
+            fine = misfit.responses([{**misfit.base, **values}])[0]
+            pairs = tuple(zip(local.simulated, fine, strict=True))
         found = _least_squares(
             misfit,
             parameters,
@@ -197,7 +205,7 @@ def fit(
         misfit = reestimate_noise(found, first)
         if (number > 0 or known) and (poor or same_noise(found.misfit, misfit)):
             break
-    return replace(found, iterations=iterations)
+    return replace(found, iterations=iterations, refined=pairs if misfit.fine else ())
 
 
 def _is_poor(misfit: Misfit) -> bool:
