@@ -51,15 +51,15 @@ MAX_PASSES = 4
 MAX_STEP = 0.5
 # Steps below this are lost in the noise of the solver [coordinate].
 MIN_STEP = 1e-4
-# A step whose predicted decrease is below this is not tried [square of a standard deviation].
+# A step of a smaller predicted decrease is not tried [square of a standard deviation].
 MIN_DECREASE = 0.05
 # Of a stage that others follow: most steps, most rejected in a row, and the share of the cost that
 # a step must be predicted to save.
 ROUGH_STEPS, ROUGH_REJECTED, ROUGH_DECREASE = 6, 2, 0.01
 # Of a brief fit: passes with noise found again, steps of each, how often movement effects are
-# thrown again in a step, and the decrease below which a step is not tried.
+# thrown again in a step, and the decrease below which a step is not tried; and rejected steps in a
+# row: far from the end a step is to shorten by so much.
 BRIEF_PASSES, BRIEF_STEPS, BRIEF_EFFECTS, BRIEF_DECREASE = 2, 8, 1, 0.5
-# Rejected steps in a row of a brief fit: far from the end a step is to shorten by so much.
 BRIEF_REJECTED = 4
 
 
@@ -180,10 +180,10 @@ def fit(
             values, effects, local = found.values, found.misfit.effects, found.local
         return replace(found, misfit=reestimate_noise(found, misfit), iterations=iterations)
     first, misfit = misfit, replace(misfit, effects=effects)
+    pairs: tuple[tuple[Response, Response], ...] = ()
     known = refined and near is not None and not _is_poor(near.misfit)
     if near is not None and known:
         misfit = replace(misfit, comparison=_noise_of(near.misfit, misfit.comparison))
-    pairs: tuple[tuple[Response, Response], ...] = ()
     for number in range(MAX_PASSES):
         # Finer steps are no remedy for a model of something else, and too long a way from afar.
         poor = _is_poor(misfit) if number else not known
