@@ -70,7 +70,7 @@ from turnout.calibration.stage_progress import (
     throws_per_step,
 )
 from turnout.calibration.stages import JOINT_MOVEMENTS, CalibrationPlan, Stage, default_plan
-from turnout.calibration.starts import nearest_fit, starts_of, with_movements
+from turnout.calibration.starts import nearest_fit, starts_of, stepped_once, with_movements
 from turnout.core.provenance import provenance
 from turnout.core.threads import one_blas_thread
 from turnout.errors import PanelError, SolverError
@@ -267,7 +267,7 @@ def _result(
         about={
             **provenance(),
             "written": datetime.now(UTC).isoformat(timespec="seconds"),
-            "scheme": f"{scheme.describe()}; compared at last with half the step",
+            "scheme": f"{scheme.describe()}; compared at last with half the step and twice the modes",
             "synthetic": str(dataset.attrs.get("synthetic", "")),
         },
     )
@@ -289,16 +289,6 @@ def _cause_lines(
     lines = [lead_text(lead)] if lead else []
     lines += [item.line for item in (search.tested if search else ())]
     return (*lines, *(f"{item.cause}: {item.text}" for item in sensors if item.cause))
-
-
-def _stepped(first: Fit, found: Fit) -> Fit:
-    """Return a first step with the noise of where it began; slopes of quick throws end with it."""
-    quick = first.local.stepped is found.local.stepped
-    return replace(
-        first,
-        misfit=replace(first.misfit, comparison=found.misfit.comparison),
-        local=replace(first.local, quick=quick),
-    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -354,9 +344,8 @@ class _Run:
                 final = nearest_fit(near, parameters, starts, shares, on_step=self.watch.found)
                 values = dict(final.values)
                 if last:
-                    start = replace(misfit, base=values)
-                    whole = with_movements(final, chosen)
-                    final, search = self._last(whole, start, parameters)
+                    start = replace(leading, base=values)
+                    final, search = self._last(final, start, parameters, chosen)
                     values = dict(final.values)
                 scatter = dict(final.misfit.comparison.scatter)
             made = self.evaluator.made - before
@@ -367,9 +356,16 @@ class _Run:
         return logs, sweeps, warnings, final, search
 
     def _last(
-        self, near: Fit, start: Misfit, parameters: Sequence[Parameter]
+        self,
+        near: Fit,
+        start: Misfit,
+        parameters: Sequence[Parameter],
+        chosen: tuple[MeasuredMovement, ...],
     ) -> tuple[Fit, CauseSearch]:
-        """Fit to the end, with a lead of the motors and what else the misfit asks for."""
+        """Fit to the end, with a lead of the motors and what else the misfit asks for.
+
+        Movements that lead near show that as well; all that were chosen join for the end.
+        """
         on_step = self.watch.found
         # Slopes of quick throws serve to see what is missed, and for a first step.
         quick = replace(near, local=replace(near.local, quick=False))
@@ -390,7 +386,7 @@ class _Run:
             start,
             parameters,
             first.values,
-            near=_stepped(first, found),
+            near=stepped_once(first, found, near),
             share=share,
             on_step=on_step,
         )
@@ -399,8 +395,15 @@ class _Run:
         search = with_causes(found, start, self.panel, on_step=on_step)
         lead = common_lead(search.found)
         known = replace(search.first.comparison, lead=lead)
-        plain = replace(search.plain, comparison=replace(search.plain.comparison, lead=lead))
-        search = replace(search, first=replace(search.first, comparison=known), plain=plain)
+        plain = replace(
+            search.plain, comparison=replace(search.plain.comparison, lead=lead), movements=chosen
+        )
+        search = replace(
+            search,
+            found=with_movements(search.found, chosen),
+            first=replace(search.first, comparison=known, movements=chosen),
+            plain=plain,
+        )
         final = self._final(search)
         fewer = without_needless(search, final, on_step=on_step)
         if fewer is not search:

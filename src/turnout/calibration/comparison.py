@@ -41,13 +41,13 @@ class Uncertainty:
         each other one, where all movements share it: no residual need show it, so it widens the
         intervals [-].
     solver : float
-        Of each value, as a share of it, from mesh and modes; what the step adds is thrown [-].
+        Of each value, as a share of it, from the mesh; what step and modes add is thrown [-].
     common_zero : float
         Of the zero of a force channel, in all movements alike [N].
     clock : float
         Of the time that the recorder states, as a share of it [-].
     scale : float
-        Of the model's forces from mesh and modes, where gains are free and they the only scale [-].
+        Of the model's forces from the mesh, where gains are free and they the only scale [-].
     """
 
     clocked_onset: float = 0.005

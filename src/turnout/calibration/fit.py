@@ -47,10 +47,8 @@ EXTENDING_SHARE, EXTENDING_DECREASE = 1e-3, 1.0
 # Noise of the passes of a rough fit, as a share of the model error at the start [-].
 ROUGH_SHARES, JOINT_SHARES = (1.0,), (1.0, 0.1)
 MAX_PASSES = 4
-# Longest step of a coordinate; half a unit is a factor of 1.6.
-MAX_STEP = 0.5
-# Steps below this are lost in the noise of the solver [coordinate].
-MIN_STEP = 1e-4
+# Longest step, a factor of 1.6, and those that the noise of the solver hides [coordinate].
+MAX_STEP, MIN_STEP = 0.5, 1e-4
 # A step of a smaller predicted decrease is not tried [square of a standard deviation].
 MIN_DECREASE = 0.05
 # Of a stage that others follow: most steps, most rejected in a row, and the share of the cost that

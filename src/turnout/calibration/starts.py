@@ -102,3 +102,23 @@ def with_movements(near: Fit, movements: Sequence[MeasuredMovement]) -> Fit:
     local = misfit.local(near.values, ())
     misfit, local, _ = update_movement_effects(misfit, local, (), passes=OWN_PASSES)
     return replace(near, misfit=misfit, local=replace(local, stepped={}))
+
+
+def stepped_once(first: Fit, found: Fit, near: Fit) -> Fit:
+    """Return a first step with the noise of where it began; slopes of quick throws end with it.
+
+    Parameters
+    ----------
+    first : Fit
+        One step from `found`, with slopes of quick throws where it did not go far.
+    found : Fit
+        Where the step began.
+    near : Fit
+        Whose slopes both began with.
+    """
+    quick = near.local.quick and first.local.stepped is near.local.stepped
+    return replace(
+        first,
+        misfit=replace(first.misfit, comparison=found.misfit.comparison),
+        local=replace(first.local, quick=quick),
+    )

@@ -296,7 +296,8 @@ def _mapped_columns(recording: Recording, channel_map: ChannelMap) -> list[_Mapp
                 near = nearest(sensor.column, recording.channels)
                 problems.append(
                     f'{key}.column = "{sensor.column}": is not in the file{near}; '
-                    f"there are {choices(recording.channels)}"
+                    f"there are {choices(recording.channels)}; where recordings may lack it, say "
+                    "optional = true in its table"
                 )
             continue
         try:
