@@ -267,7 +267,7 @@ def _result(
         about={
             **provenance(),
             "written": datetime.now(UTC).isoformat(timespec="seconds"),
-            "scheme": f"{scheme.describe()}; compared at last with half the step and twice the modes",
+            "scheme": f"{scheme.describe()}; at last with half the step, twice the frequency",
             "synthetic": str(dataset.attrs.get("synthetic", "")),
         },
     )

@@ -205,9 +205,11 @@ def _of_refinement(found: Fit, estimate: Floats) -> Floats:
     estimate : ndarray, shape (p, n)
         Change of the coordinates with the residuals.
     """
-    pairs = found.refined
-    if not pairs or any(item.failure for pair in pairs for item in pair):
+    pairs, shape = found.misfit.refinement, found.misfit.shape
+    if not pairs:
         return np.zeros(len(estimate))
+    if shape is not None:
+        pairs = tuple((shape(one, found.values), shape(two, found.values)) for one, two in pairs)
     rows = [
         alignment.whitened(alignment.predicted(plain) - alignment.predicted(fine))
         for alignment, (plain, fine) in zip(found.frame.alignments, pairs, strict=True)

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from turnout.calibration.comparison import Comparison
-from turnout.calibration.evaluate import Response
 from turnout.calibration.fit_noise import (
     inflate_noise,
     reestimate_noise,
@@ -21,12 +20,14 @@ from turnout.calibration.fit_noise import (
 )
 from turnout.calibration.linearisation import SAME_ROUGH_SLOPE, Linearisation
 from turnout.calibration.misfit import (
-    EFFECT_PASSES,
     Frame,
     Misfit,
-    effects_after,
     framed,
     jacobian,
+)
+from turnout.calibration.movement_effects import (
+    EFFECT_PASSES,
+    effects_after,
     update_movement_effects,
 )
 from turnout.calibration.parameter import (
@@ -85,8 +86,6 @@ class Fit:
         How it ended.
     converged : bool
         Whether it met a convergence criterion, instead of a limit of steps.
-    refined : tuple of (Response, Response)
-        Of each movement, near the end: thrown as the scheme says, and finely.
     """
 
     misfit: Misfit
@@ -99,7 +98,6 @@ class Fit:
     iterations: int
     message: str
     converged: bool
-    refined: tuple[tuple[Response, Response], ...] = ()
 
     @property
     def point(self) -> Floats:
@@ -178,17 +176,16 @@ def fit(
             values, effects, local = found.values, found.misfit.effects, found.local
         return replace(found, misfit=reestimate_noise(found, misfit), iterations=iterations)
     first, misfit = misfit, replace(misfit, effects=effects)
-    pairs: tuple[tuple[Response, Response], ...] = ()
     known = refined and near is not None and not _is_poor(near.misfit)
     if near is not None and known:
         misfit = replace(misfit, comparison=_noise_of(near.misfit, misfit.comparison))
     for number in range(MAX_PASSES):
         # Finer steps are no remedy for a model of something else, and too long a way from afar.
         poor = _is_poor(misfit) if number else not known
-        misfit = replace(misfit, fine=refined and not poor)
-        if misfit.fine and not pairs and local is not None and not local.quick:
-            fine = misfit.responses([{**misfit.base, **values}])[0]
-            pairs = tuple(zip(local.simulated, fine, strict=True))
+        if not refined or poor:
+            misfit = replace(misfit, refinement=())
+        elif not misfit.refinement:
+            misfit = misfit.refined(values)
         found = _least_squares(
             misfit,
             parameters,
@@ -203,7 +200,7 @@ def fit(
         misfit = reestimate_noise(found, first)
         if (number > 0 or known) and (poor or same_noise(found.misfit, misfit)):
             break
-    return replace(found, iterations=iterations, refined=pairs if misfit.fine else ())
+    return replace(found, iterations=iterations)
 
 
 def _is_poor(misfit: Misfit) -> bool:

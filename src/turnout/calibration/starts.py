@@ -6,7 +6,8 @@ from dataclasses import replace
 from turnout.calibration.fit import Fit, fit
 from turnout.calibration.grid_search import misfit_share, other_minima, sweep
 from turnout.calibration.measured_movements import MeasuredMovement
-from turnout.calibration.misfit import Misfit, update_movement_effects
+from turnout.calibration.misfit import Misfit
+from turnout.calibration.movement_effects import update_movement_effects
 from turnout.calibration.parameter import Parameter
 
 # How often movements that join a fit are thrown at their own values before it goes on.
