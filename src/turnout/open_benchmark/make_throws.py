@@ -34,9 +34,8 @@ from turnout.open_benchmark.definition import (
 from turnout.open_benchmark.switch_throws import SwitchThrows, throws_of_switch
 from turnout.response.compilation import must_compile
 from turnout.response.simulate import compile_kernels
-from turnout.sweep.process import worker_processes
 from turnout.sweep.read import open_sweep
-from turnout.sweep.run import run_sweep
+from turnout.sweep.run import local_pool, run_sweep
 
 Floats = NDArray[np.float64]
 Report = Callable[[int, int], None]
@@ -149,7 +148,7 @@ def shared_pool(workers: int) -> Iterator[Callable[[], Executor]]:
     """Give what returns the executor of all sweeps: processes, or this process for one worker."""
     if must_compile():
         compile_kernels()
-    own = worker_processes(workers) if workers > 1 else ThreadPoolExecutor(1)
+    own = local_pool(workers) if workers > 1 else ThreadPoolExecutor(1)
     try:
         yield lambda: _Shared(own)
     finally:
