@@ -18,7 +18,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from turnout.core.files import atomic_path, write_atomic
+from turnout.core.files import atomic_path, make_folder, write_atomic
 from turnout.core.provenance import version
 from turnout.detection.detector.throw_layout import Layout, throw_features
 from turnout.detection.detector.training import layout_of_panel
@@ -125,7 +125,7 @@ def claim_folder(folder: Path, digest: str, counts: Counts) -> None:
     if folder.exists() and any(folder.iterdir()):
         message = f"{folder}: is not empty and holds no benchmark; give an empty or a new folder"
         raise FileError(message)
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     about = {"benchmark": VERSION, "digest": digest, "counts": asdict(counts)}
     write_atomic(path, json.dumps(about | {"turnout": version()}, indent=1) + "\n")
 
