@@ -72,7 +72,7 @@ class Cause:
         parameter, the others at their start.
     refined : bool
         Whether the likeliest size is searched between those that are tried: where that needs no
-        throws, so that causes alike in their effect can be told by it.
+        throws, so that causes alike in effect are compared at their best.
     smooth : bool
         Whether forces change in proportion to it: then one size is tried, and the likeliest
         follows with those of all values.

@@ -224,7 +224,7 @@ def low_passed(time: Floats, values: Floats, low_pass: LowPass) -> Floats:
         return values
     step = float(time[1] - time[0])
     rise = values - values[0]
-    found: Floats = np.full(values.size, values[0], dtype=np.float64)
+    found = np.zeros_like(values) + values[0]
     for pole, residue in zip(*_poles(low_pass), strict=True):
         decay = np.exp(pole * step)
         level = (decay - 1.0) / pole
@@ -238,11 +238,13 @@ def low_passed(time: Floats, values: Floats, low_pass: LowPass) -> Floats:
 def _poles(low_pass: LowPass) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
     """Return poles [1/s] and residues [1/s] of a low-pass with a gain of one at rest."""
     angular = 2.0 * np.pi * low_pass.corner
-    if low_pass.kind == BESSEL:
-        _, poles, gain = bessel(low_pass.order, angular, analog=True, output="zpk", norm="mag")
-    else:
-        _, poles, gain = butter(low_pass.order, angular, analog=True, output="zpk")
-    poles = np.asarray(poles, dtype=np.complex128)
+    order = low_pass.order
+    made = (
+        bessel(order, angular, analog=True, output="zpk", norm="mag")
+        if low_pass.kind == BESSEL
+        else butter(order, angular, analog=True, output="zpk")
+    )
+    poles, gain = np.asarray(made[1], dtype=np.complex128), float(made[2])
     apart = poles[:, np.newaxis] - poles[np.newaxis, :]
     np.fill_diagonal(apart, 1.0)
     return poles, np.asarray(gain / apart.prod(axis=1), dtype=np.complex128)
