@@ -231,7 +231,7 @@ def low_passed(time: Floats, values: Floats, low_pass: LowPass) -> Floats:
         slope = (decay - 1.0 - pole * step) / (pole**2 * step)
         part = residue * lfilter([slope, level - slope], [1.0, -decay], rise)
         found = np.asarray(found + part.real, dtype=np.float64)
-    return found
+    return np.asarray(found, dtype=np.float64)
 
 
 @lru_cache(maxsize=64)
