@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from turnout.core.content_cache import cached_arrays, digest
 from turnout.core.lru_cache import LRUCache
 from turnout.mechanism.mechanism import RailBody, RailData, ReducedRail
-from turnout.mechanism.structure import Structure, forget_structures, point_rows, rail_structure
+from turnout.mechanism.structure import Structure, clear_structures, point_rows, rail_structure
 from turnout.panel.records import RailMatrices
 from turnout.reduction.craig_bampton import (
     InnerShapes,
@@ -76,7 +76,7 @@ def clear_memory() -> None:
     """Empty the memory of reduced rails, of their dashpots and of their structures."""
     for cache in (_rails, _digests, _reductions, _at_dashpots):
         cache.clear()
-    forget_structures()
+    clear_structures()
 
 
 def _digest_of_rest(data: RailData) -> str:

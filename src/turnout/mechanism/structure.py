@@ -153,7 +153,7 @@ _parts = LRUCache[_Parts](MOST_KEPT)
 _rows = LRUCache[tuple[sp.csr_array, object, object]](2 * MOST_KEPT)
 
 
-def forget_structures() -> None:
+def clear_structures() -> None:
     """Empty the memory of parts and rows of structures."""
     _parts.clear()
     _rows.clear()
