@@ -189,14 +189,6 @@ class _Kernel(CPUDispatcher):
         """Keep the machine code."""
         self._cache = _KernelCache(self.py_func)  # type: ignore[no-untyped-call]
 
-    def typeof_pyval(self, val: Any) -> Any:
-        """Return the type of an argument; a shared record has it at hand, which Numba asks about.
-
-        Numba's own way through its registries takes ten times as long as all else of a call.
-        """
-        kind = getattr(val, "kind", None)
-        return kind if isinstance(kind, types.Type) else super().typeof_pyval(val)
-
     def compile(self, sig: Any) -> Any:
         """Compile or load the kernel for the types of its arguments."""
         if self.kept and not isinstance(self._cache, _KernelCache):
