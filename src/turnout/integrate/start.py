@@ -143,6 +143,7 @@ def _start_after(
             run.work.unconverged[:] = motion.work.unconverged
             return code
         left = _cache.put(key, _state_left(motion, shared))
+        motion.give_back()
     return _start_from(run, left, thread)
 
 
