@@ -55,6 +55,7 @@ LEAD, AVERAGE, SOFT = 0.15, 0.1, 2e-3
 # Of further cases: play [m], where a bushing softens as a share of its slip level and to which
 # share of its stiffness, cut-off of the recorder's filter [Hz], a gain of all channels [-].
 PLAY, SOFTENS, SOFTENED, CUT_OFF, ALIKE = 1.5e-3, 0.7, 0.35, 6.0, 0.012
+LAG = 0.12
 # Of the amplifier, against aliases: a mean over this time [s].
 ANTI_ALIAS = 8e-3
 NOTE = "synthetic: hard campaign of tests.verification.hard_campaigns, not measured"
@@ -80,6 +81,8 @@ class Hard:
         Columns that the channel map names wrongly.
     start : mapping of str to float
         Where the fit starts; default the library's values.
+    lag : float
+        With which the force of drive 2 follows contact [s].
     """
 
     what: str
@@ -89,6 +92,7 @@ class Hard:
     seen: Callable[[xr.Dataset, int], xr.Dataset] = lambda dataset, number: dataset
     columns: Mapping[str, str] = field(default_factory=dict)
     start: Values = field(default_factory=dict)
+    lag: float = 0.0
 
 
 def gains(dataset: xr.Dataset, number: int) -> xr.Dataset:
@@ -279,6 +283,9 @@ FURTHER: dict[str, Hard] = {
     "filter": Hard(
         what="the recorder filters at 6 Hz with two poles", cause="recorder", seen=filtered
     ),
+    "lag": Hard(
+        what="the force of drive 2 follows contact with a lag of 120 ms", cause="drive 2", lag=LAG
+    ),
     "alike": Hard(
         what="all channels read 1.2 % too much, motors lead by 150 ms", cause="timing", seen=alike
     ),
@@ -324,7 +331,13 @@ def make(case: Hard, folder: Path, *, seed: int) -> Values:
             scheme=scheme,
             save=Save(fields=FIELDS),
         )
-        true = record_throw(run, direction=direction, window=WINDOW, law=LAW)
+        true = record_throw(
+            run,
+            direction=direction,
+            window=WINDOW,
+            law=LAW,
+            build_up_lag={"2": case.lag} if case.lag else None,
+        )
         if size < 0.013:
             true = true.assign(object_force=0.0 * true["object_force"])
         disturbed = add_disturbance(

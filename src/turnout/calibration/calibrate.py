@@ -210,6 +210,7 @@ def calibrate(
             causes=_cause_lines(final, search, sensors),
             fitted_causes=tuple(item.name for item, _ in search.taken) if search else (),
             sensors=tuple(item.text for item in sensors),
+            chain={item.key: (item.value, item.deviation) for item in sensors},
             effects=movement_rows(final),
         )
     return CalibrationOutcome(
@@ -269,6 +270,7 @@ def _result(
             "written": datetime.now(UTC).isoformat(timespec="seconds"),
             "scheme": f"{scheme.describe()}; at last with half the step, twice the frequency",
             "synthetic": str(dataset.attrs.get("synthetic", "")),
+            "channel_map_hash": str(dataset.attrs.get("channel_map_hash", "")),
         },
     )
 

@@ -145,7 +145,7 @@ def _recorders() -> list[Cause]:
                 low_pass=LowPass(kind=kind, order=order, corner=1.0 / (2.0 * np.pi * size))
             ),
             lambda made: (
-                f"is a {made.text}; state it in the channel map as "
+                f"filters ({made.text}); state it in the channel map as "
                 f"recorded_filter = {made.low_pass.text if made.low_pass else ''}"
             ),
             tries=(0.01, 0.035, 0.1),

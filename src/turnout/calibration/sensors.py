@@ -53,6 +53,11 @@ class FoundSensor:
         return f"zero of the {where}" if self.column.kind == ZERO else where
 
     @property
+    def key(self) -> str:
+        """Key of a calibration's `chain`."""
+        return chain_key(self.column.kind, self.column.channel, self.column.drive)
+
+    @property
     def text(self) -> str:
         """Stated and found value in words."""
         factor, unit, digits = (1.0, "N", 1) if self.column.kind == ZERO else (100.0, "%", 2)
@@ -89,6 +94,17 @@ class FoundSensor:
     def leaves(self) -> bool:
         """Whether the movements put it beyond what was stated of it."""
         return abs(self.value) > LEAVES_PRIOR * self.stated
+
+
+def chain_key(kind: str, channel: str = "", drive: str = "") -> str:
+    """Return the key of an unknown of the measuring chain.
+
+    Examples
+    --------
+    >>> chain_key(GAIN, "drive_force", "1"), chain_key(ZERO, "object_force"), chain_key(CLOCK)
+    ('gain drive_force.1', 'zero object_force', 'clock')
+    """
+    return f"{kind} {f'{channel}.{drive}'.strip('.')}".strip()
 
 
 def stated_gains(dataset: xr.Dataset, comparison: Comparison) -> dict[Key, float]:

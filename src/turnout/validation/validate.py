@@ -34,6 +34,12 @@ from turnout.panel.load import LoadedPanel
 from turnout.schema.channels import SCHEMA_VERSION
 from turnout.validation.grid import DRIVE, OBJECT, Grid
 from turnout.validation.leave_out import LeftOut, leave_out_places
+from turnout.validation.measuring_chain import (
+    OTHER_CHAIN,
+    chain_variance,
+    found_chain,
+    through_chain,
+)
 from turnout.validation.onset import onset_shifts
 from turnout.validation.scatter import Direction, ThrowScatter, scatter_of
 
@@ -100,7 +106,8 @@ def validate(
     """
     movements, oversized = exclude_oversized_objects(observe(dataset, panel), panel)
     grid = Grid.of(movements)
-    model = _model(movements, grid, calibration, evaluator)
+    chain = found_chain(dataset, calibration)
+    model = _model(movements, grid, calibration, evaluator, chain)
     sheet = dataset.sel(movement=[item.name for item in movements])
     groups = repeat_groups(sheet)
     measured = _array(grid, grid.measured(movements), sheet)
@@ -114,7 +121,8 @@ def validate(
     used = np.isin(sheet["movement"].values, _used(calibration))
     left = _left_out(model, measured.values, calibration, movements, (scatter, directions), used)
     forecast = measured.copy(data=left.forces)
-    reach = QUANTILE * np.sqrt(scatter.variance + left.variance)
+    of_chain = chain_variance(model.forces, model.later, grid, chain)
+    reach = QUANTILE * np.sqrt(scatter.variance + left.variance + of_chain)
     low, high = forecast - reach, forecast + reach
     return xr.Dataset(
         {
@@ -144,6 +152,7 @@ def validate(
             "calibration_panel_hash": calibration.panel_hash,
             "scatter": json.dumps({**scatter.sizes, "repeats": scatter.repeated}),
             "left_out": json.dumps([*excluded_movements(dataset), *oversized]),
+            "chain": "" if chain or not calibration.chain else OTHER_CHAIN,
         },
     )
 
@@ -177,8 +186,12 @@ def _model(
     grid: Grid,
     calibration: Calibration,
     evaluator: Evaluator,
+    chain: Mapping[str, tuple[float, float]],
 ) -> _Model:
-    """Simulate all movements at the calibrated values and one step away for each parameter."""
+    """Simulate all movements at the calibrated values and one step away for each parameter.
+
+    Through the chain as it was found: a sound prediction would differ by the gains of the gauges.
+    """
     values, parameters = calibration.values, calibration.parameters
     causes = fitted_causes(evaluator.panel, parameters)
     steps: dict[str, float] = {}
@@ -213,6 +226,7 @@ def _model(
         grid.predicted(movements, responses[count * number : count * (number + 1)], shifts=shifts)
         for number in range(len(settings))
     ]
+    sets = [through_chain(row, -np.gradient(row, BIN, axis=2), grid, chain) for row in sets]
     slopes = {
         name: (aside - sets[0]) / step
         for (name, step), aside in zip(steps.items(), sets[1:], strict=True)
