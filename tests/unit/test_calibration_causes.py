@@ -88,6 +88,16 @@ def test_a_recorder_that_filters_is_found_and_the_remedy_named() -> None:
     assert search.found.values["k"] == pytest.approx(TRUE["k"], rel=5e-3)
 
 
+def test_samples_far_apart_are_found_without_a_delay() -> None:
+    panel = load_panel("sb1")
+    whole = misfit(recorded(RecorderResponse(rate=4.0), stated=RecorderResponse()))
+    near = fit(whole, PARAMETERS, TRUE, rough=True)
+    search = with_causes(brief_fit(whole, PARAMETERS, TRUE, near=near), whole, panel)
+    assert not search.misses
+    assert 'recorded_rate = "4' in search.tested[0].text
+    assert search.found.values["k"] == pytest.approx(TRUE["k"], rel=5e-3)
+
+
 def test_a_filter_that_the_map_states_is_no_cause() -> None:
     whole = misfit(recorded(FILTER, stated=FILTER))
     found = fit(whole, PARAMETERS, TRUE)

@@ -153,7 +153,17 @@ def _recorders() -> list[Cause]:
         )
         for kind, order in RECORDER_FILTERS
     ]
-    return [average, *filters]
+    sampling = _recorder_cause(
+        "recorder.interval",
+        lambda size: RecorderResponse(rate=1.0 / size),
+        lambda made: (
+            f"takes {made.rate:.3g} samples a second, and the file holds lines between them; state "
+            f'it in the channel map as recorded_rate = "{made.rate:.3g} Hz"'
+        ),
+        tries=(0.03, 0.06, 0.15),
+        least=0.015,
+    )
+    return [average, *filters, sampling]
 
 
 def _recorder_cause(
