@@ -2,7 +2,7 @@
 
 ``python -m tests.verification.detector_machines DIR`` throws switches whose drives are machines, to
 learn from and, with another seed, to be judged, trains a detector by each quantity with the same
-throws, and judges the same 200 switches by each. Throws, detectors and verdicts are kept in DIR, so
+throws, and judges the same switches by each. Throws, detectors and verdicts are kept in DIR, so
 that a stopped run goes on.
 
 By all means one likelihood of all signals: forces in their windows, currents and powers in windows
@@ -60,9 +60,7 @@ Said = Mapping[str, Mapping[str, Mapping[str, dict[str, Any]]]]
 MACHINES = {"drive.1.machine": "jea73", "drive.2.machine": "jea73-drive2"}
 QUANTITIES = (FORCE, CURRENT, POWER, ALL)
 LEARNED = Counts(sound=3000, objects=2200, defects=160, switches=40)
-JUDGED = Counts(
-    sound=0, objects=0, defects=0, switches=200, repeats=22, judged=2, objects_each=3
-)  # fmt: skip
+JUDGED = Counts(sound=0, objects=0, defects=0, repeats=22, judged=2, objects_each=5)
 SEED = 560_000
 KNOWN = 20
 WIDER = 8
@@ -75,22 +73,23 @@ def main() -> None:
     parser.add_argument("folder", type=Path, help="keeps throws, detectors and figures")
     parser.add_argument("--only", nargs="*", choices=QUANTITIES, default=list(QUANTITIES))
     parser.add_argument("--throws", action="store_true", help="make the throws, and end")
+    parser.add_argument("--switches", type=int, default=200, help="that are judged")
     given = parser.parse_args()
     panel = load_panel("uic60-760-1-15", overrides=MACHINES)
     study = reference_study(panel)
-    throws = SignalThrows(study, given.folder)
+    throws = SignalThrows(study, given.folder, switches=given.switches)
     learned = throws.sets("train")
     judged = throws.sets("test")
     if given.throws:
         return
     made = digest_of_sources(DETECTOR)[:8]
-    kept = given.folder / f"figures-{made}.json"
+    kept = given.folder / f"figures-{made}-{given.switches}.json"
     said = json.loads(kept.read_text()) if kept.exists() else {}
     for quantity in given.only:
         with one_blas_thread():
             path = given.folder / f"{quantity}-{made}.detector"
             knowledge = _trained(study, quantity, learned, path)
-            place = given.folder / f"judged-{made}" / quantity
+            place = given.folder / f"judged-{made}-{given.switches}" / quantity
             said[quantity] = figures(knowledge, of_quantity(judged, quantity), place)
         write_atomic(kept, json.dumps(said, indent=1).encode())
     print("\n".join(tables(said)))
@@ -101,7 +100,9 @@ def _trained(study: Study, quantity: str, learned: Mapping[str, ThrowSet], path:
     setting = joined_setting(study) if quantity == ALL else one_setting(study, quantity)
     if quantity != ALL and path.exists():
         return Detector.load(path).knowledge
-    found = knowledge_of_sets(of_quantity(learned, quantity), setting, draws=8, histories=(KNOWN,))
+    found = knowledge_of_sets(
+        of_quantity(learned, quantity), setting, draws=8, history_draws=2, histories=(KNOWN,)
+    )
     for item in found.calibrated:
         print(quantity, item.part, item.history, item.thresholds, flush=True)
     if quantity != ALL:
@@ -183,10 +184,13 @@ class SignalThrows(Throws):
         Population whose drives are machines.
     folder : Path
         That holds the throws.
+    switches : int
+        That are judged.
     """
 
-    def __init__(self, study: Study, folder: Path) -> None:
-        test = judged_plans(study, JUDGED, seed=SEED)
+    def __init__(self, study: Study, folder: Path, *, switches: int) -> None:
+        counts = replace(JUDGED, switches=switches)
+        test = judged_plans(study, counts, seed=SEED)
         wanted = (HISTORY, after_history(OBJECT))
         plans = {
             "train": training_plans(study, LEARNED),

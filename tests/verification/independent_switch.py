@@ -6,8 +6,8 @@ slip, the start and the steps in time, backward differences of second order with
 
 .. math:: v_n = (3 u_n - 4 u_{n-1} + u_{n-2}) / 2h, \quad a_n = (3 v_n - 4 v_{n-1} + v_{n-2}) / 2h .
 
-With the laws' closed segments in S, a step is g + A d(g) = G S^-1 r on the rows, where d is what the
-laws differ by from their closed segments; it is solved by guessing the segment of each, one linear
+With the closed segments of laws in S, a step is g + A d(g) = G S^-1 r on the rows, where d is what
+the laws differ by from these; it is solved by guessing the segment of each, one linear
 solution, and a check of the guess. Normal forces of friction are those of the guess before, until
 they no longer change. The switch starts open and without friction, returns once, and is then
 thrown: what it is pressed home with at the start is left by that return.
