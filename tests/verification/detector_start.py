@@ -45,8 +45,8 @@ from turnout.study.study import Study
 
 Seen = NDArray[np.bool_]
 
-LEARNED = Counts(sound=2000, objects=1600, defects=100, switches=0)
-JUDGED = Counts(sound=1300, objects=1300, defects=0, switches=0)
+LEARNED = Counts(sound=1200, objects=1040, defects=40, switches=0)
+JUDGED = Counts(sound=1040, objects=1040, defects=0, switches=0)
 SEED = 570_000
 STARTS = {"pressed home": "true", "free of force": "false"}
 DRAWS = 3

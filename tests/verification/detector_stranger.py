@@ -166,17 +166,24 @@ def _write_switch(folder: Path, number: int, seed: int) -> None:
     parts = {"known": range(KNOWN), "later": range(KNOWN, len(throws))}
     for part, turns in parts.items():
         (folder / part).mkdir(parents=True, exist_ok=True)
-        lines = ["file,movement,direction,size [mm],place"]
         for turn in turns:
             name = f"throw-{turn:02d}.csv"
             text = _recording(throws[turn], rate=rate, unit=unit, fixed=fixed, rng=rng)
             write_atomic(folder / part / name, text.encode())
-            size, place = 1e3 * labels[turn]["size"], labels[turn]["place"]
-            lines += [f"{name},1,opening,0,none", f"{name},2,closing,{size:g},{place}"]
-        write_atomic(folder / part / "runs.csv", ("\n".join(lines) + "\n").encode())
+        _write_sheet(folder / part, labels, turns)
         write_atomic(folder / part / "channels.toml", _channels(unit).encode())
     write_atomic(truth, json.dumps(labels).encode())
     print(f"{folder.name}: {sum(item['lost'] for item in labels)} steps unsettled", flush=True)
+
+
+def _write_sheet(folder: Path, labels: Sequence[Mapping[str, Any]], turns: range) -> None:
+    """Write the run sheet of a campaign; throws that are otherwise equal are numbered."""
+    lines = ["file,movement,direction,size [mm],place,repeat"]
+    for repeat, turn in enumerate(turns, 1):
+        name, size = f"throw-{turn:02d}.csv", 1e3 * labels[turn]["size"]
+        lines.append(f"{name},1,opening,0,none,{repeat}")
+        lines.append(f"{name},2,closing,{size:g},{labels[turn]['place']},{repeat}")
+    write_atomic(folder / "runs.csv", ("\n".join(lines) + "\n").encode())
 
 
 def _recording(thrown: Thrown, *, rate: float, unit: str, fixed: Floats, rng: Rng) -> str:
