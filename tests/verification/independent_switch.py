@@ -242,8 +242,8 @@ def _rest(mechanism: Mechanism) -> tuple[Floats, Floats]:
     return np.zeros(mechanism.load.size), np.zeros(mechanism.laws.friction_row.size)
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
-def _times(blocks, places, vector):  # type: ignore[no-untyped-def]
+@njit(cache=True)
+def _times(blocks, places, vector):
     """Multiply a matrix of one block a rail with a vector."""
     found = np.zeros(vector.size)
     for number in range(places.shape[0]):
@@ -253,8 +253,8 @@ def _times(blocks, places, vector):  # type: ignore[no-untyped-def]
     return found
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
-def _argument(segment, e):  # type: ignore[no-untyped-def]
+@njit(cache=True)
+def _argument(segment, e):
     """Return which segment of a law holds an argument."""
     for s in range(3):
         if e <= segment[s, 1]:
@@ -262,8 +262,8 @@ def _argument(segment, e):  # type: ignore[no-untyped-def]
     return 2
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
-def _deviations(common, slides, g, marker, anchor, normal, there, slope, force, kinds, slips):  # type: ignore[no-untyped-def]
+@njit(cache=True)
+def _deviations(common, slides, g, marker, anchor, normal, there, slope, force, kinds, slips):
     """Put slope and force at zero of what laws differ by on their rows; return whether all stay."""
     _, segments, row, offset, inputs, _, trap = common
     slope[:] = 0.0
@@ -306,8 +306,8 @@ def _deviations(common, slides, g, marker, anchor, normal, there, slope, force, 
     return same
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
-def _solved(flexible, free, slope, force):  # type: ignore[no-untyped-def]
+@njit(cache=True)
+def _solved(flexible, free, slope, force):
     """Solve g + A (slope g + force) = free on the rows that have a slope, and return g."""
     active = np.flatnonzero(slope != 0.0)
     start = free - flexible @ force
@@ -326,8 +326,8 @@ def _solved(flexible, free, slope, force):  # type: ignore[no-untyped-def]
     return start
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
-def _flexibility(inverse, places, rows):  # type: ignore[no-untyped-def]
+@njit(cache=True)
+def _flexibility(inverse, places, rows):
     """Return displacements of rows for forces along rows."""
     count = rows.shape[0]
     found = np.zeros((count, count))
@@ -339,8 +339,8 @@ def _flexibility(inverse, places, rows):  # type: ignore[no-untyped-def]
     return found
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
-def march(places, matrices, load, common, slides, markers, there, step, state, held):  # type: ignore[no-untyped-def]
+@njit(cache=True)
+def march(places, matrices, load, common, slides, markers, there, step, state, held):
     """Step through the markers; return forces of drives, peak of the object, state, lost steps."""
     rows, segments, row, offset, inputs, _, trap = common
     inverse, mass, damping = matrices
