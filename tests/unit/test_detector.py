@@ -14,9 +14,10 @@ from typer.testing import CliRunner
 
 from turnout.cli.main import app
 from turnout.detection.alarm_threshold import threshold_for
+from turnout.detection.detector import knowledge, throw_verdict
 from turnout.detection.detector.allowances import gain_times
 from turnout.detection.detector.detector import Detector
-from turnout.detection.detector.judging import evidence_of, ratios_of
+from turnout.detection.detector.judging import evidence_of, ratios_of, support_of
 from turnout.detection.detector.knowledge import Knowledge
 from turnout.detection.detector.training import teach
 from turnout.detection.signal_discrepancy import SignalErrors
@@ -211,7 +212,7 @@ def test_a_file_keeps_detector_and_history(tmp_path: Path) -> None:
         assert all(name.endswith(".npy") for name in packed.namelist())
 
 
-@pytest.mark.parametrize("case", ["missing", "text", "flipped", "array"])
+@pytest.mark.parametrize("case", ["missing", "text", "flipped", "array", "older"])
 def test_a_bad_file_is_one_message(tmp_path: Path, case: str) -> None:
     path = tmp_path / "switch.detector"
     if case == "text":
@@ -223,6 +224,12 @@ def test_a_bad_file_is_one_message(tmp_path: Path, case: str) -> None:
         arrays["model.mean"] = arrays["model.mean"] + 1.0
         with path.open("wb") as file:
             np.savez(file, **arrays)
+    elif case == "older":
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(knowledge, "SCHEMA", knowledge.SCHEMA - 1)
+            fresh().save(path)
+        with pytest.raises(FileError, match=r"format 2, this version reads 3; train it again"):
+            Detector.load(path)
     elif case == "array":
         with path.open("wb") as file:
             np.savez(file, a=np.zeros(3))
@@ -324,3 +331,24 @@ def test_throws_judged_together_get_the_verdicts_of_each_alone() -> None:
         np.testing.assert_allclose(one.log_ratio, alone.log_ratio, atol=1e-9)
         assert one.peaks == alone.peaks
     assert together[1].status == "cannot judge"
+
+
+def test_dry_chairs_are_named_by_what_explains_them_and_by_what_is_left_irregular() -> None:
+    """Each cause has its own limit; of those above it the one with most support is named."""
+    detector = fresh()
+    view = detector.view()
+    rows = np.array([detector.features(toy_throw(seed=seed))[1] for seed in range(3)])
+    ratios = ratios_of(view, evidence_of(view, rows))
+    support = support_of(view, ratios, np.array([-2.0, 0.0, 6.0]))
+    dry = view.kinds.index("dry chairs") - view.objects
+    np.testing.assert_allclose(support[dry] - ratios.cause[dry], [0.0, 0.0, 3.0])
+    others = np.delete(np.arange(len(support)), dry)
+    np.testing.assert_array_equal(support[others], ratios.cause[others])
+    limits = {name: 3.0 for name in view.kinds[view.objects :]} | {"dry chairs": 8.0}
+    calibrated = replace(detector.knowledge.calibrated[0], cause_thresholds=limits)
+    given = np.full(len(support), -9.0)
+    given[dry], given[view.kinds.index("force sensor") - view.objects] = 7.0, 4.0
+    assert throw_verdict._named(view, given, calibrated) == "force sensor"
+    given[dry] = 8.5
+    assert throw_verdict._named(view, given, calibrated) == "dry chairs"
+    assert throw_verdict._named(view, given - 9.0, calibrated) == ""

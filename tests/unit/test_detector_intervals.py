@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 from scipy.stats import norm
 from tests.unit.detector_toy import toy_detector
 
-from turnout.detection.detector import interval_widths, knowledge
+from turnout.detection.detector import interval_widths
 from turnout.detection.detector.detector import Detector
 from turnout.detection.detector.interval_widths import level_of_places, likelier
 from turnout.detection.detector.judging import evidence_of
@@ -18,6 +18,8 @@ from turnout.detection.detector.object_posterior import (
     mixture_intervals,
     object_of,
 )
+
+CAUSES = ("dry chairs", "adjustment")
 
 
 def test_quantiles_of_mixtures_are_exact() -> None:
@@ -37,7 +39,7 @@ def test_quantiles_of_mixtures_are_exact() -> None:
             assert value == pytest.approx(exact, abs=1e-4)
 
 
-def said(factor: tuple[float, ...], limits: np.ndarray) -> EndGaps:
+def said(factor: tuple[float | tuple[float, float], ...], limits: np.ndarray) -> EndGaps:
     detector = Detector(toy_detector().knowledge)
     view = detector.view()
     features = detector.knowledge.model.mean[5][np.newaxis, : detector.knowledge.layout.size]
@@ -78,6 +80,14 @@ def test_each_gap_is_widened_by_its_own_factor_about_its_median() -> None:
         assert other.high - other.middle == pytest.approx(factor * (one.high - one.middle))
         assert other.middle - other.low == pytest.approx(factor * (one.middle - one.low))
     assert wide.above == pytest.approx(0.5, abs=1e-3)
+    uneven = said(((0.5, 2.0), (1.0, 1.0)), middles)
+    assert uneven.gaps[1] == plain.gaps[1]
+    ends = plain.gaps[0], uneven.gaps[0]
+    assert ends[1].middle - ends[1].low == pytest.approx(0.5 * (ends[0].middle - ends[0].low))
+    assert ends[1].high - ends[1].middle == pytest.approx(2.0 * (ends[0].high - ends[0].middle))
+    for limit in (ends[1].high, ends[1].low):
+        at = said(((0.5, 2.0), (1.0, 1.0)), np.array([limit, 0.0])).above[0]
+        assert min(at, 1.0 - at) == pytest.approx(0.025, abs=1e-3)
     edge = said((3.0, 1.0), np.array([gap.high for gap in wide.gaps]))
     assert edge.above == pytest.approx(0.025, abs=1e-3)
 
@@ -104,25 +114,46 @@ def test_sets_of_places_hold_the_true_one_in_nine_of_ten_new_throws() -> None:
     assert level_of_places(scores[:5], otherwise=0.9) == 0.9
 
 
-def test_a_file_keeps_each_factor_and_reads_one_for_all(tmp_path: Path) -> None:
+def test_a_file_keeps_each_factor(tmp_path: Path) -> None:
     path = tmp_path / "a.detector"
     toy_detector().save(path)
     own, again = toy_detector().knowledge.calibrated, Detector.load(path).knowledge.calibrated
     assert [item.gap_factor for item in own] == [item.gap_factor for item in again]
     assert [item.place_level for item in own] == [item.place_level for item in again]
     assert all(len(item.gap_factor) == 2 for item in own)
-    old = {"part": "cycle", "history": 0, "thresholds": {}, "throws": 1, "switches": 1}
-    single = {"residual": [], "size_factor": 1.0, "gap_factor": 1.5, "object_gap_factor": 2.0}
-    assert knowledge._calibrated(old | single).object_gap_factor == (2.0,)
+    assert [item.cause_thresholds for item in own] == [item.cause_thresholds for item in again]
+    assert all(set(item.cause_thresholds) == {*CAUSES, "force sensor"} for item in own)
+    assert [item.gap_reach for item in own] == [item.gap_reach for item in again]
 
 
-def test_gaps_clearly_above_their_limit_are_called_in_98_percent() -> None:
+def test_gaps_clearly_above_their_limit_are_called_in_97_percent_with_confidence() -> None:
     """Medians scatter by one half-interval about a limit 0.5 half-intervals below the truth."""
     rng = np.random.default_rng(3)
-    away = rng.standard_normal(4000) / 1.96 - 0.5
-    reach = interval_widths.reach_of_call(
-        [(0, False, value) for value in away], factors=[1.0], object_factors=[1.0], otherwise=0.3
-    )
-    assert np.mean(away < reach) == pytest.approx(0.98, abs=0.002)
-    few = interval_widths.reach_of_call([], factors=[1.0], object_factors=[1.0], otherwise=0.3)
-    assert few == 0.3
+    one = {"factors": [1.0, 1.0], "object_factors": [1.0, 1.0], "otherwise": [0.3, 0.1]}
+    kept = 0
+    for _ in range(200):
+        away = rng.standard_normal(300) / 1.96 - 0.5
+        reach, few = interval_widths.reach_of_call([(0, False, value) for value in away], **one)
+        kept += bool(norm.cdf(1.96 * (reach + 0.5)) >= 0.97)
+        assert few == 0.1
+    assert 0.92 <= kept / 200 <= 0.99
+    some = [(1, True, 0.2), (1, True, -0.4), (0, True, 0.2)]
+    assert interval_widths.reach_of_call(some, **one) == (0.3, 0.2)
+
+
+def test_halves_of_an_interval_hold_sound_throws_and_unnoticed_objects_alike() -> None:
+    """Gaps of unnoticed objects are wider than their median: one factor holds 99 % of sound."""
+    rng = np.random.default_rng(4)
+
+    def thrown(count: int) -> tuple[np.ndarray, np.ndarray]:
+        sound = rng.normal(-0.1, 0.5, count)
+        return sound, rng.normal(-0.1, 0.5, count) + rng.exponential(0.7, count)
+
+    low, high = interval_widths.sides_of(*thrown(8000), otherwise=(1.0, 1.0))
+    one = interval_widths.factor_of(*thrown(8000), otherwise=1.0)
+    sound, unnoticed = thrown(100_000)
+    assert np.mean((sound > -low) & (sound < high)) == pytest.approx(0.95, abs=0.015)
+    assert np.mean((unnoticed > -low) & (unnoticed < high)) == pytest.approx(0.95, abs=0.015)
+    assert np.mean(np.abs(sound) < one) > 0.985
+    few = interval_widths.sides_of(sound[:5], unnoticed[:5], otherwise=(1.5, 2.5))
+    assert few == (1.5, 2.5)

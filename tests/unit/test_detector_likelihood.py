@@ -87,13 +87,35 @@ def test_a_known_signature_is_detected_as_often_as_the_best_test_detects_it() ->
 
 
 def test_a_throw_that_fits_nothing_makes_differences_count_less() -> None:
-    """Ten times as far out, the same improvement in the square is worth a tenth."""
+    """Twice as far out, the same improvement in the square is worth half; then that of 60 ways."""
     near = log_density(np.array([90.0, 100.0]), size=100)
-    far = log_density(np.array([1414.0, 1424.0]), size=100)
+    far = log_density(np.array([274.0, 284.0]), size=100)
+    beyond = log_density(np.array([1414.0, 1424.0]), size=100)
     usual = 100.0 + 3.0 * np.sqrt(200.0)
     assert near[0] - near[1] == pytest.approx(5.0)
-    assert far[0] - far[1] == pytest.approx(0.5 * usual * np.log(1424.0 / 1414.0))
-    assert far[0] - far[1] < 0.102 * (near[0] - near[1])
+    assert far[0] - far[1] == pytest.approx(0.5 * usual * np.log(284.0 / 274.0))
+    assert far[0] - far[1] < 0.52 * (near[0] - near[1])
+    assert beyond[0] - beyond[1] == pytest.approx(0.5 * 60.0 * np.log(1424.0 / 1414.0))
+    at_edge = log_density(2.0 * usual * np.array([1.0 - 1e-9, 1.0 + 1e-9]), size=100)
+    assert at_edge[0] == pytest.approx(at_edge[1], abs=1e-5)
+
+
+def test_a_share_of_what_nothing_explains_speaks_little_for_a_signature() -> None:
+    """A signature explains a twentieth of a large deviation, or all of a small one."""
+    size = 300
+    ways = np.eye(size)
+    samples = Signatures(
+        basis=ways[:, :1], change=np.array([[10.0]]), gap=np.zeros((1, 0)), level=np.zeros(1),
+        kind=np.zeros(1, dtype=np.intp), size=np.full(1, 0.01), x=np.zeros(1),
+    )  # fmt: skip
+    centre = make_centre(
+        mean=np.zeros(size), covariance=np.eye(size), log_weight=0.0, signatures=samples
+    )
+    hypotheses = make_hypotheses((centre,), samples, distance=np.zeros((1, 1)), kinds=1)
+    noise = np.random.default_rng(5).standard_normal(size)
+    for far, least, most in ((0.0, 30.0, 60.0), (43.0, 0.5, 3.0)):
+        found = weigh((noise + 10.0 * ways[0] + far * ways[1])[np.newaxis], hypotheses)
+        assert least < found.kind[0, 0] - found.sound[0] < most
 
 
 def test_kinds_are_sums_over_signatures_near_each_centre() -> None:

@@ -7,7 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import xarray as xr
+from tests.unit.detector_toy import RATE, toy_detector, toy_throw
 
+from turnout.detection.detector.detector import Detector
 from turnout.detection.detector.reading import read_table, read_throws, throws_of_dataset
 from turnout.detection.detector.recorded import (
     UNLOADED,
@@ -190,3 +192,26 @@ def test_a_row_that_ends_early_cannot_be_judged(tmp_path: Path) -> None:
     *_, short = read_table(path)
     assert short.name == "b"
     assert short.fault
+
+
+def test_a_row_whose_forces_go_on_changing_at_rest_holds_one_throw(tmp_path: Path) -> None:
+    """What a discrepancy shows at rest looks like further closings to the forces alone."""
+    whole = toy_throw(level=0.3, seed=8)
+    parts = np.repeat(whole.force[:, :1], 300, 1), np.repeat(whole.force[:, -1:], 1000, 1)
+    force = np.concatenate([parts[0], whole.force, parts[1]], axis=1)
+    time = np.arange(force.shape[1]) / RATE
+    force += 300.0 * np.sin(np.pi * np.clip((time - 13.9) / 3.0, 0.0, 1.0))
+    force += 5.0 * np.random.default_rng(1).standard_normal(force.shape)
+    cells = [" ".join(f"{value:.1f}" for value in row) for row in force]
+    path = tmp_path / "throws.csv"
+    path.write_text(f"throw,rate [Hz],force 1 [N],force 2 [N]\na,{RATE:g},{cells[0]},{cells[1]}\n")
+    (found,) = read_throws(path)
+    assert found.fault == ""
+    assert len(found.shown) > 1
+    (verdict,) = Detector(toy_detector().knowledge).predict(found)
+    assert verdict.status == "sound"
+
+
+def test_what_is_not_there_needs_no_channel_map(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match=r"nix: there is no such file or folder"):
+        read_throws(tmp_path / "nix")

@@ -482,4 +482,4 @@ def name_of(verdict: Verdict) -> str:
     """Return what a verdict calls a throw: its cause, "object", "sound" or "unknown deviation"."""
     if verdict.status != "other cause":
         return verdict.status
-    return max(verdict.causes, key=lambda name: verdict.odds[name])
+    return verdict.cause

@@ -204,12 +204,13 @@ def _first(size: Floats, which: NDArray[np.bool_]) -> float:
 def soft_shares(
     knowledge: Knowledge, soft: ThrowSet, kinds: Sequence[str], *, draws: int = 4
 ) -> dict[str, dict[str, float]]:
-    """Return for each kind of object the share that is called, of those that are touched."""
+    """Return for each kind of object the share of touched ones that is called, and a90 by place."""
     errors = drawn_errors(knowledge, 26)
     view = make_view(knowledge)
     calibrated = knowledge.calibration(part=CYCLE, history=0)
     assert calibrated is not None
     each = int(soft.row.max() + 1) // len(kinds)
+    names, places = zip(*knowledge.setting.places.items(), strict=True)
     found = {}
     for number, kind in enumerate(kinds):
         own = soft.of((soft.row // each == number) & (soft.force > 0.0))
@@ -217,11 +218,12 @@ def soft_shares(
         for _ in range(draws):
             rows = own.features + errors.of_switches(len(own.level)) + errors.of_throws(own.rates)
             called.append(alarms_of(view, rows) > calibrated.thresholds["0.001"])
-        found[kind] = {
-            "touched": float(len(own.level)),
-            "called": float(np.mean(called)),
-            "a90": a90(np.tile(own.size, draws), np.concatenate(called)),
-        }
+        found[kind] = {"touched": float(len(own.level)), "called": float(np.mean(called))}
+        near = np.abs(own.x[:, np.newaxis] - np.array(places)).argmin(axis=1)
+        for place in np.unique(near):
+            mine = near == place
+            seen = np.concatenate([item[mine] for item in called])
+            found[kind][f"a90, {names[place]}"] = a90(np.tile(own.size[mine], draws), seen)
     return found
 
 

@@ -17,6 +17,8 @@ further from what is expected than the noise explains falls less fast than the n
 with :math:`u = n + 3 \sqrt{2 n}`, within which :math:`Q` of n normal features stays but for one
 throw in a thousand. Beyond it the density falls like that of a normal one whose scale is fitted to
 the throw: a wrong model does not make small differences count as much as in a throw that fits.
+From :math:`2 u` on :math:`\nu = 60` stands for the factor u: what is left is no larger noise then,
+but a shape that nothing explains, and an object that explains a small share of it is not called.
 """
 
 from dataclasses import dataclass, replace
@@ -342,19 +344,26 @@ def log_density(square: Floats, *, size: int) -> Floats:
     --------
     >>> log_density(np.array([8.0, 20.0]), size=8).tolist()
     [-4.0, -10.0]
-    >>> round(float(log_density(np.array(20.0 * np.e), size=8)), 6)
-    -20.0
+    >>> round(float(log_density(np.array(20.0 * 2.0), size=8) + 10.0 * np.log(2.0)), 6)
+    -10.0
     """
     given = np.asarray(square, dtype=np.float64)
     usual = size + USUAL * np.sqrt(2.0 * size)
     if not given.size or given.max() <= usual:
         return -0.5 * given
-    beyond = usual * (1.0 + np.log(np.maximum(given, usual) / usual))
+    scaled = np.clip(given, usual, UNKNOWN_FROM * usual)
+    beyond = usual * (1.0 + np.log(scaled / usual))
+    beyond += min(UNKNOWN_SHAPES, usual) * np.log(np.maximum(given, scaled) / scaled)
     return -0.5 * np.where(given <= usual, given, beyond)
 
 
 USUAL = 3.0
 """Standard deviations of the squared distance within which a density is normal [-]."""
+UNKNOWN_FROM = 2.0
+"""Multiple of that distance from which on what is left is not taken for larger noise [-]."""
+UNKNOWN_SHAPES = 60.0
+r""":math:`\nu`, in how many ways an unknown deviation may differ: some two in a correlation time of
+0.5 s, for two drives and 7 s of movement [-]."""
 
 
 def weigh(features: Floats, hypotheses: Hypotheses) -> Evidence:

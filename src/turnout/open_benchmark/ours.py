@@ -191,7 +191,7 @@ def cause_of(verdict: Verdict) -> str:
     if verdict.status == ALARM:
         return OBJECT
     if verdict.status == CAUSE:
-        return max(verdict.causes, key=lambda name: verdict.odds[name])
+        return verdict.cause
     return "unknown" if verdict.status == UNKNOWN else SOUND
 
 

@@ -18,6 +18,7 @@ from turnout.detection.detector.interval_widths import (
     misses_in_doubt,
     misses_of,
     reach_of_call,
+    sides_of,
 )
 from turnout.detection.detector.judging import (
     CAUSE_WEIGHT,
@@ -27,6 +28,7 @@ from turnout.detection.detector.judging import (
     level_of,
     make_view,
     ratios_of,
+    support_of,
     unexplained,
 )
 from turnout.detection.detector.knowledge import RESIDUAL_LEVELS, Calibrated, Knowledge
@@ -49,12 +51,12 @@ other switches show a rate of 1/1,000 where at most 20 are alarms, which come in
 of 1/10,000 where none is: a true rate of 1/100,000 leaves three times in four none."""
 LEAST_THRESHOLD = 1.0 - float(np.log(CAUSE_WEIGHT))
 """A cause that explains a throw nearly as well as an object does keeps it below this [-]."""
-INTERVALS, INTERVAL_DRAWS = 400, 2
+INTERVALS, INTERVAL_DRAWS = 800, 2
 """Throws of a kind that widths of intervals are taken from, and how often each is used."""
 CAUSE_RATE = 1e-2
-"""Share of sound throws in which another cause is named [-]."""
+"""Share of sound throws in which each other cause has more support than it is named from [-]."""
 LEAST_CAUSE = float(np.log(20.0))
-"""Log likelihood ratio against a sound switch below which no other cause is named [-]."""
+"""Support below which no other cause is named [-]."""
 
 Report = Callable[[int, int], None]
 
@@ -114,16 +116,15 @@ def _weighed(view: View, features: Floats) -> Iterator[Evidence]:
 
 
 def _said_of_sound(view: View, features: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return alarm, cause, square and irregularity of sound throws, each shape (n_throws,).
+    """Return alarm, causes, square and irregularity of sound throws.
 
-    The first is the log likelihood ratio of an object against everything else, the second that of
-    the likeliest cause that is named against a sound switch.
+    The first is the log likelihood ratio of an object against everything else, shape (n_throws,),
+    the second the support of every other cause, shape (n_throws, n_causes).
     """
     found = []
     for evidence in _weighed(view, features):
-        ratios = ratios_of(view, evidence)
-        named = ratios.cause[view.identifiable].max(axis=0, initial=-np.inf)
-        found.append((ratios.alarm, named, *unexplained(view, evidence)))
+        ratios, left = ratios_of(view, evidence), unexplained(view, evidence)
+        found.append((ratios.alarm, support_of(view, ratios, left[1]).T, *left))
     alarm, cause, square, irregularity = (np.concatenate(item) for item in zip(*found, strict=True))
     return alarm, cause, square, irregularity
 
@@ -291,7 +292,7 @@ def calibrate_history(
         for part in alone:
             view = make_view(knowledge, part=part, known=expected)
             judged[part] += [_said_of_sound(view, rows) for rows in features]
-            if not draw:
+            if draw < INTERVAL_DRAWS:
                 tried[part] += [(view, *item) for item in held]
         if report is not None:
             report(done + 1, len(numbers) * draws)
@@ -352,7 +353,7 @@ def _calibrated(
     those after one on some dozens; of n switches none may be of a kind that makes up 3 / n of all
     (rule of three), and one switch in 200 can raise most of the false alarms.
     """
-    ratios, cause, left, irregular = judged
+    ratios, causes, left, irregular = judged
     thresholds = {}
     for rate in RATES:
         least = usual.thresholds.get(f"{rate:g}", LEAST_THRESHOLD)
@@ -361,29 +362,42 @@ def _calibrated(
     found = misses_of(knowledge, tried, threshold=thresholds[f"{RATES[0]:g}"])
     count = len(knowledge.setting.gaps)
 
-    def factors(groups: Sequence[Misses], given: tuple[float, ...]) -> tuple[float, ...]:
-        columns = [np.array(group).reshape(-1, count).T for group in groups]
-        each = zip(*columns, np.broadcast_to(given, count).tolist(), strict=True)
-        return tuple(factor_of(*own, otherwise=one) for *own, one in each)
+    def each_gap(group: Misses) -> Floats:
+        return np.array(group).reshape(-1, count).T
 
-    gap_factor = factors([found.sound, found.unnoticed], usual.gap_factor)
-    object_gap_factor = factors([found.alarm], usual.object_gap_factor)
+    gap_factor = tuple(
+        sides_of(sound, unnoticed, otherwise=(float(low), float(high)))
+        for sound, unnoticed, (low, high) in zip(
+            each_gap(found.sound),
+            each_gap(found.unnoticed),
+            np.broadcast_to(usual.gap_factor, (count, 2)),
+            strict=True,
+        )
+    )
+    given = np.broadcast_to(usual.object_gap_factor, count).tolist()
+    object_gap_factor = tuple(
+        factor_of(own, otherwise=one) for own, one in zip(each_gap(found.alarm), given, strict=True)
+    )
+    rare = np.quantile(causes, 1.0 - CAUSE_RATE, axis=0)
     return replace(
         usual,
         thresholds=thresholds,
         throws=len(ratios),
         residual=tuple(np.quantile(left, RESIDUAL_LEVELS).tolist()),
         irregularity=tuple(np.quantile(irregular, RESIDUAL_LEVELS).tolist()),
-        cause_threshold=max(LEAST_CAUSE, float(np.quantile(cause, 1.0 - CAUSE_RATE))),
+        cause_thresholds={
+            name: max(LEAST_CAUSE, float(value))
+            for name, value in zip(knowledge.causes, rare, strict=True)
+        },
         size_factor=factor_of(misses_in_doubt(found.size), otherwise=usual.size_factor),
         x_factor=factor_of(misses_in_doubt(found.x), otherwise=usual.x_factor),
         gap_factor=gap_factor,
         object_gap_factor=object_gap_factor,
         gap_reach=reach_of_call(
             found.open,
-            factors=gap_factor,
+            factors=[high for _low, high in gap_factor],
             object_factors=object_gap_factor,
-            otherwise=usual.gap_reach,
+            otherwise=np.broadcast_to(usual.gap_reach, count).tolist(),
         ),
         place_level=level_of_places(found.likelier, otherwise=usual.place_level),
     )

@@ -37,6 +37,8 @@ LEAST_MATCH = 0.75
 """Correlation with sound throws below which a movement is not one of this switch [-]."""
 AMPLITUDE = (0.35, 3.0)
 """Least and largest size of a movement in sizes of a sound one, by least squares [-]."""
+UNLIKELY = 10.0
+"""Times beyond these from which on forces are probably in another unit [-]."""
 BLOCK = 1000
 """Instants that are tried together, which bounds memory."""
 SAME = 0.3
@@ -267,6 +269,8 @@ def located(
                 "no closing movement was found in it: what looks most like one has "
                 f"{size:.2g} times the size of a sound one, {low:g} to {high:g} is needed"
             )
+            if not low / UNLIKELY < size < high * UNLIKELY:
+                reason += "; forces are expected in N"
         faults = [
             f"drive {name}: {fault}"
             for name, row in zip(layout.drives, rows, strict=True)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import bdtr
 
 from turnout.detection.detector.judging import View, evidence_of, ratios_of
 from turnout.detection.detector.knowledge import Knowledge
@@ -31,7 +32,7 @@ class Missed:
         How probable all places are that are likelier than the true one [-].
     sound, unnoticed, alarm : list of lists
         Of gaps, by throws without an object that is touched, with one that is not noticed, with
-        an alarm [-].
+        an alarm; less than 0 where the truth lies below the median [-].
     open : list of (int, bool, float)
         Of gaps clearly above their limit: number of the gap, whether the throw is an alarm, and
         how far the limit lies above the median [-].
@@ -71,7 +72,10 @@ def misses_of(
             for number in range(len(ratio)):
                 at = first + number
                 said = gaps_of(view, evidence, number, limits=limits)
-                gaps = [miss(g, float(t)) for g, t in zip(said.gaps, throws.gaps[at], strict=True)]
+                gaps = [
+                    signed_miss(g, float(t))
+                    for g, t in zip(said.gaps, throws.gaps[at], strict=True)
+                ]
                 alarm = bool(ratio[number] > threshold)
                 for row in np.flatnonzero(throws.gaps[at] >= limits + CLEARLY_OPEN):
                     gap = said.gaps[row]
@@ -136,6 +140,17 @@ IN_PLACES = 0.9
 """Share of sets of places that hold the true place [-]."""
 
 
+def signed_miss(interval: Interval, truth: float) -> float:
+    """Return `miss`, less than 0 where the truth lies below the middle.
+
+    Examples
+    --------
+    >>> signed_miss(Interval(middle=1.0, low=0.5, high=3.0), 0.25)
+    -1.5
+    """
+    return float(np.copysign(miss(interval, truth), truth - interval.middle))
+
+
 def miss(interval: Interval, truth: float) -> float:
     """Return how far a truth lies from the middle, in half-intervals on its side; 1 is the edge.
 
@@ -150,8 +165,8 @@ def miss(interval: Interval, truth: float) -> float:
 
 CLEARLY_OPEN = 2e-3
 """Above its limit, from which on a gap must not be missed [m]."""
-OPEN_CALLED = 0.98
-"""Share of these that are to be called [-]."""
+OPEN_CALLED, OPEN_CONFIDENCE = 0.97, 0.95
+"""Share of these that are to be called, and how sure that is to be [-]."""
 LARGEST_REACH = 1.0
 
 
@@ -160,34 +175,40 @@ def reach_of_call(
     *,
     factors: Sequence[float],
     object_factors: Sequence[float],
-    otherwise: float,
-) -> float:
-    """Return how far above its median a limit may lie for a gap to be called above it.
+    otherwise: Sequence[float],
+) -> tuple[float, ...]:
+    """Return how far above its median a limit may lie for each gap to be called above it.
 
-    So far that of gaps clearly above their limit 98 % are called; in half-intervals, of which one
-    reaches to the upper end.
+    So far that of gaps clearly above their limit 97 % are called, with a confidence of 95 %: the
+    tolerance limit of Wilks (1941), the r-th smallest of n where at most r - 1 of n fall into 97 %
+    with 95 %. Too few allow no such limit; then it is the largest, or that of `otherwise`. In upper
+    half-intervals, of which one reaches to the upper end.
 
     Parameters
     ----------
     open_gaps : sequence of (int, bool, float)
         `Missed.open`.
     factors, object_factors : sequence of float
-        By which the intervals of each gap are widened without and with an alarm [-].
-    otherwise : float
-        Where there are too few.
+        By which the upper halves of the intervals of each gap are widened without and with an
+        alarm [-].
+    otherwise : sequence of float
+        Of each gap, not gone below where there are too few.
 
     Examples
     --------
     >>> gaps = [(0, True, 0.01 * number) for number in range(100)]
-    >>> round(reach_of_call(gaps, factors=[1.0], object_factors=[2.0], otherwise=0.0), 3)
-    0.485
+    >>> given = {"factors": [1.0], "object_factors": [2.0], "otherwise": [0.0]}
+    >>> reach_of_call(gaps, **given)
+    (0.495,)
     """
-    if len(open_gaps) < LEAST_MISSES:
-        return otherwise
-    widened = [
-        reach / (object_factors if alarm else factors)[number] for number, alarm, reach in open_gaps
-    ]
-    return float(np.clip(np.quantile(widened, OPEN_CALLED), 0.0, LARGEST_REACH))
+    found = []
+    for number, least in enumerate(otherwise):
+        factor = {True: object_factors[number], False: factors[number]}
+        own = np.sort([reach / factor[alarm] for at, alarm, reach in open_gaps if at == number])
+        sure = bdtr(np.arange(own.size), own.size, OPEN_CALLED) >= OPEN_CONFIDENCE
+        wanted = own[np.argmax(sure)] if sure.any() else max(own.max(initial=least), least)
+        found.append(float(np.clip(wanted, 0.0, LARGEST_REACH)))
+    return tuple(found)
 
 
 def factor_of(*groups: Floats, otherwise: float) -> float:
@@ -196,18 +217,77 @@ def factor_of(*groups: Floats, otherwise: float) -> float:
     Parameters
     ----------
     *groups : ndarray
-        Misses of kinds of throws; each kind counts the same, those with too few do not.
+        Misses of kinds of throws, whatever their sign; each kind counts the same, those with too
+        few do not.
     otherwise : float
         Where there are too few of every kind.
     """
     counted = [group for group in groups if len(group) >= LEAST_MISSES]
     if not counted:
         return otherwise
-    misses = np.concatenate(counted)
+    misses = np.abs(np.concatenate(counted))
     weight = np.concatenate([np.full(len(group), 1.0 / len(group)) for group in counted])
     order = np.argsort(misses)
     share = np.cumsum(weight[order]) / len(counted)
-    return max(0.5, float(np.interp(0.95, share, misses[order])))
+    return max(0.5, float(np.interp(COVERED, share, misses[order])))
+
+
+def sides_of(
+    sound: Floats, unnoticed: Floats, *, otherwise: tuple[float, float]
+) -> tuple[float, float]:
+    r"""Return by how much the lower and the upper half must be widened to hold 95 % of both kinds.
+
+    Where an object is not noticed the gap is wider than its median says, in a sound throw as often
+    narrower. One factor for both halves, wide enough for objects, holds nearly every sound throw.
+    With :math:`F_k` the distribution of signed misses of a kind, the factors :math:`a, b` solve
+
+    .. math:: F_k(b) - F_k(-a) = 0.95 \quad \text{for both } k
+
+    If no pair does, that with the shares least apart is taken which holds 95 % of each.
+
+    Parameters
+    ----------
+    sound, unnoticed : ndarray
+        Signed misses of throws without an object and with one that raises no alarm [-]; a kind with
+        too few does not count.
+    otherwise : (float, float)
+        Where there are too few of either kind.
+
+    Examples
+    --------
+    >>> even = np.linspace(-1.0, 1.0, 2001)
+    >>> low, high = sides_of(even, even + 0.5, otherwise=(1.0, 1.0))
+    >>> round(low, 2), round(high, 2)  # 5 % of the first below, 5 % of the second above
+    (0.9, 1.4)
+    """
+    kinds = [np.sort(kind) for kind in (sound, unnoticed) if len(kind) >= LEAST_MISSES]
+    if not kinds:
+        return otherwise
+    tried = np.unique(np.concatenate([[0.0], *(-kind[kind < 0.0] for kind in kinds)]))
+    tried = tried[np.linspace(0, tried.size - 1, min(tried.size, 500)).astype(np.intp)]
+    pairs = []
+    for low in tried:
+        lost = [np.searchsorted(kind, -low) for kind in kinds]
+        ranks = [
+            int(np.ceil(COVERED * kind.size)) + int(below) - 1
+            for kind, below in zip(kinds, lost, strict=True)
+        ]
+        if any(rank >= kind.size for rank, kind in zip(ranks, kinds, strict=True)):
+            continue
+        needed = [max(0.0, float(kind[rank])) for rank, kind in zip(ranks, kinds, strict=True)]
+        high = max(needed)
+        shares = [
+            np.searchsorted(kind, high, side="right") - below
+            for kind, below in zip(kinds, lost, strict=True)
+        ]
+        held = [share / kind.size for share, kind in zip(shares, kinds, strict=True)]
+        pairs.append((max(held) - min(held), float(low) + high, float(low), high))
+    _, _, low, high = min(pairs)
+    return low, high
+
+
+COVERED = 0.95
+"""Share that intervals are to hold [-]."""
 
 
 def misses_in_doubt(found: Sequence[tuple[float, float]]) -> Floats:

@@ -32,8 +32,8 @@ from turnout.errors import FileError
 
 Floats = NDArray[np.float64]
 
-SCHEMA = 2
-"""Of a detector file; format 1, which is read too, knew forces alone."""
+SCHEMA = 3
+"""Of a detector file."""
 SUFFIX = ".detector"
 LARGEST = 400_000_000
 """Of a detector file [bytes]."""
@@ -59,19 +59,21 @@ class Calibrated:
     residual : tuple of float
         Quantiles of what the best hypothesis leaves of a throw, at `RESIDUAL_LEVELS` [-].
     irregularity : tuple of float
-        The same of how irregular it is; the first detectors did not know that [-].
+        The same of how irregular it is [-].
     size_factor, x_factor : float
         By which intervals of size and place are widened to hold 95 % [-].
-    gap_factor, object_gap_factor : tuple of float
-        The same for each end gap without and with an alarm; a single one is for all gaps [-].
+    gap_factor : tuple of (float, float)
+        The same for the lower and the upper half of the interval of each end gap without an alarm;
+        a single pair is for all gaps [-].
+    object_gap_factor : tuple of float
+        The same for both halves with an alarm; a single one is for all gaps [-].
     place_level : float
         Probability that the set of places must sum to, to hold the true place in 90 % [-].
-    cause_threshold : float
-        Logarithm of the likelihood ratio against a sound switch from which on another cause is
-        named [-].
-    gap_reach : float
-        A gap is called above its limit where that lies at most so many half-intervals above its
-        median [-].
+    cause_thresholds : mapping of str to float
+        What speaks for each other cause, from which on it is named; see `support_of` [-].
+    gap_reach : tuple of float
+        Each gap is called above its limit where that lies at most so many upper half-intervals
+        above its median; a single one is for all gaps [-].
     """
 
     part: str
@@ -83,11 +85,11 @@ class Calibrated:
     irregularity: tuple[float, ...] = ()
     size_factor: float = 1.0
     x_factor: float = 1.0
-    gap_factor: tuple[float, ...] = (1.0,)
+    gap_factor: tuple[tuple[float, float], ...] = ((1.0, 1.0),)
     object_gap_factor: tuple[float, ...] = (1.0,)
     place_level: float = 0.9
-    cause_threshold: float = 6.9
-    gap_reach: float = 0.0
+    cause_thresholds: Mapping[str, float] = field(default_factory=dict)
+    gap_reach: tuple[float, ...] = (0.0,)
 
 
 RESIDUAL_LEVELS = (0.0, 0.01, 0.1, 0.5, 0.9, 0.99, 0.999, 0.9999)
@@ -297,7 +299,7 @@ def load(path: Path | str) -> tuple[Knowledge, dict[str, NDArray[Any]]]:
         message = f"{place}: damaged (its digest does not fit); train it again, or copy it again"
         raise FileError(message)
     said = json.loads(bytes(arrays["said"]).decode())
-    if said.get("schema") not in (1, SCHEMA):
+    if said.get("schema") != SCHEMA:
         message = (
             f"{place}: detector format {said.get('schema')}, this version reads {SCHEMA}; "
             "train it again: turnout detect train"
@@ -314,7 +316,7 @@ def load(path: Path | str) -> tuple[Knowledge, dict[str, NDArray[Any]]]:
         gaps=tuple(said["gaps"]),
         limits=tuple(said["limits"]),
         allowances=Allowances(**said["allowances"]),
-        quantity=said.get("quantity", FORCE),  # the first detectors knew no other
+        quantity=said["quantity"],
         machines=_machines(arrays),
     )
     knowledge = Knowledge(
@@ -336,20 +338,21 @@ def load(path: Path | str) -> tuple[Knowledge, dict[str, NDArray[Any]]]:
 
 
 def _machines(arrays: Mapping[str, NDArray[Any]]) -> SignalErrors | None:
-    """Return the gains of machines, which detectors of forces and the first of currents lack."""
+    """Return the gains of machines, which detectors of forces lack."""
     if "machines.gain" not in arrays:
         return None
     return SignalErrors(**{name: arrays[f"machines.{name}"] for name in MACHINE_ARRAYS})
 
 
 def _calibrated(item: Mapping[str, Any]) -> Calibrated:
-    """Return what was stored; the first detectors had one factor for all gaps."""
+    """Return what was stored, with tuples again."""
     return replace(
         Calibrated(**item),
         residual=tuple(item["residual"]),
-        irregularity=tuple(item.get("irregularity", ())),
-        gap_factor=tuple(np.atleast_1d(item["gap_factor"]).tolist()),
-        object_gap_factor=tuple(np.atleast_1d(item["object_gap_factor"]).tolist()),
+        irregularity=tuple(item["irregularity"]),
+        gap_factor=tuple((low, high) for low, high in item["gap_factor"]),
+        object_gap_factor=tuple(item["object_gap_factor"]),
+        gap_reach=tuple(item["gap_reach"]),
     )
 
 

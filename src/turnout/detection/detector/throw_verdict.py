@@ -1,6 +1,6 @@
 """The verdict on one throw: alarm, place, size, gaps, cause, and what to do next."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,6 +12,7 @@ from turnout.detection.detector.judging import (
     View,
     level_of,
     ratios_of,
+    support_of,
     unexplained,
 )
 from turnout.detection.detector.knowledge import RESIDUAL_LEVELS, Calibrated, Knowledge
@@ -74,7 +75,7 @@ class Gap:
         Probability that it is above its limit [-].
     called : bool
         Whether it is called above its limit: sooner than at a probability of one half, so that
-        gaps clearly above it are called in 98 %.
+        gaps clearly above it are called in 97 % at least.
     """
 
     name: str
@@ -118,6 +119,8 @@ class Verdict:
         Logarithm of the likelihood ratio, object against all else, and the alarm threshold [-].
     odds : mapping of str to float
         Likelihood ratio of each cause against a sound switch [-].
+    cause : str
+        That other than an object which is named; empty where none is.
     fit : float
         Share of throws that fit their best explanation worse than this one [-].
     friction : float
@@ -149,6 +152,7 @@ class Verdict:
     log_ratio: float = float("nan")
     threshold: float = float("nan")
     odds: Mapping[str, float] = field(default_factory=dict)
+    cause: str = ""
     fit: float = float("nan")
     friction: float = float("nan")
     peaks: Mapping[str, float] = field(default_factory=dict)
@@ -175,7 +179,7 @@ class Verdict:
         if self.status == ALARM and self.size is not None:
             head += f", {_millimetres(self.size)} at {' or '.join(self.places)}"
         elif self.status == CAUSE:
-            head += f": {max(self.causes, key=lambda name: self.odds[name])}"
+            head += f": {self.cause}"
         head += (
             f" (log odds {self.log_ratio:+.1f}, alarm from {self.threshold:.1f} = "
             f"{self.false_alarm_rate:g} false alarms a throw, {self.history} throws known)"
@@ -245,8 +249,10 @@ def verdict_on(
     log_ratio = float(ratios.alarm[0])
     threshold = calibrated.thresholds[f"{rate:g}"]
     odds = _odds(view, ratios)
-    fit = float(share_worse(*unexplained(view, own), calibrated=calibrated)[0])
-    status = _status(log_ratio, odds, fit, threshold=threshold, calibrated=calibrated)
+    square, irregularity = unexplained(view, own)
+    fit = float(share_worse(square, irregularity, calibrated=calibrated)[0])
+    cause = _named(view, support_of(view, ratios, irregularity)[:, 0], calibrated)
+    status = _status(log_ratio, cause, fit, threshold=threshold)
     alarm = status == ALARM
     end = gaps_of(
         view,
@@ -261,7 +267,7 @@ def verdict_on(
     best = max(odds, key=lambda item: odds[item])
     advice = ADVICE[status]
     if status == CAUSE:
-        best = max((item for item in odds if item != "object"), key=lambda item: odds[item])
+        best = cause
         advice = CAUSE_ADVICE.get(best, advice)
     return Verdict(
         name=name,
@@ -272,6 +278,7 @@ def verdict_on(
         log_ratio=log_ratio,
         threshold=threshold,
         odds={item: float(np.exp(min(value, 700.0))) for item, value in odds.items()},
+        cause=cause if status == CAUSE else "",
         fit=fit,
         friction=float(level_of(view, own, levels=knowledge.model.level)[0]),
         places=_places(knowledge, trapped, level=calibrated.place_level) if trapped else {},
@@ -296,18 +303,22 @@ def _odds(view: View, ratios: Ratios) -> dict[str, float]:
     return found
 
 
-def _status(
-    log_ratio: float,
-    odds: Mapping[str, float],
-    fit: float,
-    *,
-    threshold: float,
-    calibrated: Calibrated,
-) -> str:
+def _named(view: View, support: Floats, calibrated: Calibrated) -> str:
+    """Return the cause with most support of those that have enough to be named; empty without."""
+    enough = {
+        name: float(value)
+        for name, value, can in zip(
+            view.kinds[view.objects :], support, view.identifiable, strict=True
+        )
+        if can and value > calibrated.cause_thresholds.get(name, np.inf)
+    }
+    return max(enough, key=lambda name: enough[name], default="")
+
+
+def _status(log_ratio: float, cause: str, fit: float, *, threshold: float) -> str:
     if log_ratio > threshold:
         return ALARM
-    others = [odds[name] for name in odds if name != "object"]
-    if max(others, default=-np.inf) > calibrated.cause_threshold:
+    if cause:
         return CAUSE
     return UNKNOWN if fit < UNKNOWN_SHARE else SOUND
 
@@ -349,7 +360,8 @@ def _share_above(values: Floats, quantiles: tuple[float, ...]) -> Floats:
     return np.asarray(np.where(values <= quantiles[-1], within, beyond))
 
 
-def _gaps(knowledge: Knowledge, found: EndGaps, *, reach: float) -> tuple[Gap, ...]:
+def _gaps(knowledge: Knowledge, found: EndGaps, *, reach: Sequence[float]) -> tuple[Gap, ...]:
+    each = np.broadcast_to(reach, len(found.gaps)).tolist()
     return tuple(
         Gap(
             name=name,
@@ -358,10 +370,15 @@ def _gaps(knowledge: Knowledge, found: EndGaps, *, reach: float) -> tuple[Gap, .
             high=item.high,
             limit=limit,
             above=float(above),
-            called=item.middle + reach * (item.high - item.middle) > limit,
+            called=item.middle + far * (item.high - item.middle) > limit,
         )
-        for name, limit, item, above in zip(
-            knowledge.setting.gaps, knowledge.setting.limits, found.gaps, found.above, strict=True
+        for name, limit, item, above, far in zip(
+            knowledge.setting.gaps,
+            knowledge.setting.limits,
+            found.gaps,
+            found.above,
+            each,
+            strict=True,
         )
     )
 
