@@ -36,6 +36,8 @@ def test_a_limit_follows_the_size_of_the_slider(
     page.locator("#limit-file").set_input_files(table_file(tmp_path, [0.0]))
     page.wait_for_selector("#message:not([hidden])")
     assert "no netCDF-4 file" in page.locator("#message").inner_text()
+    screen.finished()  # the throw of the other panel, which leaves the refusal where it is
+    assert page.locator("#message").is_visible()
     screen.complaints.clear()  # a refusal is also reported on the console
 
 

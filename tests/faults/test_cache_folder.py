@@ -129,7 +129,7 @@ from pathlib import Path
 if __name__ == "__main__":
     import kernel
     from turnout.core.cache_folder import why_private
-    from turnout.sweep.process import worker_processes
+    from turnout.core.processes import worker_processes
     kernel.double(1.0)
     with worker_processes(1) as workers:
         print(workers.submit(kernel.hits).result())

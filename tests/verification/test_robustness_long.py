@@ -6,6 +6,8 @@ import os
 import signal
 import subprocess
 import sys
+import time
+import weakref
 from pathlib import Path
 
 import pytest
@@ -102,6 +104,24 @@ def test_no_finaliser_of_others_meets_the_interrupt(monkeypatch: pytest.MonkeyPa
     seconds_deaf(numbered_scenario(0), after=10.0)
     assert during == [(1, False)]
     assert gc.isenabled()
+
+
+def test_an_interrupt_in_a_finaliser_comes_after_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a finaliser raises is dropped, so the alarm waits until it has ended."""
+    rung: list[float] = []
+
+    def finalised() -> None:
+        signal.raise_signal(signal.SIGALRM)
+
+    def thrown(*_: object, **__: object) -> None:
+        weakref.finalize(Cycle([]), finalised)
+        gc.collect()
+        rung.append(time.monotonic())
+        time.sleep(10.0)
+
+    monkeypatch.setattr(simulate_module, "simulate", thrown)
+    seconds_deaf(numbered_scenario(0), after=30.0)
+    assert time.monotonic() - rung[0] < 5.0
 
 
 def test_an_exception_is_a_result(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,12 +1,11 @@
 """Throws for a fit: in worker processes, each kept on disk by the content of what made it."""
 
-import multiprocessing
-import signal
+import gc
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
-from multiprocessing.pool import Pool
 from pathlib import Path
 from types import TracebackType
 from typing import Self, cast
@@ -15,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.files import make_folder, write_atomic
+from turnout.core.processes import end_pool, no_broken_pool, worker_processes
 from turnout.core.provenance import content_hash, version
 from turnout.core.stored_arrays import arrays_from_bytes, arrays_to_bytes
 from turnout.errors import FileError, TurnoutError
@@ -121,7 +121,7 @@ class Evaluator:
     made: int = 0
     reused: int = 0
     _known: "OrderedDict[str, Response]" = field(default_factory=OrderedDict)
-    _pool: Pool | None = None
+    _pool: ProcessPoolExecutor | None = None
     _shared: dict[tuple[bool, bool, bool], str] = field(default_factory=dict)
 
     def __enter__(self) -> Self:
@@ -138,8 +138,7 @@ class Evaluator:
     ) -> None:
         """End the processes, at once after Ctrl-C."""
         if self._pool is not None:
-            self._pool.terminate()
-            self._pool.join()
+            end_pool(self._pool)
             self._pool = None
 
     def responses(self, throws: Sequence[ThrowInputs]) -> list[Response]:
@@ -180,11 +179,11 @@ class Evaluator:
                 yield key, simulate_throw(self.panel, throw, scheme)
             return
         if self._pool is None:
-            context = multiprocessing.get_context("spawn")
-            self._pool = context.Pool(
-                self.workers, initializer=_begin_worker, initargs=(self.panel,)
-            )
-        yield from self._pool.imap_unordered(_simulate_in_worker, jobs)
+            self._pool = worker_processes(self.workers, _begin_worker, self.panel)
+        with no_broken_pool():
+            futures = [self._pool.submit(_simulate_in_worker, job) for job in jobs]
+            for future in as_completed(futures):
+                yield future.result()
 
     def _scheme_of(self, throw: ThrowInputs) -> Scheme:
         if throw.fine:
@@ -241,9 +240,9 @@ _panels: list[LoadedPanel] = []
 
 
 def _begin_worker(panel: LoadedPanel) -> None:
-    """Keep the panel, and leave Ctrl-C to the process that shows the progress."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """Keep the panel."""
     _panels[:] = [panel]
+    gc.enable()
 
 
 def _simulate_in_worker(job: tuple[str, ThrowInputs, Scheme]) -> tuple[str, Response]:

@@ -18,7 +18,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from turnout.core.files import atomic_path, write_atomic
+from turnout.core.files import atomic_path, make_folder, write_atomic
 from turnout.core.provenance import version
 from turnout.detection.detector.throw_layout import Layout, throw_features
 from turnout.detection.detector.training import layout_of_panel
@@ -34,9 +34,8 @@ from turnout.open_benchmark.definition import (
 from turnout.open_benchmark.switch_throws import SwitchThrows, throws_of_switch
 from turnout.response.compilation import must_compile
 from turnout.response.simulate import compile_kernels
-from turnout.sweep.process import worker_processes
 from turnout.sweep.read import open_sweep
-from turnout.sweep.run import run_sweep
+from turnout.sweep.run import local_pool, run_sweep
 
 Floats = NDArray[np.float64]
 Report = Callable[[int, int], None]
@@ -126,7 +125,7 @@ def claim_folder(folder: Path, digest: str, counts: Counts) -> None:
     if folder.exists() and any(folder.iterdir()):
         message = f"{folder}: is not empty and holds no benchmark; give an empty or a new folder"
         raise FileError(message)
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     about = {"benchmark": VERSION, "digest": digest, "counts": asdict(counts)}
     write_atomic(path, json.dumps(about | {"turnout": version()}, indent=1) + "\n")
 
@@ -149,7 +148,7 @@ def shared_pool(workers: int) -> Iterator[Callable[[], Executor]]:
     """Give what returns the executor of all sweeps: processes, or this process for one worker."""
     if must_compile():
         compile_kernels()
-    own = worker_processes(workers) if workers > 1 else ThreadPoolExecutor(1)
+    own = local_pool(workers) if workers > 1 else ThreadPoolExecutor(1)
     try:
         yield lambda: _Shared(own)
     finally:

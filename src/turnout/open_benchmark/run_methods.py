@@ -4,7 +4,6 @@ A piece is a method under a set of conditions. Its result is kept in a file, and
 so are the scores of each setting on each fold.
 """
 
-import gc
 import io
 import json
 import time
@@ -20,6 +19,7 @@ from numpy.typing import NDArray
 
 from turnout.core.files import write_atomic
 from turnout.core.json_files import to_plain
+from turnout.core.processes import closing_pool, worker_processes
 from turnout.core.provenance import content_hash
 from turnout.core.sources import digest_of_sources
 from turnout.core.threads import one_blas_thread
@@ -50,7 +50,6 @@ from turnout.open_benchmark.sides import (
     read_throws_file,
 )
 from turnout.open_benchmark.verdicts import Verdicts, read_verdicts, write_verdicts
-from turnout.sweep.process import worker_processes
 
 RESULTS = "results"
 Report = Callable[[str, int, int], None]
@@ -226,8 +225,7 @@ def _results(
             yield (own, name), _run_piece(folder, own, name, data[own.track])
         return
     fault: BaseException | None = None
-    pool = worker_processes(min(workers, len(missing)))
-    try:
+    with closing_pool(worker_processes(min(workers, len(missing)))) as pool:
         futures = {
             pool.submit(_run_piece, folder, own, name, data[own.track]): (own, name)
             for own, name in missing
@@ -239,12 +237,9 @@ def _results(
         # the others first: what a method lacks is not to cost hours of them
         if fault is not None:
             raise fault
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)
 
 
 def _run_piece(folder: Path, conditions: Conditions, name: str, data: str) -> dict[str, Any]:
-    gc.enable()  # which a fresh worker leaves off
     method = next(item for item in methods_for(conditions) if item.name == name)
     # more threads would wait for those of the other pieces, and sum in another order
     with one_blas_thread():

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from itertools import chain, count
 from pathlib import Path
 
-from turnout.core.files import is_leftover, refuse_file, write_atomic, write_fault
+from turnout.core.files import is_leftover, make_folder, refuse_file, write_atomic, write_fault
 from turnout.core.json_files import from_plain, read_sealed, sealed_json, to_plain
 from turnout.core.provenance import version
 from turnout.core.sources import THROWS, digest_of_sources
@@ -266,11 +266,11 @@ def lock_folder(folder: Path) -> Iterator[None]:
     FileError
         When another run writes to it, or it cannot be made.
     """
+    make_folder(folder)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
         file = (folder / LOCK).open("a+b")
     except OSError as error:
-        message = f"{folder}: cannot be made or written ({error.strerror}); name another folder"
+        message = f"{folder}: cannot be written to ({error.strerror}); name another folder"
         raise FileError(message) from None
     with file:
         try:

@@ -4,6 +4,7 @@ Workers write their batches themselves; only counts and times come back. What is
 the same call on the same folder does what is missing, however the last one ended.
 """
 
+import gc
 import json
 import sys
 import time
@@ -14,15 +15,15 @@ from concurrent.futures import (
     CancelledError,
     Executor,
     Future,
-    ProcessPoolExecutor,
     wait,
 )
-from contextlib import closing, contextmanager
+from contextlib import closing
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 
 from turnout.core.files import write_fault
+from turnout.core.processes import closing_pool, worker_processes
 from turnout.core.sources import THROWS, digest_of_sources
 from turnout.errors import FileError
 from turnout.response.compilation import must_compile
@@ -41,7 +42,6 @@ from turnout.sweep.folder import (
     move_damaged,
     study_identity,
 )
-from turnout.sweep.process import worker_processes
 from turnout.sweep.row import COMPLETE, SKIPPED
 from turnout.sweep.stored_study import serialize_study
 from turnout.sweep.verify import verified_batches
@@ -158,9 +158,7 @@ def run_sweep(
             raise FileError(message)
         damaged = tuple(move_damaged(path, folder) for path in torn)
         todo = [number for number in range(len(chains)) if number not in there]
-        make = (
-            pool if pool is not None else partial(worker_processes, min(workers, max(1, len(todo))))
-        )
+        make = pool if pool is not None else partial(local_pool, min(workers, max(1, len(todo))))
         if todo and pool is None and must_compile():
             compile_kernels()
         log = ProgressLog(
@@ -233,7 +231,7 @@ def _run_batches(
     """Yield batches as they are written; a pool that breaks is replaced."""
     left, breaks = list(todo), 0
     while left:
-        with _closing_pool(make()) as pool:
+        with closing_pool(make()) as pool:
             try:
                 for done in submit_batches(pool, folder, digest, left, ahead=ahead, log=log):
                     left.remove(done.number)
@@ -287,23 +285,6 @@ def submit_batches(
             log.emit()
 
 
-@contextmanager
-def _closing_pool(pool: Executor) -> Iterator[Executor]:
-    """Close a pool; on an error or Ctrl-C do not wait for the batches under way."""
-    try:
-        yield pool
-    except BaseException:
-        if isinstance(pool, ProcessPoolExecutor):
-            processes = list((pool._processes or {}).values())
-            manager = getattr(pool, "_executor_manager_thread", None)
-            pool.shutdown(wait=False, cancel_futures=True)
-            for process in processes:
-                process.terminate()
-            for process in processes:
-                process.join(5.0)
-            if manager is not None:  # which Python would wake up at its end, closed or not
-                manager.join(5.0)
-        else:
-            pool.shutdown(wait=False)
-        raise
-    pool.shutdown(wait=True)
+def local_pool(workers: int) -> Executor:
+    """Return processes of this machine; `initialize_worker` starts their garbage collector."""
+    return worker_processes(workers, gc.disable)

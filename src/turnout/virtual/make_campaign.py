@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from turnout.core.files import refuse_file, write_atomic
+from turnout.core.files import make_folder, refuse_file, write_atomic
 from turnout.core.provenance import content_hash, provenance, version
 from turnout.core.toml import parse_toml
 from turnout.errors import FileError
@@ -154,11 +154,7 @@ def _claim(folder: Path, panel: LoadedPanel, plan: CampaignPlan) -> None:
     if folder.is_dir() and any(folder.iterdir()):
         message = f"{folder}: is not empty; name another folder"
         raise FileError(message)
-    try:
-        state.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        message = f"{folder}: cannot be made ({error.strerror or error})"
-        raise FileError(message) from None
+    make_folder(state)
     write_atomic(state / _PLAN_FILE, json.dumps({"identity": identity}))
 
 

@@ -1,9 +1,8 @@
 """Throw the series of a virtual campaign, in one process or several; each throw is kept."""
 
 import json
-import multiprocessing
-import signal
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, wait
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ import numpy as np
 import xarray as xr
 
 from turnout.core.files import write_atomic
+from turnout.core.processes import closing_pool, worker_processes
 from turnout.core.running_current import running_time
 from turnout.core.stored_arrays import arrays_from_bytes, arrays_to_bytes
 from turnout.measurement.campaign.find_throws import FoundThrow
@@ -99,19 +99,13 @@ def run_jobs(
         for job in jobs:
             make_series(job, report=report_one)
         return
-    context = multiprocessing.get_context("spawn")
-    with context.Pool(min(workers, len(jobs)), initializer=_ignore_ctrl_c) as pool:
-        results = [pool.apply_async(make_series, (job,)) for job in jobs]
-        for result in results:
-            while not result.ready():
-                result.wait(POLL)
-                report_one()
-            result.get()
-
-
-def _ignore_ctrl_c() -> None:
-    """Leave Ctrl-C to the process that shows the progress; it ends the others."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with closing_pool(worker_processes(min(workers, len(jobs)))) as pool:
+        waiting = {pool.submit(make_series, job) for job in jobs}
+        while waiting:
+            done, waiting = wait(waiting, timeout=POLL, return_when=FIRST_COMPLETED)
+            for future in done:
+                future.result()
+            report_one()
 
 
 def make_series(job: Job, *, report: Callable[[], None] | None = None) -> None:

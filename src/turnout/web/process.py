@@ -7,7 +7,6 @@ starts end with it and Ctrl-C on the terminal does not reach it.
 
 import ctypes
 import logging
-import multiprocessing
 import os
 import queue
 import re
@@ -23,6 +22,7 @@ from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 
+from turnout.core.processes import FreshProcesses
 from turnout.errors import TurnoutError
 from turnout.web.question import (
     MEMORY_LIMIT,
@@ -68,7 +68,7 @@ class Process:
     """
 
     def __init__(self, prepare: Prepare, folder: str, memory: int = MEMORY_LIMIT) -> None:
-        context = multiprocessing.get_context("spawn")
+        context = FreshProcesses()
         self._ours, self._theirs = context.Pipe()
         arguments = (self._theirs, folder, memory)
         self._prepare = prepare

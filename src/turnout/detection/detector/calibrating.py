@@ -292,8 +292,7 @@ def calibrate_history(
         for part in alone:
             view = make_view(knowledge, part=part, known=expected)
             judged[part] += [_said_of_sound(view, rows) for rows in features]
-            if draw < INTERVAL_DRAWS:
-                tried[part] += [(view, *item) for item in held]
+            tried[part] += [(view, *item) for item in held]
         if report is not None:
             report(done + 1, len(numbers) * draws)
     return [

@@ -7,6 +7,7 @@ const UNSEEN = 1000; // without a frame for so long nothing is painted [ms]
 const REST = 220; // pause that ends a movement [ms]
 export const PAINTED = "slider to painted number"; // name of the measures that benchmarks read
 let number = 0, shown = 0, last = 0, waiting = null, resting = null, moved = null;
+let ofThrow = false; // whether the message is why a throw failed
 
 const note = (text) => { document.getElementById("state").textContent = text; };
 
@@ -22,7 +23,7 @@ function painted(callback) {
 function show(answer, request, { latest, since }) {
   Object.assign(state, { answer, request });
   stale(false);
-  message("");
+  if (ofThrow) message(""); // others, such as of a refused file, are not for a throw to hide
   const how = request.preview ? "preview" : `final result (${answer.seconds.toFixed(2)} s)`;
   notify("answer");
   // Numbers first: curves take longer to draw.
@@ -52,6 +53,7 @@ async function requestThrow(preview, since = null) {
     stale(true);
     note(state.answer ? "not up to date" : "");
     message(error.message);
+    ofThrow = true;
   } finally {
     clearTimeout(slow);
   }
@@ -66,10 +68,12 @@ function stale(wanted) {
 export function message(text) {
   document.getElementById("message-text").textContent = text;
   document.getElementById("message").hidden = !text;
+  ofThrow = false;
 }
 
 // On a change: a preview soon, the final result after a pause. `since` is when the user made it.
 export function changed(since = performance.now()) {
+  if (!ofThrow) message("");
   clearTimeout(resting);
   resting = setTimeout(settled, REST);
   moved ??= since;

@@ -1,0 +1,150 @@
+"""Worker processes: fresh, quick to start, deaf to Ctrl-C, and ended with the run.
+
+A new process loads this module before anything else, so it imports nothing else of turnout.
+"""
+
+import gc
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor
+from contextlib import contextmanager
+from functools import partial
+from multiprocessing.context import SpawnContext, SpawnProcess
+from multiprocessing.process import BaseProcess
+from types import ModuleType
+from typing import Any
+
+
+class _Process(SpawnProcess):
+    """A fresh process that does not import the program which started it, nor meets Ctrl-C.
+
+    The program would take time to load, or start another sweep if it is a script without a guard.
+    """
+
+    @staticmethod
+    def _Popen(process_obj: BaseProcess) -> Any:  # noqa: N802 - named by the library
+        main = sys.modules["__main__"]
+        sys.modules["__main__"] = ModuleType("__main__")
+        try:
+            with _ctrl_c_held_back():
+                return SpawnProcess._Popen(process_obj)
+        finally:
+            sys.modules["__main__"] = main
+
+
+@contextmanager
+def _ctrl_c_held_back() -> Iterator[None]:
+    """Keep Ctrl-C from this thread until the end, and for good from processes started meanwhile.
+
+    They inherit the mask. To ignore the signal once they run would be too late: it may come while
+    Python starts, which then prints a traceback.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    from multiprocessing import resource_tracker
+
+    resource_tracker.ensure_running()  # its own start would lift the mask
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+class FreshProcesses(SpawnContext):
+    """Starts such processes: the context for `multiprocessing` and `concurrent.futures`."""
+
+    Process = _Process
+
+
+def worker_processes(
+    workers: int, prepare: Callable[..., object] = gc.enable, *given: object
+) -> ProcessPoolExecutor:
+    """Return an executor of fresh processes on this machine, which end when this one does.
+
+    Parameters
+    ----------
+    workers : int
+        Processes.
+    prepare : callable
+        Called in each process before its first task. The garbage collector is off until then; by
+        default it is started.
+    *given
+        Arguments of `prepare`, sent once to each process.
+    """
+    start = partial(_start_worker, prepare, *given)
+    return ProcessPoolExecutor(workers, mp_context=FreshProcesses(), initializer=start)
+
+
+@contextmanager
+def closing_pool(pool: Executor) -> Iterator[Executor]:
+    """Close a pool; on an error or Ctrl-C do not wait for the tasks under way.
+
+    Raises
+    ------
+    FileError
+        When a process was ended from outside.
+    """
+    try:
+        with no_broken_pool():
+            yield pool
+    except BaseException:
+        end_pool(pool)
+        raise
+    pool.shutdown(wait=True)
+
+
+@contextmanager
+def no_broken_pool() -> Iterator[None]:
+    """Say in a `FileError` that a worker process was ended from outside."""
+    try:
+        yield
+    except BrokenExecutor:
+        from turnout.errors import FileError
+
+        message = (
+            "a worker process was ended from outside, often because memory ran out; what was "
+            "simulated is kept: run the same command to continue, with fewer --workers"
+        )
+        raise FileError(message) from None
+
+
+def end_pool(pool: Executor) -> None:
+    """End a pool now; processes of this machine are ended with the tasks under way."""
+    if not isinstance(pool, ProcessPoolExecutor):
+        pool.shutdown(wait=False)
+        return
+    processes = list((pool._processes or {}).values())
+    manager = getattr(pool, "_executor_manager_thread", None)
+    pool.shutdown(wait=False, cancel_futures=True)
+    for process in processes:
+        process.terminate()
+    for process in processes:
+        process.join(5.0)
+    if manager is not None:  # which Python would wake up at its end, closed or not
+        manager.join(5.0)
+
+
+def _start_worker(prepare: Callable[..., object], *given: object) -> None:
+    """Ignore Ctrl-C, which is for the run, and end when the run does, however it ends.
+
+    To look for garbage in what is being loaded takes a tenth of the start.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    gc.disable()
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_exit_with_parent, args=(parent.sentinel,), daemon=True).start()
+    prepare(*given)
+
+
+def _exit_with_parent(sentinel: int) -> None:
+    from multiprocessing.connection import wait as wait_for
+
+    wait_for([sentinel])
+    os._exit(1)
