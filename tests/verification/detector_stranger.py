@@ -104,7 +104,7 @@ def panel_of(number: int, rng: Rng) -> LoadedPanel:
 class Friction:
     """Coefficients of the chairs of a switch, throw after throw.
 
-    Each chair has a share of its own that stays and one that changes; the level is drawn anew for
+    Each chair has a share of its own that stays and one that changes; the level is drawn again for
     each throw in half of the switches, and wanders in the others.
     """
 
