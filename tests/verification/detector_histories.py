@@ -25,13 +25,20 @@ from tests.verification.detector_sets import JUDGED_SEED, Sizes, Throws, plans_o
 from turnout.core.files import write_atomic
 from turnout.core.threads import one_blas_thread
 from turnout.detection.detector.allowances import Allowances
-from turnout.detection.detector.calibrating import Errors, alarms_of, learn_history
+from turnout.detection.detector.calibrating import (
+    Errors,
+    alarms_of,
+    calibrate_alone,
+    calibrate_history,
+    learn_history,
+    with_calibration,
+)
 from turnout.detection.detector.detector import Detector
 from turnout.detection.detector.judging import CYCLE, make_view
 from turnout.detection.detector.knowledge import Knowledge
 from turnout.detection.detector.throw_layout import CLOSING
 from turnout.detection.detector.throw_set import ThrowSet
-from turnout.detection.detector.train_detector import knowledge_of_sets
+from turnout.detection.detector.train_detector import folds_of, knowledge_of_sets
 from turnout.detection.detector.training import setting_of
 from turnout.detection.detector.training_plan import (
     HISTORY,
@@ -77,13 +84,14 @@ def main() -> None:
     kept = given.folder / f"histories-{made}-{given.seed}.json"
     said = json.loads(kept.read_text()) if kept.exists() else {}
     folder = given.folder / f"histories-{made}-{given.seed}"
-    judge = Judge(Detector.load(path).knowledge, throws, folder)
+    with one_blas_thread():
+        whole = completed(
+            Detector.load(path).knowledge, throws, given.folder / f"whole-{made}.detector"
+        )
+    judge = Judge(whole, throws, folder)
     figures: dict[str, Callable[[], dict[str, Any]]] = {
         "5 known": lambda: judge.figures("5", history=5),
         "closings alone": lambda: judge.figures("closings", history=0, part=CLOSING),
-        "closings, history of whole throws": lambda: judge.figures(
-            "closings-known", history=KNOWN, part=CLOSING
-        ),
         "soft": judge.soft,
         "price": lambda: price(judge, throws.sets("train")),
     }
@@ -94,6 +102,39 @@ def main() -> None:
             said[name] = figure()
             print(json.dumps({name: said[name]}, indent=1), flush=True)
             write_atomic(kept, json.dumps(said, indent=1).encode())
+
+
+def completed(knowledge: Knowledge, throws: Throws, path: Path) -> Knowledge:
+    """Return a detector with the thresholds that it lacks: of closings alone, after five throws."""
+    if path.exists():
+        return Detector.load(path).knowledge
+    found = list(knowledge.calibrated)
+    lacking = {(CLOSING, 0), (CYCLE, 5)} - {(item.part, item.history) for item in found}
+    if not lacking:
+        return knowledge
+    train = throws.sets("train")
+    folds = folds_of(train, knowledge.setting)
+    alone = {item.part: item for item in found if item.history == 0}
+    if (CLOSING, 0) in lacking:
+        alone[CLOSING] = calibrate_alone(folds, part=CLOSING, draws=DRAWS)
+        found.append(alone[CLOSING])
+    if (CYCLE, 5) in lacking:
+        found += calibrate_history(
+            folds,
+            train[HISTORY],
+            history=5,
+            alone={CYCLE: alone[CYCLE]},
+            objects=train[after_history(OBJECT)],
+            draws=2,
+            report=None,
+        )
+    made = with_calibration(knowledge, found)
+    Detector(made).save(path)
+    return made
+
+
+DRAWS = 8
+"""Uses of each held-back throw that a threshold of closings is taken from."""
 
 
 def soft_plan(study: Study, sizes: Sizes, *, seed: int) -> Plan:

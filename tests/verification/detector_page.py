@@ -233,7 +233,7 @@ def missed_table(said: Figures) -> list[str]:
 
 def histories_table(said: Figures) -> list[str]:
     """Return a90 and false alarms of five throws known, and of closings alone."""
-    names = ("5 known", "closings alone", "closings, history of whole throws")
+    names = ("5 known", "closings alone")
     found = {name: said[name] for name in names if name in said}
     lines = heads(list(said["5 known"]["a90"]))
     lines += [row(name, list(item["a90"].values())) for name, item in found.items()]
