@@ -12,6 +12,7 @@ them. What was thrown or judged is kept in DIR.
 """
 
 import argparse
+import hashlib
 import json
 import subprocess
 import sys
@@ -234,23 +235,32 @@ def turnout(*words: object) -> str:
 
 def judged(folder: Path, detector: Path) -> dict[str, Any]:
     """Return what `turnout detect` says of all switches, without and with their known throws."""
-    rows: dict[int, list[dict[str, Any]]] = {0: [], KNOWN: []}
-    first: list[dict[str, Any]] = []
+    made = hashlib.sha256(detector.read_bytes()).hexdigest()[:8]
+    rows: dict[str, list[dict[str, Any]]] = {"first": [], "0": [], str(KNOWN): []}
     for number in range(SWITCHES):
         place = folder / f"switch-{number:02d}"
-        labels = json.loads((place / "truth.json").read_text())
-        own = place / "own.detector"
-        turnout("detect", "learn", detector, place / "known", "-o", own)
-        later = labels[KNOWN:]
-        for known, file in ((0, detector), (KNOWN, own)):
-            said = _verdicts("detect", "run", file, place / "later", "--json")
-            rows[known] += _matched(said, later, number)
-        said = _verdicts("detect", "run", detector, place / "known", "--json")
-        first += _matched(said, labels[:KNOWN], number)
-        own.unlink()
-    return {str(known): figures(items, known) for known, items in rows.items()} | {
-        "first throws, no history": _alarms(first)
+        kept = place / f"said-{made}.json"
+        if not kept.exists():
+            write_atomic(kept, json.dumps(_said_of(place, detector, number)).encode())
+            print(f"{place.name} is judged", file=sys.stderr, flush=True)
+        for name, said in json.loads(kept.read_text()).items():
+            rows[name] += said
+    return {known: figures(rows[known], int(known)) for known in ("0", str(KNOWN))} | {
+        "first throws, no history": _alarms(rows["first"])
     }
+
+
+def _said_of(place: Path, detector: Path, number: int) -> dict[str, list[dict[str, Any]]]:
+    """Return what is said of the throws of a switch, without and with its first ones known."""
+    labels = json.loads((place / "truth.json").read_text())
+    own = place / "own.detector"
+    first = _verdicts("detect", "learn", detector, place / "known", "-o", own, "--json")
+    found = {"first": _matched(first, labels[:KNOWN], number)}
+    for known, file in (("0", detector), (str(KNOWN), own)):
+        said = _verdicts("detect", "run", file, place / "later", "--json")
+        found[known] = _matched(said, labels[KNOWN:], number)
+    own.unlink()
+    return found
 
 
 def _verdicts(*words: object) -> list[dict[str, Any]]:
