@@ -87,7 +87,7 @@ def test_what_a_known_cause_explains_is_not_left_unless_the_cause_is_left_out() 
 
 
 def test_of_two_tests_one_fails_as_seldom_as_wanted() -> None:
-    """At a fifth of the level and at four fifths: 0.2 p + 0.8 p - 0.2 p 0.8 p of independent ones."""
+    """At a fifth of the level and at four fifths: 0.2 p + 0.8 p - 0.16 p^2 of independent ones."""
     levels = np.array(RESIDUAL_LEVELS)
     calibrated = Calibrated(
         part="cycle", history=0, thresholds={}, throws=1, switches=1,
