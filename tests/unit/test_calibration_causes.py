@@ -34,16 +34,11 @@ def recorded(by: RecorderResponse, *, stated: RecorderResponse) -> list[Measured
         rng = np.random.default_rng(number)
         item = movement(f"m{number}", rng=rng)
         signal = item.signals[0]
-        late = replace(item, recorder=by, clocked=True)
-        clean = predicted(response(TRUE), late, signal, np.arange(signal.time.size))
+        late, seen = replace(item, clocked=True), replace(signal, recorder=by)
+        clean = predicted(response(TRUE), late, seen, np.arange(signal.time.size))
         values = clean + 2.0 * rng.standard_normal(clean.size)
-        made.append(
-            replace(
-                late,
-                recorder=stated,
-                signals=(replace(signal, values=values),),
-            )
-        )
+        kept = replace(signal, values=values, recorder=stated)
+        made.append(replace(late, signals=(kept,)))
     return made
 
 

@@ -91,6 +91,9 @@ def test_lines_between_samples_are_those_of_all_phases() -> None:
     rate = 20.0
     seen = between_samples(TIME, TIME**2, rate)
     inner = slice(200, 3800)
+    # At its end the signal is taken as constant: nothing lies above it there.
+    assert seen[-1] < TIME[-1] ** 2
+    assert between_samples(TIME, step(1.0), rate)[-1] == pytest.approx(7.0)
     np.testing.assert_allclose(seen[inner] - TIME[inner] ** 2, 1.0 / rate**2 / 6.0, rtol=1e-3)
     force = np.exp(np.sin(3.0 * TIME))
     lines = [
@@ -113,7 +116,7 @@ def test_what_the_map_states_is_what_a_dataset_says() -> None:
         low_pass=LowPass(kind="rc", order=1, corner=6.0), average=0.02, rate=25.0
     )
     assert recorder_response_of(stated.attributes()) == stated
-    assert "RC low-pass of order 1 at 6 Hz" in stated.text
+    assert "an RC low-pass of order 1 at 6 Hz" in stated.text
     plain = parse_channel_map(parse_toml(MAP, source="map"))
     assert not plain.recorder_response()
     assert plain.recorder_response().attributes() == {}

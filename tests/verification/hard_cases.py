@@ -69,8 +69,8 @@ class Hard:
     ----------
     what : str
         What differs from the model.
-    cause : str
-        Part of the text that names it; empty where nothing differs.
+    cause, drive : str
+        Name of the cause, and the drive that it is of; empty where nothing differs, or for all.
     overrides : callable
         Of the panel, for one throw, from the generator of that throw.
     truth : callable
@@ -87,6 +87,7 @@ class Hard:
 
     what: str
     cause: str = ""
+    drive: str = ""
     overrides: Callable[[np.random.Generator], dict[str, object]] = lambda rng: {}
     truth: Callable[[LoadedPanel, list[dict[str, object]]], Values] = lambda panel, made: {}
     seen: Callable[[xr.Dataset, int], xr.Dataset] = lambda dataset, number: dataset
@@ -232,11 +233,11 @@ CASES: dict[str, Hard] = {
     "right": Hard(what="nothing but mesh, step and damping"),
     "gains": Hard(what="gauges +1.5 and -1.8 %, load cell +1 %", cause="gain", seen=gains),
     "average": Hard(
-        what="the recorder averages over the last 0.1 s", cause="recorder", seen=averaged
+        what="the recorder averages over the last 0.1 s", cause="recorder filter", seen=averaged
     ),
     "bushing": Hard(
         what="bushings soft for 2 mm",
-        cause="bushing",
+        cause="bushing shape",
         overrides=soft_bushings,
     ),
     "chairs": Hard(
@@ -248,6 +249,7 @@ CASES: dict[str, Hard] = {
     "clutch": Hard(
         what="clutch of drive 2 slips 6 % higher, scattering by 5 %",
         cause="clutch",
+        drive="2",
         overrides=worn,
         truth=mean_level,
     ),
@@ -263,7 +265,7 @@ CASES: dict[str, Hard] = {
     "dead": Hard(what="rod 2 silent in 6 of 14 recordings", cause="dead channel", seen=dead),
     "swapped": Hard(
         what="columns of the rods exchanged in the channel map",
-        cause="swapped",
+        cause="swapped channels",
         columns={"Rod 1": "Rod 2", "Rod 2": "Rod 1"},
     ),
     "start": Hard(
@@ -274,17 +276,26 @@ CASES: dict[str, Hard] = {
 
 
 FURTHER: dict[str, Hard] = {
-    "play": Hard(what="play of 1.5 mm before drive 1 pushes", cause="drive 1", overrides=with_play),
+    "play": Hard(
+        what="play of 1.5 mm before drive 1 pushes",
+        cause="drive law",
+        drive="1",
+        overrides=with_play,
+    ),
     "knee": Hard(
         what="bushing of drive 2 at 35 % of its stiffness above 70 % of its slip level",
-        cause="drive 2",
+        cause="drive law",
+        drive="2",
         overrides=with_knee,
     ),
     "filter": Hard(
-        what="the recorder filters at 6 Hz with two poles", cause="recorder", seen=filtered
+        what="the recorder filters at 6 Hz with two poles", cause="recorder filter", seen=filtered
     ),
     "lag": Hard(
-        what="the force of drive 2 follows contact with a lag of 120 ms", cause="drive 2", lag=LAG
+        what="the force of drive 2 follows contact with a lag of 120 ms",
+        cause="drive law",
+        drive="2",
+        lag=LAG,
     ),
     "alike": Hard(
         what="all channels read 1.2 % too much, motors lead by 150 ms", cause="timing", seen=alike

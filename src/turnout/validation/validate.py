@@ -3,7 +3,7 @@
 import itertools
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
@@ -13,6 +13,7 @@ from turnout.calibration.evaluate import Evaluator, ThrowInputs
 from turnout.calibration.fitted_causes import fitted_causes, overrides_with, shaped
 from turnout.calibration.linearisation import stepped_value
 from turnout.calibration.measured_movements import BIN, MeasuredMovement, observe
+from turnout.calibration.misfit import Refined
 from turnout.calibration.noise import measured_noise
 from turnout.calibration.parameter import Parameter
 from turnout.calibration.requirements import exclude_oversized_objects
@@ -207,13 +208,19 @@ def _model(
         for setting in settings
         for item in movements
     ]
-    made = iter(evaluator.responses(throws))
+    count = len(movements)
+    made = evaluator.responses(throws)
+    if calibration.about.get("refined"):
+        # Values that were fitted with fine throws are of these.
+        fine = evaluator.responses([replace(item, fine=True) for item in throws[:count]])
+        finer = [Refined(plain=a, halved=a, fine=b) for a, b in zip(made, fine, strict=False)]
+        made = [finer[number % count].added(item) for number, item in enumerate(made)]
+    rest = iter(made)
     responses = [
         shaped(causes, response, setting)
         for setting in settings
-        for response in itertools.islice(made, len(movements))
+        for response in itertools.islice(rest, count)
     ]
-    count = len(movements)
     failed = [
         f"{item.text}: cannot be simulated: {response.failure}"
         for item, response in zip(movements, responses[:count], strict=True)

@@ -4,6 +4,7 @@ One way: raw column -> sensor (a straight line to SI) -> physical channel -> con
 common time). `raw_from_physical` is the inverse, `channel_rows` lists the outcome.
 """
 
+import json
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -148,9 +149,13 @@ def apply_chain(recording: Recording, channel_map: ChannelMap) -> xr.Dataset:
         "channel_map_hash": map_hash(channel_map),
         "problems": "\n".join((*recording.problems, *notes)),
     }
-    slowest = min((item.column.rate for item in mapped if item.is_force), default=np.inf)
-    if slowest * (time[1] - time[0]) < 1.0 - SAME_STEP:
-        dataset.attrs["force_rate"] = float(slowest)
+    slow = {
+        item.key: float(item.column.rate)
+        for item in mapped
+        if item.is_force and item.column.rate * (time[1] - time[0]) < 1.0 - SAME_STEP
+    }
+    if slow:
+        dataset.attrs["force_rates"] = json.dumps(slow)
     return label(dataset)
 
 
