@@ -16,6 +16,7 @@ from turnout.measurement.chain.recorder_response import (
 )
 
 TIME = np.arange(4000) * 1e-3
+CLAMP = '[drive_current.1]\ncolumn = "C"\nkind = "scaled"\n'
 MAP = '[drive_force.1]\ncolumn = "Rod 1"\nkind = "scaled"\n'
 
 
@@ -137,8 +138,33 @@ def test_what_the_map_states_is_what_a_dataset_says() -> None:
         ('recorded_filter = "6 Hz"', "recorded_filter"),
         ('recorded_rate = "20 s"', "recorded_rate"),
         ('recorded_rate = "0 Hz"', "recorded_rate"),
+        ('recorded_average = "1 us"', "recorded_average"),
+        ("clock_uncertainty = 2", "a share: 0.02 for 2 %"),
+        ('clock_uncertainty = "10 ppm"', "1e-5 for 10 ppm"),
+        ("gain_uncertainty = 0.01", "into the table of a channel"),
     ],
 )
 def test_what_no_recorder_does_is_refused_by_name(line: str, match: str) -> None:
     with pytest.raises(MeasurementError, match=match):
         parse_channel_map(parse_toml(f"{line}\n{MAP}", source="map"))
+
+
+@pytest.mark.parametrize(
+    ("line", "match"),
+    [
+        ('recorded_average = "0.1 s"', "above the first table"),
+        ("gain_uncertainty = 2", "a share: 0.02 for 2 %"),
+        (
+            '[drive_current.1]\ncolumn = "C"\nkind = "scaled"\ngain_uncertainty = 0.1',
+            "force channels",
+        ),
+    ],
+)
+def test_a_key_in_the_wrong_table_says_where_it_belongs(line: str, match: str) -> None:
+    with pytest.raises(MeasurementError, match=match):
+        parse_channel_map(parse_toml(f"{MAP}{line}\n", source="map"))
+
+
+def test_samples_that_change_nothing_are_no_response() -> None:
+    text = 'recorded_rate = "1 kHz"\n'
+    assert not parse_channel_map(parse_toml(text + MAP, source="map")).recorder_response()

@@ -219,8 +219,8 @@ def without_needless(
     needed = [pair for pair in search.taken if _is_needed(pair[1], final)]
     if len(needed) == len(search.taken):
         return search
-    first = search.plain
-    for _, cause in needed:
+    first, kept = search.plain, [cause for _, cause in needed]
+    for cause in kept:
         first = with_cause(first, cause)
     dropped = {
         item.name for pair in search.taken if pair not in needed for item in pair[1].parameters
@@ -240,7 +240,8 @@ def without_needless(
         found = brief_fit(replace(first, base=values), vary, values, near=start, on_step=on_step)
     except SolverError:
         return search
-    if _missed(found) * LESS_MISSED > _missed(final):
+    slight = all(_is_slight(cause, final) for _, cause in search.taken if cause not in kept)
+    if not slight and _missed(found) * LESS_MISSED > _missed(final):
         return search
     return replace(
         search, found=found, first=first, taken=tuple(needed), misses=is_worth_a_search(found)

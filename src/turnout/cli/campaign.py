@@ -325,6 +325,10 @@ def _make(
         typer.echo(
             f"{'written':<12}{out} (run sheet runs.csv, true values truth.nc; all synthetic)"
         )
+        if plan.scheme is None:
+            typer.echo(
+                f"{'remark':<12}a test of `turnout calibrate` needs throws made with --finer"
+            )
 
 
 def built_campaign(

@@ -28,12 +28,15 @@ from turnout.measurement.chain.channel_map import (
     KINDS,
     AnySensor,
     ChannelMap,
+    SensorRecord,
     raw_unit,
 )
 from turnout.measurement.chain.condition import SAME_STEP, common_time, resample, tare
 from turnout.measurement.chain.sensor import SensorLine, describe_sensor, line_of
 from turnout.measurement.recording import RecordedChannel, Recording
 from turnout.schema.channels import SCHEMA_VERSION, label
+
+CELL = "object_force"
 
 
 def load_channel_map(name_or_path: Path | str) -> ChannelMap:
@@ -67,7 +70,11 @@ def parse_channel_map(file: TomlFile) -> ChannelMap:
         problems = [_described(item) for item in error.errors(include_url=False)]
         raise MeasurementError(list(dict.fromkeys(problems)), source=file.source) from None
     used: dict[str, str] = {}
-    twice = []
+    twice = [
+        f"{key}.gain_uncertainty: is of force channels alone; leave it out"
+        for key, dimension, sensor in sensors(channel_map)
+        if dimension is CURRENT and sensor.gain_uncertainty is not None
+    ]
     for key, _, sensor in sensors(channel_map):
         if sensor.column in used:
             twice.append(f'{key}.column = "{sensor.column}": is also that of {used[sensor.column]}')
@@ -273,7 +280,20 @@ def _described(error: Any) -> str:
     if error["type"] == "union_tag_invalid":
         tag = error["ctx"]["tag"]
         return f'{".".join(keys)}.kind = "{tag}": must be {choices(KINDS)}{nearest(tag, KINDS)}'
-    return ".".join(keys) + describe_error(error, allowed=fields)
+    return ".".join(keys) + describe_error(error, allowed=fields) + _hint(error, keys)
+
+
+def _hint(error: Any, keys: list[str]) -> str:
+    """Say where a key belongs, or how a share is written, where that is the mistake."""
+    key = keys[-1]
+    if error["type"] == "extra_forbidden":
+        if len(keys) > 1 and key in ChannelMap.model_fields:
+            return "; it belongs above the first table of the map"
+        if len(keys) == 1 and key in SensorRecord.model_fields:
+            return "; it belongs into the table of a channel"
+    if key.endswith("_uncertainty"):
+        return "; it is a share: 0.02 for 2 %, 1e-5 for 10 ppm"
+    return ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -301,8 +321,8 @@ def _mapped_columns(recording: Recording, channel_map: ChannelMap) -> list[_Mapp
                 near = nearest(sensor.column, recording.channels)
                 problems.append(
                     f'{key}.column = "{sensor.column}": is not in the file{near}; '
-                    f"there are {choices(recording.channels)}; where recordings may lack it, say "
-                    "optional = true in its table"
+                    f"there are {choices(recording.channels)}"
+                    + ("; where recordings may lack it, say optional = true" * (key == CELL))
                 )
             continue
         try:
