@@ -166,7 +166,7 @@ def miss(interval: Interval, truth: float) -> float:
 CLEARLY_OPEN = 2e-3
 """Above its limit, from which on a gap must not be missed [m]."""
 OPEN_CALLED, OPEN_CONFIDENCE = 0.97, 0.95
-"""Share of these that are to be called, and how sure that is to be [-]."""
+"""Share of these that are to be called, and the confidence of that [-]."""
 LARGEST_REACH = 1.0
 
 
