@@ -3,8 +3,9 @@
 Throws, training and judging go on where they were stopped. A population of switches is thrown with
 the seed of the study for training and with another for judging; each test throw gets a discrepancy,
 noise, timing, gain and zero of its own. Alarms are counted by switch. Figures come in the order of
-`figures_of`, each with the throws it needs; they are printed and kept in DIR/figures-DIGEST.json,
-the detector and its verdicts beside them, under the digest of the sources of the detector.
+`figures_of`, each with the throws it needs; they are printed and kept in
+DIR/figures-DIGEST-SEED.json, the detector and its verdicts beside them, under the digest of the
+sources of the detector.
 """
 
 import argparse
@@ -41,7 +42,7 @@ from tests.verification.detector_further import (
 )
 from tests.verification.detector_other import other_figures, relative_a90
 from tests.verification.detector_robustness import robustness
-from tests.verification.detector_sets import Sizes, Throws, plans_of
+from tests.verification.detector_sets import JUDGED_SEED, Sizes, Throws, plans_of
 from tests.verification.detector_unknown import SEVERE, unknown_figures
 
 from turnout.core.files import write_atomic
@@ -75,18 +76,20 @@ def main() -> None:
     parser.add_argument("--study", type=Path, help="population in place of the reference case")
     for name, value in (("sound", 4000), ("objects", 3000), ("switches", 200)):
         parser.add_argument(f"--{name}", type=int, default=value)
+    parser.add_argument("--seed", type=int, default=JUDGED_SEED, help="of the switches judged")
     parser.add_argument("--only", nargs="*", help="figures wanted; default all that are missing")
     parser.add_argument("--workers", type=int, default=1)
     given = vars(parser.parse_args())
     folder, wanted = given.pop("folder"), given.pop("only")
-    source, workers = given.pop("study"), given.pop("workers")
+    source, workers, seed = given.pop("study"), given.pop("workers"), given.pop("seed")
     study = reference_study() if source is None else load_study(source)
     amplitude = nominal_amplitude(study, friction=NOMINAL_FRICTION)
     setting = setting_of(study.panel, amplitude=amplitude, allowances=Allowances())
-    plans = plans_of(study, Sizes(**given))
+    plans = plans_of(study, Sizes(**given), seed=seed)
     throws = Throws(plans, folder, setting.layout, workers=workers)
     path, made = detector_file(throws, setting, folder)
     knowledge = Detector.load(path).knowledge
+    made = f"{made}-{seed}"
     kept = folder / f"figures-{made}.json"
     said = json.loads(kept.read_text()) if kept.exists() else {}
     with one_blas_thread():

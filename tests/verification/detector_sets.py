@@ -221,18 +221,18 @@ class Watch:
             print(f"{self._name}: {state.done} of {state.total}", flush=True)
 
 
-def plans_of(study: Study, sizes: Sizes) -> dict[str, dict[str, Plan]]:
-    """Return all sweeps by folder."""
-    return {
-        "train": training_plans(study, sizes.training),
-        "test": judged_plans(study, sizes.test, seed=JUDGED_SEED),
-        "narrow": narrow_plans(sizes),
-        "cases": case_plans(study),
-    }
-
-
 JUDGED_SEED = 540_000
 """Of switches that no choice in the detector was made on [-]."""
+
+
+def plans_of(study: Study, sizes: Sizes, *, seed: int = JUDGED_SEED) -> dict[str, dict[str, Plan]]:
+    """Return all sweeps by folder; another seed judges other switches."""
+    return {
+        "train": training_plans(study, sizes.training),
+        "test": judged_plans(study, sizes.test, seed=seed),
+        "narrow": narrow_plans(sizes, seed=seed + 1),
+        "cases": case_plans(study),
+    }
 
 
 def judged_plans(study: Study, counts: Counts, *, seed: int) -> dict[str, Plan]:
@@ -241,7 +241,7 @@ def judged_plans(study: Study, counts: Counts, *, seed: int) -> dict[str, Plan]:
     return {name: plan for name, plan in found.items() if name.startswith(HISTORY)}
 
 
-def narrow_plans(sizes: Sizes) -> dict[str, Plan]:
+def narrow_plans(sizes: Sizes, *, seed: int) -> dict[str, Plan]:
     """Return switches of the narrow population: no variation of sections, fit or stress-free state.
 
     Their numbers compare with the study that the goals of the detector come from. Every judged
@@ -251,7 +251,7 @@ def narrow_plans(sizes: Sizes) -> dict[str, Plan]:
     each = len(places_of(study.panel))
     switches = min(NARROW_SWITCHES, sizes.switches)
     counts = replace(sizes.test, switches=switches, objects_each=each)
-    plans = judged_plans(study, counts, seed=JUDGED_SEED + 1)
+    plans = judged_plans(study, counts, seed=seed)
     return {name: plans[name] for name in (HISTORY, after_history(OBJECT))}
 
 

@@ -1,0 +1,288 @@
+"""Tables of docs/detection.md from what the detector's figures left in a folder.
+
+    python -m tests.verification.detector_page DIR --seed 550000
+
+DIR and seed are those of `tests.verification.detector` and `tests.verification.detector_histories`;
+the newest figures of that seed are printed, and nothing is computed.
+"""
+
+import argparse
+import json
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from tests.verification.detector_histories import SOFT_KINDS, SOFT_PLACES
+from tests.verification.detector_sets import JUDGED_SEED
+
+Figures = Mapping[str, Any]
+
+KINDS = {
+    "sound": "sound throws",
+    "dry chairs": "dry chairs under one rail after the history",
+    "dry chairs, low friction": "of these from friction below 0.3",
+    "dry chairs, high friction": "of these from friction above 0.3",
+    "adjustment": "one drive re-adjusted by 1 mm after the history",
+}
+KNOWN_PLACE = {
+    "alone": (0.7, 1.7, 4.1, 7.3, 10.2, 12.4, 13.1, 11.2, 9.0, 6.1, 4.3, 3.4, 3.4),
+    "known": (0.6, 1.0, 3.1, 6.1, 8.7, 10.5, 11.1, 10.1, 7.7, 5.6, 4.0, 3.1, 3.1),
+}
+LINEAR = {
+    "alone": (0.6, 1.5, 3.5, 6.7, 9.2, 10.9, 11.4, 10.5, 8.4, 5.8, 4.1, 3.3, 3.3),
+    "known": (0.4, 0.9, 3.0, 5.7, 8.3, 10.0, 10.4, 9.4, 7.3, 5.4, 3.8, 3.0, 3.0),
+}
+"""a90 of the bounds on docs/detection-limit.md, Drive 1 to Drive 2 [mm]."""
+GAPS = {"sensor TKK1": "TKK1", "sensor TKK2": "TKK2", "drive 1": "Drive 1", "drive 2": "Drive 2"}
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--seed", type=int, default=JUDGED_SEED)
+    given = parser.parse_args()
+    said = newest(given.folder, f"figures-*-{given.seed}.json")
+    said |= newest(given.folder, f"histories-*-{given.seed}.json")
+    tables: tuple[tuple[Sequence[str], Callable[[Figures], list[str]]], ...] = (
+        (("alone", "known"), places_table),
+        (("rates alone", "known"), alarm_table),
+        (("alone", "known"), object_table),
+        (("alone", "known"), cause_table),
+        (("unknown", "known"), unknown_table),
+        (("alone", "known"), missed_table),
+        (("5 known",), histories_table),
+        (("soft",), soft_table),
+        (("price",), price_table),
+        (("year",), lambda said: ["year: " + ", ".join(alarms(item) for item in said["year"])]),
+        (("robustness",), robustness_table),
+    )
+    for needed, table in tables:
+        if set(needed) <= set(said):
+            print("\n".join(table(said)) + "\n")
+    for name in ("ice", "known place", "time", "other", "narrow"):
+        if name in said:
+            shown = {key: item for key, item in dict_of(said[name]).items() if key != "objects"}
+            print(f"{name}: {json.dumps(shown)}\n")
+
+
+def dict_of(item: Any) -> dict[str, Any]:
+    """Return a record as it is, and a list by its numbers."""
+    return item if isinstance(item, dict) else {str(i): value for i, value in enumerate(item)}
+
+
+def newest(folder: Path, pattern: str) -> dict[str, Any]:
+    """Return the last figures that were written under a name, or none."""
+    found = sorted(folder.glob(pattern), key=lambda path: path.stat().st_mtime)
+    return json.loads(found[-1].read_text()) if found else {}
+
+
+def heads(places: Sequence[str]) -> list[str]:
+    """Return the two lines above a table of places.
+
+    Examples
+    --------
+    >>> heads(["drive 1", "sleeper 2"])
+    ['| | D1 | 2 |', '|---|--|--|']
+    """
+    names = [name.replace("sleeper ", "").replace("drive ", "D") for name in places]
+    return [f"| | {' | '.join(names)} |", "|---|" + "--|" * len(names)]
+
+
+def row(label: str, values: Sequence[float], *, factor: float = 1e3, form: str = ".1f") -> str:
+    """Return a line of a table, in millimetres.
+
+    Examples
+    --------
+    >>> row("a90", [0.0112, 0.003])
+    '| a90 | 11.2 | 3.0 |'
+    """
+    return f"| {label} | {' | '.join(format(factor * value, form) for value in values)} |"
+
+
+def alarms(item: Mapping[str, float]) -> str:
+    """Return alarms of throws, and the upper limit of their rate.
+
+    Examples
+    --------
+    >>> alarms({"alarms": 7.0, "throws": 32200.0, "upper": 0.41e-3})
+    '7 of 32,200, 0.41/1,000'
+    """
+    return f"{item['alarms']:.0f} of {item['throws']:,.0f}, {1e3 * item['upper']:.2f}/1,000"
+
+
+def places_table(said: Figures) -> list[str]:
+    """Return a90, its limit and a90 at 1/10,000 by place."""
+    lines = heads(list(said["alone"]["a90"]))
+    for name, label in (("alone", "no history"), ("known", "20 throws known")):
+        found = said[name]
+        lines.append(row(f"**{label}**", [item[0] for item in found["a90"].values()]))
+        lines.append(row("a90/95", [item[1] for item in found["a90"].values()]))
+        rare = [item[0] for item in found["a90 at 1/10,000"].values()]
+        lines.append(row("at 1/10,000", rare))
+    for name, label in (("alone", "no history"), ("known", "20 throws known")):
+        for bound, sizes in (("linear bound", LINEAR), ("known place", KNOWN_PLACE)):
+            found = [1e3 * item[0] for item in said[name]["a90"].values()]
+            over = [own - least for own, least in zip(found, sizes[name], strict=True)]
+            lines.append(
+                f"- {label}, over the {bound}: median {median(over):.2f}, worst {max(over):.2f} mm"
+            )
+    return lines
+
+
+def alarm_table(said: Figures) -> list[str]:
+    """Return alarms at both rates."""
+    rare = said["rates alone"]
+    lines = ["| alarms, upper 95 % limit by switches | 1/1,000 | 1/10,000 |", "|---|---|---|"]
+    lines.append(
+        f"| sound throws, no history | {alarms(rare['0.001'])} | {alarms(rare['0.0001'])} |"
+    )
+    known = said["known"]["rates"]
+    for name, label in KINDS.items():
+        cells = [alarms(known[rate][name]) for rate in ("0.001", "0.0001")]
+        lines.append(f"| {label}{', 20 known' * (name == 'sound')} | {' | '.join(cells)} |")
+    return lines
+
+
+def object_table(said: Figures) -> list[str]:
+    """Return errors of place, size and gaps, and how their intervals hold."""
+    columns = [_objects(said[name]) for name in ("alone", "known")]
+    lines = ["| | no history | 20 throws known |", "|---|---|---|"]
+    return lines + [f"| {name} | {columns[0][name]} | {columns[1][name]} |" for name in columns[0]]
+
+
+def _objects(found: Figures) -> dict[str, str]:
+    own, gaps = found["objects"], found["gaps"]
+    lines = {
+        "place, median / 90 %; in the 95 % interval": (
+            f"{own['place_median']:.2f} / {own['place_90']:.2f} m; {own['place_coverage']:.0%}"
+        ),
+        "true place in the reported set (90 % wanted)": f"{own['place_in_set']:.0%}",
+        "size, median / 90 %; in the 95 % interval": (
+            f"{1e3 * own['size_median']:.1f} / {1e3 * own['size_90']:.1f} mm; "
+            f"{own['size_coverage']:.0%}"
+        ),
+    }
+    for name, label in GAPS.items():
+        sound, held = gaps["sound"][name], gaps["object"][name]
+        lines[f"gap at {label}, median error sound / object; in the 95 % interval"] = (
+            f"{1e3 * sound['median_error']:.1f} / {1e3 * held['median_error']:.1f} mm; "
+            f"{sound['coverage']:.1%} / {held['coverage']:.1%}"
+        )
+    for name in ("sensor TKK1", "drive 2"):
+        held = gaps["object"][name]
+        lines[f"gaps 2 mm above their limit called, {GAPS[name]}"] = (
+            f"{round(held['called'] * held['above'])} of {held['above']:.0f}"
+            if held["above"]
+            else "none"
+        )
+    return lines
+
+
+def cause_table(said: Figures) -> list[str]:
+    """Return how severe causes are named, and the macro-F1."""
+    lines = []
+    for name, label in (("alone", "no history"), ("known", "20 throws known")):
+        severe, every = said[name]["severe causes"], said[name]["causes"]
+        lines += ["", f"{label}: macro-F1 {severe['macro_f1']:.3f} of severe causes"]
+        for kind, counts in severe["table"].items():
+            told = ", ".join(f"{word} {count}" for word, count in sorted(counts.items()))
+            lines.append(f"- {kind}, {sum(counts.values())} throws: {told}")
+        held = every["table"]["object"]
+        lines.append(
+            f"- objects called dry chairs: {held.get('dry chairs', 0)} of {sum(held.values())}"
+        )
+    return lines
+
+
+def unknown_table(said: Figures) -> list[str]:
+    """Return the area under the curve of each cause that is left out."""
+    lines = [
+        "| severe cause left out | no history | 20 throws known | all with 20 known |",
+        "|---|---|---|---|",
+    ]
+    known, alone = said["known"]["unknown"], said["unknown"]
+    for name, item in known.items():
+        first = f"{alone[name]['severe']:.3f}" if name in alone else "none"
+        count = f"{item['severe throws']:.0f}"
+        lines.append(
+            f"| {name} ({count} throws) | {first} | {item['severe']:.3f} | {item['all']:.2f} |"
+        )
+    return lines
+
+
+def missed_table(said: Figures) -> list[str]:
+    """Return shares of touched objects that are missed, by size."""
+    rows: dict[str, Mapping[str, Mapping[str, float]]] = {
+        "detector, no history": said["alone"]["missed"],
+        "detector, 20 throws known": said["known"]["missed"],
+    }
+    classes = list(said["known"]["missed"])
+    lines = [f"| missed [%] | {' | '.join(classes)} |", "|---|" + "--|" * len(classes)]
+    lines += [
+        row(name, [item["detector"] for item in found.values()], factor=100, form=".0f")
+        for name, found in rows.items()
+    ]
+    own = list(said["known"]["missed"].values())
+    for name in ("lock", "sensors", "objects"):
+        factor = 1 if name == "objects" else 100
+        lines.append(row(name, [item[name] for item in own], factor=factor, form=".0f"))
+    return lines
+
+
+def histories_table(said: Figures) -> list[str]:
+    """Return a90 and false alarms of five throws known, and of closings alone."""
+    names = ("5 known", "closings alone")
+    found = {name: said[name] for name in names if name in said}
+    lines = heads(list(said["5 known"]["a90"]))
+    lines += [row(name, list(item["a90"].values())) for name, item in found.items()]
+    return lines + [
+        f"- {name}: threshold {item['threshold']:.2f}, {alarms(item['false alarms'])}"
+        for name, item in found.items()
+    ]
+
+
+def soft_table(said: Figures) -> list[str]:
+    """Return what is called of objects of each kind, and a90 by place."""
+    lines = [f"| | {' | '.join(SOFT_KINDS)} |", "|---|" + "--|" * len(SOFT_KINDS)]
+    for known in (0, 20):
+        own = [said["soft"][f"{kind}, {known} known"] for kind in SOFT_KINDS]
+        called = [item["called"] for item in own]
+        lines.append(row(f"called, {known} known [%]", called, factor=100, form=".0f"))
+        lines += [
+            row(f"a90 at {place}, {known} known", [item[place] for item in own])
+            for place in SOFT_PLACES
+        ]
+    touched = [said["soft"][f"{kind}, 0 known"]["touched"] for kind in SOFT_KINDS]
+    return [*lines, row("touched", touched, factor=1, form=".0f")]
+
+
+def price_table(said: Figures) -> list[str]:
+    """Return what a larger assumed discrepancy costs with a history."""
+    lines = [
+        "| with 20 throws known | false alarms | a90 at sleeper 6 | median of places |",
+        "|---|---|---|---|",
+    ]
+    for name, item in said["price"].items():
+        sizes = sorted(item["a90"].values())
+        cells = (1e3 * item["a90"]["sleeper 6"], 1e3 * sizes[len(sizes) // 2])
+        lines.append(
+            f"| {name} | {alarms(item['false alarms'])} | {cells[0]:.1f} | {cells[1]:.1f} |"
+        )
+    return lines
+
+
+def robustness_table(said: Figures) -> list[str]:
+    """Return alarms and objects seen where errors are not the assumed ones."""
+    lines = ["| test throws | alarms | objects seen | a90 at sleeper 6 |", "|---|---|---|---|"]
+    for name, item in said["robustness"].items():
+        lines.append(
+            f"| {name} | {item['alarms']:.0f} of {item['throws']:,.0f} | {item['seen']:.0%} | "
+            f"{1e3 * item['a90 at sleeper 6']:.1f} mm |"
+        )
+    return lines
+
+
+if __name__ == "__main__":
+    main()
