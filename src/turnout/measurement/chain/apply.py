@@ -19,16 +19,14 @@ from pydantic import ValidationError
 
 from turnout.core.files import require_regular_file, user_path
 from turnout.core.library import names_a_file
-from turnout.core.problems import choices, describe_error, nearest
+from turnout.core.problems import choices, nearest
 from turnout.core.provenance import content_hash, version
 from turnout.core.toml import TomlFile, decode, parse_toml, read_toml
 from turnout.core.units import CURRENT, FORCE, Dimension
 from turnout.errors import FileError, MeasurementError
 from turnout.measurement.chain.channel_map import (
-    KINDS,
     AnySensor,
     ChannelMap,
-    SensorRecord,
     raw_unit,
 )
 from turnout.measurement.chain.condition import SAME_STEP, common_time, resample, tare
@@ -67,7 +65,7 @@ def parse_channel_map(file: TomlFile) -> ChannelMap:
     try:
         channel_map = ChannelMap.model_validate(file.data)
     except ValidationError as error:
-        problems = [_described(item) for item in error.errors(include_url=False)]
+        problems = [map_problem(item) for item in error.errors(include_url=False)]
         raise MeasurementError(list(dict.fromkeys(problems)), source=file.source) from None
     used: dict[str, str] = {}
     twice = [
@@ -267,33 +265,6 @@ def _open(name_or_path: Path | str) -> TomlFile:
     return parse_toml(
         decode(folder.joinpath(f"{text}.toml").read_bytes(), source=text), source=text
     )
-
-
-def _described(error: Any) -> str:
-    """Return key path and fault, without the kind that pydantic puts into the path."""
-    path = [str(part) for part in error["loc"]]
-    kind = next((part for part in path if part in KINDS), None)
-    keys = [part for part in path if part != kind]
-    fields = KINDS[kind].model_fields if kind else ChannelMap.model_fields
-    if error["type"] == "union_tag_not_found":
-        return f"{'.'.join(keys)}: kind is missing; must be {choices(KINDS)}"
-    if error["type"] == "union_tag_invalid":
-        tag = error["ctx"]["tag"]
-        return f'{".".join(keys)}.kind = "{tag}": must be {choices(KINDS)}{nearest(tag, KINDS)}'
-    return ".".join(keys) + describe_error(error, allowed=fields) + _hint(error, keys)
-
-
-def _hint(error: Any, keys: list[str]) -> str:
-    """Say where a key belongs, or how a share is written, where that is the mistake."""
-    key = keys[-1]
-    if error["type"] == "extra_forbidden":
-        if len(keys) > 1 and key in ChannelMap.model_fields:
-            return "; it belongs above the first table of the map"
-        if len(keys) == 1 and key in SensorRecord.model_fields:
-            return "; it belongs into the table of a channel"
-    if key.endswith("_uncertainty"):
-        return "; it is a share: 0.02 for 2 %, 1e-5 for 10 ppm"
-    return ""
 
 
 @dataclass(frozen=True, slots=True)
