@@ -30,6 +30,7 @@ from turnout.measurement.chain.channel_map import (
     raw_unit,
 )
 from turnout.measurement.chain.condition import SAME_STEP, common_time, resample, tare
+from turnout.measurement.chain.map_problems import map_problem
 from turnout.measurement.chain.sensor import SensorLine, describe_sensor, line_of
 from turnout.measurement.recording import RecordedChannel, Recording
 from turnout.schema.channels import SCHEMA_VERSION, label
