@@ -35,6 +35,16 @@ def assembled(run: PreparedRun) -> np.ndarray:
 @pytest.fixture(autouse=True)
 def _without_memory() -> None:
     clear_memory()
+    assert not prepared("drive 1").known  # the first run of these rails, which gives nothing back
+
+
+def test_the_only_throw_of_some_rails_leaves_nothing() -> None:
+    levels.clear_levels()
+    clear_memory()
+    only = prepared("x = 3.61 m")
+    assembled(only)
+    only.give_back()
+    assert not prepared("x = 3.61 m").state.level_ready.any()
 
 
 def test_another_place_of_an_object_gives_the_bits_of_a_new_compliance() -> None:

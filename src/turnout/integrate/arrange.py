@@ -72,6 +72,8 @@ class Arrangement:
         Condensed system of the model, laid out for the kernels.
     templates : dict
         States at rest and scratch arrays, by numbers of inputs and of levels, for runs to copy.
+    known : bool
+        Whether these rails have been arranged before.
     """
 
     mechanism: Mechanism
@@ -80,6 +82,7 @@ class Arrangement:
     condensed: CondensedRails
     system: System
     templates: Templates
+    known: bool
 
     @property
     def model(self) -> ModalModel:
@@ -149,7 +152,7 @@ def arrange(mechanism: Mechanism, scheme: Scheme) -> Arrangement:
         return made if structure is None else rails.placed.put(id(mechanism.rows), made)
     laws = mechanism.laws._replace(base_segment=found.laws.base_segment)
     table = shared_record(place_laws(laws, found.system.row_place))
-    return replace(found, mechanism=mechanism, laws=laws, table=table)
+    return replace(found, mechanism=mechanism, laws=laws, table=table, known=True)
 
 
 def clear_memory() -> None:
@@ -208,6 +211,7 @@ def _arranged(mechanism: Mechanism, rails: _Rails, structure: _Structure | None)
     further = np.full(mechanism.laws.row.size - rails.base_segment.size, -1)
     laws = mechanism.laws._replace(base_segment=np.concatenate((rails.base_segment, further)))
     frame = rails.frames.get(joined)
+    known = frame is not None
     if frame is None:
         layout, system = _laid_out(parts, laws, structure, fixed_rows=first)
         rails.frames[joined] = frame = _Frame(system, layout.places, {})
@@ -216,7 +220,7 @@ def _arranged(mechanism: Mechanism, rails: _Rails, structure: _Structure | None)
     n_rows, n_coordinates = mechanism.rows.shape
     condensed = CondensedRails(parts, n_coordinates=n_coordinates, n_rows=n_rows)
     table = shared_record(place_laws(laws, system.row_place))
-    return Arrangement(mechanism, laws, table, condensed, system, frame.templates)
+    return Arrangement(mechanism, laws, table, condensed, system, frame.templates, known)
 
 
 def _laid_out(
@@ -287,7 +291,7 @@ def _with_objects(
 class PreparedRun:
     """All data of one run; `positions` are the inputs at the ends of the steps [m].
 
-    `templates` are those of its arrangement.
+    `templates` are those of its arrangement, whose rails may be `known` from other runs.
     """
 
     system: System
@@ -302,11 +306,13 @@ class PreparedRun:
     obstructions: Obstructions
     courses: FrictionCourses
     templates: Templates
+    known: bool
     rods: Rods | None = None
 
     def give_back(self) -> None:
         """Give back, at its end, what another run of these rails can use."""
-        give_back_levels(self.templates, self.system, self.stepping, self.state)
+        if self.known:
+            give_back_levels(self.templates, self.system, self.stepping, self.state)
 
 
 def prepare(
@@ -368,6 +374,7 @@ def prepare(
         obstructions=_set_up_obstructions(arrangement),
         courses=_set_up_courses(arrangement.mechanism.courses),
         templates=arrangement.templates,
+        known=arrangement.known,
     )
 
 

@@ -348,6 +348,8 @@ def _march_in_chunks(
 def _name_unconverged(mechanism: Mechanism, run: PreparedRun) -> tuple[str, ...]:
     """Return the names of the laws on rows that still changed when the last attempt ended."""
     rows, table = run.work.unconverged.astype(bool), run.table
+    if not rows.any():
+        return ()
     names = [name for name, row in zip(mechanism.law_names, table.row, strict=True) if rows[row]]
     names += [
         f"friction {name}"

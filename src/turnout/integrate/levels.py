@@ -4,7 +4,7 @@ They depend on the condensed rails and the length of the step (`turnout.integrat
 laws: throws of a study that differ in friction, stiffness of drives, slip levels and the object
 have them alike. Where objects stand matters for their own rows and columns alone, which are made
 again. A run takes the compliances out of the memory and gives them back at its end, so that no two
-runs ever write to them.
+runs ever write to them. Rails of which there is a single throw give nothing back.
 """
 
 from collections.abc import Hashable
@@ -19,8 +19,8 @@ from turnout.integrate.state import State
 from turnout.integrate.step import Stepping
 from turnout.integrate.system import Floats, Ints, System
 
-MOST_KEPT = 32
-"""Sets of compliances, the latest used; of each half a megabyte is written in quick mode."""
+MOST_KEPT = 12
+"""Sets of compliances, the latest used; two megabytes each in quick mode."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -92,13 +92,15 @@ def indexed(coordinates: dict[str, Variable]) -> "xr.Coordinates":
 
 def _index_of(name: str, values: NDArray[np.generic]) -> "tuple[Index, xr.Variable]":
     """Return the index of a dimension, kept where it holds names: throws have the same ones."""
+    import pandas as pd
     import xarray as xr
 
     key = (name, values.dtype.str, values.tobytes())
     kept = _indexes.get(key)
     if kept is not None:
         return kept
-    index = xr.indexes.PandasIndex(values, name, coord_dtype=values.dtype)
+    # Of an array xarray makes the same index, but first loads every library of arrays it knows.
+    index = xr.indexes.PandasIndex(pd.Index(values), name, coord_dtype=values.dtype)
     made: tuple[Index, xr.Variable] = index, index.create_variables()[name]
     return _indexes.put(key, made) if values.dtype.kind == "U" else made
 
