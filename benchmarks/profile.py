@@ -23,7 +23,6 @@ from turnout.integrate.arrange import PreparedRun, arrange, prepare
 from turnout.integrate.columns import update_row
 from turnout.integrate.start import start_at_rest
 from turnout.integrate.state import COUNT_FLIPS, COUNT_ITERATIONS
-from turnout.kernels.interrupt import one_thread
 from turnout.kernels.vector import add_weighted_rows
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.load import load_panel
@@ -69,15 +68,15 @@ def marched(
     mechanism = build_mechanism(panel, ())
     times = scheme.step * np.arange(round(panel.schedule.end / scheme.step) + 1)
     positions = marker_positions(panel, times) + marker_offsets(panel)[:, np.newaxis]
-    with one_blas_thread(), one_thread() as thread:
+    with one_blas_thread():
         positions = positions.T.copy()
         made = prepare(arrange(mechanism, scheme), scheme, positions, times.size, filled_in=False)
-        start_at_rest(made, mechanism, thread)
+        start_at_rest(made, mechanism)
         began = time.perf_counter()
         march.march(
             made.system, made.table, made.state, made.work, made.tolerances,
             made.stepping._replace(stride=stride), made.positions, 0,
-            int(share * (times.size - 1)), made.record,
+            int(share * (times.size - 1)), made.record, made.obstructions, made.courses, None,
         )  # fmt: skip
         return made, time.perf_counter() - began
 

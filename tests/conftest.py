@@ -3,6 +3,7 @@
 import multiprocessing
 import os
 import signal
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -42,6 +43,16 @@ def pytest_report_header() -> str:
     if must_compile():
         return "kernels: the first test that simulates compiles them, silently, for 20 to 60 s"
     return "kernels: compiled before"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def runs_of_one_file(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Drop what the functions of a file keep, such as whole histories, after its last test."""
+    yield
+    file = request.node.getparent(pytest.Module)
+    for kept in vars(file.obj).values() if file is not None else ():
+        if hasattr(kept, "cache_clear") and kept.__module__ == file.obj.__name__:
+            kept.cache_clear()
 
 
 @pytest.fixture(scope="session")

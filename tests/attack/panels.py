@@ -24,7 +24,7 @@ from tests.verification.robustness_checks import BOOKS, MAY_LACK, OF_STOCK_RAIL
 from tests.verification.robustness_panels import small_panel
 
 from turnout.cli.main import main
-from turnout.cli.simulate import preload_writers
+from turnout.cli.simulate import preload
 from turnout.core.quantity import unit_of
 from turnout.integrate.outcome import LEAST_SCALE
 from turnout.panel.keys import field_at
@@ -64,7 +64,7 @@ def attacking(seed: int) -> Iterator[Callable[[int], Record]]:
     """Give what throws a panel by its number; what the program loads is loaded before."""
     compile_kernels()
     simulate(load_panel("sb1"), scheme=Scheme.of("quick"))
-    preload_writers(plots=False)
+    preload(writes=True, plots=False)
     with tempfile.TemporaryDirectory(prefix="attack on panels ") as folder:
 
         def attempt(index: int) -> Record:

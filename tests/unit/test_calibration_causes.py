@@ -7,11 +7,8 @@ import pytest
 from tests.unit.test_calibration_fit import PARAMETERS, TRUE, misfit, movement, response
 
 from turnout.calibration import cause_trials
-from turnout.calibration.candidate_causes import (
-    SOFTNESS,
-    candidate_causes,
-    soft_bushing,
-)
+from turnout.calibration.bushing_laws import SOFTNESS, soft_bushing
+from turnout.calibration.candidate_causes import candidate_causes
 from turnout.calibration.cause_trials import own_levels, with_cause
 from turnout.calibration.causes import (
     CauseSearch,
@@ -23,21 +20,36 @@ from turnout.calibration.fit import brief_fit, fit
 from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.predict import predicted
 from turnout.calibration.stages import default_plan
+from turnout.measurement.chain.recorder_response import LowPass, RecorderResponse
 from turnout.panel.load import load_panel
 
+AVERAGE = RecorderResponse(average=0.3)
+FILTER = RecorderResponse(low_pass=LowPass(corner=1.5))
 
-def averaged(*, stated: float = 0.0) -> list[MeasuredMovement]:
-    """Movements of a recorder that averages over 0.3 s, which the map states or not."""
+
+def recorded(by: RecorderResponse, *, stated: RecorderResponse) -> list[MeasuredMovement]:
+    """Movements behind a recorder that the channel map states or not."""
     made = []
     for number in range(6):
         rng = np.random.default_rng(number)
         item = movement(f"m{number}", rng=rng)
         signal = item.signals[0]
-        late = replace(item, average=0.3, clocked=True)
+        late = replace(item, recorder=by, clocked=True)
         clean = predicted(response(TRUE), late, signal, np.arange(signal.time.size))
         values = clean + 2.0 * rng.standard_normal(clean.size)
-        made.append(replace(late, average=stated, signals=(replace(signal, values=values),)))
+        made.append(
+            replace(
+                late,
+                recorder=stated,
+                signals=(replace(signal, values=values),),
+            )
+        )
     return made
+
+
+def averaged(*, stated: float = 0.0) -> list[MeasuredMovement]:
+    """Movements of a recorder that averages over 0.3 s, which the map states or not."""
+    return recorded(AVERAGE, stated=RecorderResponse(average=stated))
 
 
 def test_a_recorder_that_averages_is_found_and_freed_of() -> None:
@@ -57,6 +69,27 @@ def test_a_recorder_that_averages_is_found_and_freed_of() -> None:
 
 def test_an_average_that_the_map_states_is_no_cause() -> None:
     whole = misfit(averaged(stated=0.3))
+    found = fit(whole, PARAMETERS, TRUE)
+    assert found.values["k"] == pytest.approx(TRUE["k"], rel=5e-3)
+    assert with_causes(found, whole, load_panel("sb1")).tested == ()
+
+
+def test_a_recorder_that_filters_is_found_and_the_remedy_named() -> None:
+    panel = load_panel("sb1")
+    whole = misfit(recorded(FILTER, stated=RecorderResponse()))
+    near = fit(whole, PARAMETERS, TRUE, rough=True)
+    search = with_causes(brief_fit(whole, PARAMETERS, TRUE, near=near), whole, panel)
+    cause = search.tested[0]
+    assert not search.misses
+    assert (cause.name, cause.fitted) == ("recorder filter", True)
+    # The time constant of a corner at 1.5 Hz.
+    assert cause.sizes[0] == pytest.approx(0.106, rel=0.05)
+    assert 'recorded_filter = { kind = "butterworth", order = 2, corner = "1.' in cause.text
+    assert search.found.values["k"] == pytest.approx(TRUE["k"], rel=5e-3)
+
+
+def test_a_filter_that_the_map_states_is_no_cause() -> None:
+    whole = misfit(recorded(FILTER, stated=FILTER))
     found = fit(whole, PARAMETERS, TRUE)
     assert found.values["k"] == pytest.approx(TRUE["k"], rel=5e-3)
     assert with_causes(found, whole, load_panel("sb1")).tested == ()

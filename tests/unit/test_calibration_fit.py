@@ -197,18 +197,33 @@ def listened(whole: Misfit) -> list[tuple[ThrowInputs, float]]:
     return asked
 
 
-def test_steps_are_fine_where_a_fit_is_and_plain_aside() -> None:
+def test_throws_are_fine_where_a_fit_ends_and_plain_aside() -> None:
     whole = misfit([movement("m", rng=np.random.default_rng(2))])
     asked = listened(whole)
-    whole.fine = True
-    whole.local(TRUE, ("k",))
-    assert [value for throw, value in asked if throw.fine] == [TRUE["k"]]
-    assert {value for throw, value in asked if not throw.fine} > {TRUE["k"]}
-    assert not any(throw.quick for throw, _ in asked)
+    refined = whole.refined(TRUE)
+    assert [(value, throw.fine) for throw, value in asked] == [
+        (TRUE["k"], False),
+        (TRUE["k"], True),
+    ]
     asked.clear()
-    whole.fine, whole.quick = False, True
+    refined.local(TRUE, ("k",))
+    assert {value for _, value in asked} > {TRUE["k"]}
+    assert not any(throw.quick or throw.fine for throw, _ in asked)
+    asked.clear()
+    whole.quick = True
     whole.local(TRUE, ("k",))
     assert all(throw.quick and not throw.lean for throw, _ in asked)
+
+
+def test_what_fine_throws_change_is_added_near_by() -> None:
+    whole = misfit([movement("m", rng=np.random.default_rng(2))])
+    whole.evaluator = OfSecondOrder(load_panel("sb1"))
+    refined, near = whole.refined(TRUE), {**TRUE, "k": 1.002 * TRUE["k"]}
+    (found,) = refined.responses([near])[0]
+    exact = response({**near, "k": near["k"] * (1.0 + STEP_ERROR)}).drive_force["1"]
+    np.testing.assert_allclose(found.drive_force["1"], exact, atol=0.1)
+    (plain,) = whole.responses([near])[0]
+    assert np.abs(plain.drive_force["1"] - exact).max() > 10.0
 
 
 def test_steps_of_parameters_with_priors_are_lean() -> None:
@@ -442,3 +457,36 @@ def test_an_onset_that_forces_showed_far_too_early_is_found() -> None:
     estimated = [alignment.estimates["onset"][0] for alignment in found.frame.alignments]
     np.testing.assert_allclose(estimated, lates, atol=1e-3)
     assert found.values["k"] == pytest.approx(TRUE["k"], rel=2e-3)
+
+
+class OfSecondOrder(MadeUp):
+    """Is wrong by the square of the step, in the stiffness."""
+
+    def responses(self, throws: Sequence[ThrowInputs]) -> list[Response]:
+        self.made += len(throws)
+        wrong = [1.0 + STEP_ERROR * (1.0 if throw.fine else 4.0) for throw in throws]
+        return [
+            response({**throw.overrides, "k": float(str(throw.overrides["k"])) * share})
+            for throw, share in zip(throws, wrong, strict=True)
+        ]
+
+
+STEP_ERROR = 2e-3
+
+
+def test_the_error_of_the_step_is_in_the_deviations() -> None:
+    """Half the step leaves a quarter of the error: a third of what halving it changes."""
+    rng = np.random.default_rng(3)
+    measured = [movement(f"m{n}", rng=rng) for n in range(6)]
+    exact = fit(misfit(measured), PARAMETERS, TRUE)
+    whole = replace(misfit(measured), evaluator=OfSecondOrder(load_panel("sb1")))
+    found = fit(whole, PARAMETERS, TRUE)
+    assert found.misfit.refinement
+    assert found.values["k"] == pytest.approx(exact.values["k"] * (1.0 - STEP_ERROR), rel=2e-4)
+    _, plain = spread_of(exact).deviations
+    _, wide = spread_of(found).deviations
+    own = STEP_ERROR * found.values["k"]
+    assert wide == pytest.approx(float(np.hypot(plain, own)), rel=0.03)
+    # Throws that were not refined say nothing of it.
+    rough = replace(found, misfit=replace(found.misfit, refinement=()))
+    assert spread_of(rough).deviations[1] == pytest.approx(plain, rel=0.05)

@@ -7,10 +7,12 @@ import pytest
 from numpy.typing import NDArray
 from tests.unit.test_calibration_fit import PARAMETERS, TRUE, misfit, movement
 
-from turnout.calibration.covariance import common_gain, spread_of
+from turnout.calibration.candidate_causes import CHAIR_SPREAD, FRICTION, GROUP
+from turnout.calibration.covariance import chair_uncertainty, common_gain, spread_of
 from turnout.calibration.fit import fit
 from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.misfit import framed
+from turnout.calibration.parameter import Parameter
 from turnout.calibration.sensors import common_lead, found_sensors
 from turnout.calibration.shared import (
     Shared,
@@ -165,3 +167,40 @@ def test_motors_that_lead_are_noticed_by_all_onsets() -> None:
     assert common_lead(found) == pytest.approx(0.15, abs=0.005)
     even = [replace(item, clocked=True) for item in movements()]
     assert common_lead(fit(misfit(even), PARAMETERS, TRUE)) == 0.0
+
+
+def test_friction_that_differs_between_chairs_is_known_as_their_mean_only() -> None:
+    """With weights that fall to nothing, N chairs of spread s know their mean to s / sqrt(3 N)."""
+    chairs = 16
+    weights = 2.0 * np.arange(chairs, 0, -1) / (chairs * (chairs + 1))
+    exact = CHAIR_SPREAD * np.sqrt(np.sum((weights - 1.0 / chairs) ** 2))
+    own = CHAIR_SPREAD / np.sqrt(3.0 * chairs)
+    # The sum is short of the integral by (N - 1) / (N + 1).
+    assert own * np.sqrt((chairs - 1) / (chairs + 1)) == pytest.approx(exact)
+    parameters = [replace(PARAMETERS[0], name=FRICTION), PARAMETERS[1]]
+    rng = np.random.default_rng(0)
+    found = fit(misfit([movement(f"m{n}", rng=rng) for n in range(6)]), PARAMETERS, TRUE)
+    found = replace(
+        found,
+        parameters=tuple(parameters),
+        values={**found.values, FRICTION: found.values["mu"]},
+    )
+    panel = found.misfit.evaluator.panel
+    assert len(panel.chair) == chairs
+    assert chair_uncertainty(found) == 0.0
+    plain = spread_of(found)
+    group = Parameter(
+        name=f"{GROUP}1", keys=(), start=0.0, lower=-0.9, upper=0.9, transform="linear"
+    )
+    by_chair = replace(
+        found,
+        parameters=(*parameters, group),
+        values={**found.values, group.name: 0.0},
+        jacobian=np.column_stack([found.jacobian, 0.0 * found.jacobian[:, 0]]),
+    )
+    assert chair_uncertainty(by_chair) == pytest.approx(own)
+    wide = spread_of(by_chair)
+    spread = float(np.hypot(plain.deviations[0], own * found.values[FRICTION]))
+    assert wide.deviations[0] == pytest.approx(spread, rel=1e-6)
+    # What no chair's friction is in stays as it was.
+    assert wide.deviations[1] == pytest.approx(plain.deviations[1], rel=1e-6)

@@ -5,7 +5,8 @@ import pytest
 from tests.unit.test_integrate_columns import INERTIA, VISCOSITY, Setup, flip, setup
 
 from turnout.integrate.accuracy import DRIFTS, is_inaccurate, refine
-from turnout.integrate.columns import assemble_level, rebuild, update_row
+from turnout.integrate.columns import rebuild, update_row
+from turnout.integrate.compliance import assemble_level
 from turnout.integrate.energy import account_friction
 from turnout.integrate.march import _try_step
 from turnout.integrate.scratch import Work

@@ -147,9 +147,9 @@ def test_rails_of_other_sections_share_the_layout_and_give_the_same_bits(
     panel = load_panel("uic60-760-1-15").with_overrides({"schedule.end": 8.0})
     laid_out: list[object] = []
 
-    def lay_out(*given: object) -> object:
+    def lay_out(*given: object, fixed_rows: int) -> object:
         laid_out.append(given)
-        return condensing(*given)
+        return condensing(*given, fixed_rows=fixed_rows)
 
     condensing = arrangement.condensed_system
     monkeypatch.setattr(arrangement, "condensed_system", lay_out)

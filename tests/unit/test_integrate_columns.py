@@ -15,7 +15,8 @@ from turnout.condense.condense import BlockModel, folded_stiffness, sum_at_rows
 from turnout.condense.followers import leading_rows
 from turnout.condense.modal import diagonalise_damping, modal_model
 from turnout.errors import MechanicsError
-from turnout.integrate.columns import activate, assemble_level, deactivate, rebuild, update_row
+from turnout.integrate.columns import activate, deactivate, rebuild, update_row
+from turnout.integrate.compliance import assemble_level
 from turnout.integrate.numbering import place_laws
 from turnout.integrate.scratch import Work, new_work
 from turnout.integrate.solution import gather_modes, solve_displacements

@@ -18,6 +18,11 @@ from turnout.measurement.campaign.find_throws import FoundThrow
 from turnout.measurement.campaign.recorded_throw import RecordedThrow
 from turnout.measurement.campaign.run_sheet import find_sheet, read_sheet
 from turnout.measurement.campaign.sheet_checks import order_remarks, series_remarks, swapped_rods
+from turnout.measurement.chain.recorder_response import (
+    LowPass,
+    RecorderResponse,
+    recorder_response_of,
+)
 from turnout.measurement.formats.file_format import WRITERS, read_recording
 from turnout.measurement.recording import Recording
 from turnout.schema.channels import schema_problems
@@ -302,16 +307,23 @@ def test_a_dead_rod_does_not_discard_its_movements(tmp_path: Path) -> None:
     assert "the movement is kept" in remark
 
 
-def test_the_map_states_gains_and_an_average(tmp_path: Path) -> None:
+def test_the_map_states_gains_and_the_recorder(tmp_path: Path) -> None:
     folder = copied(tmp_path)
     path = folder / "channels.toml"
     text = path.read_text(encoding="utf-8")
     text = text.replace('column = "Rod 1"', 'column = "Rod 1"\ngain_uncertainty = 0.002')
-    path.write_text(f'recorded_average = "0.1 s"\n{text}', encoding="utf-8")
+    keys = (
+        'clock_uncertainty = 1e-5\nrecorded_average = "0.1 s"\nrecorded_rate = "20 Hz"\n'
+        'recorded_filter = { kind = "bessel", order = 4, corner = "6 Hz" }\n'
+    )
+    path.write_text(keys + text, encoding="utf-8")
     built = build_campaign(folder)
     assert built.dataset is not None
     assert built.dataset.attrs["gain_uncertainty"] == '{"drive_force.1": 0.002}'
-    assert built.dataset.attrs["recorded_average"] == 0.1
+    assert built.dataset.attrs["clock_uncertainty"] == 1e-5
+    assert recorder_response_of(built.dataset.attrs) == RecorderResponse(
+        average=0.1, low_pass=LowPass(kind="bessel", order=4, corner=6.0), rate=20.0
+    )
 
 
 def loaded(*names: str, turned: bool = False) -> xr.Dataset:

@@ -11,7 +11,7 @@ import pytest
 from turnout.core import cache_folder
 from turnout.core import content_cache as cache
 from turnout.core.lru_cache import LRUCache
-from turnout.mechanism import build, reduce
+from turnout.mechanism import build, reduce, structure
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import load_panel
@@ -225,6 +225,14 @@ def test_a_kept_linear_part_is_the_one_that_would_be_made(changes: dict[str, obj
     for name, values in kept.laws._asdict().items():
         np.testing.assert_array_equal(values, getattr(made.laws, name), err_msg=name)
     assert kept.index == made.index
+
+
+def test_nothing_of_a_rail_is_left_in_a_cleared_memory(fresh: Path) -> None:
+    build_mechanism(PANEL.with_overrides({"chair.damping": 1e3}))
+    caches = (reduce._rails, reduce._at_dashpots, structure._parts, structure._rows)
+    assert all(cache._values for cache in caches)
+    reduce.clear_memory()
+    assert not any(cache._values for cache in caches)
 
 
 def test_laws_take_the_values_of_their_own_chairs() -> None:

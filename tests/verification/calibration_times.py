@@ -4,7 +4,8 @@
     python -m tests.verification.calibration_times run DIR
     python -m tests.verification.calibration_times report DIR
 
-`make` writes and builds a virtual campaign of all places and sizes. `run` times the command, from
+`make` writes and builds a virtual campaign of all places and sizes, its truth solved with another
+mesh, shorter steps and more modes than a fit uses. `run` times the command, from
 the start with no throw kept, with two processes: on 20 movements, on all of them, and with the
 posterior of 20. Each takes its time from DIR/times.jsonl where it was measured before; delete the
 file to measure again. `report` writes into docs/calibration.md.
@@ -49,7 +50,7 @@ RUNS = (
 def make(folder: Path) -> None:
     """Write and build the campaign."""
     changes = [word for key, value in TRUTH.items() for word in ("--set", f"{key}={value}")]
-    options = ["--panel", PANEL, "--seed", str(SEED), "--format", "csv", *changes]
+    options = ["--panel", PANEL, "--seed", str(SEED), "--format", "csv", "--finer", *changes]
     turnout("campaign", "virtual", "--out", str(folder / "campaign"), *options)
     turnout("campaign", "build", str(folder / "campaign"), "--out", str(folder / DATASET))
 

@@ -16,7 +16,6 @@ from turnout.integrate.arrange import arrange, prepare
 from turnout.integrate.integration import History, integrate
 from turnout.integrate.march import march, store_instant
 from turnout.integrate.start import start_at_rest
-from turnout.kernels.interrupt import one_thread
 from turnout.machine.components import Machine
 from turnout.machine.compute import places as at
 from turnout.machine.compute.couple import Machines, accept_machines, try_machines
@@ -163,8 +162,8 @@ def throw_staggered(*, step: float) -> tuple[Floats, Floats]:
     trial, kept = state.copy(), np.zeros((count + 1, *state.shape))
     kept[0], force = state, np.zeros((count + 1, 2))
     room = machine_room(2, events=32)
-    with one_blas_thread(), one_thread() as thread:
-        start_at_rest(run, mechanism, thread)
+    with one_blas_thread():
+        start_at_rest(run, mechanism)
         store_instant(run.system, run.table, run.state, run.work, run.record, 0)
         y = [run.state.g[ends].copy()] * 3
         for n in range(count):

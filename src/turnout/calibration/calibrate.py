@@ -70,7 +70,7 @@ from turnout.calibration.stage_progress import (
     throws_per_step,
 )
 from turnout.calibration.stages import JOINT_MOVEMENTS, CalibrationPlan, Stage, default_plan
-from turnout.calibration.starts import nearest_fit, starts_of, with_movements
+from turnout.calibration.starts import nearest_fit, starts_of, stepped_once, with_movements
 from turnout.core.provenance import provenance
 from turnout.core.threads import one_blas_thread
 from turnout.errors import PanelError, SolverError
@@ -233,7 +233,7 @@ def _comparison(
         scatter={p.name: p.scatter for p in plan.parameters if p.scatter > 0},
         uncertainty=known,
         common_zero=known.common_zero,
-        clock=known.clock,
+        clock=float(dataset.attrs.get("clock_uncertainty", known.clock)),
     )
     return replace(comparison, gains=stated_gains(dataset, comparison))
 
@@ -267,7 +267,7 @@ def _result(
         about={
             **provenance(),
             "written": datetime.now(UTC).isoformat(timespec="seconds"),
-            "scheme": f"{scheme.describe()}; compared at last with half the step",
+            "scheme": f"{scheme.describe()}; at last with half the step, twice the frequency",
             "synthetic": str(dataset.attrs.get("synthetic", "")),
         },
     )
@@ -344,9 +344,8 @@ class _Run:
                 final = nearest_fit(near, parameters, starts, shares, on_step=self.watch.found)
                 values = dict(final.values)
                 if last:
-                    start = replace(misfit, base=values)
-                    whole = with_movements(final, chosen)
-                    final, search = self._last(whole, start, parameters)
+                    start = replace(leading, base=values)
+                    final, search = self._last(final, start, parameters, chosen)
                     values = dict(final.values)
                 scatter = dict(final.misfit.comparison.scatter)
             made = self.evaluator.made - before
@@ -357,25 +356,38 @@ class _Run:
         return logs, sweeps, warnings, final, search
 
     def _last(
-        self, near: Fit, start: Misfit, parameters: Sequence[Parameter]
+        self,
+        near: Fit,
+        start: Misfit,
+        parameters: Sequence[Parameter],
+        chosen: tuple[MeasuredMovement, ...],
     ) -> tuple[Fit, CauseSearch]:
-        """Fit to the end, with a lead of the motors and what else the misfit asks for."""
+        """Fit to the end, with a lead of the motors and what else the misfit asks for.
+
+        Movements that lead near show that as well; all that were chosen join for the end.
+        """
         on_step = self.watch.found
+        # Slopes of quick throws serve to see what is missed, and for a first step.
+        quick = replace(near, local=replace(near.local, quick=False))
         # What a model that is far off misses is seen at once; it would go on only to move away.
-        found = brief_fit(start, parameters, near.values, near=near, passes=1, steps=0)
+        found = brief_fit(start, parameters, near.values, near=quick, passes=1, steps=0)
         lead = common_lead(found)
         # A recorder that averages, or a bushing that is soft, delays forces too, by less.
         if abs(lead) > LONG_LEAD:
             start = replace(start, comparison=replace(start.comparison, lead=lead))
-            found = brief_fit(start, parameters, near.values, near=near, passes=1, steps=0)
+            found = brief_fit(start, parameters, near.values, near=quick, passes=1, steps=0)
         clearly = is_worth_a_search(found, share=CLEARLY)
         # A start that is far off misses as much; a model that lacks nothing leaves it at once.
+        share = LEFT_MISSED if clearly else 1.0
+        first = brief_fit(
+            start, parameters, near.values, near=found, share=share, passes=1, steps=1
+        )
         again = brief_fit(
             start,
             parameters,
-            near.values,
-            near=found,
-            share=LEFT_MISSED if clearly else 1.0,
+            first.values,
+            near=stepped_once(first, found, near),
+            share=share,
             on_step=on_step,
         )
         if not (clearly and is_worth_a_search(again, share=CLEARLY)):
@@ -383,8 +395,15 @@ class _Run:
         search = with_causes(found, start, self.panel, on_step=on_step)
         lead = common_lead(search.found)
         known = replace(search.first.comparison, lead=lead)
-        plain = replace(search.plain, comparison=replace(search.plain.comparison, lead=lead))
-        search = replace(search, first=replace(search.first, comparison=known), plain=plain)
+        plain = replace(
+            search.plain, comparison=replace(search.plain.comparison, lead=lead), movements=chosen
+        )
+        search = replace(
+            search,
+            found=with_movements(search.found, chosen),
+            first=replace(search.first, comparison=known, movements=chosen),
+            plain=plain,
+        )
         final = self._final(search)
         fewer = without_needless(search, final, on_step=on_step)
         if fewer is not search:

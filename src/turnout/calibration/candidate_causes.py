@@ -6,11 +6,20 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.calibration.bushing_laws import (
+    SOFTNESS,
+    SOFTNESS_SPREAD,
+    TABLE_ENDS,
+    TABLE_SPREAD,
+    bushing_table,
+    soft_bushing,
+    stiffness_beyond,
+)
 from turnout.calibration.drive_law.candidates import (
+    KNEE_STIFFNESS,
     LEAST_KNEE,
     LEAST_LAG,
     LEAST_PLAY,
-    REACH,
     Law,
     Shape,
     lagged,
@@ -21,8 +30,13 @@ from turnout.calibration.drive_law.candidates import (
 from turnout.calibration.evaluate import Response
 from turnout.calibration.parameter import Parameter, free_parameter
 from turnout.calibration.result import Fitted
-from turnout.calibration.trailing_mean import trailing_mean
 from turnout.errors import PanelError
+from turnout.measurement.chain.recorder_response import (
+    BUTTERWORTH,
+    RC,
+    LowPass,
+    RecorderResponse,
+)
 from turnout.panel.load import LoadedPanel
 
 Floats = NDArray[np.float64]
@@ -30,16 +44,11 @@ Beside = Callable[[Mapping[str, float], Sequence[float]], dict[str, float]]
 FRICTION, MODULUS = "chair.friction_coefficient", "material.youngs_modulus"
 # What names of friction of a group of chairs begin with.
 GROUP = "friction.group."
-# How much softer a bushing is at first, as a logarithm [-], and how far that is expected from this;
-# the share of the slip level at which its stretch stays the same, and how far at most its stiffness
-# rises for that, as a factor [-].
-SOFTNESS, SOFTNESS_SPREAD, SECANT, STIFFEST = 1.4, 0.7, 0.6, 3.0
 # Soft travels that are tried [m].
 SOFT_TRAVELS = (0.5e-3, 1e-3, 2e-3, 3.5e-3)
 LEVEL_SCATTER = 0.05
-# A bushing as a table: where its spans end [m], how far the logarithm of the stiffness in one is
-# expected from that beyond, and up to which share of the slip level a span may reach [-].
-TABLE_ENDS, TABLE_SPREAD, LAST_SPAN = (0.5e-3, 1e-3, 2e-3, 4e-3), 0.7, 0.95
+# Low-passes of a recorder that are tried, and the time below which there is none [s].
+RECORDER_FILTERS, LEAST_DELAY = ((BUTTERWORTH, 2), (RC, 1)), 1e-5
 # Groups of neighbouring chairs at most, and how far the friction of one is expected from the mean
 # of all, as a share of that [-].
 CHAIR_GROUPS, CHAIR_SPREAD = 5, 0.25
@@ -61,6 +70,9 @@ class Cause:
     tries : tuple of float
         Sizes that are tried: of a smooth cause one of each parameter, each alone; else of its first
         parameter, the others at their start.
+    refined : bool
+        Whether the likeliest size is searched between those that are tried: where that needs no
+        throws, so that causes alike in effect are compared at their best.
     smooth : bool
         Whether forces change in proportion to it: then one size is tried, and the likeliest
         follows with those of all values.
@@ -83,6 +95,7 @@ class Cause:
     text: Callable[[Sequence[float]], str]
     parameters: tuple[Parameter, ...] = ()
     tries: tuple[float, ...] = ()
+    refined: bool = False
     smooth: bool = False
     least: float = 0.0
     about_mean: bool = False
@@ -98,7 +111,7 @@ def candidate_causes(
 ) -> tuple[Cause, ...]:
     """Return the causes that are tested, the cheap ones first."""
     known = {item.name for item in parameters}
-    found = [_recorder(), *_bushings(panel), *_tables(panel), *_clutches(panel, known)]
+    found = [*_recorders(), *_bushings(panel), *_tables(panel), *_clutches(panel, known)]
     found += [law for name in panel.drive for law in (_lag(name), *_drive_tables(panel, name))]
     if MODULUS not in known:
         found += _sections(panel)
@@ -113,30 +126,65 @@ def _linear(name: str, upper: float, unit: str, *, lower: float = 0.0) -> Parame
     )
 
 
-def _recorder() -> Cause:
-    return Cause(
-        name="recorder filter",
-        text=lambda sizes: (
-            f"the recorder averages over {sizes[0]:.3g} s; state it in the channel map as "
-            f'recorded_average = "{sizes[0]:.3g} s"'
+def _recorders() -> list[Cause]:
+    """Return what a recorder may do to forces, each with its delay as size."""
+    average = _recorder_cause(
+        "recorder.average",
+        lambda size: RecorderResponse(average=size),
+        lambda made: (
+            f"averages over {made.average:.3g} s; state it in the channel map as "
+            f'recorded_average = "{made.average:.3g} s"'
         ),
-        parameters=(_linear("recorder.average", 0.5, "s"),),
         tries=(0.03, 0.1, 0.25),
         least=5e-3,
-        shape=lambda response, values: _recorded(response, values["recorder.average"]),
     )
+    filters = [
+        _recorder_cause(
+            f"recorder.{kind}",
+            lambda size, kind=kind, order=order: RecorderResponse(  # type: ignore[misc]
+                low_pass=LowPass(kind=kind, order=order, corner=1.0 / (2.0 * np.pi * size))
+            ),
+            lambda made: (
+                f"is a {made.text}; state it in the channel map as "
+                f"recorded_filter = {made.low_pass.text if made.low_pass else ''}"
+            ),
+            tries=(0.01, 0.035, 0.1),
+            least=2e-3,
+        )
+        for kind, order in RECORDER_FILTERS
+    ]
+    return [average, *filters]
 
 
-def _recorded(response: Response, average: float) -> Response:
-    """Return a response as a recorder keeps it that averages over the time before each sample."""
+def _recorder_cause(
+    key: str,
+    made: Callable[[float], RecorderResponse],
+    text: Callable[[RecorderResponse], str],
+    *,
+    tries: tuple[float, ...],
+    least: float,
+) -> Cause:
+    def shape(response: Response, values: Mapping[str, float]) -> Response:
+        if response.failure or values[key] <= LEAST_DELAY:
+            return response
+        kept = made(values[key])
+        return replace(
+            response,
+            drive_force={
+                name: kept.applied(response.time, row) for name, row in response.drive_force.items()
+            },
+            object_force=kept.applied(response.time, response.object_force),
+        )
 
-    def past(values: Floats) -> Floats:
-        return trailing_mean(response.time, values, average)
-
-    if response.failure:
-        return response
-    forces = {name: past(row) for name, row in response.drive_force.items()}
-    return replace(response, drive_force=forces, object_force=past(response.object_force))
+    return Cause(
+        name="recorder filter",
+        text=lambda sizes: f"the recorder {text(made(max(sizes[0], LEAST_DELAY)))}",
+        parameters=(_linear(key, 0.5, "s"),),
+        tries=tries,
+        least=least,
+        refined=True,
+        shape=shape,
+    )
 
 
 def _bushings(panel: LoadedPanel) -> list[Cause]:
@@ -163,7 +211,7 @@ def _bushings(panel: LoadedPanel) -> list[Cause]:
             values: Mapping[str, float], sizes: Sequence[float], drives: tuple[str, ...] = drives
         ) -> dict[str, float]:
             return {
-                stiffness_key(drive): _beyond(panel, drive, values, travel=sizes[0])
+                stiffness_key(drive): stiffness_beyond(panel, drive, values, travel=sizes[0])
                 for drive in drives
                 if stiffness_key(drive) in values
             }
@@ -199,69 +247,6 @@ def _softness(key: str) -> Parameter:
     )
 
 
-def _beyond(panel: LoadedPanel, drive: str, values: Mapping[str, float], *, travel: float) -> float:
-    r"""Return the stiffness beyond a soft travel that leaves the stretch as it is.
-
-    .. math:: \frac{F}{k} = x + \frac{F - s k' x}{k'}, \quad s = e^{-\text{softness}}
-
-    at a share of the slip level as force `F`.
-    """
-    stiffness = values[stiffness_key(drive)]
-    level = values.get(level_key(drive), panel.drive[drive].saturation_force)
-    before = SECANT * level / stiffness
-    left = before - (1.0 - float(np.exp(-SOFTNESS))) * travel
-    return stiffness * min(before / max(left, before / STIFFEST), STIFFEST)
-
-
-def soft_bushing(
-    panel: LoadedPanel,
-    drive: str,
-    values: Mapping[str, float],
-    *,
-    travel: float,
-    softness: float = SOFTNESS,
-) -> dict[str, object]:
-    """Return a bushing with a part of its stiffness over its first travel, as overrides.
-
-    Parameters
-    ----------
-    panel : LoadedPanel
-        Gives what is not among the values.
-    drive : str
-        Name of the drive.
-    values : mapping of str to float
-        By key of the panel, in SI.
-    travel : float
-        To either side [m].
-    softness : float
-        Logarithm of how much softer it is there [-].
-    """
-    if travel < 1e-6:
-        return {}
-    record = panel.drive[drive]
-    stiffness = values.get(stiffness_key(drive), record.stiffness)
-    level = values.get(level_key(drive), record.saturation_force)
-    first = min(float(np.exp(-softness)) * stiffness * travel, 0.9 * level)
-    knee = travel + (level - first) / stiffness
-    return _symmetric_bushing(panel, drive, [(travel, first)], knee=knee, level=level)
-
-
-def _symmetric_bushing(
-    panel: LoadedPanel,
-    drive: str,
-    points: Sequence[tuple[float, float]],
-    *,
-    knee: float,
-    level: float,
-) -> dict[str, object]:
-    """Return a bushing through points [m], [N] that slips beyond its knee, alike to either side."""
-    last = level + panel.drive[drive].saturated_stiffness * (REACH - knee) + 1.0
-    half = [*points, (knee, level), (REACH, last)]
-    extension = [*(-x for x, _ in reversed(half)), *(x for x, _ in half)]
-    force = [*(-f for _, f in reversed(half)), *(f for _, f in half)]
-    return {f"drive.{drive}.extension": extension, f"drive.{drive}.force": force}
-
-
 def _tables(panel: LoadedPanel) -> list[Cause]:
     """Return bushings whose first millimetres have stiffnesses of their own, as tables."""
     found = []
@@ -294,42 +279,6 @@ def _tables(panel: LoadedPanel) -> list[Cause]:
     return found
 
 
-def bushing_table(
-    panel: LoadedPanel, drive: str, values: Mapping[str, float], *, softness: Sequence[float]
-) -> dict[str, object]:
-    r"""Return a bushing with another stiffness in each of its first spans, as overrides.
-
-    .. math:: k_i = k e^{-s_i} \text{ up to } x_i, \quad k \text{ beyond}
-
-    Parameters
-    ----------
-    panel : LoadedPanel
-        Gives what is not among the values.
-    drive : str
-        Name of the drive.
-    values : mapping of str to float
-        By key of the panel, in SI.
-    softness : sequence of float
-        :math:`s_i` of the spans that end at `TABLE_ENDS` [-].
-    """
-    record = panel.drive[drive]
-    stiffness = values.get(stiffness_key(drive), record.stiffness)
-    level = values.get(level_key(drive), record.saturation_force)
-    half: list[tuple[float, float]] = []
-    x = force = 0.0
-    for end, soft in zip(TABLE_ENDS, softness, strict=True):
-        k = stiffness * float(np.exp(-soft))
-        if force + k * (end - x) >= LAST_SPAN * level:
-            break
-        x, force = end, force + k * (end - x)
-        half.append((x, force))
-    slope = (
-        stiffness * float(np.exp(-softness[len(half)])) if len(half) < len(softness) else stiffness
-    )
-    knee = x + (level - force) / slope
-    return _symmetric_bushing(panel, drive, half, knee=knee, level=level)
-
-
 def _lag(drive: str) -> Cause:
     key = f"drive.{drive}.lag"
     return Cause(
@@ -347,29 +296,49 @@ def _lag(drive: str) -> Cause:
 def _drive_tables(panel: LoadedPanel, drive: str) -> list[Cause]:
     """Return play before a drive pushes, and a bushing that softens before the drive slips."""
     play, knee = f"drive.{drive}.play", f"drive.{drive}.knee"
+
+    def beside(values: Mapping[str, float], sizes: Sequence[float]) -> dict[str, float]:
+        if stiffness_key(drive) not in values:
+            return {}
+        # The bushing is stretched by half of the play less.
+        beyond = stiffness_beyond(
+            panel, drive, values, travel=0.5 * sizes[0], softness=float("inf")
+        )
+        return {stiffness_key(drive): beyond}
+
+    softened = replace(
+        _softness(f"{knee}.softness"), start=-float(np.log(KNEE_STIFFNESS)), lower=0.0
+    )
     return [
         Cause(
             name="drive law",
             text=lambda sizes: (
-                f"drive {drive} has {1e3 * sizes[0]:.2g} mm of play before it pushes"
+                f"drive {drive} has {1e3 * sizes[0]:.2g} mm of play between pull and push"
             ),
             parameters=(_linear(play, 0.03, "m"),),
-            tries=(0.5e-3, 2e-3),
+            tries=(0.5e-3, 2e-3, 4e-3),
             least=LEAST_PLAY,
             drives=(drive,),
+            beside=beside,
             law=lambda values: table(panel, drive, values, backlash=values[play]),
         ),
         Cause(
             name="drive law",
             text=lambda sizes: (
-                f"the bushing of drive {drive} softens over the last {100 * sizes[0]:.0f} % of "
-                "force before it slips"
+                f"the bushing of drive {drive} softens to {100 * np.exp(-sizes[1]):.0f} % over the "
+                f"last {100 * sizes[0]:.0f} % of force before it slips"
             ),
-            parameters=(_linear(knee, 0.8, "1"),),
+            parameters=(_linear(knee, 0.8, "1"), softened),
             tries=(0.15, 0.4),
             least=LEAST_KNEE,
             drives=(drive,),
-            law=lambda values: table(panel, drive, values, knee=values[knee]),
+            law=lambda values: table(
+                panel,
+                drive,
+                values,
+                knee=values[knee],
+                knee_stiffness=float(np.exp(-values[f"{knee}.softness"])),
+            ),
         ),
     ]
 

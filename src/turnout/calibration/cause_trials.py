@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 
 from turnout.calibration.candidate_causes import Cause
 from turnout.calibration.drive_law.candidates import level_key
@@ -19,6 +20,8 @@ from turnout.calibration.shared import effective_samples, model_error
 Floats = NDArray[np.float64]
 # How often the levels of the movements are estimated again in a trial.
 LEVEL_PASSES = 2
+# Steps of a search for the likeliest size of a cause, each without a throw.
+REFINING_STEPS = 8
 # A drive slips within this share of its level, over so many bins; a level of a movement is no
 # further off [-].
 SLIPS, LEAST_SLIPPING, FURTHEST_LEVEL = 0.005, 3, 0.25
@@ -158,15 +161,43 @@ def _tried(
         for sizes, values in zip(tries, beside, strict=True)
     ]
     rows = _changed(found, misfit, points, origin, thrown=cause.law is not None)
-    results = []
-    for number, row in enumerate(rows):
-        if any(item.failure for item in row):
-            continue
-        there = framed(replace(found.local, simulated=tuple(row)), misfit)
-        slopes = jacobian(found.local, there, [item.name for item in found.parameters])
-        results.append((_adjusted(misfit.residuals_of(row, there), slopes, there), number))
+    results = [(_judged(found, misfit, row), number) for number, row in enumerate(rows)]
     best, number = min(results, default=(float("inf"), 0))
-    return replace(_trial(cause, tries[number], 0.0), beside=beside[number]), best
+    sizes = tries[number]
+    if cause.refined and np.isfinite(best):
+        sizes, best = _refined(found, misfit, cause, number, best)
+    return replace(_trial(cause, sizes, 0.0), beside=beside[number]), best
+
+
+def _judged(found: Fit, misfit: Misfit, row: Sequence[Response]) -> float:
+    """Return minus twice the log-likelihood of responses; infinite where one failed."""
+    if any(item.failure for item in row):
+        return float("inf")
+    there = framed(replace(found.local, simulated=tuple(row)), misfit)
+    slopes = jacobian(found.local, there, [item.name for item in found.parameters])
+    return _adjusted(misfit.residuals_of(row, there), slopes, there)
+
+
+def _refined(
+    found: Fit, misfit: Misfit, cause: Cause, number: int, best: float
+) -> tuple[tuple[float, ...], float]:
+    """Return the likeliest size about one that was tried, and what `_judged` says of it."""
+    (parameter,) = cause.parameters
+    tries = (0.5 * cause.tries[0], *cause.tries, min(2.0 * cause.tries[-1], parameter.upper))
+
+    def cost(size: float) -> float:
+        point = {**found.values, parameter.name: float(np.exp(size))}
+        return _judged(found, misfit, misfit.responses([point])[0])
+
+    near = minimize_scalar(
+        cost,
+        bounds=(np.log(tries[number]), np.log(tries[number + 2])),
+        method="bounded",
+        options={"maxiter": REFINING_STEPS, "xatol": 0.02},
+    )
+    if near.fun < best:
+        return (float(np.exp(near.x)),), float(near.fun)
+    return (cause.tries[number],), best
 
 
 def _columns(

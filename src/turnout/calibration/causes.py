@@ -25,6 +25,7 @@ from turnout.calibration.parameter import prior_slopes
 from turnout.calibration.result_entries import channel_name
 from turnout.calibration.sensors import found_sensors
 from turnout.calibration.shared import effective_samples, model_error
+from turnout.core.threads import one_blas_thread
 from turnout.errors import SolverError
 from turnout.panel.load import LoadedPanel
 
@@ -125,6 +126,7 @@ def unexplained_reasons(final: Fit) -> list[str]:
     ]
 
 
+@one_blas_thread()
 def with_causes(
     found: Fit, first: Misfit, panel: LoadedPanel, *, on_step: Callable[[float], None] | None = None
 ) -> CauseSearch:
@@ -160,7 +162,7 @@ def with_causes(
         fitted = _first_that_helps(found, first, good[:ATTEMPTS], on_step)
         if fitted is None:
             break
-        found, choice = fitted
+        found, choice = _best_of_alike(found, first, fitted, good, on_step)
         for _, cause in choice:
             first = with_cause(first, cause)
         taken += choice
@@ -350,6 +352,35 @@ def _first_that_helps(
         if kept and _missed(again) <= LESS_MISSED * _missed(found):
             return again, choice
     return None
+
+
+def _best_of_alike(
+    before: Fit,
+    first: Misfit,
+    fitted: tuple[Fit, Sequence[tuple[TestedCause, Cause]]],
+    choices: Sequence[Sequence[tuple[TestedCause, Cause]]],
+    on_step: Callable[[float], None] | None,
+) -> tuple[Fit, Sequence[tuple[TestedCause, Cause]]]:
+    """Return the fit that misses least of one with a cause and those with others much alike.
+
+    A mean over the past and filters of a recorder delay forces alike; which it is shows only in
+    what a fit with each still misses.
+    """
+    found, choice = fitted
+    taken = choice[0][1]
+    if not taken.refined or not is_worth_a_search(found):
+        return fitted
+    for other in choices:
+        cause = other[0][1]
+        if len(other) > 1 or cause is taken or not cause.refined or cause.name != taken.name:
+            continue
+        try:
+            again = _fitted_with(before, first, other, on_step=on_step)
+        except SolverError:
+            continue
+        if _missed(again) < _missed(found):
+            found, choice = again, other
+    return found, choice
 
 
 def _is_slight(cause: Cause, found: Fit) -> bool:

@@ -41,13 +41,13 @@ class Uncertainty:
         each other one, where all movements share it: no residual need show it, so it widens the
         intervals [-].
     solver : float
-        Of each value, as a share of it, from mesh and step: what a finer twin moved it by [-].
+        Of each value, as a share of it, from the mesh; what step and modes add is thrown [-].
     common_zero : float
         Of the zero of a force channel, in all movements alike [N].
     clock : float
         Of the time that the recorder states, as a share of it [-].
     scale : float
-        Of the model's forces from mesh and step, where free gains leave them as the only scale [-].
+        Of the model's forces from the mesh, where gains are free and they the only scale [-].
     """
 
     clocked_onset: float = 0.005
@@ -59,7 +59,7 @@ class Uncertainty:
     solver: float = 1.2e-4
     common_zero: float = 10.0
     clock: float = 1e-3
-    scale: float = 5e-4
+    scale: float = 4e-4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -20,12 +20,14 @@ from turnout.calibration.fit_noise import (
 )
 from turnout.calibration.linearisation import SAME_ROUGH_SLOPE, Linearisation
 from turnout.calibration.misfit import (
-    EFFECT_PASSES,
     Frame,
     Misfit,
-    effects_after,
     framed,
     jacobian,
+)
+from turnout.calibration.movement_effects import (
+    EFFECT_PASSES,
+    effects_after,
     update_movement_effects,
 )
 from turnout.calibration.parameter import (
@@ -36,6 +38,7 @@ from turnout.calibration.parameter import (
     values_at,
 )
 from turnout.calibration.shared import poorly_followed
+from turnout.core.threads import one_blas_thread
 
 Floats = NDArray[np.float64]
 # Steps of a fit; how many more are allowed after one that still lowered the cost by this share and
@@ -45,19 +48,17 @@ EXTENDING_SHARE, EXTENDING_DECREASE = 1e-3, 1.0
 # Noise of the passes of a rough fit, as a share of the model error at the start [-].
 ROUGH_SHARES, JOINT_SHARES = (1.0,), (1.0, 0.1)
 MAX_PASSES = 4
-# Longest step of a coordinate; half a unit is a factor of 1.6.
-MAX_STEP = 0.5
-# Steps below this are lost in the noise of the solver [coordinate].
-MIN_STEP = 1e-4
-# A step whose predicted decrease is below this is not tried [square of a standard deviation].
+# Longest step, a factor of 1.6, and those that the noise of the solver hides [coordinate].
+MAX_STEP, MIN_STEP = 0.5, 1e-4
+# A step of a smaller predicted decrease is not tried [square of a standard deviation].
 MIN_DECREASE = 0.05
 # Of a stage that others follow: most steps, most rejected in a row, and the share of the cost that
 # a step must be predicted to save.
 ROUGH_STEPS, ROUGH_REJECTED, ROUGH_DECREASE = 6, 2, 0.01
 # Of a brief fit: passes with noise found again, steps of each, how often movement effects are
-# thrown again in a step, and the decrease below which a step is not tried.
+# thrown again in a step, and the decrease below which a step is not tried; and rejected steps in a
+# row: far from the end a step is to shorten by so much.
 BRIEF_PASSES, BRIEF_STEPS, BRIEF_EFFECTS, BRIEF_DECREASE = 2, 8, 1, 0.5
-# Rejected steps in a row of a brief fit: far from the end a step is to shorten by so much.
 BRIEF_REJECTED = 4
 
 
@@ -114,6 +115,7 @@ class Fit:
         return float(np.sqrt(np.mean(self.residuals**2)))
 
 
+@one_blas_thread()
 def fit(
     misfit: Misfit,
     parameters: Sequence[Parameter],
@@ -180,7 +182,10 @@ def fit(
     for number in range(MAX_PASSES):
         # Finer steps are no remedy for a model of something else, and too long a way from afar.
         poor = _is_poor(misfit) if number else not known
-        misfit = replace(misfit, fine=refined and not poor)
+        if not refined or poor:
+            misfit = replace(misfit, refinement=())
+        elif not misfit.refinement:
+            misfit = misfit.refined(values)
         found = _least_squares(
             misfit,
             parameters,
@@ -215,6 +220,7 @@ def _noise_of(near: Misfit, comparison: Comparison) -> Comparison:
     )
 
 
+@one_blas_thread()
 def brief_fit(
     misfit: Misfit,
     parameters: Sequence[Parameter],

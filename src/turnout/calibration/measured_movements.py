@@ -13,6 +13,11 @@ from turnout.calibration.stages import ANY, NONE, Selection, spread
 from turnout.core.problems import choices
 from turnout.errors import MeasurementError, PanelError
 from turnout.measurement.campaign.sheet_checks import swap_remarks
+from turnout.measurement.chain.recorder_response import (
+    NO_RESPONSE,
+    RecorderResponse,
+    recorder_response_of,
+)
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel
 from turnout.panel.markers import movement_time, ordered_movements
@@ -25,6 +30,8 @@ BIN = 0.02
 HOLD = 0.3
 # Left out before an object is taken away, or the next movement begins [s].
 CLEARANCE = 0.1
+# Samples of a bin whose time differs from that of a bin by less than this share fit into it [-].
+SAME_BIN = 1e-3
 SAME_PLACE = 0.05
 OBJECT_FORCE = "object_force"
 
@@ -74,8 +81,8 @@ class MeasuredMovement:
         Time from the onset in which a simulation can be compared [s].
     clocked : bool
         Whether the onset was found from motor currents.
-    average : float
-        Time before each sample over which the recorder averaged; 0 for none [s].
+    recorder : RecorderResponse
+        What the recorder makes of a force before it is kept.
     """
 
     name: str
@@ -86,7 +93,7 @@ class MeasuredMovement:
     signals: tuple[Signal, ...]
     length: float
     clocked: bool
-    average: float = 0.0
+    recorder: RecorderResponse = NO_RESPONSE
 
     @property
     def foreign_object(self) -> ForeignObject | None:
@@ -128,13 +135,13 @@ def observe(
     movements = []
     if not problems:
         bins = _Bins.of(dataset["time"].values)
-        average = float(dataset.attrs.get("recorded_average", 0.0))
+        recorder = _recorder(dataset)
         for name in dataset["movement"].values:
             if str(name) in exclude:
                 continue
             try:
                 movements.append(
-                    replace(_movement(dataset.sel(movement=name), panel, bins), average=average)
+                    replace(_movement(dataset.sel(movement=name), panel, bins), recorder=recorder)
                 )
             except PanelError as error:
                 problems += [f"{name}: {text}" for text in error.problems]
@@ -143,6 +150,15 @@ def observe(
     if problems:
         raise MeasurementError(list(dict.fromkeys(problems)), source=source)
     return tuple(movements)
+
+
+def _recorder(dataset: xr.Dataset) -> RecorderResponse:
+    """Return what the recorder makes of forces; samples further apart than bins are lines."""
+    stated = recorder_response_of(dataset.attrs)
+    time = dataset["time"].values
+    rate = (time.size - 1) / float(time[-1] - time[0])
+    slow = [item for item in (stated.rate, rate) if 0.0 < item * BIN < 1.0 - SAME_BIN]
+    return replace(stated, rate=min(slow)) if slow else stated
 
 
 def selected(
@@ -250,22 +266,49 @@ class _Bins:
     first: int
     samples: int
     centres: Floats
+    time: Floats
 
     @classmethod
     def of(cls, time: Floats) -> "_Bins":
+        """Return bins of whole samples; of none where these do not fit into bins."""
         rate = (time.size - 1) / float(time[-1] - time[0])
         samples = max(1, round(BIN * rate))
+        if abs(samples / (BIN * rate) - 1.0) > SAME_BIN:
+            edges = np.arange(np.ceil(time[0] / BIN), np.floor(time[-1] / BIN)) * BIN
+            return cls(0, 0, edges + 0.5 * BIN, time)
         onset = int(np.argmin(np.abs(time)))
         first = onset % samples
         count = (time.size - first) // samples
         start = first + samples * np.arange(count)
-        return cls(first, samples, time[start] + 0.5 * (samples - 1) / rate)
+        return cls(first, samples, time[start] + 0.5 * (samples - 1) / rate, time)
 
     def means(self, values: Floats) -> Floats:
         """Return the mean of each bin; NaN where a sample is missing."""
         count = self.centres.size
+        if self.samples == 0:
+            return _means_of_lines(self.time, values, self.centres)
         used = values[self.first : self.first + count * self.samples]
         return np.asarray(used.reshape(count, self.samples).mean(axis=1), dtype=np.float64)
+
+
+def _means_of_lines(time: Floats, values: Floats, centres: Floats) -> Floats:
+    r"""Return means over bins of the straight lines between samples.
+
+    .. math:: \int_{t_i}^{t} F \, dt = v_i d + \frac{v_{i+1} - v_i}{2 h} d^2, \quad d = t - t_i
+    """
+    step = float(time[-1] - time[0]) / (time.size - 1)
+    known = np.isfinite(values)
+    filled = np.where(known, values, 0.0)
+    whole = np.concatenate(([0.0], np.cumsum(0.5 * step * (filled[1:] + filled[:-1]))))
+    edges = np.concatenate((centres - 0.5 * BIN, centres + 0.5 * BIN))
+    place = np.clip(((edges - time[0]) / step).astype(int), 0, time.size - 2)
+    d = edges - time[0] - step * place
+    slope = (filled[place + 1] - filled[place]) / step
+    integral = whole[place] + filled[place] * d + 0.5 * slope * d**2
+    missing = np.concatenate(([0], np.cumsum(~known)))
+    lost = missing[place[centres.size :] + 2] > missing[place[: centres.size]]
+    means = (integral[centres.size :] - integral[: centres.size]) / BIN
+    return np.asarray(np.where(lost, np.nan, means), dtype=np.float64)
 
 
 def _movement(row: xr.Dataset, panel: LoadedPanel, bins: _Bins) -> MeasuredMovement:

@@ -51,8 +51,9 @@ class Misfit:
         Parameters that act in every movement, whatever forces the plain law would ask for.
     quick : bool
         Whether throws are quick, those aside too.
-    fine : bool
-        Whether throws have shorter steps, those aside excepted.
+    refinement : tuple of (Response, Response)
+        Of each movement near the end, thrown as the scheme says and finely: what this changes is
+        added to every response. None away from there.
     lean : bool
         Whether throws are lean.
     same_slope : float
@@ -69,7 +70,7 @@ class Misfit:
     shape: Callable[[Response, Mapping[str, float]], Response] | None = None
     always: tuple[str, ...] = ()
     quick: bool = False
-    fine: bool = False
+    refinement: tuple[tuple[Response, Response], ...] = ()
     lean: bool = False
     same_slope: float = SAME_SLOPE
 
@@ -112,12 +113,24 @@ class Misfit:
         count = len(self.movements)
         made = self.evaluator.responses(throws)
         rows = [made[n * count : (n + 1) * count] for n in range(len(points))]
-        if self.shape is None:
-            return rows
         return [
-            [self.shape(item, values) for item in row]
+            [self._kept(number, item, values) for number, item in enumerate(row)]
             for row, values in zip(rows, whole, strict=True)
         ]
+
+    def refined(self, values: Mapping[str, float]) -> "Misfit":
+        """Return this with what fine throws change at values."""
+        throws = [self._throw(n, {**self.base, **values}) for n in range(len(self.movements))]
+        plain = self.evaluator.responses(throws)
+        fine = self.evaluator.responses([replace(item, fine=True) for item in throws])
+        return replace(self, refinement=tuple(zip(plain, fine, strict=True)))
+
+    def _kept(self, number: int, response: Response, values: Mapping[str, float]) -> Response:
+        """Return a response as it is compared: refined, and shaped."""
+        if self.refinement and not response.failure:
+            plain, fine = self.refinement[number]
+            response = with_change(response, fine, plain)
+        return response if self.shape is None else self.shape(response, values)
 
     def _throw(self, number: int, values: Mapping[str, float]) -> ThrowInputs:
         movement = self.movements[number]
@@ -134,7 +147,6 @@ class Misfit:
             place=movement.place,
             size=movement.size,
             quick=self.quick,
-            fine=self.fine,
             lean=self.lean,
         )
 
@@ -164,9 +176,7 @@ class Misfit:
             p.name: stepped_value(p, whole[p.name], DIFFERENCE if p.prior else difference)
             for p in stepped
         }
-        plain = replace(self, fine=False)
-        origin = plain.responses([whole])[0] if stepped and self.fine else here
-        moved = plain._moved(whole, stepped, aside, (origin, here))
+        moved = self._moved(whole, stepped, aside, here)
         count = len(self.movements)
         steps = {
             p.name: (p.coordinate(aside[p.name]) - p.coordinate(whole[p.name]),) * count
@@ -183,7 +193,7 @@ class Misfit:
         return Linearisation(
             values=whole,
             simulated=tuple(here),
-            origin=tuple(origin),
+            origin=tuple(here),
             stepped=moved,
             steps=steps,
             shares=shares,
@@ -212,6 +222,7 @@ class Misfit:
             self,
             movements=tuple(self.movements[n] for n in stale),
             effects={name: tuple(row[n] for n in stale) for name, row in self.effects.items()},
+            refinement=tuple(self.refinement[n] for n in stale) if self.refinement else (),
         )
         return found.with_movements(stale, part.local(whole, vary))
 
@@ -232,13 +243,12 @@ class Misfit:
         whole: Mapping[str, float],
         stepped: Sequence[Parameter],
         aside: Mapping[str, float],
-        known: tuple[Sequence[Response], Sequence[Response]],
+        here: Sequence[Response],
     ) -> dict[str, tuple[Response, ...]]:
-        """Return the responses aside; those at the point, the first of two, where nothing acts.
+        """Return the responses aside; those at the point where nothing acts.
 
         Those of parameters with priors are lean.
         """
-        here = known[0]
         wanted: list[tuple[Parameter, int, bool]] = []
         throws = []
         found = {p.name: list(here) for p in stepped}
@@ -247,8 +257,7 @@ class Misfit:
             values = {**whole, p.name: aside[p.name]}
             lean = p.prior > 0.0 and not self.quick
             for number in range(len(self.movements)):
-                acts = any(touches(p, whole[p.name], rows[number]) for rows in known)
-                if p.name in self.always or acts:
+                if p.name in self.always or touches(p, whole[p.name], here[number]):
                     wanted.append((p, number, lean))
                     throws.append((light if lean else self)._throw(number, values))
         origins = sorted({number for _, number, lean in wanted if lean})
@@ -271,7 +280,7 @@ class Misfit:
         if response.failure:
             message = f"{self.movements[number].text}: cannot be simulated: {response.failure}"
             raise SolverError(message)
-        return response if self.shape is None else self.shape(response, values)
+        return self._kept(number, response, values)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -380,71 +389,3 @@ def shared_corrections(local: Linearisation, frame: Frame) -> list[Floats | None
     count = len(frame.shared.sensors)
     sizes = shared_estimates(local, frame)[:count]
     return [block[:, :count] @ sizes for block in frame.shared.plain]
-
-
-# How far an estimated effect may be from the simulated one, how often it is simulated again where
-# it is further, by how much at most it then changes, and the largest effect [share].
-SAME_EFFECT, EFFECT_PASSES, LONGEST_EFFECT_STEP, FURTHEST_EFFECT = 2e-3, 6, 0.04, 0.5
-
-
-def update_movement_effects(
-    misfit: Misfit, local: Linearisation, names: Sequence[str], *, passes: int
-) -> tuple[Misfit, Linearisation, Frame]:
-    """Simulate movements at their own values until these agree with the estimates.
-
-    The response to a movement effect is linear over a part of a per cent only. Estimated from
-    further away it would bias the common values, and its large residuals would count as noise.
-    """
-    frame = framed(local, misfit)
-    for _ in range(passes):
-        effects = _clipped(misfit, [alignment.estimates for alignment in frame.alignments])
-        if _largest_deviation(misfit, effects) <= SAME_EFFECT:
-            break
-        misfit = replace(misfit, effects=effects)
-        local = replace(local, simulated=tuple(misfit.responses([local.values])[0]))
-        frame = framed(local, misfit)
-    before = local.stepped
-    local = misfit.local_near(local.values, names, local)
-    return misfit, local, frame if local.stepped is before else framed(local, misfit)
-
-
-def effects_after(
-    misfit: Misfit, local: Linearisation, frame: Frame, names: Sequence[str], step: Floats
-) -> dict[str, tuple[float, ...]]:
-    """Return the movement effects expected after a step of the common values."""
-    slopes = slopes_of(local, frame, names)
-    expected = []
-    for alignment, slope, response in zip(frame.alignments, slopes, local.simulated, strict=True):
-        found = alignment.effects_from(
-            alignment.measured - alignment.reduced(response) - slope @ step
-        )
-        expected.append({name: (value, 0.0) for name, value in found.items()})
-    return _clipped(misfit, expected)
-
-
-def _clipped(
-    misfit: Misfit, estimates: Sequence[Mapping[str, tuple[float, float]]]
-) -> dict[str, tuple[float, ...]]:
-    """Return effects no further than the longest step from those of a misfit.
-
-    A movement that a model cannot follow must not lead to friction below zero.
-    """
-    effects = {}
-    for name in misfit.comparison.scatter:
-        shares = []
-        for number, found in enumerate(estimates):
-            before = misfit.effect(name, number)
-            after = found[name][0] if name in found else 0.0
-            near = float(np.clip(after, before - LONGEST_EFFECT_STEP, before + LONGEST_EFFECT_STEP))
-            shares.append(float(np.clip(near, -FURTHEST_EFFECT, FURTHEST_EFFECT)))
-        effects[name] = tuple(shares)
-    return effects
-
-
-def _largest_deviation(misfit: Misfit, effects: Mapping[str, tuple[float, ...]]) -> float:
-    shifts = [
-        abs(share - misfit.effect(name, number))
-        for name, shares in effects.items()
-        for number, share in enumerate(shares)
-    ]
-    return max(shifts, default=0.0)

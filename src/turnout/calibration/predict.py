@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from turnout.calibration.evaluate import Response
 from turnout.calibration.measured_movements import BIN, MeasuredMovement, Signal
-from turnout.calibration.trailing_mean import trailing_mean
 
 Floats = NDArray[np.float64]
 
@@ -156,7 +155,7 @@ def predicted(
 def _recorded(response: Response, signal: Signal, movement: MeasuredMovement) -> Floats:
     """Return a signal of a response as the recorder of the movement keeps it."""
     values = _channel(response, signal)
-    return trailing_mean(response.time, values, movement.average) if movement.average else values
+    return movement.recorder.applied(response.time, values) if movement.recorder else values
 
 
 def _channel(response: Response, signal: Signal) -> Floats:

@@ -6,7 +6,8 @@ from dataclasses import replace
 from turnout.calibration.fit import Fit, fit
 from turnout.calibration.grid_search import misfit_share, other_minima, sweep
 from turnout.calibration.measured_movements import MeasuredMovement
-from turnout.calibration.misfit import Misfit, update_movement_effects
+from turnout.calibration.misfit import Misfit
+from turnout.calibration.movement_effects import update_movement_effects
 from turnout.calibration.parameter import Parameter
 
 # How often movements that join a fit are thrown at their own values before it goes on.
@@ -102,3 +103,23 @@ def with_movements(near: Fit, movements: Sequence[MeasuredMovement]) -> Fit:
     local = misfit.local(near.values, ())
     misfit, local, _ = update_movement_effects(misfit, local, (), passes=OWN_PASSES)
     return replace(near, misfit=misfit, local=replace(local, stepped={}))
+
+
+def stepped_once(first: Fit, found: Fit, near: Fit) -> Fit:
+    """Return a first step with the noise of where it began; slopes of quick throws end with it.
+
+    Parameters
+    ----------
+    first : Fit
+        One step from `found`, with slopes of quick throws where it did not go far.
+    found : Fit
+        Where the step began.
+    near : Fit
+        Whose slopes both began with.
+    """
+    quick = near.local.quick and first.local.stepped is near.local.stepped
+    return replace(
+        first,
+        misfit=replace(first.misfit, comparison=found.misfit.comparison),
+        local=replace(first.local, quick=quick),
+    )

@@ -417,6 +417,8 @@ def _print_campaign(campaign: "BuiltCampaign", *, remarks: bool) -> None:
     typer.echo(f"{'movements':<12}{len(sheet.runs)} in the sheet, {usable} usable")
     if campaign.reused:
         typer.echo(f"{'':<12}{campaign.reused} taken from the cache")
+    if campaign.recorder:
+        typer.echo(f"{'recorder':<12}{campaign.recorder}; applied to simulated forces too")
     shown = campaign.remarks if remarks else campaign.remarks[:MOST_REMARKS]
     for number, text in enumerate(shown):
         typer.echo(f"{'remarks' if number == 0 else '':<12}{text}")

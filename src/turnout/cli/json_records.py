@@ -221,6 +221,7 @@ def campaign_record(campaign: "BuiltCampaign") -> Record:
     sheet = campaign.sheet
     return {
         "title": sheet.title,
+        "recorder": campaign.recorder,
         "synthetic": bool(sheet.synthetic),
         "movements": len(sheet.runs),
         "usable": len(sheet.runs) - len(campaign.excluded),

@@ -25,6 +25,7 @@ from turnout.cli.options import (
     end_code,
     opened_panel,
 )
+from turnout.core.collector import without_collections
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -143,6 +144,7 @@ def simulate_command(
             also=also,
             scheme=lambda: _scheme(mode or "waveform", step=step, cutoff=cutoff, every=every),
             quiet=quiet,
+            writes=out is not None,
             plots=plot is not None,
         )
         written = _write(dataset, out=out, plot=plot, overlay=theirs)
@@ -205,8 +207,8 @@ def _simulate_throws(
         raise typer.Exit(end_code(dataset))
 
 
-def preload_writers(plots: bool) -> None:
-    """Write a small dataset to nowhere, so that all that loads for it does while kernels work.
+def preload(*, writes: bool, plots: bool) -> None:
+    """Load what makes datasets, files and figures, as far as they are wanted, while kernels work.
 
     It begins with the steps and not before: what loads at the same time only waits for each other.
     A failure here occurs again, with its message, when the file is written.
@@ -214,13 +216,15 @@ def preload_writers(plots: bool) -> None:
     with contextlib.suppress(Exception):
         import xarray as xr
 
-        from turnout.response.store import response_bytes
+        if writes:
+            from turnout.response.store import response_bytes
 
-        response_bytes(xr.Dataset({"time": ("time", [0.0])}))
+            response_bytes(xr.Dataset({"number": ("place", [0.0])}))
         if plots:
             importlib.import_module("turnout.plot.throw")
 
 
+@without_collections()
 def _run(
     name: str | None,
     objects: list[str],
@@ -230,6 +234,7 @@ def _run(
     also: list[str],
     scheme: Callable[[], "Scheme"],
     quiet: bool,
+    writes: bool,
     plots: bool,
 ) -> tuple["xr.Dataset", bool]:
     """Return the dataset, whole or partial, and whether the run ended early."""
@@ -248,7 +253,9 @@ def _run(
     from turnout.response.placed import check_placed
     from turnout.response.simulate import simulate_placed
 
-    rehearsal = threading.Thread(target=preload_writers, args=(plots,), daemon=True)
+    rehearsal = threading.Thread(
+        target=preload, kwargs={"writes": writes, "plots": plots}, daemon=True
+    )
 
     with watched(f"simulating {panel.name}", quiet=quiet) as watch:
 
@@ -309,6 +316,7 @@ def _scheme(mode: str, *, step: str, cutoff: str, every: str) -> "Scheme":
     return Scheme.of(mode, **changes)
 
 
+@without_collections()
 def _write(
     dataset: "xr.Dataset", *, out: Path | None, plot: Path | None, overlay: "xr.Dataset | None"
 ) -> list[Path]:

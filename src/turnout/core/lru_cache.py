@@ -47,6 +47,11 @@ class LRUCache(Generic[V]):
                 self._values.popitem(last=False)
             return value
 
+    def pop(self, key: Hashable) -> V | None:
+        """Take the value of a key out; None where there is none."""
+        with self._lock:
+            return self._values.pop(key, None)
+
     def clear(self) -> None:
         """Drop all values."""
         with self._lock:

@@ -9,6 +9,7 @@ object in another place costs its own displacements and flexibilities, and no mo
 
 from collections.abc import Hashable
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,19 +25,19 @@ from turnout.condense.followers import Leading
 from turnout.condense.modal import ModalModel
 from turnout.core.lru_cache import LRUCache
 from turnout.errors import MechanicsError
-from turnout.integrate.energy import LEDGER
+from turnout.integrate.levels import clear_levels, give_back_levels, take_levels
 from turnout.integrate.numbering import Places, number_places, place_laws
+from turnout.integrate.record import empty_record
 from turnout.integrate.rods import Rods
-from turnout.integrate.scratch import Work, acquire_buffer, new_work, release_buffers
+from turnout.integrate.scratch import Work, new_work, release_buffers
 from turnout.integrate.solve import Tolerances
 from turnout.integrate.state import State, fresh_copy, fresh_state
 from turnout.integrate.step import Stepping
 from turnout.integrate.system import System, check_normals, condensed_system, refill_system
-from turnout.integrate.watch import StepRecord, WatchPlan, watch_record
-from turnout.kernels.lanes import LANES, whole_lines
+from turnout.integrate.watch import StepRecord, WatchPlan
 from turnout.kernels.shared_record import clone_record, shared_record
-from turnout.law.friction_course import FrictionCourses
-from turnout.law.obstruction import Obstructions, remember
+from turnout.law.friction_course import FrictionCourses, no_courses
+from turnout.law.obstruction import Obstructions, no_obstructions, remember
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
 from turnout.scheme import AlphaCoefficients, Scheme
@@ -51,8 +52,6 @@ MOST_PLACED = 64
 """Objects in other places that each of them keeps, under a megabyte each in quick mode."""
 MOST_LAYOUTS = 24
 """Systems in the cache that rails of other sections are filled into, the latest used."""
-LARGE_PAGE = 1 << 21
-"""Size of a large page of memory [bytes]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +72,8 @@ class Arrangement:
         Condensed system of the model, laid out for the kernels.
     templates : dict
         States at rest and scratch arrays, by numbers of inputs and of levels, for runs to copy.
+    known : bool
+        Whether these rails have been arranged before.
     """
 
     mechanism: Mechanism
@@ -81,6 +82,7 @@ class Arrangement:
     condensed: CondensedRails
     system: System
     templates: Templates
+    known: bool
 
     @property
     def model(self) -> ModalModel:
@@ -150,13 +152,14 @@ def arrange(mechanism: Mechanism, scheme: Scheme) -> Arrangement:
         return made if structure is None else rails.placed.put(id(mechanism.rows), made)
     laws = mechanism.laws._replace(base_segment=found.laws.base_segment)
     table = shared_record(place_laws(laws, found.system.row_place))
-    return replace(found, mechanism=mechanism, laws=laws, table=table)
+    return replace(found, mechanism=mechanism, laws=laws, table=table, known=True)
 
 
 def clear_memory() -> None:
     """Clear the cache of condensed mechanisms, and release the buffers of histories."""
     _rails_cache.clear()
     _layouts.clear()
+    clear_levels()
     release_buffers()
 
 
@@ -208,31 +211,37 @@ def _arranged(mechanism: Mechanism, rails: _Rails, structure: _Structure | None)
     further = np.full(mechanism.laws.row.size - rails.base_segment.size, -1)
     laws = mechanism.laws._replace(base_segment=np.concatenate((rails.base_segment, further)))
     frame = rails.frames.get(joined)
+    known = frame is not None
     if frame is None:
-        layout, system = _laid_out(parts, laws, structure)
+        layout, system = _laid_out(parts, laws, structure, fixed_rows=first)
         rails.frames[joined] = frame = _Frame(system, layout.places, {})
     else:
         system = refill_system(frame.system, parts, laws, frame.places)
     n_rows, n_coordinates = mechanism.rows.shape
     condensed = CondensedRails(parts, n_coordinates=n_coordinates, n_rows=n_rows)
     table = shared_record(place_laws(laws, system.row_place))
-    return Arrangement(mechanism, laws, table, condensed, system, frame.templates)
+    return Arrangement(mechanism, laws, table, condensed, system, frame.templates, known)
 
 
 def _laid_out(
-    parts: tuple[BlockModel, ...], laws: LawTable, structure: _Structure | None
+    parts: tuple[BlockModel, ...],
+    laws: LawTable,
+    structure: _Structure | None,
+    *,
+    fixed_rows: int,
 ) -> tuple[_SystemLayout, System]:
     """Lay out the system, or fill one of rails that differ in their sections."""
     bases = [part if part.before is None else part.before for part in parts]
     leading = tuple(part.leading for part in bases)
     shapes = tuple((p.model.load.size, p.block.rows.tobytes(), id(p.leading)) for p in bases)
-    ends = tuple(part.block.rows.tobytes() for part in parts)
+    ends = (fixed_rows, *(part.block.rows.tobytes() for part in parts))
     key = None if structure is None else (structure.laws, laws.base_segment.tobytes(), shapes, ends)
     layout = None if key is None else _layouts.get(key)
     if layout is not None:
         return layout, refill_system(layout.system, parts, laws, layout.places)
     places = number_places(parts)
-    layout = _SystemLayout(condensed_system(parts, laws, places), places, leading)
+    system = condensed_system(parts, laws, places, fixed_rows=fixed_rows)
+    layout = _SystemLayout(system, places, leading)
     if key is not None:
         _layouts.put(key, layout)
     return layout, layout.system
@@ -280,7 +289,10 @@ def _with_objects(
 
 @dataclass(frozen=True, slots=True)
 class PreparedRun:
-    """All data of one run; `positions` are the inputs at the ends of the steps [m]."""
+    """All data of one run; `positions` are the inputs at the ends of the steps [m].
+
+    `templates` are those of its arrangement, whose rails may be `known` from other runs.
+    """
 
     system: System
     laws: LawTable
@@ -293,7 +305,14 @@ class PreparedRun:
     record: StepRecord
     obstructions: Obstructions
     courses: FrictionCourses
+    templates: Templates
+    known: bool
     rods: Rods | None = None
+
+    def give_back(self) -> None:
+        """Give back, at its end, what another run of these rails can use."""
+        if self.known:
+            give_back_levels(self.templates, self.system, self.stepping, self.state)
 
 
 def prepare(
@@ -323,11 +342,21 @@ def prepare(
         Which instants are stored whole and kept; default all of them.
     """
     system, laws, table = arrangement.system, arrangement.laws, arrangement.table
-    state, work = _copy_templates(
-        arrangement, n_inputs=positions.shape[1], halvings=scheme.halvings
-    )
-    state.inputs[:] = positions[0]
     alpha = AlphaCoefficients.from_spectral_radius(scheme.spectral_radius)
+    stepping = Stepping(
+        float(scheme.step),
+        alpha.alpha_m,
+        alpha.alpha_f,
+        alpha.beta,
+        alpha.gamma,
+        scheme.halvings,
+        scheme.follow_path,
+        max(scheme.stride, 1),
+        scheme.inertia,
+    )
+    watched = None if plan is None else (plan, arrangement.condensed)
+    state, work = _copy_templates(arrangement, stepping, n_inputs=positions.shape[1])
+    state.inputs[:] = positions[0]
     return PreparedRun(
         system=system,
         laws=laws,
@@ -337,39 +366,47 @@ def prepare(
         tolerances=Tolerances(
             float(scheme.gap_tolerance), float(scheme.force_tolerance), scheme.iterations
         ),
-        stepping=Stepping(
-            float(scheme.step),
-            alpha.alpha_m,
-            alpha.alpha_f,
-            alpha.beta,
-            alpha.gamma,
-            scheme.halvings,
-            scheme.follow_path,
-            max(scheme.stride, 1),
-            scheme.inertia,
-        ),
+        stepping=stepping,
         positions=positions,
-        record=_empty_record(
-            arrangement, n_stored, with_velocity=filled_in and scheme.inertia, plan=plan
+        record=empty_record(
+            system, laws, n_stored, velocity=filled_in and scheme.inertia, watched=watched
         ),
         obstructions=_set_up_obstructions(arrangement),
-        courses=shared_record(arrangement.mechanism.courses),
+        courses=_set_up_courses(arrangement.mechanism.courses),
+        templates=arrangement.templates,
+        known=arrangement.known,
     )
 
 
 def _set_up_obstructions(arrangement: Arrangement) -> Obstructions:
     """Return the obstructions of a run; their laws get the dents that they have already."""
+    if arrangement.mechanism.obstructions.law.size == 0:
+        return _without_obstructions()
     obstructions = shared_record(arrangement.mechanism.obstructions)
-    if obstructions.law.size:
-        remember(arrangement.table, obstructions)
+    remember(arrangement.table, obstructions)
     return obstructions
 
 
+@cache
+def _without_obstructions() -> Obstructions:
+    return shared_record(no_obstructions())
+
+
+def _set_up_courses(courses: FrictionCourses) -> FrictionCourses:
+    """Return the courses of a run; where there are none, all runs share them."""
+    return shared_record(courses) if courses.friction.size else _without_courses()
+
+
+@cache
+def _without_courses() -> FrictionCourses:
+    return shared_record(no_courses())
+
+
 def _copy_templates(
-    arrangement: Arrangement, *, n_inputs: int, halvings: int
+    arrangement: Arrangement, stepping: Stepping, *, n_inputs: int
 ) -> tuple[State, Work]:
     """Return a state at rest and scratch arrays, copied from the templates."""
-    levels = halvings + 2  # one for each halving, and one without inertia
+    levels = stepping.halvings + 2  # one for each halving, and one without inertia
     template = arrangement.templates.get((n_inputs, levels))
     if template is None:
         state = fresh_state(arrangement.system, arrangement.table, n_inputs=n_inputs, levels=levels)
@@ -377,66 +414,7 @@ def _copy_templates(
             state,
             new_work(arrangement.system, arrangement.table),
         )
-    return fresh_copy(template[0], arrangement.table), clone_record(template[1])
-
-
-def _empty_record(
-    arrangement: Arrangement, count: int, *, with_velocity: bool, plan: WatchPlan | None
-) -> StepRecord:
-    """Allocate a record of `count` instants in one piece of memory.
-
-    One of all instants begins at a large page, so that a run touches few pages for the first time.
-    """
-    system, laws = arrangement.system, arrangement.laws
-    n_modes = system.load.size
-    vectors = np.array([n_modes, system.row_place.size, laws.friction_row.size, laws.row.size])
-    widths = {
-        **dict(zip(("q", "g", "friction", "law"), whole_lines(vectors).tolist(), strict=True)),
-        "stored": 4,
-        "ledger": LEDGER,
-    }
-    counts = dict.fromkeys(widths, count)
-    if plan is not None:
-        counts |= dict.fromkeys(("q", "g", "friction", "law"), int(plan.whole.max()) + 1)
-        counts |= dict.fromkeys(("stored", "ledger"), int(plan.kept.max()) + 1)
-    page = LARGE_PAGE // 8 if plan is None else LANES
-    memory = acquire_buffer(sum(counts[name] * width for name, width in widths.items()) + page)
-    at, arrays = (-(memory.ctypes.data // 8)) % page, {}
-    for name, width in widths.items():
-        size = counts[name] * width
-        arrays[name] = memory[at : at + size].reshape(counts[name], width)
-        at += size
-    velocity = np.zeros((count if with_velocity else 1, arrays["q"].shape[1]))
-    record = StepRecord(
-        arrays["q"],
-        arrays["g"],
-        arrays["friction"],
-        arrays["law"],
-        arrays["stored"],
-        arrays["ledger"],
-        residual=np.zeros(1),
-        v=velocity,
-    )
-    if plan is not None:
-        record = watch_record(record, plan, arrangement.condensed, laws)
-    return shared_record(record)
-
-
-def trim_record(run: PreparedRun, count: int, plan: WatchPlan | None) -> StepRecord:
-    """Return what is stored whole of the first `count` instants, without padding."""
-    record, n_modes = run.record, run.system.load.size
-    energies: slice | Ints = slice(count)
-    if plan is not None:
-        whole = plan.whole_instants
-        energies = plan.kept[whole[whole < count]]
-        count = energies.size
-    return StepRecord(
-        q=record.q[:count, :n_modes],
-        g=record.g[:count, : run.system.row_place.size],
-        friction=record.friction[:count, : run.laws.friction_row.size],
-        law=record.law[:count, : run.laws.row.size],
-        stored=record.stored[energies],
-        ledger=record.ledger[energies],
-        residual=record.residual,
-        v=record.v[:count, :n_modes],
-    )
+    state, work = template
+    shape = state.compliance.shape
+    levels_known = take_levels(arrangement.templates, arrangement.system, stepping, shape)
+    return fresh_copy(state, arrangement.table, *levels_known), clone_record(work)

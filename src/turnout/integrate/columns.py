@@ -12,9 +12,9 @@ the *compliance*
 .. math:: S = \begin{pmatrix} R + \Phi A^{-1}\Phi^T & \Phi A^{-1} \\ A^{-1}\Phi^T & A^{-1}
               \end{pmatrix},
 
-which depends on the length of the step alone. Its sums run entry by entry in an order that does not
-depend on the number of ends, so that one more end changes no bit of the others. With the deviations
-of the block's own rows
+which depends on the length of the step alone (`turnout.integrate.compliance`). Its sums run entry
+by entry in an order that does not depend on the number of ends, so that one more end changes no bit
+of the others. With the deviations of the block's own rows
 
 .. math:: \begin{pmatrix} e \\ q \end{pmatrix} = \sum_j p_j\, P e_j + c, \qquad
           c = (I + P D)\,r + P\,b, \qquad P = (I - S D)^{-1} S .
@@ -52,77 +52,10 @@ from turnout.integrate.state import (
     State,
 )
 from turnout.integrate.system import Floats, Ints, System
-from turnout.kernels.compiled import compiled, compiled_with_memory
-from turnout.kernels.vector import add_scaled, add_weighted_rows, copy, update_rank_one
+from turnout.kernels.compiled import compiled
+from turnout.kernels.vector import add_scaled, copy, update_rank_one
 from turnout.law.kernel import STICK
 from turnout.law.table import LawTable
-
-
-@compiled_with_memory
-def assemble_level(
-    system: System, state: State, level: int, inertia: float, viscosity: float
-) -> None:
-    """Assemble the compliance of every block from the inverse of ``inertia I + viscosity C + K``.
-
-    It is done once for each length of a step. A singular matrix gives NaN.
-    """
-    if state.level_ready[level]:
-        return
-    state.level_ready[level] = 1
-    compliance = state.compliance[level]
-    _fill(0.0, compliance)  # its memory may have served before
-    for block in range(system.end_stop.size):
-        first, last = system.mode_start[block], system.mode_start[block + 1]
-        n = last - first
-        matrix = system.stiffness[first:last, :n].copy()
-        for i in range(n):
-            matrix[i, i] += inertia + viscosity * system.damping[first + i]
-        inverse = np.empty_like(matrix)
-        try:
-            _put(np.linalg.inv(matrix), inverse)  # type: ignore[arg-type]
-        except Exception:  # the only class a kernel can catch: a free body, or NaN
-            _fill(np.nan, inverse)
-        start, stop = system.end_start[block], system.end_stop[block]
-        width = stop - start
-        modes = system.mode_ends[first:last]
-        for end in range(start, stop):
-            column = compliance[end]
-            _assemble_column(system, end, inverse, modes, column[: width + n])
-            for i in range(n):
-                compliance[stop + i, end - start] = column[width + i]
-        for end in range(system.follower_start[block], system.follower_start[block + 1]):
-            _assemble_column(system, end, inverse, modes, compliance[end, : width + n])
-        _put(inverse, compliance[stop : stop + n, width : width + n])
-
-
-@compiled
-def _put(values: Floats, to: Floats) -> None:
-    """Copy a matrix into another of its shape; an assignment of slices takes seconds to compile."""
-    for i in range(to.shape[0]):
-        for j in range(to.shape[1]):
-            to[i, j] = values[i, j]
-
-
-@compiled
-def _fill(value: float, to: Floats) -> None:
-    """Set all of a matrix to a value."""
-    for i in range(to.shape[0]):
-        for j in range(to.shape[1]):
-            to[i, j] = value
-
-
-@compiled
-def _assemble_column(
-    system: System, end: int, inverse: Floats, modes: Floats, column: Floats
-) -> None:
-    """Assemble the displacements of leading ends and modes under a unit force on an end [m/N]."""
-    n = inverse.shape[0]
-    width = column.size - n
-    of_ends, of_modes = column[:width], column[width:]
-    of_modes[:] = 0.0
-    add_weighted_rows(system.end_modes[end, :n], inverse, of_modes)
-    copy(system.flexibility[end], of_ends)
-    add_weighted_rows(of_modes, modes, of_ends)
 
 
 @compiled

@@ -9,7 +9,8 @@ finds the minimum from any start. `settle` finds an equilibrium with friction th
 import numpy as np
 
 from turnout.integrate.accuracy import measure_residual, refine
-from turnout.integrate.columns import assemble_level, rebuild
+from turnout.integrate.columns import rebuild
+from turnout.integrate.compliance import assemble_level
 from turnout.integrate.energy import account_friction, account_laws, set_energy_reference
 from turnout.integrate.follow import follow_path
 from turnout.integrate.scratch import Work

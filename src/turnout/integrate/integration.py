@@ -14,12 +14,13 @@ from turnout.condense.modal import ModalModel
 from turnout.core.threads import one_blas_thread
 from turnout.errors import SolverError
 from turnout.integrate.accuracy import equilibrium_residual
-from turnout.integrate.arrange import PreparedRun, arrange, prepare, trim_record
+from turnout.integrate.arrange import PreparedRun, arrange, prepare
 from turnout.integrate.dense import interpolate_record
 from turnout.integrate.driven import MachineHistory, machine_history, new_rods, start_rods
 from turnout.integrate.energy import energy_balance
 from turnout.integrate.march import march, march_with_machines, store_instant
 from turnout.integrate.outcome import Code, Outcome, is_closed
+from turnout.integrate.record import trim_record
 from turnout.integrate.start import PriorMotion, find_start
 from turnout.integrate.state import (
     COUNT_FLIPS,
@@ -181,7 +182,7 @@ def _integrate(
             store_instant(run.system, run.table, run.state, run.work, run.record, 0)
             code, done = _march_in_chunks(run, report, thread)
     kept = 0 if code in WITHOUT_START else done // stride + 1
-    of_energy = kept if plan is None else plan.kept_before(kept)
+    of_energy = kept if plan is None else plan.balanced_before(kept)
     balance = energy_balance(run.record.stored[:of_energy], run.record.ledger[:of_energy])
     machines = machine_history(run, mechanism, kept)
     if machines is not None:
@@ -189,6 +190,7 @@ def _integrate(
     if code == Code.COMPLETE and not is_closed(*balance):
         code = Code.INACCURATE
     residual = equilibrium_residual(run.system, run.table, run.state, run.work)
+    run.give_back()
     outcome = Outcome(
         code=code,
         time=done * scheme.step,
@@ -198,7 +200,7 @@ def _integrate(
         energy_residual=balance[0],
         energy_scale=balance[1],
     )
-    record = trim_record(run, kept, plan)
+    record = trim_record(run.record, run.system, run.laws, kept, plan)
     instants = scheme.step * stride * np.arange(kept, dtype=np.float64)
     positions = positions[::stride][:kept]
     if grid.filled_in and kept > 1:
@@ -346,6 +348,8 @@ def _march_in_chunks(
 def _name_unconverged(mechanism: Mechanism, run: PreparedRun) -> tuple[str, ...]:
     """Return the names of the laws on rows that still changed when the last attempt ended."""
     rows, table = run.work.unconverged.astype(bool), run.table
+    if not rows.any():
+        return ()
     names = [name for name, row in zip(mechanism.law_names, table.row, strict=True) if rows[row]]
     names += [
         f"friction {name}"

@@ -12,7 +12,8 @@ from turnout.integrate.accuracy import (
     measure_residual,
     refine,
 )
-from turnout.integrate.columns import REBUILD_AFTER, assemble_level, rebuild
+from turnout.integrate.columns import REBUILD_AFTER, rebuild
+from turnout.integrate.compliance import assemble_level
 from turnout.integrate.energy import (
     account_friction,
     account_laws,
@@ -207,13 +208,14 @@ def store_instant(
         _copy_nontemporal(state.friction_force, record.friction[whole])
         _copy_nontemporal(work.force, record.law[whole])
     kept = record.kept[at] if record.kept.size > 0 else at
-    if kept >= 0:
-        store_energy(system, table, state, work, record.stored[kept])
+    if kept >= 0 and record.seen.shape[1] > 0:
+        forces = (work.force, state.friction_force)
+        store_seen(system, table.row, (state.q, state.g), forces, record, kept)
+    balanced = record.balanced[at] if record.balanced.size > 0 else at
+    if balanced >= 0:
+        store_energy(system, table, state, work, record.stored[balanced])
         for column in range(state.ledger.size):
-            record.ledger[kept, column] = state.ledger[column]
-        if record.seen.shape[1] > 0:
-            forces = (work.force, state.friction_force)
-            store_seen(system, table.row, (state.q, state.g), forces, record, kept)
+            record.ledger[balanced, column] = state.ledger[column]
     for k in range(record.watched.size):
         record.effort[at, k] = work.force[record.watched[k]]
 

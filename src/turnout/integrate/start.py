@@ -109,7 +109,7 @@ def find_start(
         `COMPLETE`, or why there is no start.
     """
     if prior is None:
-        code = start_at_rest(run, arrangement.mechanism, thread)
+        code = start_at_rest(run, arrangement.mechanism)
     else:
         code = _start_after(run, arrangement, scheme, thread, prior)
     freeze(run.table, run.state, run.obstructions)
@@ -143,7 +143,8 @@ def _start_after(
             run.work.unconverged[:] = motion.work.unconverged
             return code
         left = _cache.put(key, _state_left(motion, shared))
-    return _start_from(run, left, thread)
+        motion.give_back()
+    return _start_from(run, left)
 
 
 def clear_starts() -> None:
@@ -182,7 +183,7 @@ def _present_at_start(laws: LawTable) -> NDArray[np.bool_]:
 
 def _move(motion: PreparedRun, mechanism: Mechanism, thread: Executor | None) -> Code:
     """Move the rails as before a start, from equilibrium without friction."""
-    if start_at_rest(motion, mechanism, thread) != Code.COMPLETE:
+    if start_at_rest(motion, mechanism) != Code.COMPLETE:
         return Code.NO_EQUILIBRIUM
     last = motion.positions.shape[0] - 1
     code, _ = call_interruptible(thread, motion.work.stop, _call_march, motion, last)
@@ -223,8 +224,11 @@ def _state_left(motion: PreparedRun, templates: Templates) -> _StateLeft:
     )
 
 
-def _start_from(run: PreparedRun, left: _StateLeft, thread: Executor | None) -> Code:
-    """Bring the rails to rest with the contact set and the anchors that a motion left."""
+def _start_from(run: PreparedRun, left: _StateLeft) -> Code:
+    """Bring the rails to rest with the contact set and the anchors that a motion left.
+
+    Like `start_at_rest` it takes a limited number of solutions, for which no thread is woken.
+    """
     system, table, state, work = run.system, run.table, run.state, run.work
     _set_present(run)
     set_segments(table, state, left.segment)
@@ -232,10 +236,7 @@ def _start_from(run: PreparedRun, left: _StateLeft, thread: Executor | None) -> 
         getattr(state, name)[:] = getattr(left, name)
     table.friction_coefficient[:] = left.friction_coefficient
     patient = run.tolerances._replace(iterations=max(run.tolerances.iterations, 100))
-    code = call_interruptible(thread, work.stop, settle, system, table, state, work, patient)
-    if code == Code.INTERRUPTED:
-        raise KeyboardInterrupt
-    if code != Code.COMPLETE:
+    if settle(system, table, state, work, patient) != Code.COMPLETE:
         return Code.NO_LOADED_START
     start_energy_balance(system, table, state, work)
     if not run.stepping.inertia:
@@ -243,7 +244,7 @@ def _start_from(run: PreparedRun, left: _StateLeft, thread: Executor | None) -> 
     return Code.COMPLETE
 
 
-def start_at_rest(run: PreparedRun, mechanism: Mechanism, thread: Executor | None) -> Code:
+def start_at_rest(run: PreparedRun, mechanism: Mechanism) -> Code:
     """Find the static equilibrium without friction, then anchor the feet at their places."""
     system, laws, table, state, work = run.system, run.laws, run.table, run.state, run.work
     _set_present(run)
@@ -251,10 +252,10 @@ def start_at_rest(run: PreparedRun, mechanism: Mechanism, thread: Executor | Non
     state.friction[:] = SLIP_FORWARD
     table.friction_coefficient[:] = 0.0
     try:
-        if not _find_equilibrium(run, thread):
+        if not _find_equilibrium(run):
             segments = equilibrium_segments(mechanism, inputs=state.inputs, present=state.present)
             set_segments(table, state, segments)
-            if not _find_equilibrium(run, thread):
+            if not _find_equilibrium(run):
                 return Code.NO_EQUILIBRIUM
     finally:
         table.friction_coefficient[:] = laws.friction_coefficient
@@ -269,11 +270,7 @@ def _set_present(run: PreparedRun) -> None:
     run.state.law_placed[run.state.present == 1] = 0.0
 
 
-def _find_equilibrium(run: PreparedRun, thread: Executor | None) -> bool:
+def _find_equilibrium(run: PreparedRun) -> bool:
     """Iterate the contact set to static equilibrium from the present one; False if it fails."""
     patient = run.tolerances._replace(iterations=max(run.tolerances.iterations, 400))
-    given = (run.system, run.table, run.state, run.work, patient)
-    code = call_interruptible(thread, run.work.stop, equilibrium, *given)
-    if code == Code.INTERRUPTED:
-        raise KeyboardInterrupt
-    return code == Code.COMPLETE
+    return bool(equilibrium(run.system, run.table, run.state, run.work, patient) == Code.COMPLETE)

@@ -36,8 +36,9 @@ class State(NamedTuple):
     Solution: ``entries`` and ``shift`` are the deviations of the rows; the columns with their
     slots, and the coupling of the blocks with its ``pivots``, are those of
     `turnout.integrate.columns` for the step of the present level. ``compliance`` depends on the
-    length of the step alone and is kept level by level, ``level_ready`` flags the levels that have
-    been assembled. ``drift`` is the growth of rounding since it was last measured [-].
+    length of the step alone and is kept level by level, ``level_ready`` says which levels have
+    been assembled (`turnout.integrate.levels`). ``drift`` is the growth of rounding since it
+    was last measured [-].
     ``counters``: active rows that join blocks, flips since the last rebuild, all flips, all
     iterations, halved steps, rebuilds, the level, whether the coupling is up to date.
     """
@@ -202,7 +203,7 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
     return state
 
 
-def fresh_copy(state: State, table: LawTable) -> State:
+def fresh_copy(state: State, table: LawTable, compliance: Floats, ready: Ints) -> State:
     """Return a state at rest from one that nothing has changed yet.
 
     Parameters
@@ -211,13 +212,16 @@ def fresh_copy(state: State, table: LawTable) -> State:
         From `fresh_state`.
     table : LawTable
         Laws in the same order on the same rows; their values may differ.
+    compliance, ready : ndarray
+        Compliances by level, and which of them are known.
     """
     copied = clone_record(
         state,
-        columns=zeros_in_lines(*state.columns.shape),
+        columns=lines_from_buffer(*state.columns.shape),
         coupling=np.zeros(state.coupling.shape),
-        mode_columns=zeros_in_lines(*state.mode_columns.shape),
-        compliance=lines_from_buffer(*state.compliance.shape),
+        mode_columns=lines_from_buffer(*state.mode_columns.shape),
+        compliance=compliance,
     )
+    copied.level_ready[:] = ready
     set_home_segments(table, copied)
     return copied

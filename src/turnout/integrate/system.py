@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from turnout.condense.condense import BlockModel, folded_stiffness
 from turnout.errors import MechanicsError
 from turnout.integrate.numbering import Places, Terms, as_unsigned, number_places
-from turnout.kernels.lanes import LANES, whole_lines
+from turnout.kernels.lanes import LANES, whole_lines, zeros_in_lines
 from turnout.kernels.shared_record import clone_record, shared_record
 from turnout.law.table import LawTable
 
@@ -53,7 +53,8 @@ class System(NamedTuple):
     Inputs: ``input_law`` are the driven laws and ``input_row`` their rows; ``input_end`` are those
     of the rows that are an end. ``input_place`` is the number of a law's input, from one, or zero,
     and ``input_group`` where the groups of eight laws with any input begin. ``timed_law`` lists the
-    laws that do not always act.
+    laws that do not always act, ``moved_end`` the ends of rows that stand elsewhere in another
+    system of the same rails.
     """
 
     load: Floats
@@ -99,10 +100,15 @@ class System(NamedTuple):
     input_group: Ints
     input_end: Ints
     timed_law: Ints
+    moved_end: Ints
 
 
 def condensed_system(
-    parts: Sequence[BlockModel], laws: LawTable, places: Places | None = None
+    parts: Sequence[BlockModel],
+    laws: LawTable,
+    places: Places | None = None,
+    *,
+    fixed_rows: int | None = None,
 ) -> System:
     """Assemble modal models and their laws for the kernels.
 
@@ -114,6 +120,8 @@ def condensed_system(
         All laws, by rows of the mechanism.
     places : Places, optional
         Of the parts.
+    fixed_rows : int, optional
+        Rows beyond these are those of objects, which may be filled in elsewhere; default none.
 
     Returns
     -------
@@ -168,6 +176,7 @@ def condensed_system(
         timed_law=np.flatnonzero(
             np.isfinite(laws.appears) | np.isfinite(laws.disappears) | (laws.waits == 1)
         ),
+        moved_end=_moved_ends(parts, places, fixed_rows),
     )
     return shared_record(system)
 
@@ -203,15 +212,25 @@ def refill_system(
     return found
 
 
+def _moved_ends(parts: Sequence[BlockModel], places: Places, fixed_rows: int | None) -> Ints:
+    """Return the ends of the rows from a number on."""
+    if fixed_rows is None:
+        return np.zeros(0, dtype=np.int64)
+    found = [
+        at[part.block.rows >= fixed_rows] for part, at in zip(parts, places.of_end, strict=True)
+    ]
+    return np.concatenate(found).astype(np.int64)
+
+
 def _assemble_ends(parts: Sequence[BlockModel], places: Places) -> dict[str, Any]:
     """Assemble load, modes and residual flexibility at the ends, by place."""
     n_modes = [part.model.eigenvalues.size for part in parts]
-    widest = max(part.leading.leaders.size for part in parts)
+    widest = int(whole_lines(max(part.leading.leaders.size for part in parts)))
     found = {
         "end_load": np.zeros(places.row_ends.shape[0]),
         "end_modes": np.zeros((places.row_ends.shape[0], max(n_modes))),
-        "mode_ends": np.zeros((sum(n_modes), widest)),
-        "flexibility": np.zeros((places.row_ends.shape[0], widest)),
+        "mode_ends": zeros_in_lines(sum(n_modes), widest),
+        "flexibility": zeros_in_lines(places.row_ends.shape[0], widest),
     }
     for block, part in enumerate(parts):
         at, model, leaders = places.of_end[block], part.model, part.leading.leaders
@@ -291,7 +310,9 @@ def _assemble_patterns(laws: LawTable, places: Places) -> dict[str, Any]:
         "term_list": term_list,
         "pattern_start": start,
         "pattern_list": ends,
-        "pattern_at": np.where(ends < places.solved, ends - places.end_start[block], -1),
+        "pattern_at": as_unsigned(
+            np.where(ends < places.solved, ends - places.end_start[block], 0)
+        ),
         "pattern_term": np.array(number, dtype=np.int64),
         "pattern_weight": np.array([weight for _, weight in flat], dtype=np.float64),
     }

@@ -29,6 +29,8 @@ from turnout.kernels.vector import copy
 from turnout.law.table import LawTable
 
 TIME_TOLERANCE = 1e-9
+BALANCE_EVERY = 8
+"""Kept instants of a watched run from one check of its energy balance to the next."""
 
 
 class StepRecord(NamedTuple):
@@ -40,8 +42,9 @@ class StepRecord(NamedTuple):
     lines; those of the first four begin at one.
 
     Of a watched run `whole` is the row of `q`, `g`, `friction` and `law` in which a stored instant
-    has its place, and `kept` that of `stored`, `ledger` and `seen`, -1 for none; without entries
-    every instant has its own. `effort` are the forces of the laws `watched` at all instants [N];
+    has its place, `kept` that of `seen` and `balanced` that of `stored` and `ledger`, -1 for none;
+    without entries every instant has its own. `effort` are the forces of the laws `watched` at all
+    instants [N];
     `seen` displacements [m], for which `seen_modes`, `seen_laws` and `seen_frictions` hold a row of
     weights for each mode, law and friction, and `seen_load` their values under the constant load.
     `deviation` is scratch.
@@ -65,6 +68,7 @@ class StepRecord(NamedTuple):
     seen_frictions: Floats = np.zeros((0, 0))
     seen_load: Floats = np.zeros(0)
     deviation: Floats = np.zeros(0)
+    balanced: Ints = np.zeros(0, dtype=np.int64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +80,8 @@ class Watch:
     laws : sequence of int
         Whose forces are wanted at every stored instant.
     stride : int
-        Every so many stored instants one is kept: with displacements and energies.
+        Every so many stored instants one is kept, with displacements; every `BALANCE_EVERY` of
+        these with energies.
     whole : sequence of float
         The first stored instants from these times on are stored whole, and the last one [s].
     count : int
@@ -162,15 +167,16 @@ class WatchPlan:
     watch: Watch
     whole: Ints
     kept: Ints
+    balanced: Ints
 
     @property
     def whole_instants(self) -> Ints:
         """Numbers of the stored instants that are stored whole."""
         return np.flatnonzero(self.whole >= 0)
 
-    def kept_before(self, count: int) -> int:
-        """Return how many of the first `count` stored instants are kept."""
-        return int(np.count_nonzero(self.kept[:count] >= 0))
+    def balanced_before(self, count: int) -> int:
+        """Return of how many of the first `count` stored instants the energies are stored."""
+        return int(np.count_nonzero(self.balanced[:count] >= 0))
 
 
 def plan_watch(watch: Watch, interval: float, count: int) -> WatchPlan:
@@ -191,6 +197,8 @@ def plan_watch(watch: Watch, interval: float, count: int) -> WatchPlan:
     >>> plan = plan_watch(watch, 0.1, 7)
     >>> plan.whole.tolist(), plan.kept.tolist()
     ([-1, -1, -1, 0, -1, -1, 1], [0, -1, 1, 2, 3, -1, 4])
+    >>> plan.balanced.tolist()
+    [0, -1, -1, 1, -1, -1, 2]
     """
     return WatchPlan(watch, *_places(tuple(watch.whole), watch.stride, interval, count))
 
@@ -198,13 +206,14 @@ def plan_watch(watch: Watch, interval: float, count: int) -> WatchPlan:
 @lru_cache(maxsize=16)
 def _places(
     wanted: tuple[float, ...], stride: int, interval: float, count: int
-) -> tuple[Ints, Ints]:
-    """Return where each instant is stored whole, and where it is kept."""
+) -> tuple[Ints, Ints, Ints]:
+    """Return where each instant is stored whole, where it is kept, and where its energies are."""
     times = interval * np.arange(count, dtype=np.float64)
     first = np.searchsorted(times, np.array(wanted, dtype=np.float64) - TIME_TOLERANCE)
     whole = np.unique(np.append(first[first < count], count - 1))
     kept = np.union1d(np.arange(0, count, stride), whole)
-    places = _numbered(whole, count), _numbered(kept, count)
+    balanced = np.union1d(np.arange(0, count, stride * BALANCE_EVERY), whole)
+    places = _numbered(whole, count), _numbered(kept, count), _numbered(balanced, count)
     for found in places:
         found.flags.writeable = False
     return places
@@ -232,6 +241,7 @@ def watch_record(
     return record._replace(
         whole=plan.whole,
         kept=plan.kept,
+        balanced=plan.balanced,
         watched=np.asarray(plan.watch.laws, dtype=np.int64),
         effort=np.zeros((plan.whole.size, len(plan.watch.laws))),
         seen=zeros_in_lines(int(plan.kept.max()) + 1, width),

@@ -5,11 +5,13 @@ seconds. A kernel therefore runs in a worker thread and polls a flag that the ca
 Where Ctrl-C does not reach the caller it runs in its own thread.
 """
 
+import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager
+from functools import cache
 from typing import ParamSpec, TypeVar
 
 import numpy as np
@@ -28,14 +30,22 @@ def one_thread() -> Iterator[Executor | None]:
     """Give an executor of one worker thread for kernels; None where Ctrl-C does not come here.
 
     It comes to the main thread alone, and to no process that ignores it, such as a worker of a
-    sweep; starting a thread takes a twentieth of a quick throw.
+    sweep. One thread serves all runs: starting one takes a twentieth of a quick throw.
     """
     main = threading.current_thread() is threading.main_thread()
     if not main or signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         yield None
         return
-    with ThreadPoolExecutor(1, thread_name_prefix="turnout") as thread:
-        yield thread
+    yield _kept_thread()
+
+
+@cache
+def _kept_thread() -> Executor:
+    return ThreadPoolExecutor(1, thread_name_prefix="turnout")
+
+
+if hasattr(os, "register_at_fork"):  # a forked process has none of the threads
+    os.register_at_fork(after_in_child=_kept_thread.cache_clear)
 
 
 def call_interruptible(

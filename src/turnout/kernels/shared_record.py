@@ -67,10 +67,11 @@ class Shared:
 
     Vectors are pieces of one `memory`; `vectors` holds start, size and dtype of each. `words` are
     the address and the lengths of each array, which kernels read. `arrays` caches the arrays that
-    have been requested.
+    have been requested. Numba asks every argument of a kernel for its ``_numba_type_``; without one
+    it looks the type up in Python, which takes ten times as long as all else of a call.
     """
 
-    __slots__ = ("address", "arrays", "kind", "memory", "vectors", "words")
+    __slots__ = ("_numba_type_", "address", "arrays", "kind", "memory", "vectors", "words")
 
     def __init__(
         self,
@@ -80,6 +81,7 @@ class Shared:
         words: NDArray[np.int64],
     ) -> None:
         self.kind, self.memory, self.vectors, self.words = kind, memory, vectors, words
+        self._numba_type_ = kind
         self.arrays: dict[str, NDArray[Any]] = {}
         self.address = int(words.ctypes.data)
 

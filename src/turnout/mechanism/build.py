@@ -96,7 +96,8 @@ def shape_of(
     for family, record in ((panel.chair, Chair), (panel.drive, Drive), (panel.rail, Rail)):
         values = _geometry(record)
         for name, member in family.items():
-            key.append((name, *map(_plain, values(vars(member)))))
+            found = values(vars(member))
+            key.append((name, *(map(_plain, found) if list in map(type, found) else found)))
     key += [(item.name, item.rail, item.x, item.height) for item in objects]
     scales = tuple(getattr(rail, name) for rail in panel.rail.values() for name in _SCALES)
     return (tuple(key), scales), tuple(named)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from turnout.core.content_cache import cached_arrays, digest
 from turnout.core.lru_cache import LRUCache
 from turnout.mechanism.mechanism import RailBody, RailData, ReducedRail
-from turnout.mechanism.structure import Structure, point_rows, rail_structure
+from turnout.mechanism.structure import Structure, clear_structures, point_rows, rail_structure
 from turnout.panel.records import RailMatrices
 from turnout.reduction.craig_bampton import (
     InnerShapes,
@@ -73,10 +73,10 @@ def content_key(data: RailData) -> str | None:
 
 
 def clear_memory() -> None:
-    """Empty the memory of reduced rails."""
-    _rails.clear()
-    _digests.clear()
-    _reductions.clear()
+    """Empty the memory of reduced rails, of their dashpots and of their structures."""
+    for cache in (_rails, _digests, _reductions, _at_dashpots):
+        cache.clear()
+    clear_structures()
 
 
 def _digest_of_rest(data: RailData) -> str:

@@ -153,6 +153,12 @@ _parts = LRUCache[_Parts](MOST_KEPT)
 _rows = LRUCache[tuple[sp.csr_array, object, object]](2 * MOST_KEPT)
 
 
+def clear_structures() -> None:
+    """Empty the memory of parts and rows of structures."""
+    _parts.clear()
+    _rows.clear()
+
+
 def _beam_parts(data: RailData) -> _Parts:
     """Return what does not depend on the sections of a rail of beams, or find it."""
     named = (data.x, data.axis_height, data.supports)

@@ -108,6 +108,7 @@ def apply_overrides(
     leaves.sort(key=lambda leaf: leaf[0])
     applied: dict[str, object] = {}
     above: set[str] = set()  # of what is given
+    own: set[Path] = set()
     for _, key, value in leaves:
         targets = _targets(tree, key, value)
         if not targets:
@@ -124,13 +125,13 @@ def apply_overrides(
         applied[key] = value
         many = _breadth(tuple(key.split("."))) == 0 and len(targets) > 1
         for target in targets:
-            _set(tree, target)
+            _set(tree, target, own)
             place = ".".join(target.place)
             if place in above:
                 for below in [name for name in given if name.startswith(f"{place}.")]:
                     del given[below]
             given[place] = value
-            above.update(".".join(target.place[:depth]) for depth in range(1, len(target.place)))
+            above |= _above(target.place)
             if many:
                 shared.add(target.place[:3])
             else:
@@ -197,15 +198,30 @@ def _targets(tree: dict[str, Any], key: str, value: object) -> list[_Target]:
     return [_Target(key, path, value)] if is_field(family, path[2:]) else []
 
 
-def _set(tree: dict[str, Any], target: _Target) -> None:
-    """Set a value in copies of the tables around it; what is beside them stays the same object."""
-    table = tree
-    for part in target.place[:-1]:
+@lru_cache(maxsize=4096)
+def _above(place: Path) -> frozenset[str]:
+    """Return the keys of all tables around a value."""
+    return frozenset(".".join(place[:depth]) for depth in range(1, len(place)))
+
+
+def _set(tree: dict[str, Any], target: _Target, own: set[Path]) -> None:
+    """Set a value in copies of the tables around it; what is beside them stays the same object.
+
+    `own` are the places of tables that are copies already.
+    """
+    table, place = tree, target.place
+    for depth in range(1, len(place)):
+        part = place[depth - 1]
         inner = table.get(part)
-        inner = dict(inner) if isinstance(inner, dict) else {}
-        table[part] = inner
+        if not (isinstance(inner, dict) and place[:depth] in own):
+            inner = dict(inner) if isinstance(inner, dict) else {}
+            table[part] = inner
+            own.add(place[:depth])
         table = inner
-    table[target.place[-1]] = target.value
+    # whatever was copied below a value that is replaced is no copy of what is there now
+    if len(own) > 1 and isinstance(table.get(place[-1]), dict):
+        own.difference_update([other for other in own if other[: len(place)] == place])
+    table[place[-1]] = target.value
 
 
 def restated(document: Document) -> dict[str, Origin]:

@@ -78,11 +78,12 @@ def find_place(families: Mapping[str, Mapping[str, Any]], at: str) -> Place:
 
 def _places_called(families: Mapping[str, Mapping[str, Any]], text: str) -> list[Place]:
     """Return the places of any family whose whole name is a text, whatever its case."""
+    wanted = text.lower()
     return [
         Place(record.x, family, name)
         for family in PLACE_FAMILIES
         for name, record in families.get(family, {}).items()
-        if name.lower() == text.lower()
+        if name.lower() == wanted
     ]
 
 

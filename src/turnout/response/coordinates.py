@@ -1,8 +1,11 @@
 """Names and places of the members of a panel as coordinates of a dataset."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.core.lru_cache import LRUCache
 from turnout.mechanism.drive_machines import slip_force
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.model import Panel
@@ -11,7 +14,15 @@ from turnout.response.labels import DIRECTIONS
 from turnout.response.save import Save
 from turnout.response.signals import AXES, Variable, stop_names
 
+if TYPE_CHECKING:
+    import xarray as xr
+    from xarray.core.indexes import Index
+
 Floats = NDArray[np.float64]
+
+MOST_KEPT = 64
+"""Indexes of names are kept in memory, the latest used: making one takes longer than a channel."""
+_indexes = LRUCache[tuple["Index", "xr.Variable"]](MOST_KEPT)
 
 
 def stations(panel: Panel, mechanism: Mechanism, save: Save) -> Floats:
@@ -57,6 +68,41 @@ def coordinates(panel: Panel, mechanism: Mechanism, *, time: Floats) -> dict[str
     if mechanism.index.object_parts:
         found["object"] = _names("object", mechanism.index.object_parts)
     return found
+
+
+def indexed(coordinates: dict[str, Variable]) -> "xr.Coordinates":
+    """Return coordinates with the indexes that xarray would make of them each time.
+
+    Parameters
+    ----------
+    coordinates : dict of str to (dims, ndarray)
+        Those named like their dimension have an index.
+    """
+    import xarray as xr
+
+    variables: dict[str, xr.Variable] = {}
+    indexes: dict[str, Index] = {}
+    for name, (dims, values) in coordinates.items():
+        if dims == (name,):
+            indexes[name], variables[name] = _index_of(name, values)
+        else:
+            variables[name] = xr.Variable(dims, values)
+    return xr.Coordinates(variables, indexes)
+
+
+def _index_of(name: str, values: NDArray[np.generic]) -> "tuple[Index, xr.Variable]":
+    """Return the index of a dimension, kept where it holds names: throws have the same ones."""
+    import pandas as pd
+    import xarray as xr
+
+    key = (name, values.dtype.str, values.tobytes())
+    kept = _indexes.get(key)
+    if kept is not None:
+        return kept
+    # Of an array xarray makes the same index, but first loads every library of arrays it knows.
+    index = xr.indexes.PandasIndex(pd.Index(values), name, coord_dtype=values.dtype)
+    made: tuple[Index, xr.Variable] = index, index.create_variables()[name]
+    return _indexes.put(key, made) if values.dtype.kind == "U" else made
 
 
 def _stiffness(drive: Drive) -> float:

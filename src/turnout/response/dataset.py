@@ -15,9 +15,8 @@ from turnout.panel.foreign_object import PlacedObject
 from turnout.panel.load import LoadedPanel
 from turnout.panel.model import Panel
 from turnout.panel.object_kind import KINDS
-from turnout.panel.profile import contact_height
 from turnout.panel.records import Placed
-from turnout.response.coordinates import coordinates, stations
+from turnout.response.coordinates import coordinates, indexed, stations
 from turnout.response.drives import (
     duties,
     duty_records,
@@ -27,7 +26,7 @@ from turnout.response.drives import (
     machine_supplies,
     moved_throws,
 )
-from turnout.response.gaps import drive_and_sensor_gaps, rail_gap
+from turnout.response.gaps import displacements_and_gaps, gap_rows_over_time, split_gaps
 from turnout.response.labels import (
     contact_labels,
     control_states,
@@ -37,10 +36,11 @@ from turnout.response.labels import (
 from turnout.response.recovery import (
     PLACE_TOLERANCE,
     Motion,
-    lateral_displacement,
+    histories_of,
     recover_motion,
 )
 from turnout.response.route import Throw
+from turnout.response.rows_over_time import Rows, write_rows
 from turnout.response.save import Save
 from turnout.response.signals import (
     ENERGIES,
@@ -68,9 +68,11 @@ Floats = NDArray[np.float64]
 # motion of the rails, which costs most.
 _FORCES: Mapping[tuple[str, ...], Callable[[Panel, Mechanism, History], dict[str, Variable]]] = {
     ("object_force", "single_object_force"): lambda _, *made: object_signals(*made),
+    ("link_force",): link_signals,
+}
+_MANY_FORCES = {
     ("chair_normal_force", "chair_friction_force"): chair_signals,
     ("stop_force",): stop_signals,
-    ("link_force",): link_signals,
 }
 _SHAPES = ("gap", "lateral_displacement")
 _DRIVE_GAPS = ("drive_gap", "end_gap", "locked")
@@ -104,7 +106,7 @@ def response_dataset(
     save = save or Save()
     channels = response_channels(panel, mechanism, history, save=save)
     coords = coordinates_of(channels, panel, mechanism, time=history.time, save=save)
-    return check_schema(add_labels(xr.Dataset(channels, coords)))
+    return check_schema(add_labels(xr.Dataset(channels, indexed(coords))))
 
 
 def response_channels(
@@ -131,12 +133,24 @@ def response_channels(
     for names, signals in _FORCES.items():
         if save.keeps(*names):
             channels |= signals(panel, mechanism, history)
+    wanted: list[Rows] = []  # written together, so that histories are read once
+    for names, many in _MANY_FORCES.items():
+        if save.keeps(*names):
+            made, rows = many(panel, mechanism, history)
+            channels, wanted = channels | made, wanted + rows
     if save.keeps(*_SHAPES, *FASTENINGS, *_DRIVE_GAPS, *_SENSOR_GAPS, *_FLANGEWAYS):
         motion = recover_motion(mechanism, history)
         if save.keeps(*_SHAPES):
-            channels |= _shapes(panel, motion, stations(panel, mechanism, save))
+            made, rows = _shapes(panel, motion, stations(panel, mechanism, save))
+            channels, wanted = channels | made, wanted + rows
         channels |= fastening_signals(panel, motion, save)
-        channels |= _gaps(panel, motion, history.time, save, moved)
+        gaps = gap_rows_over_time(panel, motion)
+        if save.keeps(*_DRIVE_GAPS, *_SENSOR_GAPS):
+            wanted.append(gaps)
+        write_rows(wanted, histories_of(history))
+        channels |= _gaps(panel, motion, gaps.out, save, moved)
+    else:
+        write_rows(wanted, histories_of(history))
     channels |= contact_labels(mechanism, history) | object_memory(mechanism, history)
     if save.keeps(*ENERGIES):
         channels |= energy_channels(history.stored, history.ledger)
@@ -173,25 +187,22 @@ def coordinates_of(
     return {name: value for name, value in named.items() if set(value[0]) <= used}
 
 
-def _shapes(panel: Panel, motion: Motion, x: Floats) -> dict[str, Variable]:
-    """Return gap and lateral displacement of all rails at contact height."""
-    shape = (len(panel.rail), x.size, motion.history.time.size)
-    moved, gap = np.empty(shape), np.empty(shape)
-    for r, name in enumerate(panel.rail):
-        z = contact_height(panel, name, x)
-        moved[r] = lateral_displacement(motion, name, x=x, z=z)
-        gap[r] = rail_gap(panel, motion, name, x=x, z=z, moved=moved[r])
+def _shapes(panel: Panel, motion: Motion, x: Floats) -> tuple[dict[str, Variable], list[Rows]]:
+    """Return gap and lateral displacement of all rails at contact height, still to be written."""
+    # One block of memory: the larger it is, the fewer pages it takes.
+    both = np.empty((len(panel.rail), 2, x.size, motion.history.time.size))
+    rows = displacements_and_gaps(panel, motion, x, both)
     dims = ("rail", "x", "time")
-    return {"gap": (dims, gap), "lateral_displacement": (dims, moved)}
+    return {"gap": (dims, both[:, 1]), "lateral_displacement": (dims, both[:, 0])}, rows
 
 
 def _gaps(
-    panel: Panel, motion: Motion, time: Floats, save: Save, moved: Sequence[Throw]
+    panel: Panel, motion: Motion, gaps: Floats, save: Save, moved: Sequence[Throw]
 ) -> dict[str, Variable]:
-    """Return gaps at drives and sensors, and the least flangeway."""
-    found: dict[str, Variable] = {}
+    """Return gaps at drives and sensors from those at all places, and the least flangeway."""
+    found, time = dict[str, Variable](), motion.history.time
     if save.keeps(*_DRIVE_GAPS, *_SENSOR_GAPS):
-        gap, at_sensors = drive_and_sensor_gaps(panel, motion, time)
+        gap, at_sensors = split_gaps(panel, gaps, time)
         last = gap[:, -1] if time.size else np.full(gap.shape[0], np.nan)
         found["drive_gap"] = (("drive", "time"), gap)
         found["end_gap"] = (("drive",), last.copy())

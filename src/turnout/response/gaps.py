@@ -1,6 +1,5 @@
 """Open distances between switch rails and stock rails, and the flangeway behind them."""
 
-import itertools
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -20,12 +19,15 @@ from turnout.response.recovery import (
     Parts,
     Seen,
     condensed_shapes,
+    histories_of,
     lateral_rows,
     row_motion,
     seen_by,
-    seen_motion,
+    seen_rows,
+    stacked,
 )
 from turnout.response.route import Throw, open_rail, wanted_closed
+from turnout.response.rows_over_time import Rows, write_rows
 
 Floats = NDArray[np.float64]
 Place = tuple[str, Floats, Floats]
@@ -72,22 +74,36 @@ def rail_gap(
     x: Floats,
     z: Floats,
     at: Ints | None = None,
-    moved: Floats | None = None,
 ) -> Floats:
     """Return the open distance to the stock rail, shape (n_points, n_times) [m].
 
-    A flexible stock rail takes part with its own displacement at the same height. `moved` are the
-    lateral displacements of the rail itself at these points, where they are known.
+    A flexible stock rail takes part with its own displacement at the same height.
     """
     start, parts = gap_rows(panel, motion, rail, x, z)
-    gap: Floats
-    if moved is None:
-        gap = start[:, np.newaxis] - row_motion(motion, parts, at=at)
-        return gap
-    gap = start[:, np.newaxis] - SIDE[panel.rail[rail].closes] * moved
-    if parts[1:]:
-        gap -= row_motion(motion, parts[1:], at=at)
+    gap: Floats = start[:, np.newaxis] - row_motion(motion, parts, at=at)
     return gap
+
+
+def displacements_and_gaps(panel: Panel, motion: Motion, x: Floats, out: Floats) -> list[Rows]:
+    """Return lateral displacements of all rails at contact height, and the open distances there.
+
+    Parameters
+    ----------
+    panel, motion
+        Panel and run.
+    x : ndarray, shape (n_points,)
+        Places along the rails [m].
+    out : ndarray, shape (n_rails, 2, n_points, n_times)
+        Displacements, positive in +y, then distances [m]; NaN beyond a rail.
+    """
+    rows = []
+    for name, (moved, gap) in zip(panel.rail, out, strict=True):
+        start, parts = gap_rows(panel, motion, name, x, contact_height(panel, name, x))
+        towards = seen_by(motion, parts[:1])
+        less = seen_by(motion, parts) if parts[1:] else towards
+        rows.append(seen_rows(motion, towards, moved, minus=SIDE[panel.rail[name].closes] < 0))
+        rows.append(seen_rows(motion, less, gap, start=start, minus=True))
+    return rows
 
 
 def gap_rows(
@@ -134,8 +150,9 @@ def drive_and_sensor_gaps(panel: Panel, motion: Motion, time: Floats) -> tuple[F
     at_sensors : ndarray, shape (n_sensors, n_times)
         [m]
     """
-    found = open_distances(panel, motion, gap_places(panel))
-    return split_gaps(panel, np.concatenate(found), time)
+    rows = gap_rows_over_time(panel, motion)
+    write_rows([rows], histories_of(motion.history))
+    return split_gaps(panel, rows.out, time)
 
 
 def gap_places(panel: Panel) -> list[Place]:
@@ -156,29 +173,11 @@ def split_gaps(panel: Panel, gaps: Floats, time: Floats) -> tuple[Floats, Floats
     return at_drives, at_sensors
 
 
-def open_distances(panel: Panel, motion: Motion, places: Sequence[Place]) -> list[Floats]:
-    """Return what `rail_gap` does at all instants, for some points of several rails at once.
-
-    Parameters
-    ----------
-    panel, motion
-        Panel and run.
-    places : sequence of (str, ndarray, ndarray)
-        Rail, places and heights [m].
-
-    Returns
-    -------
-    list of ndarray, each of shape (n_points, n_times)
-        [m]
-    """
-    key = tuple((rail, x.tobytes(), z.tobytes()) for rail, x, z in places)
-    found = motion.seen.get(key)
-    if found is None:
-        found = motion.seen[key] = _seen_together(panel, motion, places)
-    start, seen = found
-    gap = start[:, np.newaxis] - seen_motion(motion, seen)
-    ends = [0, *itertools.accumulate(x.size for _, x, _ in places)]
-    return [gap[first:last] for first, last in itertools.pairwise(ends)]
+def gap_rows_over_time(panel: Panel, motion: Motion) -> Rows:
+    """Return the open distances at all `gap_places`, which `split_gaps` takes, over time."""
+    start, less = _seen_together(panel, motion, gap_places(panel), with_stored=True)
+    out = np.empty((start.size, motion.history.time.size))
+    return seen_rows(motion, less, out, start=start, minus=True)
 
 
 def watched_gaps(
@@ -188,14 +187,15 @@ def watched_gaps(
     places = gap_places(panel)
 
     def seen(condensed: CondensedRails) -> tuple[Floats, Floats, Floats]:
-        start, less = _seen_together(panel, condensed_shapes(mechanism, condensed), places)
+        shapes = condensed_shapes(mechanism, condensed)
+        start, less = _seen_together(panel, shapes, places, with_stored=False)
         return -less.modes, -less.shapes, start - less.load
 
     return seen
 
 
 def _seen_together(
-    panel: Panel, motion: CondensedShapes, places: Sequence[Place]
+    panel: Panel, motion: CondensedShapes, places: Sequence[Place], *, with_stored: bool
 ) -> tuple[Floats, Seen]:
     """Return unloaded distances of some points of several rails, and rows that lessen them."""
     found: dict[int, tuple[Floats, Seen]] = {}
@@ -203,17 +203,12 @@ def _seen_together(
         mine = [number for number, place in enumerate(places) if place[0] == rail]
         x, z = (np.concatenate([places[number][axis] for number in mine]) for axis in (1, 2))
         start, parts = gap_rows(panel, motion, rail, x, z)
-        seen, first = seen_by(motion, parts), 0
+        seen, first = seen_by(motion, parts, with_stored=with_stored), 0
         for number in mine:
             own = slice(first, first := first + places[number][1].size)
-            part = Seen(seen.modes[own], seen.shapes[own], seen.load[own])
-            found[number] = start[own], part
+            found[number] = start[own], seen.of(own)
     ordered = [found[number] for number in range(len(places))]
-    together = Seen(
-        np.concatenate([seen.modes for _, seen in ordered]),
-        np.concatenate([seen.shapes for _, seen in ordered]),
-        np.concatenate([seen.load for _, seen in ordered]),
-    )
+    together = stacked([seen for _, seen in ordered])
     return np.concatenate([start for start, _ in ordered]), together
 
 

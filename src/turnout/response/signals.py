@@ -13,6 +13,9 @@ Forces are those of the springs; the share of the dampers, which is small while 
 is left out. A force acts at the place of the fastening, a moment turns the section.
 """
 
+import itertools
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -40,6 +43,7 @@ from turnout.panel.markers import marker_offsets
 from turnout.panel.model import Panel
 from turnout.panel.records import Fastening
 from turnout.response.recovery import Motion, row_motion
+from turnout.response.rows_over_time import Product, Rows, sums_of_columns
 from turnout.response.save import Save
 
 Floats = NDArray[np.float64]
@@ -104,36 +108,57 @@ def lasting_dents(mechanism: Mechanism, history: History) -> Floats:
     return found
 
 
-def chair_signals(panel: Panel, mechanism: Mechanism, history: History) -> dict[str, Variable]:
-    """Return normal force and friction on the rail at every chair, summed over its foot points."""
+def chair_signals(
+    panel: Panel, mechanism: Mechanism, history: History
+) -> tuple[dict[str, Variable], list[Rows]]:
+    """Return normal force and friction on the rail at every chair, summed over its foot points.
+
+    They are still to be written, as the second item says.
+    """
     if not panel.chair:
-        return {}
-    shape = (len(panel.rail), len(panel.chair), history.time.size)
-    normal, friction = np.full(shape, np.nan), np.full(shape, np.nan)
-    index = mechanism.index
-    for r, rail in enumerate(panel.rail):
-        for c, chair in enumerate(panel.chair):
-            if (rail, chair) not in index.chair:
-                continue
-            feet = list(index.chair[rail, chair])
-            normal[r, c] = history.law_force[:, feet].sum(axis=1)
-            slides = list(index.chair_friction[rail, chair])
-            friction[r, c] = 0.0 - history.friction_force[:, slides].sum(axis=1)
+        return {}, []
+    index, chairs = mechanism.index, list(itertools.product(panel.rail, panel.chair))
+    # One block of memory: the larger it is, the fewer pages it takes.
+    both = np.empty((2, len(chairs), history.time.size))
+    both[:, [number for number, chair in enumerate(chairs) if chair not in index.chair]] = np.nan
+
+    def sums(name: str, places: Mapping[tuple[str, str], Sequence[int]]) -> list[Product]:
+        found: list[Product] = []
+        for count in {len(laws) for laws in places.values()}:
+            own = [n for n, chair in enumerate(chairs) if len(places.get(chair, ())) == count]
+            columns = np.array([places[chairs[n]] for n in own], dtype=np.int64)
+            found += sums_of_columns(name, columns, rows=np.array(own))
+        return found
+
+    rows = [
+        Rows(sums("law_force", index.chair), both[0]),
+        # 0.0 - F: no negative zeros
+        Rows(sums("friction_force", index.chair_friction), both[1], minus=True),
+    ]
+    normal, friction = both.reshape(2, len(panel.rail), len(panel.chair), -1)
     dims = ("rail", "chair", "time")
-    return {"chair_normal_force": (dims, normal), "chair_friction_force": (dims, friction)}
+    return {"chair_normal_force": (dims, normal), "chair_friction_force": (dims, friction)}, rows
 
 
-def stop_signals(panel: Panel, mechanism: Mechanism, history: History) -> dict[str, Variable]:
-    """Return the force at every stop and stud, positive in compression."""
+def stop_signals(
+    panel: Panel, mechanism: Mechanism, history: History
+) -> tuple[dict[str, Variable], list[Rows]]:
+    """Return the force at every stop and stud, positive in compression.
+
+    They are still to be written, as the second item says.
+    """
     names = stop_names(panel)
     if not names:
-        return {}
-    force = np.full((len(panel.rail), len(names), history.time.size), np.nan)
-    for r, rail in enumerate(panel.rail):
-        for s, stop in enumerate(names):
-            if (rail, stop) in mechanism.index.stop:
-                force[r, s] = history.law_force[:, mechanism.index.stop[rail, stop]]
-    return {"stop_force": (("rail", "stop", "time"), force)}
+        return {}, []
+    laws = mechanism.index.stop
+    places = list(itertools.product(panel.rail, names))
+    force = np.empty((len(places), history.time.size))
+    force[[number for number, place in enumerate(places) if place not in laws]] = np.nan
+    own = np.array([n for n, place in enumerate(places) if place in laws], dtype=np.int64)
+    columns = np.array([[laws[places[n]]] for n in own], dtype=np.int64)
+    rows = Rows(sums_of_columns("law_force", columns, rows=own), force)
+    shaped = force.reshape(len(panel.rail), len(names), -1)
+    return {"stop_force": (("rail", "stop", "time"), shaped)}, [rows]
 
 
 def link_signals(panel: Panel, mechanism: Mechanism, history: History) -> dict[str, Variable]:

@@ -6,6 +6,7 @@ temperature law multiplies values of the panel, as a rule the friction of the ch
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -75,14 +76,20 @@ class RandomField:
         >>> list(field.values(np.random.default_rng(1)))
         ['1', '2']
         """
-        root = correlation_root(
-            np.array(self.x), length=self.correlation_length, kind=self.correlation
-        )
+        root = _root_at(tuple(self.x), self.correlation_length, self.correlation)
         shares = normal_share(root @ rng.standard_normal(len(self.x)))
         drawn = self.distribution.quantile(
             np.clip(shares, PROBABILITY_MARGIN, 1.0 - PROBABILITY_MARGIN)
         )
         return dict(zip(self.members, drawn.tolist(), strict=True))
+
+
+@lru_cache(maxsize=16)
+def _root_at(x: tuple[float, ...], length: float, kind: str) -> FloatArray:
+    """Return `correlation_root`, found once for all draws of a field."""
+    root = correlation_root(np.array(x), length=length, kind=kind)
+    root.flags.writeable = False
+    return root
 
 
 def correlation_root(x: FloatArray, *, length: float, kind: str) -> FloatArray:

@@ -8,8 +8,10 @@ import types
 import typing
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
+from turnout.core.lru_cache import LRUCache
 from turnout.core.problems import nearest
 from turnout.core.quantity import dimension_of
 from turnout.core.units import (
@@ -292,9 +294,8 @@ def apply_factors(
         if factor == 1.0:
             continue
         changed = {}
-        for full, own in values_at(panel, key).items():
-            family, _, *below = full.split(".")
-            broad = result.get(".".join((family, *below)), own)
+        for full, own in _known_values(panel, key).items():
+            broad = result.get(_of_family(full), own)
             changed[full] = _scaled(result.get(full, broad), factor)
         # One value for a whole family is written as one, unless a member has an own one already.
         alike = key not in changed and len(set(changed.values())) == 1
@@ -302,6 +303,25 @@ def apply_factors(
             changed = {key: next(iter(changed.values()))}
         result |= changed
     return result
+
+
+_values = LRUCache[tuple[LoadedPanel, dict[str, Any]]](1024)
+"""Values of panels by identity and key; scenarios of a study ask for the same ones."""
+
+
+def _known_values(panel: LoadedPanel, key: str) -> dict[str, Any]:
+    """Return `values_at`, found once."""
+    kept = _values.get((id(panel), key))
+    if kept is None:
+        kept = _values.put((id(panel), key), (panel, values_at(panel, key)))
+    return kept[1]
+
+
+@lru_cache(maxsize=4096)
+def _of_family(full: str) -> str:
+    """Return the key that sets for a whole family what a key sets for one member."""
+    family, _, *below = full.split(".")
+    return ".".join((family, *below))
 
 
 def _scaled(value: Any, factor: float) -> Any:

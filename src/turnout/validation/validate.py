@@ -19,6 +19,7 @@ from turnout.calibration.requirements import exclude_oversized_objects
 from turnout.calibration.result import Calibration, Fitted
 from turnout.calibration.result_entries import excluded_movements
 from turnout.core.provenance import provenance
+from turnout.core.threads import one_blas_thread
 from turnout.errors import MeasurementError
 from turnout.metric.agreement import (
     band_coverage,
@@ -56,6 +57,7 @@ class _Model:
     shifts: Floats
 
 
+@one_blas_thread()
 def validate(
     dataset: xr.Dataset,
     panel: LoadedPanel,

@@ -180,6 +180,7 @@ def table(
     *,
     backlash: float = 0.0,
     knee: float = 0.0,
+    knee_stiffness: float = KNEE_STIFFNESS,
 ) -> dict[str, object]:
     """Return the elastic law of a drive as overrides: a table of extension and force.
 
@@ -194,7 +195,9 @@ def table(
     backlash : float
         Travel without force between push and pull [m].
     knee : float
-        Share of the slip level over which the bushing has a quarter of its stiffness [-].
+        Share of the slip level over which the bushing is softer [-].
+    knee_stiffness : float
+        Its stiffness there, as a share of the one before [-].
 
     Examples
     --------
@@ -212,7 +215,7 @@ def table(
     half.append((start, soft))
     end = start
     if knee > 0:
-        end = start + (level - soft) / (KNEE_STIFFNESS * stiffness)
+        end = start + (level - soft) / (knee_stiffness * stiffness)
         half.append((end, level))
     half.append((REACH, level + record.saturated_stiffness * (REACH - end) + PLAY_FORCE))
     if backlash > 0:

@@ -34,6 +34,7 @@ from turnout.calibration.noise import Noise, measured_noise
 from turnout.calibration.parameter import Parameter
 from turnout.calibration.result import Calibration
 from turnout.calibration.stages import Selection
+from turnout.core.threads import one_blas_thread
 from turnout.errors import MeasurementError
 from turnout.panel.load import LoadedPanel
 
@@ -173,6 +174,7 @@ def compare_laws(
     )
 
 
+@one_blas_thread()
 def fitted_laws(
     movements: tuple[MeasuredMovement, ...],
     panel: LoadedPanel,
@@ -243,6 +245,7 @@ def _refit_plain(
     return (again, after) if after < before else (fits[0], scores[0])
 
 
+@one_blas_thread()
 def law_results(fits: Sequence[LawFit]) -> tuple[tuple[LawResult, ...], float]:
     """Return the laws as they are judged, and how many independent samples judge them."""
     scores = _scores(fits)

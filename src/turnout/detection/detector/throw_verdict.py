@@ -326,8 +326,10 @@ def _status(log_ratio: float, cause: str, fit: float, *, threshold: float) -> st
 def share_worse(square: Floats, irregularity: Floats, *, calibrated: Calibrated) -> Floats:
     """Return the share of sound throws that fit their best explanation worse.
 
-    The smaller of the shares that leave more and that leave something more irregular, twice: of
-    two tests at half the level each, one at least fails as seldom as wanted (Bonferroni).
+    The smaller of the shares that leave more and that leave something more irregular, five times
+    the one and 5/4 times the other: of two tests at a fifth and at four fifths of the level one at
+    least fails as seldom as wanted (weighted Bonferroni, Holm 1979). What is irregular shows the
+    weakest cause, dry chairs; what is large shows the others at a fifth of the level as well.
 
     Parameters
     ----------
@@ -342,10 +344,13 @@ def share_worse(square: Floats, irregularity: Floats, *, calibrated: Calibrated)
         NaN where there are no quantiles.
     """
     by_size = _share_above(square, calibrated.residual)
-    if not calibrated.irregularity:
-        return by_size
     by_kind = _share_above(irregularity, calibrated.irregularity)
-    return np.minimum(1.0, 2.0 * np.minimum(by_size, by_kind))
+    least = np.minimum(by_size / LARGE_LEVEL, by_kind / (1.0 - LARGE_LEVEL))
+    return np.asarray(np.minimum(1.0, least))
+
+
+LARGE_LEVEL = 0.2
+"""Part of the level that how large it is gets [-]."""
 
 
 def _share_above(values: Floats, quantiles: tuple[float, ...]) -> Floats:

@@ -5,7 +5,7 @@ Movements are stacked, each with time zero at its onset.
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +33,7 @@ from turnout.measurement.campaign.sheet_checks import (
 )
 from turnout.measurement.chain.apply import load_channel_map, map_hash, stated_uncertainties
 from turnout.measurement.chain.channel_map import ChannelMap
+from turnout.measurement.chain.recorder_response import RecorderResponse, recorder_response_of
 from turnout.measurement.quality.channel_faults import MEASURED, Limits
 from turnout.measurement.quality.judge import Expected, ThrowQuality, judge
 from turnout.measurement.quality.throw_faults import (
@@ -171,6 +172,11 @@ class BuiltCampaign:
     excluded: tuple[Excluded, ...]
     remarks: tuple[str, ...]
     reused: int
+
+    @property
+    def recorder(self) -> str:
+        """What the recorder makes of forces, in words; empty where nothing is stated."""
+        return recorder_response_of(self.dataset.attrs).text if self.dataset is not None else ""
 
 
 def build_campaign(
@@ -377,6 +383,13 @@ def _first_of(runs: Sequence[SheetRow]) -> str:
     return f"{runs[0].where}: {runs[0].name}{more}"
 
 
+def _recorder(pieces: Sequence[RecordedThrow], channel_map: ChannelMap) -> RecorderResponse:
+    """Return what the recorder makes of forces, as stated and as their columns were sampled."""
+    stated = channel_map.recorder_response()
+    slow = [rate for rate in (stated.rate, *(p.force_rate for p in pieces)) if rate]
+    return replace(stated, rate=min(slow, default=0.0))
+
+
 def _dataset(
     usable: Sequence[tuple[SheetRow, RecordedThrow, ThrowQuality]],
     slipped: Sequence[bool | None],
@@ -402,8 +415,9 @@ def _dataset(
     stated = stated_uncertainties(channel_map)
     if stated:
         attributes["gain_uncertainty"] = json.dumps(stated)
-    if channel_map.recorded_average is not None:
-        attributes["recorded_average"] = float(channel_map.recorded_average)
+    if channel_map.clock_uncertainty is not None:
+        attributes["clock_uncertainty"] = float(channel_map.clock_uncertainty)
+    attributes |= _recorder([piece for _, piece, _ in usable], channel_map).attributes()
     pair = swapped_rods(dataset)
     if pair:
         attributes["swapped"] = json.dumps(pair)

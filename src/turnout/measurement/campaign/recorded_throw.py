@@ -41,12 +41,15 @@ class RecordedThrow:
         Date and time of the recording; empty where it holds none.
     notes : tuple of str
         What had to be mended while reading.
+    force_rate : float
+        Samples a second of the slowest force, where other columns have more; else 0 [1/s].
     """
 
     dataset: xr.Dataset
     throw: FoundThrow
     start_time: str
     notes: tuple[str, ...]
+    force_rate: float = 0.0
 
     @property
     def rate(self) -> float:
@@ -163,6 +166,7 @@ def _cut(found: _Found, movement: int, path: Path) -> RecordedThrow | TurnoutErr
         throw=_moved(throw),
         start_time=str(dataset.attrs.get("start_time", "")),
         notes=notes,
+        force_rate=float(dataset.attrs.get("force_rate", 0.0)),
     )
 
 
@@ -178,6 +182,7 @@ def _packed(piece: RecordedThrow, key: str) -> bytes:
         "throw": asdict(piece.throw),
         "start_time": piece.start_time,
         "notes": piece.notes,
+        "force_rate": piece.force_rate,
         "dims": {name: list(piece.dataset[name].dims) for name in piece.dataset.data_vars},
     }
     arrays: dict[str, Any] = {str(name): piece.dataset[name].values for name in piece.dataset}
@@ -199,6 +204,12 @@ def _stored(path: Path, key: str) -> RecordedThrow | None:
         )
         throw = {**described["throw"], "drive_ends": tuple(described["throw"]["drive_ends"])}
         notes = tuple(str(note) for note in described["notes"])
-        return RecordedThrow(dataset, FoundThrow(**throw), str(described["start_time"]), notes)
+        return RecordedThrow(
+            dataset,
+            FoundThrow(**throw),
+            str(described["start_time"]),
+            notes,
+            float(described.get("force_rate", 0.0)),
+        )
     except (OSError, ValueError, LookupError, TypeError, FileError):
         return None

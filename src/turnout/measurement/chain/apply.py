@@ -29,7 +29,7 @@ from turnout.measurement.chain.channel_map import (
     ChannelMap,
     raw_unit,
 )
-from turnout.measurement.chain.condition import common_time, resample, tare
+from turnout.measurement.chain.condition import SAME_STEP, common_time, resample, tare
 from turnout.measurement.chain.sensor import SensorLine, describe_sensor, line_of
 from turnout.measurement.recording import RecordedChannel, Recording
 from turnout.schema.channels import SCHEMA_VERSION, label
@@ -148,6 +148,9 @@ def apply_chain(recording: Recording, channel_map: ChannelMap) -> xr.Dataset:
         "channel_map_hash": map_hash(channel_map),
         "problems": "\n".join((*recording.problems, *notes)),
     }
+    slowest = min((item.column.rate for item in mapped if item.is_force), default=np.inf)
+    if slowest * (time[1] - time[0]) < 1.0 - SAME_STEP:
+        dataset.attrs["force_rate"] = float(slowest)
     return label(dataset)
 
 
@@ -206,7 +209,10 @@ def map_hash(channel_map: ChannelMap) -> str:
 
 
 # Keys that came later: a map without them keeps its hash, so that nothing is read again.
-_LATER = ("gain_uncertainty", "recorded_average")
+_LATER = (
+    *("gain_uncertainty", "clock_uncertainty"),
+    *("recorded_average", "recorded_filter", "recorded_rate"),
+)
 
 
 def _without_new(value: Any) -> Any:
@@ -274,6 +280,10 @@ class _MappedColumn:
     sensor: AnySensor
     line: SensorLine
 
+    @property
+    def is_force(self) -> bool:
+        return not self.key.startswith("drive_current")
+
 
 def _mapped_columns(recording: Recording, channel_map: ChannelMap) -> list[_MappedColumn]:
     """Match the channel map with the columns of a recording; MeasurementError with all faults."""
@@ -286,7 +296,8 @@ def _mapped_columns(recording: Recording, channel_map: ChannelMap) -> list[_Mapp
                 near = nearest(sensor.column, recording.channels)
                 problems.append(
                     f'{key}.column = "{sensor.column}": is not in the file{near}; '
-                    f"there are {choices(recording.channels)}"
+                    f"there are {choices(recording.channels)}; where recordings may lack it, say "
+                    "optional = true in its table"
                 )
             continue
         try:

@@ -34,6 +34,12 @@ from turnout.core.units import (
     unit_factor,
 )
 from turnout.measurement.chain.known_loads import LoadCalibration, fit_load_calibration
+from turnout.measurement.chain.recorder_response import (
+    HIGHEST_ORDER,
+    RC,
+    LowPass,
+    RecorderResponse,
+)
 from turnout.measurement.formats.assemble import tidy_unit
 
 RAW = (VOLTAGE, VOLTAGE_RATIO, STRAIN, CURRENT, FORCE)
@@ -236,6 +242,30 @@ KINDS: dict[str, type[SensorRecord]] = {
 }
 
 
+class RecordedFilter(Record):
+    """The low-pass of a recorder or of its amplifiers: causal, all force channels alike."""
+
+    kind: Literal["butterworth", "bessel", "rc"] = "butterworth"
+    order: int | None = Field(
+        None, ge=1, le=HIGHEST_ORDER, description="number of poles, default 2; 1 of an rc"
+    )
+    corner: Frequency = Field(
+        ge=0.1, le=1e5, description="where the amplitude has fallen by 3 dB [Hz]"
+    )
+
+    @model_validator(mode="after")
+    def _one_pole(self) -> Self:
+        if self.kind == RC and self.order not in (None, 1):
+            message = f"order = {self.order}: an rc has one pole; leave order out"
+            raise ValueError(message)
+        return self
+
+    def low_pass(self) -> LowPass:
+        """Return it as what is applied to simulated forces."""
+        order = self.order or (1 if self.kind == RC else 2)
+        return LowPass(kind=self.kind, order=order, corner=self.corner)
+
+
 class ChannelMap(Record):
     """Which column of a recording is which quantity; drives are named as in the panel."""
 
@@ -244,9 +274,32 @@ class ChannelMap(Record):
     rate: Frequency | None = Field(
         None, gt=0, description="sample rate of the dataset [Hz]; default the highest of a column"
     )
+    clock_uncertainty: float | None = Field(
+        None,
+        ge=0,
+        lt=0.05,
+        description="standard uncertainty of the recorder's sampling rate, default 0.001 [-]",
+    )
     recorded_average: Time | None = Field(
         None, gt=0, le=2, description="the recorder averages over this time before each sample [s]"
+    )
+    recorded_filter: RecordedFilter | None = Field(
+        None, description="low-pass of the recorder, such as { order = 2, corner = '6 Hz' }"
+    )
+    recorded_rate: Frequency | None = Field(
+        None,
+        ge=1,
+        description="samples that the recorder takes, where the file holds more, interpolated [Hz]",
     )
     drive_force: dict[str, AnySensor] = Field({}, description="by the name of the drive")
     drive_current: dict[str, AnySensor] = Field({}, description="by the name of the drive")
     object_force: AnySensor | None = None
+
+    def recorder_response(self) -> RecorderResponse:
+        """Return what the recorder does to every force channel."""
+        stated = self.recorded_filter
+        return RecorderResponse(
+            low_pass=stated.low_pass() if stated is not None else None,
+            average=self.recorded_average or 0.0,
+            rate=self.recorded_rate or 0.0,
+        )

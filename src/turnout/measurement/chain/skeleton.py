@@ -44,6 +44,9 @@ HEAD = """\
 #   tare = { start = "0 s", end = "0.5 s" }    rest whose mean is taken off
 # A sensor calibrated by known loads: kind = "calibrated",
 #   readings = { unit = "mV/V", values = [0.0, 0.25] }, loads = { unit = "kN", values = [0, 4] }
+# What the recorder does to all forces, here above the first table:
+#   recorded_filter = { kind = "butterworth", order = 2, corner = "6 Hz" }
+#   recorded_average = "0.1 s"                 mean over the time before each sample
 """
 
 
@@ -56,7 +59,7 @@ def skeleton(recording: Recording) -> str:
     --------
     >>> import numpy as np
     >>> rod = RecordedChannel("Rod 2", "mV/V", np.zeros(3), rate=1000.0)
-    >>> print(skeleton(Recording({"Rod 2": rod}, "throw.csv")).splitlines()[8])
+    >>> print(skeleton(Recording({"Rod 2": rod}, "throw.csv")).splitlines()[11])
     [drive_force.2]
     """
     taken: set[str] = set()

@@ -1,0 +1,100 @@
+"""The record of a run: its memory, and what is left of it at the end."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.condense.condense import CondensedRails
+from turnout.integrate.energy import LEDGER
+from turnout.integrate.scratch import acquire_buffer
+from turnout.integrate.system import System
+from turnout.integrate.watch import StepRecord, WatchPlan, watch_record
+from turnout.kernels.lanes import LANES, whole_lines
+from turnout.kernels.shared_record import shared_record
+from turnout.law.table import LawTable
+
+Ints = NDArray[np.int64]
+
+LARGE_PAGE = 1 << 21
+"""Size of a large page of memory [bytes]."""
+
+
+def empty_record(
+    system: System,
+    laws: LawTable,
+    count: int,
+    *,
+    velocity: bool,
+    watched: tuple[WatchPlan, CondensedRails] | None,
+) -> StepRecord:
+    """Allocate a record in one piece of memory.
+
+    One of all instants begins at a large page, so that a run touches few pages for the first time.
+
+    Parameters
+    ----------
+    system : System
+        Of the run.
+    laws : LawTable
+        All laws, by rows of the mechanism.
+    count : int
+        Number of stored instants.
+    velocity : bool
+        Whether velocities are stored too.
+    watched : tuple of WatchPlan and CondensedRails, optional
+        Which instants are stored whole and kept, and of what rails; default all of them.
+    """
+    plan = None if watched is None else watched[0]
+    n_modes = system.load.size
+    vectors = np.array([n_modes, system.row_place.size, laws.friction_row.size, laws.row.size])
+    widths = {
+        **dict(zip(("q", "g", "friction", "law"), whole_lines(vectors).tolist(), strict=True)),
+        "stored": 4,
+        "ledger": LEDGER,
+    }
+    counts = dict.fromkeys(widths, count)
+    if plan is not None:
+        counts |= dict.fromkeys(("q", "g", "friction", "law"), int(plan.whole.max()) + 1)
+        counts |= dict.fromkeys(("stored", "ledger"), int(plan.balanced.max()) + 1)
+    page = LARGE_PAGE // 8 if plan is None else LANES
+    memory = acquire_buffer(sum(counts[name] * width for name, width in widths.items()) + page)
+    at, arrays = (-(memory.ctypes.data // 8)) % page, {}
+    for name, width in widths.items():
+        size = counts[name] * width
+        arrays[name] = memory[at : at + size].reshape(counts[name], width)
+        at += size
+    velocities = np.zeros((count if velocity else 1, arrays["q"].shape[1]))
+    record = StepRecord(
+        arrays["q"],
+        arrays["g"],
+        arrays["friction"],
+        arrays["law"],
+        arrays["stored"],
+        arrays["ledger"],
+        residual=np.zeros(1),
+        v=velocities,
+    )
+    if watched is not None:
+        record = watch_record(record, *watched, laws)
+    return shared_record(record)
+
+
+def trim_record(
+    record: StepRecord, system: System, laws: LawTable, count: int, plan: WatchPlan | None
+) -> StepRecord:
+    """Return what is stored whole of the first `count` instants, without padding."""
+    n_modes = system.load.size
+    energies: slice | Ints = slice(count)
+    if plan is not None:
+        whole = plan.whole_instants
+        energies = plan.balanced[whole[whole < count]]
+        count = energies.size
+    return StepRecord(
+        q=record.q[:count, :n_modes],
+        g=record.g[:count, : system.row_place.size],
+        friction=record.friction[:count, : laws.friction_row.size],
+        law=record.law[:count, : laws.row.size],
+        stored=record.stored[energies],
+        ledger=record.ledger[energies],
+        residual=record.residual,
+        v=record.v[:count, :n_modes],
+    )

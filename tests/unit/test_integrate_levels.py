@@ -1,0 +1,87 @@
+"""Compliances serve the next run of the same rails with the same bits, wherever objects stand."""
+
+import numpy as np
+import pytest
+
+from turnout.integrate import levels
+from turnout.integrate.arrange import PreparedRun, arrange, clear_memory, prepare
+from turnout.integrate.compliance import READY, STALE
+from turnout.integrate.march import switch_level
+from turnout.mechanism.build import build_mechanism
+from turnout.panel.foreign_object import ForeignObject, resolve_objects
+from turnout.panel.load import load_panel
+from turnout.scheme import Scheme
+
+PANEL = load_panel("sb2")  # its records are known by identity
+QUICK = Scheme.of("quick")
+LEVELS = (0, 2)
+
+
+def prepared(place: str, *, scheme: Scheme = QUICK) -> PreparedRun:
+    """Prepare a run with an object between the places of the panel."""
+    objects = resolve_objects(PANEL, (ForeignObject("13 mm", place),))
+    mechanism = build_mechanism(PANEL, objects)
+    positions = np.zeros((3, 2))
+    return prepare(arrange(mechanism, scheme), scheme, positions, 3, filled_in=False)
+
+
+def assembled(run: PreparedRun) -> np.ndarray:
+    """Assemble some levels; return a copy of all that they hold."""
+    for level in LEVELS:
+        switch_level(run.system, run.table, run.state, run.work, run.stepping, level)
+    return run.state.compliance[list(LEVELS)].copy()
+
+
+@pytest.fixture(autouse=True)
+def _without_memory() -> None:
+    clear_memory()
+    assert not prepared("drive 1").known  # the first run of these rails, which gives nothing back
+
+
+def test_the_only_throw_of_some_rails_leaves_nothing() -> None:
+    levels.clear_levels()
+    clear_memory()
+    only = prepared("x = 3.61 m")
+    assembled(only)
+    only.give_back()
+    assert not prepared("x = 3.61 m").state.level_ready.any()
+
+
+def test_another_place_of_an_object_gives_the_bits_of_a_new_compliance() -> None:
+    first = prepared("x = 3.61 m")
+    elsewhere = assembled(first)
+    first.give_back()
+    moved = prepared("x = 2.17 m")
+    assert moved.state.level_ready[list(LEVELS)].tolist() == [STALE, STALE]
+    found = assembled(moved)
+    assert moved.state.level_ready[list(LEVELS)].tolist() == [READY, READY]
+    levels.clear_levels()
+    fresh = assembled(prepared("x = 2.17 m"))
+    np.testing.assert_array_equal(found, fresh)
+    assert np.count_nonzero(elsewhere != fresh) > 100
+
+
+def test_the_same_place_needs_nothing() -> None:
+    first = prepared("x = 3.61 m")
+    before = assembled(first)
+    first.give_back()
+    again = prepared("x = 3.61 m")
+    assert again.state.level_ready[list(LEVELS)].tolist() == [READY, READY]
+    np.testing.assert_array_equal(assembled(again), before)
+
+
+def test_no_two_runs_share_their_memory() -> None:
+    first = prepared("x = 3.61 m")
+    assembled(first)
+    first.give_back()
+    second, third = prepared("x = 3.61 m"), prepared("x = 3.61 m")
+    assert not np.shares_memory(second.state.compliance, third.state.compliance)
+    assert not third.state.level_ready.any()
+
+
+def test_another_step_has_a_compliance_of_its_own() -> None:
+    first = prepared("x = 3.61 m")
+    assembled(first)
+    first.give_back()
+    other = prepared("x = 3.61 m", scheme=Scheme(step=2e-3, cutoff_frequency=100.0))
+    assert not other.state.level_ready.any()

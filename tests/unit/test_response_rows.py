@@ -1,0 +1,141 @@
+"""Channels from stored displacements: exact, and right between steps too."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from turnout.panel.foreign_object import ForeignObject
+from turnout.panel.load import load_panel
+from turnout.panel.profile import contact_height
+from turnout.response.coordinates import coordinates, indexed
+from turnout.response.gaps import gap_rows
+from turnout.response.recovery import histories_of, recover_motion, seen_by, seen_rows
+from turnout.response.rows_over_time import Rows, evenly_spaced, products_of, write_rows
+from turnout.response.save import Save
+from turnout.response.simulate import Solved, simulate, solve
+from turnout.response.stored_displacements import stored_rows, stored_share, stored_weights
+from turnout.scheme import Scheme
+
+DEFAULT = "uic60-760-1-15"
+X = np.array([0.6, 3.6, 5.01, 9.6, 12.0])  # chairs, a drive, between nodes, no stop
+
+
+@pytest.fixture(scope="module")
+def solved() -> Solved:
+    """A quick throw over an object."""
+    panel = load_panel(DEFAULT)
+    return solve(panel, foreign_object=ForeignObject(0.05, "sleeper 6"), scheme=Scheme.of("quick"))
+
+
+def test_stored_displacements_say_what_modes_and_forces_say(solved: Solved) -> None:
+    panel, motion = load_panel(DEFAULT), recover_motion(solved.mechanism, solved.history)
+    found = {}
+    for with_stored in (True, False):
+        for rail in panel.rail:
+            _, parts = gap_rows(panel, motion, rail, X, contact_height(panel, rail, X))
+            for number, some in enumerate((parts[:1], parts)):
+                seen = seen_by(motion, some, with_stored=with_stored)
+                out = np.empty((X.size, solved.history.time.size))
+                write_rows([seen_rows(motion, seen, out)], histories_of(solved.history))
+                found[with_stored, rail, number] = out, seen
+    for rail in panel.rail:
+        for number in (0, 1):
+            (stored, seen), (recovered, _) = (found[w, rail, number] for w in (True, False))
+            assert np.abs(recovered).max() > 0.05
+            np.testing.assert_allclose(stored, recovered, rtol=0, atol=1e-13)
+            assert seen.stored is not None
+            assert seen.stored[0].any()
+            assert not seen.modes[0].any()
+    # A stock rail between stops has no row of its own.
+    assert found[True, next(iter(panel.rail)), 1][1].modes[-1].any()
+
+
+def test_gaps_between_steps_lie_between_those_at_steps() -> None:
+    """Forces of laws between steps do not fit what is interpolated: 5 mm were missed by them."""
+    panel = load_panel(DEFAULT)
+    at_steps = simulate(panel, mode="quasi-static")
+    between = simulate(panel, mode="quasi-static", save=Save(interval=0.004))
+    assert between.sizes["time"] > 2 * at_steps.sizes["time"]
+    for name in ("gap", "lateral_displacement", "sensor_gap"):
+        expected = at_steps[name].interp(time=between["time"])
+        difference = np.abs(between[name] - expected).max()
+        assert float(difference) < 1e-5, name
+
+
+def test_weights_need_rows_that_say_it() -> None:
+    rows = np.array([[1.0, 0.0, 0.0], [1.0, -0.1, 0.0], [0.0, 0.0, 1.0]])
+    feet = stored_rows(rows, np.arange(3))
+    weights = stored_weights(feet, np.array([0, 1]), np.array([1.0, -0.3]))
+    assert weights is not None
+    np.testing.assert_allclose(weights, [-2.0, 3.0, 0.0], atol=1e-12)
+    one = stored_rows(rows, np.array([1]))
+    assert stored_weights(one, np.array([0, 1]), np.array([1.0, -0.3])) is None
+    assert stored_weights(one, np.array([2]), np.array([1.0])) is None
+    assert stored_weights(feet, np.array([0]), np.array([np.nan])) is None
+    many = np.arange(20)
+    assert stored_weights(stored_rows(np.eye(20), many), many, np.ones(20)) is None
+    nothing = stored_weights(feet, np.array([], dtype=int), np.array([]))
+    assert nothing is not None
+    assert not nothing.any()
+
+
+def test_what_is_left_goes_to_the_rail_with_fewer_rows() -> None:
+    """A rod at height 0.1 and a stop at 0.2 show how far the rail is from its stock rail at 0.3."""
+    rows = np.array([[1.0, -0.1, 0.0, 0.0], [1.0, -0.2, -1.0, 0.0], [0.0, 0.1, 0.0, 0.0]])
+    stored = stored_rows(rows, np.array([0, 1]))
+    wanted = np.array([1.0, -0.3, 0.0, 0.0])
+    weights, rest = stored_share(stored, [(0, 2), (2, 2)], wanted)
+    np.testing.assert_allclose(weights @ rows + rest, wanted, atol=1e-12)
+    np.testing.assert_allclose(rest, [0.0, 0.0, 2.0, 0.0], atol=1e-12)
+
+
+def test_rows_are_written_over_all_blocks_of_instants() -> None:
+    generator = np.random.default_rng(5)
+    values, other = generator.normal(size=(601, 40)), generator.normal(size=(601, 3))
+    weights = np.zeros((6, 40))
+    weights[0, 3] = 1.0
+    weights[1, 2:5] = 0.5, -2.0, 7.0
+    weights[3, 39] = 1.0
+    weights[4, [0, 38]] = 1.0, 2.0
+    weights[5, 6] = -1.0
+    start = np.arange(6.0)
+    for minus in (False, True):
+        out = np.full((6, 601), np.nan)
+        rows = Rows(products_of(weights, "g"), out, start, minus)
+        write_rows([rows], {"g": values, "q": other})
+        expected = start[:, np.newaxis] + (-1 if minus else 1) * weights @ values.T
+        np.testing.assert_allclose(out, expected, atol=1e-13)
+
+
+@pytest.mark.parametrize(
+    "places", [[], [4], [1, 2, 3], [0, 5, 10], [3, 2, 1], [1, 1, 1], [1, 2, 4]]
+)
+def test_slices_take_what_indices_take(places: list[int]) -> None:
+    indices = np.array(places, dtype=np.int64)
+    values = np.arange(12.0)
+    assert values[evenly_spaced(indices)].tolist() == values[indices].tolist()
+
+
+def test_kept_indexes_make_the_same_coordinates(solved: Solved) -> None:
+    """And attributes of one dataset do not show in the next one."""
+    panel = load_panel(DEFAULT)
+    made = coordinates(panel, solved.mechanism, time=solved.history.time)
+    first, second = xr.Dataset(coords=indexed(made)), xr.Dataset(coords=indexed(made))
+    assert first.identical(xr.Dataset(coords=made))
+    assert first["rail"].dtype == made["rail"][1].dtype
+    first["rail"].attrs["units"] = first["time"].attrs["units"] = "s"
+    first["drive_x"][:] = 0.0
+    assert second.identical(xr.Dataset(coords=made))
+    assert "units" not in xr.Dataset(coords=indexed(made))["rail"].attrs
+
+
+def test_a_run_without_all_channels_has_those_that_it_keeps(solved: Solved) -> None:
+    panel = load_panel(DEFAULT)
+    whole = simulate(panel, mode="quick")
+    for fields in (("stop_force",), ("drive_gap", "chair_friction_force"), ("locked", "time")[:1]):
+        some = simulate(panel, mode="quick", save=dataclasses.replace(Save(), fields=fields))
+        assert set(some.data_vars) == set(fields)
+        for name in fields:
+            assert some[name].equals(whole[name]), name
