@@ -282,6 +282,7 @@ def _unusual(
         white = solve_triangular(lower, residual[own, :size].T, lower=True)
         square[own] = np.einsum("ij,ij->j", white, white)
     worst = np.argsort(square)[-max(1, round(UNUSUAL_SHARE * len(level))) :]
+    worst = worst[square[worst] > UNUSUAL_LEAST]
     nothing = np.full(len(worst), np.nan)
     return Samples(
         change=residual[worst, :size],
@@ -293,8 +294,8 @@ def _unusual(
     )
 
 
-UNUSUAL_SHARE = 0.1
-"""Of sound throws, those that are fitted worst [-]."""
+UNUSUAL_SHARE, UNUSUAL_LEAST = 0.1, 1.0
+"""Of sound throws, those that are fitted worst, and their least squared length, whitened [-]."""
 
 
 def compress(samples: Sequence[Samples], *, model: SoundModel, errors: ThrowErrors) -> Signatures:
