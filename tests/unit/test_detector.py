@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.special import logsumexp
-from tests.unit.detector_toy import toy_detector, toy_set, toy_setting, toy_throw
+from tests.unit.detector_toy import toy_detector, toy_layout, toy_set, toy_setting, toy_throw
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
@@ -17,8 +17,15 @@ from turnout.detection.alarm_threshold import threshold_for
 from turnout.detection.detector import knowledge, throw_verdict
 from turnout.detection.detector.allowances import gain_times
 from turnout.detection.detector.detector import Detector
-from turnout.detection.detector.judging import evidence_of, ratios_of, support_of
+from turnout.detection.detector.judging import (
+    UNUSUAL,
+    evidence_of,
+    make_view,
+    ratios_of,
+    support_of,
+)
 from turnout.detection.detector.knowledge import Knowledge
+from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.detector.training import teach
 from turnout.detection.signal_discrepancy import SignalErrors
 from turnout.errors import FileError
@@ -98,6 +105,30 @@ def test_a_switch_at_the_limit_of_its_over_travel_is_no_object_without_a_history
     without = places - logsumexp(np.vstack([evidence.sound, others]), axis=0)
     assert np.all(weighed < without)
     assert not view.identifiable[adjusted]
+
+
+def test_a_corner_that_the_sound_model_does_not_follow_is_no_object() -> None:
+    """One sound throw in thirty presses late, as no polynomial does and a small object may."""
+
+    def stepped(throws: ThrowSet) -> tuple[ThrowSet, np.ndarray]:
+        corner = (throws.level < 0.2) & (throws.inputs[:, 0] > 4.5) & (throws.inputs[:, 1] > 4.4)
+        late = np.clip((toy_layout().time - 7.0) / 0.4, 0.0, 1.0)
+        features = throws.features + 900.0 * np.outer(corner, late)
+        return replace(throws, features=features), corner
+
+    sound, _ = stepped(toy_set(900))
+    knowledge = teach({"sound": sound, "object": toy_set(500, kind="object")}, toy_setting())
+    others, corner = stepped(toy_set(600, seed=8, sound_seed=8))
+    assert 10 < corner.sum() < 40
+    view = make_view(knowledge)
+    evidence = evidence_of(view, others.features[corner])
+    places = logsumexp(evidence.kind[: view.objects], axis=0) - np.log(view.objects)
+    without = places - evidence.sound
+    assert np.median(without) > 1.0
+    weighed = ratios_of(view, evidence).alarm
+    assert np.median(weighed) < 0.0
+    unusual = view.kinds.index(UNUSUAL) - view.objects
+    assert not view.identifiable[unusual]
 
 
 def test_bad_recordings_are_not_judged_and_never_sound() -> None:

@@ -5,6 +5,7 @@ from tests.unit.detector_toy import toy_detector, toy_set, toy_setting
 
 from turnout.detection.alarm_threshold import confident_threshold, threshold_for
 from turnout.detection.detector.calibrating import known_and_later
+from turnout.detection.detector.judging import UNUSUAL
 from turnout.detection.detector.train_detector import folds_of
 
 
@@ -43,7 +44,7 @@ def test_every_switch_is_held_back_once_from_a_detector_that_did_not_learn_from_
     assert sorted(objects.tolist()) == np.flatnonzero(sets["object"].force > 0.0).tolist()
     for fold in folds:
         assert not set(fold.objects.partner) - set(fold.sound.row)
-        assert fold.knowledge.causes == ("dry chairs", "force sensor")
+        assert fold.knowledge.causes == ("dry chairs", "force sensor", UNUSUAL)
         # what a fold learned from objects and what it holds back make up all of them
         learned = np.count_nonzero(fold.knowledge.signatures.kind < len(fold.knowledge.places))
         assert learned + len(fold.objects.row) == len(objects)

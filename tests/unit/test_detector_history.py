@@ -75,7 +75,7 @@ def test_sound_model_finds_a_linear_population() -> None:
     level, u = rng.uniform(0.1, 0.5, count), rng.uniform(-1.0, 1.0, (count, 1))
     noise = 0.05 * rng.standard_normal((count, 2))
     values = np.column_stack([5.0 * level + level * u[:, 0], np.zeros(count)]) + noise
-    found = fit_sound_model(
+    found, residual = fit_sound_model(
         values,
         level=level,
         inputs=u,
@@ -89,5 +89,6 @@ def test_sound_model_finds_a_linear_population() -> None:
     variance = np.einsum("kr,kr->k", found.switch[:, 0], found.switch[:, 0])
     np.testing.assert_allclose(np.sqrt(variance), found.level / np.sqrt(3.0), atol=0.01)
     np.testing.assert_allclose(found.within[:, 0, 0], 0.05**2, rtol=0.2)
+    assert np.std(residual - noise) < 0.005
     assert found.gaps == 1
     assert SPACING_SHARE * found.spacing == pytest.approx(0.06, abs=0.005)

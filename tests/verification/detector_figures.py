@@ -24,6 +24,8 @@ from turnout.detection.floor import TOUCH_FORCE
 
 Floats = NDArray[np.float64]
 RESAMPLES = 200
+LIMIT_RESAMPLES = 1000
+"""Switches drawn with replacement that the upper limit of a90 rests on."""
 
 
 @dataclass(slots=True)
@@ -316,16 +318,74 @@ def a90(size: Floats, seen: NDArray[np.bool_]) -> float:
     return 1e-3 * float(np.exp(found.x[0] + np.log(9.0) / gain))
 
 
+def weighted_a90(size: Floats, seen: NDArray[np.bool_], weights: NDArray[Any]) -> Floats:
+    """Return `a90` for many weights of the same throws [m].
+
+    Scoring with Levenberg's damping, all weights at once: eta = g (z - p), g = exp(q), and the
+    expected second derivatives of the cost by (p, q) are those of eta, (-g, eta).
+
+    Parameters
+    ----------
+    size, seen : ndarray, shape (n,)
+        Of the throws [m].
+    weights : ndarray, shape (n_weights, n)
+        How often each counts.
+
+    Examples
+    --------
+    >>> sizes = np.linspace(1e-3, 20e-3, 400)
+    >>> seen = sizes + 2e-3 * np.sin(999 * np.arange(400)) > 10e-3
+    >>> found = weighted_a90(sizes, seen, np.ones((1, 400)))[0]
+    >>> bool(abs(found - a90(sizes, seen)) < 1e-5)
+    True
+    """
+    z, sign = np.log(size * 1e3), np.where(seen, 1.0, -1.0)
+    count = len(weights)
+
+    def cost(p: Floats, q: Floats) -> Floats:
+        eta = np.exp(np.clip(q, -3.0, 5.0))[:, np.newaxis] * (z - p[:, np.newaxis])
+        return np.asarray((weights * np.logaddexp(0.0, -sign * eta)).sum(axis=1) + 0.01 * q**2)
+
+    p, q, damping = np.full(count, float(np.median(z))), np.ones(count), np.full(count, 1.0)
+    best = cost(p, q)
+    for _ in range(STEPS):
+        gain = np.exp(np.clip(q, -3.0, 5.0))[:, np.newaxis]
+        eta = gain * (z - p[:, np.newaxis])
+        away = -sign * weights / (1.0 + np.exp(np.clip(sign * eta, -500.0, 500.0)))
+        spread = weights / (2.0 + 2.0 * np.cosh(np.clip(eta, -500.0, 500.0)))
+        slope_p, slope_q = (-gain * away).sum(axis=1), (eta * away).sum(axis=1) + 0.02 * q
+        pp = (gain**2 * spread).sum(axis=1) + damping
+        pq = (-gain * eta * spread).sum(axis=1)
+        qq = (eta**2 * spread).sum(axis=1) + 0.02 + damping
+        both = pp * qq - pq**2
+        new_p = p - (qq * slope_p - pq * slope_q) / both
+        new_q = np.clip(q - (pp * slope_q - pq * slope_p) / both, -3.0, 5.0)
+        tried = cost(new_p, new_q)
+        better = tried <= best
+        p, q = np.where(better, new_p, p), np.where(better, new_q, q)
+        best = np.where(better, tried, best)
+        damping = np.clip(np.where(better, 0.2 * damping, 5.0 * damping), 1e-9, 1e9)
+    found = 1e-3 * np.exp(p + np.log(9.0) / np.exp(q))
+    all_seen = (weights[:, ~seen] == 0).all(axis=1)
+    smallest = np.where(weights > 0, size, np.inf).min(axis=1)
+    return np.where(all_seen, smallest, found)
+
+
+STEPS = 40
+"""Of the search for a90 with weights; most need some twenty."""
+
+
 def a90_of_places(
     judged: Judged,
     places: Mapping[str, float],
     *,
     threshold: float | None = None,
     seed: int = 1,
-) -> dict[str, tuple[float, float, int]]:
-    """Return a90, its upper 95 % limit over drawn switches, and throws, at each place [m].
+) -> dict[str, tuple[float, float, int, int]]:
+    """Return a90 and its upper 95 % limit over drawn switches [m], throws and misses at each place.
 
-    By the alarms, or by log ratios above another threshold.
+    By the alarms, or by log ratios above another threshold. Where none is missed a90 is the
+    smallest size that was thrown: it is no larger than that.
     """
     own = judged.of("object")
     x, size = np.array(judged.x)[own], np.array(judged.size)[own]
@@ -339,13 +399,12 @@ def a90_of_places(
         mine = np.flatnonzero(near == number)
         if mine.size < 10:
             continue
-        numbers = np.unique(switch[mine])
-        groups = {item: mine[switch[mine] == item] for item in numbers}
-        drawn = []
-        for _ in range(RESAMPLES // 4):
-            rows = np.concatenate([groups[i] for i in rng.choice(numbers, numbers.size)])
-            drawn.append(a90(size[rows], seen[rows]))
-        found[name] = (a90(size[mine], seen[mine]), float(np.quantile(drawn, 0.95)), mine.size)
+        numbers, group = np.unique(switch[mine], return_inverse=True)
+        drawn = rng.multinomial(numbers.size, [1.0 / numbers.size] * numbers.size, LIMIT_RESAMPLES)
+        several = weighted_a90(size[mine], seen[mine], drawn[:, group])
+        limit = float(np.quantile(several, 0.95))
+        missed = int(np.count_nonzero(~seen[mine]))
+        found[name] = (a90(size[mine], seen[mine]), limit, mine.size, missed)
     return found
 
 
@@ -357,7 +416,7 @@ def false_alarms(judged: Judged, kind: str = "sound") -> dict[str, float]:
 
 
 def false_alarm_limits(
-    alarms: Sequence[NDArray[np.bool_]] | NDArray[np.bool_], *, seed: int = 1
+    alarms: Sequence[NDArray[np.bool_]] | NDArray[np.bool_], *, uses: int = 1, seed: int = 1
 ) -> dict[str, float]:
     """Return the share of alarms and its upper 95 % limit.
 
@@ -368,6 +427,8 @@ def false_alarm_limits(
     ----------
     alarms : sequence of ndarray
         Whether each throw of a switch is an alarm, by switch.
+    uses : int
+        How often each throw is used: of so many fewer throws the states differ.
 
     Examples
     --------
@@ -379,13 +440,14 @@ def false_alarm_limits(
     thrown = np.array([len(item) for item in alarms], dtype=np.float64)
     throws, total = float(thrown.sum()), float(called.sum())
     if not throws:
-        return dict.fromkeys(("throws", "switches", "alarms", "share", "upper"), 0.0)
+        return dict.fromkeys(("throws", "distinct", "switches", "alarms", "share", "upper"), 0.0)
     rng = np.random.default_rng(seed)
     drawn = rng.integers(0, len(called), (RESAMPLES * 5, len(called)))
     shares = called[drawn].sum(axis=1) / thrown[drawn].sum(axis=1)
     exact = float(share_interval(total, int(throws), tail=0.05)[1])
     return {
         "throws": throws,
+        "distinct": throws / uses,
         "switches": float(len(called)),
         "alarms": total,
         "share": total / throws,

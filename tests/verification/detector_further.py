@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tests.verification.detector_figures import (
     Judged,
+    Uses,
     a90,
     changes_of,
     drawn_errors,
@@ -27,7 +28,7 @@ from turnout.detection.detector.knowledge import Knowledge
 from turnout.detection.detector.switch_history import observe
 from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.detector.train_detector import knowledge_of_sets
-from turnout.detection.detector.training_plan import ADJUSTED, HISTORY, OBJECT
+from turnout.detection.detector.training_plan import ADJUSTED, HISTORY, OBJECT, SOUND
 from turnout.detection.floor import TOUCH_FORCE
 
 Floats = NDArray[np.float64]
@@ -45,14 +46,19 @@ def rates_alone(
     assert calibrated is not None
     return {
         rate: false_alarm_limits(
-            [ratios[:, sound.switch == own].ravel() > threshold for own in np.unique(sound.switch)]
+            [ratios[:, sound.switch == own].ravel() > threshold for own in np.unique(sound.switch)],
+            uses=draws,
         )
         for rate, threshold in calibrated.thresholds.items()
     }
 
 
 def rates_known(
-    knowledge: Knowledge, ratios: Sequence[Mapping[str, list[float]]], *, history: int = 20
+    knowledge: Knowledge,
+    ratios: Sequence[Mapping[str, list[float]]],
+    *,
+    history: int = 20,
+    uses: Uses = Uses(),  # noqa: B008 - frozen
 ) -> dict[str, dict[str, dict[str, float]]]:
     """Return alarms after a history, of sound throws, dry chairs and re-adjusted drives.
 
@@ -64,12 +70,17 @@ def rates_known(
         Of each switch, from `judge_with_history`.
     history : int
         Throws known.
+    uses : Uses
+        How often each throw was used.
     """
     calibrated = knowledge.calibration(part=CYCLE, history=history)
     assert calibrated is not None
     return {
         rate: {
-            name: false_alarm_limits([np.array(item[name]) > threshold for item in ratios])
+            name: false_alarm_limits(
+                [np.array(item[name]) > threshold for item in ratios],
+                uses=uses.sound if name == SOUND else uses.causes,
+            )
             for name in ratios[0]
         }
         for rate, threshold in calibrated.thresholds.items()

@@ -126,7 +126,10 @@ def figures(
         },
         str(KNOWN): {
             "a90": a90_of_places(known, places),
-            "rates": {rate: item["sound"] for rate, item in rates_known(knowledge, ratios).items()},
+            "rates": {
+                rate: item["sound"]
+                for rate, item in rates_known(knowledge, ratios, uses=uses).items()
+            },
             "missed": missed_shares(known),
         },
     }

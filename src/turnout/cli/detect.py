@@ -158,12 +158,14 @@ def train_command(
 
 
 def _described(knowledge: "Knowledge") -> dict[str, Any]:
+    from turnout.detection.detector.judging import UNUSUAL
+
     return {
         "about": dict(knowledge.about),
         "allowances": asdict(knowledge.setting.allowances),
         "calibrated": [asdict(item) for item in knowledge.calibrated],
         "signatures": len(knowledge.signatures.kind),
-        "causes": ["object", *knowledge.causes],
+        "causes": ["object", *(name for name in knowledge.causes if name != UNUSUAL)],
     }
 
 

@@ -377,7 +377,8 @@ def _calibrated(
     object_gap_factor = tuple(
         factor_of(own, otherwise=one) for own, one in zip(each_gap(found.alarm), given, strict=True)
     )
-    rare = np.quantile(causes, 1.0 - CAUSE_RATE, axis=0)
+    # a cause without a signature has no support at all
+    rare = np.quantile(np.maximum(causes, LEAST_CAUSE), 1.0 - CAUSE_RATE, axis=0)
     return replace(
         usual,
         thresholds=thresholds,
@@ -385,8 +386,7 @@ def _calibrated(
         residual=tuple(np.quantile(left, RESIDUAL_LEVELS).tolist()),
         irregularity=tuple(np.quantile(irregular, RESIDUAL_LEVELS).tolist()),
         cause_thresholds={
-            name: max(LEAST_CAUSE, float(value))
-            for name, value in zip(knowledge.causes, rare, strict=True)
+            name: float(value) for name, value in zip(knowledge.causes, rare, strict=True)
         },
         size_factor=factor_of(misses_in_doubt(found.size), otherwise=usual.size_factor),
         x_factor=factor_of(misses_in_doubt(found.x), otherwise=usual.x_factor),

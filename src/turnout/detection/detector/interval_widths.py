@@ -241,9 +241,10 @@ def sides_of(
     narrower. One factor for both halves, wide enough for objects, holds nearly every sound throw.
     With :math:`F_k` the distribution of signed misses of a kind, the factors :math:`a, b` solve
 
-    .. math:: F_k(b) - F_k(-a) = 0.95 \quad \text{for both } k
+    .. math:: 0.95 \le F_k(b) - F_k(-a) \le 0.965 \quad \text{for both } k
 
-    If no pair does, that with the shares least apart is taken which holds 95 % of each.
+    and are the shortest pair that does. If none does, that with the shares least apart is taken
+    which holds 95 % of each.
 
     Parameters
     ----------
@@ -259,6 +260,8 @@ def sides_of(
     >>> low, high = sides_of(even, even + 0.5, otherwise=(1.0, 1.0))
     >>> round(low, 2), round(high, 2)  # 5 % of the first below, 5 % of the second above
     (0.9, 1.4)
+    >>> round(sum(sides_of(even, even, otherwise=(9.0, 9.0))), 2)  # of 2 that hold them all
+    1.9
     """
     kinds = [np.sort(kind) for kind in (sound, unnoticed) if len(kind) >= LEAST_MISSES]
     if not kinds:
@@ -282,12 +285,13 @@ def sides_of(
         ]
         held = [share / kind.size for share, kind in zip(shares, kinds, strict=True)]
         pairs.append((max(held) - min(held), float(low) + high, float(low), high))
-    _, _, low, high = min(pairs)
+    alike = [pair for pair in pairs if pair[0] <= MOST_APART]
+    _, _, low, high = min(alike, key=lambda pair: pair[1]) if alike else min(pairs)
     return low, high
 
 
-COVERED = 0.95
-"""Share that intervals are to hold [-]."""
+COVERED, MOST_APART = 0.95, 0.015
+"""Share that intervals are to hold, and by how much more of one kind than of the other [-]."""
 
 
 def misses_in_doubt(found: Sequence[tuple[float, float]]) -> Floats:

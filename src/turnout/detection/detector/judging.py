@@ -40,7 +40,7 @@ CYCLE = "cycle"
 """Opening and closing together, in place of the closing alone."""
 CAUSE_WEIGHT = 0.3
 r""":math:`\rho`, weight of every other cause against a sound switch [-]."""
-DRY, ADJUSTED = "dry chairs", "adjustment"
+DRY, ADJUSTED, UNUSUAL = "dry chairs", "adjustment", "unusual sound throw"
 LEAST_HISTORY = 3
 """Throws from which on an adjustment differs from a switch that always was like that."""
 
@@ -97,12 +97,8 @@ class View:
     @property
     def identifiable(self) -> NDArray[np.bool_]:
         """Whether each further kind can be named, shape (n_causes,)."""
-        return np.array(
-            [
-                name != ADJUSTED or self.history >= LEAST_HISTORY
-                for name in self.kinds[self.objects :]
-            ]
-        )
+        never = (UNUSUAL,) if self.history >= LEAST_HISTORY else (UNUSUAL, ADJUSTED)
+        return np.array([name not in never for name in self.kinds[self.objects :]])
 
 
 def make_view(

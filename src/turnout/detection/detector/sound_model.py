@@ -83,8 +83,8 @@ def fit_sound_model(
     part: NDArray[np.intp],
     scale: Floats,
     centres: int = CENTRES,
-) -> SoundModel:
-    """Fit local Gaussians to sound throws without noise.
+) -> tuple[SoundModel, Floats]:
+    """Fit local Gaussians to sound throws without noise, and return what the fit leaves of each.
 
     Parameters
     ----------
@@ -102,6 +102,13 @@ def fit_sound_model(
         What counts as much in each value: its assumed discrepancy.
     centres : int
         Levels.
+
+    Returns
+    -------
+    model : SoundModel
+        Of the throws.
+    residual : ndarray, shape (n_throws, n)
+        Of each throw.
     """
     low, high = np.quantile(level, [TAIL, 1.0 - TAIL])
     at = np.linspace(low, high, centres)
@@ -124,7 +131,7 @@ def fit_sound_model(
         local = fit.lost * (residual.T * row) @ residual
         within.append((1.0 - SHRINKAGE) * local + SHRINKAGE * whole)
         shift.append(np.where(same, (rates.T * row) @ rates, 0.0))
-    return SoundModel(
+    model = SoundModel(
         level=at,
         weight=share / share.sum(),
         mean=np.array([fit.mean(centre) for centre in at]),
@@ -133,6 +140,7 @@ def fit_sound_model(
         within=np.array(within),
         shift=np.array(shift),
     )
+    return model, residual
 
 
 class _Fit:

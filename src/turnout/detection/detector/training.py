@@ -10,6 +10,7 @@ from scipy.linalg import solve_triangular
 
 from turnout.detection.conditions import FORCE
 from turnout.detection.detector.allowances import Allowances, gain_times
+from turnout.detection.detector.judging import UNUSUAL
 from turnout.detection.detector.knowledge import Knowledge, Setting
 from turnout.detection.detector.sound_model import SoundModel, fit_sound_model
 from turnout.detection.detector.switch_history import ThrowErrors, error_at
@@ -169,7 +170,7 @@ def teach(sets: Mapping[str, ThrowSet], setting: Setting, *, seed: int = 0) -> K
     values = np.concatenate([item.values for item in sound])
     errors = setting.errors(values[:, : setting.layout.size].mean(axis=0))
     deviation = np.sqrt(np.diag(errors.fixed + errors.changing))
-    model = fit_sound_model(
+    model, residual = fit_sound_model(
         values,
         level=level,
         inputs=np.concatenate([item.inputs for item in sound]),
@@ -177,12 +178,14 @@ def teach(sets: Mapping[str, ThrowSet], setting: Setting, *, seed: int = 0) -> K
         part=setting.layout.part,
         scale=np.concatenate([deviation, np.full(len(setting.gaps), GAP_SCALE)]),
     )
-    causes = (*(name for name in DEFECTS if name in sets), SENSOR)
+    causes = (*(name for name in DEFECTS if name in sets), SENSOR, UNUSUAL)
     x = np.array(list(setting.places.values()))
     samples = [_objects(sets[OBJECT], sets[SOUND], x)]
-    for number, name in enumerate(causes[:-1], len(x)):
+    for number, name in enumerate(causes[:-2], len(x)):
         samples.append(_defects(sets[name], sets[SOUND], number))
-    samples.append(_sensor_faults(sets[SOUND], setting, len(x) + len(causes) - 1, seed))
+    last = len(x) + len(causes) - 1
+    samples.append(_sensor_faults(sets[SOUND], setting, last - 1, seed))
+    samples.append(_unusual(residual, level, last, model=model, errors=errors))
     return Knowledge(
         setting=setting,
         model=model,
@@ -259,6 +262,40 @@ def _sensor_faults(sound: ThrowSet, setting: Setting, kind: int, seed: int) -> S
         size=nothing,
         x=nothing,
     )
+
+
+def _unusual(
+    residual: Floats, level: Floats, kind: int, *, model: SoundModel, errors: ThrowErrors
+) -> Samples:
+    """Return what the fit leaves of those sound throws that it fits worst.
+
+    A normal distribution of residuals is a bad one where a drive seats at another instant than
+    polynomials say, at the corners of what varies: low friction, Drive 2 hardly later than Drive 1
+    and far adjusted. Such throws are sound, and compete with objects as samples of themselves.
+    """
+    size = len(errors.fixed)
+    nearest = np.abs(level[:, np.newaxis] - model.level).argmin(axis=1)
+    square = np.empty(len(level))
+    for number in np.unique(nearest):
+        own = nearest == number
+        lower = np.linalg.cholesky(error_at(model, errors, int(number), level=0.0)[:size, :size])
+        white = solve_triangular(lower, residual[own, :size].T, lower=True)
+        square[own] = np.einsum("ij,ij->j", white, white)
+    worst = np.argsort(square)[-max(1, round(UNUSUAL_SHARE * len(level))) :]
+    worst = worst[square[worst] > UNUSUAL_LEAST]
+    nothing = np.full(len(worst), np.nan)
+    return Samples(
+        change=residual[worst, :size],
+        gap=residual[worst, size:],
+        level=level[worst],
+        kind=np.full(len(worst), kind, dtype=np.intp),
+        size=nothing,
+        x=nothing,
+    )
+
+
+UNUSUAL_SHARE, UNUSUAL_LEAST = 0.1, 1.0
+"""Of sound throws, those that are fitted worst, and their least squared length, whitened [-]."""
 
 
 def compress(samples: Sequence[Samples], *, model: SoundModel, errors: ThrowErrors) -> Signatures:
