@@ -321,10 +321,9 @@ def _named(
     """
     counted = irregularity if fit >= UNKNOWN_SHARE else np.zeros_like(irregularity)
     support = support_of(view, ratios, counted)[:, 0]
-    names = view.kinds[view.objects :]
     enough = {
         name: float(support[at])
-        for at, name in enumerate(names)
+        for at, name in enumerate(view.kinds[view.objects :])
         if view.identifiable[at]
         and fit >= NAMED_SHARE
         and ratios.cause[at, 0] > 0.0
