@@ -30,16 +30,21 @@ def outside(campaign: Opened) -> Iterator[Client]:
     """Serve again; this client has not entered."""
     with served(sb2_panel(), campaign) as client:
         yield client
-        still = Client(client.address, client.cookie)
-        if not still.cookie:
-            still.enter()
-        assert still.ask("/api/start").status == 200, "the server is up"
+
+
+@pytest.fixture(scope="module")
+def entered(campaign: Opened) -> Iterator[Client]:
+    """Serve to one client that has entered, whatever it is sent."""
+    with served(sb2_panel(), campaign) as client:
+        client.enter()
+        yield client
 
 
 @pytest.fixture
-def inside(outside: Client) -> Client:
-    outside.enter()
-    return outside
+def inside(entered: Client) -> Iterator[Client]:
+    """Give this client, and see that the server is still up afterwards."""
+    yield entered
+    assert entered.ask("/api/start").status == 200, "the server is up"
 
 
 def test_without_a_token_nothing_is_reported(outside: Client) -> None:

@@ -34,16 +34,11 @@ def recorded(by: RecorderResponse, *, stated: RecorderResponse) -> list[Measured
         rng = np.random.default_rng(number)
         item = movement(f"m{number}", rng=rng)
         signal = item.signals[0]
-        late = replace(item, recorder=by, clocked=True)
-        clean = predicted(response(TRUE), late, signal, np.arange(signal.time.size))
+        late, seen = replace(item, clocked=True), replace(signal, recorder=by)
+        clean = predicted(response(TRUE), late, seen, np.arange(signal.time.size))
         values = clean + 2.0 * rng.standard_normal(clean.size)
-        made.append(
-            replace(
-                late,
-                recorder=stated,
-                signals=(replace(signal, values=values),),
-            )
-        )
+        kept = replace(signal, values=values, recorder=stated)
+        made.append(replace(late, signals=(kept,)))
     return made
 
 
@@ -85,6 +80,16 @@ def test_a_recorder_that_filters_is_found_and_the_remedy_named() -> None:
     # The time constant of a corner at 1.5 Hz.
     assert cause.sizes[0] == pytest.approx(0.106, rel=0.05)
     assert 'recorded_filter = { kind = "butterworth", order = 2, corner = "1.' in cause.text
+    assert search.found.values["k"] == pytest.approx(TRUE["k"], rel=5e-3)
+
+
+def test_samples_far_apart_are_found_without_a_delay() -> None:
+    panel = load_panel("sb1")
+    whole = misfit(recorded(RecorderResponse(rate=4.0), stated=RecorderResponse()))
+    near = fit(whole, PARAMETERS, TRUE, rough=True)
+    search = with_causes(brief_fit(whole, PARAMETERS, TRUE, near=near), whole, panel)
+    assert not search.misses
+    assert 'recorded_rate = "4' in search.tested[0].text
     assert search.found.values["k"] == pytest.approx(TRUE["k"], rel=5e-3)
 
 

@@ -201,10 +201,9 @@ def test_throws_are_fine_where_a_fit_ends_and_plain_aside() -> None:
     whole = misfit([movement("m", rng=np.random.default_rng(2))])
     asked = listened(whole)
     refined = whole.refined(TRUE)
-    assert [(value, throw.fine) for throw, value in asked] == [
-        (TRUE["k"], False),
-        (TRUE["k"], True),
-    ]
+    kinds = [(throw.halved, throw.fine) for throw, _ in asked]
+    assert kinds == [(False, False), (True, False), (False, True)]
+    assert {value for _, value in asked} == {TRUE["k"]}
     asked.clear()
     refined.local(TRUE, ("k",))
     assert {value for _, value in asked} > {TRUE["k"]}
@@ -217,13 +216,14 @@ def test_throws_are_fine_where_a_fit_ends_and_plain_aside() -> None:
 
 def test_what_fine_throws_change_is_added_near_by() -> None:
     whole = misfit([movement("m", rng=np.random.default_rng(2))])
-    whole.evaluator = OfSecondOrder(load_panel("sb1"))
+    whole.evaluator = Discretised(load_panel("sb1"))
     refined, near = whole.refined(TRUE), {**TRUE, "k": 1.002 * TRUE["k"]}
     (found,) = refined.responses([near])[0]
-    exact = response({**near, "k": near["k"] * (1.0 + STEP_ERROR)}).drive_force["1"]
+    fine = near["k"] * (1.0 + STEP_ERROR - MODES_ERROR)
+    exact = response({**near, "k": fine}).drive_force["1"]
     np.testing.assert_allclose(found.drive_force["1"], exact, atol=0.1)
     (plain,) = whole.responses([near])[0]
-    assert np.abs(plain.drive_force["1"] - exact).max() > 10.0
+    assert np.abs(plain.drive_force["1"] - exact).max() > 2.0
 
 
 def test_steps_of_parameters_with_priors_are_lean() -> None:
@@ -459,34 +459,56 @@ def test_an_onset_that_forces_showed_far_too_early_is_found() -> None:
     assert found.values["k"] == pytest.approx(TRUE["k"], rel=2e-3)
 
 
-class OfSecondOrder(MadeUp):
-    """Is wrong by the square of the step, in the stiffness."""
+class Discretised(MadeUp):
+    """Is wrong by the square of the step and by modes that are left out, in the stiffness."""
 
     def responses(self, throws: Sequence[ThrowInputs]) -> list[Response]:
         self.made += len(throws)
-        wrong = [1.0 + STEP_ERROR * (1.0 if throw.fine else 4.0) for throw in throws]
+        wrong = [
+            1.0
+            + STEP_ERROR * (1.0 if throw.halved or throw.fine else 4.0)
+            - MODES_ERROR * (1.0 if throw.fine else 4.0**1.2)
+            for throw in throws
+        ]
         return [
             response({**throw.overrides, "k": float(str(throw.overrides["k"])) * share})
             for throw, share in zip(throws, wrong, strict=True)
         ]
 
 
-STEP_ERROR = 2e-3
+STEP_ERROR, MODES_ERROR = 2e-3, 1e-3
 
 
-def test_the_error_of_the_step_is_in_the_deviations() -> None:
-    """Half the step leaves a quarter of the error: a third of what halving it changes."""
+def test_what_step_and_modes_leave_is_in_the_deviations() -> None:
+    """Errors of opposite signs do not cancel in what is stated of them."""
     rng = np.random.default_rng(3)
     measured = [movement(f"m{n}", rng=rng) for n in range(6)]
     exact = fit(misfit(measured), PARAMETERS, TRUE)
-    whole = replace(misfit(measured), evaluator=OfSecondOrder(load_panel("sb1")))
+    whole = replace(misfit(measured), evaluator=Discretised(load_panel("sb1")))
     found = fit(whole, PARAMETERS, TRUE)
     assert found.misfit.refinement
-    assert found.values["k"] == pytest.approx(exact.values["k"] * (1.0 - STEP_ERROR), rel=2e-4)
+    left = 1.0 - STEP_ERROR + MODES_ERROR
+    assert found.values["k"] == pytest.approx(exact.values["k"] * left, rel=2e-4)
     _, plain = spread_of(exact).deviations
     _, wide = spread_of(found).deviations
-    own = STEP_ERROR * found.values["k"]
-    assert wide == pytest.approx(float(np.hypot(plain, own)), rel=0.03)
+    own = np.array([STEP_ERROR, MODES_ERROR]) * found.values["k"]
+    assert wide == pytest.approx(float(np.hypot(plain, np.hypot(*own))), rel=0.03)
     # Throws that were not refined say nothing of it.
     rough = replace(found, misfit=replace(found.misfit, refinement=()))
     assert spread_of(rough).deviations[1] == pytest.approx(plain, rel=0.05)
+
+
+def test_a_refinement_goes_with_its_own_movement() -> None:
+    """A subset had what fine throws change of other movements added."""
+    rng = np.random.default_rng(3)
+    whole = misfit([movement(f"m{n}", rng=rng) for n in range(3)])
+    whole.effects = {"mu": (0.0, 0.05, -0.05)}
+    refined = whole.refined(TRUE)
+    refined.refinement = tuple(
+        replace(item, fine=response({**TRUE, "k": (1.0 + 0.01 * n) * TRUE["k"]}))
+        for n, item in enumerate(refined.refinement)
+    )
+    every = refined.responses([TRUE])[0]
+    some = refined.of([2, 1]).responses([TRUE])[0]
+    for number, found in zip([2, 1], some, strict=True):
+        np.testing.assert_allclose(found.drive_force["1"], every[number].drive_force["1"])

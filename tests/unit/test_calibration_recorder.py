@@ -1,5 +1,6 @@
 """Recordings at any sampling rate, and the recorder's response in fits and validations alike."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -52,30 +53,40 @@ def test_forces_that_are_sampled_more_slowly_than_currents_say_so() -> None:
     )
     channel_map = parse_channel_map(parse_toml(text, source="map"))
     made = apply_chain(Recording(columns, "made up"), channel_map)
-    assert made.attrs["force_rate"] == 20.0
+    assert json.loads(made.attrs["force_rates"]) == {"drive_force.1": 20.0}
     alike = {"Rod 1": replace(columns["Clamp 1"], name="Rod 1", unit="N")}
     same = apply_chain(Recording({**columns, **alike}, "made up"), channel_map)
-    assert "force_rate" not in same.attrs
+    assert "force_rates" not in same.attrs
 
 
-def test_a_dataset_of_few_samples_is_one_of_lines_between_them() -> None:
-    few = xr.Dataset(coords={"time": np.arange(80) / 20.0})
-    assert _recorder(few) == RecorderResponse(rate=20.0)
-    many = xr.Dataset(coords={"time": np.arange(4000) / 1000.0})
-    assert _recorder(many) == RecorderResponse()
-    assert _recorder(many.assign_attrs(recorded_rate=25.0)) == RecorderResponse(rate=25.0)
+def row(rate: float, **attributes: object) -> xr.Dataset:
+    time = np.arange(round(4.0 * rate)) / rate
+    return xr.Dataset(coords={"time": time, "movement": "m"}, attrs=attributes)
+
+
+def test_each_channel_has_the_rate_of_its_own_column() -> None:
+    """A load cell of 10 samples a second must not smear the rods beside it."""
+    assert _recorder(row(20.0), "drive_force.1") == RecorderResponse(rate=20.0)
+    assert _recorder(row(75.0), "drive_force.1") == RecorderResponse(rate=75.0)
+    assert _recorder(row(1000.0), "drive_force.1") == RecorderResponse()
+    stated = row(1000.0, recorded_rate=25.0)
+    assert _recorder(stated, "drive_force.1") == RecorderResponse(rate=25.0)
+    mixed = row(1000.0, force_rates='{"m": {"object_force": 10.0}}')
+    assert _recorder(mixed, "object_force") == RecorderResponse(rate=10.0)
+    assert _recorder(mixed, "drive_force.1") == RecorderResponse()
 
 
 def test_a_validation_has_the_recorder_that_a_fit_has() -> None:
     recorder = RecorderResponse(low_pass=LowPass(corner=1.5), average=0.1)
-    item = replace(movement("m", rng=np.random.default_rng(0)), recorder=recorder)
+    bare = movement("m", rng=np.random.default_rng(0))
+    item = replace(bare, signals=(replace(bare.signals[0], recorder=recorder),))
     made = response(TRUE)
     grid = Grid.of([item])
     seen = grid.predicted([item], [made], shifts=np.zeros(1))[0, 0]
     (signal,) = item.signals
     np.testing.assert_allclose(seen, predicted(made, item, signal, grid.bins))
     kept = {name: recorder.applied(made.time, row) for name, row in made.drive_force.items()}
-    plain = replace(item, recorder=RecorderResponse())
-    expected = predicted(replace(made, drive_force=kept), plain, signal, grid.bins)
+    (plain,) = bare.signals
+    expected = predicted(replace(made, drive_force=kept), bare, plain, grid.bins)
     np.testing.assert_allclose(seen, expected)
-    assert np.abs(seen - predicted(made, plain, signal, grid.bins)).max() > 100.0
+    assert np.abs(seen - predicted(made, bare, plain, grid.bins)).max() > 100.0

@@ -16,6 +16,7 @@ from turnout.measurement.chain.recorder_response import (
 )
 
 TIME = np.arange(4000) * 1e-3
+CLAMP = '[drive_current.1]\ncolumn = "C"\nkind = "scaled"\n'
 MAP = '[drive_force.1]\ncolumn = "Rod 1"\nkind = "scaled"\n'
 
 
@@ -91,6 +92,9 @@ def test_lines_between_samples_are_those_of_all_phases() -> None:
     rate = 20.0
     seen = between_samples(TIME, TIME**2, rate)
     inner = slice(200, 3800)
+    # At its end the signal is taken as constant: nothing lies above it there.
+    assert seen[-1] < TIME[-1] ** 2
+    assert between_samples(TIME, step(1.0), rate)[-1] == pytest.approx(7.0)
     np.testing.assert_allclose(seen[inner] - TIME[inner] ** 2, 1.0 / rate**2 / 6.0, rtol=1e-3)
     force = np.exp(np.sin(3.0 * TIME))
     lines = [
@@ -113,7 +117,7 @@ def test_what_the_map_states_is_what_a_dataset_says() -> None:
         low_pass=LowPass(kind="rc", order=1, corner=6.0), average=0.02, rate=25.0
     )
     assert recorder_response_of(stated.attributes()) == stated
-    assert "RC low-pass of order 1 at 6 Hz" in stated.text
+    assert "an RC low-pass of order 1 at 6 Hz" in stated.text
     plain = parse_channel_map(parse_toml(MAP, source="map"))
     assert not plain.recorder_response()
     assert plain.recorder_response().attributes() == {}
@@ -134,8 +138,33 @@ def test_what_the_map_states_is_what_a_dataset_says() -> None:
         ('recorded_filter = "6 Hz"', "recorded_filter"),
         ('recorded_rate = "20 s"', "recorded_rate"),
         ('recorded_rate = "0 Hz"', "recorded_rate"),
+        ('recorded_average = "1 us"', "recorded_average"),
+        ("clock_uncertainty = 2", "a share: 0.02 for 2 %"),
+        ('clock_uncertainty = "10 ppm"', "1e-5 for 10 ppm"),
+        ("gain_uncertainty = 0.01", "into the table of a channel"),
     ],
 )
 def test_what_no_recorder_does_is_refused_by_name(line: str, match: str) -> None:
     with pytest.raises(MeasurementError, match=match):
         parse_channel_map(parse_toml(f"{line}\n{MAP}", source="map"))
+
+
+@pytest.mark.parametrize(
+    ("line", "match"),
+    [
+        ('recorded_average = "0.1 s"', "above the first table"),
+        ("gain_uncertainty = 2", "a share: 0.02 for 2 %"),
+        (
+            '[drive_current.1]\ncolumn = "C"\nkind = "scaled"\ngain_uncertainty = 0.1',
+            "force channels",
+        ),
+    ],
+)
+def test_a_key_in_the_wrong_table_says_where_it_belongs(line: str, match: str) -> None:
+    with pytest.raises(MeasurementError, match=match):
+        parse_channel_map(parse_toml(f"{MAP}{line}\n", source="map"))
+
+
+def test_samples_that_change_nothing_are_no_response() -> None:
+    text = 'recorded_rate = "1 kHz"\n'
+    assert not parse_channel_map(parse_toml(text + MAP, source="map")).recorder_response()

@@ -59,10 +59,15 @@ def result_of(case: Hard, folder: Path, *, truth: Values, throws: Path) -> dict[
         built = build_campaign(folder)
         said = [*built.remarks, *(r for item in built.excluded for r in item.reasons)]
         if built.dataset is None:
-            return {"verdict": "refused", "causes": said[:NAMED], "values": {}, "seconds": 0.0}
+            return {
+                "verdict": "refused",
+                "causes": [_named(text) for text in said[:NAMED]],
+                "values": {},
+                "seconds": 0.0,
+            }
         found = calibrate(built.dataset, panel, plan=default_plan(panel), folder=throws).calibration
     except TurnoutError as error:
-        return {"verdict": "refused", "causes": [str(error)], "values": {}, "seconds": 0.0}
+        return {"verdict": "refused", "causes": [_named(str(error))], "values": {}, "seconds": 0.0}
     values = {}
     for item in (item for item in found.parameters if item.name in truth):
         low, high = item.interval
@@ -76,12 +81,26 @@ def result_of(case: Hard, folder: Path, *, truth: Values, throws: Path) -> dict[
     said = [text for text in said if "swapped" in text or "dead channel of drive" in text]
     return {
         "verdict": "does not follow" if found.distrust else "follows",
-        "causes": [*said[:1], *causes][:NAMED],
+        "causes": [*(_named(text) for text in said[:1]), *causes][:NAMED],
         "values": values,
         "seconds": time.process_time() - began,
         "distrust": list(found.distrust),
         "warnings": list(found.warnings),
     }
+
+
+def _named(text: str) -> str:
+    """Return what is said of a recording with what it names first, as causes have it."""
+    name = next((name for name in ("swapped channels", "dead channel") if name in text), "")
+    return f"{name}: {text}" if name else text
+
+
+def _is_right(case: Hard, causes: list[str]) -> bool:
+    """Return whether the cause is among those that are named, of its drive where it has one."""
+    return any(
+        text.split(":")[0] == case.cause and (not case.drive or f"drive {case.drive}" in text)
+        for text in causes
+    )
 
 
 def table(results: dict[str, dict[str, Any]], *, seed: int) -> list[str]:
@@ -100,11 +119,7 @@ def table(results: dict[str, dict[str, Any]], *, seed: int) -> list[str]:
         lines.append(f"| {ALL[name].what} | {' | '.join(cells)} | {item['verdict']} | {causes} |")
     follows = [item for item in results.values() if item["verdict"] == "follows"]
     given = [v for item in follows for v in item["values"].values() if v["state"] == "fitted"]
-    right = [
-        name
-        for name, item in results.items()
-        if ALL[name].cause and any(ALL[name].cause in text for text in item["causes"])
-    ]
+    right = [name for name, item in results.items() if _is_right(ALL[name], item["causes"])]
     wanted = [name for name in results if ALL[name].cause]
     lines += [
         "",

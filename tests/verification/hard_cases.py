@@ -55,6 +55,7 @@ LEAD, AVERAGE, SOFT = 0.15, 0.1, 2e-3
 # Of further cases: play [m], where a bushing softens as a share of its slip level and to which
 # share of its stiffness, cut-off of the recorder's filter [Hz], a gain of all channels [-].
 PLAY, SOFTENS, SOFTENED, CUT_OFF, ALIKE = 1.5e-3, 0.7, 0.35, 6.0, 0.012
+LAG = 0.12
 # Of the amplifier, against aliases: a mean over this time [s].
 ANTI_ALIAS = 8e-3
 NOTE = "synthetic: hard campaign of tests.verification.hard_campaigns, not measured"
@@ -68,8 +69,8 @@ class Hard:
     ----------
     what : str
         What differs from the model.
-    cause : str
-        Part of the text that names it; empty where nothing differs.
+    cause, drive : str
+        Name of the cause, and the drive that it is of; empty where nothing differs, or for all.
     overrides : callable
         Of the panel, for one throw, from the generator of that throw.
     truth : callable
@@ -80,15 +81,19 @@ class Hard:
         Columns that the channel map names wrongly.
     start : mapping of str to float
         Where the fit starts; default the library's values.
+    lag : float
+        With which the force of drive 2 follows contact [s].
     """
 
     what: str
     cause: str = ""
+    drive: str = ""
     overrides: Callable[[np.random.Generator], dict[str, object]] = lambda rng: {}
     truth: Callable[[LoadedPanel, list[dict[str, object]]], Values] = lambda panel, made: {}
     seen: Callable[[xr.Dataset, int], xr.Dataset] = lambda dataset, number: dataset
     columns: Mapping[str, str] = field(default_factory=dict)
     start: Values = field(default_factory=dict)
+    lag: float = 0.0
 
 
 def gains(dataset: xr.Dataset, number: int) -> xr.Dataset:
@@ -228,11 +233,11 @@ CASES: dict[str, Hard] = {
     "right": Hard(what="nothing but mesh, step and damping"),
     "gains": Hard(what="gauges +1.5 and -1.8 %, load cell +1 %", cause="gain", seen=gains),
     "average": Hard(
-        what="the recorder averages over the last 0.1 s", cause="recorder", seen=averaged
+        what="the recorder averages over the last 0.1 s", cause="recorder filter", seen=averaged
     ),
     "bushing": Hard(
         what="bushings soft for 2 mm",
-        cause="bushing",
+        cause="bushing shape",
         overrides=soft_bushings,
     ),
     "chairs": Hard(
@@ -244,6 +249,7 @@ CASES: dict[str, Hard] = {
     "clutch": Hard(
         what="clutch of drive 2 slips 6 % higher, scattering by 5 %",
         cause="clutch",
+        drive="2",
         overrides=worn,
         truth=mean_level,
     ),
@@ -259,7 +265,7 @@ CASES: dict[str, Hard] = {
     "dead": Hard(what="rod 2 silent in 6 of 14 recordings", cause="dead channel", seen=dead),
     "swapped": Hard(
         what="columns of the rods exchanged in the channel map",
-        cause="swapped",
+        cause="swapped channels",
         columns={"Rod 1": "Rod 2", "Rod 2": "Rod 1"},
     ),
     "start": Hard(
@@ -270,14 +276,26 @@ CASES: dict[str, Hard] = {
 
 
 FURTHER: dict[str, Hard] = {
-    "play": Hard(what="play of 1.5 mm before drive 1 pushes", cause="drive 1", overrides=with_play),
+    "play": Hard(
+        what="play of 1.5 mm before drive 1 pushes",
+        cause="drive law",
+        drive="1",
+        overrides=with_play,
+    ),
     "knee": Hard(
         what="bushing of drive 2 at 35 % of its stiffness above 70 % of its slip level",
-        cause="drive 2",
+        cause="drive law",
+        drive="2",
         overrides=with_knee,
     ),
     "filter": Hard(
-        what="the recorder filters at 6 Hz with two poles", cause="recorder", seen=filtered
+        what="the recorder filters at 6 Hz with two poles", cause="recorder filter", seen=filtered
+    ),
+    "lag": Hard(
+        what="the force of drive 2 follows contact with a lag of 120 ms",
+        cause="drive law",
+        drive="2",
+        lag=LAG,
     ),
     "alike": Hard(
         what="all channels read 1.2 % too much, motors lead by 150 ms", cause="timing", seen=alike
@@ -324,7 +342,13 @@ def make(case: Hard, folder: Path, *, seed: int) -> Values:
             scheme=scheme,
             save=Save(fields=FIELDS),
         )
-        true = record_throw(run, direction=direction, window=WINDOW, law=LAW)
+        true = record_throw(
+            run,
+            direction=direction,
+            window=WINDOW,
+            law=LAW,
+            build_up_lag={"2": case.lag} if case.lag else None,
+        )
         if size < 0.013:
             true = true.assign(object_force=0.0 * true["object_force"])
         disturbed = add_disturbance(

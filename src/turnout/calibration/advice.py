@@ -231,7 +231,7 @@ def _candidates(found: Fit, panel: LoadedPanel) -> list[MeasuredMovement]:
 
 def _slopes(found: Fit, movement: MeasuredMovement, names: Sequence[str]) -> Floats:
     """Return the sensitivities of a movement that was not measured."""
-    misfit: Misfit = replace(found.misfit, movements=(movement,), effects={})
+    misfit: Misfit = replace(found.misfit, movements=(movement,), effects={}, refinement=())
     local = misfit.local(found.values, names)
     time: Floats = np.asarray(
         BIN * (np.arange(round(movement.length / BIN)) + 0.5), dtype=np.float64

@@ -10,6 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.calibration.advice import next_lines, next_movements, systematic_errors
+from turnout.calibration.cause_lines import cause_lines
 from turnout.calibration.causes import (
     CLEARLY,
     LEFT_MISSED,
@@ -56,10 +57,8 @@ from turnout.calibration.result_entries import (
     warnings_from,
 )
 from turnout.calibration.sensors import (
-    FoundSensor,
     common_lead,
     found_sensors,
-    lead_text,
     sensor_reasons,
     stated_gains,
 )
@@ -80,6 +79,10 @@ from turnout.scheme import Scheme
 Floats = NDArray[np.float64]
 # A lead of the motors that is seen before any cause is looked for [s].
 LONG_LEAD = 0.08
+
+
+# What a record says of the scheme where a fit came to its fine throws.
+REFINED = "; at its end with half the step, and modes to four times the frequency"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -207,9 +210,10 @@ def calibrate(
             warnings=tuple(dict.fromkeys(warnings)),
             findings=tuple(findings),
             posterior=sampled,
-            causes=_cause_lines(final, search, sensors),
+            causes=cause_lines(final, search, sensors),
             fitted_causes=tuple(item.name for item, _ in search.taken) if search else (),
             sensors=tuple(item.text for item in sensors),
+            chain={item.key: (item.value, item.deviation) for item in sensors},
             effects=movement_rows(final),
         )
     return CalibrationOutcome(
@@ -267,8 +271,10 @@ def _result(
         about={
             **provenance(),
             "written": datetime.now(UTC).isoformat(timespec="seconds"),
-            "scheme": f"{scheme.describe()}; at last with half the step, twice the frequency",
+            "scheme": scheme.describe() + (REFINED if final.misfit.refinement else ""),
+            "refined": "yes" if final.misfit.refinement else "",
             "synthetic": str(dataset.attrs.get("synthetic", "")),
+            "channel_map_hash": str(dataset.attrs.get("channel_map_hash", "")),
         },
     )
 
@@ -279,16 +285,6 @@ def _distrust(final: Fit, spread: Spread) -> tuple[str, ...]:
     named = [text.split(":")[0] for text in found]
     found += [text for text in unexplained_reasons(final) if text.split(":")[0] not in named]
     return tuple(found)
-
-
-def _cause_lines(
-    final: Fit, search: CauseSearch | None, sensors: Sequence[FoundSensor]
-) -> tuple[str, ...]:
-    """Return what the panel alone does not follow, a lead of the motors first, sensors last."""
-    lead = final.misfit.comparison.lead
-    lines = [lead_text(lead)] if lead else []
-    lines += [item.line for item in (search.tested if search else ())]
-    return (*lines, *(f"{item.cause}: {item.text}" for item in sensors if item.cause))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -415,17 +411,25 @@ class _Run:
         misfit = replace(search.first, base=search.found.values)
         found, on_step = search.found, self.watch.found
         if search.misses:
-            # Exact slopes and shorter steps of the solver are no remedy for what it still misses.
-            return brief_fit(
-                misfit,
-                found.parameters,
-                found.values,
-                near=found,
-                passes=MAX_PASSES,
-                steps=MAX_STEPS,
-                on_step=on_step,
-            )
+            # Exact slopes are no remedy for what it still misses; finer throws are where it is
+            # trusted all the same.
+            found = self._brief_end(misfit, found)
+            if is_worth_a_search(found, share=CLEARLY) or sensor_reasons(found):
+                return found
+            near = replace(misfit, base=found.values, effects=found.misfit.effects)
+            return self._brief_end(near.refined(found.values), found)
         return fit(misfit, found.parameters, found.values, near=found, on_step=on_step)
+
+    def _brief_end(self, misfit: Misfit, near: Fit) -> Fit:
+        return brief_fit(
+            misfit,
+            near.parameters,
+            near.values,
+            near=near,
+            passes=MAX_PASSES,
+            steps=MAX_STEPS,
+            on_step=self.watch.found,
+        )
 
     def _misfit(
         self,

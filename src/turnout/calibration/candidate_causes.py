@@ -70,6 +70,8 @@ class Cause:
     tries : tuple of float
         Sizes that are tried: of a smooth cause one of each parameter, each alone; else of its first
         parameter, the others at their start.
+    group : str
+        Of causes much alike in what they do to forces: a fit with each decides between them.
     refined : bool
         Whether the likeliest size is searched between those that are tried: where that needs no
         throws, so that causes alike in effect are compared at their best.
@@ -95,6 +97,7 @@ class Cause:
     text: Callable[[Sequence[float]], str]
     parameters: tuple[Parameter, ...] = ()
     tries: tuple[float, ...] = ()
+    group: str = ""
     refined: bool = False
     smooth: bool = False
     least: float = 0.0
@@ -104,6 +107,15 @@ class Cause:
     law: Law | None = None
     shape: Shape | None = None
     scatter: Mapping[str, float] = field(default_factory=dict)
+
+    def is_slight(self, values: Sequence[float]) -> bool:
+        """Return whether all of its sizes are too small for it to be one."""
+        # Where it is not smooth, its first parameter is its size.
+        sized = self.parameters if self.smooth else self.parameters[:1]
+        sizes = np.array([value - item.start for item, value in zip(sized, values, strict=False)])
+        if self.about_mean:
+            sizes = sizes - sizes.mean()
+        return bool(sizes.size) and bool(np.all(np.abs(sizes) < self.least))
 
 
 def candidate_causes(
@@ -145,7 +157,7 @@ def _recorders() -> list[Cause]:
                 low_pass=LowPass(kind=kind, order=order, corner=1.0 / (2.0 * np.pi * size))
             ),
             lambda made: (
-                f"is a {made.text}; state it in the channel map as "
+                f"filters with {made.text}; state it in the channel map as "
                 f"recorded_filter = {made.low_pass.text if made.low_pass else ''}"
             ),
             tries=(0.01, 0.035, 0.1),
@@ -153,7 +165,17 @@ def _recorders() -> list[Cause]:
         )
         for kind, order in RECORDER_FILTERS
     ]
-    return [average, *filters]
+    sampling = _recorder_cause(
+        "recorder.interval",
+        lambda size: RecorderResponse(rate=1.0 / size),
+        lambda made: (
+            f"takes {made.rate:.3g} samples a second, and the file holds lines between them; state "
+            f'it in the channel map as recorded_rate = "{made.rate:.3g} Hz"'
+        ),
+        tries=(0.03, 0.06, 0.15),
+        least=0.015,
+    )
+    return [average, *filters, sampling]
 
 
 def _recorder_cause(
@@ -182,6 +204,7 @@ def _recorder_cause(
         parameters=(_linear(key, 0.5, "s"),),
         tries=tries,
         least=least,
+        group="recorder",
         refined=True,
         shape=shape,
     )
@@ -226,12 +249,18 @@ def _bushings(panel: LoadedPanel) -> list[Cause]:
                 parameters=(_linear(key, 0.01, "m"), _softness(f"{key}.softness")),
                 tries=SOFT_TRAVELS,
                 least=1e-4,
+                group=_first_travel(drives),
                 drives=drives,
                 beside=beside,
                 law=law,
             )
         )
     return found
+
+
+def _first_travel(drives: Sequence[str]) -> str:
+    """Return the group of what a drive does over its first travel: soft, or play."""
+    return f"first travel of {drives[0]}" if len(drives) == 1 else ""
 
 
 def _softness(key: str) -> Parameter:
@@ -318,6 +347,7 @@ def _drive_tables(panel: LoadedPanel, drive: str) -> list[Cause]:
             parameters=(_linear(play, 0.03, "m"),),
             tries=(0.5e-3, 2e-3, 4e-3),
             least=LEAST_PLAY,
+            group=_first_travel((drive,)),
             drives=(drive,),
             beside=beside,
             law=lambda values: table(panel, drive, values, backlash=values[play]),
@@ -397,7 +427,7 @@ def _friction_by_chair(panel: LoadedPanel) -> list[Cause]:
 
     def text(sizes: Sequence[float]) -> str:
         known = shares(dict(zip(keys, sizes, strict=True)))
-        parts = [f"{100 * (known[names[0]] - 1.0):+.0f}" for names in groups]
+        parts = [f"{round(100 * (known[names[0]] - 1.0)):+d}" for names in groups]
         return f"friction differs by {', '.join(parts)} % of its mean from toe to heel"
 
     spread = [replace(_linear(key, 0.9, "1", lower=-0.9), prior=CHAIR_SPREAD) for key in keys]

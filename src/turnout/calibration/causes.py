@@ -47,8 +47,9 @@ LEFT_MISSED, CAUSE_STEPS = 0.1, 14
 MOST_ROUNDS, LEAST_SCATTER, SAYS_SOMETHING = 2, 5e-3, 0.3
 # Causes of which several may be, one a drive.
 SEVERAL = ("bushing shape", "clutch", "drive law")
-# What a fit with a cause may miss at most, as a share of what one without it does [-].
-LESS_MISSED = 0.85
+# What a fit with a cause may miss at most, as a share of what one without it does, and of what one
+# does whose cause is at its bound [-].
+LESS_MISSED, AS_WELL = 0.85, 1.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -157,7 +158,12 @@ def with_causes(
         choices = cause_trials(
             found, left, most=min(AT_ONCE, MOST_CAUSES - len(taken)), decisive=DECISIVE
         )
-        tested = [item for choice in choices for item, _ in choice if item.gain > DECISIVE]
+        tested = [
+            item
+            for choice in choices
+            for item, cause in choice
+            if item.gain > DECISIVE and not cause.is_slight(item.sizes)
+        ]
         good = [choice for choice in choices if choice[0][0].gain > DECISIVE]
         fitted = _first_that_helps(found, first, good[:ATTEMPTS], on_step)
         if fitted is None:
@@ -213,8 +219,8 @@ def without_needless(
     needed = [pair for pair in search.taken if _is_needed(pair[1], final)]
     if len(needed) == len(search.taken):
         return search
-    first = search.plain
-    for _, cause in needed:
+    first, kept = search.plain, [cause for _, cause in needed]
+    for cause in kept:
         first = with_cause(first, cause)
     dropped = {
         item.name for pair in search.taken if pair not in needed for item in pair[1].parameters
@@ -234,7 +240,8 @@ def without_needless(
         found = brief_fit(replace(first, base=values), vary, values, near=start, on_step=on_step)
     except SolverError:
         return search
-    if _missed(found) * LESS_MISSED > _missed(final):
+    slight = all(_is_slight(cause, final) for _, cause in search.taken if cause not in kept)
+    if not slight and _missed(found) * LESS_MISSED > _missed(final):
         return search
     return replace(
         search, found=found, first=first, taken=tuple(needed), misses=is_worth_a_search(found)
@@ -368,29 +375,26 @@ def _best_of_alike(
     """
     found, choice = fitted
     taken = choice[0][1]
-    if not taken.refined or not is_worth_a_search(found):
+    # One at its bound is another: a bushing without stiffness is play.
+    bound = any(item.at_bound(found.values[item.name]) for item in taken.parameters)
+    if not taken.group or not (bound or is_worth_a_search(found)):
         return fitted
     for other in choices:
         cause = other[0][1]
-        if len(other) > 1 or cause is taken or not cause.refined or cause.name != taken.name:
+        if len(other) > 1 or cause is taken or cause.group != taken.group:
             continue
         try:
             again = _fitted_with(before, first, other, on_step=on_step)
         except SolverError:
             continue
-        if _missed(again) < _missed(found):
-            found, choice = again, other
+        if _missed(again) < _missed(found) * (AS_WELL if bound else 1.0):
+            found, choice, bound = again, other, False
     return found, choice
 
 
 def _is_slight(cause: Cause, found: Fit) -> bool:
     """Return whether all sizes of a cause are too small to be one."""
-    # Where it is not smooth, its first parameter is its size.
-    sized = cause.parameters if cause.smooth else cause.parameters[:1]
-    sizes = np.array([found.values[item.name] - item.start for item in sized])
-    if cause.about_mean:
-        sizes = sizes - sizes.mean()
-    return bool(sizes.size) and bool(np.all(np.abs(sizes) < cause.least))
+    return cause.is_slight([found.values[item.name] for item in cause.parameters])
 
 
 def _missed(found: Fit) -> float:

@@ -34,7 +34,7 @@ MOST_IN_MEMORY = 4000
 # Step of a fine throw, as a share of the one of the scheme. After an impact steps of 1 ms leave the
 # object held by other forces than shorter ones do, which biased stiffnesses by 0.1 to 0.2 %; so do
 # modes to 300 Hz only on the default panel. So many times as high they go.
-FINE, FINE_MODES = 0.5, 2.0
+FINE, FINE_MODES = 0.5, 4.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,9 +49,10 @@ class ThrowInputs:
         Of the object; "none" and 0 without one [m].
     quick : bool
         Whether the quick scheme of the evaluator is good enough.
+    halved : bool
+        Whether steps are half as long as its scheme says.
     fine : bool
-        Whether steps are half as long as its scheme says, and modes go twice as high: where a fit
-        ends.
+        Whether modes go four times as high as well: where a fit ends.
     lean : bool
         Whether the steps are those of its scheme, but the modes those of the quick one: forces are
         off by a constant, differences between throws are not.
@@ -61,6 +62,7 @@ class ThrowInputs:
     place: str = "none"
     size: float = 0.0
     quick: bool = False
+    halved: bool = False
     fine: bool = False
     lean: bool = False
 
@@ -124,7 +126,7 @@ class Evaluator:
     reused: int = 0
     _known: "OrderedDict[str, Response]" = field(default_factory=OrderedDict)
     _pool: ProcessPoolExecutor | None = None
-    _shared: dict[tuple[bool, bool, bool], str] = field(default_factory=dict)
+    _shared: dict[tuple[bool, ...], str] = field(default_factory=dict)
 
     def __enter__(self) -> Self:
         """Make the folder; processes start when there is something to do."""
@@ -194,6 +196,8 @@ class Evaluator:
                 step=FINE * self.scheme.step,
                 cutoff_frequency=FINE_MODES * self.scheme.cutoff_frequency,
             )
+        if throw.halved:
+            return replace(self.scheme, step=FINE * self.scheme.step)
         if throw.lean:
             return replace(self.scheme, cutoff_frequency=self.quick.cutoff_frequency)
         return self.quick if throw.quick else self.scheme
@@ -209,7 +213,7 @@ class Evaluator:
 
     def _by(self, throw: ThrowInputs) -> str:
         """Return a hash of what throws of this kind share."""
-        kind = (throw.quick, throw.fine, throw.lean)
+        kind = (throw.quick, throw.halved, throw.fine, throw.lean)
         if kind not in self._shared:
             self._shared[kind] = content_hash(
                 {

@@ -14,6 +14,7 @@ from turnout.core.problems import choices
 from turnout.errors import MeasurementError, PanelError
 from turnout.measurement.campaign.sheet_checks import swap_remarks
 from turnout.measurement.chain.recorder_response import (
+    LEAST_INTERVAL,
     NO_RESPONSE,
     RecorderResponse,
     recorder_response_of,
@@ -32,6 +33,8 @@ HOLD = 0.3
 CLEARANCE = 0.1
 # Samples of a bin whose time differs from that of a bin by less than this share fit into it [-].
 SAME_BIN = 1e-3
+# Samples that are further apart are straight lines between them, in the simulation too [1/s].
+LINES_BELOW = 1.0 / LEAST_INTERVAL
 SAME_PLACE = 0.05
 OBJECT_FORCE = "object_force"
 
@@ -50,12 +53,15 @@ class Signal:
         Centres of the bins from the onset [s].
     values : ndarray, shape (n,)
         Means over the bins; NaN where nothing was recorded.
+    recorder : RecorderResponse
+        What the recorder makes of it before it is kept.
     """
 
     channel: str
     drive: str
     time: Floats
     values: Floats
+    recorder: RecorderResponse = NO_RESPONSE
 
     @property
     def name(self) -> str:
@@ -81,8 +87,6 @@ class MeasuredMovement:
         Time from the onset in which a simulation can be compared [s].
     clocked : bool
         Whether the onset was found from motor currents.
-    recorder : RecorderResponse
-        What the recorder makes of a force before it is kept.
     """
 
     name: str
@@ -93,7 +97,6 @@ class MeasuredMovement:
     signals: tuple[Signal, ...]
     length: float
     clocked: bool
-    recorder: RecorderResponse = NO_RESPONSE
 
     @property
     def foreign_object(self) -> ForeignObject | None:
@@ -135,14 +138,11 @@ def observe(
     movements = []
     if not problems:
         bins = _Bins.of(dataset["time"].values)
-        recorder = _recorder(dataset)
         for name in dataset["movement"].values:
             if str(name) in exclude:
                 continue
             try:
-                movements.append(
-                    replace(_movement(dataset.sel(movement=name), panel, bins), recorder=recorder)
-                )
+                movements.append(_movement(dataset.sel(movement=name), panel, bins))
             except PanelError as error:
                 problems += [f"{name}: {text}" for text in error.problems]
     if not problems and not movements:
@@ -152,13 +152,21 @@ def observe(
     return tuple(movements)
 
 
-def _recorder(dataset: xr.Dataset) -> RecorderResponse:
-    """Return what the recorder makes of forces; samples further apart than bins are lines."""
-    stated = recorder_response_of(dataset.attrs)
-    time = dataset["time"].values
-    rate = (time.size - 1) / float(time[-1] - time[0])
-    slow = [item for item in (stated.rate, rate) if 0.0 < item * BIN < 1.0 - SAME_BIN]
-    return replace(stated, rate=min(slow)) if slow else stated
+def _recorder(row: xr.Dataset, key: str) -> RecorderResponse:
+    """Return what the recorder makes of a force of a movement; few samples are lines between them.
+
+    `key` is that of the channel map, such as "drive_force.1".
+    """
+    stated = recorder_response_of(row.attrs)
+    time = row["time"].values
+    of_columns = json.loads(str(row.attrs.get("force_rates", "{}")))
+    rates = [
+        stated.rate,
+        (time.size - 1) / float(time[-1] - time[0]),
+        float(of_columns.get(str(row["movement"].values), {}).get(key, 0.0)),
+    ]
+    slow = [rate for rate in rates if 0.0 < rate < LINES_BELOW]
+    return replace(stated, rate=min(slow, default=0.0))
 
 
 def selected(
@@ -273,7 +281,7 @@ class _Bins:
         """Return bins of whole samples; of none where these do not fit into bins."""
         rate = (time.size - 1) / float(time[-1] - time[0])
         samples = max(1, round(BIN * rate))
-        if abs(samples / (BIN * rate) - 1.0) > SAME_BIN:
+        if rate < LINES_BELOW or abs(samples / (BIN * rate) - 1.0) > SAME_BIN:
             edges = np.arange(np.ceil(time[0] / BIN), np.floor(time[-1] / BIN)) * BIN
             return cls(0, 0, edges + 0.5 * BIN, time)
         onset = int(np.argmin(np.abs(time)))
@@ -330,7 +338,13 @@ def _movement(row: xr.Dataset, panel: LoadedPanel, bins: _Bins) -> MeasuredMovem
             means = bins.means(np.asarray(values.values, dtype=np.float64))
             if np.isfinite(means).any():
                 signals.append(
-                    Signal(channel=channel, drive=drive, time=bins.centres, values=means)
+                    Signal(
+                        channel=channel,
+                        drive=drive,
+                        time=bins.centres,
+                        values=means,
+                        recorder=_recorder(row, f"{channel}.{drive}".rstrip(".")),
+                    )
                 )
     currents = row.get("drive_current")
     return MeasuredMovement(

@@ -24,6 +24,27 @@ from turnout.errors import SolverError
 Floats = NDArray[np.float64]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Refined:
+    """One movement near the end of a fit, thrown ever more finely.
+
+    Attributes
+    ----------
+    plain, halved, fine : Response
+        As the scheme says; with half its step; and with modes to a higher frequency too.
+    """
+
+    plain: Response
+    halved: Response
+    fine: Response
+
+    def added(self, response: Response) -> Response:
+        """Return a response near by with what fine throws change; the same where one failed."""
+        if self.fine.failure or self.plain.failure:
+            return response
+        return with_change(response, self.fine, self.plain)
+
+
 @dataclass(slots=True, kw_only=True, eq=False)
 class Misfit:
     """A set of movements, how they are compared, and what throws them.
@@ -51,9 +72,9 @@ class Misfit:
         Parameters that act in every movement, whatever forces the plain law would ask for.
     quick : bool
         Whether throws are quick, those aside too.
-    refinement : tuple of (Response, Response)
-        Of each movement near the end, thrown as the scheme says and finely: what this changes is
-        added to every response. None away from there.
+    refinement : tuple of Refined
+        Of each movement near the end, thrown as the scheme says and more finely: what this changes
+        is added to every response. None away from there.
     lean : bool
         Whether throws are lean.
     same_slope : float
@@ -70,7 +91,7 @@ class Misfit:
     shape: Callable[[Response, Mapping[str, float]], Response] | None = None
     always: tuple[str, ...] = ()
     quick: bool = False
-    refinement: tuple[tuple[Response, Response], ...] = ()
+    refinement: tuple[Refined, ...] = ()
     lean: bool = False
     same_slope: float = SAME_SLOPE
 
@@ -119,17 +140,29 @@ class Misfit:
         ]
 
     def refined(self, values: Mapping[str, float]) -> "Misfit":
-        """Return this with what fine throws change at values."""
+        """Return this with what finer throws change at values."""
         throws = [self._throw(n, {**self.base, **values}) for n in range(len(self.movements))]
         plain = self.evaluator.responses(throws)
+        halved = self.evaluator.responses([replace(item, halved=True) for item in throws])
         fine = self.evaluator.responses([replace(item, fine=True) for item in throws])
-        return replace(self, refinement=tuple(zip(plain, fine, strict=True)))
+        pairs = zip(plain, halved, fine, strict=True)
+        return replace(
+            self, refinement=tuple(Refined(plain=a, halved=b, fine=c) for a, b, c in pairs)
+        )
+
+    def of(self, numbers: Sequence[int]) -> "Misfit":
+        """Return the misfit of some of the movements, in the order of the numbers."""
+        return replace(
+            self,
+            movements=tuple(self.movements[n] for n in numbers),
+            effects={name: tuple(row[n] for n in numbers) for name, row in self.effects.items()},
+            refinement=tuple(self.refinement[n] for n in numbers) if self.refinement else (),
+        )
 
     def _kept(self, number: int, response: Response, values: Mapping[str, float]) -> Response:
         """Return a response as it is compared: refined, and shaped."""
         if self.refinement and not response.failure:
-            plain, fine = self.refinement[number]
-            response = with_change(response, fine, plain)
+            response = self.refinement[number].added(response)
         return response if self.shape is None else self.shape(response, values)
 
     def _throw(self, number: int, values: Mapping[str, float]) -> ThrowInputs:
@@ -218,12 +251,7 @@ class Misfit:
         found = replace(previous, values=whole, simulated=here)
         if not stale:
             return found
-        part = replace(
-            self,
-            movements=tuple(self.movements[n] for n in stale),
-            effects={name: tuple(row[n] for n in stale) for name, row in self.effects.items()},
-            refinement=tuple(self.refinement[n] for n in stale) if self.refinement else (),
-        )
+        part = self.of(stale)
         return found.with_movements(stale, part.local(whole, vary))
 
     def _inputs_of(self, values: Mapping[str, float], number: int) -> dict[str, float]:

@@ -112,7 +112,7 @@ def prediction(
             np.concatenate(
                 (
                     [0.0],
-                    np.cumsum(_recorded(response, signal, movement), dtype=np.float64) * cell,
+                    np.cumsum(_recorded(response, signal), dtype=np.float64) * cell,
                 )
             )
             for signal, _ in parts
@@ -152,10 +152,10 @@ def predicted(
     return prediction(response, movement, [(signal, bins)]).row(shift)
 
 
-def _recorded(response: Response, signal: Signal, movement: MeasuredMovement) -> Floats:
-    """Return a signal of a response as the recorder of the movement keeps it."""
+def _recorded(response: Response, signal: Signal) -> Floats:
+    """Return a signal of a response as its recorder keeps it."""
     values = _channel(response, signal)
-    return movement.recorder.applied(response.time, values) if movement.recorder else values
+    return signal.recorder.applied(response.time, values) if signal.recorder else values
 
 
 def _channel(response: Response, signal: Signal) -> Floats:

@@ -173,11 +173,7 @@ def _is_identified(found: Fit, item: Parameter, column: int) -> bool:
 def _residuals(found: Fit, item: Parameter, value: float, numbers: Sequence[int]) -> Floats:
     """Return the residuals with another value of a parameter, thrown where it acts."""
     misfit = found.misfit
-    part = replace(
-        misfit,
-        movements=tuple(misfit.movements[n] for n in numbers),
-        effects={name: tuple(row[n] for n in numbers) for name, row in misfit.effects.items()},
-    )
+    part = misfit.of(numbers)
     made = part.responses([{**found.values, item.name: value}])[0]
     responses = list(found.local.simulated)
     for number, response in zip(numbers, made, strict=True):

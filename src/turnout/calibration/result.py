@@ -120,6 +120,9 @@ class Calibration:
         Names of those of them that were fitted together with the values.
     sensors : tuple of str
         Sensitivity and zero of each channel and the clock, as stated and as found, in words.
+    chain : mapping of str to (float, float)
+        Gain and zero of each channel and the clock as found, with their deviations: "gain
+        drive_force.1" [-], "zero object_force" [N], "clock" [-].
     effects : mapping of str to mapping of str to float
         By movement of the last stage, as from `movement_rows`.
     """
@@ -142,6 +145,7 @@ class Calibration:
     causes: tuple[str, ...] = ()
     fitted_causes: tuple[str, ...] = ()
     sensors: tuple[str, ...] = ()
+    chain: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     @property
@@ -236,6 +240,12 @@ def calibration_text(calibration: Calibration) -> str:
     lines += [f"  [{', '.join(map(_number, row))}]," for row in calibration.covariance.tolist()]
     lines += ["]", "", "[scatter]  # share of the value, from movement to movement"]
     lines += [f"{_text(key)} = {_number(value)}" for key, value in calibration.scatter.items()]
+    if calibration.chain:
+        lines += ["", "[chain]  # of the recordings: value and standard deviation, SI"]
+        lines += [
+            f"{_text(key)} = [{_number(value)}, {_number(deviation)}]"
+            for key, (value, deviation) in calibration.chain.items()
+        ]
     for name, sizes in calibration.noise.items():
         lines += ["", f"[noise.{_text(name)}]  # SI"]
         lines += [f"{key} = {_number(value)}" for key, value in sizes.items()]
@@ -317,6 +327,7 @@ def _read(data: Mapping[str, Any]) -> Calibration:
         causes=tuple(data.get("causes", ())),
         fitted_causes=tuple(data.get("fitted_causes", ())),
         sensors=tuple(data.get("sensors", data.get("gains", ()))),
+        chain={key: (float(a), float(b)) for key, (a, b) in data.get("chain", {}).items()},
         effects=data.get("effects", {}),
         posterior=json.loads(data["posterior"]["json"]) if "posterior" in data else {},
     )

@@ -7,6 +7,7 @@ import numpy as np
 import xarray as xr
 
 from turnout.calibration.comparison import Comparison, Key
+from turnout.calibration.covariance import model_columns, solver_columns
 from turnout.calibration.fit import Fit
 from turnout.calibration.misfit import framed, plain_jacobian, shared_estimates
 from turnout.calibration.parameter import prior_slopes
@@ -53,6 +54,11 @@ class FoundSensor:
         return f"zero of the {where}" if self.column.kind == ZERO else where
 
     @property
+    def key(self) -> str:
+        """Key of a calibration's `chain`."""
+        return chain_key(self.column.kind, self.column.channel, self.column.drive)
+
+    @property
     def text(self) -> str:
         """Stated and found value in words."""
         factor, unit, digits = (1.0, "N", 1) if self.column.kind == ZERO else (100.0, "%", 2)
@@ -81,7 +87,7 @@ class FoundSensor:
     @property
     def cause(self) -> str:
         """Name of the cause that it is where the movements show it; empty where they do not."""
-        if abs(self.value) <= max(CLEAR * self.deviation, 0.5 * self.stated):
+        if abs(self.value) <= max(CLEAR * self.deviation, self.stated):
             return ""
         return {GAIN: "gain", ZERO: "zero", CLOCK: "timing"}[self.column.kind]
 
@@ -89,6 +95,17 @@ class FoundSensor:
     def leaves(self) -> bool:
         """Whether the movements put it beyond what was stated of it."""
         return abs(self.value) > LEAVES_PRIOR * self.stated
+
+
+def chain_key(kind: str, channel: str = "", drive: str = "") -> str:
+    """Return the key of an unknown of the measuring chain.
+
+    Examples
+    --------
+    >>> chain_key(GAIN, "drive_force", "1"), chain_key(ZERO, "object_force"), chain_key(CLOCK)
+    ('gain drive_force.1', 'zero object_force', 'clock')
+    """
+    return f"{kind} {f'{channel}.{drive}'.strip('.')}".strip()
 
 
 def stated_gains(dataset: xr.Dataset, comparison: Comparison) -> dict[Key, float]:
@@ -125,6 +142,9 @@ def found_sensors(found: Fit) -> list[FoundSensor]:
 
     .. math:: \begin{pmatrix} J^T J & -J^T B \\ -B^T J & I + B^T B \end{pmatrix}^{-1}
 
+    and cross-talk, the scale of the model, step and modes of the solver, each an error of all
+    movements alike, add the squares of what they do to them.
+
     Parameters
     ----------
     found : Fit
@@ -134,11 +154,16 @@ def found_sensors(found: Fit) -> list[FoundSensor]:
     if shared is None or not shared.sensors:
         return []
     J = plain_jacobian(found.local, found.frame, [item.name for item in found.parameters])
-    B = shared.columns
+    B, count = shared.columns, J.shape[1]
     # Parameters with flat priors: a weak one keeps those that are not identified regular.
-    weak = 1e-6 * np.eye(J.shape[1]) + np.diag(prior_slopes(found.parameters) ** 2)
+    weak = 1e-6 * np.eye(count) + np.diag(prior_slopes(found.parameters) ** 2)
     joint = np.block([[J.T @ J + weak, -J.T @ B], [-B.T @ J, np.eye(B.shape[1]) + shared.gram]])
-    deviations = np.sqrt(np.diag(np.linalg.inv(joint))[J.shape[1] :])
+    inverse = np.linalg.inv(joint)
+    variance = np.diag(inverse)[count:].copy()
+    for column in (*model_columns(found), *solver_columns(found)):
+        move = inverse @ np.concatenate([-J.T @ column, B.T @ column])
+        variance += move[count:] ** 2
+    deviations = np.sqrt(variance)
     values = shared_estimates(found.local, found.frame)
     return [
         FoundSensor(

@@ -12,7 +12,7 @@ from turnout.calibration.stages import CalibrationPlan
 from turnout.panel.load import LoadedPanel
 
 # Steps that the last stage usually takes, each with its own sensitivities.
-JOINT_STEPS = 6
+JOINT_STEPS = 5
 # Movements that advice usually looks at.
 CANDIDATES = 8
 

@@ -288,6 +288,7 @@ def _make(
 ) -> None:
     from turnout.cli.watch import Watch
     from turnout.response.compilation import must_compile
+    from turnout.scheme import Scheme
     from turnout.virtual.make_campaign import make_virtual_campaign
 
     text = f"throwing {panel.name}"
@@ -325,6 +326,10 @@ def _make(
         typer.echo(
             f"{'written':<12}{out} (run sheet runs.csv, true values truth.nc; all synthetic)"
         )
+        if plan.scheme == Scheme():
+            typer.echo(
+                f"{'remark':<12}a test of `turnout calibrate` needs throws made with --finer"
+            )
 
 
 def built_campaign(

@@ -245,6 +245,7 @@ def calibration_record(calibration: "Calibration") -> tuple[Record, dict[str, st
             "causes",
             "fitted_causes",
             "sensors",
+            "chain",
             "effects",
         ),
     )

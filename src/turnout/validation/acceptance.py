@@ -360,6 +360,8 @@ def notes(validation: xr.Dataset) -> list[str]:
     ['a was left out: does not fit', '2 onsets without motor current: ... 52 ms after the marks']
     """
     texts = [str(text) for text in json.loads(validation.attrs.get("left_out", "[]"))]
+    if validation.attrs.get("chain"):
+        texts.append(str(validation.attrs["chain"]))
     moved = validation["onset_shift"].values if "onset_shift" in validation else np.zeros(0)
     moved = 1e3 * moved[moved != 0.0]
     if moved.size > 1 and np.ptp(moved) == 0.0:

@@ -67,6 +67,7 @@ class Grid:
         rows = zip(movements, responses, shifts.tolist(), strict=True)
         for number, (item, response, shift) in enumerate(rows):
             inside, any_signal = self._inside(item), item.signals[0]
+            known = {channel_of(signal): signal.recorder for signal in item.signals}
             for row, name in enumerate(self.channels):
                 drive = "" if name == OBJECT else name.removeprefix(DRIVE)
                 wanted = Signal(
@@ -74,6 +75,7 @@ class Grid:
                     drive=drive,
                     time=any_signal.time,
                     values=any_signal.values,
+                    recorder=known.get(name, any_signal.recorder),
                 )
                 values = predicted(response, item, wanted, self.bins, shift=shift)
                 found[row, number] = np.where(inside, values, np.nan)

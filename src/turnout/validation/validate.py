@@ -3,7 +3,7 @@
 import itertools
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
@@ -13,6 +13,7 @@ from turnout.calibration.evaluate import Evaluator, ThrowInputs
 from turnout.calibration.fitted_causes import fitted_causes, overrides_with, shaped
 from turnout.calibration.linearisation import stepped_value
 from turnout.calibration.measured_movements import BIN, MeasuredMovement, observe
+from turnout.calibration.misfit import Refined
 from turnout.calibration.noise import measured_noise
 from turnout.calibration.parameter import Parameter
 from turnout.calibration.requirements import exclude_oversized_objects
@@ -34,6 +35,12 @@ from turnout.panel.load import LoadedPanel
 from turnout.schema.channels import SCHEMA_VERSION
 from turnout.validation.grid import DRIVE, OBJECT, Grid
 from turnout.validation.leave_out import LeftOut, leave_out_places
+from turnout.validation.measuring_chain import (
+    OTHER_CHAIN,
+    chain_variance,
+    found_chain,
+    through_chain,
+)
 from turnout.validation.onset import onset_shifts
 from turnout.validation.scatter import Direction, ThrowScatter, scatter_of
 
@@ -100,7 +107,8 @@ def validate(
     """
     movements, oversized = exclude_oversized_objects(observe(dataset, panel), panel)
     grid = Grid.of(movements)
-    model = _model(movements, grid, calibration, evaluator)
+    chain = found_chain(dataset, calibration)
+    model = _model(movements, grid, calibration, evaluator, chain)
     sheet = dataset.sel(movement=[item.name for item in movements])
     groups = repeat_groups(sheet)
     measured = _array(grid, grid.measured(movements), sheet)
@@ -114,7 +122,8 @@ def validate(
     used = np.isin(sheet["movement"].values, _used(calibration))
     left = _left_out(model, measured.values, calibration, movements, (scatter, directions), used)
     forecast = measured.copy(data=left.forces)
-    reach = QUANTILE * np.sqrt(scatter.variance + left.variance)
+    of_chain = chain_variance(model.forces, model.later, grid, chain)
+    reach = QUANTILE * np.sqrt(scatter.variance + left.variance + of_chain)
     low, high = forecast - reach, forecast + reach
     return xr.Dataset(
         {
@@ -144,6 +153,7 @@ def validate(
             "calibration_panel_hash": calibration.panel_hash,
             "scatter": json.dumps({**scatter.sizes, "repeats": scatter.repeated}),
             "left_out": json.dumps([*excluded_movements(dataset), *oversized]),
+            "chain": "" if chain or not calibration.chain else OTHER_CHAIN,
         },
     )
 
@@ -177,8 +187,12 @@ def _model(
     grid: Grid,
     calibration: Calibration,
     evaluator: Evaluator,
+    chain: Mapping[str, tuple[float, float]],
 ) -> _Model:
-    """Simulate all movements at the calibrated values and one step away for each parameter."""
+    """Simulate all movements at the calibrated values and one step away for each parameter.
+
+    Through the chain as it was found: a sound prediction would differ by the gains of the gauges.
+    """
     values, parameters = calibration.values, calibration.parameters
     causes = fitted_causes(evaluator.panel, parameters)
     steps: dict[str, float] = {}
@@ -194,13 +208,19 @@ def _model(
         for setting in settings
         for item in movements
     ]
-    made = iter(evaluator.responses(throws))
+    count = len(movements)
+    made = evaluator.responses(throws)
+    if calibration.about.get("refined"):
+        # Values that were fitted with fine throws are of these.
+        fine = evaluator.responses([replace(item, fine=True) for item in throws[:count]])
+        finer = [Refined(plain=a, halved=a, fine=b) for a, b in zip(made, fine, strict=False)]
+        made = [finer[number % count].added(item) for number, item in enumerate(made)]
+    rest = iter(made)
     responses = [
         shaped(causes, response, setting)
         for setting in settings
-        for response in itertools.islice(made, len(movements))
+        for response in itertools.islice(rest, count)
     ]
-    count = len(movements)
     failed = [
         f"{item.text}: cannot be simulated: {response.failure}"
         for item, response in zip(movements, responses[:count], strict=True)
@@ -213,6 +233,7 @@ def _model(
         grid.predicted(movements, responses[count * number : count * (number + 1)], shifts=shifts)
         for number in range(len(settings))
     ]
+    sets = [through_chain(row, -np.gradient(row, BIN, axis=2), grid, chain) for row in sets]
     slopes = {
         name: (aside - sets[0]) / step
         for (name, step), aside in zip(steps.items(), sets[1:], strict=True)

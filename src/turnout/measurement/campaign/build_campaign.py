@@ -5,7 +5,7 @@ Movements are stacked, each with time zero at its onset.
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +33,7 @@ from turnout.measurement.campaign.sheet_checks import (
 )
 from turnout.measurement.chain.apply import load_channel_map, map_hash, stated_uncertainties
 from turnout.measurement.chain.channel_map import ChannelMap
-from turnout.measurement.chain.recorder_response import RecorderResponse, recorder_response_of
+from turnout.measurement.chain.recorder_response import recorder_response_of
 from turnout.measurement.quality.channel_faults import MEASURED, Limits
 from turnout.measurement.quality.judge import Expected, ThrowQuality, judge
 from turnout.measurement.quality.throw_faults import (
@@ -383,13 +383,6 @@ def _first_of(runs: Sequence[SheetRow]) -> str:
     return f"{runs[0].where}: {runs[0].name}{more}"
 
 
-def _recorder(pieces: Sequence[RecordedThrow], channel_map: ChannelMap) -> RecorderResponse:
-    """Return what the recorder makes of forces, as stated and as their columns were sampled."""
-    stated = channel_map.recorder_response()
-    slow = [rate for rate in (stated.rate, *(p.force_rate for p in pieces)) if rate]
-    return replace(stated, rate=min(slow, default=0.0))
-
-
 def _dataset(
     usable: Sequence[tuple[SheetRow, RecordedThrow, ThrowQuality]],
     slipped: Sequence[bool | None],
@@ -417,7 +410,10 @@ def _dataset(
         attributes["gain_uncertainty"] = json.dumps(stated)
     if channel_map.clock_uncertainty is not None:
         attributes["clock_uncertainty"] = float(channel_map.clock_uncertainty)
-    attributes |= _recorder([piece for _, piece, _ in usable], channel_map).attributes()
+    attributes |= channel_map.recorder_response().attributes()
+    slow = {run.name: dict(piece.force_rates) for run, piece, _ in usable if piece.force_rates}
+    if slow:
+        attributes["force_rates"] = json.dumps(slow)
     pair = swapped_rods(dataset)
     if pair:
         attributes["swapped"] = json.dumps(pair)

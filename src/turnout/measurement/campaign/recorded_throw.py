@@ -4,7 +4,7 @@ import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,7 @@ from turnout.measurement.formats.file_format import read_recording
 from turnout.measurement.quality.channel_faults import MEASURED
 
 # Raised when what a piece holds, or how it is cut, changes.
-STORED_VERSION = 3
+STORED_VERSION = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,15 +41,16 @@ class RecordedThrow:
         Date and time of the recording; empty where it holds none.
     notes : tuple of str
         What had to be mended while reading.
-    force_rate : float
-        Samples a second of the slowest force, where other columns have more; else 0 [1/s].
+    force_rates : mapping of str to float
+        Samples a second of those forces whose column has fewer than others, by key of the channel
+        map [1/s].
     """
 
     dataset: xr.Dataset
     throw: FoundThrow
     start_time: str
     notes: tuple[str, ...]
-    force_rate: float = 0.0
+    force_rates: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def rate(self) -> float:
@@ -166,7 +167,7 @@ def _cut(found: _Found, movement: int, path: Path) -> RecordedThrow | TurnoutErr
         throw=_moved(throw),
         start_time=str(dataset.attrs.get("start_time", "")),
         notes=notes,
-        force_rate=float(dataset.attrs.get("force_rate", 0.0)),
+        force_rates=json.loads(str(dataset.attrs.get("force_rates", "{}"))),
     )
 
 
@@ -182,7 +183,7 @@ def _packed(piece: RecordedThrow, key: str) -> bytes:
         "throw": asdict(piece.throw),
         "start_time": piece.start_time,
         "notes": piece.notes,
-        "force_rate": piece.force_rate,
+        "force_rates": dict(piece.force_rates),
         "dims": {name: list(piece.dataset[name].dims) for name in piece.dataset.data_vars},
     }
     arrays: dict[str, Any] = {str(name): piece.dataset[name].values for name in piece.dataset}
@@ -209,7 +210,7 @@ def _stored(path: Path, key: str) -> RecordedThrow | None:
             FoundThrow(**throw),
             str(described["start_time"]),
             notes,
-            float(described.get("force_rate", 0.0)),
+            described.get("force_rates", {}),
         )
     except (OSError, ValueError, LookupError, TypeError, FileError):
         return None

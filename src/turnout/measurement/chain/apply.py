@@ -4,6 +4,7 @@ One way: raw column -> sensor (a straight line to SI) -> physical channel -> con
 common time). `raw_from_physical` is the inverse, `channel_rows` lists the outcome.
 """
 
+import json
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -18,21 +19,23 @@ from pydantic import ValidationError
 
 from turnout.core.files import require_regular_file, user_path
 from turnout.core.library import names_a_file
-from turnout.core.problems import choices, describe_error, nearest
+from turnout.core.problems import choices, nearest
 from turnout.core.provenance import content_hash, version
 from turnout.core.toml import TomlFile, decode, parse_toml, read_toml
 from turnout.core.units import CURRENT, FORCE, Dimension
 from turnout.errors import FileError, MeasurementError
 from turnout.measurement.chain.channel_map import (
-    KINDS,
     AnySensor,
     ChannelMap,
     raw_unit,
 )
 from turnout.measurement.chain.condition import SAME_STEP, common_time, resample, tare
+from turnout.measurement.chain.map_problems import map_problem
 from turnout.measurement.chain.sensor import SensorLine, describe_sensor, line_of
 from turnout.measurement.recording import RecordedChannel, Recording
 from turnout.schema.channels import SCHEMA_VERSION, label
+
+CELL = "object_force"
 
 
 def load_channel_map(name_or_path: Path | str) -> ChannelMap:
@@ -63,10 +66,14 @@ def parse_channel_map(file: TomlFile) -> ChannelMap:
     try:
         channel_map = ChannelMap.model_validate(file.data)
     except ValidationError as error:
-        problems = [_described(item) for item in error.errors(include_url=False)]
+        problems = [map_problem(item) for item in error.errors(include_url=False)]
         raise MeasurementError(list(dict.fromkeys(problems)), source=file.source) from None
     used: dict[str, str] = {}
-    twice = []
+    twice = [
+        f"{key}.gain_uncertainty: is of force channels alone; leave it out"
+        for key, dimension, sensor in sensors(channel_map)
+        if dimension is CURRENT and sensor.gain_uncertainty is not None
+    ]
     for key, _, sensor in sensors(channel_map):
         if sensor.column in used:
             twice.append(f'{key}.column = "{sensor.column}": is also that of {used[sensor.column]}')
@@ -148,9 +155,13 @@ def apply_chain(recording: Recording, channel_map: ChannelMap) -> xr.Dataset:
         "channel_map_hash": map_hash(channel_map),
         "problems": "\n".join((*recording.problems, *notes)),
     }
-    slowest = min((item.column.rate for item in mapped if item.is_force), default=np.inf)
-    if slowest * (time[1] - time[0]) < 1.0 - SAME_STEP:
-        dataset.attrs["force_rate"] = float(slowest)
+    slow = {
+        item.key: float(item.column.rate)
+        for item in mapped
+        if item.is_force and item.column.rate * (time[1] - time[0]) < 1.0 - SAME_STEP
+    }
+    if slow:
+        dataset.attrs["force_rates"] = json.dumps(slow)
     return label(dataset)
 
 
@@ -257,20 +268,6 @@ def _open(name_or_path: Path | str) -> TomlFile:
     )
 
 
-def _described(error: Any) -> str:
-    """Return key path and fault, without the kind that pydantic puts into the path."""
-    path = [str(part) for part in error["loc"]]
-    kind = next((part for part in path if part in KINDS), None)
-    keys = [part for part in path if part != kind]
-    fields = KINDS[kind].model_fields if kind else ChannelMap.model_fields
-    if error["type"] == "union_tag_not_found":
-        return f"{'.'.join(keys)}: kind is missing; must be {choices(KINDS)}"
-    if error["type"] == "union_tag_invalid":
-        tag = error["ctx"]["tag"]
-        return f'{".".join(keys)}.kind = "{tag}": must be {choices(KINDS)}{nearest(tag, KINDS)}'
-    return ".".join(keys) + describe_error(error, allowed=fields)
-
-
 @dataclass(frozen=True, slots=True)
 class _MappedColumn:
     """A raw column with its sensor, and the key of the quantity that it becomes."""
@@ -296,8 +293,8 @@ def _mapped_columns(recording: Recording, channel_map: ChannelMap) -> list[_Mapp
                 near = nearest(sensor.column, recording.channels)
                 problems.append(
                     f'{key}.column = "{sensor.column}": is not in the file{near}; '
-                    f"there are {choices(recording.channels)}; where recordings may lack it, say "
-                    "optional = true in its table"
+                    f"there are {choices(recording.channels)}"
+                    + ("; where recordings may lack it, say optional = true" * (key == CELL))
                 )
             continue
         try:

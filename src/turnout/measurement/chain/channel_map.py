@@ -36,6 +36,7 @@ from turnout.core.units import (
 from turnout.measurement.chain.known_loads import LoadCalibration, fit_load_calibration
 from turnout.measurement.chain.recorder_response import (
     HIGHEST_ORDER,
+    LEAST_INTERVAL,
     RC,
     LowPass,
     RecorderResponse,
@@ -281,7 +282,10 @@ class ChannelMap(Record):
         description="standard uncertainty of the recorder's sampling rate, default 0.001 [-]",
     )
     recorded_average: Time | None = Field(
-        None, gt=0, le=2, description="the recorder averages over this time before each sample [s]"
+        None,
+        ge=1e-3,
+        le=2,
+        description="it averages over this time before each sample [s]",
     )
     recorded_filter: RecordedFilter | None = Field(
         None, description="low-pass of the recorder, such as { order = 2, corner = '6 Hz' }"
@@ -301,5 +305,6 @@ class ChannelMap(Record):
         return RecorderResponse(
             low_pass=stated.low_pass() if stated is not None else None,
             average=self.recorded_average or 0.0,
-            rate=self.recorded_rate or 0.0,
+            # Samples that are closer change nothing that is compared.
+            rate=rate if (rate := self.recorded_rate or 0.0) * LEAST_INTERVAL < 1.0 else 0.0,
         )

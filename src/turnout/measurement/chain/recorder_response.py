@@ -82,15 +82,15 @@ class RecorderResponse:
         Examples
         --------
         >>> RecorderResponse(average=0.1, low_pass=LowPass(kind="bessel", corner=10.0)).text
-        'Bessel low-pass of order 2 at 10 Hz, mean over the last 0.1 s'
+        'a Bessel low-pass of order 2 at 10 Hz, a mean over the last 0.1 s'
         """
         parts = []
         if self.low_pass is not None:
             item = self.low_pass
-            name = "RC" if item.kind == RC else item.kind.capitalize()
+            name = "an RC" if item.kind == RC else f"a {item.kind.capitalize()}"
             parts.append(f"{name} low-pass of order {item.order} at {item.corner:.3g} Hz")
         if self.average:
-            parts.append(f"mean over the last {self.average:g} s")
+            parts.append(f"a mean over the last {self.average:g} s")
         if self.rate:
             parts.append(f"{self.rate:g} samples a second")
         return ", ".join(parts)
@@ -272,7 +272,12 @@ def between_samples(time: Floats, values: Floats, rate: float) -> Floats:
     -------
     ndarray, shape (n,)
     """
-    interval = 1.0 / rate
-    once = trailing_mean(time, values, interval)
-    twice = trailing_mean(time, once, interval)
-    return np.asarray(np.interp(time + interval, time, twice))
+    if time.size < 2:
+        return np.asarray(values, dtype=np.float64)
+    interval, step = 1.0 / rate, float(time[1] - time[0])
+    # After its end the signal is taken as constant too.
+    after = np.arange(1, int(np.ceil(interval / step)) + 2)
+    longer = np.concatenate((time, time[-1] + step * after))
+    held = np.concatenate((values, np.full(after.size, values[-1])))
+    twice = trailing_mean(longer, trailing_mean(longer, held, interval), interval)
+    return np.asarray(np.interp(time + interval, longer, twice))
