@@ -29,6 +29,7 @@ from tests.verification.detector_figures import (
     judge_with_history,
 )
 from tests.verification.detector_further import missed_shares, rates_alone, rates_known
+from tests.verification.detector_page import alarms
 from tests.verification.detector_sets import Arrays, Throws, judged_plans
 
 from turnout.core.files import write_atomic
@@ -74,6 +75,7 @@ def main() -> None:
     parser.add_argument("--only", nargs="*", choices=QUANTITIES, default=list(QUANTITIES))
     parser.add_argument("--throws", action="store_true", help="make the throws, and end")
     parser.add_argument("--switches", type=int, default=200, help="that are judged")
+    parser.add_argument("--alone", action="store_true", help="without a history only")
     given = parser.parse_args()
     panel = load_panel("uic60-760-1-15", overrides=MACHINES)
     study = reference_study(panel)
@@ -82,26 +84,33 @@ def main() -> None:
     judged = throws.sets("test")
     if given.throws:
         return
-    made = digest_of_sources(DETECTOR)[:8]
+    made = digest_of_sources(DETECTOR)[:8] + "-alone" * given.alone
     kept = given.folder / f"figures-{made}-{given.switches}.json"
     said = json.loads(kept.read_text()) if kept.exists() else {}
     for quantity in given.only:
         with one_blas_thread():
             path = given.folder / f"{quantity}-{made}.detector"
-            knowledge = _trained(study, quantity, learned, path)
+            histories = () if given.alone else (KNOWN,)
+            knowledge = _trained(study, quantity, learned, path, histories)
             place = given.folder / f"judged-{made}-{given.switches}" / quantity
             said[quantity] = figures(knowledge, of_quantity(judged, quantity), place)
         write_atomic(kept, json.dumps(said, indent=1).encode())
     print("\n".join(tables(said)))
 
 
-def _trained(study: Study, quantity: str, learned: Mapping[str, ThrowSet], path: Path) -> Knowledge:
-    """Return what was learned by a quantity, with thresholds for no throw and 20 throws known."""
+def _trained(
+    study: Study,
+    quantity: str,
+    learned: Mapping[str, ThrowSet],
+    path: Path,
+    histories: tuple[int, ...],
+) -> Knowledge:
+    """Return what was learned by a quantity, with thresholds without and with histories."""
     setting = joined_setting(study) if quantity == ALL else one_setting(study, quantity)
     if quantity != ALL and path.exists():
         return Detector.load(path).knowledge
     found = knowledge_of_sets(
-        of_quantity(learned, quantity), setting, draws=8, history_draws=2, histories=(KNOWN,)
+        of_quantity(learned, quantity), setting, draws=8, history_draws=2, histories=histories
     )
     for item in found.calibrated:
         print(quantity, item.part, item.history, item.thresholds, flush=True)
@@ -116,23 +125,24 @@ def figures(
     """Return a90 by place, false alarms and missed objects, without and with a history."""
     places = knowledge.setting.places
     alone = judge_alone(knowledge, alone_of(test), draws=1)
-    uses = Uses(verdicts=1, sound=75, causes=0, unknown=False)
-    known, ratios, _ = judge_with_history(knowledge, test, kept, history=KNOWN, uses=uses)
-    return {
+    found = {
         "0": {
             "a90": a90_of_places(alone, places),
             "rates": rates_alone(knowledge, test[HISTORY]),
             "missed": missed_shares(alone),
-        },
-        str(KNOWN): {
-            "a90": a90_of_places(known, places),
-            "rates": {
-                rate: item["sound"]
-                for rate, item in rates_known(knowledge, ratios, uses=uses).items()
-            },
-            "missed": missed_shares(known),
-        },
+        }
     }
+    if max(item.history for item in knowledge.calibrated) < KNOWN:
+        return found
+    uses = Uses(verdicts=1, sound=75, causes=0, unknown=False)
+    known, ratios, _ = judge_with_history(knowledge, test, kept, history=KNOWN, uses=uses)
+    rates = rates_known(knowledge, ratios, uses=uses)
+    found[str(KNOWN)] = {
+        "a90": a90_of_places(known, places),
+        "rates": {rate: item["sound"] for rate, item in rates.items()},
+        "missed": missed_shares(known),
+    }
+    return found
 
 
 def tables(said: Said) -> list[str]:
@@ -141,20 +151,18 @@ def tables(said: Said) -> list[str]:
     names = [name.replace("sleeper ", "").replace("drive ", "D") for name in first]
     lines = [f"| a90 [mm] | {' | '.join(names)} |", "|---|" + "--|" * len(names)]
     for quantity, found in said.items():
-        for known, label in (("0", "no history"), (str(KNOWN), f"{KNOWN} throws known")):
+        for known in found:
+            label = "no history" if known == "0" else f"{known} throws known"
             cells = [f"{1e3 * item[0]:.1f}" for item in found[known]["a90"].values()]
             lines.append(f"| {quantity}, {label} | {' | '.join(cells)} |")
-    lines += ["", "| false alarms | no history | 20 throws known |", "|---|---|---|"]
+    lines += ["", "| throws known | false alarms |", "|---|---|"]
     for quantity, found in said.items():
-        rates = [found[known]["rates"]["0.001"] for known in ("0", str(KNOWN))]
-        cells = [
-            f"{i['alarms']:.0f} of {i['throws']:,.0f}, {1e3 * i['upper']:.2f}/1,000" for i in rates
-        ]
-        lines.append(f"| {quantity} | {' | '.join(cells)} |")
+        for known, item in found.items():
+            lines.append(f"| {quantity}, {known} | {alarms(item['rates']['0.001'])} |")
     classes = list(next(iter(said.values()))["0"]["missed"])
     lines += ["", f"| missed | {' | '.join(classes)} |", "|---|" + "--|" * len(classes)]
     for quantity, found in said.items():
-        for known in ("0", str(KNOWN)):
+        for known in found:
             row = found[known]["missed"]
             cells = [f"{100 * item['detector']:.0f} %" for item in row.values()]
             lines.append(f"| {quantity}, {known} known | {' | '.join(cells)} |")
