@@ -31,6 +31,8 @@ PANEL = "uic60-760-1-15"
 PAGE = Path(__file__).parents[2] / "docs" / "calibration.md"
 TIMES, DATASET = "times.jsonl", "campaign.nc"
 SEED, WORKERS = 20261124, 2
+# Throws without an object in each direction: 96 movements in all.
+REPEATS = 10
 # Over-travel and stress-free position are what a panel is known by to a part of a millimetre only.
 TRUTH = {
     "chair.friction_coefficient": "0.33",
@@ -50,7 +52,8 @@ RUNS = (
 def make(folder: Path) -> None:
     """Write and build the campaign."""
     changes = [word for key, value in TRUTH.items() for word in ("--set", f"{key}={value}")]
-    options = ["--panel", PANEL, "--seed", str(SEED), "--format", "csv", "--finer", *changes]
+    options = ["--panel", PANEL, "--seed", str(SEED), "--format", "csv", "--finer"]
+    options += ["--repeats", str(REPEATS), *changes]
     turnout("campaign", "virtual", "--out", str(folder / "campaign"), *options)
     turnout("campaign", "build", str(folder / "campaign"), "--out", str(folder / DATASET))
 
