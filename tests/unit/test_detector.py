@@ -19,6 +19,7 @@ from turnout.detection.detector.allowances import gain_times
 from turnout.detection.detector.detector import Detector
 from turnout.detection.detector.judging import (
     UNUSUAL,
+    Ratios,
     evidence_of,
     make_view,
     ratios_of,
@@ -377,9 +378,64 @@ def test_dry_chairs_are_named_by_what_explains_them_and_by_what_is_left_irregula
     np.testing.assert_array_equal(support[others], ratios.cause[others])
     limits = {name: 3.0 for name in view.kinds[view.objects :]} | {"dry chairs": 8.0}
     calibrated = replace(detector.knowledge.calibrated[0], cause_thresholds=limits)
-    given = np.full(len(support), -9.0)
-    given[dry], given[view.kinds.index("force sensor") - view.objects] = 7.0, 4.0
-    assert throw_verdict._named(view, given, calibrated) == "force sensor"
-    given[dry] = 8.5
-    assert throw_verdict._named(view, given, calibrated) == "dry chairs"
-    assert throw_verdict._named(view, given - 9.0, calibrated) == ""
+    given = np.full((len(support), 1), -9.0)
+    sensor = view.kinds.index("force sensor") - view.objects
+    given[dry], given[sensor] = 7.0, 4.0
+
+    def named(values: np.ndarray, irregular: float = 0.0, fit: float = 0.5) -> str:
+        ratios = Ratios(alarm=values[0], place=values, cause=values, object=values[0])
+        return throw_verdict._named(view, ratios, np.array([irregular]), fit, calibrated)
+
+    assert named(given) == "force sensor"
+    assert named(given, irregular=3.0) == "dry chairs"
+    # more irregular than any sound throw: that speaks for nothing known
+    assert named(given, irregular=300.0, fit=1e-5) == "force sensor"
+    assert named(given, irregular=300.0, fit=1e-10) == ""
+    given[dry], given[sensor] = -0.1, -9.0
+    assert named(given, irregular=30.0) == ""
+
+
+def test_causes_spikes_and_open_gaps_have_a_status_of_their_own() -> None:
+    detector = fresh()
+    dry = toy_set(6, seed=4, sound_seed=4, kind="dry chairs")
+    said = [detector.judge_features(row) for row in dry.features]
+    assert {item.status for item in said} == {"other cause"}
+    assert {item.cause for item in said} == {"dry chairs"}
+    assert "other cause: dry chairs" in said[0].lines()[0]
+    assert said[0].advice == "grease the slide chairs"
+    spikes = toy_set(1, seed=5, sound_seed=5).features[0]
+    spikes[[40, 120, 200, 260]] += [900.0, -900.0, 900.0, -900.0]
+    odd = detector.judge_features(spikes)
+    assert (odd.status, odd.cause) == ("unknown deviation", "")
+    far = [replace(item, gap_reach=(1e3, 0.0)) for item in detector.knowledge.calibrated]
+    strict = Detector(replace(detector.knowledge, calibrated=tuple(far)))
+    throw = strict.judge(toy_throw(seed=2))
+    assert throw.status == "unknown deviation"
+    assert "gap above its limit at sensor TKK1" in throw.lines()[0]
+    assert throw.advice.startswith("check lock and end positions before trains pass")
+
+
+def test_one_recording_without_a_threshold_does_not_end_the_others() -> None:
+    detector = fresh()
+    cycles = tuple(item for item in detector.knowledge.calibrated if item.part == "cycle")
+    whole = toy_throw(seed=2)
+    kept = whole.time > 3.6
+    alone = replace(
+        whole, time=whole.time[kept], force=whole.force[:, kept], onsets={"closing": 4.4}
+    )
+    first, second = Detector(replace(detector.knowledge, calibrated=cycles)).predict([alone, whole])
+    assert (first.status, second.status) == ("cannot judge", "sound")
+    assert "no threshold" in first.reason
+
+
+def test_a_channel_that_is_held_cannot_be_judged() -> None:
+    throw = toy_throw(seed=2)
+    for since, until in ((6.5, 9.0), (2.0, 3.0)):
+        force = throw.force.copy()
+        held = (throw.time >= since) & (throw.time < until)
+        force[1, held] = force[1, np.argmax(held)]
+        verdict = fresh().judge(replace(throw, force=force))
+        assert verdict.status == "cannot judge"
+        assert "drive 2: constant for" in verdict.reason
+    smooth = np.round(throw.force, -2)  # of a coarse recorder, which repeats values
+    assert fresh().judge(replace(throw, force=smooth)).status != "cannot judge"

@@ -120,7 +120,7 @@ class Detector:
                     found[number] = _cannot_judge(throw.name, reason)
                     continue
                 part, features = self.features(throw)
-                reason = self._unusable(part, features)
+                reason = self._unusable(part, features) or self._unjudged(part)
                 if reason:
                     found[number] = _cannot_judge(throw.name, reason)
                 else:
@@ -132,6 +132,16 @@ class Detector:
                     said = self._judge_rows(np.array(measured), part=part, names=names)
                     found |= dict(zip(numbers, said, strict=True))
         return [found[number] for number in range(len(throws))]
+
+    def _unjudged(self, part: str) -> str:
+        """Return why a detector with some thresholds has none for a part; empty otherwise."""
+        known = {item.part for item in self.knowledge.calibrated}
+        if not known or part in known:
+            return ""
+        return (
+            f"only its {part} can be judged, and this detector has no threshold for that; train "
+            "it again: turnout detect train"
+        )
 
     def _unusable(self, part: str, features: Floats) -> str:
         """Return why a throw cannot be judged by its features; empty where it can."""

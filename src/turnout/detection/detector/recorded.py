@@ -129,7 +129,55 @@ def _channel_fault(throw: Recorded, row: int, layout: Layout, quantity: str) -> 
         return f"{1.0 / np.median(steps):.0f} samples a second; {LEAST_RATE:.0f} are needed"
     if steps.max() > MOST_HOLES:
         return f"{steps.max():.2f} s without samples"
-    return value_fault(force[inside], quantity=quantity)
+    fault = value_fault(force[inside], quantity=quantity)
+    if fault or quantity != FORCE:
+        return fault
+    first = min(throw.onsets.values()) + min(p.edges[0] for p in layout.parts)
+    whole = known[(throw.time[known] >= first) & (throw.time[known] <= end)]
+    since, long = held_run(throw.time[whole], force[whole])
+    if long < LONGEST_HELD or since > end - END_MISSING:
+        return ""
+    return f"constant for {long:.2f} s from {since - throw.onsets[CLOSING]:.2f} s after the onset"
+
+
+LONGEST_HELD = 0.3
+"""Equal samples of a force with noise from which on its channel counts as held [s]."""
+NOISY = 0.3
+"""Share of samples at which a force with noise turns; without, hardly any do [-]."""
+
+
+def held_run(time: Floats, force: Floats) -> tuple[float, float]:
+    """Return since when and how long a force is held that is noisy elsewhere [s].
+
+    Nothing is held in a force that is smooth, as a simulation at rest is, or coarse, so that many
+    of its samples are equal.
+
+    Examples
+    --------
+    >>> time = np.arange(200) / 100.0
+    >>> noise = np.random.default_rng(1).standard_normal(200)
+    >>> held_run(time, np.where(time < 1.5, noise, 0.25))
+    (1.5, 0.49)
+    >>> held_run(time, np.minimum(time, 1.5))
+    (0.0, 0.0)
+    """
+    steps = np.diff(force)
+    starts = np.concatenate([[0], np.flatnonzero(steps) + 1, [force.size]])
+    lengths = np.diff(starts)
+    longest = int(np.argmax(lengths))
+    first, stop = int(starts[longest]), int(starts[longest + 1])
+    others = np.delete(steps, np.arange(max(first - 1, 0), min(stop, steps.size)))
+    if others.size < LEAST_OTHERS:
+        return 0.0, 0.0
+    turns = np.mean(others[1:] * others[:-1] < 0.0)
+    coarse = np.mean(others == 0.0) > 0.5 * NOISY
+    if turns < NOISY or coarse:
+        return 0.0, 0.0
+    return float(time[first]), float(round(time[stop - 1] - time[first], 9))
+
+
+LEAST_OTHERS = 20
+"""Samples beside a run of equal ones that noise is seen in."""
 
 
 END_MISSING = 0.5
