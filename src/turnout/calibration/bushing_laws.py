@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from turnout.calibration.drive_law.candidates import REACH, level_key, stiffness_key
+from turnout.calibration.drive_law.candidates import REACH, stiffness_and_level, symmetric_law
 from turnout.panel.load import LoadedPanel
 
 # How much softer a bushing is at first, as a logarithm [-], and how far that is expected from this;
@@ -30,8 +30,7 @@ def stiffness_beyond(
 
     at a share of the slip level as force `F`; an infinite softness is play.
     """
-    stiffness = values[stiffness_key(drive)]
-    level = values.get(level_key(drive), panel.drive[drive].saturation_force)
+    stiffness, level = stiffness_and_level(panel, drive, values)
     before = SECANT * level / stiffness
     left = before - (1.0 - float(np.exp(-softness))) * travel
     return stiffness * min(before / max(left, before / STIFFEST), STIFFEST)
@@ -62,9 +61,7 @@ def soft_bushing(
     """
     if travel < 1e-6:
         return {}
-    record = panel.drive[drive]
-    stiffness = values.get(stiffness_key(drive), record.stiffness)
-    level = values.get(level_key(drive), record.saturation_force)
+    stiffness, level = stiffness_and_level(panel, drive, values)
     first = min(float(np.exp(-softness)) * stiffness * travel, 0.9 * level)
     knee = travel + (level - first) / stiffness
     return _symmetric_bushing(panel, drive, [(travel, first)], knee=knee, level=level)
@@ -80,10 +77,7 @@ def _symmetric_bushing(
 ) -> dict[str, object]:
     """Return a bushing through points [m], [N] that slips beyond its knee, alike to either side."""
     last = level + panel.drive[drive].saturated_stiffness * (REACH - knee) + 1.0
-    half = [*points, (knee, level), (REACH, last)]
-    extension = [*(-x for x, _ in reversed(half)), *(x for x, _ in half)]
-    force = [*(-f for _, f in reversed(half)), *(f for _, f in half)]
-    return {f"drive.{drive}.extension": extension, f"drive.{drive}.force": force}
+    return symmetric_law(drive, [*points, (knee, level), (REACH, last)])
 
 
 def bushing_table(
@@ -104,9 +98,7 @@ def bushing_table(
     softness : sequence of float
         :math:`s_i` of the spans that end at `TABLE_ENDS` [-].
     """
-    record = panel.drive[drive]
-    stiffness = values.get(stiffness_key(drive), record.stiffness)
-    level = values.get(level_key(drive), record.saturation_force)
+    stiffness, level = stiffness_and_level(panel, drive, values)
     half: list[tuple[float, float]] = []
     x = force = 0.0
     for end, soft in zip(TABLE_ENDS, softness, strict=True):

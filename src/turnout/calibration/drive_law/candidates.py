@@ -1,6 +1,6 @@
 """Laws that a drive may follow instead of the bilinear one, as data of the panel or of a fit."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -73,6 +73,15 @@ def stiffness_key(drive: str) -> str:
 def level_key(drive: str) -> str:
     """Return the panel's key of a drive's slip level."""
     return f"drive.{drive}.saturation_force"
+
+
+def stiffness_and_level(
+    panel: LoadedPanel, drive: str, values: Mapping[str, float]
+) -> tuple[float, float]:
+    """Return stiffness [N/m] and slip level [N] of a drive; the panel gives what has no value."""
+    record = panel.drive[drive]
+    stiffness = values.get(stiffness_key(drive), record.stiffness)
+    return stiffness, values.get(level_key(drive), record.saturation_force)
 
 
 def drive_laws(panel: LoadedPanel, drive: str) -> tuple[DriveLaw, ...]:
@@ -206,9 +215,7 @@ def table(
     >>> [round(1e3 * x, 2) for x in made["drive.2.extension"]][3:5]
     [1.0, 8.41]
     """
-    record = panel.drive[drive]
-    stiffness = values.get(stiffness_key(drive), record.stiffness)
-    level = values.get(level_key(drive), record.saturation_force)
+    stiffness, level = stiffness_and_level(panel, drive, values)
     soft = (1.0 - knee) * level
     half = [(0.5 * backlash, 0.0)] if backlash > 0 else []
     start = 0.5 * backlash + soft / stiffness
@@ -217,9 +224,16 @@ def table(
     if knee > 0:
         end = start + (level - soft) / (knee_stiffness * stiffness)
         half.append((end, level))
-    half.append((REACH, level + record.saturated_stiffness * (REACH - end) + PLAY_FORCE))
+    half.append(
+        (REACH, level + panel.drive[drive].saturated_stiffness * (REACH - end) + PLAY_FORCE)
+    )
     if backlash > 0:
         half[0] = (half[0][0], PLAY_FORCE)
+    return symmetric_law(drive, half)
+
+
+def symmetric_law(drive: str, half: Sequence[tuple[float, float]]) -> dict[str, object]:
+    """Return overrides for a law through points [m], [N] in tension, alike in compression."""
     extension = [*(-x for x, _ in reversed(half)), *(x for x, _ in half)]
     force = [*(-f for _, f in reversed(half)), *(f for _, f in half)]
     return {f"drive.{drive}.extension": extension, f"drive.{drive}.force": force}
