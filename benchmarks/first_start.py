@@ -3,13 +3,13 @@
     python -m benchmarks.first_start [--older FOLDER]
 
 Processor seconds (user and system) of whole commands, each in a new process: with an empty cache
-folder, where kernels are compiled, and with the full one. With `--older` the sources of another
-checkout run beside these, in turn. Bytecode is written, as for every user.
+folder, where kernels are compiled, and with the full one; and the most memory that one took. With
+`--older` the sources of another checkout run beside these, in turn. Bytecode is written, as for
+every user.
 """
 
 import argparse
 import os
-import resource
 import statistics
 import subprocess
 import sys
@@ -22,39 +22,67 @@ HERE = Path(__file__).parents[1]
 PAGE = HERE / "docs" / "performance-start.md"
 SIMULATE = ["simulate", "uic60-760-1-15", "--object", "13mm@sleeper6", "--quiet"]
 MACHINES = ["--set", "drive.1.machine=jea73", "--set", "drive.2.machine=jea73-drive2"]
+FIRST_STEP = """
+import os
+from turnout.cli import simulate as _, watch
+from turnout.panel.foreign_object import resolve_objects
+from turnout.panel.load import load_panel
+from turnout.panel.object_text import parse_objects
+from turnout.response.simulate import solve_placed
+from turnout.scheme import Scheme
+panel = load_panel("uic60-760-1-15")
+objects = resolve_objects(panel, parse_objects(["13mm@sleeper6"]))
+solve_placed(panel, objects, scheme=Scheme.of("waveform"), report=lambda *_: os._exit(0))
+"""
+"""What `turnout simulate` does until it first reports its progress, after 2,200 of 8,500 steps."""
+
 COMMANDS = {
-    "first `simulate`, kernels compiled": SIMULATE,
-    "first one with machines after it": [*SIMULATE, *MACHINES],
-    "`simulate` without files, kernels at hand": SIMULATE,
-    "`--version`": ["--version"],
+    "first `simulate`, kernels compiled": ["-m", "turnout", *SIMULATE],
+    "first one with machines after it": ["-m", "turnout", *SIMULATE, *MACHINES],
+    "`simulate` without files, kernels at hand": ["-m", "turnout", *SIMULATE],
+    "the same to a file": ["-m", "turnout", *SIMULATE, "--out", "throw.nc"],
+    "the same until it first reports progress": ["-c", FIRST_STEP],
+    "`--version`": ["-m", "turnout", "--version"],
 }
-WARM = {"`simulate` without files, kernels at hand": 5, "`--version`": 5}
-"""Commands that are repeated, and how often."""
+REPEATED = 5
+"""How often commands run that find compiled kernels."""
 
 
-def processor_seconds(arguments: list[str], *, root: Path, cache: Path) -> float:
-    """Return the processor seconds of a command of a checkout."""
+def used(arguments: list[str], *, root: Path, cache: Path) -> tuple[float, float]:
+    """Return processor seconds of a program of a checkout, and its peak memory [MB]."""
     left_out = ("PYTHONDONTWRITEBYTECODE", "NUMBA_CACHE_DIR")
     kept = {name: value for name, value in os.environ.items() if name not in left_out}
     environment = kept | {"PYTHONPATH": str(root / "src"), "TURNOUT_CACHE_DIR": str(cache)}
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    command = [sys.executable, "-m", "turnout", *arguments]
-    subprocess.run(command, check=True, capture_output=True, env=environment)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    cache.mkdir(exist_ok=True)
+    process = subprocess.Popen(
+        [sys.executable, *arguments], cwd=cache, env=environment, stdout=subprocess.DEVNULL
+    )
+    _, status, usage = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode != 0:
+        raise subprocess.CalledProcessError(process.returncode, arguments)
+    return usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1000
 
 
-def measured(roots: dict[str, Path]) -> dict[str, dict[str, float]]:
-    """Return processor seconds by command and checkout, medians of those that are repeated."""
-    found: dict[str, dict[str, float]] = {}
+Used = tuple[float, float]
+
+
+def measured(roots: dict[str, Path]) -> dict[str, dict[str, Used]]:
+    """Return processor seconds and memory by command and checkout, medians of repeated ones."""
+    found: dict[str, dict[str, Used]] = {}
     with tempfile.TemporaryDirectory() as folder:
         for what, arguments in COMMANDS.items():
-            runs: dict[str, list[float]] = {name: [] for name in roots}
-            for _ in range(WARM.get(what, 1)):
+            runs: dict[str, list[Used]] = {name: [] for name in roots}
+            for _ in range(1 if what.startswith("first") else REPEATED):
                 for name, root in roots.items():
                     cache = Path(folder) / name
-                    runs[name].append(processor_seconds(arguments, root=root, cache=cache))
-            found[what] = {name: statistics.median(values) for name, values in runs.items()}
+                    runs[name].append(used(arguments, root=root, cache=cache))
+            found[what] = {
+                name: (statistics.median(seconds), statistics.median(memory))
+                for name, (seconds, memory) in (
+                    (name, zip(*values, strict=True)) for name, values in runs.items()
+                )
+            }
     return found
 
 
@@ -65,22 +93,25 @@ def main() -> None:
     older = parser.parse_args().older
     roots = {"this": HERE} | ({"older": older.resolve()} if older else {})
     begun, found = load(), measured(roots)
-    head = "| command | processor time |" + (" older | ratio |" if older else "")
+    head = "| command | processor time | memory |"
+    head += " older | its memory | ratio |" if older else ""
     lines = [
         "# Before the first throw",
         "",
         f"Written by `python -m benchmarks.first_start{' --older FOLDER' if older else ''}` on",
         f"{machine()}, at a load of {begun:.0f} to {load():.0f}.",
         "Processor seconds, user and system, of whole commands in new processes; on an idle core",
-        "they take about as long by the clock.",
+        "they take about as long by the clock. Memory is the most that was in use.",
         "",
         head,
-        "|---|--:|" + ("--:|--:|" if older else ""),
+        "|---|--:|--:|" + ("--:|--:|--:|" if older else ""),
     ]
     for what, values in found.items():
-        own = f"| {what} | {values['this']:.2f} s |"
+        seconds, memory = values["this"]
+        own = f"| {what} | {seconds:.2f} s | {memory:.0f} MB |"
         if older:
-            own += f" {values['older']:.2f} s | {values['older'] / values['this']:.2f} |"
+            before, much = values["older"]
+            own += f" {before:.2f} s | {much:.0f} MB | {before / seconds:.2f} |"
         lines.append(own)
     known = PAGE.read_text(encoding="utf-8") if PAGE.exists() else ""
     _, mark, notes = known.partition("\n## ")

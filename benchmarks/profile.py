@@ -23,6 +23,7 @@ from turnout.integrate.arrange import PreparedRun, arrange, prepare
 from turnout.integrate.columns import update_row
 from turnout.integrate.start import start_at_rest
 from turnout.integrate.state import COUNT_FLIPS, COUNT_ITERATIONS
+from turnout.kernels import compiler  # noqa: F401 - for the types of records
 from turnout.kernels.vector import add_weighted_rows
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.load import load_panel

@@ -34,19 +34,24 @@ STAGES = {
         "file_bytes": "file made and compressed",
     },
     "turnout.sweep.row": {
-        "prepare_scenario": "panel of the scenario, objects placed",
-        "solve_placed": "markers",
+        "prepare_scenario": "panel of the scenario",
+        "resolve_objects": "objects placed and checked",
+        "plan_throw": "markers",
+        "solve_planned": "outcome, history",
         "extract_signals": "signals, gaps, flangeway",
         "compute_labels": "labels and features",
         "make_rows": "rows",
     },
-    "turnout.response.simulate": {"build_mechanism": "mechanism built"},
+    "turnout.response.simulate": {
+        "build_mechanism": "mechanism built",
+        "plan_run": "what is watched, grid",
+    },
     "turnout.integrate.integration": {
         "arrange": "condensed rails with their object",
-        "prepare": "memory of the run, what is watched",
-        "find_start": "start: laws frozen, looked up",
+        "prepare": "memory of the run",
+        "plan_start": "start: laws frozen, looked up",
+        "find_start": "start: found",
         "_march_in_chunks": "steps of the throw",
-        "_integrate": "outcome, history",
     },
     "turnout.integrate.start": {
         "prepare": "start: memory of the return",
@@ -114,8 +119,8 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=192)
     parser.add_argument("--repeats", type=int, default=3)
     chosen = parser.parse_args()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # as in a worker
     before = load()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # as in a worker
     initialize_worker()
     study = load_study(chosen.study)
     count = -(-chosen.count // BATCH) * BATCH

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import xarray as xr
 from tests.attack.forked import Ended, run_limited
 from tests.attack.requests import NUMBERS, ODD, UNITS
 from tests.verification.robustness_checks import BOOKS, MAY_LACK, OF_STOCK_RAIL
@@ -31,7 +32,7 @@ from turnout.panel.keys import field_at
 from turnout.panel.load import library_text, load_panel
 from turnout.panel.unusual import USUAL
 from turnout.response.simulate import compile_kernels, simulate
-from turnout.response.store import open_response
+from turnout.response.store import open_response, response_bytes
 from turnout.scheme import Scheme
 
 MOST_SECONDS, MOST_MEMORY, LONGEST_MESSAGE = 60.0, 2_000_000_000, 60_000
@@ -64,7 +65,8 @@ def attacking(seed: int) -> Iterator[Callable[[int], Record]]:
     """Give what throws a panel by its number; what the program loads is loaded before."""
     compile_kernels()
     simulate(load_panel("sb1"), scheme=Scheme.of("quick"))
-    preload(writes=True, plots=False)
+    preload(plots=False)
+    response_bytes(xr.Dataset({"number": ("place", [0.0])}))
     with tempfile.TemporaryDirectory(prefix="attack on panels ") as folder:
 
         def attempt(index: int) -> Record:

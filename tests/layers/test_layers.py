@@ -36,6 +36,7 @@ ALLOWED: dict[str, set[str]] = {
             "errors",
             "scheme",
             "core",
+            "kernels",
             "schema",
             "panel",
             "machine",

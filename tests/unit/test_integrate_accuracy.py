@@ -44,7 +44,7 @@ def made() -> Setup:
 
 def test_a_fresh_solution_passes_and_the_count_starts_again(made: Setup) -> None:
     work = solved(made)
-    made.state.drift[0] = 1e3
+    made.state.drift[0] = 10.0 * DRIFTS
     assert not judged(made, work)
     assert made.state.drift[0] == 1.0
 

@@ -8,7 +8,7 @@ import pytest
 from pydantic import BaseModel
 
 from turnout.errors import PanelError
-from turnout.panel import load
+from turnout.panel import load, override
 from turnout.panel.check import check
 from turnout.panel.document import FAMILIES
 from turnout.panel.keys import known_keys
@@ -314,3 +314,35 @@ def test_a_misspelt_key_of_a_machine_is_answered_by_the_nearest(key: str) -> Non
     near = r"machine\.jea73\.mot.*: matches nothing in this panel; nearest is "
     with pytest.raises(PanelError, match=near + r"'machine\.jea73\.motor\.resistance'"):
         load_panel("sb1", overrides=changes)
+
+
+def test_the_same_keys_with_other_values_change_a_panel_alike(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Places of keys are looked for once; broad, narrow and repeated keys, and later overrides."""
+    before = PANEL.with_overrides({"drive.1.stiffness": 8e5, "stop.stiffness": 2e8})
+    first = {
+        "chair.7.friction_coefficient": 0.2,
+        "chair.friction_coefficient": 0.25,
+        "drive.1.stiffness": "90 kN/m",
+        "chair.8.normal_stiffness": 2e7,
+    }
+    second = {**dict.fromkeys(first, 0.35), "drive.1.stiffness": 9.5e5}
+    second["chair.8.normal_stiffness"] = 3e7
+    override._ways.clear()
+    fresh = before.with_overrides(second)
+    override._ways.clear()
+    before.with_overrides(first)
+    monkeypatch.setattr(override, "_targets", None)
+    again = before.with_overrides(second)
+    assert again == fresh
+    assert again.hash == fresh.hash
+    assert list(again.overrides.items()) == list(fresh.overrides.items())
+    for name in ("tree", "shared", "given"):
+        mine, others = getattr(again._document, name), getattr(fresh._document, name)
+        assert mine == others, name
+    assert list(again._document.given) == list(fresh._document.given)
+    assert before.chair["7"].friction_coefficient == 0.4
+    with pytest.raises(PanelError, match="friction_coefficient"):
+        before.with_overrides({**second, "chair.friction_coefficient": -1.0})
+    assert before.chair["7"].friction_coefficient == 0.4

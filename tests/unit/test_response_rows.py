@@ -6,13 +6,22 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from turnout.kernels.lanes import LANES, multiply_add
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
 from turnout.panel.profile import contact_height
 from turnout.response.coordinates import coordinates, indexed
 from turnout.response.gaps import gap_rows
 from turnout.response.recovery import histories_of, recover_motion, seen_by, seen_rows
-from turnout.response.rows_over_time import Rows, evenly_spaced, products_of, write_rows
+from turnout.response.rows_over_time import (
+    Product,
+    Rows,
+    evenly_spaced,
+    products_of,
+    rows_in_lines,
+    sums_of_columns,
+    write_rows,
+)
 from turnout.response.save import Save
 from turnout.response.simulate import Solved, simulate, solve
 from turnout.response.stored_displacements import stored_rows, stored_share, stored_weights
@@ -107,6 +116,46 @@ def test_rows_are_written_over_all_blocks_of_instants() -> None:
         write_rows([rows], {"g": values, "q": other})
         expected = start[:, np.newaxis] + (-1 if minus else 1) * weights @ values.T
         np.testing.assert_allclose(out, expected, atol=1e-13)
+
+
+@pytest.mark.parametrize("count", [1, 7, 64, 131])
+def test_rows_are_sums_in_the_order_of_their_products(count: int) -> None:
+    generator = np.random.default_rng(count)
+    # Histories are pieces of wider memory, and rows begin at any address.
+    g, q = (generator.normal(size=(count, 24))[:, :n] for n in (20, 9))
+    weights = generator.normal(size=(3, 9))
+    products = [
+        *sums_of_columns("g", np.array([[1, 2], [3, 3], [0, 19], [5, 7]]), rows=np.arange(4)),
+        Product("g", slice(4, 7), np.array([0, 2, 5]), added=False),
+        Product("q", slice(0, 9), slice(1, 4), weights, added=True),
+    ]
+    first = np.stack([g[:, 4], g[:, 3] + g[:, 3], g[:, 5], g[:, 5] + g[:, 7]])
+    expected = np.full((6, count), np.nan)
+    expected[:4] = first
+    expected[1:4] += [fused(row, q) for row in weights]
+    expected[5] = g[:, 6]
+    start = np.arange(6.0)
+    for memory in (np.full((6, count), np.nan), rows_in_lines(6, count)):
+        memory[:] = np.nan
+        write_rows([Rows(products, memory, start, minus=True)], {"g": g, "q": q})
+        np.testing.assert_array_equal(memory, start[:, np.newaxis] - expected)
+
+
+def fused(weights: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return weighted sums of columns, each step rounded once."""
+    found = np.zeros(values.shape[0])
+    for weight, column in zip(weights, values.T, strict=True):
+        for t in range(0, found.size, LANES):
+            own, size = slice(t, t + LANES), found[t : t + LANES].size
+            eight = [np.resize(part, LANES) for part in (column[own], found[own])]
+            found[own] = multiply_add(np.full(LANES, weight), *eight)[:size]
+    return found
+
+
+def test_rows_with_gaps_in_memory_are_refused() -> None:
+    rows = Rows(sums_of_columns("g", np.array([[0]]), rows=np.array([0])), np.zeros((1, 8))[:, ::2])
+    with pytest.raises(ValueError, match="without gaps"):
+        write_rows([rows], {"g": np.zeros((4, 1))})
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from turnout.errors import FileError
 from turnout.integrate.outcome import Code, Outcome
 from turnout.metric.features import FEATURES, features
 from turnout.metric.slip import Span
-from turnout.response.simulate import Solved, simulate, solve_placed
+from turnout.response.simulate import PlannedThrow, Solved, simulate, solve_planned
 from turnout.scheme import Scheme
 from turnout.study.load_study import load_study
 from turnout.study.study import Study
@@ -202,16 +202,16 @@ def test_a_failed_throw_is_made_again_with_half_the_step(
     steps: list[float] = []
     friction = [study.scenario(index).inputs["chair.friction_coefficient"] for index in range(3)]
 
-    def failing(panel: Any, objects: Any, *, scheme: Scheme, watch: Any) -> Solved:
-        solved = solve_placed(panel, objects, scheme=scheme, watch=watch)
-        at = friction.index(panel.chair["1"].friction_coefficient)
-        steps.append(scheme.step)
-        if at == 0 or (at == 1 and scheme.step < study.scheme.step):
+    def failing(planned: PlannedThrow) -> Solved:
+        solved, step = solve_planned(planned), planned.run.scheme.step
+        at = friction.index(planned.mechanism.laws.friction_coefficient[0])
+        steps.append(step)
+        if at == 0 or (at == 1 and step < study.scheme.step):
             return solved
         outcome = Outcome(Code.NOT_CONVERGED, 0.5, 500, 1e-3, ("chair 1",))
         return replace(solved, history=replace(solved.history, outcome=outcome))
 
-    monkeypatch.setattr(sweep_row, "solve_placed", failing)
+    monkeypatch.setattr(sweep_row, "solve_planned", failing)
     rows = throw_batch(study, [[0], [1], [2]])
     assert steps == [1e-3, 1e-3, 5e-4, 1e-3, 5e-4]
     assert [row.outcome for row in rows] == ["complete", "complete", "failed"]

@@ -21,7 +21,7 @@ from tests.verification.robustness_scenarios import Scenario
 
 import turnout.response.simulate as simulate_module
 from turnout.condense.condense import base_stiffness
-from turnout.integrate.integration import History, integrate
+from turnout.integrate.integration import History, RunPlan, carry_out
 from turnout.integrate.outcome import ADVICE, LEAST_SCALE, Code
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
@@ -71,19 +71,19 @@ def run_scenario(scenario: Scenario, *, step: float | None = None) -> Run:
     panel, scheme = scenario.panel(), scenario.scheme(step=step)
     kept = list[tuple[Mechanism, History]]()
 
-    def keeping(mechanism: Mechanism, *given: Any, **named: Any) -> History:
-        history = integrate(mechanism, *given, **named)
-        kept.append((mechanism, history))
+    def keeping(plan: RunPlan, **named: Any) -> History:
+        history = carry_out(plan, **named)
+        kept.append((plan.mechanism, history))
         return history
 
-    with patch.object(simulate_module, "integrate", keeping):
+    with patch.object(simulate_module, "carry_out", keeping):
         dataset = simulate_module.simulate(
             panel,
             foreign_object=scenario.foreign_objects(),
             scheme=scheme,
             throw=False,
         )
-    mechanism, history = kept[-1]  # kernels that had to be compiled ran before
+    mechanism, history = kept[-1]
     return Run(panel, mechanism, scheme, history, dataset)
 
 

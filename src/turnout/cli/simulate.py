@@ -144,7 +144,6 @@ def simulate_command(
             also=also,
             scheme=lambda: _scheme(mode or "waveform", step=step, cutoff=cutoff, every=every),
             quiet=quiet,
-            writes=out is not None,
             plots=plot is not None,
         )
         written = _write(dataset, out=out, plot=plot, overlay=theirs)
@@ -207,19 +206,15 @@ def _simulate_throws(
         raise typer.Exit(end_code(dataset))
 
 
-def preload(*, writes: bool, plots: bool) -> None:
-    """Load what makes datasets, files and figures, as far as they are wanted, while kernels work.
+def preload(*, plots: bool) -> None:
+    """Load what makes datasets, and figures if they are wanted, while kernels work.
 
     It begins with the steps and not before: what loads at the same time only waits for each other.
-    A failure here occurs again, with its message, when the file is written.
+    What writes files is loaded once the histories of the run are gone, which takes less memory. A
+    failure here occurs again, with its message, when the dataset is made.
     """
     with contextlib.suppress(Exception):
-        import xarray as xr
-
-        if writes:
-            from turnout.response.store import response_bytes
-
-            response_bytes(xr.Dataset({"number": ("place", [0.0])}))
+        importlib.import_module("xarray")
         if plots:
             importlib.import_module("turnout.plot.throw")
 
@@ -234,7 +229,6 @@ def _run(
     also: list[str],
     scheme: Callable[[], "Scheme"],
     quiet: bool,
-    writes: bool,
     plots: bool,
 ) -> tuple["xr.Dataset", bool]:
     """Return the dataset, whole or partial, and whether the run ended early."""
@@ -251,11 +245,9 @@ def _run(
     objects_placed = resolve_objects(panel, foreign)
 
     from turnout.response.placed import check_placed
-    from turnout.response.simulate import simulate_placed
+    from turnout.response.simulate import release_memory, simulate_placed
 
-    rehearsal = threading.Thread(
-        target=preload, kwargs={"writes": writes, "plots": plots}, daemon=True
-    )
+    rehearsal = threading.Thread(target=preload, kwargs={"plots": plots}, daemon=True)
 
     with watched(f"simulating {panel.name}", quiet=quiet) as watch:
 
@@ -274,6 +266,7 @@ def _run(
         )
     if rehearsal.ident is not None:
         rehearsal.join()  # files are written by one at a time
+    release_memory()
     check_placed(dataset)
     return dataset, not dataset.attrs["complete"]
 

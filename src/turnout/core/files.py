@@ -69,7 +69,9 @@ def atomic_path(target: Path | str, *, durable: bool = True) -> Iterator[Path]:
             temporary.unlink(missing_ok=True)
 
 
-def write_atomic(target: Path | str, content: str | bytes, *, durable: bool = True) -> None:
+def write_atomic(
+    target: Path | str, content: str | bytes | memoryview, *, durable: bool = True
+) -> None:
     """Write a text (as UTF-8) or bytes to a file, completely or not at all."""
     data = content.encode() if isinstance(content, str) else content
     with atomic_path(target, durable=durable) as temporary:

@@ -27,8 +27,12 @@ from turnout.kernels.compiled import compiled, compiled_part
 from turnout.kernels.vector import add_scaled, add_weighted_rows, copy, dot
 from turnout.law.table import LawTable
 
-DRIFTS = 100.0
-"""Growth of rounding errors beyond which the residual is measured [-]."""
+DRIFTS = 1e4
+"""Growth of rounding errors beyond which the residual is measured [-].
+
+Displacements are a tenth of a metre at most, so what is not measured is below 1e-13 m, a tenth of
+what is accepted.
+"""
 LARGEST_ERROR = 1e-12
 """Largest accepted error of an end [m]."""
 LARGEST_LEAK = 1e-10

@@ -34,7 +34,7 @@ from turnout.integrate.solve import Tolerances
 from turnout.integrate.state import State, fresh_copy, fresh_state
 from turnout.integrate.step import Stepping
 from turnout.integrate.system import System, check_normals, condensed_system, refill_system
-from turnout.integrate.watch import StepRecord, WatchPlan
+from turnout.integrate.watch import SeenWeights, StepRecord, WatchPlan
 from turnout.kernels.shared_record import clone_record, shared_record
 from turnout.law.friction_course import FrictionCourses, no_courses
 from turnout.law.obstruction import Obstructions, no_obstructions, remember
@@ -322,7 +322,7 @@ def prepare(
     n_stored: int,
     *,
     filled_in: bool,
-    plan: WatchPlan | None = None,
+    watched: tuple[WatchPlan, SeenWeights] | None = None,
 ) -> PreparedRun:
     """Allocate state, scratch arrays and record of one run; nothing has moved yet.
 
@@ -338,8 +338,8 @@ def prepare(
         Instants of the record.
     filled_in : bool
         Whether instants between the steps are wanted, which needs velocities.
-    plan : WatchPlan, optional
-        Which instants are stored whole and kept; default all of them.
+    watched : tuple of WatchPlan and SeenWeights, optional
+        Which instants are stored whole and kept, and what is seen of these; default all of them.
     """
     system, laws, table = arrangement.system, arrangement.laws, arrangement.table
     alpha = AlphaCoefficients.from_spectral_radius(scheme.spectral_radius)
@@ -354,7 +354,6 @@ def prepare(
         max(scheme.stride, 1),
         scheme.inertia,
     )
-    watched = None if plan is None else (plan, arrangement.condensed)
     state, work = _copy_templates(arrangement, stepping, n_inputs=positions.shape[1])
     state.inputs[:] = positions[0]
     return PreparedRun(

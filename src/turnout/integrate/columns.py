@@ -60,24 +60,47 @@ from turnout.law.table import LawTable
 
 @compiled
 def assemble_coupling(system: System, state: State) -> None:
-    """Assemble and factorise the matrix of the joining rows."""
+    """Assemble and factorise the matrix of the joining rows.
+
+    Where the rows are the same as before, entries of blocks whose columns are too stay as they are.
+    """
     count = state.counters[COUNT_JOINING]
-    matrix = state.coupling
+    matrix, assembled = state.coupling, state.assembled
+    whole, stale = state.counters[COUPLED] == 0, state.counters[COUPLED] >> 1
     for i in range(count):
         row = state.joining[i]
+        of_row = _blocks_of(system, row)
         entry = state.entries[system.pattern_start[row]]
         for j in range(count):
-            total = 0.0
-            for side in range(2):
-                end = system.row_ends[row, side]
-                block = system.block_of_end[end]
-                for other_side in range(2):
-                    other = system.row_ends[state.joining[j], other_side]
-                    if system.block_of_end[other] == block:
-                        total += value_at_end(system, state.columns[state.slot_of_end[other]], end)
-            matrix[i, j] = (1.0 if i == j else 0.0) - entry * total
+            other = state.joining[j]
+            if whole or of_row & _blocks_of(system, other) & stale:
+                total = _compliance_between(system, state, row, other)
+                assembled[i, j] = (1.0 if i == j else 0.0) - entry * total
+            matrix[i, j] = assembled[i, j]
     _factorise(matrix, state.pivots, count)
     state.counters[COUPLED] = 1
+
+
+@compiled
+def _blocks_of(system: System, row: int) -> int:
+    """Return the blocks that a row joins, a bit each."""
+    one, other = system.row_ends[row, 0], system.row_ends[row, 1]
+    bits: int = (1 << system.block_of_end[one]) | (1 << system.block_of_end[other])
+    return bits
+
+
+@compiled
+def _compliance_between(system: System, state: State, row: int, other: int) -> float:
+    """Return the displacement of a joining row under a unit force on another one [m/N]."""
+    total = 0.0
+    for side in range(2):
+        end = system.row_ends[row, side]
+        block = system.block_of_end[end]
+        for other_side in range(2):
+            other_end = system.row_ends[other, other_side]
+            if system.block_of_end[other_end] == block:
+                total += value_at_end(system, state.columns[state.slot_of_end[other_end]], end)
+    return total
 
 
 @compiled
@@ -300,7 +323,8 @@ def _update_columns(
     update_rank_one(change, at, scaled, state.mode_columns[modes[0] : modes[1]])
     copy(scaled, pivot)
     state.drift[0] *= max(abs(denominator), 1.0 / abs(denominator))
-    state.counters[COUPLED] = 0
+    if state.counters[COUPLED] != 0:
+        state.counters[COUPLED] |= 2 << block
 
 
 @compiled

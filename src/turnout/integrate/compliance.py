@@ -1,17 +1,17 @@
 """The compliance of the blocks for one length of a step, as `turnout.integrate.columns` has it."""
 
-import numpy as np
-
 from turnout.integrate.state import State
 from turnout.integrate.system import Floats, System
-from turnout.kernels.compiled import compiled, compiled_with_memory
+from turnout.kernels.compiled import compiled
+from turnout.kernels.inverse import invert
+from turnout.kernels.memory import acquire_matrix, release_matrix
 from turnout.kernels.vector import add_weighted_rows, copy
 
 READY, STALE = 1, 2
 """Of a compliance: as for the present system, or for one whose objects stand elsewhere."""
 
 
-@compiled_with_memory
+@compiled
 def assemble_level(
     system: System, state: State, level: int, inertia: float, viscosity: float
 ) -> None:
@@ -31,14 +31,12 @@ def assemble_level(
     for block in range(system.end_stop.size):
         first, last = system.mode_start[block], system.mode_start[block + 1]
         n = last - first
-        matrix = system.stiffness[first:last, :n].copy()
+        matrix, inverse = acquire_matrix(n, n), acquire_matrix(n, n)
+        _put(system.stiffness[first:last, :n], matrix)
         for i in range(n):
             matrix[i, i] += inertia + viscosity * system.damping[first + i]
-        inverse = np.empty_like(matrix)
-        try:
-            _put(np.linalg.inv(matrix), inverse)  # type: ignore[arg-type]
-        except Exception:  # the only class a kernel can catch: a free body, or NaN
-            _fill(np.nan, inverse)
+        invert(matrix, inverse)
+        release_matrix(matrix)
         start, stop = system.end_start[block], system.end_stop[block]
         width = stop - start
         modes = system.mode_ends[first:last]
@@ -50,9 +48,10 @@ def assemble_level(
         for end in range(system.follower_start[block], system.follower_start[block + 1]):
             _assemble_column(system, end, inverse, modes, compliance[end, : width + n])
         _put(inverse, compliance[stop : stop + n, width : width + n])
+        release_matrix(inverse)
 
 
-@compiled_with_memory
+@compiled
 def _move_ends(system: System, compliance: Floats) -> None:
     """Assemble what of a compliance depends on the ends of objects, bit by bit as for the whole."""
     for k in range(system.moved_end.size):
@@ -61,7 +60,8 @@ def _move_ends(system: System, compliance: Floats) -> None:
         first, last = system.mode_start[block], system.mode_start[block + 1]
         start, stop = system.end_start[block], system.end_stop[block]
         n, width = last - first, stop - start
-        inverse = compliance[stop : stop + n, width : width + n].copy()
+        inverse = acquire_matrix(n, n)
+        _put(compliance[stop : stop + n, width : width + n], inverse)
         modes = system.mode_ends[first:last]
         column = compliance[end]
         _assemble_column(system, end, inverse, modes, column[: width + n])
@@ -85,6 +85,7 @@ def _move_ends(system: System, compliance: Floats) -> None:
                 modes,
                 compliance[other],
             )
+        release_matrix(inverse)
 
 
 @compiled

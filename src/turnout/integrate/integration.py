@@ -14,20 +14,29 @@ from turnout.condense.modal import ModalModel
 from turnout.core.threads import one_blas_thread
 from turnout.errors import SolverError
 from turnout.integrate.accuracy import equilibrium_residual
-from turnout.integrate.arrange import PreparedRun, arrange, prepare
+from turnout.integrate.arrange import Arrangement, PreparedRun, arrange, prepare
 from turnout.integrate.dense import interpolate_record
 from turnout.integrate.driven import MachineHistory, machine_history, new_rods, start_rods
 from turnout.integrate.energy import energy_balance
 from turnout.integrate.march import march, march_with_machines, store_instant
 from turnout.integrate.outcome import Code, Outcome, is_closed
 from turnout.integrate.record import trim_record
-from turnout.integrate.start import PriorMotion, find_start
+from turnout.integrate.start import PriorMotion, StartPlan, find_start, plan_start
 from turnout.integrate.state import (
     COUNT_FLIPS,
     COUNT_HALVED,
     COUNT_ITERATIONS,
 )
-from turnout.integrate.watch import StepRecord, Watch, Watched, WatchPlan, plan_watch, trim_watched
+from turnout.integrate.watch import (
+    SeenWeights,
+    StepRecord,
+    Watch,
+    Watched,
+    WatchPlan,
+    plan_watch,
+    seen_weights,
+    trim_watched,
+)
 from turnout.kernels.interrupt import call_interruptible, one_thread
 from turnout.law.obstruction import Obstructions
 from turnout.law.table import LawTable
@@ -149,34 +158,113 @@ def integrate(
     History
         Complete, or up to where `outcome` says that it ended.
     """
-    with one_blas_thread():
-        return _integrate(mechanism, scheme, inputs, end, prior, report, watch)
+    plan = plan_run(mechanism, scheme, inputs=inputs, end=end, prior=prior, watch=watch)
+    return carry_out(plan, report=report)
 
 
-def _integrate(
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """Numbers of steps and stored instants; `last` is the last instant that is wanted [s]."""
+
+    n_steps: int
+    n_stored: int
+    stride: int
+    filled_in: bool
+    last: float
+
+
+@dataclass(frozen=True, slots=True)
+class RunPlan:
+    """A run that can be carried out, with all that it needs but the memory of its state.
+
+    Attributes
+    ----------
+    mechanism : Mechanism
+        Reduced rails and their laws.
+    scheme : Scheme
+        Numerical choices.
+    inputs : callable
+        Marker positions by time, as `integrate` takes them.
+    grid : Grid
+        Its steps and stored instants.
+    arrangement : Arrangement
+        The condensed mechanism.
+    positions : ndarray, shape (n_steps + 1, n_inputs)
+        Marker positions at the ends of the steps [m].
+    start : StartPlan, optional
+        The motion before the start.
+    watched : tuple of WatchPlan and SeenWeights, optional
+        What alone is kept, where, and of what it is the sum.
+    """
+
+    mechanism: Mechanism
+    scheme: Scheme
+    inputs: Callable[[Floats], Floats]
+    grid: Grid
+    arrangement: Arrangement
+    positions: Floats
+    start: StartPlan | None
+    watched: tuple[WatchPlan, SeenWeights] | None
+
+
+def plan_run(
     mechanism: Mechanism,
     scheme: Scheme,
+    *,
     inputs: Callable[[Floats], Floats],
     end: float,
-    prior: PriorMotion | None,
-    report: Callable[[int, int], None] | None,
-    watch: Watch | None,
-) -> History:
-    grid = _choose_grid(mechanism, scheme, end)
+    prior: PriorMotion | None = None,
+    watch: Watch | None = None,
+) -> RunPlan:
+    """Do all of `integrate` that comes before its kernels; parameters are the same.
+
+    Some throws planned one after another take half of the time that they take between throws, whose
+    histories drive all else out of the processor's caches.
+    """
+    with one_blas_thread():
+        grid = _choose_grid(mechanism, scheme, end)
+        arrangement = arrange(mechanism, scheme)
+        times = scheme.step * np.arange(grid.n_steps + 1, dtype=np.float64)
+        watched = None
+        if watch is not None and mechanism.machines is None and not grid.filled_in:
+            interval = scheme.step * grid.stride
+            weights = seen_weights(watch, arrangement.condensed, arrangement.laws)
+            watched = (plan_watch(watch, interval, grid.n_stored), weights)
+        return RunPlan(
+            mechanism=mechanism,
+            scheme=scheme,
+            inputs=inputs,
+            grid=grid,
+            arrangement=arrangement,
+            positions=np.ascontiguousarray(inputs(times).T),
+            start=None if prior is None else plan_start(arrangement, scheme, prior),
+            watched=watched,
+        )
+
+
+def carry_out(given: RunPlan, *, report: Callable[[int, int], None] | None = None) -> History:
+    """Carry out a planned run, once; `report` is called with steps done and steps in all."""
+    with one_blas_thread():
+        return _carry_out(given, report)
+
+
+def _carry_out(given: RunPlan, report: Callable[[int, int], None] | None) -> History:
+    mechanism, scheme, inputs = given.mechanism, given.scheme, given.inputs
+    plan = None if given.watched is None else given.watched[0]
+    grid, arrangement, positions = given.grid, given.arrangement, given.positions
     stride = grid.stride
-    arrangement = arrange(mechanism, scheme)
-    times = scheme.step * np.arange(grid.n_steps + 1, dtype=np.float64)
-    positions = np.ascontiguousarray(inputs(times).T)
-    plan = None
-    if watch is not None and mechanism.machines is None and not grid.filled_in:
-        plan = plan_watch(watch, scheme.step * stride, grid.n_stored)
     run = prepare(
-        arrangement, scheme, positions, grid.n_stored, filled_in=grid.filled_in, plan=plan
+        arrangement,
+        scheme,
+        positions,
+        grid.n_stored,
+        filled_in=grid.filled_in,
+        watched=given.watched,
     )
     run = replace(run, rods=new_rods(run, mechanism, scheme, grid.n_stored))
-    _compile_march(run, after_motion=prior is not None)
+    _compile_march(run, after_motion=given.start is not None)
     with one_thread() as thread:
-        code, done = find_start(run, arrangement, scheme, thread, prior), 0
+        code, done = find_start(run, arrangement, thread, given.start), 0
         if code == Code.COMPLETE:
             start_rods(run)
             store_instant(run.system, run.table, run.state, run.work, run.record, 0)
@@ -209,8 +297,8 @@ def _integrate(
         positions = np.ascontiguousarray(inputs(instants).T)
         if machines is not None:
             machines = machines.at(instants, positions)
-        given = {"instants": instants, "inputs": positions, "modes": arrangement.model.row_modes}
-        record = interpolate_record(record, step=scheme.step, laws=arrangement.laws, **given)
+        between = {"instants": instants, "inputs": positions, "modes": arrangement.model.row_modes}
+        record = interpolate_record(record, step=scheme.step, laws=arrangement.laws, **between)
     history = _assemble_history(
         run, record, arrangement.condensed, outcome, instants, positions, machines
     )
@@ -225,18 +313,7 @@ def _without_fine(history: History, run: PreparedRun, plan: WatchPlan) -> Histor
     return replace(history, time=history.time[whole], inputs=history.inputs[whole], watched=watched)
 
 
-@dataclass(frozen=True, slots=True)
-class _Grid:
-    """Numbers of steps and stored instants; `last` is the last instant that is wanted [s]."""
-
-    n_steps: int
-    n_stored: int
-    stride: int
-    filled_in: bool
-    last: float
-
-
-def _choose_grid(mechanism: Mechanism, scheme: Scheme, end: float) -> _Grid:
+def _choose_grid(mechanism: Mechanism, scheme: Scheme, end: float) -> Grid:
     """Choose the steps; refuse a run with too many of them, or too large for the memory."""
     for interval, what in ((scheme.step, "steps"), (scheme.output_interval, "stored instants")):
         if end / interval > MOST_STEPS:
@@ -261,7 +338,7 @@ def _choose_grid(mechanism: Mechanism, scheme: Scheme, end: float) -> _Grid:
             f"{max(n_stored, n_out):.3g} instants, too many to hold; end sooner or store less often"
         )
         raise SolverError(msg)
-    return _Grid(n_steps, n_stored, stride, filled_in, last)
+    return Grid(n_steps, n_stored, stride, filled_in, last)
 
 
 def _assemble_history(

@@ -3,11 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.condense.condense import CondensedRails
 from turnout.integrate.energy import LEDGER
 from turnout.integrate.scratch import acquire_buffer
 from turnout.integrate.system import System
-from turnout.integrate.watch import StepRecord, WatchPlan, watch_record
+from turnout.integrate.watch import SeenWeights, StepRecord, WatchPlan, watch_record
 from turnout.kernels.lanes import LANES, whole_lines
 from turnout.kernels.shared_record import shared_record
 from turnout.law.table import LawTable
@@ -24,7 +23,7 @@ def empty_record(
     count: int,
     *,
     velocity: bool,
-    watched: tuple[WatchPlan, CondensedRails] | None,
+    watched: tuple[WatchPlan, SeenWeights] | None,
 ) -> StepRecord:
     """Allocate a record in one piece of memory.
 
@@ -40,8 +39,8 @@ def empty_record(
         Number of stored instants.
     velocity : bool
         Whether velocities are stored too.
-    watched : tuple of WatchPlan and CondensedRails, optional
-        Which instants are stored whole and kept, and of what rails; default all of them.
+    watched : tuple of WatchPlan and SeenWeights, optional
+        Which instants are stored whole and kept, and what is seen of these; default all of them.
     """
     plan = None if watched is None else watched[0]
     n_modes = system.load.size
@@ -74,7 +73,7 @@ def empty_record(
         v=velocities,
     )
     if watched is not None:
-        record = watch_record(record, *watched, laws)
+        record = watch_record(record, *watched)
     return shared_record(record)
 
 

@@ -96,7 +96,7 @@ def apply_joining_forces(system: System, state: State, work: Work, constant: flo
     depend on displacements.
     """
     count = state.counters[COUNT_JOINING]
-    if not state.counters[COUPLED]:
+    if state.counters[COUPLED] != 1:
         assemble_coupling(system, state)
     force = work.joining[:count]
     for i in range(count):

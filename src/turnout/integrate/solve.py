@@ -18,6 +18,7 @@ from turnout.integrate.system import Floats, Ints, System
 from turnout.kernels.compiled import compiled, compiled_loop, compiled_part
 from turnout.kernels.lanes import (
     LANES,
+    Bools,
     absolute,
     any_true,
     broadcast,
@@ -149,21 +150,14 @@ def _evaluate_frictions(
 ) -> bool:
     force, normal, coefficient = of_normals
     anchor, stiffness = springs
-    zero, never, tolerance_8 = broadcast(0.0), broadcast(-np.inf), broadcast(tolerance)
+    zero, tolerance_8 = broadcast(0.0), broadcast(tolerance)
     violated = greater(zero, zero)
     for i in range(0, trials.size, LANES):
         limit = load(coefficient, i) * gather(force, normal, i)
         trial = load(stiffness, i) * (gather(g, row, i) - load(anchor, i))
         store(limit, limits, i)
         store(trial, trials, i)
-        branch = load(branches, i)
-        slips, closed = greater(absolute(branch), zero), greater(limit, zero)
-        positive_limit = select(closed, limit, zero)
-        # stick is violated by a trial force above the limit, slip by one below
-        larger = select(slips, select(closed, positive_limit - tolerance_8, never), absolute(trial))
-        violated = logical_or(
-            violated, greater(larger, select(slips, branch * trial, positive_limit + tolerance_8))
-        )
+        violated = logical_or(violated, _violated(trial, limit, load(branches, i), tolerance_8))
     return any_true(violated)
 
 
@@ -186,19 +180,30 @@ def update_segments(
         return 0
     argument, lower, upper = work.argument, state.lower, state.upper
     count = 0
-    for law in range(argument.size):
-        if argument[law] > upper[law] + gap or argument[law] < lower[law] - gap:
-            e = argument[law] - table.offset[law]
-            present = state.segment[law]
-            segment = segment_for(table, law, e, present, gap)
-            # to the neighbour only: a jump over a segment can go back and forth for ever
-            segment = min(max(segment, present - 1), present + 1)
-            set_segment(table, state, law, segment)
-            work.force[law] = state.slope[law] * argument[law] + state.constant[law]
-            count = mark_law(system, table, state, work, count, law)
-            if one_at_a_time:
-                return count
+    for first in range(0, argument.size, LANES):
+        if not _any_outside(argument, lower, upper, gap, first):
+            continue
+        for law in range(first, min(first + LANES, argument.size)):
+            if argument[law] > upper[law] + gap or argument[law] < lower[law] - gap:
+                e = argument[law] - table.offset[law]
+                present = state.segment[law]
+                segment = segment_for(table, law, e, present, gap)
+                # to the neighbour only: a jump over a segment can go back and forth for ever
+                segment = min(max(segment, present - 1), present + 1)
+                set_segment(table, state, law, segment)
+                work.force[law] = state.slope[law] * argument[law] + state.constant[law]
+                count = mark_law(system, table, state, work, count, law)
+                if one_at_a_time:
+                    return count
     return count
+
+
+@compiled_loop
+def _any_outside(argument: Floats, lower: Floats, upper: Floats, gap: float, at: int) -> bool:
+    """Return whether one of eight laws has left its segment."""
+    tolerance, value = broadcast(gap), load(argument, at)
+    above = greater(value, load(upper, at) + tolerance)
+    return any_true(logical_or(above, greater(load(lower, at) - tolerance, value)))
 
 
 @compiled_part
@@ -209,15 +214,42 @@ def update_branches(
     if not evaluate_frictions(table, state, work, force):
         return count
     trial, limit, branches = work.trial, work.limit, state.friction
-    for friction in range(trial.size):
-        positive_limit = max(limit[friction], 0.0)
-        branch = friction_state(trial[friction], positive_limit, branches[friction], force)
-        if branch != branches[friction]:
-            branches[friction] = branch
-            count = mark_row(work, count, table.friction_row[friction])
-            if one_at_a_time:
-                return count
+    for first in range(0, trial.size, LANES):
+        if not _any_violated(trial, limit, branches, force, first):
+            continue
+        for friction in range(first, min(first + LANES, trial.size)):
+            positive_limit = max(limit[friction], 0.0)
+            branch = friction_state(trial[friction], positive_limit, branches[friction], force)
+            if branch != branches[friction]:
+                branches[friction] = branch
+                count = mark_row(work, count, table.friction_row[friction])
+                if one_at_a_time:
+                    return count
     return count
+
+
+@compiled_loop
+def _any_violated(
+    trials: Floats, limits: Floats, branches: Floats, tolerance: float, at: int
+) -> bool:
+    """Return whether one of eight frictions violates its branch by more than a force [N]."""
+    return any_true(
+        _violated(load(trials, at), load(limits, at), load(branches, at), broadcast(tolerance))
+    )
+
+
+@compiled_loop
+def _violated(trial: Floats, limit: Floats, branch: Floats, tolerance: Floats) -> Bools:
+    """Return which of eight frictions violate their branches.
+
+    Stick is violated by a trial force above the limit, slip by one below.
+    """
+    zero = broadcast(0.0)
+    slips, closed = greater(absolute(branch), zero), greater(limit, zero)
+    positive_limit = select(closed, limit, zero)
+    lowest = select(closed, positive_limit - tolerance, broadcast(-np.inf))
+    larger = select(slips, lowest, absolute(trial))
+    return greater(larger, select(slips, branch * trial, positive_limit + tolerance))
 
 
 @compiled_part

@@ -7,7 +7,7 @@ set, friction branches and anchors are kept, and the run starts from the static 
 they allow, with an energy balance of its own.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
@@ -81,12 +81,49 @@ class _StateLeft:
 _cache = LRUCache[_StateLeft](MOST_KEPT)
 
 
+@dataclass(frozen=True, slots=True)
+class StartPlan:
+    """A motion before the start, ready to be integrated.
+
+    Attributes
+    ----------
+    scheme : Scheme
+        Numerical choices of the motion.
+    positions : ndarray, shape (n_steps + 1, n_inputs)
+        Marker positions at the ends of its steps [m].
+    laws, table : LawTable
+        What acts in it; the table is None where the state that it leaves is known.
+    key : hashable
+        What that state depends on.
+    """
+
+    scheme: Scheme
+    positions: Floats
+    laws: LawTable
+    table: LawTable | None
+    key: Hashable
+
+
+def plan_start(arrangement: Arrangement, scheme: Scheme, prior: PriorMotion) -> StartPlan:
+    """Prepare a motion before the start of a run with a scheme; what is trapped comes later."""
+    scheme = _prior_scheme(scheme, prior)
+    count = round(scheme.output_interval / scheme.step)
+    times = np.minimum(scheme.step * np.arange(count + 1), prior.duration)
+    positions = np.ascontiguousarray(prior.inputs(times).T)
+    laws = _freeze_timed_laws(arrangement.laws)
+    # Objects that are absent move nothing: their places share the motion as they share templates.
+    values = (part.tobytes() for part in (*laws, *arrangement.mechanism.courses))
+    key = (id(arrangement.templates), scheme, positions.tobytes(), *values)
+    known = _cache.get(key) is not None
+    table = None if known else _placed_table(laws, arrangement)
+    return StartPlan(scheme, positions, laws, table, key)
+
+
 def find_start(
     run: PreparedRun,
     arrangement: Arrangement,
-    scheme: Scheme,
     thread: Executor | None,
-    prior: PriorMotion | None,
+    plan: StartPlan | None,
 ) -> Code:
     """Put the state of a run where it starts.
 
@@ -96,55 +133,44 @@ def find_start(
         From `prepare`; nothing has moved yet.
     arrangement : Arrangement
         What it was prepared from.
-    scheme : Scheme
-        Numerical choices of the run.
     thread : Executor or None
         For the kernels.
-    prior : PriorMotion, optional
-        The motion before the start.
+    plan : StartPlan, optional
+        The motion before the start, from `plan_start`.
 
     Returns
     -------
     Code
         `COMPLETE`, or why there is no start.
     """
-    if prior is None:
+    if plan is None:
         code = start_at_rest(run, arrangement.mechanism)
     else:
-        code = _start_after(run, arrangement, scheme, thread, prior)
+        code = _start_after(run, arrangement, thread, plan)
     freeze(run.table, run.state, run.obstructions)
     return code
 
 
 def _start_after(
-    run: PreparedRun,
-    arrangement: Arrangement,
-    scheme: Scheme,
-    thread: Executor | None,
-    prior: PriorMotion,
+    run: PreparedRun, arrangement: Arrangement, thread: Executor | None, plan: StartPlan
 ) -> Code:
     """Start from where a prior motion leaves the rails; what is trapped or frozen comes later."""
-    scheme = _prior_scheme(scheme, prior)
-    count = round(scheme.output_interval / scheme.step)
-    times = np.minimum(scheme.step * np.arange(count + 1), prior.duration)
-    positions = np.ascontiguousarray(prior.inputs(times).T)
-    laws = _freeze_timed_laws(arrangement.laws)
-    # Objects that are absent move nothing: their places share the motion as they share templates.
-    shared, values = arrangement.templates, (part.tobytes() for part in laws)
-    key = (id(shared), scheme, positions.tobytes(), *values)
-    key += tuple(part.tobytes() for part in arrangement.mechanism.courses)
-    left = _cache.get(key)
+    left = _cache.get(plan.key)
     if left is None:
-        table = shared_record(place_laws(laws, run.system.row_place))
-        given = replace(arrangement, laws=laws, table=table)
-        motion = prepare(given, scheme, positions, 2, filled_in=False)
+        table = plan.table or _placed_table(plan.laws, arrangement)
+        given = replace(arrangement, laws=plan.laws, table=table)
+        motion = prepare(given, plan.scheme, plan.positions, 2, filled_in=False)
         code = _move(motion, arrangement.mechanism, thread)
         if code != Code.COMPLETE:
             run.work.unconverged[:] = motion.work.unconverged
             return code
-        left = _cache.put(key, _state_left(motion, shared))
+        left = _cache.put(plan.key, _state_left(motion, arrangement.templates))
         motion.give_back()
     return _start_from(run, left)
+
+
+def _placed_table(laws: LawTable, arrangement: Arrangement) -> LawTable:
+    return shared_record(place_laws(laws, arrangement.system.row_place))
 
 
 def clear_starts() -> None:

@@ -34,13 +34,14 @@ class State(NamedTuple):
     `turnout.integrate.energy`.
 
     Solution: ``entries`` and ``shift`` are the deviations of the rows; the columns with their
-    slots, and the coupling of the blocks with its ``pivots``, are those of
-    `turnout.integrate.columns` for the step of the present level. ``compliance`` depends on the
-    length of the step alone and is kept level by level, ``level_ready`` says which levels have
-    been assembled (`turnout.integrate.levels`). ``drift`` is the growth of rounding since it
+    slots, and the coupling of the blocks as ``assembled`` and factorised with its ``pivots``, are
+    those of `turnout.integrate.columns` for the step of the present level. ``compliance`` depends
+    on the length of the step alone and is kept level by level, ``level_ready`` says which levels
+    have been assembled (`turnout.integrate.levels`). ``drift`` is the growth of rounding since it
     was last measured [-].
     ``counters``: active rows that join blocks, flips since the last rebuild, all flips, all
-    iterations, halved steps, rebuilds, the level, whether the coupling is up to date.
+    iterations, halved steps, rebuilds, the level, and the state of the coupling: 0 unknown, 1 up to
+    date, else 1 and a bit, from the second on, for each block whose columns have changed.
     """
 
     segment: Ints
@@ -69,6 +70,7 @@ class State(NamedTuple):
     columns: Floats
     joining: Ints
     coupling: Floats
+    assembled: Floats
     pivots: Ints
     level_ready: Ints
     mode_columns: Floats
@@ -179,6 +181,7 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
             columns=zeros_in_lines(n_slots, widest),
             joining=np.full(n_joining, -1, dtype=np.int64),
             coupling=np.zeros((n_joining, n_joining)),
+            assembled=np.zeros((n_joining, n_joining)),
             pivots=np.zeros(n_joining, dtype=np.int64),
             level_ready=np.zeros(levels, dtype=np.int64),
             mode_columns=zeros_in_lines(n_modes, widest),
@@ -219,6 +222,7 @@ def fresh_copy(state: State, table: LawTable, compliance: Floats, ready: Ints) -
         state,
         columns=lines_from_buffer(*state.columns.shape),
         coupling=np.zeros(state.coupling.shape),
+        assembled=np.zeros(state.assembled.shape),
         mode_columns=lines_from_buffer(*state.mode_columns.shape),
         compliance=compliance,
     )

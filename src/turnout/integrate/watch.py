@@ -22,6 +22,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from turnout.condense.condense import CondensedRails
+from turnout.core.lru_cache import LRUCache
 from turnout.integrate.system import Floats, Ints, System
 from turnout.kernels.compiled import compiled_loop, compiled_part
 from turnout.kernels.lanes import LANES, broadcast, gather, load, store, whole_lines, zeros_in_lines
@@ -31,6 +32,8 @@ from turnout.law.table import LawTable
 TIME_TOLERANCE = 1e-9
 BALANCE_EVERY = 8
 """Kept instants of a watched run from one check of its energy balance to the next."""
+MOST_WEIGHTS = 64
+"""Weights of seen displacements in memory, the latest used; some 20 kB each."""
 
 
 class StepRecord(NamedTuple):
@@ -225,31 +228,62 @@ def _numbered(chosen: Ints, count: int) -> Ints:
     return found
 
 
-def watch_record(
-    record: StepRecord, plan: WatchPlan, rails: CondensedRails, laws: LawTable
-) -> StepRecord:
-    """Return a record of plain arrays with those of a watched run."""
-    modes, shapes, load = plan.watch.seen(rails)
-    count = plan.watch.count
-    width = int(whole_lines(count))
+class SeenWeights(NamedTuple):
+    """Weights of seen displacements, a column each, padded to whole cache lines.
+
+    `modes`, `laws` and `frictions` have a row for each mode, law and friction, as the kernel takes
+    them; `load` are the displacements under the constant load [m].
+    """
+
+    modes: Floats
+    laws: Floats
+    frictions: Floats
+    load: Floats
+
+
+# Rails with their objects and rows of laws are shared by many throws.
+_weights = LRUCache[tuple[SeenWeights, object]](MOST_WEIGHTS)
+
+
+def seen_weights(watch: Watch, rails: CondensedRails, laws: LawTable) -> SeenWeights:
+    """Return the weights of what is seen; found once where what they are made of is the same."""
+    modes, shapes, load = watch.seen(rails)
+    width = int(whole_lines(watch.count))
+    key = (id(modes), id(shapes), id(load), laws.row.tobytes(), laws.friction_row.tobytes())
+    kept = _weights.get(key)
+    if kept is not None:
+        return kept[0]
 
     def padded(weights: Floats) -> Floats:
         found = zeros_in_lines(weights.shape[1], width)
-        found[:, :count] = weights.T
+        found[:, : watch.count] = weights.T
         return found
 
+    made = SeenWeights(
+        modes=padded(modes),
+        laws=padded(-shapes[:, laws.row]),
+        frictions=padded(-shapes[:, laws.friction_row]),
+        load=np.pad(load, (0, width - watch.count)),
+    )
+    if not (modes.flags.writeable or shapes.flags.writeable or load.flags.writeable):
+        _weights.put(key, (made, (modes, shapes, load)))
+    return made
+
+
+def watch_record(record: StepRecord, plan: WatchPlan, weights: SeenWeights) -> StepRecord:
+    """Return a record of plain arrays with those of a watched run."""
     return record._replace(
         whole=plan.whole,
         kept=plan.kept,
         balanced=plan.balanced,
         watched=np.asarray(plan.watch.laws, dtype=np.int64),
         effort=np.zeros((plan.whole.size, len(plan.watch.laws))),
-        seen=zeros_in_lines(int(plan.kept.max()) + 1, width),
-        seen_modes=padded(modes),
-        seen_laws=padded(-shapes[:, laws.row]),
-        seen_frictions=padded(-shapes[:, laws.friction_row]),
-        seen_load=np.pad(load, (0, width - count)),
-        deviation=np.zeros(laws.row.size),
+        seen=zeros_in_lines(int(plan.kept.max()) + 1, weights.load.size),
+        seen_modes=weights.modes,
+        seen_laws=weights.laws,
+        seen_frictions=weights.frictions,
+        seen_load=weights.load,
+        deviation=np.zeros(weights.laws.shape[0]),
     )
 
 

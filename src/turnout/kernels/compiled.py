@@ -1,26 +1,34 @@
 """Decorators of compiled kernels, and their cache in the user's cache folder.
 
-Numba notices a change of the file that holds a kernel, but not of the kernels it calls. The cache
-folder's name therefore holds a digest of every kernel source: a new source, a new folder.
-
-Numba optimises each kernel with all that it calls and makes machine code of it, and does the same
-again for whatever calls that kernel. Only the few kernels that Python calls need this. A kernel
-that another one calls is therefore compiled to plain intermediate code, which is optimised once,
-within the kernel that Python calls: this halves the time of a first start and changes no bit.
+A kernel is machine code for the kinds of arguments that it is called with. The cache holds this
+code in one file for each kernel, kinds and processor, in a folder whose name has a digest of every
+kernel source: a new source, a new folder. Only what is not found there is compiled, by Numba, which
+is not imported before (`turnout.kernels.compiler`).
 """
 
+import functools
+import hashlib
+import inspect
 import os
+import threading
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 from turnout.core.cache_folder import safe_folder, user_cache_folder
+from turnout.core.files import write_atomic
 from turnout.core.sources import KERNELS, digest_of_sources
+from turnout.errors import TurnoutError
+from turnout.kernels.arguments import Kind, add_argument, describe
 
 P = ParamSpec("P")
 T = TypeVar("T")
 
 CACHE_VARIABLE = "NUMBA_CACHE_DIR"
+"""Environment variable with the folder of compiled kernels, for child processes and Numba."""
+
+SUFFIX = ".kernel"
 
 
 def kernel_cache_folder() -> Path:
@@ -28,172 +36,128 @@ def kernel_cache_folder() -> Path:
     return user_cache_folder() / f"kernels-{digest_of_sources(KERNELS)}"
 
 
-def _prepare_numba() -> Any:
-    """Import Numba with a cache folder that no other user can write, since it unpickles kernels."""
+def _choose_folder() -> None:
+    """Choose a folder that no other user can write, since what lies there is run."""
     chosen = os.environ.pop(CACHE_VARIABLE, None)
     folder = safe_folder(Path(chosen).absolute() if chosen else kernel_cache_folder())
     if folder is not None:
         os.environ[CACHE_VARIABLE] = str(folder)
-    import numba
-
-    setattr(numba.config, "CACHE_DIR", str(folder or ""))  # noqa: B010
-    return numba
 
 
-_numba = _prepare_numba()
-from llvmlite.binding import parse_bitcode  # noqa: E402, after its folder
-from numba.core import types  # noqa: E402
-from numba.core.caching import CompileResultCacheImpl, FunctionCache  # noqa: E402
-from numba.core.codegen import JITCodeLibrary  # noqa: E402
-from numba.core.compiler import (  # noqa: E402
-    CR_FIELDS,
-    CompilerBase,
-    CompileResult,
-    DefaultPassBuilder,
-)
-from numba.core.registry import CPUDispatcher  # noqa: E402
-from numba.core.runtime.nrt import rtsys  # noqa: E402
+_choose_folder()
+_ROOT = Path(__file__).parents[1]
+_lock = threading.RLock()
 
 
-class _PlainCode(JITCodeLibrary):
-    """Code of a kernel that only other kernels call: neither optimised nor made machine code."""
+class Kernel:
+    """A function that is compiled when it is called, or comes compiled from the cache.
 
-    def _optimize_final_module(self) -> None:
-        pass
-
-    def _finalize_final_module(self) -> None:
-        self._finalize_dynamic_globals()  # type: ignore[no-untyped-call]
-        self._finalized = True
-
-
-class _Whole(CompilerBase):
-    """Compile a kernel that Python calls, as Numba does."""
-
-    def define_pipelines(self) -> list[object]:
-        """Return the pipeline of Numba."""
-        pipeline: object = DefaultPassBuilder.define_nopython_pipeline(self.state)  # type: ignore[no-untyped-call]
-        return [pipeline]
-
-
-class _WithoutOverlap(_Whole):
-    """Compile with the flag `noalias`: no array that is written overlaps another.
-
-    Without it a vectorised loop over several arrays begins with overlap checks, which short loops
-    do not repay.
+    Attributes
+    ----------
+    py_func : callable
+        The plain function.
+    loop, part : bool
+        Whether it is compiled into what calls it; for a loop, arrays that are written overlap none.
+    cache_hits : int
+        How often machine code came from the cache in this process.
     """
 
-    def define_pipelines(self) -> list[object]:
-        """Return the pipeline of Numba with the flag set."""
-        self.state.flags.noalias = True
-        return super().define_pipelines()
+    def __init__(self, function: Callable[..., Any], *, loop: bool, part: bool) -> None:
+        functools.update_wrapper(self, function)
+        self.py_func, self.loop, self.part = function, loop, part
+        self.cache_hits = 0
+        self._count = function.__code__.co_argcount
+        self._ready: dict[tuple[Kind, ...], Callable[[list[Any]], Any]] = {}
 
-
-class _Inner(_Whole):
-    """Compile a kernel that only other kernels call."""
-
-    def define_pipelines(self) -> list[object]:
-        """Return the pipeline of Numba, which then ends with plain code."""
-        state = self.state
-        state.flags.no_cpython_wrapper = True
-        state.flags.no_compile = True
-        codegen = state.targetctx.codegen()
-        state.library = _PlainCode(codegen, state.func_id.func_qualname)  # type: ignore[no-untyped-call]
-        return super().define_pipelines()
-
-
-class _InnerLoop(_Inner, _WithoutOverlap):
-    """The same of arrays that do not overlap."""
-
-
-class _PlainCodeFiles(CompileResultCacheImpl):
-    """Plain code of a kernel in the cache, in files beside those of what Python calls."""
-
-    def get_filename_base(self, fullname: str, abiflags: str) -> str:
-        """Return the beginning of the names of its files."""
-        return f"inner.{super().get_filename_base(fullname, abiflags)}"  # type: ignore[no-untyped-call]
-
-    def reduce(self, cres: Any) -> Any:
-        """Return what is stored of compiled code."""
-        cres.fndesc.typemap = cres.fndesc.calltypes = None  # of the compiler, and large
-        code = cres.library._final_module.as_bitcode()
-        return cres.library.name, code, cres.fndesc, cres.signature, cres.reload_init
-
-    def rebuild(self, target_context: Any, payload: Any) -> Any:
-        """Return compiled code from what was stored."""
-        name, code, fndesc, signature, reload_init = payload
-        library = _PlainCode(target_context.codegen(), name)  # type: ignore[no-untyped-call]
-        library._final_module = parse_bitcode(code)
-        library._finalize_final_module()
-        known = {"fndesc": fndesc, "signature": signature, "reload_init": reload_init}
-        blank: dict[str, Any] = dict.fromkeys(CR_FIELDS)
-        known |= {"library": library, "target_context": target_context}
-        return CompileResult(**blank | known | {"lifted": (), "entry_point": library})
-
-
-class _PlainCodeCache(FunctionCache):
-    """Cache of kernels that only other kernels call."""
-
-    _impl_class = _PlainCodeFiles
-
-
-class _InnerKernel(CPUDispatcher):
-    """What other kernels call; its code has no address of its own."""
-
-    def enable_caching(self) -> None:
-        """Keep the plain code: another kernel that Python calls may need it later."""
-        self._cache = _PlainCodeCache(self.py_func)  # type: ignore[no-untyped-call]
-
-    def add_overload(self, cres: Any) -> None:
-        """Register compiled code under a mark in place of an address."""
-        found = cres._replace(entry_point=object())
-        mark, code = found.entry_point, found.library
-        self.targetctx.insert_user_function(mark, found.fndesc, [code])  # type: ignore[no-untyped-call]
-        self.overloads[tuple(found.signature.args)] = found
-
-
-class _KernelCache(FunctionCache):
-    """Cache of kernels that Python calls."""
-
-    def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Load machine code without all that Numba knows of types, which only compiling asks for.
-
-        Filling its registries takes longer than all else that happens here.
-        """
-        rtsys.initialize(target_context)
-        with self._guard_against_spurious_io_errors():
-            return self._load_overload(sig, target_context)  # type: ignore[no-untyped-call]
-
-
-class _Kernel(CPUDispatcher):
-    """What Python calls; in another kernel its name stands for its inner kernel.
-
-    Cache and inner kernel are made at their first use: most kernels have none, where the few that
-    Python calls are at hand.
-    """
-
-    loop, kept = False, False
-    _inner: Any = None
+    def __call__(self, *args: Any, **named: Any) -> Any:
+        """Call the machine code for arguments of these kinds."""
+        if named or len(args) != self._count:
+            bound = inspect.signature(self.py_func).bind(*args, **named)
+            bound.apply_defaults()
+            args = bound.args
+        words: list[Any] = []
+        kinds: list[Kind] = []
+        for value in args:
+            add_argument(value, words, kinds)
+        key = tuple(kinds)
+        call = self._ready.get(key)
+        if call is None:
+            call = self._prepare(key)
+        return call(words)
 
     @property
-    def _numba_type_(self) -> types.Dispatcher:
-        if self._inner is None:
-            compiler = _InnerLoop if self.loop else _Inner
-            options = dict(self.targetoptions)
-            inner = _InnerKernel(self.py_func, targetoptions=options, pipeline_class=compiler)
-            if self.kept:
-                inner.enable_caching()
-            self._inner = inner
-        return types.Dispatcher(self._inner)
+    def _numba_type_(self) -> Any:
+        """What Numba takes for this kernel where another kernel calls it."""
+        from numba.core.types import Dispatcher
 
-    def enable_caching(self) -> None:
-        """Keep the machine code."""
-        self._cache = _KernelCache(self.py_func)  # type: ignore[no-untyped-call]
+        return Dispatcher(self.dispatcher)
 
-    def compile(self, sig: Any) -> Any:
-        """Compile or load the kernel for the types of its arguments."""
-        if self.kept and not isinstance(self._cache, _KernelCache):
-            self.enable_caching()
-        return super().compile(sig)
+    @functools.cached_property
+    def dispatcher(self) -> Any:
+        """The kernel as Numba has it."""
+        from turnout.kernels.compiler import inner_dispatcher
+
+        return inner_dispatcher(self)
+
+    def is_kept(self) -> bool:
+        """Return whether the cache holds machine code of this kernel for this processor."""
+        from turnout.kernels.machine_code import machine_digest
+
+        folder = os.environ.get(CACHE_VARIABLE)
+        pattern = f"{self.full_name}-*-{machine_digest()}{SUFFIX}"
+        return folder is not None and any(Path(folder).glob(pattern))
+
+    @property
+    def full_name(self) -> str:
+        """Module and name, such as "turnout.integrate.march.march"."""
+        return f"{self.py_func.__module__}.{self.py_func.__qualname__}"
+
+    def identity(self, kinds: tuple[Kind, ...]) -> str | None:
+        """Return a name of the machine code for arguments of some kinds that no other one has.
+
+        None where there is none: of a kernel that is defined in no file, or depends on variables
+        around it. One outside turnout is known by the content of its file as well, those inside by
+        the folder of the cache.
+        """
+        code = self.py_func.__code__
+        source = Path(code.co_filename)
+        if code.co_freevars or not source.is_file():
+            return None
+        text = "\n".join([str(code.co_firstlineno), *map(describe, kinds)])
+        found = hashlib.blake2b(text.encode(), digest_size=8)
+        if not source.is_relative_to(_ROOT):
+            found.update(source.read_bytes())
+        return f"{self.full_name}-{found.hexdigest()}"
+
+    def file_for(self, kinds: tuple[Kind, ...]) -> Path | None:
+        """Return the file of the machine code for arguments of some kinds; None without one."""
+        from turnout.kernels.machine_code import machine_digest
+
+        folder, identity = os.environ.get(CACHE_VARIABLE), self.identity(kinds)
+        if folder is None or identity is None:
+            return None
+        return Path(folder) / f"{identity}-{machine_digest()}{SUFFIX}"
+
+    def _prepare(self, kinds: tuple[Kind, ...]) -> Callable[[list[Any]], Any]:
+        """Load the machine code for arguments of some kinds, or compile and keep it."""
+        from turnout.kernels.machine_code import callable_code, read_machine_code
+
+        with _lock:
+            if kinds in self._ready:
+                return self._ready[kinds]
+            file = self.file_for(kinds)
+            code = None if file is None else read_machine_code(file)
+            if code is not None:
+                self.cache_hits += 1
+            else:
+                from turnout.kernels.compiler import compile_kernel
+
+                code = compile_kernel(self, kinds)
+                if file is not None:
+                    with suppress(OSError, TurnoutError):  # without a cache it is compiled again
+                        write_atomic(file, code.to_bytes())
+            self._ready[kinds] = callable_code(code, kinds)
+            return self._ready[kinds]
 
 
 def compiled(function: Callable[P, T]) -> Callable[P, T]:
@@ -204,7 +168,7 @@ def compiled(function: Callable[P, T]) -> Callable[P, T]:
     Sums keep the order in which they are written, and products are rounded before they are added,
     so that the same kernel gives the same bits however it came to be compiled.
     """
-    return _compiled(function, memory=False)
+    return _compiled(function)
 
 
 def compiled_loop(function: Callable[P, T]) -> Callable[P, T]:
@@ -213,33 +177,17 @@ def compiled_loop(function: Callable[P, T]) -> Callable[P, T]:
     The arrays that it writes must not overlap each other or those that it reads, which is not
     checked.
     """
-    return _compiled(function, memory=False, loop=True)
+    return _compiled(function, loop=True)
 
 
 def compiled_part(function: Callable[P, T]) -> Callable[P, T]:
     """Compile a kernel inline into each kernel that calls it; for short ones with few callers."""
-    return _compiled(function, memory=False, part=True)
-
-
-def compiled_with_memory(function: Callable[P, T]) -> Callable[P, T]:
-    """Compile a kernel that may allocate arrays; for rare calls."""
-    return _compiled(function, memory=True)
+    return _compiled(function, part=True)
 
 
 def _compiled(
-    function: Callable[P, T], *, memory: bool, loop: bool = False, part: bool = False
+    function: Callable[P, T], *, loop: bool = False, part: bool = False
 ) -> Callable[P, T]:
-    options: dict[str, Any] = {
-        "nopython": True,
-        "error_model": "numpy",
-        "nogil": True,
-        "_nrt": memory,
-        "no_cfunc_wrapper": True,  # no kernel is passed to another one
-    }
-    if loop or part:
-        options["forceinline"] = True
-    compiler = _WithoutOverlap if loop else _Whole
-    kernel: Any = _Kernel(function, targetoptions=options, pipeline_class=compiler)
-    kernel.loop, kernel.kept = loop, CACHE_VARIABLE in os.environ
+    kernel: Any = Kernel(function, loop=loop, part=part)
     found: Callable[P, T] = kernel
     return found

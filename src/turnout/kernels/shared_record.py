@@ -4,7 +4,7 @@ A kernel that takes a named tuple of arrays by value gets every pointer and ever
 each call, hundreds of numbers, which costs more than what a small kernel does. `shared_record` lays
 these numbers down in memory once and hands kernels the address alone. In Python as in a kernel the
 arrays are read as attributes of the same names; which arrays they are can no longer be changed,
-what is in them can.
+what is in them can. What reading one is in machine code is in `turnout.kernels.record_code`.
 """
 
 import itertools
@@ -12,54 +12,36 @@ from collections.abc import Mapping
 from functools import cache, lru_cache
 from typing import Any, NamedTuple, TypeVar, cast
 
-import numba
 import numpy as np
-from llvmlite import ir
-from numba.core import types
-from numba.core.typing.templates import AttributeTemplate
-from numba.extending import (
-    NativeValue,
-    infer_getattr,
-    lower_getattr_generic,
-    models,
-    register_model,
-    typeof_impl,
-    unbox,
-)
-from numba.np.arrayobj import make_array, populate_array
 from numpy.typing import NDArray
 
 from turnout.kernels.lanes import whole_lines, zeros_in_lines
 
 T = TypeVar("T", bound=NamedTuple)
 
-_WORD = ir.IntType(64)
 
+class RecordKind:
+    """Names, dtypes and numbers of dimensions of the arrays of a record; one object for each.
 
-class _SharedType(types.Type):
-    """Numba type of a shared record: names, dtypes and numbers of dimensions of its arrays."""
+    Attributes
+    ----------
+    record : str
+        Name of the class of the named tuple.
+    fields : tuple of (str, str, int)
+        Name, dtype and number of dimensions of each array.
+    word_of : dict of str to int
+        Index of the word with the address of an array; its shape follows.
+    """
 
     def __init__(self, record: str, fields: tuple[tuple[str, str, int], ...]) -> None:
-        self.record = record
-        self.fields = fields
-        kinds = ", ".join(f"{name}: {kind}{ndim}" for name, kind, ndim in fields)
-        super().__init__(name=f"Shared({record}: {kinds})")
+        self.record, self.fields = record, fields
         starts = itertools.accumulate((1 + ndim for *_, ndim in fields), initial=0)
         self.word_of = {name: word for (name, *_), word in zip(fields, starts, strict=False)}
 
-    def array_at(self, wanted: str) -> tuple[types.Array, int] | None:
-        """Return the type of an array and the index of its first word; None for an unknown name."""
-        for name, kind, ndim in self.fields:
-            if name == wanted:
-                array = types.Array(numba.from_dtype(np.dtype(kind)), ndim, "C")
-                return array, self.word_of[name]
-        return None
-
-
-@register_model(_SharedType)
-class _SharedModel(models.PrimitiveModel):
-    def __init__(self, manager: Any, kind: _SharedType) -> None:
-        super().__init__(manager, kind, _WORD)
+    def __str__(self) -> str:
+        """Return all that a kernel knows of the record."""
+        kinds = ", ".join(f"{name}: {kind}{ndim}" for name, kind, ndim in self.fields)
+        return f"Shared({self.record}: {kinds})"
 
 
 class Shared:
@@ -67,21 +49,19 @@ class Shared:
 
     Vectors are pieces of one `memory`; `vectors` holds start, size and dtype of each. `words` are
     the address and the lengths of each array, which kernels read. `arrays` caches the arrays that
-    have been requested. Numba asks every argument of a kernel for its ``_numba_type_``; without one
-    it looks the type up in Python, which takes ten times as long as all else of a call.
+    have been requested.
     """
 
-    __slots__ = ("_numba_type_", "address", "arrays", "kind", "memory", "vectors", "words")
+    __slots__ = ("address", "arrays", "kind", "memory", "vectors", "words")
 
     def __init__(
         self,
-        kind: _SharedType,
+        kind: RecordKind,
         memory: NDArray[np.float64],
         vectors: Mapping[str, tuple[int, int, np.dtype[Any]]],
         words: NDArray[np.int64],
     ) -> None:
         self.kind, self.memory, self.vectors, self.words = kind, memory, vectors, words
-        self._numba_type_ = kind
         self.arrays: dict[str, NDArray[Any]] = {}
         self.address = int(words.ctypes.data)
 
@@ -102,9 +82,9 @@ class Shared:
 
 
 @cache
-def _shared_type(record: type[Any], arrays: tuple[tuple[str, int], ...]) -> _SharedType:
+def _shared_type(record: type[Any], arrays: tuple[tuple[str, int], ...]) -> RecordKind:
     named = zip(record._fields, arrays, strict=True)
-    return _SharedType(record.__name__, tuple((name, *array) for name, array in named))
+    return RecordKind(record.__name__, tuple((name, *array) for name, array in named))
 
 
 def shared_record(arrays: T, **beyond: float) -> T:
@@ -166,7 +146,7 @@ class _Layout(NamedTuple):
     `padding` is what follows each array in memory, `size` that of all.
     """
 
-    kind: _SharedType
+    kind: RecordKind
     vectors: Mapping[str, tuple[int, int, np.dtype[Any]]]
     words: NDArray[np.int64]
     of_vectors: NDArray[np.int64]
@@ -238,56 +218,3 @@ def clone_record(record: T, **matrices: NDArray[Any]) -> T:
         found.arrays[name] = array
         words[given.kind.word_of[name]] = array.ctypes.data
     return cast("T", found)
-
-
-@typeof_impl.register(Shared)
-def _type_of(record: Shared, _context: Any) -> _SharedType:
-    return record.kind
-
-
-@unbox(_SharedType)
-def _unbox_address(_kind: _SharedType, record: Any, compiler: Any) -> NativeValue:
-    address = compiler.pyapi.object_getattr_string(record, "address")
-    value = compiler.unbox(types.int64, address)
-    compiler.pyapi.decref(address)
-    return NativeValue(value.value, is_error=value.is_error)
-
-
-@infer_getattr
-class _SharedAttribute(AttributeTemplate):
-    key = _SharedType
-
-    def generic_resolve(self, kind: Any, name: str) -> Any:  # type: ignore[override]
-        found = kind.array_at(name)
-        return None if found is None else found[0]
-
-
-@lower_getattr_generic(_SharedType)
-def _read_array(context: Any, builder: Any, kind: _SharedType, address: Any, name: str) -> Any:
-    found = kind.array_at(name)
-    assert found is not None
-    array_type, first = found
-    words = builder.inttoptr(address, _WORD.as_pointer())
-
-    def read(at: int) -> Any:
-        word = builder.load(builder.gep(words, [ir.Constant(_WORD, at)]))
-        # never written while kernels run, so that it need not be read again after every store
-        word.set_metadata("invariant.load", builder.module.add_metadata([]))
-        return word
-
-    shape = [read(first + 1 + axis) for axis in range(array_type.ndim)]
-    size = context.get_abi_sizeof(context.get_data_type(array_type.dtype))
-    step = ir.Constant(_WORD, size)
-    strides = [step]
-    for length in reversed(shape[1:]):
-        strides.insert(0, builder.mul(strides[0], length))
-    array = make_array(array_type)(context, builder)
-    populate_array(
-        array,
-        data=builder.inttoptr(read(first), array.data.type),
-        shape=shape,
-        strides=strides,
-        itemsize=step,
-        meminfo=None,
-    )
-    return array._getvalue()

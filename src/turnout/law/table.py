@@ -7,7 +7,10 @@ objects differ in their numbers only. A friction law acts along its own row and 
 ``friction_coefficient * F`` of its normal law.
 """
 
+import math
+from bisect import bisect_left
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -96,23 +99,22 @@ class LawTableBuilder:
         int
             Index of the law.
         """
-        breakpoints = np.asarray(breakpoints, dtype=float)
-        slopes = np.asarray(slopes, dtype=float)
-        if slopes.size != breakpoints.size + 1 or np.any(np.diff(breakpoints) <= 0):
+        ends = [float(value) for value in breakpoints]  # so few that lists are quicker than arrays
+        inner = [float(value) for value in slopes]
+        rising = all(before < after for before, after in pairwise(ends))
+        if len(inner) != len(ends) + 1 or not rising:
             msg = f"law on row {row}: breakpoints must rise, one slope more than they"
             raise MechanicsError(msg)
-        lower = np.concatenate(([-np.inf], breakpoints))
-        upper = np.concatenate((breakpoints, [np.inf]))
-        zero_segment = int(np.searchsorted(breakpoints, 0.0))
-        intercept = np.zeros(slopes.size)
-        potential = np.zeros(slopes.size)
-        for s in range(zero_segment + 1, slopes.size):
-            _continue(intercept, potential, slopes, s, s - 1, lower[s])
+        lower, upper = [-math.inf, *ends], [*ends, math.inf]
+        zero_segment = bisect_left(ends, 0.0)
+        intercept, potential = [0.0] * len(inner), [0.0] * len(inner)
+        for s in range(zero_segment + 1, len(inner)):
+            _continue(intercept, potential, inner, s, s - 1, lower[s])
         for s in range(zero_segment - 1, -1, -1):
-            _continue(intercept, potential, slopes, s, s + 1, upper[s])
+            _continue(intercept, potential, inner, s, s + 1, upper[s])
         self.laws.append((row, offset, input_index, base_segment, appears, disappears, waits))
         self.segments.append(
-            list(zip(lower, upper, slopes, intercept, potential, strict=True)),
+            list(zip(lower, upper, inner, intercept, potential, strict=True)),
         )
         return len(self.laws) - 1
 
@@ -175,7 +177,12 @@ class LawTableBuilder:
 
 
 def _continue(
-    intercept: Floats, potential: Floats, slopes: Floats, s: int, neighbour: int, at: float
+    intercept: list[float],
+    potential: list[float],
+    slopes: list[float],
+    s: int,
+    neighbour: int,
+    at: float,
 ) -> None:
     """Set intercept and potential of segment `s` so that both join `neighbour` at `at`."""
     force = slopes[neighbour] * at + intercept[neighbour]

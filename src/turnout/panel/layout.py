@@ -19,6 +19,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
+from turnout.core.lru_cache import LRUCache
 from turnout.panel.markers import marker_level, ordered_movements, start_offset
 from turnout.panel.model import Panel
 from turnout.panel.profile import (
@@ -31,6 +32,14 @@ from turnout.panel.profile import (
 from turnout.panel.records import Drive, OnRails
 
 FloatArray = npt.NDArray[np.float64]
+
+MOST_OPENINGS = 256
+"""Openings of rails at so many places are kept in memory, the latest used."""
+
+
+# Throws of a study share the records that openings follow from; these are named by their identity,
+# and drives, whose stiffness often varies, by what counts of them.
+_openings = LRUCache[tuple[float | None, object]](MOST_OPENINGS)
 
 
 def largest_opening(panel: Panel, rail: str, x: float) -> float | None:
@@ -50,6 +59,19 @@ def largest_opening(panel: Panel, rail: str, x: float) -> float | None:
     float or None
         Distance [m], at least 0; None where the rail has no stock rail.
     """
+    families = (panel.rail, panel.link, panel.fastening, panel.schedule, panel.movement)
+    ways = tuple(
+        (drive.rail, drive.x, drive.stroke, drive.over_travel_open, drive.over_travel_closed)
+        for drive in panel.drive.values()
+    )
+    key = (*map(id, families), ways, rail, x)
+    known = _openings.get(key)
+    if known is None:
+        known = _openings.put(key, (_largest_opening(panel, rail, x), families))
+    return known[0]
+
+
+def _largest_opening(panel: Panel, rail: str, x: float) -> float | None:
     record = panel.rail[rail]
     gap = unloaded_gap(panel, rail, [x])
     if gap is None:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
+from turnout.core.lru_cache import LRUCache
 from turnout.core.problems import Problem, nearest, show_value
 from turnout.core.toml import Origin, load_toml
 from turnout.core.units import SI, is_finite
@@ -21,6 +22,9 @@ GROWING = ("object", "machine")
 
 MOST_OVERRIDES = 1000
 """Values set at once; what each covers of the others is looked for."""
+
+MOST_WAYS = 16
+"""Sets of keys whose places are kept in memory: scenarios of a study mostly set the same ones."""
 
 # To find what a wrong key is near to takes a hundredth of a second.
 MOST_NEAREST = 20
@@ -95,6 +99,11 @@ def apply_overrides(
     applied : dict
         Value by leaf key, broad keys first.
     """
+    plain = not any(isinstance(value, Mapping) for value in overrides.values())
+    names = (id(document), *overrides)
+    known = _ways.get(names) if plain else None
+    if known is not None:
+        return known.apply(overrides)
     tree = dict(document.tree)
     shared, given = set(document.shared), dict[str, object]()
     problems: list[Problem] = []
@@ -138,11 +147,85 @@ def apply_overrides(
                 shared.discard(target.place[:3])
     given = {key: value for key, value in document.given.items() if not _given(key, given)} | given
     changed = replace(document, tree=tree, shared=frozenset(shared), given=given)
+    if plain and not problems:
+        way = _way(document, changed, {key: _targets(document.tree, key, None) for key in applied})
+        if way is not None:
+            _ways.put(names, way)
     return changed, problems, applied
+
+
+@dataclass(frozen=True, slots=True)
+class _Way:
+    """How values for certain keys change a document, where all of them are fields of members.
+
+    Attributes
+    ----------
+    document : Document
+        What is changed; it is known by its identity.
+    targets : dict
+        Places of each key, broad keys first.
+    members : dict
+        Whose tables become copies, by family.
+    shared : frozenset of key paths
+        As of the changed document.
+    given : dict
+        The former values that nothing covers.
+    places : list of (str, str)
+        Every place that is set, and the key that does it last, in the order of the values given.
+    """
+
+    document: Document
+    targets: dict[str, list[_Target]]
+    members: dict[str, list[str]]
+    shared: frozenset[Path]
+    given: dict[str, object]
+    places: list[tuple[str, str]]
+
+    def apply(
+        self, overrides: Mapping[str, object]
+    ) -> tuple[Document, list[Problem], dict[str, object]]:
+        """Return what `apply_overrides` does for other values of the same keys."""
+        tree = dict(self.document.tree)
+        for family, names in self.members.items():
+            members = tree[family] = dict(tree[family])
+            for name in names:
+                members[name] = dict(members[name])
+        for key, targets in self.targets.items():
+            value = overrides[key]
+            for target in targets:
+                family, name, field = target.place
+                tree[family][name][field] = value
+        given = self.given | {place: overrides[key] for place, key in self.places}
+        changed = replace(self.document, tree=tree, shared=self.shared, given=given)
+        return changed, [], {key: overrides[key] for key in self.targets}
+
+
+_ways = LRUCache[_Way](MOST_WAYS)
+
+
+def _way(document: Document, changed: Document, targets: dict[str, list[_Target]]) -> _Way | None:
+    """Return how the same keys change a document again; None where a table comes or goes."""
+    last: dict[str, str] = {}
+    members: dict[str, dict[str, None]] = {}
+    for key, found in targets.items():
+        for target in found:
+            if len(target.place) != len(("family", "member", "field")):
+                return None
+            family, name, field = target.place
+            member = document.tree.get(family, {}).get(name)
+            if not isinstance(member, dict) or isinstance(member.get(field), dict):
+                return None
+            last[".".join(target.place)] = key
+            members.setdefault(family, {})[name] = None
+    kept = {name: value for name, value in changed.given.items() if name not in last}
+    of_families = {family: list(names) for family, names in members.items()}
+    return _Way(document, targets, of_families, changed.shared, kept, list(last.items()))
 
 
 def supersede(before: Mapping[str, object], applied: Mapping[str, object]) -> dict[str, object]:
     """Join earlier and later overrides; a later broad key removes the earlier ones it covers."""
+    if not before:
+        return dict(applied)
     kept = {
         key: value
         for key, value in before.items()

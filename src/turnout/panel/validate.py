@@ -139,15 +139,13 @@ def validate(document: Document, *, known: Known | None = None) -> Draft:
         are the very same objects.
     """
     draft = Draft(problems=list(document.problems), shared=document.shared, given=document.given)
-    tree = document.tree
-    unknown = [name for name in tree if name not in Panel.model_fields]
+    tree, fields = document.tree, Panel.model_fields
+    unknown = [name for name in tree if name not in fields]
     for name in unknown[:MOST_PROBLEMS]:
-        text = f": unknown key{nearest(name, Panel.model_fields)}; allowed are " + choices(
-            Panel.model_fields, most=40
-        )
+        text = f": unknown key{nearest(name, fields)}; allowed are " + choices(fields, most=40)
         draft.problems.append(Problem((name,), text))
     draft.problems += _rest((), len(unknown))
-    for name in Panel.model_fields:
+    for name in fields:
         if known is not None and name in tree and tree[name] is known.tree.get(name):
             draft.records[name] = getattr(known.panel, name)
             if name in FAMILIES:
@@ -290,10 +288,11 @@ def _taken_over(
         value = values[key]
         place = (key, id(value))
         if place not in read:
-            if key not in record.model_fields:
+            check = _field_check(record, key)
+            if check is None:
                 return None
             try:
-                read[place] = _field_adapter(record, key).validate_python(value)
+                read[place] = check(value)
             except ValidationError:
                 return None  # the whole record says where it is wrong
         new[key] = read[place]
@@ -301,21 +300,28 @@ def _taken_over(
 
 
 def _with_values(made: BaseModel, values: dict[str, Any]) -> BaseModel:
-    """Return a record like another one with all its values given: `copy` takes far longer."""
+    """Return a record like another one with all its values given: `copy` takes far longer.
+
+    Records do not change, so that two can share what says which of their fields were set.
+    """
     again = made.__class__.__new__(made.__class__)
     put = object.__setattr__
     put(again, "__dict__", values)
-    put(again, "__pydantic_extra__", copy(made.__pydantic_extra__))
-    put(again, "__pydantic_fields_set__", set(made.__pydantic_fields_set__))
-    put(again, "__pydantic_private__", copy(made.__pydantic_private__))
+    put(again, "__pydantic_fields_set__", made.__pydantic_fields_set__)
+    for name in ("__pydantic_extra__", "__pydantic_private__"):
+        value = getattr(made, name)
+        put(again, name, value if value is None else copy(value))
     return again
 
 
 @cache
-def _field_adapter(record: type[BaseModel], name: str) -> TypeAdapter[Any]:
-    """Give the validator of one field of a record, with the record's strictness."""
+def _field_check(record: type[BaseModel], name: str) -> Callable[[object], Any] | None:
+    """Give what validates one field of a record with the record's strictness; None for no field."""
+    if name not in record.model_fields:
+        return None
     config: Any = record.model_config
-    return TypeAdapter(record.model_fields[name].rebuild_annotation(), config=config)
+    check = TypeAdapter(record.model_fields[name].rebuild_annotation(), config=config)
+    return check.validator.validate_python
 
 
 def _merged(family: str, found: dict[Problem, list[str]], document: Document) -> list[Problem]:

@@ -1,17 +1,9 @@
 """Whether a run must first compile the kernels, and where they cannot be kept."""
 
-import os
-from pathlib import Path
 from typing import Any
 
 from turnout.core.cache_folder import why_private
 from turnout.integrate import march
-
-# Set when the kernels are imported; the time loop is compiled last, after all that it calls.
-CACHE_VARIABLE = "NUMBA_CACHE_DIR"
-
-# Kernels that were found, with their folder; looking through one takes a third of a millisecond.
-_found: set[tuple[str, str]] = set()
 
 
 def must_compile(kernel: Any = march.march) -> bool:
@@ -22,13 +14,7 @@ def must_compile(kernel: Any = march.march) -> bool:
     kernel : compiled function
         The last to be compiled; by default that of the rails' time loop.
     """
-    folder = os.environ.get(CACHE_VARIABLE)
-    if folder is None:
-        return True
-    pattern = f"{Path(kernel.py_func.__code__.co_filename).stem}.{kernel.__name__}-*.nbi"
-    if (folder, pattern) not in _found and any(Path(folder).rglob(pattern)):
-        _found.add((folder, pattern))
-    return (folder, pattern) not in _found
+    return not kernel.is_kept()
 
 
 def cache_fault() -> str:

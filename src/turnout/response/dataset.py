@@ -40,7 +40,7 @@ from turnout.response.recovery import (
     recover_motion,
 )
 from turnout.response.route import Throw
-from turnout.response.rows_over_time import Rows, write_rows
+from turnout.response.rows_over_time import Rows, rows_in_lines, write_rows
 from turnout.response.save import Save
 from turnout.response.signals import (
     ENERGIES,
@@ -190,7 +190,7 @@ def coordinates_of(
 def _shapes(panel: Panel, motion: Motion, x: Floats) -> tuple[dict[str, Variable], list[Rows]]:
     """Return gap and lateral displacement of all rails at contact height, still to be written."""
     # One block of memory: the larger it is, the fewer pages it takes.
-    both = np.empty((len(panel.rail), 2, x.size, motion.history.time.size))
+    both = rows_in_lines(len(panel.rail), 2, x.size, motion.history.time.size)
     rows = displacements_and_gaps(panel, motion, x, both)
     dims = ("rail", "x", "time")
     return {"gap": (dims, both[:, 1]), "lateral_displacement": (dims, both[:, 0])}, rows

@@ -27,7 +27,7 @@ from turnout.response.recovery import (
     stacked,
 )
 from turnout.response.route import Throw, open_rail, wanted_closed
-from turnout.response.rows_over_time import Rows, write_rows
+from turnout.response.rows_over_time import Rows, rows_in_lines, write_rows
 
 Floats = NDArray[np.float64]
 Place = tuple[str, Floats, Floats]
@@ -35,11 +35,14 @@ Place = tuple[str, Floats, Floats]
 
 MOST_ROWS = 64
 """Rows to so many lines of points are kept in memory, the latest made."""
+MOST_WATCHED = 32
+"""What is watched of so many rails with their objects, the latest used."""
 
 # Rails are shared by many throws. What rows depend on is named by identity, and kept beside them so
 # that nothing else takes its place.
 _rows = LRUCache[tuple[list[Floats], list[object]]](MOST_ROWS)
 _nodes = LRUCache[tuple[Floats, Floats, list[object]]](MOST_ROWS)
+_watched = LRUCache[tuple[tuple[Floats, Floats, Floats], list[object]]](MOST_WATCHED)
 
 
 def _at_nodes(panel: Panel, rail: str, x: Floats) -> tuple[Floats, Floats]:
@@ -176,7 +179,7 @@ def split_gaps(panel: Panel, gaps: Floats, time: Floats) -> tuple[Floats, Floats
 def gap_rows_over_time(panel: Panel, motion: Motion) -> Rows:
     """Return the open distances at all `gap_places`, which `split_gaps` takes, over time."""
     start, less = _seen_together(panel, motion, gap_places(panel), with_stored=True)
-    out = np.empty((start.size, motion.history.time.size))
+    out = rows_in_lines(start.size, motion.history.time.size)
     return seen_rows(motion, less, out, start=start, minus=True)
 
 
@@ -186,10 +189,20 @@ def watched_gaps(
     """Return what `Watch` takes to see the gaps at the `gap_places` of a mechanism."""
     places = gap_places(panel)
 
+    named = [mechanism.shapes, mechanism.rows, panel.rail, panel.stock_rail]
+    at = tuple((rail, x.tobytes(), z.tobytes()) for rail, x, z in places)
+
     def seen(condensed: CondensedRails) -> tuple[Floats, Floats, Floats]:
-        shapes = condensed_shapes(mechanism, condensed)
-        start, less = _seen_together(panel, shapes, places, with_stored=False)
-        return -less.modes, -less.shapes, start - less.load
+        key = (*at, *map(id, named), id(condensed))
+        kept = _watched.get(key)
+        if kept is None:
+            shapes = condensed_shapes(mechanism, condensed)
+            start, less = _seen_together(panel, shapes, places, with_stored=False)
+            made = -less.modes, -less.shapes, start - less.load
+            for array in made:
+                array.flags.writeable = False
+            kept = _watched.put(key, (made, [condensed, *named]))
+        return kept[0]
 
     return seen
 

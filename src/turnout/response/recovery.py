@@ -32,6 +32,7 @@ from turnout.response.rows_over_time import (
     evenly_spaced,
     products_of,
     products_with,
+    rows_in_lines,
     write_rows,
 )
 from turnout.response.stored_displacements import stored_rows, stored_share
@@ -220,7 +221,7 @@ def row_motion(motion: Motion, parts: Parts, *, at: Ints | None = None) -> Float
     if at is not None and at.size < parts[0][1].shape[0]:
         return _motion_at(motion, parts, at)
     seen = seen_by(motion, parts)
-    found = np.empty((seen.load.size, (motion.history.time if at is None else at).size))
+    found = rows_in_lines(seen.load.size, (motion.history.time if at is None else at).size)
     write_rows([seen_rows(motion, seen, found)], histories_of(motion.history, at))
     return found
 

@@ -1,8 +1,7 @@
 """Histories turned to channels: columns of stored instants become rows over time.
 
-Histories hold an instant after the other, channels a place after the other. Turned as a whole, a
-value costs a memory access of its own; in blocks of instants that fit into the processor's caches
-it costs a tenth.
+Histories hold an instant after the other, channels a place after the other. What is wanted of them
+is collected here, and written by one kernel (`turnout.kernels.turned_rows`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,13 +10,28 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.integrate.scratch import lines_from_buffer
+from turnout.kernels.lanes import LANES, whole_lines
+from turnout.kernels.shared_record import shared_record
+from turnout.kernels.turned_rows import MINUS, PLAIN, PLUS, TILE, RowSums, write_row_sums
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-INSTANTS = 250
-"""In a block: histories of these fit into the second cache."""
 APART = 24
 """Columns without a weight between others, above which a product is made in parts."""
+
+
+def rows_in_lines(*shape: int) -> Floats:
+    """Return uninitialised rows over time that begin at cache lines, as is quickest to write.
+
+    Parameters
+    ----------
+    *shape : int
+        The last one is the number of instants.
+    """
+    *before, count = shape
+    return lines_from_buffer(*before, whole_lines(count))[..., :count]
 
 
 def evenly_spaced(places: Ints) -> slice | Ints:
@@ -159,14 +173,14 @@ def products_with(
 
 
 def write_rows(wanted: Sequence[Rows], histories: Mapping[str, Floats]) -> None:
-    """Write rows over time, block by block of instants.
+    """Write rows over time; histories are read once.
 
     Parameters
     ----------
     wanted : sequence of Rows
         All over the same instants.
     histories : mapping of str to ndarray, each of shape (n_times, n_columns)
-        By the names in the products.
+        By the names in the products; all of the same instants.
 
     Examples
     --------
@@ -176,35 +190,114 @@ def write_rows(wanted: Sequence[Rows], histories: Mapping[str, Floats]) -> None:
     >>> found.tolist()
     [[1.0, 9.0, 17.0], [5.0, 13.0, 21.0]]
     """
-    starts = [None if rows.start is None else rows.start[:, np.newaxis] for rows in wanted]
     count = max((rows.out.shape[1] for rows in wanted), default=0)
-    for begin in range(0, count, INSTANTS):
-        own = slice(begin, begin + INSTANTS)
-        stored = {name: values[own] for name, values in histories.items()}
-        for rows, start in zip(wanted, starts, strict=True):
-            block = rows.out[:, own]
-            for product in rows.products:
-                _write(product, stored[product.history], block)
-            if rows.minus:
-                np.subtract(0.0 if start is None else start, block, out=block)
-            elif start is not None:
-                block += start
+    if count == 0 or not any(rows.out.size for rows in wanted):
+        return
+    sums = _row_sums(wanted, histories)
+    lines = lines_from_buffer(sums.column_address.size + 2, TILE)
+    write_row_sums(shared_record(sums), lines, count)
 
 
-def _write(product: Product, values: Floats, block: Floats) -> None:
-    """Write the rows of a product, or add to them, for some instants of a history."""
-    taken, rows = values[:, product.columns].T, product.rows
-    if product.weights is not None:
-        if product.added:
-            block[rows] += product.weights @ taken
-        elif isinstance(rows, slice):
-            np.matmul(product.weights, taken, out=block[rows])
-        else:
-            block[rows] = product.weights @ taken
-    elif not product.beside:
-        block[rows] = taken
+def _row_sums(wanted: Sequence[Rows], histories: Mapping[str, Floats]) -> RowSums:
+    """Return what the kernel makes of rows: the terms of all products, by row and product."""
+    names = list(histories)
+    first_column = np.cumsum([0, *(histories[name].shape[1] for name in names)])
+    first_of = dict(zip(names, first_column.tolist(), strict=False))
+    first_row = np.cumsum([0, *(rows.out.shape[0] for rows in wanted)])
+    terms, groups, number = list[_Terms](), list[tuple[Ints, int, int, bool]](), 0
+    for rows, begin in zip(wanted, first_row.tolist(), strict=False):
+        for product in rows.products:
+            number += 1
+            own = begin + _numbers(product.rows, rows.out.shape[0])
+            width = histories[product.history].shape[1]
+            columns = [
+                first_of[product.history] + _numbers(taken, width)
+                for taken in (product.columns, *product.beside)
+            ]
+            terms.append(_terms_of(product, own, columns, number))
+            groups.append((own, number, int(product.weights is not None), product.added))
+    row, group, order, column, weight = (np.concatenate(part) for part in zip(*terms, strict=True))
+    of_group = np.concatenate([own for own, *_ in groups])
+    sizes = [own.size for own, *_ in groups]
+    in_order, weighted, added = (np.repeat([item[k] for item in groups], sizes) for k in (1, 2, 3))
+    begun = np.zeros(int(first_row[-1]), dtype=np.int64)  # the last product that is not added
+    np.maximum.at(begun, of_group[~added], in_order[~added])
+    kept = in_order >= begun[of_group]
+    of_group, in_order, weighted = of_group[kept], in_order[kept], weighted[kept]
+    by_row = np.lexsort((in_order, of_group))
+    of_group, in_order, weighted = of_group[by_row], in_order[by_row], weighted[by_row]
+    kept = group >= begun[row]
+    by_row = np.flatnonzero(kept)[np.lexsort((order[kept], group[kept], row[kept]))]
+    row, group = row[by_row], group[by_row]
+    # Groups in the order of rows and products have one number that rises.
+    span = number + 1
+    place = np.searchsorted(row * span + group, of_group * span + in_order)
+    used, column = np.unique(column[by_row], return_inverse=True)
+    address, step, history = _columns([histories[name] for name in names])
+    steps = np.array([values.strides[0] // 8 for values in histories.values()])
+    return RowSums(
+        column_address=address[used],
+        column_step=step[used],
+        column_history=history[used],
+        place=(steps[:, np.newaxis] * np.arange(LANES)).ravel(),
+        row_address=np.concatenate([_row_addresses(rows.out) for rows in wanted]),
+        row_kind=np.repeat([_kind(rows) for rows in wanted], np.diff(first_row)),
+        row_start=np.concatenate([_starts(rows) for rows in wanted]),
+        group_start=np.searchsorted(of_group, np.arange(first_row[-1] + 1)),
+        group_weighted=weighted,
+        term_start=np.append(place, row.size),
+        term_column=column.astype(np.int64),
+        term_weight=weight[by_row],
+    )
+
+
+_Terms = tuple[Ints, Ints, Ints, Ints, Floats]
+
+
+def _terms_of(product: Product, own: Ints, columns: Sequence[Ints], number: int) -> _Terms:
+    """Return row, product, order, column and weight of the terms of a product."""
+    if product.weights is None:
+        row = np.tile(own, len(columns))
+        column = np.concatenate(columns)
+        order = np.repeat(np.arange(len(columns)), own.size)
+        weight = np.ones(column.size)
     else:
-        found = taken + values[:, product.beside[0]].T
-        for columns in product.beside[1:]:
-            found += values[:, columns].T
-        block[rows] = found
+        at, order = np.nonzero(product.weights)
+        row, column, weight = own[at], columns[0][order], product.weights[at, order]
+    return row, np.full(row.size, number), order, column, weight
+
+
+def _numbers(places: slice | Ints, size: int) -> Ints:
+    """Return places as indices."""
+    return np.arange(size)[places] if isinstance(places, slice) else places
+
+
+def _columns(histories: Sequence[Floats]) -> tuple[Ints, Ints, Ints]:
+    """Return address, step and number of the history of all columns."""
+    widths = [values.shape[1] for values in histories]
+    addresses = [
+        values.__array_interface__["data"][0] + values.strides[1] * np.arange(width)
+        for values, width in zip(histories, widths, strict=True)
+    ]
+    steps = [values.strides[0] // 8 for values in histories]
+    number = np.repeat(np.arange(len(histories)), widths)
+    return np.concatenate(addresses), np.repeat(steps, widths), number
+
+
+def _row_addresses(out: Floats) -> Ints:
+    """Return the address of each row."""
+    if out.strides[1] != 8 and out.size:
+        message = "rows over time must lie in memory without gaps"
+        raise ValueError(message)
+    found: Ints = out.__array_interface__["data"][0] + out.strides[0] * np.arange(out.shape[0])
+    return found
+
+
+def _kind(rows: Rows) -> int:
+    """Return how a sum becomes rows."""
+    return MINUS if rows.minus else PLAIN if rows.start is None else PLUS
+
+
+def _starts(rows: Rows) -> Floats:
+    """Return where rows start."""
+    return np.zeros(rows.out.shape[0]) if rows.start is None else rows.start

@@ -43,7 +43,7 @@ from turnout.panel.markers import marker_offsets
 from turnout.panel.model import Panel
 from turnout.panel.records import Fastening
 from turnout.response.recovery import Motion, row_motion
-from turnout.response.rows_over_time import Product, Rows, sums_of_columns
+from turnout.response.rows_over_time import Product, Rows, rows_in_lines, sums_of_columns
 from turnout.response.save import Save
 
 Floats = NDArray[np.float64]
@@ -119,7 +119,7 @@ def chair_signals(
         return {}, []
     index, chairs = mechanism.index, list(itertools.product(panel.rail, panel.chair))
     # One block of memory: the larger it is, the fewer pages it takes.
-    both = np.empty((2, len(chairs), history.time.size))
+    both = rows_in_lines(2, len(chairs), history.time.size)
     both[:, [number for number, chair in enumerate(chairs) if chair not in index.chair]] = np.nan
 
     def sums(name: str, places: Mapping[tuple[str, str], Sequence[int]]) -> list[Product]:
@@ -152,7 +152,7 @@ def stop_signals(
         return {}, []
     laws = mechanism.index.stop
     places = list(itertools.product(panel.rail, names))
-    force = np.empty((len(places), history.time.size))
+    force = rows_in_lines(len(places), history.time.size)
     force[[number for number, place in enumerate(places) if place not in laws]] = np.nan
     own = np.array([n for n, place in enumerate(places) if place in laws], dtype=np.int64)
     columns = np.array([[laws[places[n]]] for n in own], dtype=np.int64)

@@ -9,7 +9,8 @@ import numpy as np
 
 from turnout.core.threads import one_blas_thread
 from turnout.errors import ResponseError
-from turnout.integrate.integration import Floats, History, integrate
+from turnout.integrate.arrange import clear_memory
+from turnout.integrate.integration import Floats, History, RunPlan, carry_out, integrate, plan_run
 from turnout.integrate.march import march_with_machines
 from turnout.integrate.outcome import NotConverged
 from turnout.integrate.start import PriorMotion
@@ -27,6 +28,7 @@ from turnout.panel.markers import (
 )
 from turnout.response.compilation import must_compile
 from turnout.response.dataset import describe_run, response_dataset
+from turnout.response.rows_over_time import Rows, sums_of_columns, write_rows
 from turnout.response.save import Save
 from turnout.scheme import Mode, Scheme, chosen_scheme
 
@@ -138,6 +140,11 @@ def simulate_placed(
     return dataset
 
 
+def release_memory() -> None:
+    """Give back what a next run would use again: memory of histories, condensed rails."""
+    clear_memory()
+
+
 def prepare(
     panel: LoadedPanel,
     *,
@@ -240,6 +247,42 @@ def solve_placed(
 
     `watch` says for a mechanism what alone is wanted of its run.
     """
+    return solve_planned(plan_throw(panel, objects, scheme=scheme, watch=watch), report=report)
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedThrow:
+    """A throw that can be solved; times as of `Solved`, those that planning took.
+
+    Attributes
+    ----------
+    mechanism : Mechanism
+        What will be integrated.
+    run : RunPlan
+        How.
+    objects : tuple of PlacedObject
+        The foreign objects with their places.
+    solver_time, compile_time, build_time, processor_time : float
+        [s]
+    """
+
+    mechanism: Mechanism
+    run: RunPlan
+    objects: tuple[PlacedObject, ...]
+    solver_time: float
+    compile_time: float
+    build_time: float
+    processor_time: float
+
+
+def plan_throw(
+    panel: LoadedPanel,
+    objects: tuple[PlacedObject, ...],
+    *,
+    scheme: Scheme,
+    watch: Callable[[Mechanism], Watch] | None = None,
+) -> PlannedThrow:
+    """Do all of `solve_placed` that comes before its kernels."""
     began = time.perf_counter()
     machines = any(drive.machine is not None for drive in panel.drive.values())
     if machines and must_compile(march_with_machines):
@@ -249,23 +292,39 @@ def solve_placed(
     compiled, used = time.perf_counter(), time.process_time()
     mechanism = build_mechanism(panel, objects)
     built = time.perf_counter()
-    history = integrate(
+    run = plan_run(
         mechanism,
         scheme,
         inputs=lambda instants: _markers(panel, instants),
         end=panel.schedule.end,
         prior=_prior_motion(panel),
-        report=report,
         watch=None if watch is None else watch(mechanism),
     )
-    return Solved(
+    return PlannedThrow(
         mechanism,
-        history,
+        run,
         objects,
         solver_time=time.perf_counter() - compiled,
         compile_time=compiled - began,
         build_time=built - compiled,
         processor_time=time.process_time() - used,
+    )
+
+
+def solve_planned(
+    planned: PlannedThrow, *, report: Callable[[int, int], None] | None = None
+) -> Solved:
+    """Solve a planned throw, once; see `solve_placed`."""
+    began, used = time.perf_counter(), time.process_time()
+    history = carry_out(planned.run, report=report)
+    return Solved(
+        planned.mechanism,
+        history,
+        planned.objects,
+        solver_time=planned.solver_time + time.perf_counter() - began,
+        compile_time=planned.compile_time,
+        build_time=planned.build_time,
+        processor_time=planned.processor_time + time.process_time() - used,
     )
 
 
@@ -291,6 +350,9 @@ def compile_kernels(*, machines: bool = False) -> None:
         end=panel.schedule.end,
         prior=_prior_motion(panel),
     )
+    one = np.zeros(1, dtype=np.int64)
+    products = sums_of_columns("g", one[:, np.newaxis], rows=one)
+    write_rows([Rows(products, np.zeros((1, 1)))], {"g": np.zeros((1, 1))})
 
 
 def _markers(panel: LoadedPanel, instants: Floats) -> Floats:

@@ -38,7 +38,7 @@ def save_response(dataset: xr.Dataset, path: Path | str) -> None:
         When the file cannot be written; nothing half-written stays behind.
     """
     # In memory first: on a full disk the HDF5 library crashes instead of reporting it.
-    write_atomic(path, response_bytes(dataset))
+    write_atomic(path, _content(dataset))
 
 
 def response_bytes(dataset: xr.Dataset) -> bytes:
@@ -49,6 +49,11 @@ def response_bytes(dataset: xr.Dataset) -> bytes:
     >>> response_bytes(xr.Dataset())[1:4]
     b'HDF'
     """
+    return bytes(_content(dataset))
+
+
+def _content(dataset: xr.Dataset) -> memoryview:
+    """Return the content of the file as it lies in memory, not copied."""
     stored = dataset.copy()
     stored.attrs = _encoded({"Conventions": CONVENTIONS, **dataset.attrs})
     encoding = {
@@ -56,7 +61,7 @@ def response_bytes(dataset: xr.Dataset) -> bytes:
         for name, variable in stored.variables.items()
         if variable.ndim and variable.size and variable.dtype.kind in "fb"
     }
-    return bytes(stored.to_netcdf(engine=ENGINE, encoding=encoding))
+    return memoryview(stored.to_netcdf(engine=ENGINE, encoding=encoding))
 
 
 def open_response(path: Path | str) -> xr.Dataset:

@@ -3,7 +3,7 @@
 Labels and features are taken from every instant that the solver kept, histories at the rate of the
 study. What is not requested is never computed. A throw ends with little more than its history in
 the processor's caches: what need not be done beside it is done before and after, for many throws at
-once, which takes half the time.
+once, which takes half the time: panels, mechanisms and motions before, signals and labels after.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,7 +20,7 @@ from turnout.panel.load import LoadedPanel
 from turnout.response.dataset import coordinates_of
 from turnout.response.save import Save
 from turnout.response.signals import Variable
-from turnout.response.simulate import solve_placed
+from turnout.response.simulate import PlannedThrow, Solved, plan_throw, solve_planned
 from turnout.scheme import Scheme
 from turnout.study.scenario import Scenario
 from turnout.study.study import Study
@@ -40,6 +40,9 @@ UNUSABLE = (FAILED, INVALID, INACCURATE)
 
 THROWS_PER_PASS = 16
 """So many throws are evaluated together; more would not fit the processor's caches."""
+
+PLANNED_AT_ONCE = 8
+"""Of these so many are planned, then thrown, then reduced; each may have rails of its own."""
 
 UNCHANGED_LABELS = (
     "object_placed",
@@ -119,26 +122,37 @@ class PreparedScenario:
         With the changes of the scenario.
     objects : tuple of PlacedObject
         All that is trapped.
-    fault : str
-        What is wrong with it, else empty.
+    outcome, fault : str
+        What is wrong with it, and how it ends by that; else empty.
+    attempts : int
+        Throws that were made until that was known.
+    planned : PlannedThrow, optional
+        Its throw, of a scenario that can be thrown.
     """
 
     scenario: Scenario
     panel: LoadedPanel
     objects: tuple[PlacedObject, ...]
-    fault: str
+    outcome: str = ""
+    fault: str = ""
+    attempts: int = 0
+    planned: PlannedThrow | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class ThrowResult:
-    """A scenario after its throws; `extracted` is None unless `outcome` is "complete"."""
+    """A scenario after its throws.
 
-    scenario: Scenario
+    Of a "complete" one `solved` is there until what is stored of it has been `extracted`.
+    """
+
+    ready: PreparedScenario
     outcome: str
     reason: str
     attempts: int
-    extracted: ThrowSignals | None
-    solver: SolverTime
+    solver: SolverTime = SolverTime()
+    solved: Solved | None = None
+    extracted: ThrowSignals | None = None
 
 
 def throw_scenarios(study: Study, scenarios: Sequence[Scenario]) -> list[Row]:
@@ -162,8 +176,15 @@ def throw_scenarios(study: Study, scenarios: Sequence[Scenario]) -> list[Row]:
         On Ctrl-C.
     """
     ready = [prepare_scenario(study, scenario) for scenario in scenarios]
+    throws: list[ThrowResult] = []
     with one_blas_thread():
-        return make_rows([throw_scenario(study, item) for item in ready])
+        for first in range(0, len(ready), PLANNED_AT_ONCE):
+            planned = [
+                plan_scenario(study, item) for item in ready[first : first + PLANNED_AT_ONCE]
+            ]
+            thrown = [throw_scenario(study, item) for item in planned]
+            throws += [extract_scenario(study, item) for item in thrown]
+        return make_rows(throws)
 
 
 def prepare_scenario(study: Study, scenario: Scenario) -> PreparedScenario:
@@ -172,49 +193,80 @@ def prepare_scenario(study: Study, scenario: Scenario) -> PreparedScenario:
     try:
         if scenario.overrides:
             panel = panel.with_overrides(dict(scenario.overrides))
-        return PreparedScenario(
-            scenario, panel, resolve_objects(panel, scenario.foreign_objects), ""
-        )
-    except PanelError as error:
-        return PreparedScenario(scenario, panel, (), "; ".join(error.problems))
+        return PreparedScenario(scenario, panel, resolve_objects(panel, scenario.foreign_objects))
     except TurnoutError as error:
-        return PreparedScenario(scenario, panel, (), str(error))
+        return PreparedScenario(scenario, panel, (), INVALID, _fault(error))
+
+
+def plan_scenario(study: Study, ready: PreparedScenario) -> PreparedScenario:
+    """Plan the throw of a scenario that can be thrown."""
+    if ready.fault:
+        return ready
+    watch = watch_of(study, ready.panel)
+    try:
+        planned = plan_throw(ready.panel, ready.objects, scheme=study.scheme, watch=watch)
+    except TurnoutError as error:
+        return replace(ready, outcome=_ending(error), fault=_fault(error), attempts=1)
+    return replace(ready, planned=planned)
 
 
 def throw_scenario(study: Study, ready: PreparedScenario) -> ThrowResult:
-    """Throw a scenario, if need be twice, and take from its history what is needed later.
+    """Throw a scenario, if need be twice.
+
+    What a throw leaves as a whole is reduced at once; a watched one leaves little.
 
     Raises
     ------
     KeyboardInterrupt
         On Ctrl-C.
     """
-    scenario, reason, attempts = ready.scenario, ready.fault, 0
-    if reason:
-        return ThrowResult(scenario, INVALID, reason, attempts, None, SolverTime())
-    watch = watch_of(study, ready.panel)
+    planned, attempts = ready.planned, 0
+    if planned is None:
+        return ThrowResult(ready, ready.outcome, ready.fault, ready.attempts)
+    ready = replace(ready, planned=None)  # with it rails, which may be its own, are let go
     try:
         for again in (False, True):
             attempts += 1
-            scheme = refine_scheme(study.scheme) if again else study.scheme
-            solved = solve_placed(ready.panel, ready.objects, scheme=scheme, watch=watch)
+            if again:
+                scheme, watch = refine_scheme(study.scheme), watch_of(study, ready.panel)
+                planned = plan_throw(ready.panel, ready.objects, scheme=scheme, watch=watch)
+            solved = solve_planned(planned)
             outcome = solved.history.outcome
             if outcome.code is Code.INTERRUPTED:
                 raise KeyboardInterrupt
             if outcome.complete:
                 spent = SolverTime(solved.solver_time, solved.processor_time, solved.build_time)
-                recorder = scenario.recorder
-                extracted = extract_signals(study, ready.panel, solved, recorder=recorder)
-                return ThrowResult(scenario, COMPLETE, "", attempts, extracted, spent)
+                found = ThrowResult(ready, COMPLETE, "", attempts, spent, solved)
+                whole = solved.history.watched is None
+                return extract_scenario(study, found) if whole else found
             reason = outcome.message()
             ending = INACCURATE if outcome.code is Code.INACCURATE else FAILED
-    except PanelError as error:
-        return ThrowResult(
-            scenario, INVALID, "; ".join(error.problems), attempts, None, SolverTime()
-        )
     except TurnoutError as error:
-        return ThrowResult(scenario, FAILED, str(error), attempts, None, SolverTime())
-    return ThrowResult(scenario, ending, reason, attempts, None, SolverTime())
+        return ThrowResult(ready, _ending(error), _fault(error), attempts)
+    return ThrowResult(ready, ending, reason, attempts)
+
+
+def extract_scenario(study: Study, thrown: ThrowResult) -> ThrowResult:
+    """Take from the history of a complete throw what is needed later, once."""
+    solved, ready = thrown.solved, thrown.ready
+    if solved is None:
+        return thrown
+    try:
+        recorder = ready.scenario.recorder
+        extracted = extract_signals(study, ready.panel, solved, recorder=recorder)
+    except TurnoutError as error:
+        return ThrowResult(ready, _ending(error), _fault(error), thrown.attempts)
+    return replace(thrown, solved=None, extracted=extracted)
+
+
+def _ending(error: TurnoutError) -> str:
+    """Return how a scenario ends by an error."""
+    return INVALID if isinstance(error, PanelError) else FAILED
+
+
+def _fault(error: TurnoutError) -> str:
+    """Return what an error says, in one line."""
+    return "; ".join(error.problems) if isinstance(error, PanelError) else str(error)
 
 
 def make_rows(throws: Sequence[ThrowResult]) -> list[Row]:
@@ -225,7 +277,7 @@ def make_rows(throws: Sequence[ThrowResult]) -> list[Row]:
         labels += compute_labels(complete[first : first + THROWS_PER_PASS])
     rows, made = [], iter(labels)
     for item in throws:
-        about = (item.scenario, item.outcome, item.reason, item.attempts)
+        about = (item.ready.scenario, item.outcome, item.reason, item.attempts)
         if item.extracted is None:
             rows.append(Row(*about, {}, {}, item.solver))
             continue

@@ -1,0 +1,140 @@
+"""Machine code of kernels: its files, and how it is called.
+
+A file holds an object as LLVM made it, with a digest, so that damage is detected. Loading it takes
+the linker of LLVM (llvmlite) and no compiler: Numba is imported where a kernel has to be compiled.
+"""
+
+import ctypes
+import hashlib
+import json
+import os
+import struct
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Self
+
+from llvmlite import binding
+
+from turnout.kernels.arguments import NOTHING, Kind, format_of, result_from
+
+LAPACK = "turnout_lapack_"
+"""Begin of the names of procedures of LAPACK in machine code."""
+
+
+@dataclass(frozen=True, slots=True)
+class MachineCode:
+    """A kernel for arguments of some kinds.
+
+    Attributes
+    ----------
+    entry : str
+        Name of the function ``int entry(void *words)``, which returns zero when all went well.
+    result : kind
+        What it returns, see `turnout.kernels.arguments`.
+    content : bytes
+        The object that holds it.
+    """
+
+    entry: str
+    result: Kind
+    content: bytes
+
+    def to_bytes(self) -> bytes:
+        """Return the content of its file."""
+        head = {name: value for name, value in asdict(self).items() if name != "content"}
+        line = json.dumps(head).encode() + b"\n"
+        return _digest(line + self.content) + line + self.content
+
+    @classmethod
+    def from_bytes(cls, content: bytes) -> Self | None:
+        """Return what a file holds; None where it is damaged."""
+        digest, rest = content[:_DIGEST_SIZE], content[_DIGEST_SIZE:]
+        if _digest(rest) != digest:
+            return None
+        head, _, code = rest.partition(b"\n")
+        return cls(**json.loads(head), content=code)
+
+
+_DIGEST_SIZE = 16
+
+
+def _digest(content: bytes) -> bytes:
+    return hashlib.blake2b(content, digest_size=_DIGEST_SIZE).digest()
+
+
+@cache
+def machine_digest() -> str:
+    """Return a digest of this processor and of what compiles for it; 12 hexadecimal digits."""
+    name = os.environ.get("NUMBA_CPU_NAME") or binding.get_host_cpu_name()
+    features = os.environ.get("NUMBA_CPU_FEATURES") or binding.get_host_cpu_features().flatten()
+    makers = [version(package) for package in ("numba", "llvmlite", "numpy")]
+    known = (name, features, binding.get_process_triple(), *makers)
+    return hashlib.blake2b("\n".join(known).encode(), digest_size=6).hexdigest()
+
+
+def callable_code(code: MachineCode, kinds: Sequence[Kind]) -> Callable[[list[Any]], Any]:
+    """Load machine code and return it as a function of the words of its arguments.
+
+    It lets other threads of Python run. The arguments must live until it returns.
+    """
+    native = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p)(_load(code))
+    given, found = struct.Struct(format_of(kinds)), struct.Struct(format_of([code.result]))
+    memory = ctypes.c_char * max(given.size, found.size, 8)
+    spare = bytes(ctypes.sizeof(memory) - given.size)
+    pack, unpack, result, entry = given.pack, found.unpack_from, code.result, code.entry
+
+    def call(words: list[Any]) -> Any:
+        place = memory.from_buffer_copy(pack(*words) + spare)
+        if status := native(place):
+            msg = f"{entry}: failed with status {status}"
+            raise RuntimeError(msg)
+        return None if result == NOTHING else result_from(unpack(place), result)
+
+    return call
+
+
+def _load(code: MachineCode) -> int:
+    """Return the address of the entry of machine code, which stays in memory."""
+    if LAPACK.encode() in code.content:
+        _name_lapack()
+    engine = _engine()
+    engine.add_object_file(binding.ObjectFileRef.from_data(code.content))
+    engine.finalize_object()
+    address: int = engine.get_function_address(code.entry)
+    if address == 0:
+        msg = f"{code.entry}: is not in its machine code; delete the folder of compiled kernels"
+        raise RuntimeError(msg)
+    return address
+
+
+@cache
+def _engine() -> Any:
+    binding.initialize_native_target()
+    binding.initialize_native_asmprinter()
+    machine = binding.Target.from_default_triple().create_target_machine(jit=True)
+    return binding.create_mcjit_compiler(binding.parse_assembly(""), machine)
+
+
+@cache
+def _name_lapack() -> None:
+    """Say to LLVM where the procedures of SciPy's LAPACK lie in memory."""
+    from scipy.linalg import cython_lapack
+
+    address = ctypes.pythonapi.PyCapsule_GetPointer
+    address.restype, address.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes.c_char_p]
+    name_of = ctypes.pythonapi.PyCapsule_GetName
+    name_of.restype, name_of.argtypes = ctypes.c_char_p, [ctypes.py_object]
+    for name in ("dgetrf", "dgetri"):
+        capsule = cython_lapack.__pyx_capi__[name]
+        binding.add_symbol(LAPACK + name, address(capsule, name_of(capsule)))
+
+
+def read_machine_code(file: Path) -> MachineCode | None:
+    """Return the machine code of a file; None where there is none, or it is damaged."""
+    try:
+        return MachineCode.from_bytes(file.read_bytes())
+    except OSError:
+        return None
