@@ -68,7 +68,10 @@ def test_a_virtual_campaign_leaves_out_objects_without_room(tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--panel", "sb1", "--place", "sleeper 16", "--size", "13 mm"), "larger than the opening"),
+        (("--panel", "sb1", "--place", "sleeper 16", "--size", "13 mm"), "about 1 mm at most"),
+        (("--panel", "sb1", "--place", "drive 2", "--size", "13 mm"), "13 mm at drive 2: no room"),
+        (("--panel", "sb2", "--recorded-rate", "400 Hz"), "must be below 250 Hz"),
+        (("--panel", "sb2", "--hide-recorder"), "there is nothing to hide"),
         (("--panel", "sb3"), "nearest is 'sb2'"),
         (("--panel", "sb2", "--place", "sleeper 66"), "sleeper '66'"),
         (("--panel", "sb2", "--size", "13"), "write the unit"),
@@ -193,3 +196,18 @@ def test_a_folder_that_may_not_be_written_is_read_all_the_same(
     assert list((folder / ".turnout").iterdir()) == []
     shutil.rmtree(folder)
     assert not np.isnan(open_response(made() / "truth.nc")["size"]).any()
+
+
+def test_a_check_of_exchanged_rods_has_findings(tmp_path: Path) -> None:
+    """Everything can be read, yet nothing can be calibrated to."""
+    folder = copied(tmp_path)
+    assert run("check", folder).exit_code == 0
+    channels = folder / "channels.toml"
+    text = channels.read_text(encoding="utf-8")
+    text = (
+        text.replace("Rod 2", "other").replace("Load cell", "Rod 2").replace("other", "Load cell")
+    )
+    channels.write_text(text, encoding="utf-8")
+    result = run("check", folder)
+    assert result.exit_code == 1
+    assert "usable once columns are exchanged" in result.output

@@ -9,7 +9,7 @@ from tests.unit.test_calibration_fit import PARAMETERS, TRUE, misfit, movement, 
 from turnout.calibration import cause_trials
 from turnout.calibration.bushing_laws import SOFTNESS, soft_bushing
 from turnout.calibration.candidate_causes import candidate_causes
-from turnout.calibration.cause_trials import own_levels, with_cause
+from turnout.calibration.cause_trials import one_of_alike, own_levels, with_cause
 from turnout.calibration.causes import (
     CauseSearch,
     _is_needed,
@@ -81,6 +81,41 @@ def test_a_recorder_that_filters_is_found_and_the_remedy_named() -> None:
     assert cause.sizes[0] == pytest.approx(0.106, rel=0.05)
     assert 'recorded_filter = { kind = "butterworth", order = 2, corner = "1.' in cause.text
     assert search.found.values["k"] == pytest.approx(TRUE["k"], rel=5e-3)
+
+
+@pytest.mark.parametrize(("kind", "order"), [("bessel", 4), ("butterworth", 4)])
+def test_a_filter_of_higher_order_is_not_taken_for_another(kind: str, order: int) -> None:
+    """A Bessel filter was taken for a mean over the past, and values were 7 deviations off."""
+    panel = load_panel("sb1")
+    filtered = RecorderResponse(low_pass=LowPass(kind=kind, order=order, corner=1.5))
+    whole = misfit(recorded(filtered, stated=RecorderResponse()))
+    near = fit(whole, PARAMETERS, TRUE, rough=True)
+    search = with_causes(brief_fit(whole, PARAMETERS, TRUE, near=near), whole, panel)
+    assert f'kind = "{kind}", order = {order}, corner = "1.' in search.tested[0].text
+    assert search.found.values["k"] == pytest.approx(TRUE["k"], rel=5e-3)
+
+
+def test_fits_in_turn_are_of_causes_that_are_not_alike() -> None:
+    causes = candidate_causes(load_panel("sb1"), PARAMETERS)
+    tried = [
+        [(cause_trials.TestedCause(name=item.name, text="", sizes=(), gain=1.0), item)]
+        for item in causes
+    ]
+    kept = [choice[0][1] for choice in one_of_alike(tried)]
+    recorders = [item for item in causes if item.group == "recorder"]
+    assert len(recorders) > 4
+    assert [item for item in kept if item.group == "recorder"] == recorders[:1]
+    assert [item for item in kept if not item.group] == [item for item in causes if not item.group]
+
+
+def test_rails_that_differ_by_less_than_anybody_could_say_are_no_cause() -> None:
+    """Gains that were off alone left 0.04 % for the rails, and intervals of 2 %."""
+    (sections,) = [
+        item for item in candidate_causes(load_panel("sb1"), PARAMETERS) if item.name == "sections"
+    ]
+    start = sections.parameters[0].start
+    assert sections.is_slight([1.0004 * start])
+    assert not sections.is_slight([0.99 * start])
 
 
 def test_samples_far_apart_are_found_without_a_delay() -> None:

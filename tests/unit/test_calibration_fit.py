@@ -498,6 +498,49 @@ def test_what_step_and_modes_leave_is_in_the_deviations() -> None:
     assert spread_of(rough).deviations[1] == pytest.approx(plain, rel=0.05)
 
 
+class Coarse(Discretised):
+    """Is wrong by more in quick throws, and by another share the larger the stiffness."""
+
+    def responses(self, throws: Sequence[ThrowInputs]) -> list[Response]:
+        found = super().responses(throws)
+        return [
+            response(
+                {**throw.overrides, "k": 0.95e5 * (float(str(throw.overrides["k"])) / 1e5) ** 1.1}
+            )
+            if throw.quick
+            else known
+            for throw, known in zip(throws, found, strict=True)
+        ]
+
+
+def test_a_correction_is_right_where_it_was_made_and_nearly_so_near_by() -> None:
+    whole = misfit([movement("m", rng=np.random.default_rng(2))])
+    whole.evaluator = Coarse(load_panel("sb1"))
+    corrected, near = whole.corrected(TRUE), {**TRUE, "k": 1.01 * TRUE["k"]}
+    (here,), (plain,) = corrected.responses([TRUE])[0], whole.responses([TRUE])[0]
+    np.testing.assert_allclose(here.drive_force["1"], plain.drive_force["1"], atol=1e-9)
+    (moved,), (exact,) = corrected.responses([near])[0], whole.responses([near])[0]
+    change = np.abs(exact.drive_force["1"] - plain.drive_force["1"]).max()
+    left = np.abs(moved.drive_force["1"] - exact.drive_force["1"]).max()
+    assert 0.0 < left < 0.2 * change
+
+
+def test_movements_of_one_place_and_size_share_fine_throws() -> None:
+    rng = np.random.default_rng(3)
+    whole = misfit([movement(f"m{n}", rng=rng) for n in range(3)])
+    whole.effects = {"mu": (0.0, 0.05, -0.02)}
+    asked: list[tuple[bool, object]] = []
+
+    def listening(throws: Sequence[ThrowInputs]) -> list[Response]:
+        asked.extend((throw.fine, throw.overrides["mu"]) for throw in throws)
+        return [response(throw.overrides) for throw in throws]
+
+    whole.evaluator = SimpleNamespace(responses=listening)
+    whole.refined(TRUE)
+    (fine,) = {value for is_fine, value in asked if is_fine}
+    assert fine == pytest.approx(1.01 * TRUE["mu"])
+
+
 def test_a_refinement_goes_with_its_own_movement() -> None:
     """A subset had what fine throws change of other movements added."""
     rng = np.random.default_rng(3)

@@ -20,3 +20,21 @@ def test_time_left_is_never_less_than_that_of_one_step(monkeypatch: pytest.Monke
     watch.report_state(evaluator)
     assert states[-1].seconds == 20.0
     assert states[-1].left == pytest.approx(0.4 * 20.0)
+
+
+def test_time_left_follows_the_present_pace_and_what_was_needed_beyond_the_plan(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Quick throws come first: by their pace "less than 5 s" were left from second 8 to 85."""
+    clock = iter([8.0, 18.0, 58.0])
+    monkeypatch.setattr(stage_progress.time, "monotonic", lambda: next(clock))
+    states: list[CalibrationProgress] = []
+    evaluator: Any = SimpleNamespace(made=700, reused=0)
+    watch = ProgressReporter(states.append, 1, planned=800, per_step=98, began=1e-9)
+    watch.report_state(evaluator)
+    evaluator.made = 800
+    watch.report_state(evaluator)
+    assert states[-1].left == pytest.approx(0.1 * 98)
+    evaluator.made = 1200
+    watch.report_state(evaluator)
+    assert states[-1].left == pytest.approx(0.1 * 400)

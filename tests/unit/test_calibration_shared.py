@@ -8,7 +8,12 @@ from numpy.typing import NDArray
 from tests.unit.test_calibration_fit import PARAMETERS, TRUE, misfit, movement
 
 from turnout.calibration.candidate_causes import CHAIR_SPREAD, FRICTION, GROUP
-from turnout.calibration.covariance import chair_uncertainty, common_gain, spread_of
+from turnout.calibration.covariance import (
+    chair_uncertainty,
+    common_gain,
+    scale_doubt,
+    spread_of,
+)
 from turnout.calibration.fit import fit
 from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.misfit import framed
@@ -134,7 +139,36 @@ def test_gains_that_are_alike_count_where_chance_does_not_make_them_so() -> None
         widths.append(spread.deviations[0] / found.values["mu"])
         doubted = [text for text in spread.findings if text.startswith("all sensors read")]
         assert bool(doubted) == (gain > 0.03)
-    assert widths[1] == pytest.approx(np.hypot(widths[0], np.hypot(0.04, 0.01)), rel=0.1)
+    # As good as certain that the model's scale is off: by 4 % less a share for chance, and 1.6
+    # deviations more, from a normal distribution cut at one end.
+    assert 1.96 * widths[1] == pytest.approx(
+        0.04 / 1.04 + 1.645 * 0.01 / np.hypot(1.0, 0.2), rel=0.05
+    )
+
+
+def test_the_scale_of_the_model_moves_all_forces_together() -> None:
+    """It was added to each alone: their ratio, which it leaves as it is, seemed uncertain too."""
+    whole = misfit(movements(gain=0.04))
+    free = replace(whole, comparison=replace(whole.comparison, gains={KEY: 0.01}))
+    found = fit(free, PARAMETERS, TRUE)
+    both = tuple(replace(item, unit="N") for item in PARAMETERS)
+    covariance = spread_of(replace(found, parameters=both)).coordinate_covariance
+    plain = spread_of(replace(found, parameters=tuple(replace(item, unit="1") for item in both)))
+    added = covariance - plain.coordinate_covariance
+    assert added[0, 1] == pytest.approx(np.sqrt(added[0, 0] * added[1, 1]), rel=1e-6)
+    assert added[0, 1] > 0.01**2
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+def test_doubt_of_the_scale_grows_from_nothing_with_no_step(channels: int) -> None:
+    """With 3 channels of 1 % each, 2.8 deviations off together, it is below that 1 %."""
+    deviation = 0.01 / np.sqrt(channels)
+    doubts = [scale_doubt(off * deviation, deviation) for off in np.arange(0.0, 6.0, 0.1)]
+    assert doubts[:24] == [0.0] * 24
+    assert np.all(np.diff(doubts) >= 0.0)
+    assert np.all(np.array(doubts) <= np.arange(0.0, 6.0, 0.1) * deviation + 1e-12)
+    if channels == 3:
+        assert doubts[28] < 1.0e-2
 
 
 def test_shared_discrepancies_make_movements_worth_less() -> None:

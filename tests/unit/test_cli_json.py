@@ -189,7 +189,7 @@ def test_a_validation(
     monkeypatch.setattr("turnout.cli.validate.dataset_of", lambda *_, **__: None)
     monkeypatch.setattr("turnout.cli.validate._validated", lambda *_, **__: None)
     monkeypatch.setattr("turnout.validation.acceptance.judge", lambda _: verdict)
-    monkeypatch.setattr("turnout.validation.acceptance.notes", lambda _: ["one note"])
+    monkeypatch.setattr("turnout.validation.verdict_text.notes", lambda _: ["one note"])
     line = ("validate", tmp_path, "--calibration", tmp_path / "c.toml")
     found = printed(*line)
     assert set(found) - COMMON == documented["validate"]

@@ -32,6 +32,9 @@ def test_a_true_calibration_is_valid_and_a_wrong_one_is_not(tmp_path: Path) -> N
     stored = open_response(report / "validation.nc")
     assert stored["used"].values.sum() == 1
     assert stored["cover"].mean() > 0.8
+    # The last instant of a movement is predicted too.
+    assert (stored["predicted"].notnull() | stored["measured"].isnull()).all()
+    assert (stored["high"].notnull() | stored["measured"].isnull()).all()
     assert "**VALID" in (report / "validation.md").read_text(encoding="utf-8")
 
     for strict, code in (((), 0), (("--strict",), 1)):

@@ -3,21 +3,34 @@
 import zipfile
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import xarray as xr
 from tests.unit.campaigns import copied, edited, made
 from tests.unit.recorded import clean
+from tests.unit.simulated import sb2_panel
 
+from turnout.calibration.measured_movements import observe
 from turnout.errors import MeasurementError
 from turnout.measurement.campaign import build_campaign as module
 from turnout.measurement.campaign import recorded_throw
-from turnout.measurement.campaign.build_campaign import BuiltCampaign, build_campaign, stacked
+from turnout.measurement.campaign.build_campaign import (
+    BuiltCampaign,
+    _slipped,
+    build_campaign,
+    stacked,
+)
 from turnout.measurement.campaign.find_throws import FoundThrow
 from turnout.measurement.campaign.recorded_throw import RecordedThrow
-from turnout.measurement.campaign.run_sheet import find_sheet, read_sheet
-from turnout.measurement.campaign.sheet_checks import order_remarks, series_remarks, swapped_rods
+from turnout.measurement.campaign.run_sheet import SheetRow, find_sheet, read_sheet
+from turnout.measurement.campaign.sheet_checks import (
+    RodCheck,
+    check_rods,
+    order_remarks,
+    series_remarks,
+)
 from turnout.measurement.chain.recorder_response import (
     LowPass,
     RecorderResponse,
@@ -348,8 +361,90 @@ def loaded(*names: str, turned: bool = False) -> xr.Dataset:
 
 def test_rods_that_are_exchanged_are_noticed_by_the_force_at_the_object() -> None:
     """All forces end at the slip level, as on panel sb1; only when they rise differs."""
-    assert swapped_rods(loaded("drive 1", "drive 2")) is None
-    assert swapped_rods(loaded("drive 1", "drive 2", turned=True)) == ("1", "2")
+    assert check_rods(loaded("drive 1", "drive 2")) == RodCheck(checked=True)
+    assert check_rods(loaded("drive 1", "drive 2", turned=True)) == RodCheck(("1", "2"), True)
     # A single movement says nothing.
-    assert swapped_rods(loaded("drive 1", turned=True)) is None
-    assert swapped_rods(loaded("sleeper 6", "sleeper 7", turned=True)) is None
+    assert check_rods(loaded("drive 1", turned=True)) == RodCheck()
+    assert check_rods(loaded("sleeper 6", "sleeper 7", turned=True)) == RodCheck()
+
+
+def test_a_rod_that_some_recordings_lack_costs_that_rod_alone(tmp_path: Path) -> None:
+    folder = copied(tmp_path)
+    path = folder / "none_closing_1.csv"
+    path.write_text(path.read_text(encoding="utf-8").replace("Rod 2", "spare"), encoding="utf-8")
+    (out,) = build_campaign(folder).excluded
+    assert out.reasons[0].startswith('drive_force.2.column = "Rod 2": is not in the file; there')
+    assert out.reasons[0].endswith("where recordings may lack it, say optional = true")
+    channels = folder / "channels.toml"
+    text = channels.read_text(encoding="utf-8")
+    channels.write_text(
+        text.replace('column = "Rod 2"', 'column = "Rod 2"\noptional = true'), encoding="utf-8"
+    )
+    built = build_campaign(folder)
+    assert built.excluded == ()
+    assert any("dead channel of drive_force 2: it was not recorded" in t for t in built.remarks)
+    assert not any("missing samples" in text for text in built.remarks)
+
+
+def test_a_unit_that_file_and_map_state_otherwise_is_remarked_upon(tmp_path: Path) -> None:
+    folder = copied(tmp_path)
+    path = folder / "none_closing_1.csv"
+    text = path.read_text(encoding="utf-8")
+    assert "Rod 1 [mV/V]" in text
+    path.write_text(text.replace("Rod 1 [mV/V]", "Rod 1 [kN]"), encoding="utf-8")
+    (remark,) = [text for text in build_campaign(folder).remarks if "the file says" in text]
+    assert "drive_force.1 (column 'Rod 1'): the file says kN, the channel map mV/V" in remark
+
+
+def test_nearly_all_drives_may_slip() -> None:
+    """One movement of 17 without a slip shows how long a motor runs."""
+    ends = [(5.0, 5.2), *[(10.0, 10.0)] * 16]
+    pieces = [SimpleNamespace(throw=SimpleNamespace(onset=2.0, drive_ends=pair)) for pair in ends]
+    assert _slipped(pieces) == [False, *[True] * 16]  # type: ignore[arg-type]
+
+
+def test_a_rod_and_the_load_cell_that_are_exchanged_are_named_once(tmp_path: Path) -> None:
+    folder = copied(tmp_path)
+    channels = folder / "channels.toml"
+    text = channels.read_text(encoding="utf-8")
+    for old, new in (("Rod 2", "other"), ("Load cell", "Rod 2"), ("other", "Load cell")):
+        text = text.replace(f'column = "{old}"', f'column = "{new}"')
+    channels.write_text(text, encoding="utf-8")
+    built = build_campaign(folder)
+    assert built.dataset is not None
+    assert built.dataset.attrs["swapped_cell"] == "2"
+    assert built.remarks[0].startswith(
+        "swapped channels of drive_force 2 and object_force: without"
+    )
+    (dead,) = [text for text in built.remarks if "dead channel of drive_force 2" in text]
+    assert "more: dead channel" in dead
+    with pytest.raises(
+        MeasurementError, match="swapped channels of drive_force 2 and object_force"
+    ):
+        observe(built.dataset, sb2_panel())
+
+
+def test_a_series_may_go_on_after_a_slip_until_a_load_cell_fits() -> None:
+    """`campaign virtual` throws up to 13 mm so that the cell measures; it complained of itself."""
+    sizes = (0.005, 0.010, 0.013)
+    runs = [row(size=size, load_cell=size >= 0.013) for size in sizes]
+    forces = [np.array([1e3, 1e3])] * 4
+    assert series_remarks(runs, [True] * 3, forces[:3]) == []
+    runs.append(row(size=0.016, load_cell=True))
+    (remark,) = series_remarks(runs, [True] * 4, forces)
+    assert remark.endswith("yet 1 movement of that series follows")
+
+
+def row(*, size: float, load_cell: bool) -> SheetRow:
+    return SheetRow(
+        where="line 2",
+        file="a.csv",
+        movement=1,
+        direction="closing",
+        size=size,
+        place="sleeper 6",
+        repeat=1,
+        slip=None,
+        load_cell=load_cell,
+        remark="",
+    )

@@ -24,7 +24,8 @@ def test_findings_begin_with_the_verdict() -> None:
     bad = hand_made(off=120.0, band=500.0)
     found = validation_findings(bad, judge(bad))
     assert (found[0].level, found[0].answer) == ("bad", "Not valid")
-    assert [item.level for item in found[2:5]] == ["good", "bad", "good"]
+    # Error and band of each channel in turn.
+    assert [item.level for item in found[2:8]] == ["good", "good", "bad", "good", "good", "good"]
     used = hand_made(used=6)
     assert validation_findings(used, judge(used))[0].answer == "Not validated"
 

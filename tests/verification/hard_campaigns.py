@@ -14,8 +14,10 @@ differ; campaigns by independent programs are the harder test.
 The truth of a case is what its parameter means on that switch: friction is the mean over the chairs
 weighted by their normal force while the rail slides, a slip level the mean over the throws, the
 stiffness of a bushing the slope beyond its soft zone. For each case the table has error, interval,
-whether it covers, the verdict and the causes that are named; `--write` puts it on the page. With
-`--out` a run that was stopped goes on: delete a `-result.json` to calibrate its case again.
+whether it covers, the verdict and the causes that are named; `--write` puts it on the page, in a
+part of its seed (`hard-N`; `hard-further-N` with `--further`), whose words around it are written by
+hand. With `--out` a run that was stopped goes on, and one that is whole is only written: delete a
+`-result.json` to calibrate its case again.
 """
 
 import argparse
@@ -92,7 +94,7 @@ def result_of(case: Hard, folder: Path, *, truth: Values, throws: Path) -> dict[
 def _named(text: str) -> str:
     """Return what is said of a recording with what it names first, as causes have it."""
     name = next((name for name in ("swapped channels", "dead channel") if name in text), "")
-    return f"{name}: {text}" if name else text
+    return text if not name or text.startswith(f"{name}:") else f"{name}: {text}"
 
 
 def _is_right(case: Hard, causes: list[str]) -> bool:
@@ -105,10 +107,11 @@ def _is_right(case: Hard, causes: list[str]) -> bool:
 
 def table(results: dict[str, dict[str, Any]], *, seed: int) -> list[str]:
     """Return the table of all cases, and what they come to."""
+    further = " --further" if set(results) <= set(FURTHER) else ""
     lines = [
-        f"14 recordings each, panel `sb1`, seed {seed}; written by "
-        "`python -m tests.verification.hard_campaigns --write`. Per value: error in %, half the "
-        "95 % interval in %, and a star where the interval does not hold the truth.",
+        f"14 recordings each, panel `sb1`, seed {seed}; written by `python -m "
+        f"tests.verification.hard_campaigns{further} --seed {seed} --out DIR --write`. Per value: "
+        "error ± half the 95 % interval in %, and a star where it does not hold the truth.",
         "",
         "| what differs | friction | k1 | level 1 | k2 | level 2 | verdict | causes named |",
         "|---|---|---|---|---|---|---|---|",
@@ -145,7 +148,8 @@ def _kept_result(name: str, out: Path, *, seed: int) -> dict[str, Any]:
     case, folder = ALL[name], out / f"{name}-{seed}"
     made, done = out / f"{name}-{seed}.json", out / f"{name}-{seed}-result.json"
     if done.exists():
-        return dict(json.loads(done.read_text(encoding="utf-8")))
+        kept = dict(json.loads(done.read_text(encoding="utf-8")))
+        return kept | {"causes": [_named(text) for text in kept["causes"]]}
     if not made.exists():
         # Of a run that was stopped.
         shutil.rmtree(folder, ignore_errors=True)
@@ -174,7 +178,9 @@ def main() -> None:
     lines = table(results, seed=given.seed)
     print("\n".join(lines))
     if given.write:
-        put_section(PAGE, name="hard", heading="Where model or sensors are wrong", lines=lines)
+        kind = "further-" if given.further else ""
+        heading = f"Where model or sensors are wrong, seed {given.seed}"
+        put_section(PAGE, name=f"hard-{kind}{given.seed}", heading=heading, lines=lines)
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from turnout.metric.campaign_statistics import object_places
 from turnout.panel.load import LoadedPanel
 from turnout.response.store import open_response, save_response
 from turnout.scheme import Mode, chosen_scheme
-from turnout.virtual.campaign_plan import SIZES, CampaignPlan, default_places
+from turnout.virtual.campaign_plan import SIZES, CampaignPlan, places_with_room
 from turnout.virtual.make_campaign import make_virtual_campaign
 
 if TYPE_CHECKING:
@@ -300,7 +300,7 @@ def _plan(
     if problems:
         raise MeasurementError(problems, source="virtual campaign")
     return CampaignPlan(
-        places=tuple(named) or default_places(panel),
+        places=tuple(named) or places_with_room(panel, size=min(metres, default=min(SIZES))),
         sizes=tuple(sorted(metres)) or SIZES,
         object_free=object_free,
         seed=seed,

@@ -13,7 +13,6 @@ from turnout.calibration.advice import next_lines, next_movements, systematic_er
 from turnout.calibration.cause_lines import cause_lines
 from turnout.calibration.causes import (
     CLEARLY,
-    LEFT_MISSED,
     CauseSearch,
     is_worth_a_search,
     unexplained_reasons,
@@ -23,6 +22,7 @@ from turnout.calibration.causes import (
 from turnout.calibration.comparison import Comparison, Uncertainty
 from turnout.calibration.covariance import Spread, spread_of
 from turnout.calibration.evaluate import Evaluator
+from turnout.calibration.exchanged_rods import rod_warnings
 from turnout.calibration.fit import (
     JOINT_SHARES,
     MAX_PASSES,
@@ -43,7 +43,6 @@ from turnout.calibration.requirements import (
     check_campaign,
     drop_unidentified_slip_levels,
     exclude_oversized_objects,
-    unmeasured_drives,
 )
 from turnout.calibration.result import Calibration, StageLog
 from turnout.calibration.result_entries import (
@@ -69,7 +68,7 @@ from turnout.calibration.stage_progress import (
     throws_per_step,
 )
 from turnout.calibration.stages import JOINT_MOVEMENTS, CalibrationPlan, Stage, default_plan
-from turnout.calibration.starts import nearest_fit, starts_of, stepped_once, with_movements
+from turnout.calibration.starts import last_start, nearest_fit, starts_of, with_movements
 from turnout.core.provenance import provenance
 from turnout.core.threads import one_blas_thread
 from turnout.errors import PanelError, SolverError
@@ -79,8 +78,6 @@ from turnout.scheme import Scheme
 Floats = NDArray[np.float64]
 # A lead of the motors that is seen before any cause is looked for [s].
 LONG_LEAD = 0.08
-
-
 # What a record says of the scheme where a fit came to its fine throws.
 REFINED = "; at its end with half the step, and modes to four times the frequency"
 
@@ -179,16 +176,16 @@ def calibrate(
         Evaluator(panel, folder=folder, workers=workers, scheme=scheme or Scheme()) as evaluator,
     ):
         evaluator.on_throw = lambda: watch.report_state(evaluator)
+        rods = rod_warnings(dataset, movements, evaluator)
         run = _Run(plan, panel, movements, comparison, evaluator, watch)
         logs, sweeps, warnings, final, search = run.stages()
         sensors = found_sensors(final)
         final, slip_warnings = drop_unidentified_slip_levels(final)
-        warnings += slip_warnings
+        warnings += slip_warnings + rods
         spread = spread_of(final)
         warnings = [
             *excluded_movements(dataset),
             *oversized,
-            *unmeasured_drives(movements, panel),
             *warnings,
             *warnings_from(final, spread),
             *(item.warning for item in sensors if item.leaves),
@@ -372,22 +369,7 @@ class _Run:
         if abs(lead) > LONG_LEAD:
             start = replace(start, comparison=replace(start.comparison, lead=lead))
             found = brief_fit(start, parameters, near.values, near=quick, passes=1, steps=0)
-        clearly = is_worth_a_search(found, share=CLEARLY)
-        # A start that is far off misses as much; a model that lacks nothing leaves it at once.
-        share = LEFT_MISSED if clearly else 1.0
-        first = brief_fit(
-            start, parameters, near.values, near=found, share=share, passes=1, steps=1
-        )
-        again = brief_fit(
-            start,
-            parameters,
-            first.values,
-            near=stepped_once(first, found, near),
-            share=share,
-            on_step=on_step,
-        )
-        if not (clearly and is_worth_a_search(again, share=CLEARLY)):
-            found = again
+        found = last_start(start, parameters, near, found, on_step=on_step)
         search = with_causes(found, start, self.panel, on_step=on_step)
         lead = common_lead(search.found)
         known = replace(search.first.comparison, lead=lead)

@@ -32,6 +32,7 @@ from turnout.calibration.parameter import Parameter, free_parameter
 from turnout.calibration.result import Fitted
 from turnout.errors import PanelError
 from turnout.measurement.chain.recorder_response import (
+    BESSEL,
     BUTTERWORTH,
     RC,
     LowPass,
@@ -48,7 +49,9 @@ GROUP = "friction.group."
 SOFT_TRAVELS = (0.5e-3, 1e-3, 2e-3, 3.5e-3)
 LEVEL_SCATTER = 0.05
 # Low-passes of a recorder that are tried, and the time below which there is none [s].
-RECORDER_FILTERS, LEAST_DELAY = ((BUTTERWORTH, 2), (RC, 1)), 1e-5
+RECORDER_FILTERS = ((BUTTERWORTH, 2), (RC, 1), (BESSEL, 4), (BUTTERWORTH, 4))
+LEAST_DELAY = 1e-5
+LEAST_SECTIONS = 0.005  # a modulus that is off by less takes up what is another cause's [-]
 # Groups of neighbouring chairs at most, and how far the friction of one is expected from the mean
 # of all, as a share of that [-].
 CHAIR_GROUPS, CHAIR_SPREAD = 5, 0.25
@@ -152,7 +155,7 @@ def _recorders() -> list[Cause]:
     )
     filters = [
         _recorder_cause(
-            f"recorder.{kind}",
+            f"recorder.{kind}" if number < 2 else f"recorder.{kind}.{order}",
             lambda size, kind=kind, order=order: RecorderResponse(  # type: ignore[misc]
                 low_pass=LowPass(kind=kind, order=order, corner=1.0 / (2.0 * np.pi * size))
             ),
@@ -163,7 +166,7 @@ def _recorders() -> list[Cause]:
             tries=(0.01, 0.035, 0.1),
             least=2e-3,
         )
-        for kind, order in RECORDER_FILTERS
+        for number, (kind, order) in enumerate(RECORDER_FILTERS)
     ]
     sampling = _recorder_cause(
         "recorder.interval",
@@ -403,6 +406,7 @@ def _sections(panel: LoadedPanel) -> list[Cause]:
             parameters=(modulus,),
             tries=(1.05 * modulus.start,),
             smooth=True,
+            least=LEAST_SECTIONS * modulus.start,
         )
     ]
 

@@ -138,6 +138,26 @@ def cause_trials(
     return sorted([*chosen, *single], key=lambda choice: -sum(item.gain for item, _ in choice))
 
 
+def one_of_alike(
+    choices: Sequence[Sequence[tuple[TestedCause, Cause]]],
+) -> list[Sequence[tuple[TestedCause, Cause]]]:
+    """Return the likeliest choice of causes much alike, in their order, and all others."""
+    groups = [choice[0][1].group for choice in choices]
+    return [
+        choice
+        for number, choice in enumerate(choices)
+        if not groups[number] or groups[number] not in groups[:number]
+    ]
+
+
+def each_name_once(tested: Sequence[TestedCause]) -> list[TestedCause]:
+    """Return the likeliest of each name, in their order."""
+    found: dict[str, TestedCause] = {}
+    for item in tested:
+        found.setdefault(item.name, item)
+    return list(found.values())
+
+
 def _trial(cause: Cause, sizes: tuple[float, ...], gain: float) -> TestedCause:
     return TestedCause(name=cause.name, text=cause.text(sizes), sizes=sizes, gain=gain)
 

@@ -14,7 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.calibration.candidate_causes import Cause, candidate_causes
-from turnout.calibration.cause_trials import TestedCause, cause_trials, own_levels, with_cause
+from turnout.calibration.cause_trials import (
+    TestedCause,
+    cause_trials,
+    each_name_once,
+    one_of_alike,
+    own_levels,
+    with_cause,
+)
 from turnout.calibration.comparison import Key
 from turnout.calibration.drive_law.fit_law import END
 from turnout.calibration.fit import Fit, brief_fit, fit
@@ -165,7 +172,7 @@ def with_causes(
             if item.gain > DECISIVE and not cause.is_slight(item.sizes)
         ]
         good = [choice for choice in choices if choice[0][0].gain > DECISIVE]
-        fitted = _first_that_helps(found, first, good[:ATTEMPTS], on_step)
+        fitted = _first_that_helps(found, first, one_of_alike(good)[:ATTEMPTS], on_step)
         if fitted is None:
             break
         found, choice = _best_of_alike(found, first, fitted, good, on_step)
@@ -182,7 +189,7 @@ def with_causes(
         plain=plain,
         taken=tuple(taken),
         # Where nothing is missed any more, those that were taken up explain what the others did.
-        others=tuple(_each_name_once(others)) if misses else (),
+        others=tuple(each_name_once(others)) if misses else (),
         misses=misses,
     ).ended(found)
 
@@ -325,14 +332,6 @@ def _as_fitted(item: TestedCause, cause: Cause, found: Fit) -> TestedCause:
     """Return a cause at the sizes that were fitted."""
     sizes = tuple(found.values[parameter.name] for parameter in cause.parameters)
     return replace(item, sizes=sizes, text=cause.text(sizes), fitted=True)
-
-
-def _each_name_once(tested: Sequence[TestedCause]) -> list[TestedCause]:
-    """Return the likeliest of each name, in their order."""
-    found: dict[str, TestedCause] = {}
-    for item in tested:
-        found.setdefault(item.name, item)
-    return list(found.values())
 
 
 def _first_that_helps(

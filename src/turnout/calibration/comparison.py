@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dtrtrs
 
 from turnout.calibration.evaluate import Response
 from turnout.calibration.measured_movements import MeasuredMovement, Signal
@@ -233,7 +233,9 @@ def _without_noise(row: Floats, factors: Sequence[Floats]) -> Floats:
     found, first = [], 0
     for factor in factors:
         piece = row[first : first + factor.shape[0]]
-        found.append(solve_triangular(factor, piece, lower=True, check_finite=False))
+        # As solve_triangular does it, without what that takes longer to look for than to solve.
+        solved, _ = dtrtrs(factor.T, piece, lower=0, trans=1)
+        found.append(np.ascontiguousarray(solved))
         first += factor.shape[0]
     return np.concatenate(found)
 
@@ -312,13 +314,14 @@ def _align(
         nuisances = np.column_stack(
             [*(c * s for c, s in zip(columns, scales, strict=True)), *zeros]
         )
-        clean = _without_noise(nuisances, factors)
         places = np.array([shift - lead, *(s.effect for s in sensitivities.values())])
         plain = np.column_stack(columns)
         rest = measured - ahead.row(shift) + plain @ places
+        both = _without_noise(np.column_stack([nuisances, rest]), factors)
+        clean = np.ascontiguousarray(both[:, :-1])
         inverse = np.linalg.inv(np.eye(clean.shape[1]) + clean.T @ clean)
         solve = inverse @ clean.T
-        found = solve @ _without_noise(rest, factors)
+        found = solve @ both[:, -1]
         before = shift
         shift = float(np.clip(lead + found[0] * spread, -MAX_ONSET_SHIFT, MAX_ONSET_SHIFT))
         if abs(shift - before) < 1e-4:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 from scipy.stats import norm
 from scipy.stats import t as student
 
@@ -14,9 +15,9 @@ from turnout.calibration.evaluate import Response
 from turnout.calibration.fit import Fit
 from turnout.calibration.fit_noise import SCATTER_WEIGHT
 from turnout.calibration.measured_movements import MeasuredMovement
-from turnout.calibration.misfit import shared_estimates
 from turnout.calibration.parameter import Parameter, prior_slopes
 from turnout.calibration.shared import GAIN
+from turnout.calibration.shared_estimates import shared_estimates
 
 Floats = NDArray[np.float64]
 # A standard deviation above this share of what the bounds alone allow: not identified.
@@ -29,8 +30,9 @@ NOTED = 0.6
 HARDLY_KNOWN = 0.3
 # Units of values that a scale of all forces changes.
 FORCES = ("N", "N/m")
-# Gains whose mean is so many of its stated deviations off are no chance: the model's scale may be.
-SCALE_DOUBTED = 2.5
+# How likely the rails are of another weight or stiffness than the panel's before anything is
+# measured, and by how much they then are, as standard deviation of the scale of all forces [-].
+OTHER_SCALE, SCALE_SPREAD = 0.02, 0.05
 # The change by half the step, and by four times the frequency of modes, over the error left [-].
 OF_STEP, OF_MODES = 2.0**2 - 1.0, 4.0**1.2 - 1.0
 NORMAL_95 = float(norm.ppf(0.975))
@@ -147,7 +149,8 @@ def spread_of(found: Fit) -> Spread:
     for column in solver_columns(found):
         move = estimate @ found.frame.joined(column)
         whole = whole + np.outer(move, move)
-    whole = whole + np.diag(_of_solver(found) ** 2)
+    scale_move = _of_scale(found)
+    whole = whole + np.diag(_of_solver(found) ** 2) + np.outer(scale_move, scale_move)
     sizes = np.sqrt(np.diag(whole))
     states = [
         "at its bound"
@@ -248,18 +251,22 @@ def model_columns(found: Fit) -> list[Floats]:
 
 
 def _of_solver(found: Fit) -> Floats:
-    """Return the standard deviation of each coordinate by the mesh, and by the scale of forces."""
-    comparison = found.misfit.comparison
-    values = [(item, found.values[item.name]) for item in found.parameters]
-    shares = np.array([abs(value) / item.slope(value) for item, value in values])
-    scale = _scale_uncertainty(found)
+    """Return the standard deviation of each coordinate by the mesh, and of friction by chair."""
     chairs = {FRICTION: chair_uncertainty(found)}
-    sizes = [
-        np.hypot(comparison.uncertainty.solver, scale if item.unit in FORCES else 0.0)
-        for item in found.parameters
-    ]
     own = [chairs.get(item.name, 0.0) for item in found.parameters]
-    return np.asarray(np.hypot(sizes, own) * shares)
+    return np.asarray(np.hypot(found.misfit.comparison.uncertainty.solver, own) * _shares(found))
+
+
+def _of_scale(found: Fit) -> Floats:
+    """Return the move of all coordinates by one deviation of the scale of forces: in common."""
+    acts = np.array([float(item.unit in FORCES) for item in found.parameters])
+    return np.asarray(_scale_uncertainty(found) * acts * _shares(found))
+
+
+def _shares(found: Fit) -> Floats:
+    """Return the change of each coordinate by one whole of its value."""
+    values = [(item, found.values[item.name]) for item in found.parameters]
+    return np.array([abs(value) / item.slope(value) for item, value in values], dtype=np.float64)
 
 
 def chair_uncertainty(found: Fit) -> float:
@@ -282,21 +289,62 @@ def _scale_uncertainty(found: Fit) -> float:
     """Return the uncertainty of the scale of all forces, where gains are free [-].
 
     The scale is then that of the model, from weight and stiffness of its rails. A gain that all
-    channels have alike is not separable from an error of these. Where it is more than chance makes
-    of gains as they were stated, or the rails are not those of the panel, the gains alone are the
-    scale: it is as uncertain as their mean, which counts in full.
+    channels have alike is not separable from an error of these.
     """
     alike = common_gain(found)
     if alike is None:
         return 0.0
-    doubt = float(np.hypot(*alike)) if _scale_is_doubted(found, alike) else 0.0
-    return float(np.hypot(found.misfit.comparison.uncertainty.scale, doubt))
+    return float(np.hypot(found.misfit.comparison.uncertainty.scale, _doubt(found, alike)))
 
 
-def _scale_is_doubted(found: Fit, alike: tuple[float, float]) -> bool:
-    mean, deviation = alike
-    other_rails = any(item.name == MODULUS for item in found.parameters)
-    return other_rails or abs(mean) > SCALE_DOUBTED * deviation
+def _doubt(found: Fit, alike: tuple[float, float]) -> float:
+    """Return what gains that are off together say of the scale of the model [-].
+
+    Where the rails are not those of the panel, the gains alone are the scale: it is as uncertain as
+    their mean, which counts in full.
+    """
+    if any(item.name == MODULUS for item in found.parameters):
+        return float(np.hypot(*alike))
+    return scale_doubt(*alike)
+
+
+def scale_doubt(mean: float, deviation: float) -> float:
+    r"""Return how uncertain the model's scale is where all gains are off together [-].
+
+    Either the rails are those of the panel, and the common gain :math:`m` is chance, of the
+    deviation :math:`d` that was stated of it, or, in a share :math:`p` of all switches, they are
+    not, and their scale is off by :math:`s` of a deviation :math:`\tau` too. By Bayes' rule
+
+    .. math:: w = \frac{p N(m; 0, d^2 + \tau^2)}{(1 - p) N(m; 0, d^2) + p N(m; 0, d^2 + \tau^2)},
+        \quad s \sim (1 - w)\, \delta_0
+        + w N\left(\frac{m \tau^2}{d^2 + \tau^2}, \frac{d^2 \tau^2}{d^2 + \tau^2}\right)
+
+    and the deviation is that of a normal error whose 95 % interval reaches as far as that of `s`:
+    nothing while :math:`w` is below 5 %.
+
+    Parameters
+    ----------
+    mean, deviation : float
+        Of the gain that all channels have alike, as estimated and as stated [-].
+
+    Examples
+    --------
+    >>> [round(scale_doubt(off * 0.006, 0.006), 4) for off in (1.0, 2.0, 2.5, 3.0, 4.0)]
+    [0.0, 0.0, 0.0005, 0.0107, 0.0169]
+    """
+    wide = float(np.hypot(deviation, SCALE_SPREAD))
+    chance = (1.0 - OTHER_SCALE) * norm.pdf(mean, scale=deviation)
+    other = OTHER_SCALE * norm.pdf(mean, scale=wide)
+    beyond = (1.0 - 0.95) * (chance + other) / other
+    if not beyond < 1.0:
+        return 0.0
+    middle = abs(mean) * (SCALE_SPREAD / wide) ** 2
+    size = deviation * SCALE_SPREAD / wide
+
+    def left(reach: float) -> float:
+        return float(norm.sf((reach - middle) / size) + norm.sf((reach + middle) / size)) - beyond
+
+    return float(brentq(left, 0.0, middle + 10.0 * size)) / NORMAL_95
 
 
 def common_gain(found: Fit) -> tuple[float, float] | None:
@@ -325,16 +373,16 @@ def common_gain(found: Fit) -> tuple[float, float] | None:
 def _scale_finding(found: Fit) -> list[str]:
     """Say where the scale of the model is doubted."""
     alike = common_gain(found)
-    if alike is None or not _scale_is_doubted(found, alike):
+    if alike is None or _doubt(found, alike) == 0.0:
         return []
     mean, deviation = alike
     why = f"{abs(mean) / deviation:.1f} standard deviations of what was stated of them"
-    if abs(mean) <= SCALE_DOUBTED * deviation:
+    if scale_doubt(mean, deviation) == 0.0:
         why = "and the rails are not those of the panel"
     return [
         f"all sensors read {100 * mean:+.2g} % together, {why}: weight or stiffness of the rails "
-        "may be off by as much instead, so all forces and stiffnesses are as uncertain; calibrate "
-        "one channel (shunt or known load) and state its gain_uncertainty to know which"
+        "may be off by as much instead, so intervals of forces and stiffnesses are wider; "
+        "calibrate one channel (shunt or known load) and state its gain_uncertainty to know which"
     ]
 
 

@@ -11,12 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from turnout.calibration.comparison import Comparison
+from turnout.calibration.evaluate import Response
 from turnout.calibration.fit_noise import (
     inflate_noise,
+    is_poor,
+    noise_near,
     reestimate_noise,
     same_noise,
     scale_inflation,
+    with_sensors_held,
 )
 from turnout.calibration.linearisation import SAME_ROUGH_SLOPE, Linearisation
 from turnout.calibration.misfit import (
@@ -37,7 +40,6 @@ from turnout.calibration.parameter import (
     prior_slopes,
     values_at,
 )
-from turnout.calibration.shared import poorly_followed
 from turnout.core.threads import one_blas_thread
 
 Floats = NDArray[np.float64]
@@ -176,12 +178,12 @@ def fit(
             values, effects, local = found.values, found.misfit.effects, found.local
         return replace(found, misfit=reestimate_noise(found, misfit), iterations=iterations)
     first, misfit = misfit, replace(misfit, effects=effects)
-    known = refined and near is not None and not _is_poor(near.misfit)
+    known = refined and near is not None and not is_poor(near.misfit)
     if near is not None and known:
-        misfit = replace(misfit, comparison=_noise_of(near.misfit, misfit.comparison))
+        misfit = replace(misfit, comparison=noise_near(near.misfit, misfit.comparison))
     for number in range(MAX_PASSES):
         # Finer steps are no remedy for a model of something else, and too long a way from afar.
-        poor = _is_poor(misfit) if number else not known
+        poor = is_poor(misfit) if number else not known
         if not refined or poor:
             misfit = replace(misfit, refinement=())
         elif not misfit.refinement:
@@ -201,23 +203,6 @@ def fit(
         if (number > 0 or known) and (poor or same_noise(found.misfit, misfit)):
             break
     return replace(found, iterations=iterations)
-
-
-def _is_poor(misfit: Misfit) -> bool:
-    """Return whether a model misses too much for a trustworthy fit."""
-    return bool(poorly_followed(misfit.comparison, misfit.movements))
-
-
-def _noise_of(near: Misfit, comparison: Comparison) -> Comparison:
-    """Return a comparison with the noise that a fit near by left."""
-    known = near.comparison
-    return replace(
-        comparison,
-        noise=known.noise,
-        scatter=known.scatter,
-        discrepancy=known.discrepancy,
-        outlier_limit=known.outlier_limit,
-    )
 
 
 @one_blas_thread()
@@ -265,7 +250,7 @@ def brief_fit(
         for key, item in near.misfit.comparison.noise.items()
     }
     kept = replace(misfit.comparison, noise=noise, scatter=near.misfit.comparison.scatter)
-    kept = _with_sensors_held(kept, share) if share < 1.0 else kept
+    kept = with_sensors_held(kept, share) if share < 1.0 else kept
     present = replace(
         misfit, comparison=kept, effects=near.misfit.effects, same_slope=SAME_ROUGH_SLOPE
     )
@@ -288,20 +273,6 @@ def brief_fit(
         residuals=present.residuals_of(local.simulated, frame),
         jacobian=jacobian(local, frame, names),
         iterations=iterations,
-    )
-
-
-def _with_sensors_held(comparison: Comparison, share: float) -> Comparison:
-    """Return a comparison whose sensors are known better, by the share that noise is reduced by.
-
-    With less noise than a model misses, priors that stay as they are would count for nothing: gains
-    far beyond belief would take up what the model lacks.
-    """
-    return replace(
-        comparison,
-        gains={key: share * size for key, size in comparison.gains.items()},
-        common_zero=share * comparison.common_zero,
-        clock=share * comparison.clock,
     )
 
 
@@ -343,8 +314,7 @@ def _least_squares(
             theta = coordinates(parameters, local.values) + step
             trial = {**local.values, **values_at(parameters, theta)}
             trial_misfit = replace(misfit, effects=effects_after(misfit, local, frame, names, step))
-            here = tuple(trial_misfit.responses([trial])[0])
-            trial_cost = _cost(trial_misfit.residuals_of(here, frame), parameters, trial)
+            here, trial_cost = _tried(trial_misfit, frame, parameters, trial)
             if np.isfinite(trial_cost) and trial_cost < cost:
                 damping, accepted, misfit = 0.1 * damping, True, trial_misfit
                 worth = max(EXTENDING_DECREASE, EXTENDING_SHARE * trial_cost)
@@ -356,7 +326,8 @@ def _least_squares(
                 message, converged = "converged to the noise of the solver", True
                 break
         if not accepted:
-            if rejected and not (rough or fresh) and iterations < max_steps:  # by slopes from afar?
+            done = rough or fresh or bool(misfit.correction)  # which lead near only
+            if rejected and not done and iterations < max_steps:
                 local, fresh = misfit.local(local.values, names), True
                 message, converged = "", False
                 continue
@@ -386,6 +357,14 @@ def _local_at(
         return misfit.local(values, names)
     whole = {**misfit.base, **values}
     return replace(local, values=whole, simulated=tuple(misfit.responses([whole])[0]))
+
+
+def _tried(
+    misfit: Misfit, frame: Frame, parameters: Sequence[Parameter], values: Mapping[str, float]
+) -> tuple[tuple[Response, ...], float]:
+    """Return the responses at values, and their cost in a frame."""
+    here = tuple(misfit.responses([values])[0])
+    return here, _cost(misfit.residuals_of(here, frame), parameters, values)
 
 
 def _limits(*, rough: bool, brief: int | None) -> tuple[int, int, int]:

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.calibration.comparison import Key
+from turnout.calibration.comparison import Comparison, Key
 from turnout.calibration.measured_movements import BIN
-from turnout.calibration.misfit import Misfit, shared_corrections
+from turnout.calibration.misfit import Misfit
 from turnout.calibration.noise import missed_by_model
 from turnout.calibration.parameter import Parameter
 from turnout.calibration.predict import compared, predicted
-from turnout.calibration.shared import left_out, shared_discrepancy, without_common
+from turnout.calibration.shared import left_out, poorly_followed, shared_discrepancy, without_common
+from turnout.calibration.shared_estimates import shared_corrections
 from turnout.core.robust_deviation import MAD_TO_SIGMA
 
 if TYPE_CHECKING:
@@ -131,6 +132,37 @@ def _remaining_series(found: "Fit") -> dict[tuple[str, str, str], list[Floats]]:
             key = (signal.channel, signal.drive, alignment.movement.direction)
             series.setdefault(key, []).append(np.clip(row, -most, most))
     return series
+
+
+def is_poor(misfit: Misfit) -> bool:
+    """Return whether a model misses too much for a trustworthy fit."""
+    return bool(poorly_followed(misfit.comparison, misfit.movements))
+
+
+def noise_near(near: Misfit, comparison: Comparison) -> Comparison:
+    """Return a comparison with the noise that a fit near by left."""
+    known = near.comparison
+    return replace(
+        comparison,
+        noise=known.noise,
+        scatter=known.scatter,
+        discrepancy=known.discrepancy,
+        outlier_limit=known.outlier_limit,
+    )
+
+
+def with_sensors_held(comparison: Comparison, share: float) -> Comparison:
+    """Return a comparison whose sensors are known better, by the share that noise is reduced by.
+
+    With less noise than a model misses, priors that stay as they are would count for nothing: gains
+    far beyond belief would take up what the model lacks.
+    """
+    return replace(
+        comparison,
+        gains={key: share * size for key, size in comparison.gains.items()},
+        common_zero=share * comparison.common_zero,
+        clock=share * comparison.clock,
+    )
 
 
 def _discrepancies(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from turnout.calibration.stages import ANY, NONE, Selection, spread
 from turnout.core.problems import choices
 from turnout.errors import MeasurementError, PanelError
-from turnout.measurement.campaign.sheet_checks import swap_remarks
+from turnout.measurement.campaign.sheet_checks import exchange_remarks
 from turnout.measurement.chain.recorder_response import (
     LEAST_INTERVAL,
     NO_RESPONSE,
@@ -252,7 +252,7 @@ def _problems(dataset: xr.Dataset, panel: LoadedPanel, exclude: Sequence[str]) -
     if "movement" not in dataset.dims or "drive_force" not in dataset:
         return ["is not a built campaign with drive forces; see `turnout campaign build`"]
     names = [str(name) for name in dataset["movement"].values]
-    problems = swap_remarks(tuple(json.loads(str(dataset.attrs.get("swapped", "null"))) or ()))
+    problems = exchange_remarks(dataset.attrs)
     problems += [
         f"exclude {name}: there is no such movement; there are {choices(names)}"
         for name in exclude

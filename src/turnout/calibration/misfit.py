@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.calibration.comparison import Alignment, Comparison, Sensitivity, align
+from turnout.calibration.corrections import Correction, Refined
 from turnout.calibration.evaluate import Evaluator, Response, ThrowInputs, with_change
 from turnout.calibration.linearisation import (
     DIFFERENCE,
@@ -22,27 +23,6 @@ from turnout.calibration.shared import Shared, shared_of
 from turnout.errors import SolverError
 
 Floats = NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Refined:
-    """One movement near the end of a fit, thrown ever more finely.
-
-    Attributes
-    ----------
-    plain, halved, fine : Response
-        As the scheme says; with half its step; and with modes to a higher frequency too.
-    """
-
-    plain: Response
-    halved: Response
-    fine: Response
-
-    def added(self, response: Response) -> Response:
-        """Return a response near by with what fine throws change; the same where one failed."""
-        if self.fine.failure or self.plain.failure:
-            return response
-        return with_change(response, self.fine, self.plain)
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
@@ -75,6 +55,9 @@ class Misfit:
     refinement : tuple of Refined
         Of each movement near the end, thrown as the scheme says and more finely: what this changes
         is added to every response. None away from there.
+    correction : tuple of Correction
+        Of each movement, thrown quickly and as the scheme says near by: what this changes is added
+        to every response, where throws are quick.
     lean : bool
         Whether throws are lean.
     same_slope : float
@@ -92,6 +75,7 @@ class Misfit:
     always: tuple[str, ...] = ()
     quick: bool = False
     refinement: tuple[Refined, ...] = ()
+    correction: tuple[Correction, ...] = ()
     lean: bool = False
     same_slope: float = SAME_SLOPE
 
@@ -141,7 +125,8 @@ class Misfit:
 
     def refined(self, values: Mapping[str, float]) -> "Misfit":
         """Return this with what finer throws change at values."""
-        throws = [self._throw(n, {**self.base, **values}) for n in range(len(self.movements))]
+        like = replace(self._repeated_alike(), quick=False)
+        throws = [like._throw(n, {**self.base, **values}) for n in range(len(self.movements))]
         plain = self.evaluator.responses(throws)
         halved = self.evaluator.responses([replace(item, halved=True) for item in throws])
         fine = self.evaluator.responses([replace(item, fine=True) for item in throws])
@@ -150,6 +135,48 @@ class Misfit:
             self, refinement=tuple(Refined(plain=a, halved=b, fine=c) for a, b, c in pairs)
         )
 
+    def corrected(self, values: Mapping[str, float]) -> "Misfit":
+        """Return this with quick throws, to which is added what plain ones change at values.
+
+        Raises
+        ------
+        SolverError
+            When a movement cannot be simulated there.
+        """
+        whole, count = {**self.base, **values}, len(self.movements)
+        made = self.evaluator.responses(
+            [
+                replace(self, quick=quick)._throw(number, whole)
+                for quick in (False, True)
+                for number in range(count)
+            ]
+        )
+        for movement, response in zip(self.movements * 2, made, strict=True):
+            if response.failure:
+                message = f"{movement.text}: cannot be simulated: {response.failure}"
+                raise SolverError(message)
+        corrections = [
+            Correction(plain=plain, quick=quick)
+            for plain, quick in zip(made[:count], made[count:], strict=True)
+        ]
+        return replace(self, quick=True, correction=tuple(corrections))
+
+    def _repeated_alike(self) -> "Misfit":
+        """Return this with one effect for all movements of a place and size: they share throws."""
+        places = [(item.place, item.size) for item in self.movements]
+        effects = {
+            name: tuple(
+                float(
+                    np.mean(
+                        [share for share, other in zip(row, places, strict=True) if other == place]
+                    )
+                )
+                for place in places
+            )
+            for name, row in self.effects.items()
+        }
+        return replace(self, effects=effects)
+
     def of(self, numbers: Sequence[int]) -> "Misfit":
         """Return the misfit of some of the movements, in the order of the numbers."""
         return replace(
@@ -157,10 +184,13 @@ class Misfit:
             movements=tuple(self.movements[n] for n in numbers),
             effects={name: tuple(row[n] for n in numbers) for name, row in self.effects.items()},
             refinement=tuple(self.refinement[n] for n in numbers) if self.refinement else (),
+            correction=tuple(self.correction[n] for n in numbers) if self.correction else (),
         )
 
     def _kept(self, number: int, response: Response, values: Mapping[str, float]) -> Response:
-        """Return a response as it is compared: refined, and shaped."""
+        """Return a response as it is compared: corrected, refined, and shaped."""
+        if self.correction and not response.failure:
+            response = self.correction[number].added(response)
         if self.refinement and not response.failure:
             response = self.refinement[number].added(response)
         return response if self.shape is None else self.shape(response, values)
@@ -397,23 +427,3 @@ def plain_jacobian(local: Linearisation, frame: Frame, names: Sequence[str]) -> 
         for alignment, slope in zip(frame.alignments, slopes, strict=True)
     ]
     return np.concatenate(rows)
-
-
-def shared_estimates(local: Linearisation, frame: Frame) -> Floats:
-    """Return the likeliest size of all that movements share, in standard deviations, shape (q,)."""
-    if frame.shared is None:
-        return np.zeros(0)
-    rows = [
-        alignment.whitened(alignment.measured - alignment.reduced(response))
-        for alignment, response in zip(frame.alignments, local.simulated, strict=True)
-    ]
-    return frame.shared.estimates(np.concatenate(rows))
-
-
-def shared_corrections(local: Linearisation, frame: Frame) -> list[Floats | None]:
-    """Return for each movement what its sensors add to the measured forces, as estimated [N]."""
-    if frame.shared is None:
-        return [None] * len(frame.alignments)
-    count = len(frame.shared.sensors)
-    sizes = shared_estimates(local, frame)[:count]
-    return [block[:, :count] @ sizes for block in frame.shared.plain]

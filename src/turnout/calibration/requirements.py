@@ -17,12 +17,8 @@ from turnout.calibration.parameter import Parameter
 from turnout.calibration.result import Calibration
 from turnout.calibration.stages import NONE, CalibrationPlan
 from turnout.errors import MeasurementError
-from turnout.panel.foreign_object import OPENING_MARGIN, ForeignObject
-from turnout.panel.layout import largest_opening
 from turnout.panel.load import LoadedPanel
-from turnout.response.save import Save
-from turnout.response.simulate import simulate
-from turnout.scheme import Scheme
+from turnout.response.object_room import object_fits
 
 # A drive whose marker moves, but whose rod never changes by this, is dead or not there [N].
 LEAST_FORCE = 30.0
@@ -82,8 +78,7 @@ def exclude_oversized_objects(
 
     An object is placed between the rails as soon as they stand far enough apart. Where they never
     do it is not there, and a throw with it is one without: comparing it with a measurement in
-    which it was squeezed would spoil every value. Only objects near the estimated opening are
-    thrown to find out.
+    which it was squeezed would spoil every value.
 
     Parameters
     ----------
@@ -97,7 +92,11 @@ def exclude_oversized_objects(
     MeasurementError
         When nothing is left.
     """
-    fits = {(item.place, item.size): _fits(panel, item) for item in movements if item.size > 0}
+    fits = {
+        (item.place, item.size): object_fits(panel, item.size, item.place)
+        for item in movements
+        if item.size > 0
+    }
     kept = tuple(item for item in movements if fits.get((item.place, item.size), True))
     texts = [
         f"{item.text} was left out: the object does not fit into the gap of panel {panel.name}; "
@@ -108,20 +107,6 @@ def exclude_oversized_objects(
     if not kept:
         raise MeasurementError(texts, source="no movement is left")
     return kept, texts
-
-
-def _fits(panel: LoadedPanel, item: MeasuredMovement) -> bool:
-    opening = largest_opening(panel, str(panel.object_defaults.rail), item.x)
-    if opening is None or item.size < opening - OPENING_MARGIN:
-        return True
-    run = simulate(
-        panel,
-        foreign_object=ForeignObject(item.size, item.place),
-        scheme=Scheme.of("quick"),
-        save=Save(fields=("object_placed",)),
-        throw=False,
-    )
-    return bool(run.get("object_placed", True))
 
 
 Floats = NDArray[np.float64]

@@ -9,9 +9,10 @@ import xarray as xr
 from turnout.calibration.comparison import Comparison, Key
 from turnout.calibration.covariance import model_columns, solver_columns
 from turnout.calibration.fit import Fit
-from turnout.calibration.misfit import framed, plain_jacobian, shared_estimates
+from turnout.calibration.misfit import framed, plain_jacobian
 from turnout.calibration.parameter import prior_slopes
 from turnout.calibration.shared import CLOCK, GAIN, ZERO, SensorColumn
+from turnout.calibration.shared_estimates import shared_estimates
 
 # A gain this many deviations from where it was stated to be gives a warning.
 LEAVES_PRIOR = 2.0

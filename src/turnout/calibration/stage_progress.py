@@ -13,6 +13,8 @@ from turnout.panel.load import LoadedPanel
 
 # Steps that the last stage usually takes, each with its own sensitivities.
 JOINT_STEPS = 5
+# Throws over which the present pace is taken: those at the end take longer.
+PACE_THROWS = 50
 # Movements that advice usually looks at.
 CANDIDATES = 8
 
@@ -32,8 +34,9 @@ class CalibrationProgress:
     misfit : float
         Root mean square of the residuals over their expected size; NaN before the first.
     seconds, left : float
-        Since the start, and left by the throws that are usually needed; at least those of one
-        more step [s].
+        Since the start, and left by the throws that are usually needed, at the slower of the mean
+        and the present pace; where more were needed already, as much again as these took, and at
+        least one more step [s].
     """
 
     stage: str
@@ -89,6 +92,8 @@ class ProgressReporter:
     number: int = 0
     misfit: float = float("nan")
     began: float = 0.0
+    pace: float = 0.0
+    marked: tuple[float, int] = (0.0, 0)
 
     def report_state(self, evaluator: Evaluator) -> None:
         """Report the state after a throw."""
@@ -96,6 +101,11 @@ class ProgressReporter:
         if self.report is None:
             return
         seconds, made = time.monotonic() - self.began, max(evaluator.made, 1)
+        if made - self.marked[1] >= PACE_THROWS:
+            self.pace = (seconds - self.marked[0]) / (made - self.marked[1])
+            self.marked = (seconds, made)
+        missing = self.planned - made - evaluator.reused
+        pace = max(seconds / made, self.pace)
         self.report(
             CalibrationProgress(
                 stage=self.stage,
@@ -104,7 +114,7 @@ class ProgressReporter:
                 evaluations=evaluator.made,
                 misfit=self.misfit,
                 seconds=seconds,
-                left=seconds / made * max(self.planned - made - evaluator.reused, self.per_step),
+                left=pace * max(abs(missing), self.per_step),
             )
         )
 

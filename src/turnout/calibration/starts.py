@@ -3,7 +3,8 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
-from turnout.calibration.fit import Fit, fit
+from turnout.calibration.causes import CLEARLY, LEFT_MISSED, is_worth_a_search
+from turnout.calibration.fit import Fit, brief_fit, fit
 from turnout.calibration.grid_search import misfit_share, other_minima, sweep
 from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.misfit import Misfit
@@ -98,14 +99,59 @@ def with_movements(near: Fit, movements: Sequence[MeasuredMovement]) -> Fit:
         name: tuple(row[places[item.name]] if item.name in places else 0.0 for item in movements)
         for name, row in near.misfit.effects.items()
     }
-    misfit = replace(near.misfit, movements=tuple(movements), effects=effects)
+    misfit = replace(near.misfit, movements=tuple(movements), effects=effects, correction=())
     # Before slopes of all parameters are thrown where these movements then are not.
     local = misfit.local(near.values, ())
     misfit, local, _ = update_movement_effects(misfit, local, (), passes=OWN_PASSES)
     return replace(near, misfit=misfit, local=replace(local, stepped={}))
 
 
-def stepped_once(first: Fit, found: Fit, near: Fit) -> Fit:
+def last_start(
+    start: Misfit,
+    parameters: Sequence[Parameter],
+    near: Fit,
+    found: Fit,
+    *,
+    on_step: Callable[[float], None] | None = None,
+) -> Fit:
+    """Fit briefly from where quick throws led, to see what a model misses.
+
+    Quick throws with what plain ones change of them where it begins are enough for a model that
+    lacks nothing; any other is followed with plain throws.
+
+    Parameters
+    ----------
+    start : Misfit
+        With the noise of the measurement.
+    parameters : sequence of Parameter
+        The free ones.
+    near, found : Fit
+        By quick throws, and by plain ones at its values.
+    on_step : callable, optional
+        As of `fit`.
+    """
+    clearly = is_worth_a_search(found, share=CLEARLY)
+    if not clearly:
+        light = replace(start, effects=found.misfit.effects).corrected(near.values)
+        begun = replace(found, local=replace(found.local, quick=True))
+        light_fit = brief_fit(light, parameters, near.values, near=begun, passes=1, on_step=on_step)
+        if light_fit.converged and not is_worth_a_search(light_fit):
+            return light_fit
+    # A start that is far off misses as much; a model that lacks nothing leaves it at once.
+    share = LEFT_MISSED if clearly else 1.0
+    first = brief_fit(start, parameters, near.values, near=found, share=share, passes=1, steps=1)
+    again = brief_fit(
+        start,
+        parameters,
+        first.values,
+        near=_stepped_once(first, found, near),
+        share=share,
+        on_step=on_step,
+    )
+    return found if clearly and is_worth_a_search(again, share=CLEARLY) else again
+
+
+def _stepped_once(first: Fit, found: Fit, near: Fit) -> Fit:
     """Return a first step with the noise of where it began; slopes of quick throws end with it.
 
     Parameters

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from turnout.cli.campaign import INTERRUPTED, OutsideOption, dataset_of
+from turnout.cli.campaign import OutsideOption, dataset_of
 from turnout.cli.json_output import JsonOption, print_json
 from turnout.cli.options import (
     DEFAULT_PANEL,
     FINDINGS,
+    INTERRUPTED,
     QuietOption,
     SetOption,
     check_outputs,
@@ -195,7 +196,9 @@ def result_lines(calibration: "Calibration") -> list[str]:
     """Return values with uncertainty, findings and warnings as lines."""
     lines = [f"{'panel':<12}{calibration.panel}", f"{'campaign':<12}{calibration.data}"]
     for stage in calibration.stages:
-        text = f"{len(stage.movements)} movements, {stage.evaluations} throws, {stage.message}"
+        count = len(stage.movements)
+        movements = "1 movement" if count == 1 else f"{count} movements"
+        text = f"{movements}, {stage.evaluations} throws, {stage.message}"
         lines.append(f"{'stage':<12}{stage.name}: {text}; misfit {stage.misfit:.2f}")
     for item in calibration.parameters:
         factor, unit = _scaled(item.unit)

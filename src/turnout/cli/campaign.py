@@ -1,32 +1,22 @@
-"""The commands `turnout campaign check`, `build`, `plot` and `virtual`."""
+"""The commands `turnout campaign check`, `build` and `plot`."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from turnout.cli.json_output import JsonOption, print_json
-from turnout.cli.machine_monitor import TogetherOption
-from turnout.cli.options import (
-    FINDINGS,
-    CalibrationOption,
-    PanelOption,
-    QuietOption,
-    SetOption,
-    check_outputs,
-    opened_panel,
-)
+from turnout.cli.options import FINDINGS, INTERRUPTED, QuietOption, check_outputs, opened_panel
+from turnout.cli.virtual_campaign import virtual_command
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from turnout.measurement.campaign.build_campaign import BuiltCampaign
-    from turnout.measurement.chain.monitoring import Monitoring
     from turnout.panel.load import LoadedPanel
-    from turnout.virtual.campaign_plan import CampaignPlan
 
 FIGURES = (".png", ".pdf", ".svg")
-INTERRUPTED = 130
 MOST_REMARKS = 20
 MOST_NAMES = 4
 
@@ -35,6 +25,7 @@ app = typer.Typer(
     help="Measured movements: check, build and draw a campaign, or make a virtual one.",
     no_args_is_help=True,
 )
+app.command("virtual", short_help="Make a campaign of simulated throws.")(virtual_command)
 
 FolderArgument = Annotated[
     Path, typer.Argument(metavar="DIR", help="Folder with a run sheet and recordings.")
@@ -60,6 +51,14 @@ OutsideOption = Annotated[
 def check_command(
     folder: FolderArgument,
     channels: ChannelsOption = None,
+    panel: Annotated[
+        str | None,
+        typer.Option(
+            "--panel",
+            metavar="PANEL",
+            help="Switch that was measured: finds exchanged rods from objects at any place.",
+        ),
+    ] = None,
     strict: StrictOption = False,
     allow_outside: OutsideOption = False,
     as_json: JsonOption = False,
@@ -67,19 +66,37 @@ def check_command(
 ) -> None:
     """Check a run sheet against its files, and the quality of every movement.
 
-    Exit code 1 if no movement is usable.
+    Exit code 1 if no movement is usable, or columns of the channel map are exchanged.
     """
+    loaded = None if panel is None else opened_panel(panel, [])
     campaign = built_campaign(
         folder, channels, strict=strict, allow_outside=allow_outside, quiet=quiet
     )
+    if loaded is not None:
+        campaign = _with_panel(campaign, loaded)
     if as_json:
         from turnout.cli.json_records import campaign_record
 
         print_json("campaign check", campaign_record(campaign))
     elif not quiet:
         _print_campaign(campaign, remarks=True)
-    if campaign.dataset is None:
+    if campaign.dataset is None or _is_exchanged(campaign):
         raise typer.Exit(FINDINGS)
+
+
+def _is_exchanged(campaign: "BuiltCampaign") -> bool:
+    return any(text.startswith("swapped channels of") for text in campaign.remarks)
+
+
+def _with_panel(campaign: "BuiltCampaign", panel: "LoadedPanel") -> "BuiltCampaign":
+    """Return a campaign with what the panel says of its rods in place of what was not checked."""
+    from turnout.calibration.exchanged_rods import rod_remarks
+    from turnout.measurement.campaign.sheet_checks import UNCHECKED
+
+    if campaign.dataset is None or UNCHECKED not in campaign.remarks:
+        return campaign
+    others = [text for text in campaign.remarks if text != UNCHECKED]
+    return replace(campaign, remarks=(*rod_remarks(campaign.dataset, panel), *others))
 
 
 @app.command("build", short_help="Build one dataset of all usable movements.")
@@ -167,105 +184,6 @@ def plot_command(
         typer.echo(f"{'written':<12}{target}")
 
 
-@app.command("virtual", short_help="Make a campaign of simulated throws.")
-def virtual_command(
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to fill.")],
-    panel: PanelOption = None,
-    settings: SetOption = [],  # noqa: B006 - typer copies it
-    calibration: CalibrationOption = None,
-    seed: Annotated[
-        int, typer.Option("--seed", metavar="N", min=0, help="Seed of the random numbers.")
-    ] = 0,
-    places: Annotated[
-        list[str],
-        typer.Option("--place", metavar="PLACE", help="Default all sleepers and drives. Repeat."),
-    ] = [],  # noqa: B006 - typer copies it
-    sizes: Annotated[
-        list[str],
-        typer.Option("--size", metavar="SIZE", help="Default 5 ... 31 mm, until slip. Repeat."),
-    ] = [],  # noqa: B006 - typer copies it
-    repeats: Annotated[
-        int,
-        typer.Option(
-            "--repeats", metavar="N", min=0, help="Throws without an object, each direction."
-        ),
-    ] = 5,
-    formats: Annotated[
-        list[str],
-        typer.Option(
-            "--format", metavar="FORMAT", help="csv, mat or h5, in turn by place. Repeat."
-        ),
-    ] = ["csv", "mat"],  # noqa: B006 - typer copies it
-    worn_clutch: Annotated[
-        bool, typer.Option("--worn-clutch", help="Drive 2 slips above its level, and scatters.")
-    ] = False,
-    soft_build_up: Annotated[
-        bool, typer.Option("--soft-build-up", help="Drive 2 builds up softly after contact.")
-    ] = False,
-    finer: Annotated[
-        bool,
-        typer.Option(
-            "--finer", help="Compute the true responses with a finer, different discretisation."
-        ),
-    ] = False,
-    mistype: Annotated[
-        int,
-        typer.Option(
-            "--mistype",
-            metavar="N",
-            min=0,
-            help="Number of typing errors to put into the run sheet.",
-        ),
-    ] = 0,
-    monitoring: Annotated[
-        str | None,
-        typer.Option(
-            "--monitoring",
-            metavar="RATE",
-            help="Write currents and powers as a monitoring system stores them too, such as "
-            "'25 Hz': folder monitoring, a CSV file for each throw.",
-        ),
-    ] = None,
-    together: TogetherOption = [],  # noqa: B006 - typer copies it
-    workers: Annotated[int, typer.Option("--workers", metavar="N", min=1, help="Processes.")] = 2,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
-) -> None:
-    """Make a campaign of simulated throws in the formats of a data acquisition system."""
-    from turnout.virtual.campaign_plan import virtual_plan
-    from turnout.virtual.record_throw import finer_panel, finer_scheme
-
-    loaded = opened_panel(panel, settings, calibration)
-    if finer:
-        loaded = finer_panel(loaded)
-    plan = virtual_plan(
-        loaded,
-        places=places,
-        sizes=sizes,
-        formats=formats,
-        object_free=repeats,
-        mistyped=mistype,
-        seed=seed,
-        worn_clutch=worn_clutch,
-        soft_build_up=soft_build_up,
-        scheme=finer_scheme() if finer else None,
-        monitoring=_monitoring(monitoring, together),
-    )
-    _make(loaded, out, plan, workers=workers, as_json=as_json, quiet=quiet)
-
-
-def _monitoring(rate: str | None, together: list[str]) -> "Monitoring | None":
-    from turnout.errors import FileError
-    from turnout.measurement.chain.monitoring import monitoring_of
-
-    if rate is None:
-        if together:
-            message = "--together: is of a monitoring system; give its rate, --monitoring '25 Hz'"
-            raise FileError(message)
-        return None
-    return monitoring_of(rate=rate, together=together)
-
-
 def _place(text: str) -> str:
     from turnout.errors import FileError
     from turnout.measurement.campaign.run_sheet import normal_place
@@ -275,61 +193,6 @@ def _place(text: str) -> str:
     except ValueError as error:
         message = f"--place {text}: {error}"
         raise FileError(message) from None
-
-
-def _make(
-    panel: "LoadedPanel",
-    out: Path,
-    plan: "CampaignPlan",
-    *,
-    workers: int,
-    as_json: bool,
-    quiet: bool,
-) -> None:
-    from turnout.cli.watch import Watch
-    from turnout.response.compilation import must_compile
-    from turnout.scheme import Scheme
-    from turnout.virtual.make_campaign import make_virtual_campaign
-
-    text = f"throwing {panel.name}"
-    try:
-        with Watch(text, compiling=must_compile(), quiet=quiet) as watch:
-            made = make_virtual_campaign(
-                panel, out, plan=plan, workers=workers, report=watch.report
-            )
-    except KeyboardInterrupt:
-        typer.echo(
-            f"turnout: interrupted; throws so far are in {out}, run the same command to continue",
-            err=True,
-        )
-        raise typer.Exit(INTERRUPTED) from None
-    for failure in made.failures:
-        typer.echo(f"turnout: {failure}; its series ends there", err=True)
-    slips = sum(item.slipped for item in made.thrown)
-    if as_json:
-        record = {
-            "panel": panel.name,
-            "panel_hash": panel.hash,
-            "movements": len(made.thrown),
-            "slips": slips,
-            "mistakes": made.mistakes,
-            "oversized": made.oversized,
-            "failures": made.failures,
-        }
-        print_json("campaign virtual", record, written=[out])
-    elif not quiet:
-        typer.echo(f"{'thrown':<12}{len(made.thrown)} movements, {slips} of them with slip")
-        if made.oversized:
-            typer.echo(f"{'left out':<12}no room for {', '.join(made.oversized)}")
-        for mistake in made.mistakes:
-            typer.echo(f"{'mistyped':<12}{mistake}")
-        typer.echo(
-            f"{'written':<12}{out} (run sheet runs.csv, true values truth.nc; all synthetic)"
-        )
-        if plan.scheme == Scheme():
-            typer.echo(
-                f"{'remark':<12}a test of `turnout calibrate` needs throws made with --finer"
-            )
 
 
 def built_campaign(
@@ -419,7 +282,8 @@ def _print_campaign(campaign: "BuiltCampaign", *, remarks: bool) -> None:
     sheet = campaign.sheet
     usable = len(sheet.runs) - len(campaign.excluded)
     typer.echo(f"{'campaign':<12}{sheet.title}{' (synthetic)' if sheet.synthetic else ''}")
-    typer.echo(f"{'movements':<12}{len(sheet.runs)} in the sheet, {usable} usable")
+    once = " once columns are exchanged" if _is_exchanged(campaign) else ""
+    typer.echo(f"{'movements':<12}{len(sheet.runs)} in the sheet, {usable} usable{once}")
     if campaign.reused:
         typer.echo(f"{'':<12}{campaign.reused} taken from the cache")
     if campaign.recorder:

@@ -273,7 +273,7 @@ def validation_record(
             }
             for part in verdict.channels
         ],
-        "remarks": remarks,
+        "remarks": [*verdict.remarks, *remarks],
         "drive_laws": laws,
     }
 

@@ -5,10 +5,11 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from turnout.cli.campaign import INTERRUPTED, OutsideOption, dataset_of
+from turnout.cli.campaign import OutsideOption, dataset_of
 from turnout.cli.json_output import JsonOption, print_json
 from turnout.cli.options import (
     FINDINGS,
+    INTERRUPTED,
     SetOption,
     calibrated_panel,
     made_folder,
@@ -86,12 +87,11 @@ def validate_command(
         drive_laws(loaded, laws)
     for text in check_provenance(known, loaded):
         typer.echo(f"turnout: {calibration}: {text}", err=True)
-    from turnout.validation.acceptance import acceptance_lines, judge
+    from turnout.validation.acceptance import judge
+    from turnout.validation.verdict_text import acceptance_lines, notes
 
     found = _validated(source, dataset, loaded, known, workers=workers, quiet=quiet)
     verdict = judge(found)
-    from turnout.validation.acceptance import notes
-
     for line in () if quiet or as_json else (*acceptance_lines(verdict), *notes(found)):
         typer.echo(line)
     files = [] if out is None else _write(out, found, verdict, place=place, quiet=as_json)
@@ -199,7 +199,7 @@ def _write(
     from turnout.plot.style import rendered
     from turnout.plot.validation import plot_comparison, plot_error_map
     from turnout.response.store import save_response
-    from turnout.validation.acceptance import page_text, table_text
+    from turnout.validation.verdict_text import page_text, table_text
 
     figures = [MAP]
     write_and_report(out / MAP, rendered(plot_error_map(found), ".png"), quiet=quiet)

@@ -70,10 +70,7 @@ def plot_comparison(validation: xr.Dataset, *, place: str, sizes: Sequence[float
     figure.legend(handles, labels, loc="outside right upper", frameon=False, fontsize=9)
     axes[-1].set_xlabel("Time since onset of motion [s]")
     figure.align_ylabels(axes)
-    text = (
-        f"object at {place}; shaded: where 95 % of measurements should lie; "
-        "difference: measured less predicted"
-    )
+    text = f"object at {place}; shaded: band of 95 %\ndifference: measured less predicted"
     put_title(figure, _title(validation, text))
     return figure
 

@@ -17,9 +17,8 @@ from turnout.validation.acceptance import (
     MOST_SPREADS,
     Acceptance,
     judge,
-    notes,
-    scatter_text,
 )
+from turnout.validation.verdict_text import notes, scatter_text
 
 MILLI, PERCENT = 1e3, 100.0
 # Points of a line: bins of 20 ms over a movement.
@@ -96,13 +95,22 @@ def validation_findings(validation: xr.Dataset, verdict: Acceptance) -> list[Fin
         )
         found.append(
             Finding(
-                "bad" if item.reasons else "good",
+                "bad" if item.spreads > MOST_SPREADS else "good",
                 f"Error of {item.channel}",
                 f"{item.spreads:.1f} repeat spreads",
                 detail,
             )
         )
-    for text in notes(validation):
+        found.append(
+            Finding(
+                "bad" if item.cover < item.least_cover else "good",
+                f"Band of {item.channel}",
+                f"{PERCENT * item.cover:.0f} % inside",
+                f"a right model has less than {PERCENT * item.least_cover:.0f} % inside in one "
+                "campaign of twenty",
+            )
+        )
+    for text in (*verdict.remarks, *notes(validation)):
         found.append(Finding("look", "Check", "Note", text))
     return found
 
@@ -116,10 +124,20 @@ def validation_figures(validation: xr.Dataset, *, suffixes: Sequence[str]) -> di
 def _channels(verdict: Acceptance) -> Table:
     rows = [
         (item.channel, str(item.movements), f"{item.rms:.0f} N", f"{PERCENT * item.nrmse:.1f} %",
-         f"{item.spread:.0f} N", f"{item.spreads:.1f}", f"{PERCENT * item.cover:.0f} %")
+         f"{item.spread:.0f} N", f"{item.spreads:.1f}", f"{PERCENT * item.cover:.0f} %",
+         f"{PERCENT * item.least_cover:.0f} %")
         for item in verdict.channels
     ]  # fmt: skip
-    columns = ("Channel", "Movements", "RMS", "NRMSE", "Repeats", "RMS over repeats", "In the band")
+    columns = (
+        "Channel",
+        "Movements",
+        "RMS",
+        "NRMSE",
+        "Repeats",
+        "RMS over repeats",
+        "In the band",
+        "At least",
+    )
     marked = frozenset(n for n, item in enumerate(verdict.channels) if item.reasons)
     return Table("NRMSE is over the largest force of the channel", columns, rows, marked)
 
@@ -174,8 +192,11 @@ def _picture(validation: xr.Dataset, place: str, suffixes: Sequence[str]) -> Pic
 
 def _remarks(validation: xr.Dataset, verdict: Acceptance) -> list[Table]:
     remarks = (("Largest errors", verdict.worst), ("Check", tuple(notes(validation))))
+    noticed = ("What this validation would notice", verdict.power)
     return [
-        Table(heading, ("Remark",), [(text,) for text in rows]) for heading, rows in remarks if rows
+        Table(heading, ("Remark",), [(text,) for text in rows])
+        for heading, rows in (*remarks, noticed)
+        if rows
     ]
 
 

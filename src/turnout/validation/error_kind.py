@@ -19,6 +19,11 @@ def error_kind(measured: Floats, predicted: Floats) -> str:
     measured, predicted : ndarray, shape (n_movements, n_times)
         NaN where nothing was measured [N].
 
+    Returns
+    -------
+    str
+        Of all movements together, with one shift or one factor and offset; "" without a difference.
+
     Examples
     --------
     >>> wave = np.sin(np.arange(200) / 20.0)[None, :]
@@ -42,3 +47,30 @@ def error_kind(measured: Floats, predicted: Floats) -> str:
         shares[name] = 1.0 - float(rest @ rest) / total
     best = max(shares, key=lambda name: shares[name])
     return best if shares[best] > EXPLAINED else "shape"
+
+
+def error_kinds(measured: Floats, predicted: Floats, *, least: float) -> dict[str, int]:
+    """Return in how many movements most of the difference is of each kind, the most common first.
+
+    Parameters
+    ----------
+    measured, predicted : ndarray, shape (n_movements, n_times)
+        As of `error_kind`.
+    least : float
+        Movements whose root mean square difference is less do not count: theirs is chance [N].
+
+    Examples
+    --------
+    >>> wave = np.sin(np.arange(200) / 20.0)
+    >>> measured = np.stack([np.roll(wave, 3), np.roll(wave, -3), 1.1 * wave + 0.2])
+    >>> error_kinds(measured, np.stack([wave] * 3), least=0.1)
+    {'timing': 2, 'level': 1}
+    """
+    found: dict[str, int] = {}
+    for one, other in zip(measured, predicted, strict=True):
+        known = np.isfinite(one) & np.isfinite(other)
+        if not known.any() or np.sqrt(np.mean((one - other)[known] ** 2)) < least:
+            continue
+        kind = error_kind(one[None, :], other[None, :])
+        found[kind] = found.get(kind, 0) + 1
+    return dict(sorted(found.items(), key=lambda item: -item[1]))

@@ -69,6 +69,20 @@ def chain_variance(
     return np.asarray((gain * forces) ** 2 + (clock * grid.time * later) ** 2 + zero**2)
 
 
+def chain_directions(
+    forces: Floats, later: Floats, grid: Grid, chain: Mapping[str, tuple[float, float]]
+) -> Floats:
+    """Return what one deviation of gains, zeros and clock makes of forces [N]; as `through_chain`.
+
+    Shape (3, n_channels, n_movements, n_times). Each channel has gain and zero of its own, so that
+    sums over channels of these mean nothing.
+    """
+    gain, zero = _of_channels(grid, chain, GAIN)[1], _of_channels(grid, chain, ZERO)[1]
+    clock = chain.get(CLOCK, (0.0, 0.0))[1]
+    zeros = np.broadcast_to(zero, forces.shape)
+    return np.stack([gain * forces, clock * grid.time * later, zeros])
+
+
 def _of_channels(
     grid: Grid, chain: Mapping[str, tuple[float, float]], kind: str
 ) -> tuple[Floats, Floats]:

@@ -1,7 +1,7 @@
 """What differs from throw to throw although nothing was changed, found from repeats."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 # A direction is identified where its expected scatter moves forces by at least so many noises.
 LEAST_ANSWER = 0.5
+# Correlation of neighbouring instants of the rest, at most [-].
+MOST_ALIKE = 0.99
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -44,12 +46,18 @@ class ThrowScatter:
         Of one throw about the mean of its like [N^2].
     repeated : int
         Throws that it was found from; with none, the sizes are assumptions.
+    freedom : dict of str to float
+        Degrees of freedom of the sizes, one for what was expected among them.
+    decay : ndarray, shape (n_channels,)
+        Instants in which the rest decays to a third.
     """
 
     sizes: dict[str, float]
     rest: Floats
     variance: Floats
     repeated: int
+    freedom: dict[str, float] = field(default_factory=dict)
+    decay: Floats = field(default_factory=lambda: np.zeros(0))
 
 
 def scatter_of(
@@ -96,6 +104,7 @@ def scatter_of(
     squares = np.array([item.expected**2 for item in directions])
     freedom = np.ones(len(directions))
     left, samples = np.zeros(noise.size), np.zeros(noise.size)
+    following = np.zeros(noise.size)
     for group in groups:
         lost = (len(group) - 1.0) / len(group)
         mean = measured[:, list(group)].mean(axis=1)
@@ -106,7 +115,9 @@ def scatter_of(
             squares += np.where(identified, amounts**2, 0.0)
             freedom += np.where(identified, lost, 0.0)
             known = np.isfinite(remainder)
-            left += np.where(known, remainder, 0.0) ** 2 @ np.ones(remainder.shape[1])
+            filled = np.where(known, remainder, 0.0)
+            left += (filled**2).sum(axis=1)
+            following += (filled[:, 1:] * filled[:, :-1]).sum(axis=1)
             samples += lost * known.sum(axis=1)
     sizes = np.sqrt(squares / freedom)
     rest = np.sqrt(np.divide(left, samples, out=noise**2, where=samples > 0))
@@ -120,7 +131,29 @@ def scatter_of(
         rest=np.maximum(rest, noise),
         variance=variance,
         repeated=sum(len(group) for group in groups),
+        freedom={item.name: float(n) for item, n in zip(directions, freedom, strict=True)},
+        decay=_decay(following, left),
     )
+
+
+def _decay(following: Floats, squares: Floats) -> Floats:
+    """Return in how many instants a rest decays to a third, by its correlation with the next one.
+
+    Examples
+    --------
+    >>> _decay(np.array([0.0, 0.5]), np.ones(2)).round(2)
+    array([0.  , 1.44])
+    """
+    share = np.divide(following, squares, out=np.zeros_like(squares), where=squares > 0.0)
+    share = np.clip(share, 0.0, MOST_ALIKE)
+    found = np.zeros_like(share)
+    np.divide(
+        -1.0,
+        np.log(share, where=share > 0.0, out=np.ones_like(share)),
+        out=found,
+        where=share > 0.0,
+    )
+    return found
 
 
 def _explained(

@@ -9,11 +9,11 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from turnout.calibration.corrections import Refined
 from turnout.calibration.evaluate import Evaluator, ThrowInputs
 from turnout.calibration.fitted_causes import fitted_causes, overrides_with, shaped
 from turnout.calibration.linearisation import stepped_value
-from turnout.calibration.measured_movements import BIN, MeasuredMovement, observe
-from turnout.calibration.misfit import Refined
+from turnout.calibration.measured_movements import MeasuredMovement, observe
 from turnout.calibration.noise import measured_noise
 from turnout.calibration.parameter import Parameter
 from turnout.calibration.requirements import exclude_oversized_objects
@@ -33,10 +33,13 @@ from turnout.metric.agreement import (
 from turnout.metric.channel_features import channel_features, contact_time
 from turnout.panel.load import LoadedPanel
 from turnout.schema.channels import SCHEMA_VERSION
-from turnout.validation.grid import DRIVE, OBJECT, Grid
+from turnout.validation.acceptance import judged_movements
+from turnout.validation.coverage import BandParts, coverage_limits
+from turnout.validation.grid import DRIVE, OBJECT, Grid, later
 from turnout.validation.leave_out import LeftOut, leave_out_places
 from turnout.validation.measuring_chain import (
     OTHER_CHAIN,
+    chain_directions,
     chain_variance,
     found_chain,
     through_chain,
@@ -56,12 +59,13 @@ SHEET = ("direction", "size", "place", "repeat", "slipped")
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Model:
-    """What the model says: forces, and their slope with each fitted parameter and the onset."""
+    """What the model says: forces, their slope with parameters and onset, first touches [s]."""
 
     forces: Floats
     slopes: Mapping[str, Floats]
     later: Floats
     shifts: Floats
+    contacts: Floats
 
 
 @one_blas_thread()
@@ -97,8 +101,11 @@ def validate(
         `measured`, `predicted`, `low`, `high` (channel, movement, time) [N]; `rms`, `nrmse`,
         `cover`, and features as `slope_measured`, `slope_predicted` and so on (channel, movement);
         `repeat_spread`, `scale` (channel); `used`, `left_out` (whether it is predicted from other
-        places alone) and `onset_shift`, how much later than marked a movement without motor
-        currents began (movement) [s].
+        places alone), `cover_limit`, `cover_samples` (channel): least coverage of its band, and the
+        independent instants that this rests on; `change` (parameter, channel, movement, time) [N
+        for all of a value, N/m for a length]; `touched`, when the model touches the object, and
+        `onset_shift`, how much later than marked a movement without motor currents began
+        (movement) [s].
 
     Raises
     ------
@@ -113,18 +120,22 @@ def validate(
     groups = repeat_groups(sheet)
     measured = _array(grid, grid.measured(movements), sheet)
     directions = _directions(model, calibration)
-    scatter = scatter_of(
-        measured.values,
-        directions,
-        groups=groups,
-        noise=_noise(movements, grid),
-    )
+    noise = _noise(movements, grid)
+    scatter = scatter_of(measured.values, directions, groups=groups, noise=noise)
     used = np.isin(sheet["movement"].values, _used(calibration))
     left = _left_out(model, measured.values, calibration, movements, (scatter, directions), used)
     forecast = measured.copy(data=left.forces)
     of_chain = chain_variance(model.forces, model.later, grid, chain)
     reach = QUANTILE * np.sqrt(scatter.variance + left.variance + of_chain)
     low, high = forecast - reach, forecast + reach
+    parts = _band_parts(
+        (model, chain, calibration),
+        (scatter, directions),
+        left,
+        reach=np.where(np.isfinite(measured.values), reach, np.nan),
+        grid=grid,
+        judged=judged_movements(used, left.predicted),
+    )
     return xr.Dataset(
         {
             "measured": measured,
@@ -139,7 +150,9 @@ def validate(
             "used": ("movement", used),
             "left_out": ("movement", left.predicted),
             "onset_shift": ("movement", model.shifts, {"units": "s"}),
-            "answer": _answers(model, measured, calibration),
+            **_least_covers(parts),
+            "touched": ("movement", model.contacts, {"units": "s"}),
+            "change": _changes(model, measured, calibration),
             **_features(measured, forecast),
         },
         attrs={
@@ -153,27 +166,62 @@ def validate(
             "calibration_panel_hash": calibration.panel_hash,
             "scatter": json.dumps({**scatter.sizes, "repeats": scatter.repeated}),
             "left_out": json.dumps([*excluded_movements(dataset), *oversized]),
+            "onsets": "marked" if all(item.clocked for item in movements) else "fitted",
             "chain": "" if chain or not calibration.chain else OTHER_CHAIN,
         },
     )
 
 
-def _answers(model: _Model, measured: xr.DataArray, calibration: Calibration) -> xr.DataArray:
-    """Return how much forces change with each parameter, as root mean square [N for all of it]."""
-    known = measured.notnull()
+def _least_covers(parts: BandParts) -> dict[str, tuple[str, Floats]]:
+    limit, samples = coverage_limits(parts)
+    return {"cover_limit": ("channel", limit), "cover_samples": ("channel", samples)}
+
+
+def _changes(model: _Model, measured: xr.DataArray, calibration: Calibration) -> xr.DataArray:
+    """Return how much forces change with each parameter: for all of it [N], a length [N/m]."""
     # The size of a cause is no value of the panel that anyone could have got wrong.
     fitted = [item for item in calibration.fitted if item.keys]
-    rows = [
-        ((measured.copy(data=model.slopes[item.name] * item.value) ** 2).where(known).mean("time"))
-        ** 0.5
-        for item in fitted
-    ]
-    names = [item.name for item in fitted]
-    if not rows:
-        empty = measured.isel(time=0, drop=True)
-        return empty.expand_dims(parameter=names).isel(parameter=slice(0, 0))
-    stacked = xr.concat(rows, dim="parameter", coords="minimal", compat="override")
-    return stacked.assign_coords(parameter=names)
+    rows = [model.slopes[i.name] * (1.0 if i.unit == "m" else i.value) for i in fitted]
+    stacked = np.stack(rows) if rows else np.zeros((0, *measured.shape))
+    known = stacked.astype(np.float32)
+    coordinates = {
+        **measured.coords,
+        "parameter": [item.name for item in fitted],
+        "unit": ("parameter", np.array([item.unit for item in fitted], dtype=np.str_)),
+    }
+    return xr.DataArray(known, coordinates, ("parameter", *measured.dims))
+
+
+def _band_parts(
+    found: tuple[_Model, Mapping[str, tuple[float, float]], Calibration],
+    scattered: tuple[ThrowScatter, Sequence[Direction]],
+    left: LeftOut,
+    *,
+    reach: Floats,
+    grid: Grid,
+    judged: NDArray[np.intp],
+) -> BandParts:
+    """Return what the bands of the movements that are judged are made of."""
+    model, chain, calibration = found
+    scatter, directions = scattered
+    common = chain_directions(model.forces, model.later, grid, chain)
+    if model.slopes:
+        stacked = np.stack(list(model.slopes.values()))
+        values, vectors = np.linalg.eigh(calibration.covariance)
+        roots = vectors * np.sqrt(np.maximum(values, 0.0))
+        plain = _of_parameters(model, calibration)
+        # Where a place is predicted without itself, less is known of it.
+        wider = np.sqrt(np.divide(left.variance, plain, out=np.ones_like(plain), where=plain > 0.0))
+        common = np.concatenate((common, np.tensordot(roots.T, stacked, axes=1) * wider))
+    own = np.stack([scatter.sizes[item.name] * item.slope for item in directions])
+    return BandParts(
+        reach=reach[:, judged],
+        common=common[:, :, judged],
+        own=own[:, :, judged],
+        freedom=np.array([scatter.freedom[item.name] for item in directions]),
+        rest=scatter.rest,
+        decay=scatter.decay,
+    )
 
 
 def _used(calibration: Calibration) -> list[str]:
@@ -233,13 +281,22 @@ def _model(
         grid.predicted(movements, responses[count * number : count * (number + 1)], shifts=shifts)
         for number in range(len(settings))
     ]
-    sets = [through_chain(row, -np.gradient(row, BIN, axis=2), grid, chain) for row in sets]
+    sets = [through_chain(row, later(row), grid, chain) for row in sets]
     slopes = {
         name: (aside - sets[0]) / step
         for (name, step), aside in zip(steps.items(), sets[1:], strict=True)
     }
-    later = -np.gradient(sets[0], BIN, axis=2)
-    return _Model(forces=sets[0], slopes=slopes, later=later, shifts=shifts)
+    contacts = np.array(
+        [
+            response.contact_time - response.onsets[item.direction] + shift
+            if item.size > 0 and not response.failure
+            else np.nan
+            for item, response, shift in zip(movements, responses[:count], shifts, strict=True)
+        ]
+    )
+    return _Model(
+        forces=sets[0], slopes=slopes, later=later(sets[0]), shifts=shifts, contacts=contacts
+    )
 
 
 def _parameter(item: Fitted) -> Parameter:

@@ -15,6 +15,7 @@ from turnout.core.provenance import version
 from turnout.measurement.campaign.run_sheet import SheetRow
 from turnout.measurement.chain.apply import raw_from_physical
 from turnout.measurement.chain.channel_map import ChannelMap
+from turnout.measurement.chain.recorder_response import NO_RESPONSE, RecorderResponse
 from turnout.measurement.formats.file_format import WRITERS
 from turnout.virtual.campaign_plan import Case
 
@@ -44,7 +45,9 @@ def synthetic_note(panel: str, *, machines: int = 0, drives: int = 1) -> str:
     return f"{note}{which} follow an assumed law"
 
 
-def channel_map_text(drives: Sequence[str], *, note: str) -> str:
+def channel_map_text(
+    drives: Sequence[str], *, note: str, recorder: RecorderResponse = NO_RESPONSE
+) -> str:
     """Return a channel map for strain-gauged rods, clamps and a load cell.
 
     Parameters
@@ -53,8 +56,11 @@ def channel_map_text(drives: Sequence[str], *, note: str) -> str:
         Names of the drives.
     note : str
         What the file says of its origin.
+    recorder : RecorderResponse
+        What the file says that the recorder makes of forces.
     """
-    lines = [f"# {note}", 'title = "strain-gauged drive rods, current clamps, a load cell"', ""]
+    lines = [f"# {note}", 'title = "strain-gauged drive rods, current clamps, a load cell"']
+    lines += [*recorder.map_lines(), ""]
     for name in drives:
         lines += [
             f"[drive_force.{name}]",

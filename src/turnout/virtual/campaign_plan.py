@@ -11,10 +11,12 @@ from turnout.core.units import LENGTH, parse_quantity
 from turnout.errors import FileError, PanelError
 from turnout.measurement.campaign.run_sheet import LOAD_CELL_FROM, normal_place
 from turnout.measurement.chain.monitoring import Monitoring, check_monitoring
+from turnout.measurement.chain.recorder_response import NO_RESPONSE, RecorderResponse
 from turnout.measurement.formats.file_format import WRITERS
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel
 from turnout.response.drives import machine_supplies
+from turnout.response.object_room import estimated_opening, object_fits
 from turnout.scheme import Scheme
 from turnout.virtual.disturbance import Disturbance
 from turnout.virtual.record_throw import CurrentLaw, Window
@@ -22,6 +24,8 @@ from turnout.virtual.record_throw import CurrentLaw, Window
 # The sizes of the published campaign; without an object there are repeats [m].
 SIZES = (0.005, 0.010, 0.013, 0.016, 0.018, 0.021, 0.023, 0.026, 0.029, 0.031)
 OBJECT_FREE = "none"
+# So small an object has room anywhere [m].
+POINT = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,6 +75,10 @@ class CampaignPlan:
         With which the truth is integrated.
     monitoring : Monitoring, optional
         A system in service that stores currents and powers beside the recordings.
+    recorder : RecorderResponse
+        What the recorder makes of forces before it keeps them.
+    recorder_stated : bool
+        Whether the channel map states it.
     """
 
     places: tuple[str, ...]
@@ -87,6 +95,8 @@ class CampaignPlan:
     law: CurrentLaw = field(default_factory=CurrentLaw)
     scheme: Scheme = field(default_factory=Scheme)
     monitoring: Monitoring | None = None
+    recorder: RecorderResponse = NO_RESPONSE
+    recorder_stated: bool = True
 
     def __post_init__(self) -> None:
         """Refuse what cannot be, all at once."""
@@ -147,10 +157,9 @@ def places_with_room(panel: LoadedPanel, *, size: float) -> tuple[str, ...]:
 def has_room(panel: LoadedPanel, size: float, place: str) -> bool:
     """Return whether an object of a size [m] fits between the rails at a place."""
     try:
-        resolve_objects(panel, [ForeignObject(size, place)])
+        return object_fits(panel, size, place)
     except PanelError:
         return False
-    return True
 
 
 def virtual_plan(
@@ -166,6 +175,8 @@ def virtual_plan(
     seed: int = 0,
     scheme: Scheme | None = None,
     monitoring: Monitoring | None = None,
+    recorder: RecorderResponse = NO_RESPONSE,
+    recorder_stated: bool = True,
 ) -> CampaignPlan:
     """Return a plan from what a user types.
 
@@ -187,6 +198,8 @@ def virtual_plan(
         With which the truth is integrated.
     monitoring : Monitoring, optional
         Stores currents and powers beside the recordings.
+    recorder, recorder_stated : RecorderResponse, bool
+        As in `CampaignPlan`.
 
     Raises
     ------
@@ -227,6 +240,8 @@ def virtual_plan(
         defects=defects,
         scheme=scheme or Scheme(),
         monitoring=monitoring,
+        recorder=recorder,
+        recorder_stated=recorder_stated,
     )
 
 
@@ -249,12 +264,27 @@ def check_plan(plan: CampaignPlan, panel: LoadedPanel) -> None:
         raise FileError(message)
     problems: list[str] = []
     for place in plan.places:
-        try:
-            resolve_objects(panel, [ForeignObject(min(plan.sizes), place)])
-        except PanelError as error:
-            problems += error.problems
+        problems += _room_problems(panel, min(plan.sizes), place)
     if problems:
         raise PanelError(list(dict.fromkeys(problems)), source="virtual campaign")
+
+
+def _room_problems(panel: LoadedPanel, size: float, place: str) -> list[str]:
+    """Say that a place is unknown, or that an object of a size [m] has no room there."""
+    try:
+        x = resolve_objects(panel, [ForeignObject(POINT, place)])[-1].x
+    except PanelError as error:
+        return list(error.problems)
+    if has_room(panel, size, place):
+        return []
+    opening = estimated_opening(panel, x)
+    most = (
+        f", about {1e3 * opening:.0f} mm at most" if opening is not None and opening < size else ""
+    )
+    return [
+        f"{1e3 * size:g} mm at {place}: no room, the rails never stand that far apart there{most}; "
+        "take a smaller object or another place"
+    ]
 
 
 def series_of(plan: CampaignPlan, directions: tuple[str, ...]) -> list[list[Case]]:

@@ -7,6 +7,7 @@ import xarray as xr
 
 from turnout.errors import FileError
 from turnout.measurement.chain.recorder import Recorder, clocked, recorder_faults
+from turnout.measurement.chain.recorder_response import NO_RESPONSE, RecorderResponse
 
 CHANNELS = ("drive_force", "drive_current", "object_force")
 
@@ -83,7 +84,11 @@ QUIET = Disturbance(
 
 
 def add_disturbance(
-    dataset: xr.Dataset, *, rng: np.random.Generator, disturbance: Disturbance | None = None
+    dataset: xr.Dataset,
+    *,
+    rng: np.random.Generator,
+    disturbance: Disturbance | None = None,
+    response: RecorderResponse = NO_RESPONSE,
 ) -> xr.Dataset:
     """Return a recording with all that a measuring chain adds.
 
@@ -95,6 +100,8 @@ def add_disturbance(
         Where chance comes from.
     disturbance : Disturbance, optional
         How much of each.
+    response : RecorderResponse
+        What the recorder makes of forces, with their noise, before the converter.
 
     Returns
     -------
@@ -113,6 +120,8 @@ def add_disturbance(
     time = dataset["time"].values
     seen = dataset.copy()
     recorder = Recorder(clock_rate=chosen.clock_rate, clock_offset=chosen.clock_offset)
+    # All channels of a recorder are sampled at the same times.
+    phase = float(rng.uniform()) if response.rate else 0.0
     mixed = _add_cross_talk(dataset, chosen.cross_talk)
     for name in CHANNELS:
         if name not in dataset:
@@ -122,6 +131,9 @@ def add_disturbance(
             _disturb_channel(row, time, kind=kind, mains=chosen.mains, rng=rng)
             for row in clocked(np.atleast_2d(mixed[name].values), time, recorder)
         ]
+        if response and name.endswith("force"):
+            rows = [response.recorded(time, row, phase=phase) for row in rows]
+        rows = [_converted(row, kind.step) for row in rows]
         values = np.array(rows).reshape(dataset[name].shape)
         seen[name] = (dataset[name].dims, values, dataset[name].attrs)
     return seen
@@ -151,5 +163,9 @@ def _disturb_channel(
     hum = np.sin(2.0 * np.pi * mains * time + phases[0])
     hum += np.sin(6.0 * np.pi * mains * time + phases[1]) / 3.0
     drift = kind.drift * rng.standard_normal() * (time - time[0]) / max(time[-1] - time[0], 1e-9)
-    seen = row + kind.noise * rng.standard_normal(row.size) + kind.hum * hum + drift
-    return np.asarray(np.round(seen / kind.step) * kind.step if kind.step > 0 else seen)
+    return np.asarray(row + kind.noise * rng.standard_normal(row.size) + kind.hum * hum + drift)
+
+
+def _converted(row: np.ndarray, step: float) -> np.ndarray:
+    """Return a signal as a converter with a step gives it out; none for zero."""
+    return np.asarray(np.round(row / step) * step if step > 0 else row)

@@ -15,6 +15,7 @@ from turnout.errors import FileError
 from turnout.measurement.campaign.build_campaign import stacked
 from turnout.measurement.campaign.recorded_throw import RecordedThrow
 from turnout.measurement.chain.apply import parse_channel_map
+from turnout.measurement.chain.recorder_response import NO_RESPONSE
 from turnout.panel.load import LoadedPanel
 from turnout.panel.markers import ordered_movements
 from turnout.response.store import save_response
@@ -113,7 +114,8 @@ def make_virtual_campaign(
     _claim(folder, panel, plan)
     machines = sum(drive.machine is not None for drive in panel.drive.values())
     note = synthetic_note(panel.name, machines=machines, drives=len(panel.drive))
-    map_text = channel_map_text(list(panel.drive), note=note)
+    stated = plan.recorder if plan.recorder_stated else NO_RESPONSE
+    map_text = channel_map_text(list(panel.drive), note=note, recorder=stated)
     write_atomic(folder / CHANNELS, map_text)
     series, oversized = _with_room(panel, series_of(plan, directions))
     jobs = _jobs(panel, plan, series, folder, map_text=map_text, note=note)

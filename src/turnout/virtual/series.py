@@ -165,7 +165,12 @@ def make_throw(job: Job, case: Case, *, number: int) -> Part:
         law=plan.law,
         build_up_lag={plan.defects.drive: lag} if lag else None,
     )
-    seen = add_disturbance(_without_idle_cell(true, case), rng=rng, disturbance=plan.disturbance)
+    seen = add_disturbance(
+        _without_idle_cell(true, case),
+        rng=rng,
+        disturbance=plan.disturbance,
+        response=plan.recorder,
+    )
     write_throw(
         seen,
         job.folder / f"{case.name}{job.suffix}",

@@ -17,19 +17,20 @@ from turnout.core.moving_average import moving_average
 from turnout.core.provenance import provenance
 from turnout.errors import ListedError, MeasurementError, TurnoutError
 from turnout.measurement.campaign.campaign_folder import STORE, refuse_links_outside, refuse_outside
-from turnout.measurement.campaign.dead_rods import change_of_rods, without_dead_rods
+from turnout.measurement.campaign.dead_rods import change_of_rods, exchanged_cell, without_dead_rods
 from turnout.measurement.campaign.find_throws import Detection
 from turnout.measurement.campaign.recorded_throw import RecordedThrow, stored_throws
 from turnout.measurement.campaign.run_sheet import RunSheet, SheetRow, find_sheet, read_sheet
 from turnout.measurement.campaign.sheet_checks import (
+    UNCHECKED,
     check_files,
+    check_rods,
+    exchange_remarks,
     extra_files,
     force_remarks,
     order_remarks,
     series_remarks,
     slip_remarks,
-    swap_remarks,
-    swapped_rods,
 )
 from turnout.measurement.chain.apply import load_channel_map, map_hash, stated_uncertainties
 from turnout.measurement.chain.channel_map import ChannelMap
@@ -139,6 +140,8 @@ def _of_drives(channel: xr.DataArray, drives: Sequence[str]) -> np.ndarray:
 CHANNEL_FILE = "channels.toml"
 # A motor that runs longer than the campaign's others by this was switched off by its time-out [s].
 OVERRUN = 1.0
+# Share of motors that ran as long as one without slip, or less.
+SHORTEST = 0.03
 
 
 @dataclass(frozen=True, slots=True)
@@ -260,8 +263,12 @@ def build_campaign(
     ]
     slipped = _slipped([piece for _, piece, _ in usable])
     dataset = _dataset(usable, slipped, sheet, channel_map, excluded) if usable else None
-    pair = json.loads(dataset.attrs.get("swapped", "[]")) if dataset is not None else []
-    remarks = [*swap_remarks(pair), *extra_files(sheet, folder), *_remarks(usable, slipped)]
+    remarks = [
+        *(exchange_remarks(dataset.attrs) if dataset is not None else []),
+        *extra_files(sheet, folder),
+        *_remarks(usable, slipped),
+        *([UNCHECKED] if dataset is not None and _may_be_exchanged(dataset) else []),
+    ]
     return BuiltCampaign(dataset, sheet, excluded, tuple(remarks), reused)
 
 
@@ -353,8 +360,10 @@ def _slipped(pieces: Sequence[RecordedThrow]) -> list[bool | None]:
     known = [times[np.isfinite(times)] for times in runs]
     if not any(times.size for times in known):
         return [None] * len(pieces)
-    # Among the short ones, as in a campaign of large objects most drives may slip.
-    usual = float(np.quantile(np.concatenate(known), 0.1))
+    # Among the shortest, as nearly all drives may slip, but not the very shortest, of a motor that
+    # was stopped by hand.
+    ordered = np.sort(np.concatenate(known))
+    usual = float(ordered[max(min(1, ordered.size - 1), int(SHORTEST * ordered.size))])
     return [bool((times > usual + OVERRUN).any()) if times.size else None for times in known]
 
 
@@ -363,17 +372,19 @@ def _remarks(
 ) -> list[str]:
     runs = [run for run, _, _ in usable]
     forces = [change_of_rods(piece) for _, piece, _ in usable]
-    said: dict[str, list[SheetRow]] = {}
+    said: dict[str, tuple[str, list[SheetRow]]] = {}
     for run, piece, verdict in usable:
         for text in (*piece.notes, *verdict.remarks):
-            said.setdefault(text, []).append(run)
+            # A silent channel is the same fault in all movements, whatever is left of it.
+            key = text.split(":")[0] if text.startswith("dead channel") else text
+            said.setdefault(key, (text, []))[1].append(run)
     return [
         *order_remarks(runs, [piece.start_time for _, piece, _ in usable]),
         *slip_remarks(runs, slipped),
         *series_remarks(runs, slipped, forces),
         *force_remarks(runs, [float(force.sum()) for force in forces]),
         # What the recorder does it does in every file: said once.
-        *(f"{_first_of(among)}: {text}" for text, among in said.items()),
+        *(f"{_first_of(among)}: {text}" for text, among in said.values()),
     ]
 
 
@@ -414,7 +425,21 @@ def _dataset(
     slow = {run.name: dict(piece.force_rates) for run, piece, _ in usable if piece.force_rates}
     if slow:
         attributes["force_rates"] = json.dumps(slow)
-    pair = swapped_rods(dataset)
-    if pair:
-        attributes["swapped"] = json.dumps(pair)
+    rods = check_rods(dataset)
+    if rods.pair:
+        attributes["swapped"] = json.dumps(rods.pair)
+    if rods.checked:
+        attributes["rods_checked"] = "yes"
+    cell = exchanged_cell([(run.size, piece) for run, piece, _ in usable])
+    if cell:
+        attributes["swapped_cell"] = cell
     return dataset.assign_attrs(attributes)
+
+
+def _may_be_exchanged(dataset: xr.Dataset) -> bool:
+    """Return whether objects were thrown and two rods measured, but rods could not be checked."""
+    return (
+        dataset.sizes["drive"] > 1
+        and "rods_checked" not in dataset.attrs
+        and bool((dataset["size"].values > 0).any())
+    )

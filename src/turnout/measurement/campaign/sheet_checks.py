@@ -1,9 +1,12 @@
 """Whether a run sheet fits the files beside it, and what was measured."""
 
-from collections.abc import Iterable, Sequence
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import datetime
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -149,11 +152,11 @@ def series_remarks(
                 )
             else:
                 remarks.append(f"{place}: no drive slipped up to {_size(largest)}")
-        elif first is not None and first < len(members) - 1:
+        elif first is not None and (following := _needless(members, first)):
             run = members[first][0]
             remarks.append(
                 f"{run.where}: a drive slipped at {place} with {_size(run)}, "
-                f"yet {len(members) - 1 - first} movements of that series follow"
+                f"yet {_following(following)}"
             )
     return remarks
 
@@ -174,8 +177,52 @@ def _saturates(series: Sequence[tuple[float, NDArray[np.float64]]]) -> bool:
     return bool((grown & (rows[-1] - rows[-2] < LEVEL * rows[-1])).any())
 
 
-def swapped_rods(dataset: xr.Dataset) -> tuple[str, str] | None:
-    """Return two drives whose rods have changed places: the force rises at the wrong one.
+@dataclass(frozen=True, slots=True)
+class RodCheck:
+    """Whether columns of rods are exchanged.
+
+    Attributes
+    ----------
+    pair : tuple of str or None
+        Two drives whose rods have changed places, in the order of their names.
+    checked : bool
+        Whether the movements suffice to say that none have.
+    """
+
+    pair: tuple[str, str] | None = None
+    checked: bool = False
+
+
+def rod_check(votes: Sequence[tuple[str, str]], *, both: bool = False) -> RodCheck:
+    """Return what movements say of rods: of each where the force should rise, and where it does.
+
+    Parameters
+    ----------
+    votes : sequence of (str, str)
+        Names of drives.
+    both : bool
+        Whether each drive of an exchanged pair must be where the force should rise in a movement.
+
+    Examples
+    --------
+    >>> rod_check([("1", "2"), ("2", "1")])
+    RodCheck(pair=('1', '2'), checked=True)
+    >>> rod_check([("1", "1"), ("2", "2")]), rod_check([("1", "2")])
+    (RodCheck(pair=None, checked=True), RodCheck(pair=None, checked=False))
+    """
+    if len(votes) < LEAST_VOTES:
+        return RodCheck()
+    if all(own == most for own, most in votes):
+        return RodCheck(checked=True)
+    pairs = {(min(vote), max(vote)) for vote in votes}
+    first, second = min(pairs)
+    if len(pairs) != 1 or first == second or (both and len({own for own, _ in votes}) < 2):
+        return RodCheck()
+    return RodCheck(pair=(first, second), checked=True)
+
+
+def check_rods(dataset: xr.Dataset) -> RodCheck:
+    """Return whether rods have changed places: the force rises at the wrong one.
 
     An object beside a drive loads its rod far more, and earlier, than any other. Where it is
     another rod that rises above what it carries without an object, in every movement with an object
@@ -185,19 +232,13 @@ def swapped_rods(dataset: xr.Dataset) -> tuple[str, str] | None:
     ----------
     dataset : xarray.Dataset
         Stacked movements: `drive_force` (movement, drive, time), time zero at the onset.
-
-    Returns
-    -------
-    tuple of str or None
-        The two drives, in the order of their names.
     """
     drives = [str(name) for name in dataset["drive"].values]
     forces = dataset["drive_force"].transpose("movement", "drive", "time").values
     forces = forces[:, :, dataset["time"].values >= 0.0]
     sizes, places = dataset["size"].values, [str(place) for place in dataset["place"].values]
     directions = dataset["direction"].values
-    votes = set()
-    count = 0
+    votes = []
     for number, place in enumerate(places):
         name = place.removeprefix("drive ")
         free = (sizes == 0) & (directions == directions[number])
@@ -205,18 +246,33 @@ def swapped_rods(dataset: xr.Dataset) -> tuple[str, str] | None:
             continue
         if not free.any():
             continue
-        rise = _rises(forces[number], forces[free])
-        own, most = drives.index(name), int(np.argmax(rise))
-        if rise[most] > max(SWAPPED * np.delete(rise, most).max(initial=0.0), LEAST_RISE):
-            votes.add(tuple(sorted((drives[own], drives[most]))))
-            count += 1
-    if count < LEAST_VOTES or len(votes) != 1:
-        return None
-    one, other = votes.pop()
-    return (one, other) if one != other else None
+        most = rises_most(rises(forces[number], forces[free]))
+        if most is not None:
+            votes.append((name, drives[most]))
+    return rod_check(votes)
 
 
-def _rises(forces: NDArray[np.float64], free: NDArray[np.float64]) -> NDArray[np.float64]:
+def rises_most(rise: NDArray[np.float64], *, times: float = SWAPPED) -> int | None:
+    """Return which rod rises clearly more than any other; None where none does.
+
+    Parameters
+    ----------
+    rise : ndarray, shape (n_drives,)
+        From `rises` [N].
+    times : float
+        How many times as much as the next one.
+
+    Examples
+    --------
+    >>> rises_most(np.array([100.0, 900.0])), rises_most(np.array([800.0, 900.0]))
+    (1, None)
+    """
+    most = int(np.argmax(rise))
+    next_one = float(np.delete(rise, most).max(initial=0.0))
+    return most if rise[most] > max(times * next_one, LEAST_RISE) else None
+
+
+def rises(forces: NDArray[np.float64], free: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return by how much each rod carries more than without an object, as a mean over time [N].
 
     Parameters
@@ -245,17 +301,47 @@ def swap_remarks(pair: Sequence[str] | None) -> list[str]:
         return []
     one, other = pair
     return [
-        f"swapped channels of drive_force {one} and {other}: with an object at a drive the force "
+        f"swapped channels of drive_force {one} and {other}: with an object near a drive the force "
         "of the other one rises; exchange their columns in the channel map, or the places in the "
         "run sheet"
     ]
 
 
+UNCHECKED = (
+    "whether columns of rods are exchanged is not checked: that needs two movements with an object "
+    "at a drive, such as 'drive 1'; `turnout campaign check --panel PANEL` takes objects at other "
+    "places too"
+)
+UNTOLD = (
+    "whether columns of rods are exchanged cannot be checked with these movements, as no object "
+    "loads one rod clearly more than the others; measure one near each drive"
+)
+
+
+def exchange_remarks(attributes: Mapping[Any, Any]) -> list[str]:
+    """Return a remark on each pair of columns that the attributes of a campaign say are exchanged.
+
+    Examples
+    --------
+    >>> exchange_remarks({"swapped_cell": "2"})[0].split(":")[0]
+    'swapped channels of drive_force 2 and object_force'
+    """
+    found = swap_remarks(json.loads(str(attributes.get("swapped", "[]"))))
+    cell = attributes.get("swapped_cell")
+    if cell:
+        found.append(
+            f"swapped channels of drive_force {cell} and object_force: without an object the "
+            "column of the load cell changes as a rod does, and that of the rod does not; exchange "
+            "them in the channel map"
+        )
+    return found
+
+
 def slip_remarks(runs: Sequence[SheetRow], slipped: Sequence[bool | None]) -> list[str]:
     """Return a remark on each movement whose sheet and current disagree on a slip."""
     return [
-        f"{run.where}: the sheet says {'a' if run.slip else 'no'} drive slipped with {_size(run)} "
-        f"at {run.place}, the currents say {'one' if measured else 'none'} did"
+        f"{run.where}: the sheet says {'a' if run.slip else 'no'} drive slipped {_what(run)}, "
+        f"the currents say {'one' if measured else 'none'} did"
         for run, measured in zip(runs, slipped, strict=True)
         if run.slip is not None and measured is not None and run.slip != measured
     ]
@@ -293,3 +379,24 @@ def force_remarks(runs: Sequence[SheetRow], forces: Sequence[float]) -> list[str
 
 def _size(run: SheetRow) -> str:
     return f"{run.size * 1e3:g} mm"
+
+
+def _what(run: SheetRow) -> str:
+    return f"with {_size(run)} at {run.place}" if run.size > 0 else "without an object"
+
+
+def _following(count: int) -> str:
+    return (
+        "1 movement of that series follows"
+        if count == 1
+        else f"{count} movements of that series follow"
+    )
+
+
+def _needless(members: Sequence[tuple[SheetRow, bool | None]], first: int) -> int:
+    """Return how many movements follow the first one that slipped and measured the object.
+
+    Until a load cell fits a series may go on, so that the force on the object is known there.
+    """
+    cells = [n for n in range(first, len(members)) if members[n][0].load_cell]
+    return len(members) - 1 - cells[0] if cells else 0

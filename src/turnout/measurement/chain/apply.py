@@ -31,11 +31,9 @@ from turnout.measurement.chain.channel_map import (
 )
 from turnout.measurement.chain.condition import SAME_STEP, common_time, resample, tare
 from turnout.measurement.chain.map_problems import map_problem
-from turnout.measurement.chain.sensor import SensorLine, describe_sensor, line_of
+from turnout.measurement.chain.sensor import SensorLine, describe_sensor, line_of, other_unit
 from turnout.measurement.recording import RecordedChannel, Recording
 from turnout.schema.channels import SCHEMA_VERSION, label
-
-CELL = "object_force"
 
 
 def load_channel_map(name_or_path: Path | str) -> ChannelMap:
@@ -286,15 +284,16 @@ def _mapped_columns(recording: Recording, channel_map: ChannelMap) -> list[_Mapp
     """Match the channel map with the columns of a recording; MeasurementError with all faults."""
     found: list[_MappedColumn] = []
     problems: list[str] = []
+    taken = {sensor.column for _, _, sensor in sensors(channel_map)}
     for key, dimension, sensor in sensors(channel_map):
         channel = _column(recording, sensor.column)
         if channel is None:
             if not sensor.optional:
-                near = nearest(sensor.column, recording.channels)
+                near = nearest(sensor.column, [n for n in recording.channels if n not in taken])
                 problems.append(
                     f'{key}.column = "{sensor.column}": is not in the file{near}; '
                     f"there are {choices(recording.channels)}"
-                    + ("; where recordings may lack it, say optional = true" * (key == CELL))
+                    + ("; where recordings may lack it, say optional = true" * (dimension is FORCE))
                 )
             continue
         try:
@@ -319,6 +318,8 @@ def _conditioned(
     problems: list[str] = []
     for item in mapped:
         column, rest = item.column, item.sensor.tare
+        other = other_unit(item.sensor, item.line, recorded_unit=column.unit)
+        notes += [f"{item.key} (column '{column.name}'): {other}"] if other else []
         values = item.line.physical(column.values)
         if rest is not None:
             start, end = rest.start - column.start, rest.end - column.start

@@ -7,7 +7,7 @@ would raise its noise.
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -116,6 +116,48 @@ class RecorderResponse:
         if self.rate and 1.0 / self.rate > LEAST_INTERVAL:
             values = between_samples(time, values, self.rate)
         return values
+
+    def recorded(self, time: Floats, values: Floats, *, phase: float) -> Floats:
+        """Return one recording of a signal: as `applied`, with samples at times of its own.
+
+        Parameters
+        ----------
+        time : ndarray, shape (n,)
+            Even [s].
+        values : ndarray, shape (n,)
+            At these times; before the first the signal is taken as constant.
+        phase : float
+            Of an interval between samples, 0 to 1, from the first time to the first sample.
+
+        Examples
+        --------
+        >>> time = np.arange(5) * 0.5
+        >>> RecorderResponse(rate=1.0).recorded(time, time**2, phase=0.0)
+        array([0. , 0.5, 1. , 2.5, 4. ])
+        """
+        seen = replace(self, rate=0.0).applied(time, values)
+        if not self.rate:
+            return seen
+        count = int(np.ceil((time[-1] - time[0]) * self.rate)) + 2
+        samples = time[0] + (np.arange(count) + phase - 1.0) / self.rate
+        return np.asarray(np.interp(time, samples, np.interp(samples, time, seen)))
+
+    def map_lines(self) -> list[str]:
+        """Return the lines of a channel map that state it.
+
+        Examples
+        --------
+        >>> RecorderResponse(average=0.1, rate=20.0).map_lines()
+        ['recorded_average = "0.1 s"', 'recorded_rate = "20 Hz"']
+        """
+        lines = []
+        if self.low_pass is not None:
+            lines.append(f"recorded_filter = {self.low_pass.text}")
+        if self.average:
+            lines.append(f'recorded_average = "{self.average:g} s"')
+        if self.rate:
+            lines.append(f'recorded_rate = "{self.rate:g} Hz"')
+        return lines
 
     def attributes(self) -> dict[str, Any]:
         """Return what a dataset says of it; nothing where it does nothing."""

@@ -147,6 +147,36 @@ def line_of(sensor: AnySensor, *, quantity: Dimension, recorded_unit: str = "") 
     return SensorLine(sensor.sign * scale, offset, unit)
 
 
+def other_unit(sensor: AnySensor, line: SensorLine, *, recorded_unit: str) -> str:
+    """Return a remark where the file states another unit of a column than the map, which counts.
+
+    Parameters
+    ----------
+    sensor, line
+        Of the channel map, and as the column is taken.
+    recorded_unit : str
+        Unit that the file states; one that is not known is what the map's is for.
+
+    Examples
+    --------
+    >>> from turnout.measurement.chain.channel_map import Scaled
+    >>> rod = Scaled(kind="scaled", column="A", unit="kN")
+    >>> other_unit(rod, line_of(rod, quantity=FORCE), recorded_unit="N")
+    'the file says N, the channel map kN, which is taken; correct one of them'
+    """
+    try:
+        stated = raw_unit(recorded_unit)
+    except ValueError:
+        return ""
+    same = (stated.dimension, stated.factor) == (line.unit.dimension, line.unit.factor)
+    if not sensor.unit or same:
+        return ""
+    return (
+        f"the file says {stated.text}, the channel map {line.unit.text}, which is taken; "
+        "correct one of them"
+    )
+
+
 def describe_sensor(sensor: AnySensor, quantity: Dimension, unit: RawUnit) -> str:
     """Say what one unit of a column stands for, and how well a calibration knows it.
 

@@ -148,6 +148,8 @@ MEASURED = ("drive_force", "drive_current", "object_force")
 CHANCE = 1e-4
 # A switch is thrown with some kilonewtons, and no object bears more than this [N].
 MOST_FORCE = 2e5
+# A tenth of the samples beyond it are no spikes.
+LASTING = 0.9
 # So many equal samples from the start on are a rest without noise.
 LEAST_REST = 10
 
@@ -174,9 +176,15 @@ def channel_faults(dataset: xr.Dataset, throw: FoundThrow, *, limits: Limits) ->
     finish = int(np.searchsorted(time, throw.end))
     faults: list[Fault] = []
     for name, values, key in measured_channels(dataset):
+        if key == "drive_force" and not np.isfinite(values).any():
+            faults.append(Fault("dead channel", name, "it was not recorded"))
+            continue
         holes = hole_fault(name, values, rate=rate, limits=limits)
         faults += holes
         filled = bridge_gaps(values)
+        if mostly_beyond(filled, key=key):
+            faults += unit_fault(name, filled, key=key)
+            continue
         faults += quantisation_fault(name, filled, key=key, limits=limits)
         teeth = spike_fault(name, filled, key=key, rate=rate, limits=limits)
         faults += teeth
@@ -243,8 +251,8 @@ def spike_fault(name: str, values: Floats, *, key: str, rate: float, limits: Lim
         return []
     height = float(np.max(np.abs(values - without_spikes(values, rate=rate, least=most))))
     what = "1 sample stands" if count == 1 else f"{count} samples stand"
-    text = f"{what} up to {height:.3g} {unit} above or below the ones around, at most {most:g} "
-    return [Fault("spikes", name, f"{text}{unit}", excludes=key != "object_force")]
+    text = f"{what} up to {in_words(height, unit)} above or below the ones around, which is more "
+    return [Fault("spikes", name, f"{text}than {most:g} {unit}", excludes=key != "object_force")]
 
 
 def quantisation_fault(name: str, values: Floats, *, key: str, limits: Limits) -> list[Fault]:
@@ -254,7 +262,7 @@ def quantisation_fault(name: str, values: Floats, *, key: str, limits: Limits) -
     --------
     >>> coarse = 2000.0 * np.round(np.linspace(0.0, 3.0, 50))
     >>> str(quantisation_fault("drive_force 1", coarse, key="drive_force", limits=Limits())[0])
-    'quantisation of drive_force 1: it has steps of 2e+03 N, at most 50 N expected'
+    'quantisation of drive_force 1: it has steps of 2 kN, at most 50 N expected'
     """
     levels = np.unique(values)
     steps = np.diff(levels)
@@ -262,8 +270,27 @@ def quantisation_fault(name: str, values: Floats, *, key: str, limits: Limits) -
     most, unit = dict(limits.most_step)[key], "A" if key == "drive_current" else "N"
     if not steps.size or float(steps.min()) <= most:
         return []
-    text = f"it has steps of {float(steps.min()):.3g} {unit}, at most {most:g} {unit} expected"
+    text = f"it has steps of {in_words(float(steps.min()), unit)}, at most {most:g} {unit} expected"
     return [Fault("quantisation", name, text, excludes=False)]
+
+
+def mostly_beyond(values: Floats, *, key: str) -> bool:
+    """Return whether a force is beyond what a rod carries for more than a moment, as spikes are."""
+    return key != "drive_current" and float(np.quantile(np.abs(values), LASTING)) > MOST_FORCE
+
+
+def in_words(value: float, unit: str) -> str:
+    """Return a value with its unit, large forces in kN.
+
+    Examples
+    --------
+    >>> in_words(80512.0, "N"), in_words(7.2e6, "N"), in_words(0.12345, "A")
+    ('80.5 kN', '7200 kN', '0.123 A')
+    """
+    if unit == "N" and value >= 1e3:
+        kilo = value / 1e3
+        return f"{kilo:.0f} kN" if kilo >= 100.0 else f"{kilo:.3g} kN"
+    return f"{value:.3g} {unit}"
 
 
 def unit_fault(name: str, values: Floats, *, key: str) -> list[Fault]:
@@ -272,12 +299,13 @@ def unit_fault(name: str, values: Floats, *, key: str) -> list[Fault]:
     Examples
     --------
     >>> str(unit_fault("drive_force 1", np.array([0.0, 7.2e6]), key="drive_force")[0])
-    'unit of drive_force 1: up to 7.2e+06 N, at most 2e+05 N are believed; check its unit'
+    'unit of drive_force 1: up to 7200 kN, at most 200 kN are believed; check its unit'
     """
     largest = float(np.max(np.abs(values), initial=0.0))
     if key == "drive_current" or largest <= MOST_FORCE:
         return []
-    text = f"up to {largest:.2g} N, at most {MOST_FORCE:.2g} N are believed; check its unit"
+    most = in_words(MOST_FORCE, "N")
+    text = f"up to {in_words(largest, 'N')}, at most {most} are believed; check its unit"
     return [Fault("unit", name, text)]
 
 
