@@ -51,6 +51,24 @@ def test_sound_throws_are_sound_and_objects_are_called_where_they_are() -> None:
     assert scores == {"false_alarms": 0.0, "detected": 1.0, "not_judged": 0.0}
 
 
+@pytest.mark.parametrize("faster", [1.03, 1.01, 0.97])
+def test_another_speed_of_the_drives_is_no_object(faster: float) -> None:
+    """What comes earlier looks like an object near a drive, unless all of it comes earlier."""
+    detector = fresh()
+    levels = np.linspace(0.15, 0.45, 6)
+    verdicts = []
+    for number, level in enumerate(levels):
+        own = toy_throw(level=float(level), seed=number)
+        time = own.time.copy()
+        for onset, end in ((0.2, 4.2), (4.4, np.inf)):
+            moving = (time > onset) & (time < end)
+            time[moving] = onset + (own.time[moving] - onset) * faster
+        force = np.array([np.interp(time, own.time, row) for row in own.force])
+        verdicts.append(detector.judge(replace(own, force=force, exact=True)))
+    assert not any(item.alarm for item in verdicts)
+    assert {item.cause for item in verdicts} <= {"", "other speed"}
+
+
 def test_a_late_recorder_changes_nothing() -> None:
     """An onset that was found 20 ms off is found again."""
     detector = fresh()

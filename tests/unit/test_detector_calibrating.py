@@ -5,7 +5,7 @@ from tests.unit.detector_toy import toy_detector, toy_set, toy_setting
 
 from turnout.detection.alarm_threshold import confident_threshold, threshold_for
 from turnout.detection.detector.calibrating import known_and_later
-from turnout.detection.detector.judging import UNUSUAL
+from turnout.detection.detector.judging import SPEED, UNUSUAL
 from turnout.detection.detector.train_detector import folds_of
 
 
@@ -23,7 +23,7 @@ def test_thresholds_keep_their_rate_on_other_switches_although_few_raise_the_ala
     for seed in range(40):
         ratios, switch = thrown(seed, 600)
         estimate = threshold_for(ratios, rate=2e-3)
-        confident = confident_threshold(ratios, rate=2e-3, switch=switch, seed=seed)
+        confident = confident_threshold(ratios, rate=2e-3, group=switch, seed=seed)
         assert confident >= estimate
         kept["estimate"] += bool((many > estimate).mean() <= 2e-3)
         kept["confident"] += bool((many > confident).mean() <= 2e-3)
@@ -44,7 +44,7 @@ def test_every_switch_is_held_back_once_from_a_detector_that_did_not_learn_from_
     assert sorted(objects.tolist()) == np.flatnonzero(sets["object"].force > 0.0).tolist()
     for fold in folds:
         assert not set(fold.objects.partner) - set(fold.sound.row)
-        assert fold.knowledge.causes == ("dry chairs", "force sensor", UNUSUAL)
+        assert fold.knowledge.causes == ("dry chairs", "force sensor", SPEED, UNUSUAL)
         # what a fold learned from objects and what it holds back make up all of them
         learned = np.count_nonzero(fold.knowledge.signatures.kind < len(fold.knowledge.places))
         assert learned + len(fold.objects.row) == len(objects)

@@ -11,7 +11,7 @@ from tests.unit.detector_toy import toy_detector
 from turnout.detection.detector import interval_widths
 from turnout.detection.detector.detector import Detector
 from turnout.detection.detector.interval_widths import level_of_places, likelier
-from turnout.detection.detector.judging import UNUSUAL, evidence_of
+from turnout.detection.detector.judging import SPEED, UNUSUAL, evidence_of
 from turnout.detection.detector.object_posterior import (
     EndGaps,
     gaps_of,
@@ -122,7 +122,9 @@ def test_a_file_keeps_each_factor(tmp_path: Path) -> None:
     assert [item.place_level for item in own] == [item.place_level for item in again]
     assert all(len(item.gap_factor) == 2 for item in own)
     assert [item.cause_thresholds for item in own] == [item.cause_thresholds for item in again]
-    assert all(set(item.cause_thresholds) == {*CAUSES, "force sensor", UNUSUAL} for item in own)
+    assert all(
+        set(item.cause_thresholds) == {*CAUSES, "force sensor", SPEED, UNUSUAL} for item in own
+    )
     assert [item.gap_reach for item in own] == [item.gap_reach for item in again]
 
 

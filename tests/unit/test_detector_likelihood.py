@@ -18,6 +18,10 @@ from turnout.detection.likelihood import (
 SIZE = 6
 
 
+SINGLE = 1e-6
+"""Products with signatures are of single precision, 6e-8."""
+
+
 def toy(signatures: np.ndarray, covariance: np.ndarray) -> Hypotheses:
     """One centre without gaps, each signature a kind of its own."""
     count = len(signatures)
@@ -61,7 +65,7 @@ def test_the_ratio_is_that_of_normal_densities_with_an_uncertain_factor() -> Non
         within = np.einsum("ij,ij->i", left, y.T - signature) < SIZE + 3.0 * np.sqrt(2.0 * SIZE)
         assert within.all(), "these throws lie within the noise"
         ratio = found.kind[number] - found.sound
-        np.testing.assert_allclose(ratio, exact, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(ratio, exact, rtol=SINGLE, atol=SINGLE)
 
 
 def test_a_known_signature_is_detected_as_often_as_the_best_test_detects_it() -> None:
@@ -154,7 +158,7 @@ def test_kinds_are_sums_over_signatures_near_each_centre() -> None:
     for given in (samples, samples.by_level()):
         order = distance if given is samples else np.sort(level) - np.arange(3.0)[:, np.newaxis]
         found = weigh(y, make_hypotheses(centres, given, distance=order, kinds=kinds))
-        np.testing.assert_allclose(np.exp(found.kind), exact * constant, rtol=1e-9)
+        np.testing.assert_allclose(np.exp(found.kind), exact * constant, rtol=SINGLE)
         one = found.of_throw(3)
         np.testing.assert_array_equal(one.kind[:, 0], found.kind[:, 3])
         assert len(one.component) == np.count_nonzero(near)

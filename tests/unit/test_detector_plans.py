@@ -66,5 +66,6 @@ def test_more_throws_begin_with_the_same_ones() -> None:
     for name, plan in few.items():
         own, other = plan.study.design.axes[0].rows, more[name].study.design.axes[0].rows
         assert other[: len(own)] == own, name
-    assert len(few["dry chairs"].level) == 2 * len(few["clutch"].level)
+    assert len(few["dry chairs"].level) == 6 * len(few["clutch"].level)
+    assert len(few["adjustment"].level) == 2 * len(few["clutch"].level)
     assert after_history("object") == "history, object"

@@ -15,6 +15,7 @@ from turnout.detection.detector.recorded import (
     UNLOADED,
     ZEROED,
     Recorded,
+    features_at,
     features_of_recorded,
     recording_fault,
     zeroed_rest,
@@ -182,6 +183,64 @@ def test_what_is_not_recorded_cannot_be_judged() -> None:
     assert found.fault == "no drive currents are recorded"
     layout = Layout(parts=LAYOUT.parts, drives=("3",))
     assert recording_fault(own, layout, "power") == "no power of drive 3 is recorded"
+
+
+@pytest.mark.parametrize("cut", [slice(None), slice(12, None), slice(0, -14)])
+def test_features_for_several_onsets_are_those_for_each(cut: slice) -> None:
+    whole = throw(100.0)
+    own = replace(whole, time=whole.time[cut], force=whole.force[:, cut])
+    closing = np.array([4.37, 4.4, 4.43])
+    several = {"opening": np.full(3, 0.2), "closing": closing}
+    expected = [
+        features_of_recorded(own, LAYOUT, {"opening": 0.2, "closing": float(at)}) for at in closing
+    ]
+    found = features_at(own, LAYOUT, several)
+    # what is held after the last sample is reached on another line
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=2.0 if cut.stop else 1e-6)
+
+
+def test_means_over_windows_belong_to_their_middle(tmp_path: Path) -> None:
+    """A monitoring system writes 25 root mean squares a second, each at the end of its window."""
+    time = np.arange(0.0, 9.0, 1e-3)
+    force = 500.0 + force_at(time)[1] ** 2 / 4e3
+    squares = np.sqrt(np.mean(force[: 40 * (len(force) // 40)].reshape(-1, 40) ** 2, axis=1))
+    samples = " ".join(f"{value:.1f}" for value in squares)
+    path = tmp_path / "throws.csv"
+    head = "throw,rate [Hz],start [s],window [s],force 1 [N],force 2 [N]"
+    start = 0.04 - 4.4
+    lines = [f"a,25,{start},0.04,{samples},{samples}", f"b,25,{start},,{samples},{samples}"]
+    path.write_text("\n".join([head, *lines, f"c,25,{start},0.5,{samples},{samples}"]))
+    right, late, long = read_table(path)
+    fine = replace(throw(), time=time - 4.4, force=np.tile(force, (2, 1)))
+    wanted = features_of_recorded(fine, LAYOUT, {"closing": 0.0})
+    off = [
+        np.nanmax(np.abs(features_of_recorded(item, LAYOUT, {"closing": 0.0}) - wanted))
+        for item in (right, late)
+    ]
+    assert off[0] < 0.5 * off[1]
+    assert "window [s]" in long.fault
+
+
+def test_one_current_for_two_motors_cannot_be_judged(tmp_path: Path) -> None:
+    path = tmp_path / "throws.csv"
+    samples = " ".join(["1.5"] * 500)
+    path.write_text(f"throw,rate [Hz],start [s],current 1+2 [A]\na,100,-0.2,{samples}\n")
+    (found,) = read_throws(path, quantity="current")
+    assert found.fault == (
+        "one channel stands for the motors of drives 1+2; currents of each are needed"
+    )
+
+
+@pytest.mark.parametrize("size", [0.0, 15e-3])
+def test_a_clock_that_is_off_by_a_thousandth_changes_no_verdict(size: float) -> None:
+    """3 ms at the end of a movement; onsets of both movements are found again."""
+    detector = Detector(toy_detector().knowledge)
+    right = toy_throw(level=0.3, seed=8, size=size, x=3.6)
+    for factor in (0.999, 1.001):
+        onsets = {name: factor * at for name, at in right.onsets.items()}
+        off = replace(right, time=factor * right.time, onsets=onsets, exact=False)
+        assert detector.judge(off).status == detector.judge(right).status
+    assert detector.judge(right).status == ("object" if size else "sound")
 
 
 def test_a_row_that_ends_early_cannot_be_judged(tmp_path: Path) -> None:

@@ -45,7 +45,7 @@ MESHES = ("0.1 m", "0.2 m")
 
 
 def year_plan(study: Study) -> Plan:
-    """Return a year of some switches: 20 throws in January, then 5 a month.
+    """Return a year of some switches: 20 throws in January, then 3 a month.
 
     Friction between two greasings, which last six weeks, rises and scatters; clutches lose 8 % and
     over-travels 0.2 mm until December. The number of the switch is 12 times its own plus the month;
@@ -74,13 +74,14 @@ def year_plan(study: Study) -> Plan:
     return population.plan("year", rows, switch=switch)
 
 
-def ice_plan(study: Study) -> Plan:
-    """Return a switch for each of five places: 20 sound throws, then ice 0.2 mm thicker each."""
-    population = Population(study, seed=SEED + 50_000)
+def ice_plan(study: Study, *, switches: int = len(ICE_PLACES), seed: int = SEED) -> Plan:
+    """Return switches with ice at five places in turn: 20 sound throws, then 0.2 mm more each."""
+    population = Population(study, seed=seed + 50_000)
     rows, switch = [], []
     each = KNOWN + ICE_THROWS
     places = places_of(study.panel)
-    for number, x in enumerate(places[name] for name in ICE_PLACES):
+    for number in range(switches):
+        x = places[ICE_PLACES[number % len(ICE_PLACES)]]
         for repeat in range(each):
             row = population.row(number * each + repeat, switch=number * each)
             row |= {OBJECT_AT: x, OBJECT_SIZE: max(0, repeat - KNOWN + 1) * ICE_STEP, KIND: "ice"}

@@ -84,14 +84,16 @@ def main() -> None:
     kept = given.folder / f"histories-{made}-{given.seed}.json"
     said = json.loads(kept.read_text()) if kept.exists() else {}
     folder = given.folder / f"histories-{made}-{given.seed}"
-    with one_blas_thread():
-        whole = completed(
-            Detector.load(path).knowledge, throws, given.folder / f"whole-{made}.detector"
-        )
-    judge = Judge(whole, throws, folder)
+    knowledge = Detector.load(path).knowledge
+    judge = Judge(knowledge, throws, folder)
+
+    def whole() -> Judge:
+        kept_whole = given.folder / f"whole-{made}.detector"
+        return replace(judge, knowledge=completed(knowledge, throws, kept_whole))
+
     figures: dict[str, Callable[[], dict[str, Any]]] = {
-        "5 known": lambda: judge.figures("5", history=5),
-        "closings alone": lambda: judge.figures("closings", history=0, part=CLOSING),
+        "5 known": lambda: whole().figures("5", history=5),
+        "closings alone": lambda: whole().figures("closings", history=0, part=CLOSING),
         "soft": judge.soft,
         "price": lambda: price(judge, throws.sets("train")),
     }

@@ -1,4 +1,6 @@
-"""What a detector sees of machines by force, current, power or all: a table of docs/detection.md.
+"""What a detector sees of machines by force, current, power or all.
+
+Tables of docs/detection-results.md.
 
 ``python -m tests.verification.detector_machines DIR`` throws switches whose drives are machines, to
 learn from and, with another seed, to be judged, trains a detector by each quantity with the same
@@ -25,6 +27,7 @@ from tests.verification.detector_figures import (
     Uses,
     a90_of_places,
     alone_of,
+    false_alarm_limits,
     judge_alone,
     judge_with_history,
 )
@@ -38,13 +41,14 @@ from turnout.core.threads import one_blas_thread
 from turnout.detection.conditions import CURRENT, FORCE, POWER
 from turnout.detection.detector.allowances import Allowances, gain_times
 from turnout.detection.detector.detector import Detector
+from turnout.detection.detector.judging import CYCLE
 from turnout.detection.detector.knowledge import Knowledge, Setting
 from turnout.detection.detector.switch_history import ThrowErrors
 from turnout.detection.detector.throw_layout import Layout, means_on, throw_features
 from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.detector.train_detector import knowledge_of_sets
 from turnout.detection.detector.training import layout_of_panel, read_set, setting_of
-from turnout.detection.detector.training_plan import HISTORY, OBJECT, Plan
+from turnout.detection.detector.training_plan import HISTORY, LARGEST, OBJECT, SOUND, Plan
 from turnout.detection.detector.training_sets import Counts, after_history, training_plans
 from turnout.detection.drive_quantities import ALL, read_signals, signals_of
 from turnout.detection.reference import FRICTION, NOMINAL_FRICTION, reference_study
@@ -64,6 +68,12 @@ LEARNED = Counts(sound=3000, objects=2200, defects=160, switches=40)
 JUDGED = Counts(sound=0, objects=0, defects=0, repeats=22, judged=2, objects_each=5)
 SEED = 560_000
 KNOWN = 20
+AT_LOWER = f"{KNOWN}, threshold of none"
+LABELS = {
+    "0": "no history",
+    str(KNOWN): f"{KNOWN} known",
+    AT_LOWER: f"{KNOWN} known, threshold without a history",
+}
 WIDER = 8
 """Windows of forces that one of a current or power holds where all are judged together."""
 
@@ -122,7 +132,10 @@ def _trained(
 def figures(
     knowledge: Knowledge, test: Mapping[str, ThrowSet], kept: Path
 ) -> dict[str, dict[str, Any]]:
-    """Return a90 by place, false alarms and missed objects, without and with a history."""
+    """Return a90 by place, false alarms and missed objects, without and with a history.
+
+    With a history also at the threshold without one: the own threshold rests on few switches.
+    """
     places = knowledge.setting.places
     alone = judge_alone(knowledge, alone_of(test), draws=1)
     found = {
@@ -142,30 +155,43 @@ def figures(
         "rates": {rate: item["sound"] for rate, item in rates.items()},
         "missed": missed_shares(known),
     }
+    alone = knowledge.calibration(part=CYCLE, history=0)
+    assert alone is not None
+    lower = float(alone.thresholds["0.001"])
+    uses_above = [np.array(item[SOUND]) > lower for item in ratios]
+    found[AT_LOWER] = {
+        "a90": a90_of_places(known, places, threshold=lower),
+        "rates": {"0.001": false_alarm_limits(uses_above, uses=uses.sound)},
+    }
     return found
 
 
 def tables(said: Said) -> list[str]:
-    """Return the figures as tables of docs/detection.md."""
+    """Return the figures as tables of docs/detection-results.md."""
     first = next(iter(said.values()))["0"]["a90"]
     names = [name.replace("sleeper ", "").replace("drive ", "D") for name in first]
     lines = [f"| a90 [mm] | {' | '.join(names)} |", "|---|" + "--|" * len(names)]
     for quantity, found in said.items():
         for known in found:
-            label = "no history" if known == "0" else f"{known} throws known"
-            cells = [f"{1e3 * item[0]:.1f}" for item in found[known]["a90"].values()]
+            label = LABELS[known]
+            cells = [
+                f"{1e3 * item[0]:.1f}" if item[0] < LARGEST else "-"
+                for item in found[known]["a90"].values()
+            ]
             lines.append(f"| {quantity}, {label} | {' | '.join(cells)} |")
     lines += ["", "| throws known | false alarms |", "|---|---|"]
     for quantity, found in said.items():
         for known, item in found.items():
-            lines.append(f"| {quantity}, {known} | {alarms(item['rates']['0.001'])} |")
+            lines.append(f"| {quantity}, {LABELS[known]} | {alarms(item['rates']['0.001'])} |")
     classes = list(next(iter(said.values()))["0"]["missed"])
     lines += ["", f"| missed | {' | '.join(classes)} |", "|---|" + "--|" * len(classes)]
     for quantity, found in said.items():
         for known in found:
+            if "missed" not in found[known]:
+                continue
             row = found[known]["missed"]
             cells = [f"{100 * item['detector']:.0f} %" for item in row.values()]
-            lines.append(f"| {quantity}, {known} known | {' | '.join(cells)} |")
+            lines.append(f"| {quantity}, {LABELS[known]} | {' | '.join(cells)} |")
     for name in ("lock", "sensors", "objects"):
         row = first_missed(said)
         cells = [

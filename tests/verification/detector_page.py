@@ -1,4 +1,4 @@
-"""Tables of docs/detection.md from what the detector's figures left in a folder.
+"""Tables of docs/detection-results.md from what the detector's figures left in a folder.
 
     python -m tests.verification.detector_page DIR --seed 550000
 
@@ -336,9 +336,9 @@ def missed_table(said: Figures) -> list[str]:
         for name, found in rows.items()
     ]
     own = list(said["known"]["missed"].values())
-    for name in ("lock", "sensors", "objects"):
+    for name, label in (("lock", "lock"), ("sensors", "TKK"), ("objects", "objects")):
         factor = 1 if name == "objects" else 100
-        lines.append(row(name, [item[name] for item in own], factor=factor, form=".0f"))
+        lines.append(row(label, [item[name] for item in own], factor=factor, form=".0f"))
     return lines
 
 
@@ -355,16 +355,15 @@ def histories_table(said: Figures) -> list[str]:
 
 
 def soft_table(said: Figures) -> list[str]:
-    """Return what is called of objects of each kind, and a90 by place."""
+    """Return what is called of objects of each kind, and a90 by place; "-" beyond all sizes."""
     lines = [f"| | {' | '.join(SOFT_KINDS)} |", "|---|" + "--|" * len(SOFT_KINDS)]
     for known in (0, 20):
         own = [said["soft"][f"{kind}, {known} known"] for kind in SOFT_KINDS]
         called = [item["called"] for item in own]
         lines.append(row(f"called, {known} known [%]", called, factor=100, form=".0f"))
-        lines += [
-            row(f"a90 at {place}, {known} known", [item[place] for item in own])
-            for place in SOFT_PLACES
-        ]
+        for place, largest in SOFT_PLACES.items():
+            cells = [f"{1e3 * item[place]:.1f}" if item[place] <= largest else "-" for item in own]
+            lines.append(f"| a90 at {place}, {known} known | {' | '.join(cells)} |")
     touched = [said["soft"][f"{kind}, 0 known"]["touched"] for kind in SOFT_KINDS]
     return [*lines, row("touched", touched, factor=1, form=".0f")]
 

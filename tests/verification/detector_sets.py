@@ -31,7 +31,7 @@ Arrays = dict[str, np.ndarray]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sizes:
-    """How many throws the figures rest on; by default as on docs/detection.md."""
+    """How many throws the figures rest on; by default as on docs/detection-results.md."""
 
     sound: int = 4000
     objects: int = 3000
@@ -45,7 +45,7 @@ class Sizes:
             sound=self.sound,
             objects=self.objects,
             defects=defects,
-            switches=max(10, self.sound // 100),
+            switches=max(10, self.sound // 50),
         )
 
     @property
@@ -137,17 +137,18 @@ class Throws:
         """Whether some throws come out as they are kept, thrown again in a folder of its own."""
         every = np.linspace(0, len(arrays["row"]) - 1, SAMPLE).astype(np.intp)
         made = read(*_thrown_again(plan, arrays["row"][every], place / digest_of_sources(THROWS)))
-        names = [name for name in ("features", "gaps", "force") if name in made]
         return all(
-            np.allclose(made[n], arrays[n][every], rtol=SAME, atol=SAME, equal_nan=True)
-            for n in names
+            np.allclose(made[name], arrays[name][every], rtol=0.0, atol=same, equal_nan=True)
+            for name, same in SAME.items()
+            if name in made
         )
 
 
 SAMPLE = 6
 """Throws of a kept sweep that are thrown again where the sources changed."""
-SAME = 1e-9
-"""Difference that counts as rounding [-], [N], [m]."""
+SAME = {"features": 1e-3, "force": 1e-3, "gaps": 1e-9}
+"""Difference that counts as rounding [N], [N], [m]: sweeps keep forces in single precision, so that
+5 kN move by 5e-4 N where a solver rounds otherwise."""
 
 
 def _thrown_again(plan: Plan, rows: np.ndarray, place: Path) -> tuple[Plan, xr.Dataset]:

@@ -6,14 +6,18 @@ The narrow population (sections, fit and stress-free state do not vary) is throw
 states, with the same objects: once pressed home as the last return left it, once free of force as
 in the study that the goals of the detector come from. The same method learns from each, with the
 same numbers of throws and the same assumed errors, and judges other switches of its kind without a
-history. Differences of a90 are of the same states and draws of errors, their limits over drawn
-states.
+history: at the threshold that each takes from its own training, and at equal false alarms, where 1
+in 1,000 uses of the judged sound throws is called. Differences of a90 are of the same states and
+draws of errors, their limits over drawn states.
 """
 
 import argparse
 import json
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
+from statistics import median
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +28,7 @@ from tests.verification.detector_figures import (
     false_alarm_limits,
     measured_by_switch,
 )
+from tests.verification.detector_page import alarms, heads, row
 from tests.verification.detector_sets import NARROW, Throws
 
 from turnout.core.files import write_atomic
@@ -43,15 +48,18 @@ from turnout.panel.load import load_panel
 from turnout.study.load_study import load_study
 from turnout.study.study import Study
 
+Floats = NDArray[np.float64]
 Seen = NDArray[np.bool_]
 
-LEARNED = Counts(sound=1200, objects=1040, defects=40, switches=0)
-JUDGED = Counts(sound=1040, objects=1040, defects=0, switches=0)
+LEARNED = Counts(sound=4000, objects=3000, defects=120, switches=0)
+JUDGED = Counts(sound=3000, objects=2600, defects=0, switches=0)
 SEED = 570_000
 STARTS = {"pressed home": "true", "free of force": "false"}
 DRAWS = 3
 """Uses of each judged throw, with other errors."""
 RESAMPLES = 200
+RATE = 1e-3
+"""Of false alarms, at which both starts are compared [-]."""
 
 
 def main() -> None:
@@ -73,42 +81,83 @@ def study_of(loaded: str) -> Study:
     return replace(study, panel=panel)
 
 
-def figures(folder: Path) -> dict[str, dict[str, object]]:
-    """Return false alarms, a90 by place of each start and the difference with its limits [m]."""
+def figures(folder: Path) -> dict[str, dict[str, Any]]:
+    """Return threshold, false alarms and a90 by place of each start, and differences [m]."""
     amplitude = nominal_amplitude(study_of("true"), friction=NOMINAL_FRICTION)
-    found: dict[str, dict[str, object]] = {}
-    seen: dict[str, Seen] = {}
+    judged = {}
     for name, loaded in STARTS.items():
         study = study_of(loaded)
         setting = setting_of(study.panel, amplitude=amplitude, allowances=Allowances())
-        seen[name], found[name], size, near = _judged(
-            study, setting, folder / name.replace(" ", "-")
-        )
+        judged[name] = _judged(study, setting, folder / name.replace(" ", "-"))
+    first, second = judged.values()
+    assert np.array_equal(first.row, second.row), "the same throws ended"
+    return {
+        label: _compared(judged, setting.places, equal=equal)
+        for label, equal in (("own thresholds", False), ("equal false alarms", True))
+    }
+
+
+def _compared(
+    judged: Mapping[str, "Start"], places: Mapping[str, float], *, equal: bool
+) -> dict[str, Any]:
+    """Return what two starts show at thresholds of one kind."""
+    limits = {
+        name: float(np.quantile(item.sound, 1.0 - RATE)) if equal else item.threshold
+        for name, item in judged.items()
+    }
+    found: dict[str, Any] = {
+        name: {
+            "threshold": limits[name],
+            "false alarms": false_alarm_limits(list(limits[name] < item.sound.T), uses=DRAWS),
+        }
+        for name, item in judged.items()
+    }
+    loaded, free = (item.objects > limits[name] for name, item in judged.items())
+    first = next(iter(judged.values()))
+    near = np.abs(first.x[:, np.newaxis] - np.array(list(places.values()))).argmin(axis=1)
     rng = np.random.default_rng(1)
-    assert len({len(item[0]) for item in seen.values()}) == 1, "the same throws ended"
-    for number, place in enumerate(setting.places):
+    for number, place in enumerate(places):
         own = np.flatnonzero(near == number)
-        both = [_a90_of(size, seen[name], own) for name in STARTS]
-        for name, value in zip(STARTS, both, strict=True):
-            found[name][place] = value
+        both = [_a90_of(first.size, seen, own) for seen in (loaded, free)]
         drawn = [rng.choice(own, own.size) for _ in range(RESAMPLES)]
-        apart = [
-            _a90_of(size, seen["free of force"], i) - _a90_of(size, seen["pressed home"], i)
-            for i in drawn
-        ]
-        limits = np.quantile(apart, [0.025, 0.975]).tolist()
-        found.setdefault("difference", {})[place] = [both[1] - both[0], *limits]
+        apart = [_a90_of(first.size, free, i) - _a90_of(first.size, loaded, i) for i in drawn]
+        for name, value in zip(judged, both, strict=True):
+            found[name][place] = value
+        limit = np.quantile(apart, [0.025, 0.975]).tolist()
+        found.setdefault("difference", {})[place] = [both[1] - both[0], *limit]
     return found
 
 
-def _a90_of(size: NDArray[np.float64], seen: Seen, rows: NDArray[np.intp]) -> float:
-    return a90(np.tile(size[rows], len(seen)), seen[:, rows].ravel())
+def _a90_of(size: Floats, seen: Seen, rows: NDArray[np.intp]) -> float:
+    """Return a90 of some throws, at most the largest of them [m]."""
+    found = a90(np.tile(size[rows], len(seen)), seen[:, rows].ravel())
+    return min(found, float(size[rows].max()))
 
 
-def _judged(
-    study: Study, setting: Setting, folder: Path
-) -> tuple[Seen, dict[str, object], NDArray[np.float64], NDArray[np.intp]]:
-    """Return which objects are called in each draw, false alarms, sizes [m] and places."""
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Start:
+    """What a detector says of throws that start alike.
+
+    Attributes
+    ----------
+    threshold : float
+        That it takes from its training for 1/1,000 [-].
+    objects, sound : ndarray, shape (draws, n)
+        Log likelihood ratios of throws with and without an object [-].
+    row, size, x : ndarray, shape (n,)
+        Of throws with an object: scenario, size and place [m].
+    """
+
+    threshold: float
+    objects: Floats
+    sound: Floats
+    row: NDArray[np.intp]
+    size: Floats
+    x: Floats
+
+
+def _judged(study: Study, setting: Setting, folder: Path) -> Start:
+    """Learn from throws of one start, and judge others."""
     plans = {
         "train": training_plans(study, LEARNED),
         "test": training_plans(study, JUDGED, seed=SEED),
@@ -118,35 +167,43 @@ def _judged(
     test = throws.sets("test")
     calibrated = knowledge.calibration(part=CYCLE, history=0)
     assert calibrated is not None
-    threshold, view = calibrated.thresholds["0.001"], make_view(knowledge)
-    errors = drawn_errors(knowledge, 33)
-    called = {
+    view, errors = make_view(knowledge), drawn_errors(knowledge, 33)
+    ratios = {
         name: np.array(
-            [
-                alarms_of(view, measured_by_switch(test[name], errors)) > threshold
-                for _ in range(DRAWS)
-            ]
+            [alarms_of(view, measured_by_switch(test[name], errors)) for _ in range(DRAWS)]
         )
         for name in (OBJECT, SOUND)
     }
-    objects = test[OBJECT]
-    near = np.abs(objects.x[:, np.newaxis] - np.array(list(setting.places.values()))).argmin(axis=1)
-    alarms = false_alarm_limits(called[SOUND].T)
-    return called[OBJECT], {"threshold": threshold, "false alarms": alarms}, objects.size, near
+    held = test[OBJECT]
+    return Start(
+        threshold=float(calibrated.thresholds["0.001"]),
+        objects=ratios[OBJECT],
+        sound=ratios[SOUND],
+        row=held.row,
+        size=held.size,
+        x=held.x,
+    )
 
 
-def table(found: dict[str, dict[str, object]]) -> list[str]:
-    """Return the figures as a table of docs/detection.md."""
-    places = list(found["difference"])
-    heads = [name.replace("sleeper ", "").replace("drive ", "D") for name in places]
-    lines = [f"| a90 [mm] | {' | '.join(heads)} |", "|---|" + "--|" * len(heads)]
-    for name in STARTS:
-        cells = [f"{1e3 * float(str(found[name][place])):.1f}" for place in places]
-        lines.append(f"| {name} | {' | '.join(cells)} |")
-    for label, number in (("difference", 0), ("from", 1), ("to", 2)):
-        cells = [f"{1e3 * found['difference'][place][number]:.1f}" for place in places]  # type: ignore[index]
-        lines.append(f"| {label} | {' | '.join(cells)} |")
-    return [*lines, "", *(f"{name}: {found[name]['false alarms']}" for name in STARTS)]
+def table(found: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """Return the figures as tables of docs/detection-results.md."""
+    lines: list[str] = []
+    for label, own in found.items():
+        places = own["difference"]
+        lines += heads(list(places))
+        lines[-2] = lines[-2].replace("| |", f"| a90 [mm], {label} |", 1)
+        lines += [row(name, [own[name][place] for place in places]) for name in STARTS]
+        lines += [
+            row(name, [item[number] for item in places.values()])
+            for name, number in (("difference", 0), ("from", 1), ("to", 2))
+        ]
+        lines += [""] + [
+            f"- {name}: threshold {own[name]['threshold']:.2f}, {alarms(own[name]['false alarms'])}"
+            for name in STARTS
+        ]
+        middle = median(1e3 * item[0] for item in places.values())
+        lines += [f"- median of the differences {middle:.1f} mm", ""]
+    return lines
 
 
 if __name__ == "__main__":

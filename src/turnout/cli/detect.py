@@ -90,7 +90,7 @@ def train_command(
     switches: Annotated[
         int | None,
         typer.Option(
-            "--switches", metavar="N", min=10, help="Switches thrown 26 times; default 40."
+            "--switches", metavar="N", min=10, help="Switches thrown 26 times; default 80."
         ),
     ] = None,
     channels: Annotated[
@@ -177,7 +177,8 @@ def _training_lines(knowledge: "Knowledge") -> list[str]:
         limits = ", ".join(f"{rate}: {value:.2f}" for rate, value in item.thresholds.items())
         lines.append(
             f"thresholds      {item.part}, {item.history} throws known: {limits} "
-            f"(from {item.throws} throws of {item.switches} switches)"
+            f"(from {item.throws} throws of {item.switches} switches in {item.groups} groups that "
+            "share no section)"
         )
     return lines
 

@@ -13,7 +13,8 @@ one shows that it is not, and a lighter one is not believed.
 Alarms come in clusters: a switch that lies close to the threshold raises several. A threshold that
 rests on a few switches is itself uncertain, so it is set to the upper limit of its own 95 %
 confidence interval, over switches drawn with replacement (Field and Welsh 2007, cluster bootstrap,
-J. R. Stat. Soc. B 69, 369). The tail is fitted to each draw again.
+J. R. Stat. Soc. B 69, 369), or over groups of switches that share their sections. The tail is
+fitted to each draw again.
 """
 
 import numpy as np
@@ -31,11 +32,11 @@ r"""Largest :math:`\xi` that is believed [-]."""
 
 
 RESAMPLES, CONFIDENCE = 200, 0.95
-"""Draws of switches, and the share of them in which a threshold keeps its rate [-]."""
+"""Draws of groups, and the share of them in which a threshold keeps its rate [-]."""
 
 
 def confident_threshold(
-    ratios: Floats, *, rate: float, switch: NDArray[np.intp], seed: int = 0
+    ratios: Floats, *, rate: float, group: NDArray[np.intp], seed: int = 0
 ) -> float:
     """Return what at most a share of sound throws exceeds, with a confidence of 95 %.
 
@@ -45,21 +46,21 @@ def confident_threshold(
         Log likelihood ratios of sound throws.
     rate : float
         Share wanted [-].
-    switch : ndarray of int, shape (n,)
-        Which switch each is of.
+    group : ndarray of int, shape (n,)
+        Which switch each is of, or which group of switches that are alike.
     seed : int
         Of chance.
 
     Examples
     --------
     >>> rng = np.random.default_rng(0)
-    >>> ratios, switch = rng.exponential(size=20000), np.arange(20000) // 20
+    >>> ratios, group = rng.exponential(size=20000), np.arange(20000) // 20
     >>> estimate = threshold_for(ratios, rate=1e-3)
-    >>> bool(estimate < confident_threshold(ratios, rate=1e-3, switch=switch) < estimate + 1.0)
+    >>> bool(estimate < confident_threshold(ratios, rate=1e-3, group=group) < estimate + 1.0)
     True
     """
     rng = np.random.default_rng([seed, 13])
-    numbers, own = np.unique(switch, return_inverse=True)
+    numbers, own = np.unique(group, return_inverse=True)
     found = [threshold_for(ratios, rate=rate)]
     for _ in range(RESAMPLES):
         often = np.bincount(rng.integers(0, numbers.size, numbers.size), minlength=numbers.size)

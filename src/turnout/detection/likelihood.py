@@ -162,15 +162,15 @@ class Block:
 
     Attributes
     ----------
-    change : ndarray, shape (m, r)
-        Of features, in the basis of the signatures [N].
+    change : ndarray of float32, shape (m, r)
+        Of features, in the basis of the signatures [N]; reading it takes most of the time.
     centres : slice
         Of all centres.
     components : slice
         Of all components: those of a signature follow each other.
     """
 
-    change: Floats
+    change: NDArray[np.float32]
     centres: slice
     components: slice
 
@@ -251,7 +251,8 @@ def make_hypotheses(
         log_scale = scale + share - 0.5 * np.log1p(AMPLITUDE**2 * square)
         place = np.tile(np.arange(start, start + length), (len(number), 1))
         parts.append((np.tile(number[:, np.newaxis], length), place, square, tight, log_scale))
-        blocks.append(Block(change=change, centres=span, components=slice(end, end + square.size)))
+        rows = slice(end, end + square.size)
+        blocks.append(Block(change=change.astype(np.float32), centres=span, components=rows))
         end += square.size
     number, place, square, tight, log_scale = (
         np.concatenate([part.ravel() for part in item]) for item in zip(*parts, strict=True)
@@ -390,7 +391,7 @@ def weigh(features: Floats, hypotheses: Hypotheses) -> Evidence:
     for block in hypotheses.blocks:
         rows, span = block.components, block.centres
         seen = projected[:, span].reshape(len(projected), -1)
-        along = (block.change @ seen).reshape(-1, throws)
+        along = (block.change @ seen.astype(np.float32)).reshape(-1, throws).astype(np.float64)
         whole = np.tile(own[span], (len(block.change), 1))
         length, tight = hypotheses.square[rows], hypotheses.tight[rows]
         off = along - length  # the signature times what it leaves

@@ -238,9 +238,11 @@ class DetectorMethod:
         less = teach(training_sets(others, setting), made_for)
         sets = training_sets(held_back, setting)
         objects = sets[OBJECT].of(sets[OBJECT].force > 0.0)
+        sound = _spread(sets[SOUND], CALIBRATED)
         fold = Fold(
             knowledge=less,
-            sound=_spread(sets[SOUND], CALIBRATED),
+            sound=sound,
+            group=sound.switch,
             objects=_spread(objects, CALIBRATED),
         )
         alone = calibrate_alone([fold], draws=AGAIN)

@@ -23,6 +23,7 @@ from turnout.detection.detector.interval_widths import (
 from turnout.detection.detector.judging import (
     CAUSE_WEIGHT,
     CYCLE,
+    SPEED,
     View,
     evidence_of,
     level_of,
@@ -57,6 +58,8 @@ CAUSE_RATE = 1e-2
 """Share of sound throws in which each other cause has more support than it is named from [-]."""
 LEAST_CAUSE = float(np.log(20.0))
 """Support below which no other cause is named [-]."""
+LEAST_SPEED = float(np.log(1e6))
+"""The same for another speed: an onset found some 10 ms off looks like a little of it [-]."""
 
 Report = Callable[[int, int], None]
 
@@ -173,11 +176,14 @@ class Fold:
         Without thresholds.
     sound, objects : ThrowSet
         Held back.
+    group : ndarray of int, shape (n_sound,)
+        Of the switch of each sound throw: switches of a group share their sections.
     """
 
     knowledge: Knowledge
     sound: ThrowSet
     objects: ThrowSet
+    group: NDArray[np.intp]
 
 
 def calibrate_alone(
@@ -199,23 +205,23 @@ def calibrate_alone(
     seed : int
         Of chance.
     """
-    judged, tried, switches = [], [], []
+    judged, tried, groups = [], [], []
     for number, fold in enumerate(folds):
         errors = _errors(fold.knowledge, seed + FOLD_SEED * number)
         view = make_view(fold.knowledge, part=part)
         judged += [_said_of_sound(view, measured(fold.sound, errors)) for _ in range(draws)]
-        switches += [fold.sound.switch] * draws
+        groups += [fold.group] * draws
         for _ in range(INTERVAL_DRAWS):
             for throws in (fold.sound, fold.objects):
                 order = errors.rng.permutation(len(throws.level))[: INTERVALS // len(folds)]
                 some = errors.of_gaps(throws.of(order))
                 tried.append((view, measured(some, errors), some))
-    switch = np.concatenate(switches)
+    switches = sum(len(np.unique(fold.sound.switch)) for fold in folds)
     return _calibrated(
         folds[0].knowledge,
-        Calibrated(part=part, history=0, thresholds={}, throws=0, switches=len(np.unique(switch))),
+        Calibrated(part=part, history=0, thresholds={}, throws=0, switches=switches),
         judged=[np.concatenate(item) for item in zip(*judged, strict=True)],
-        switch=switch,
+        group=np.concatenate(groups),
         tried=tried,
     )
 
@@ -300,7 +306,7 @@ def calibrate_history(
             folds[0].knowledge,
             replace(other, history=history, switches=len(numbers)),
             judged=[np.concatenate(item) for item in zip(*judged[part], strict=True)],
-            switch=np.concatenate(switches),
+            group=np.concatenate(switches),
             tried=tried[part],
         )
         for part, other in alone.items()
@@ -343,10 +349,12 @@ def _calibrated(
     usual: Calibrated,
     *,
     judged: Sequence[Floats],
-    switch: NDArray[np.intp],
+    group: NDArray[np.intp],
     tried: Sequence[tuple[View, Floats, ThrowSet]],
 ) -> Calibrated:
     """Return thresholds and widths; those of `usual` where the throws say too little.
+
+    Upper limits count groups of switches: those that share their sections are alike.
 
     A threshold is never below the usual one. That without a history rests on thousands of switches,
     those after one on some dozens; of n switches none may be of a kind that makes up 3 / n of all
@@ -356,7 +364,7 @@ def _calibrated(
     thresholds = {}
     for rate in RATES:
         least = usual.thresholds.get(f"{rate:g}", LEAST_THRESHOLD)
-        own = confident_threshold(ratios, rate=SAFETY[rate] * rate, switch=switch)
+        own = confident_threshold(ratios, rate=SAFETY[rate] * rate, group=group)
         thresholds[f"{rate:g}"] = max(LEAST_THRESHOLD, least, own)
     found = misses_of(knowledge, tried, threshold=thresholds[f"{RATES[0]:g}"])
     count = len(knowledge.setting.gaps)
@@ -377,12 +385,14 @@ def _calibrated(
     object_gap_factor = tuple(
         factor_of(own, otherwise=one) for own, one in zip(each_gap(found.alarm), given, strict=True)
     )
+    least_support = [LEAST_SPEED if name == SPEED else LEAST_CAUSE for name in knowledge.causes]
     # a cause without a signature has no support at all
-    rare = np.quantile(np.maximum(causes, LEAST_CAUSE), 1.0 - CAUSE_RATE, axis=0)
+    rare = np.quantile(np.maximum(causes, least_support), 1.0 - CAUSE_RATE, axis=0)
     return replace(
         usual,
         thresholds=thresholds,
         throws=len(ratios),
+        groups=len(np.unique(group)),
         residual=tuple(np.quantile(left, RESIDUAL_LEVELS).tolist()),
         irregularity=tuple(np.quantile(irregular, RESIDUAL_LEVELS).tolist()),
         cause_thresholds={

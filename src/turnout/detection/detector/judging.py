@@ -41,6 +41,8 @@ CYCLE = "cycle"
 CAUSE_WEIGHT = 0.3
 r""":math:`\rho`, weight of every other cause against a sound switch [-]."""
 DRY, ADJUSTED, UNUSUAL = "dry chairs", "adjustment", "unusual sound throw"
+SPEED = "other speed"
+"""A cause without throws: all drives move faster or slower than the schedule of the panel."""
 LEAST_HISTORY = 3
 """Throws from which on an adjustment differs from a switch that always was like that."""
 

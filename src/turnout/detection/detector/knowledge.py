@@ -54,8 +54,9 @@ class Calibrated:
         alarms, such as "0.001" [-].
     throws : int
         Sound throws behind them, each with its own discrepancy and noise.
-    switches : int
-        Among how many switches.
+    switches, groups : int
+        Among how many switches, and in how many groups that share nothing: switches with the same
+        sections are in one, and upper limits count groups.
     residual : tuple of float
         Quantiles of what the best hypothesis leaves of a throw, at `RESIDUAL_LEVELS` [-].
     irregularity : tuple of float
@@ -81,6 +82,7 @@ class Calibrated:
     thresholds: Mapping[str, float]
     throws: int
     switches: int
+    groups: int = 0
     residual: tuple[float, ...] = ()
     irregularity: tuple[float, ...] = ()
     size_factor: float = 1.0

@@ -21,7 +21,7 @@ OBJECT_WEIGHT = 1.0
 one makes intervals too narrow where an object is not noticed [-]."""
 COVERAGE = 0.95
 """Of intervals [-]."""
-TEMPER = 3.0
+TEMPER = 2.0
 """Log likelihoods of signatures are divided by this: a throw lies between samples, and the nearest
 of them is not as much better than the next as its likelihood says."""
 MOST_COMPONENTS = 400

@@ -28,6 +28,9 @@ Floats = NDArray[np.float64]
 APART = 30.0
 """An opening belongs to the closing that begins at most so long after its onset [s]."""
 RATE, START, DIRECTION, NAME = "rate [Hz]", "start [s]", "direction", "throw"
+WINDOW = "window [s]"
+JOINED = "+"
+"""Stands between the names of drives whose motors share one current."""
 
 
 def read_throws(
@@ -273,8 +276,9 @@ def read_table(path: Path, *, quantity: str = FORCE) -> list[Recorded]:
     """Read a table with a row a throw, as monitoring systems write it.
 
     Columns: `throw`, `rate [Hz]`, optionally `start [s]` (of the first sample, the movement begins
-    at 0), optionally `direction`, and for each drive `force NAME [N]`, `current NAME [A]` or `power
-    NAME [W]`: samples separated by spaces.
+    at 0), `window [s]` (samples are means or root mean squares over so long before their instants)
+    and `direction`, and for each drive `force NAME [N]`, `current NAME [A]` or `power NAME [W]`:
+    samples separated by spaces.
 
     Parameters
     ----------
@@ -305,6 +309,11 @@ def read_table(path: Path, *, quantity: str = FORCE) -> list[Recorded]:
     return [_of_row(row, number, drives, quantity) for number, row in enumerate(rows, 1)]
 
 
+SHARED = "one channel stands for the motors of drives"
+LONGEST_WINDOW = 0.1
+"""A mean over longer smears what a contact changes [s]."""
+
+
 def _of_row(row: dict[str, str], number: int, drives: tuple[str, ...], quantity: str) -> Recorded:
     name = (row.get(NAME) or "").strip() or f"row {number}"
     direction = (row.get(DIRECTION) or "").strip().lower()
@@ -315,6 +324,7 @@ def _of_row(row: dict[str, str], number: int, drives: tuple[str, ...], quantity:
             for d in drives
         ]
         start = float(row[START]) if (row.get(START) or "").strip() else float("nan")
+        window = float(row[WINDOW]) if (row.get(WINDOW) or "").strip() else 0.0
     except (ValueError, TypeError, KeyError) as error:
         return _faulty(name, f"holds what is no number ({error})")
     lengths = {len(line) for line in lines}
@@ -322,9 +332,15 @@ def _of_row(row: dict[str, str], number: int, drives: tuple[str, ...], quantity:
         return _faulty(name, f"is {direction}, and closing movements are judged")
     if len(lengths) != 1 or max(lengths) < 10 or not rate > 0.0:
         return _faulty(name, f"has {sorted(lengths)} samples a drive at {rate:g} Hz")
+    joined = [name for name in drives if JOINED in name]
+    if joined:
+        return _faulty(name, f"{SHARED} {', '.join(joined)}; {quantity}s of each are needed")
+    if not 0.0 <= window <= LONGEST_WINDOW:
+        return _faulty(name, f"'{WINDOW}' is {window:g}; up to {LONGEST_WINDOW:g} can be judged")
     force = np.array(lines)
     if np.isfinite(start):
-        time = start + np.arange(force.shape[1]) / rate
+        # a mean belongs to the middle of its window
+        time = start - 0.5 * window + np.arange(force.shape[1]) / rate
         return Recorded(name=name, time=time, force=force, drives=drives, onsets={CLOSING: 0.0})
     time = np.arange(force.shape[1]) / rate
     dataset = xr.Dataset(

@@ -231,31 +231,51 @@ def features_of_recorded(throw: Recorded, layout: Layout, onsets: Mapping[str, f
     onsets : mapping of str to float
         Of the movements [s].
     """
+    several = {name: np.array([at]) for name, at in onsets.items()}
+    return np.asarray(features_at(throw, layout, several)[0])
+
+
+def features_at(throw: Recorded, layout: Layout, onsets: Mapping[str, Floats]) -> Floats:
+    """Return the features of a throw for several onsets at once, shape (n_onsets, n_features).
+
+    Parameters
+    ----------
+    throw : Recorded
+        Without fault.
+    layout : Layout
+        Of the detector.
+    onsets : mapping of str to ndarray, shape (n_onsets,)
+        Of the movements [s].
+    """
     rows = [throw.drives.index(name) for name in layout.drives]
     known = np.isfinite(throw.force[rows]).all(axis=0)
     time, force = throw.time[known], throw.force[rows][:, known]
-    found = np.full(layout.size, np.nan)
+    count = max(len(item) for item in onsets.values())
+    found = np.full((count, layout.size), np.nan)
     for number, part in enumerate(layout.parts):
         if part.name not in onsets:
             continue
-        onset = onsets[part.name]
+        tried = onsets[part.name]
+        if np.ptp(tried) == 0.0:  # the others vary
+            tried = tried[:1]
         one = Layout(parts=(part,), drives=layout.drives)
-        begin, end = onset + part.edges[0], onset + part.edges[-1]
+        begin, end = tried + part.edges[0], tried + part.edges[-1]
         whole_time, whole = _extended(time, force, begin, end)
-        found[layout.part == number] = throw_features(
-            whole_time, whole[np.newaxis], layout=one, onsets=[[onset]]
-        )[0]
+        found[:, layout.part == number] = throw_features(
+            whole_time, whole[np.newaxis], layout=one, onsets=tried[:, np.newaxis]
+        )
     return found
 
 
-def _extended(time: Floats, force: Floats, begin: float, end: float) -> tuple[Floats, Floats]:
+def _extended(time: Floats, force: Floats, begin: Floats, end: Floats) -> tuple[Floats, Floats]:
     """Hold the first and last values where the rest before and after was cut."""
-    if time[0] > begin and time[0] < begin + START_MISSING + MOST_HOLES:
-        time = np.concatenate([[begin - 1e-3], time])
+    first, last = begin.min(), end.max()
+    if time[0] > first and time[0] < begin.max() + START_MISSING + MOST_HOLES:
+        time = np.concatenate([[first - 1e-3], time])
         force = np.concatenate([force[:, :1], force], axis=1)
-    if time[-1] < end and time[-1] > end - END_MISSING - MOST_HOLES:
+    if time[-1] < last and time[-1] > end.min() - END_MISSING - MOST_HOLES:
         count = max(1, force.shape[1] // 100)
-        time = np.concatenate([time, [end + 1e-3]])
+        time = np.concatenate([time, [last + 1e-3]])
         force = np.concatenate([force, force[:, -count:].mean(axis=1, keepdims=True)], axis=1)
     return time, force
 
@@ -308,9 +328,8 @@ class Aligner:
 
     def scores(self, throw: Recorded, tried: Sequence[Mapping[str, float]]) -> Floats:
         """Return how well sound throws explain the early part, a log likelihood for each try."""
-        features = np.array(
-            [features_of_recorded(throw, self._layout, item)[self._features] for item in tried]
-        )
+        onsets = {name: np.array([item[name] for item in tried]) for name in tried[0]}
+        features = features_at(throw, self._layout, onsets)[:, self._features]
         scores = [
             scale
             + log_density(

@@ -162,7 +162,7 @@ def throw_features(
     time : array_like, shape (n_times,)
         Rising, in any steps [s].
     force : array_like, shape (n_throws, n_drives, n_times)
-        [N]
+        [N]; of a single throw for several onsets too.
     layout : Layout
         Windows.
     onsets : array_like, shape (n_throws, n_parts)
@@ -194,7 +194,8 @@ def throw_features(
         inside = (edges >= instants[0] - 1e-9) & (edges <= instants[-1] + 1e-9)
         at = np.clip(np.searchsorted(instants, edges, side="right") - 1, 0, step.size - 1)
         since = (edges - instants[at])[:, np.newaxis]
-        index = np.broadcast_to(at[:, np.newaxis], (*values.shape[:-1], edges.shape[1]))
+        shape = (max(len(values), len(edges)), values.shape[1], edges.shape[1])
+        index = np.broadcast_to(at[:, np.newaxis], shape)
         until = (
             np.take_along_axis(total, index, axis=-1)
             + np.take_along_axis(values, index, axis=-1) * since

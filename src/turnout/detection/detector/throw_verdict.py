@@ -58,6 +58,7 @@ CAUSE_ADVICE = {
     "loose rod": "check rod, bushing and bolts of the drive",
     "frozen blade": "clear ice from the slide chairs, check the heating",
     "slow drive": "check supply, brushes and grease of the drive",
+    "other speed": "check supply, and whether the panel has the durations of these drives",
     "force sensor": "check gain and zero of the force sensor",
 }
 
@@ -269,11 +270,8 @@ def verdict_on(
     trapped = object_of(view, own, 0, **widths) if alarm else None
     gaps = _gaps(knowledge, end, reach=calibrated.gap_reach)
     status = _status(alarm, cause, fit, gaps=gaps)
-    best = max(odds, key=lambda item: odds[item])
-    advice = ADVICE[status]
-    if status == CAUSE:
-        best = cause
-        advice = CAUSE_ADVICE.get(best, advice)
+    best = cause if status == CAUSE else max(odds, key=lambda item: odds[item])
+    advice = CAUSE_ADVICE.get(cause, ADVICE[status]) if status == CAUSE else ADVICE[status]
     if any(gap.called for gap in gaps):
         fits = status == UNKNOWN and fit >= UNKNOWN_SHARE
         advice = f"{OPEN_ADVICE}; {'throw again' if fits else advice}"

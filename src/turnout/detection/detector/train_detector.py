@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from turnout.core.threads import one_blas_thread
 from turnout.detection.conditions import FORCE
@@ -119,7 +120,7 @@ def knowledge_of_sets(
     setting: Setting,
     *,
     draws: int = 16,
-    history_draws: int = 4,
+    history_draws: int = 2,
     histories: tuple[int, ...] = HISTORIES,
     report: Report | None = None,
 ) -> Knowledge:
@@ -181,8 +182,40 @@ def folds_of(sets: Mapping[str, ThrowSet], setting: Setting, *, count: int = FOL
             seen[name] = item if few else item.of(~out)
             held[name] = item.of(np.zeros_like(out) if few else out)
         touched = held[OBJECT].of(held[OBJECT].force > 0.0)
-        found.append(Fold(knowledge=teach(seen, setting), sound=held[SOUND], objects=touched))
+        group = groups_of(held[SOUND], run)
+        knowledge = teach(seen, setting)
+        found.append(Fold(knowledge=knowledge, sound=held[SOUND], objects=touched, group=group))
     return found
+
+
+def groups_of(sound: ThrowSet, run: int) -> NDArray[np.intp]:
+    """Return which group of alike switches each sound throw is of, shape (n_throws,).
+
+    The run of states where some of what varies is the same in all of it, as sections are; the state
+    where nothing is.
+
+    Parameters
+    ----------
+    sound : ThrowSet
+        One throw of each switch.
+    run : int
+        States in a row that may share sections.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> own = np.random.default_rng(0).random(4)
+    >>> inputs = np.column_stack([own, [2.0, 2.0, 3.0, 3.0]])
+    >>> groups_of(SimpleNamespace(row=np.arange(4), inputs=inputs), 2).tolist()
+    [0, 0, 1, 1]
+    >>> groups_of(SimpleNamespace(row=np.arange(4), inputs=inputs[:, :1]), 2).tolist()
+    [0, 1, 2, 3]
+    """
+    runs = sound.row // run
+    varied = sound.inputs[:, np.ptp(sound.inputs, axis=0) > 0.0]
+    within = [np.ptp(varied[runs == number], axis=0) for number in np.unique(runs)]
+    shared = bool((np.max(within, axis=0) == 0.0).any()) if varied.size else False
+    return np.asarray(runs if shared else sound.row)
 
 
 def _calibrations(

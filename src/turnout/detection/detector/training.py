@@ -10,7 +10,7 @@ from scipy.linalg import solve_triangular
 
 from turnout.detection.conditions import FORCE
 from turnout.detection.detector.allowances import Allowances, gain_times
-from turnout.detection.detector.judging import UNUSUAL
+from turnout.detection.detector.judging import SPEED, UNUSUAL
 from turnout.detection.detector.knowledge import Knowledge, Setting
 from turnout.detection.detector.sound_model import SoundModel, fit_sound_model
 from turnout.detection.detector.switch_history import ThrowErrors, error_at
@@ -49,6 +49,8 @@ SENSOR_GAIN, SENSOR_ZERO = (0.08, 0.5), (150.0, 1500.0)
 USUAL_FORCE = 4e3
 """Amplitude of a force that these zeros are of; those of other quantities are in proportion [N]."""
 SENSOR_FAULTS = 300
+SPEED_CHANGE, SPEEDS = (0.004, 0.08), 500
+"""By which share drives move at another speed, either way [-], and how many samples of that."""
 SHIFT = 4e-3
 """By which onsets are moved to see what timing does [s]."""
 GAP_SCALE = 0.3e-3
@@ -178,13 +180,14 @@ def teach(sets: Mapping[str, ThrowSet], setting: Setting, *, seed: int = 0) -> K
         part=setting.layout.part,
         scale=np.concatenate([deviation, np.full(len(setting.gaps), GAP_SCALE)]),
     )
-    causes = (*(name for name in DEFECTS if name in sets), SENSOR, UNUSUAL)
+    causes = (*(name for name in DEFECTS if name in sets), SENSOR, SPEED, UNUSUAL)
     x = np.array(list(setting.places.values()))
     samples = [_objects(sets[OBJECT], sets[SOUND], x)]
-    for number, name in enumerate(causes[:-2], len(x)):
+    for number, name in enumerate(causes[:-3], len(x)):
         samples.append(_defects(sets[name], sets[SOUND], number))
     last = len(x) + len(causes) - 1
-    samples.append(_sensor_faults(sets[SOUND], setting, last - 1, seed))
+    samples.append(_sensor_faults(sets[SOUND], setting, last - 2, seed))
+    samples.append(_other_speeds(sets[SOUND], setting.layout, last - 1, seed))
     samples.append(_unusual(residual, level, last, model=model, errors=errors))
     return Knowledge(
         setting=setting,
@@ -256,6 +259,36 @@ def _sensor_faults(sound: ThrowSet, setting: Setting, kind: int, seed: int) -> S
     nothing = np.full(count, np.nan)
     return Samples(
         change=np.where(where, gain[:, np.newaxis] * own.features + zero[:, np.newaxis], 0.0),
+        gap=np.zeros_like(own.gaps),
+        level=own.level,
+        kind=np.full(count, kind, dtype=np.intp),
+        size=nothing,
+        x=nothing,
+    )
+
+
+def _other_speeds(sound: ThrowSet, layout: Layout, kind: int, seed: int) -> Samples:
+    r"""Return what another speed of all drives makes of sound throws.
+
+    Friction does not depend on speed here, so a throw that is faster by a share :math:`\varepsilon`
+    shows at a time u after its onset what it showed at :math:`(1 + \varepsilon)\,u`.
+    """
+    rng = np.random.default_rng([seed, 4])
+    count = min(SPEEDS, len(sound.level))
+    own = sound.of(rng.choice(len(sound.level), count, replace=False))
+    least, most = np.log(SPEED_CHANGE)
+    share = np.exp(rng.uniform(least, most, count)) * rng.choice([-1.0, 1.0], count)
+    change = np.zeros_like(own.features)
+    for number, part in enumerate(layout.parts):
+        for drive in range(len(layout.drives)):
+            rows = np.flatnonzero((layout.part == number) & (layout.drive == drive))
+            since = layout.time[rows] - part.start
+            for throw, values in enumerate(own.features[:, rows]):
+                before = np.where(since > 0.0, (1.0 + share[throw]) * since, since)
+                change[throw, rows] = np.interp(before, since, values) - values
+    nothing = np.full(count, np.nan)
+    return Samples(
+        change=change,
         gap=np.zeros_like(own.gaps),
         level=own.level,
         kind=np.full(count, kind, dtype=np.intp),

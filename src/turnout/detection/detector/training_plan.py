@@ -49,7 +49,7 @@ ADJUSTMENT = 1.2e-3
 """Largest change of a closing over-travel by hand [m]."""
 CLUTCH_SHARE, ROD_SHARE = (0.5, 0.9), (0.1, 0.7)
 """Slip level of a worn clutch and stiffness of a loose rod, shares of the sound value [-]."""
-FROZEN_FORCE, FROZEN_CHAIRS = (50.0, 400.0), (3, 25)
+FROZEN_FORCE, FROZEN_CHAIRS = (50.0, 1600.0), (3, 25)
 """Force at which the ice on a chair breaks [N], and how many chairs in a row are frozen."""
 SLOWER = (0.15, 0.6)
 """By how much a movement takes longer: weak supply, brushes, dry gear [s]."""
@@ -359,7 +359,7 @@ def with_frozen_blade(row: Row, rng: Rng, population: Population) -> Row:
     first = int(rng.integers(0, len(chairs) - count + 1))
     frozen = chairs[first : first + count]
     changed = dict(row)
-    largest = rng.uniform(*FROZEN_FORCE)
+    largest = float(np.exp(rng.uniform(*np.log(FROZEN_FORCE))))
     for name in population.chairs:
         force = largest * rng.uniform(0.5, 1.0) if name.removesuffix(OTHER_RAIL) in frozen else 0.0
         changed[f"chair.{name}.frozen_force"] = float(force)
