@@ -1,12 +1,19 @@
 """Thresholds of a detector: their confidence, and the throws behind them."""
 
+from collections.abc import Mapping
+
 import numpy as np
+import pytest
 from tests.unit.detector_toy import toy_detector, toy_set, toy_setting
 
 from turnout.detection.alarm_threshold import confident_threshold, threshold_for
+from turnout.detection.detector import train_detector
 from turnout.detection.detector.calibrating import known_and_later
 from turnout.detection.detector.judging import SPEED, UNUSUAL
+from turnout.detection.detector.knowledge import Knowledge, Setting
+from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.detector.train_detector import folds_of
+from turnout.detection.detector.training import teach
 
 
 def test_thresholds_keep_their_rate_on_other_switches_although_few_raise_the_alarms() -> None:
@@ -48,6 +55,29 @@ def test_every_switch_is_held_back_once_from_a_detector_that_did_not_learn_from_
         # what a fold learned from objects and what it holds back make up all of them
         learned = np.count_nonzero(fold.knowledge.signatures.kind < len(fold.knowledge.places))
         assert learned + len(fold.objects.row) == len(objects)
+
+
+def test_a_switch_with_a_history_is_learned_by_all_folds_but_that_which_judges_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    learned: list[set[int]] = []
+
+    def recorded(sets: Mapping[str, ThrowSet], setting: Setting) -> Knowledge:
+        learned.append(set(sets["history"].switch.tolist()))
+        return teach(sets, setting)
+
+    monkeypatch.setattr(train_detector, "teach", recorded)
+    sets = {
+        "sound": toy_set(640),
+        "object": toy_set(100, kind="object"),
+        "history": toy_set(60, seed=9, sound_seed=9, repeats=6),
+    }
+    folds = folds_of(sets, toy_setting(), count=4)
+    assert learned == [{n for n in range(10) if n % 4 != fold} for fold in range(4)]
+    for number, fold in enumerate(folds):
+        repeated = fold.sound.switch >= 640  # numbered after those of single throws
+        assert set(fold.sound.switch[repeated] - 640) == {n for n in range(10) if n % 4 == number}
+        assert set(fold.group[repeated]) == set(fold.sound.switch[repeated])
 
 
 def test_throws_judged_after_a_history_are_not_always_the_last_ones() -> None:

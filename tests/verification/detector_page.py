@@ -157,12 +157,12 @@ def excess(found: Figures, bound: Sequence[float]) -> tuple[float, float]:
 
 
 def goal_table(said: Figures) -> list[str]:
-    """Return what was wanted of each figure beside what was found."""
+    """Return the goal of each figure beside what was found."""
     alone, known = said["alone"], said["known"]
-    lines = ["| wanted | found | kept |", "|---|---|---|"]
+    lines = ["| goal | found | met |", "|---|---|---|"]
 
-    def add(wanted: str, found: str, kept: bool) -> None:
-        lines.append(f"| {wanted} | {found} | {'yes' if kept else 'no'} |")
+    def add(goal: str, found: str, met: bool) -> None:
+        lines.append(f"| {goal} | {found} | {'yes' if met else 'no'} |")
 
     for label, rates in (
         ("no history", {rate: item for rate, item in said["rates alone"].items()}),

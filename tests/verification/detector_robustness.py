@@ -1,5 +1,6 @@
 """What a detector makes of throws that differ from what it assumes: errors of other sizes."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from turnout.detection.detector.allowances import Allowances
 from turnout.detection.detector.calibrating import Errors, alarms_of
 from turnout.detection.detector.judging import CYCLE, make_view
 from turnout.detection.detector.knowledge import Knowledge
+from turnout.detection.detector.throw_layout import Layout, means_on
 from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.floor import TOUCH_FORCE
 
@@ -29,6 +31,23 @@ CASES: dict[str, dict[str, float | str]] = {
     "smooth discrepancy": {"kernel": "matern 3/2"},
 }
 """Changes of what test throws are drawn with."""
+
+KERNELS: dict[str, Callable[[Floats], Floats]] = {
+    "noise 20 N, correlated over 0.05 s": lambda lag: 20.0**2 * np.exp(-lag / 0.05),
+    "noise 60 N, correlated over 0.05 s": lambda lag: 60.0**2 * np.exp(-lag / 0.05),
+    "hum of 50 N at 16.7 Hz": lambda lag: 0.5 * 50.0**2 * np.cos(2.0 * np.pi * 16.7 * lag),
+    "zeros that wander by 50 N in 2 s": lambda lag: 50.0**2 * np.exp(-lag / 2.0),
+}
+"""Covariance of what the samples of each drive hold besides, by the time between them [N^2]."""
+FINE_RATE = 250.0
+"""At which these are averaged over windows [Hz]."""
+
+
+def besides(layout: Layout, kernel: Callable[[Floats], Floats]) -> Floats:
+    """Return the covariance of features of what the samples of each drive hold besides [N^2]."""
+    time, means = means_on(layout, rate=FINE_RATE)
+    one = means @ kernel(np.abs(time[:, np.newaxis] - time)) @ means.T
+    return np.asarray(np.kron(np.eye(len(layout.drives)), one))
 
 
 def robustness(
@@ -53,9 +72,13 @@ def robustness(
     middle = np.abs(held.x - knowledge.setting.places["sleeper 6"]) < 0.3
     usual: Allowances = knowledge.setting.allowances
     found = {}
-    for name, changed in CASES.items():
+    for name in (*CASES, *KERNELS):
+        drawn = knowledge.errors(replace(usual, **CASES.get(name, {})))  # type: ignore[arg-type]
+        if name in KERNELS:
+            more = besides(knowledge.layout, KERNELS[name])
+            drawn = replace(drawn, changing=drawn.changing + more)
         errors = Errors(
-            knowledge.errors(replace(usual, **changed)),  # type: ignore[arg-type]
+            drawn,
             part=knowledge.layout.part,
             rng=np.random.default_rng([41, len(found)]),
         )

@@ -23,6 +23,7 @@ from turnout.detection.detector.interval_widths import (
 from turnout.detection.detector.judging import (
     CAUSE_WEIGHT,
     CYCLE,
+    DRY,
     SPEED,
     View,
     evidence_of,
@@ -46,7 +47,7 @@ Floats = NDArray[np.float64]
 
 RATES = (1e-3, 1e-4)
 """Of false alarms a sound throw, that thresholds are given for."""
-SAFETY = {1e-3: 0.35, 1e-4: 0.1}
+SAFETY = {1e-3: 0.5, 1e-4: 0.1}
 """Thresholds are set for so much of each rate, beside their own uncertainty [-]. 30,000 throws of
 other switches show a rate of 1/1,000 where at most 20 are alarms, which come in clusters, and one
 of 1/10,000 where none is: a true rate of 1/100,000 leaves three times in four none."""
@@ -58,8 +59,9 @@ CAUSE_RATE = 1e-2
 """Share of sound throws in which each other cause has more support than it is named from [-]."""
 LEAST_CAUSE = float(np.log(20.0))
 """Support below which no other cause is named [-]."""
-LEAST_SPEED = float(np.log(1e6))
-"""The same for another speed: an onset found some 10 ms off looks like a little of it [-]."""
+LEAST_SUPPORT = {SPEED: float(np.log(1e6)), DRY: float(np.log(5.0))}
+"""The same for another speed, since an onset found some 10 ms off looks like a little of it, and
+for dry chairs, whose support counts irregularity too: theirs is what sound throws exceed [-]."""
 
 Report = Callable[[int, int], None]
 
@@ -385,7 +387,7 @@ def _calibrated(
     object_gap_factor = tuple(
         factor_of(own, otherwise=one) for own, one in zip(each_gap(found.alarm), given, strict=True)
     )
-    least_support = [LEAST_SPEED if name == SPEED else LEAST_CAUSE for name in knowledge.causes]
+    least_support = [LEAST_SUPPORT.get(name, LEAST_CAUSE) for name in knowledge.causes]
     # a cause without a signature has no support at all
     rare = np.quantile(np.maximum(causes, least_support), 1.0 - CAUSE_RATE, axis=0)
     return replace(

@@ -5,7 +5,7 @@ Their weights after the throw make the distributions of all three. What a sound 
 forces leaves open is normal, and adds to the change.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -36,7 +36,7 @@ SMOOTHING_SHARE = 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Interval:
-    """A median and an interval that holds it with a probability of 95 %."""
+    """A median, or a mean, and an interval that holds the value with a probability of 95 %."""
 
     middle: float
     low: float
@@ -52,7 +52,7 @@ class TrappedObject:
     place : ndarray, shape (n_places,)
         Probability of each place [-].
     x, size : Interval
-        [m]
+        [m]; the middle of the place is its mean, in place of the median.
     """
 
     place: Floats
@@ -108,6 +108,8 @@ def object_of(
         np.column_stack([np.full(len(places), PLACE_SPREAD), spread]),
         share,
     )
+    # the mean lies nearer to the true place than the median: samples of a place are few
+    x = replace(x, middle=float(np.clip(share @ places, x.low, x.high)))
     return TrappedObject(
         place=np.asarray(np.bincount(kinds[objects], share, view.objects), dtype=np.float64),
         x=_widened(x, x_factor, x_factor),

@@ -44,6 +44,13 @@ class ThrowSet:
         """Return some of them."""
         return ThrowSet(**{name: getattr(self, name)[index] for name in self.__slots__})
 
+    def with_more(self, others: "ThrowSet") -> "ThrowSet":
+        """Return these and then others of the same features."""
+        return ThrowSet(**{
+            name: np.concatenate([getattr(self, name), getattr(others, name)])
+            for name in self.__slots__
+        })  # fmt: skip
+
     @property
     def values(self) -> Floats:
         """Features and gaps side by side."""
