@@ -53,7 +53,7 @@ from turnout.detection.detector.knowledge import Calibrated, Knowledge
 from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.detector.throw_verdict import share_worse
 from turnout.detection.detector.training import setting_of
-from turnout.detection.detector.training_plan import HISTORY, OBJECT, SOUND
+from turnout.detection.detector.training_plan import HISTORY, LARGEST, OBJECT, SOUND
 from turnout.detection.floor import TOUCH_FORCE
 from turnout.detection.reference import NOMINAL_FRICTION, reference_study
 from turnout.detection.throws import nominal_amplitude
@@ -247,7 +247,7 @@ def place_table(
         name: np.array([
             weighted_a90(objects.size[near == at], hit[near == at], drawn[:, near == at])
             for at in range(len(x))
-        ])
+        ]).clip(max=LARGEST)
         for name, hit in seen.items()
     }  # fmt: skip
     lines = heads(list(places)) + [row(name, item[:, 0].tolist()) for name, item in sizes.items()]

@@ -223,14 +223,18 @@ class SignalThrows(Throws):
         That holds the throws.
     switches : int
         That are judged.
+    learned : Counts
+        Throws to learn from.
     """
 
-    def __init__(self, study: Study, folder: Path, *, switches: int) -> None:
+    def __init__(
+        self, study: Study, folder: Path, *, switches: int, learned: Counts = LEARNED
+    ) -> None:
         counts = replace(JUDGED, switches=switches)
         test = judged_plans(study, counts, seed=SEED)
         wanted = (HISTORY, after_history(OBJECT))
         plans = {
-            "train": training_plans(study, LEARNED),
+            "train": training_plans(study, learned),
             "test": {name: test[name] for name in wanted},
         }
         super().__init__(plans, folder, layout_of_panel(study.panel))

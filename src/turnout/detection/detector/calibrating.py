@@ -47,7 +47,7 @@ Floats = NDArray[np.float64]
 
 RATES = (1e-3, 1e-4)
 """Of false alarms a sound throw, that thresholds are given for."""
-SAFETY = {1e-3: 0.5, 1e-4: 0.1}
+SAFETY = {1e-3: 0.35, 1e-4: 0.1}
 """Thresholds are set for so much of each rate, beside their own uncertainty [-]. 30,000 throws of
 other switches show a rate of 1/1,000 where at most 20 are alarms, which come in clusters, and one
 of 1/10,000 where none is: a true rate of 1/100,000 leaves three times in four none."""
