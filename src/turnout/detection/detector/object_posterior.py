@@ -208,7 +208,7 @@ def _tempered(logs: Floats) -> Floats:
     Examples
     --------
     >>> np.exp(_tempered(np.log([1.0, 8.0]))).round(6).tolist()
-    [3.0, 6.0]
+    [2.350835, 6.649165]
     """
     highest = logs.max(initial=-np.inf)
     if not np.isfinite(highest):
