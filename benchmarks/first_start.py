@@ -91,6 +91,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--older", type=Path, help="another checkout, measured beside this one")
     older = parser.parse_args().older
+    if older is not None and not (older / "src" / "turnout").is_dir():
+        parser.error(f"--older {older}: no checkout of turnout is there (src/turnout is missing)")
     roots = {"this": HERE} | ({"older": older.resolve()} if older else {})
     begun, found = load(), measured(roots)
     head = "| command | processor time | memory |"

@@ -182,6 +182,12 @@ def write_rows(wanted: Sequence[Rows], histories: Mapping[str, Floats]) -> None:
     histories : mapping of str to ndarray, each of shape (n_times, n_columns)
         By the names in the products; all of the same instants.
 
+    Raises
+    ------
+    ValueError
+        If something is not of these shapes, not of floats, or cannot be written: the kernel gets
+        addresses and cannot know.
+
     Examples
     --------
     >>> products = sums_of_columns("g", np.array([[0, 1], [2, 3]]), rows=np.arange(2))
@@ -193,9 +199,27 @@ def write_rows(wanted: Sequence[Rows], histories: Mapping[str, Floats]) -> None:
     count = max((rows.out.shape[1] for rows in wanted), default=0)
     if count == 0 or not any(rows.out.size for rows in wanted):
         return
+    _check_arrays(wanted, histories, count)
     sums = _row_sums(wanted, histories)
     lines = lines_from_buffer(sums.column_address.size + 2, TILE)
     write_row_sums(shared_record(sums), lines, count)
+
+
+def _check_arrays(wanted: Sequence[Rows], histories: Mapping[str, Floats], count: int) -> None:
+    """Refuse what a kernel that gets addresses alone would misread or overwrite."""
+    for rows in wanted:
+        out, start = rows.out, rows.start
+        if out.size and not (out.flags.writeable and out.strides[1] == 8):
+            message = "rows over time must be writeable and lie in memory without gaps"
+            raise ValueError(message)
+        fits = out.shape[1] == count and (start is None or start.shape == out.shape[:1])
+        if out.size and not (fits and out.dtype == np.float64):
+            message = f"rows over time must be floats of {count} instants, a start for each row"
+            raise ValueError(message)
+    for name, values in histories.items():
+        if values.shape[0] < count or values.dtype != np.float64:
+            message = f"the history {name} must be floats of {count} instants"
+            raise ValueError(message)
 
 
 def _row_sums(wanted: Sequence[Rows], histories: Mapping[str, Floats]) -> RowSums:
@@ -268,8 +292,8 @@ def _terms_of(product: Product, own: Ints, columns: Sequence[Ints], number: int)
 
 
 def _numbers(places: slice | Ints, size: int) -> Ints:
-    """Return places as indices."""
-    return np.arange(size)[places] if isinstance(places, slice) else places
+    """Return places as indices; like NumPy refuse those beyond the end."""
+    return np.arange(size)[places]
 
 
 def _columns(histories: Sequence[Floats]) -> tuple[Ints, Ints, Ints]:
@@ -286,9 +310,6 @@ def _columns(histories: Sequence[Floats]) -> tuple[Ints, Ints, Ints]:
 
 def _row_addresses(out: Floats) -> Ints:
     """Return the address of each row."""
-    if out.strides[1] != 8 and out.size:
-        message = "rows over time must lie in memory without gaps"
-        raise ValueError(message)
     found: Ints = out.__array_interface__["data"][0] + out.strides[0] * np.arange(out.shape[0])
     return found
 
