@@ -192,11 +192,11 @@ def calibrate(
         ]
         findings = list(spread.findings)
         if advise:
-            watch.stage = "advice"
+            watch.begin("advice", final, evaluator)
             findings += _advice(final, spread, panel)
         sampled: dict[str, object] = {}
         if posterior:
-            watch.stage = "posterior"
+            watch.begin("posterior", final, evaluator)
             try:
                 sampled = posterior_of(final, spread).record()
             except SolverError as error:
