@@ -29,6 +29,7 @@ from scipy.linalg import solve_triangular
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
+Singles = NDArray[np.float32]
 
 AMPLITUDE = 0.1
 r""":math:`\alpha`, deviation of the factor on a signature [-]."""
@@ -170,7 +171,7 @@ class Block:
         Of all components: those of a signature follow each other.
     """
 
-    change: NDArray[np.float32]
+    change: Singles
     centres: slice
     components: slice
 
@@ -308,8 +309,8 @@ class Evidence:
         Of each component.
     square : ndarray, shape (n_components, n_throws)
         Squared length of what it leaves, whitened [-].
-    factor : ndarray, shape (n_components, n_throws)
-        Most likely factor on its signature [-].
+    off : ndarray, shape (n_components, n_throws)
+        Its whitened signature times what it leaves [-].
     hypotheses : Hypotheses
         What the throws were weighed by.
     """
@@ -321,12 +322,17 @@ class Evidence:
     own: Floats
     component: Floats
     square: Floats
-    factor: Floats
+    off: Floats
     hypotheses: Hypotheses
+
+    def factors(self, components: Ints, number: int) -> Floats:
+        """Return the most likely factor on the signature of some components in one throw [-]."""
+        tight = self.hypotheses.tight[components, 0]
+        return np.asarray(1.0 + tight * self.off[components, number])
 
     def of_throw(self, number: int) -> "Evidence":
         """Return that of one throw, without a copy."""
-        names = ("sound", "kind", "centre", "white", "own", "component", "square", "factor")
+        names = ("sound", "kind", "centre", "white", "own", "component", "square", "off")
         column = slice(number, number + 1)
         return replace(self, **{name: getattr(self, name)[..., column] for name in names})
 
@@ -352,10 +358,10 @@ def log_density(square: Floats, *, size: int) -> Floats:
     usual = size + USUAL * np.sqrt(2.0 * size)
     if not given.size or given.max() <= usual:
         return -0.5 * given
-    scaled = np.clip(given, usual, UNKNOWN_FROM * usual)
-    beyond = usual * (1.0 + np.log(scaled / usual))
-    beyond += min(UNKNOWN_SHAPES, usual) * np.log(np.maximum(given, scaled) / scaled)
-    return -0.5 * np.where(given <= usual, given, beyond)
+    farther = np.log(np.maximum(given, usual) / usual)
+    near = np.minimum(farther, np.log(UNKNOWN_FROM))
+    beyond = (usual - min(UNKNOWN_SHAPES, usual)) * near + min(UNKNOWN_SHAPES, usual) * farther
+    return np.asarray(-0.5 * (np.minimum(given, usual) + beyond))
 
 
 USUAL = 3.0
@@ -379,27 +385,25 @@ def weigh(features: Floats, hypotheses: Hypotheses) -> Evidence:
     """
     throws, size = features.shape
     centres = hypotheses.centres
-    white = np.empty((len(centres), size, throws))
-    projected = np.empty((len(hypotheses.blocks[0].change.T), len(centres), throws))
-    for at, centre in enumerate(centres):
-        white[at] = centre.root @ (features - centre.mean).T
-        projected[:, at] = centre.basis.T @ white[at]
+    white = np.array([centre.root @ (features - centre.mean).T for centre in centres])
+    projected = np.array([c.basis.T @ w for c, w in zip(centres, white, strict=True)])
+    projected = projected.swapaxes(0, 1).astype(np.float32)
     own = np.einsum("kft,kft->kt", white, white)
     scale = np.array([[centre.log_scale] for centre in centres])
     sound = scale + log_density(own, size=size)
-    component, square, factor = (np.empty((len(hypotheses.number), throws)) for _ in range(3))
+    square, off = (np.empty((len(hypotheses.number), throws)) for _ in range(2))
     for block in hypotheses.blocks:
-        rows, span = block.components, block.centres
+        span = block.centres
         seen = projected[:, span].reshape(len(projected), -1)
-        along = (block.change @ seen.astype(np.float32)).reshape(-1, throws).astype(np.float64)
-        whole = np.tile(own[span], (len(block.change), 1))
-        length, tight = hypotheses.square[rows], hypotheses.tight[rows]
-        off = along - length  # the signature times what it leaves
-        loose = tight * off
-        left = np.maximum(whole - along - off - loose * off, 0.0)
-        component[rows] = hypotheses.log_scale[rows] + log_density(left, size=size)
-        square[rows] = left
-        factor[rows] = 1.0 + loose
+        along = (block.change @ seen).reshape(-1, *own[span].shape)
+        off[block.components] = along.reshape(-1, throws)
+        square[block.components] = np.broadcast_to(own[span], along.shape).reshape(-1, throws)
+    off -= hypotheses.square
+    square -= hypotheses.square
+    square -= (2.0 + hypotheses.tight * off) * off
+    np.maximum(square, 0.0, out=square)
+    component = log_density(square, size=size)
+    component += hypotheses.log_scale
     return Evidence(
         sound=log_sum(sound),
         kind=_kind_sums(component, hypotheses),
@@ -408,7 +412,7 @@ def weigh(features: Floats, hypotheses: Hypotheses) -> Evidence:
         own=own,
         component=component,
         square=square,
-        factor=factor,
+        off=off,
         hypotheses=hypotheses,
     )
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from turnout.core.threads import one_blas_thread
 from turnout.detection.conditions import FORCE
+from turnout.detection.detector.align_onsets import Aligner
 from turnout.detection.detector.calibrating import throw_levels
 from turnout.detection.detector.find_movements import MovementFinder, located
 from turnout.detection.detector.interval_widths import AT_ONCE
@@ -18,7 +19,6 @@ from turnout.detection.detector.knowledge import Knowledge, load, store
 from turnout.detection.detector.recorded import (
     UNLOADED,
     ZEROED,
-    Aligner,
     Recorded,
     features_of_recorded,
     part_of,

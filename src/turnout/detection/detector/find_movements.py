@@ -18,11 +18,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.detection.detector.align_onsets import Aligner, EarlyForces
 from turnout.detection.detector.judging import View
 from turnout.detection.detector.recorded import (
     END_MISSING,
     START_MISSING,
-    Aligner,
     Recorded,
     part_of,
     value_fault,
@@ -354,12 +354,13 @@ def _most_likely(
     """Return the most likely onsets about those of a match, and why they are in doubt."""
     chosen = aligner(part_of(throw, layout))
     found = {name: throw.onsets[name] for name in chosen.names(throw)}
+    early = EarlyForces(chosen, throw, found, reach=float(FINE[-1]))
     margin = np.inf
     for _ in range(2 if len(found) > 1 else 1):
         for name in found:
             instants = throw.onsets[name] + FINE
             with np.errstate(invalid="ignore"):  # instants whose windows reach beyond the samples
-                scores = chosen.scores(throw, [found | {name: float(at)} for at in instants])
+                scores = early.scores(found, name, instants)
             scores = np.where(np.isfinite(scores), scores, -np.inf)
             at = int(scores.argmax())
             found[name] = float(instants[at])

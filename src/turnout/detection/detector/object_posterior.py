@@ -27,7 +27,7 @@ of them is not as much better than the next as its likelihood says."""
 MOST_COMPONENTS = 400
 NEGLIGIBLE = 9.0
 """Signatures whose logarithm lies so far below the highest do not count."""
-BELOW = 75.0
+BELOW = 40.0
 """Signatures whose logarithm lies so far below the highest weigh nothing in tempered sums."""
 SMOOTHING = 0.3e-3
 """Deviation by which the size of a signature is spread, beside a share of it [m]."""
@@ -92,11 +92,12 @@ def object_of(
     size_factor, x_factor : float
         By which the intervals of size and place are widened about their medians [-].
     """
-    component = evidence.component[:, number] / TEMPER
     kinds = evidence.hypotheses.kind
-    objects = np.flatnonzero(kinds < view.objects)
-    objects = objects[component[objects] > component[objects].max() - NEGLIGIBLE]
-    share = np.exp(component[objects] - log_sum(component[objects]))
+    objects = evidence.hypotheses.order[: _objects(view, evidence)]
+    logs = evidence.component[objects, number] / TEMPER
+    near = logs > logs.max() - NEGLIGIBLE
+    objects, logs = objects[near], logs[near]
+    share = np.exp(logs - log_sum(logs))
     used = share > LEAST_WEIGHT
     objects, share = objects[used], share[used] / share[used].sum()
     signature = evidence.hypotheses.number[objects]
@@ -156,40 +157,50 @@ def _gaps(view: View, evidence: Evidence, number: int) -> tuple[Floats, Floats, 
     """Return means, variances and weights of the normal parts that gaps are made of."""
     hypotheses = evidence.hypotheses
     before = np.full(view.objects, np.log(OBJECT_WEIGHT / view.objects))
-    weight = np.concatenate([before, view.cause_weight])[hypotheses.kind[hypotheses.order]]
-    logs = weight + evidence.component[hypotheses.order, number]
-    objects = int(np.searchsorted(hypotheses.kind[hypotheses.order], view.objects))
-    for group in (slice(objects), slice(objects, None)):
-        logs[group] = _tempered(logs[group])
+    weight = np.concatenate([before, view.cause_weight])
+    objects, parts = _objects(view, evidence), []
+    for group in (hypotheses.order[:objects], hypotheses.order[objects:]):
+        logs = evidence.component[group, number]
+        group = group[logs > logs.max(initial=-np.inf) - BELOW]
+        logs = evidence.component[group, number] + weight[hypotheses.kind[group]]
+        parts.append((group, _tempered(logs)))
+    kept, logs = (np.concatenate(item) for item in zip(*parts, strict=True))
     sound = evidence.centre[:, number]
-    kept = np.flatnonzero(logs > max(logs.max(), sound.max()) - NEGLIGIBLE)
+    near = logs > max(logs.max(initial=-np.inf), sound.max()) - NEGLIGIBLE
+    kept, logs = kept[near], logs[near]
     if len(kept) > MOST_COMPONENTS:
-        kept = kept[np.argpartition(logs[kept], -MOST_COMPONENTS)[-MOST_COMPONENTS:]]
-    logs, kept = logs[kept], hypotheses.order[kept]
-    place = np.concatenate([np.arange(len(view.centres)), hypotheses.place[kept]])
+        most = np.argpartition(logs, -MOST_COMPONENTS)[-MOST_COMPONENTS:]
+        kept, logs = kept[most], logs[most]
     joined = np.concatenate([sound, logs])
     weights = np.exp(joined - log_sum(joined))
-    own = np.s_[len(view.centres) :]
-    factor = evidence.factor[kept, number]
+    usual = np.flatnonzero(weights[: len(sound)] > LEAST_WEIGHT)
+    kept = kept[weights[len(sound) :] > LEAST_WEIGHT]
+    share = weights[weights > LEAST_WEIGHT]
+    place = np.concatenate([usual, hypotheses.place[kept]])
+    own = np.s_[len(usual) :]
+    factor = evidence.factors(kept, number)
     signature = hypotheses.number[kept]
     moved = np.zeros((len(place), view.signatures.gap.shape[1]))
     moved[own] = factor[:, np.newaxis] * view.signatures.gap[signature]
     square = hypotheses.square[kept, 0] * factor**2
     loose = np.zeros(len(place))
     loose[own] = AMPLITUDE**2 / (1.0 + AMPLITUDE**2 * square)
-    explained = np.zeros_like(moved)
     change = np.zeros((len(place), view.signatures.change.shape[1]))
     change[own] = factor[:, np.newaxis] * view.signatures.change[signature]
     variances = (loose[:, np.newaxis] + GAP_SHARE**2) * moved**2
-    for at, centre in enumerate(view.centres):
-        rows = np.flatnonzero(place == at)
-        if weights[rows].max() > LEAST_WEIGHT:
-            usual = centre.gap_mean + centre.gap_gain @ evidence.white[at, :, number]
-            explained[rows] = usual - change[rows] @ centre.gap_of_change
-            variances[rows] += centre.gap_variance
-    used = weights > LEAST_WEIGHT
-    share = weights[used] / weights[used].sum()
-    return explained[used] + moved[used], np.maximum(variances[used], 1e-12), share
+    for at in np.unique(place):
+        rows, centre = np.flatnonzero(place == at), view.centres[at]
+        expected = centre.gap_mean + centre.gap_gain @ evidence.white[at, :, number]
+        moved[rows] += expected - change[rows] @ centre.gap_of_change
+        variances[rows] += centre.gap_variance
+    return moved, np.maximum(variances, 1e-12), share / share.sum()
+
+
+def _objects(view: View, evidence: Evidence) -> int:
+    """Return how many of the components by kind are of objects."""
+    hypotheses = evidence.hypotheses
+    used = int(np.searchsorted(hypotheses.used, view.objects))
+    return int(np.append(hypotheses.starts, len(hypotheses.order))[used])
 
 
 GAP_SHARE = 0.1

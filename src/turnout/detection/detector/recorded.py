@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from turnout.detection.conditions import FORCE, UNITS
 from turnout.detection.detector.judging import CYCLE, View
 from turnout.detection.detector.throw_layout import CLOSING, OPENING, Layout, throw_features
-from turnout.detection.likelihood import log_density
 
 Floats = NDArray[np.float64]
 
@@ -25,12 +24,6 @@ CLIPPED = 5
 """Equal samples in a row at the largest force from which on a channel counts as clipped."""
 LARGEST_FORCE = 50e3
 """Beyond this a drive force is in the wrong unit [N]."""
-SHIFTS = np.arange(-40e-3, 41e-3, 4e-3)
-"""Onsets that are tried about the one that was found [s]."""
-ONSET_DEVIATION = 12e-3
-"""Standard deviation of onsets that are found in recordings [s]."""
-EARLY = 0.6
-"""Share of the closing movement by which it is aligned: before small objects are touched [-]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -195,9 +188,10 @@ def value_fault(values: Floats, *, quantity: str = FORCE) -> str:
     if np.ptp(values) == 0.0:
         return "does not change: a dead channel"
     for limit in (values.max(), values.min()):
-        beside = longest_run(values[values != limit])
+        if abs(limit) <= 0.2 * largest or longest_run(values, limit) < CLIPPED:
+            continue
         # values that are often equal come from a coarse recorder or a simulation at rest
-        if abs(limit) > 0.2 * largest and longest_run(values, limit) >= CLIPPED > 2 * beside:
+        if 2 * longest_run(values[values != limit]) < CLIPPED:
             return f"clipped at {1e-3 * limit:.2f} k{unit}"
     return ""
 
@@ -260,15 +254,25 @@ def features_at(throw: Recorded, layout: Layout, onsets: Mapping[str, Floats]) -
             tried = tried[:1]
         one = Layout(parts=(part,), drives=layout.drives)
         begin, end = tried + part.edges[0], tried + part.edges[-1]
-        whole_time, whole = _extended(time, force, begin, end)
+        whole_time, whole = held_at_ends(time, force, begin, end)
         found[:, layout.part == number] = throw_features(
             whole_time, whole[np.newaxis], layout=one, onsets=tried[:, np.newaxis]
         )
     return found
 
 
-def _extended(time: Floats, force: Floats, begin: Floats, end: Floats) -> tuple[Floats, Floats]:
-    """Hold the first and last values where the rest before and after was cut."""
+def held_at_ends(time: Floats, force: Floats, begin: Floats, end: Floats) -> tuple[Floats, Floats]:
+    """Return samples whose first and last values are held where the rest beside them was cut.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n_times,)
+        [s]
+    force : ndarray, shape (n_drives, n_times)
+        [N]
+    begin, end : ndarray
+        Of the first and the last window, of all onsets that are tried [s].
+    """
     first, last = begin.min(), end.max()
     if time[0] > first and time[0] < begin.max() + START_MISSING + MOST_HOLES:
         time = np.concatenate([[first - 1e-3], time])
@@ -278,66 +282,6 @@ def _extended(time: Floats, force: Floats, begin: Floats, end: Floats) -> tuple[
         time = np.concatenate([time, [last + 1e-3]])
         force = np.concatenate([force, force[:, -count:].mean(axis=1, keepdims=True)], axis=1)
     return time, force
-
-
-class Aligner:
-    """Finds onsets again by how well sound throws explain what comes before contact.
-
-    Parameters
-    ----------
-    view : View
-        Of the switch, over the whole cycle or the closing alone.
-    layout : Layout
-        Of the detector.
-    """
-
-    def __init__(self, view: View, layout: Layout) -> None:
-        part = layout.parts[-1]
-        duration = part.edges[-1] - REST_AFTER
-        early = layout.time[view.features] - part.start < EARLY * duration
-        self._layout, self._part = layout, view.part
-        self._kept = np.flatnonzero(early)
-        self._features = view.features[self._kept]
-        self._means = [centre.mean[self._kept] for centre in view.centres]
-        self._roots, self._scales = [], []
-        for centre in view.centres:
-            # the covariance of some features from the root of that of all
-            covariance = np.linalg.inv(centre.root)
-            covariance = covariance @ covariance.T
-            lower = np.linalg.cholesky(covariance[np.ix_(self._kept, self._kept)])
-            self._roots.append(np.linalg.inv(lower))
-            self._scales.append(-np.log(np.diag(lower)).sum())
-
-    def align(self, throw: Recorded) -> dict[str, float]:
-        """Return the onsets under which sound throws explain the early part best."""
-        found = {name: throw.onsets[name] for name in self.names(throw)}
-        for _ in range(2 if len(found) > 1 else 1):
-            for name in found:
-                tried = [found | {name: throw.onsets[name] + shift} for shift in SHIFTS]
-                scores = self.scores(throw, tried) - 0.5 * (SHIFTS / ONSET_DEVIATION) ** 2
-                found[name] = throw.onsets[name] + _peak(SHIFTS, scores)
-        return found
-
-    def names(self, throw: Recorded) -> list[str]:
-        """Return the movements of a throw that are used."""
-        return [
-            name
-            for name in throw.onsets
-            if name == CLOSING or (name == OPENING and self._part == CYCLE)
-        ]
-
-    def scores(self, throw: Recorded, tried: Sequence[Mapping[str, float]]) -> Floats:
-        """Return how well sound throws explain the early part, a log likelihood for each try."""
-        onsets = {name: np.array([item[name] for item in tried]) for name in tried[0]}
-        features = features_at(throw, self._layout, onsets)[:, self._features]
-        scores = [
-            scale
-            + log_density(
-                ((features - mean) @ root.T) ** 2 @ np.ones(len(mean)), size=len(mean)
-            )  # fmt: skip
-            for mean, root, scale in zip(self._means, self._roots, self._scales, strict=True)
-        ]
-        return np.asarray(np.logaddexp.reduce(scores, axis=0))
 
 
 ZEROED = "forces are zeroed at rest; record them against the unloaded rods, without taring"
@@ -391,26 +335,6 @@ def zeroed_rest(view: View, layout: Layout, features: Floats) -> str:
         shifted = np.abs(off + taken[drive[last]]).sum() < np.abs(off).sum()
         return ZEROED if shifted else UNLOADED
     return ""
-
-
-REST_AFTER = 0.7
-"""After the movement in a layout, about [s]."""
-
-
-def _peak(places: Floats, values: Floats) -> float:
-    """Return where values are highest, by the parabola through the highest three.
-
-    Examples
-    --------
-    >>> places = np.arange(5.0)
-    >>> round(_peak(places, -((places - 2.3) ** 2)), 6)
-    2.3
-    """
-    at = int(np.clip(np.argmax(values), 1, len(values) - 2))
-    left, middle, right = values[at - 1 : at + 2]
-    bend = left - 2.0 * middle + right
-    shift = 0.5 * (left - right) / bend if bend < 0.0 else 0.0
-    return float(places[at] + np.clip(shift, -1.0, 1.0) * (places[1] - places[0]))
 
 
 def part_of(throw: Recorded, layout: Layout) -> str:

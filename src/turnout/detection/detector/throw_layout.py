@@ -181,30 +181,67 @@ def throw_features(
     >>> bool(np.allclose(found[0], layout.time))
     True
     """
-    instants = np.asarray(time, dtype=np.float64)
-    values = np.asarray(force, dtype=np.float64)
+    whole = Integral(time, force)
     starts = np.asarray(onsets, dtype=np.float64)
-    step = np.diff(instants)
-    area = 0.5 * (values[..., 1:] + values[..., :-1]) * step
-    total = np.concatenate([np.zeros((*area.shape[:-1], 1)), np.cumsum(area, axis=-1)], axis=-1)
-    slope = np.diff(values, axis=-1) / step
     found = []
     for number, part in enumerate(layout.parts):
-        edges = starts[:, number, np.newaxis] + part.edges
-        inside = (edges >= instants[0] - 1e-9) & (edges <= instants[-1] + 1e-9)
-        at = np.clip(np.searchsorted(instants, edges, side="right") - 1, 0, step.size - 1)
-        since = (edges - instants[at])[:, np.newaxis]
-        shape = (max(len(values), len(edges)), values.shape[1], edges.shape[1])
-        index = np.broadcast_to(at[:, np.newaxis], shape)
-        until = (
-            np.take_along_axis(total, index, axis=-1)
-            + np.take_along_axis(values, index, axis=-1) * since
-            + 0.5 * np.take_along_axis(slope, index, axis=-1) * since**2
-        )
-        until = np.where(inside[:, np.newaxis], until, np.nan)
+        until = whole.until(starts[:, number, np.newaxis] + part.edges)
         found.append(np.diff(until, axis=-1) / part.window)
     joined = np.concatenate(found, axis=-1)
     return joined.reshape(len(joined), -1)
+
+
+class Integral:
+    """The integral of sampled forces over time, of the straight lines between samples.
+
+    Parameters
+    ----------
+    time : array_like, shape (n_times,)
+        Rising, in any steps [s].
+    force : array_like, shape (n_throws, n_drives, n_times), or (n_drives, n_times) of one throw
+        [N]
+    """
+
+    def __init__(self, time: ArrayLike, force: ArrayLike) -> None:
+        self._time = np.asarray(time, dtype=np.float64)
+        self._force = np.asarray(force, dtype=np.float64)
+        self._step = np.diff(self._time)
+        area = 0.5 * (self._force[..., 1:] + self._force[..., :-1]) * self._step
+        self._total = np.zeros(self._force.shape)
+        np.cumsum(area, axis=-1, out=self._total[..., 1:])
+
+    def until(self, instants: Floats) -> Floats:
+        """Return the integral from the first sample to some instants, NaN beyond the samples [N s].
+
+        Parameters
+        ----------
+        instants : ndarray, shape (n_rows, n)
+            Of each throw, or several rows of a single one [s].
+
+        Returns
+        -------
+        ndarray, shape (n_rows, n_drives, n); (n_drives, n_rows, n) of forces without n_throws
+        """
+        time = self._time
+        inside = (instants >= time[0] - 1e-9) & (instants <= time[-1] + 1e-9)
+        at = np.clip(np.searchsorted(time, instants, side="right") - 1, 0, self._step.size - 1)
+        since, step = instants - time[at], self._step[at]
+        if self._force.ndim > 2:
+            at, inside = at[:, np.newaxis], inside[:, np.newaxis]
+            since, step = since[:, np.newaxis], step[:, np.newaxis]
+        before, here, after = (
+            self._at(values, place)
+            for values, place in ((self._total, at), (self._force, at), (self._force, at + 1))
+        )
+        found = before + here * since + 0.5 * (after - here) / step * since**2
+        return np.where(inside, found, np.nan)
+
+    def _at(self, values: Floats, place: NDArray[np.intp]) -> Floats:
+        if values.ndim == 2:
+            return np.asarray(values[:, place])
+        rows, drives = max(len(values), len(place)), values.shape[1]
+        index = np.broadcast_to(place, (rows, drives, place.shape[-1]))
+        return np.asarray(np.take_along_axis(values, index, axis=-1))
 
 
 def means_on(layout: Layout, *, rate: float) -> tuple[Floats, Floats]:

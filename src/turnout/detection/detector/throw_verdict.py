@@ -424,7 +424,7 @@ def _changes(
     logs = evidence.component[own, 0]
     near = logs > logs.max() - NEGLIGIBLE
     own, logs = own[near], logs[near]
-    share = np.exp(logs - log_sum(logs)) * evidence.factor[own, 0]
+    share = np.exp(logs - log_sum(logs)) * evidence.factors(own, 0)
     signature = evidence.hypotheses.number[own]
     change = view.signatures.basis @ (share @ view.signatures.change[signature])
     layout = knowledge.layout

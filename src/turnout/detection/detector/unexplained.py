@@ -108,19 +108,22 @@ def irregularities(
         Components that count beside sound throws; default all.
     """
     hypotheses = evidence.hypotheses
-    numbers = np.arange(len(hypotheses.number)) if kept is None else np.flatnonzero(kept)
+    numbers = None if kept is None else np.flatnonzero(kept)
     usual = np.argmax(evidence.centre, axis=0)
     found = np.empty(len(usual))
     for throw, sound in enumerate(usual):
         at = int(sound)
         left = evidence.white[at, :, throw]
-        density = evidence.component[numbers, throw]
+        density = evidence.component[:, throw]
+        density = density if numbers is None else density[numbers]
         if density.max(initial=-np.inf) > evidence.centre[at, throw]:
-            component = numbers[np.argmax(density)]
+            best = np.argmax(density)
+            component = best if numbers is None else numbers[best]
             at = int(hypotheses.place[component])
             change = signatures.change[hypotheses.number[component]]
             moved = hypotheses.centres[at].basis @ change
-            left = evidence.white[at, :, throw] - evidence.factor[component, throw] * moved
+            (factor,) = evidence.factors(np.array([component]), throw)
+            left = evidence.white[at, :, throw] - factor * moved
         weights = variation.weights(at, hypotheses.centres[at])
         found[throw] = (left @ weights.matrix @ left - weights.mean) / weights.deviation
     return found

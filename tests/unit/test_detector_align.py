@@ -1,0 +1,53 @@
+"""Onsets found again: the likelihood of early forces, movement by movement, is that of all."""
+
+import numpy as np
+import pytest
+from scipy.special import logsumexp
+from tests.unit.detector_toy import toy_detector, toy_throw
+
+from turnout.detection.detector.align_onsets import EARLY, REST_AFTER, Aligner, EarlyForces
+from turnout.detection.detector.judging import View
+from turnout.detection.detector.recorded import Recorded, features_of_recorded
+from turnout.detection.detector.throw_layout import Layout
+from turnout.detection.likelihood import log_density
+
+
+def directly(view: View, layout: Layout, throw: Recorded, onsets: dict[str, float]) -> float:
+    """Return the likelihood of the early features by the covariance of all of them."""
+    closing = layout.parts[-1]
+    duration = closing.edges[-1] - REST_AFTER
+    kept = np.flatnonzero(layout.time[view.features] - closing.start < EARLY * duration)
+    features = features_of_recorded(throw, layout, onsets)[view.features[kept]]
+    found = []
+    for centre in view.centres:
+        covariance = np.linalg.inv(centre.root.T @ centre.root)[np.ix_(kept, kept)]
+        away = features - centre.mean[kept]
+        square = np.array(away @ np.linalg.solve(covariance, away))
+        scale = -0.5 * np.linalg.slogdet(covariance)[1]
+        found.append(float(log_density(square, size=len(kept)) + scale))
+    return float(logsumexp(found))
+
+
+@pytest.mark.parametrize("part", ["cycle", "closing"])
+@pytest.mark.parametrize("moved", ["opening", "closing"])
+def test_one_onset_is_tried_at_the_likelihood_of_all_early_forces(part: str, moved: str) -> None:
+    detector = toy_detector()
+    view, layout = detector.view(part), detector.knowledge.layout
+    throw = toy_throw(level=0.27, seed=3, shift=0.006)
+    onsets = dict(throw.onsets) if part == "cycle" else {"closing": throw.onsets["closing"]}
+    if moved not in onsets:
+        return
+    instants = onsets[moved] + np.array([-0.03, -0.004, 0.0, 0.011, 0.04])
+    early = EarlyForces(Aligner(view, layout), throw, onsets)
+    found = early.scores(onsets, moved, instants)
+    wanted = [directly(view, layout, throw, onsets | {moved: float(at)}) for at in instants]
+    np.testing.assert_allclose(found, wanted, rtol=1e-7)
+
+
+def test_onsets_that_are_some_milliseconds_off_are_found_again() -> None:
+    detector = toy_detector()
+    aligner = Aligner(detector.view("cycle"), detector.knowledge.layout)
+    for shift in (-0.015, 0.012):
+        found = aligner.align(toy_throw(level=0.35, seed=5, shift=shift))
+        for name, at in (("opening", 0.2), ("closing", 4.4)):
+            assert abs(found[name] - at - shift) < 0.5 * abs(shift)
