@@ -45,9 +45,10 @@ def test_one_onset_is_tried_at_the_likelihood_of_all_early_forces(part: str, mov
 
 
 def test_onsets_that_are_some_milliseconds_off_are_found_again() -> None:
+    """The toy shows its onsets by little; so what is found lies between 0 and the true shift."""
     detector = toy_detector()
     aligner = Aligner(detector.view("cycle"), detector.knowledge.layout)
-    for shift in (-0.015, 0.012):
-        found = aligner.align(toy_throw(level=0.35, seed=5, shift=shift))
+    for shift in (-0.03, 0.02):
+        found = aligner.align(toy_throw(level=0.5, seed=5, shift=shift))
         for name, at in (("opening", 0.2), ("closing", 4.4)):
-            assert abs(found[name] - at - shift) < 0.5 * abs(shift)
+            assert 0.6 < (found[name] - at) / shift < 1.2

@@ -189,9 +189,9 @@ class EarlyForces:
         others = [other for other in found if other != name]
         if others:
             rest = self.windows(others[0], np.array([found[others[0]]]))[0] - movement.other_mean
-            expected = expected + np.einsum("kvu,ku->kv", movement.gain, rest)
-            before = np.einsum("kvu,ku->kv", movement.other_root, rest)
-            before = np.einsum("kv,kv->k", before, before)
+            rest = rest[..., np.newaxis]
+            expected = expected + (movement.gain @ rest)[..., 0]
+            before = np.square(movement.other_root @ rest).sum(axis=(1, 2))
         windows = self.windows(name, instants)
 
         def likelihoods(levels: Ints, tried: Floats) -> Floats:
