@@ -158,7 +158,7 @@ class Acceptance:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What limits the verdict: bands that can hardly be judged, values that are refitted."""
+        """What limits the verdict: bands that can hardly be judged."""
         found = []
         hardly = [item for item in self.channels if item.chance_cover < LEAST_OF_CHANNEL]
         if hardly:
@@ -167,11 +167,6 @@ class Acceptance:
             found.append(
                 f"bands hardly judged: {names}; in so few movements a right model may by chance "
                 f"cover no more than {share:.0f} %, measure more"
-            )
-        if self.left_out and self.power:
-            found.append(
-                "what would be noticed is of values as the other places give them; hold movements "
-                "back to judge the values themselves"
             )
         return tuple(found)
 
