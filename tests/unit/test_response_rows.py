@@ -16,8 +16,11 @@ from turnout.response.gaps import gap_rows
 from turnout.response.recovery import histories_of, recover_motion, seen_by, seen_rows
 from turnout.response.rows_over_time import (
     Product,
+    Recipe,
     Rows,
+    clear_recipes,
     evenly_spaced,
+    kept_recipes,
     products_of,
     rows_in_lines,
     sums_of_columns,
@@ -214,3 +217,22 @@ def test_what_the_kernel_would_misread_is_refused() -> None:
     beyond = sums_of_columns("g", np.array([[0, 4], [2, 3]]), rows=np.arange(2))
     with pytest.raises(IndexError):
         write_rows([Rows(beyond, out)], {"g": history, "q": history})
+
+
+def test_recipes_are_made_once_for_rails_that_throws_share(solved: Solved) -> None:
+    """Other friction leaves them as they are; channels are those of recipes made for each throw."""
+    panel = load_panel(DEFAULT).with_overrides({"chair.friction_coefficient": 0.2})
+    kept = simulate(panel, foreign_object=ForeignObject(0.05, "sleeper 6"), mode="quick")
+    made = list[int]()
+
+    def make() -> list[Recipe]:
+        made.append(1)
+        return [Recipe(())]
+
+    shared = panel.rail
+    assert kept_recipes((shared,), ("once",), make) is kept_recipes((shared,), ("once",), make)
+    assert kept_recipes((dict(shared),), ("once",), make)
+    assert len(made) == 2
+    clear_recipes()
+    again = simulate(panel, foreign_object=ForeignObject(0.05, "sleeper 6"), mode="quick")
+    xr.testing.assert_identical(kept.drop_attrs(), again.drop_attrs())
