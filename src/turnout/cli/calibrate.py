@@ -22,7 +22,7 @@ from turnout.cli.options import (
     made_folder,
     opened_panel,
 )
-from turnout.core.value_text import value_text
+from turnout.core.value_text import count_text, value_text
 from turnout.measurement.campaign.campaign_folder import throw_store
 
 if TYPE_CHECKING:
@@ -171,7 +171,7 @@ class _ProgressLog:
             return
         self._due = now + SECONDS_BETWEEN_LINES
         misfit = "" if state.misfit != state.misfit else f", misfit {state.misfit:.2f}"
-        throws = f"{state.evaluations} throw{'s' * (state.evaluations != 1)}"
+        throws = count_text(state.evaluations, "throw")
         # What the first throws take says nothing of the others.
         left = f", {_left(state.left)} left" if state.evaluations >= LEAST_THROWS else ""
         print(
@@ -200,8 +200,8 @@ def result_lines(calibration: "Calibration") -> list[str]:
     lines = [f"{'panel':<12}{calibration.panel}", f"{'campaign':<12}{calibration.data}"]
     for stage in calibration.stages:
         count = len(stage.movements)
-        movements = "1 movement" if count == 1 else f"{count} movements"
-        text = f"{movements}, {stage.evaluations} throws, {stage.message}"
+        throws = count_text(stage.evaluations, "throw")
+        text = f"{count_text(count, 'movement')}, {throws}, {stage.message}"
         lines.append(f"{'stage':<12}{stage.name}: {text}; misfit {stage.misfit:.2f}")
     for item in calibration.parameters:
         sure = ""
@@ -242,7 +242,7 @@ def _posterior_lines(calibration: "Calibration") -> list[str]:
     lines = [
         f"{'posterior':<12}{found['method']}, {found['effective_samples']:.0f} effective samples; "
         f"emulator error {found['emulator_error']:.1g} standard deviations "
-        f"over {found['emulator_points']} throws"
+        f"over {count_text(found['emulator_points'], 'throw')}"
     ]
     units = {item.name: item.unit for item in calibration.parameters}
     for name, bounds in zip(found["names"], found["interval_95"], strict=True):

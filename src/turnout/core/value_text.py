@@ -1,4 +1,4 @@
-"""Values with their units as engineers read them: kN, kN/m, mm, GPa. SI stays inside."""
+"""Values with units as engineers read them, kN, kN/m, mm, GPa, and counts with their nouns."""
 
 # SI unit: name on the screen and its size in SI.
 SHOWN: dict[str, tuple[str, float]] = {
@@ -53,3 +53,14 @@ def _number(value: float, digits: int) -> str:
     # Thousands stay what they are: 1250, not 1.25e+03.
     text = f"{value:.{digits}g}"
     return f"{float(text):.0f}" if "e+" in text and abs(value) < 1e9 else text
+
+
+def count_text(number: int, noun: str) -> str:
+    """Return a number with its noun, in the plural where it is not one.
+
+    Examples
+    --------
+    >>> count_text(1, "movement"), count_text(0, "throw"), count_text(12, "usable movement")
+    ('1 movement', '0 throws', '12 usable movements')
+    """
+    return f"{number} {noun}{'s' * (number != 1)}"

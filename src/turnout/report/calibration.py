@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 
 from turnout.calibration.result import Calibration, Fitted, StageLog
-from turnout.core.value_text import shown_unit, value_text
+from turnout.core.value_text import count_text, shown_unit, value_text
 from turnout.metric.finding import Finding
 from turnout.panel.load import LoadedPanel
 from turnout.plot.calibration import fit_sheet
@@ -80,7 +80,8 @@ def calibration_page(
     ]
     return Page(
         title=f"Calibration of {calibration.panel}",
-        subtitle=f"To {calibration.data}; {len(calibration.movements)} movements in the last stage",
+        subtitle=f"To {calibration.data}; "
+        f"{count_text(len(calibration.movements), 'movement')} in the last stage",
         findings=calibration_findings(calibration),
         synthetic=bool(calibration.about.get("synthetic")),
         sections=[s for s in sections if s.text or s.tables or s.pictures],
@@ -93,7 +94,7 @@ def calibration_findings(calibration: Calibration) -> list[Finding]:
     identified = [item for item in free if item.state == FITTED]
     good = len(identified) == len(free) and not calibration.warnings
     count = len(calibration.warnings)
-    detail = f"{count} warning{'s' * (count > 1)} below" if count else "no warning"
+    detail = f"{count_text(count, 'warning')} below" if count else "no warning"
     answer = f"{len(identified)} of {len(free)} parameters"
     found = [
         _verdict(calibration),

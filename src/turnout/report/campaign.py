@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
+from turnout.core.value_text import count_text
 from turnout.metric.campaign_statistics import (
     PlaceSizes,
     end_values,
@@ -87,7 +88,7 @@ def campaign_page(
     count = dataset.sizes["movement"]
     return Page(
         title=str(dataset.attrs.get("title", "Campaign")),
-        subtitle=f"Campaign of {count} usable movements",
+        subtitle=f"Campaign of {count_text(count, 'usable movement')}",
         findings=campaign_findings(dataset, excluded=excluded, remarks=remarks),
         sections=sections,
         synthetic=bool(dataset.attrs.get("synthetic")),
@@ -104,7 +105,8 @@ def campaign_findings(
         for drive in repeat_scatter(dataset, direction=way):
             if drive.count:
                 spread = "unknown" if math.isnan(drive.deviation) else f"{drive.deviation:.0f} N"
-                detail = f"{spread} standard deviation in {drive.count} throws without an object"
+                throws = count_text(drive.count, "throw")
+                detail = f"{spread} standard deviation in {throws} without an object"
                 question = f"End force of drive {drive.drive}, {way}"
                 found.append(Finding("fact", question, format_force(drive.mean), detail))
     count = dataset.sizes["movement"]
@@ -178,7 +180,7 @@ def _slips(dataset: xr.Dataset, direction: str) -> Finding:
     question = f"Smallest size that makes a drive slip, {direction}"
     slips, throws = _free_slips(dataset, direction)
     if slips:
-        detail = f"in {slips} of {throws} throws; a slip says nothing of an object"
+        detail = f"in {slips} of {count_text(throws, 'throw')}; a slip says nothing of an object"
         return Finding("look", question, "Slips without an object", detail)
     if not results:
         flat = saturating_places(dataset, direction=direction)
