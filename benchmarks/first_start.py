@@ -23,8 +23,11 @@ PAGE = HERE / "docs" / "performance-start.md"
 SIMULATE = ["simulate", "uic60-760-1-15", "--object", "13mm@sleeper6", "--quiet"]
 MACHINES = ["--set", "drive.1.machine=jea73", "--set", "drive.2.machine=jea73-drive2"]
 FIRST_STEP = """
-import os
+import contextlib, os
 from turnout.cli import simulate as _, watch
+with contextlib.suppress(ImportError):  # older sources have none
+    from turnout.core.lean_imports import import_scipy
+    import_scipy()
 from turnout.panel.foreign_object import resolve_objects
 from turnout.panel.load import load_panel
 from turnout.panel.object_text import parse_objects
@@ -41,6 +44,9 @@ COMMANDS = {
     "first one with machines after it": ["-m", "turnout", *SIMULATE, *MACHINES],
     "`simulate` without files, kernels at hand": ["-m", "turnout", *SIMULATE],
     "the same to a file": ["-m", "turnout", *SIMULATE, "--out", "throw.nc"],
+    "the same to a file and a figure": [
+        *("-m", "turnout", *SIMULATE, "--out", "throw.nc", "--plot", "throw.png")
+    ],
     "the same until it first reports progress": ["-c", FIRST_STEP],
     "`--version`": ["-m", "turnout", "--version"],
 }
@@ -91,6 +97,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--older", type=Path, help="another checkout, measured beside this one")
     older = parser.parse_args().older
+    if older is not None and not (older / "src" / "turnout").is_dir():
+        parser.error(f"--older {older}: no checkout of turnout is there (src/turnout is missing)")
     roots = {"this": HERE} | ({"older": older.resolve()} if older else {})
     begun, found = load(), measured(roots)
     head = "| command | processor time | memory |"

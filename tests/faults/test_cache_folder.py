@@ -5,6 +5,7 @@ import stat
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -115,6 +116,45 @@ def test_nothing_is_read_through_a_link_to_such_a_folder(script_folder: Path) ->
     others.chmod(0o777)
     cache.symlink_to(others)
     assert not planted_ran(script_folder, "kernel_cache_folder()", cache=cache)
+
+
+def test_what_was_compiled_from_other_sources_is_not_read_in_a_chosen_folder(
+    script_folder: Path,
+) -> None:
+    chosen = script_folder / "chosen"
+    found = run(
+        script_folder,
+        f"""
+import os
+os.environ["NUMBA_CACHE_DIR"] = {str(chosen)!r}
+from turnout.kernels.compiled import kernel_cache_folder
+print(os.environ["NUMBA_CACHE_DIR"])
+print(kernel_cache_folder().name)
+""",
+        cache=script_folder / "cache",
+    )
+    folder, name = found.splitlines()
+    assert Path(folder) == chosen / name
+
+
+def test_damaged_plain_code_is_made_again(script_folder: Path) -> None:
+    cache = script_folder / "cache"
+    call = "import kernel\nprint(kernel.double(1.0), kernel.double.cache_hits)"
+
+    def damage(pattern: str, content: Callable[[bytes], bytes]) -> str:
+        for ready in cache.rglob("*.kernel"):
+            ready.unlink()
+        files = list(cache.rglob(pattern))
+        assert files
+        for file in files:
+            file.write_bytes(content(file.read_bytes()))
+        return run(script_folder, call, cache=cache).strip()
+
+    assert run(script_folder, call, cache=cache).strip() == "2.0 0"
+    assert damage("*.nbi", lambda found: found[:20]) == "2.0 0"
+    assert damage("*.nbc", lambda found: found[: len(found) // 2]) == "2.0 0"
+    flipped = damage("*.nbc", lambda found: found[:-90] + b"\0" + found[-89:])
+    assert flipped == "2.0 0"
 
 
 WORKER = """

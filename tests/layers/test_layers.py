@@ -86,7 +86,7 @@ ALLOWED: dict[str, set[str]] = {
         *("errors", "scheme", "core", "schema", "panel", "response", "measurement"),
         *("metric", "calibration"),
     },
-    "plot": {"errors", "lazy", "schema", "panel", "section", "metric"},
+    "plot": {"errors", "core", "lazy", "schema", "panel", "section", "metric"},
     "report": {
         *("errors", "core", "schema", "panel", "analysis", "metric", "calibration"),
         *("study", "sweep", "detection", "validation", "plot"),

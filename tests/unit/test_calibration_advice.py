@@ -49,8 +49,10 @@ def test_an_error_that_a_free_gain_takes_up_is_not_said_to_be_seen() -> None:
     free = replace(whole, comparison=replace(whole.comparison, gains={key: 0.01}))
     found = fit(free, PARAMETERS, TRUE)
     text = _systematic_error(found, "1 % more", SHARE * plain_gain_column(found, key))
-    assert "and these movements would not show it" in text
+    # "Would change no value" stood beside intervals of several per cent.
+    assert "would change no value by more than 0.00" in text
     assert "the fit takes it for gauges of drive 1 +" in text
+    assert "and the misfit stays low" in text
 
 
 def test_what_is_lost_among_all_residuals_is_no_misfit_that_shows() -> None:

@@ -53,6 +53,10 @@ def test_a_movement_is_drawn_with_its_residual(found: Fit) -> None:
     signals = fitted_signals(found)
     axes = plot_fit(signals, "m1").axes
     assert [ax.get_ylabel() for ax in axes] == ["Drive 1 [kN]", "Residual [N]"]
+    wide, thin = axes[0].lines[:2]
+    assert wide.get_linewidth() > 3.0 * thin.get_linewidth()  # so that both are to be seen
+    assert wide.get_color() != thin.get_color()
+    assert axes[1].lines[0].get_label() == "RMS 1.9 N"
     measured, fitted = (line.get_ydata() for line in axes[0].lines[:2])
     rest = np.asarray(axes[1].lines[0].get_ydata(), dtype=float)
     off = 1e3 * (np.asarray(measured, dtype=float) - np.asarray(fitted, dtype=float))

@@ -13,6 +13,7 @@ from turnout.calibration.misfit import Misfit
 from turnout.calibration.parameter import Parameter
 from turnout.calibration.predict import predicted
 from turnout.calibration.sensors import FoundSensor, found_sensors, sensor_reasons
+from turnout.calibration.shared import SensorColumn
 from turnout.calibration.stages import default_plan
 from turnout.panel.load import load_panel
 
@@ -76,6 +77,13 @@ def recorded(*, clock: float = 0.0, zero: float = 0.0) -> Fit:
 
 def sensor(found: Fit, kind: str) -> FoundSensor:
     return next(item for item in found_sensors(found) if item.column.kind == kind)
+
+
+def test_small_deviations_are_printed_with_a_digit() -> None:
+    """A clock was "-0.00 ± 0.00 %"."""
+    column = SensorColumn(kind="clock", stated=1e-3)
+    found = FoundSensor(column=column, value=-4e-7, deviation=3e-5)
+    assert found.text == "clock of the recorder +0.000 ± 0.003 % (stated ± 0.1 %)"
 
 
 def test_a_clock_that_is_off_is_found_with_a_warning() -> None:

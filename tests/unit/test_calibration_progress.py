@@ -7,6 +7,7 @@ import pytest
 
 from turnout.calibration import stage_progress
 from turnout.calibration.stage_progress import CalibrationProgress, ProgressReporter
+from turnout.cli.calibrate import _ProgressLog
 
 
 def test_time_left_is_never_less_than_that_of_one_step(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -38,3 +39,40 @@ def test_time_left_follows_the_present_pace_and_what_was_needed_beyond_the_plan(
     evaluator.made = 1200
     watch.report_state(evaluator)
     assert states[-1].left == pytest.approx(0.1 * 400)
+
+
+def test_advice_counts_its_own_throws(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It said "about 51 s left" for all of 20 s, by a step of the stage before."""
+    clock = iter([20.0, 30.0])
+    monkeypatch.setattr(stage_progress.time, "monotonic", lambda: next(clock))
+    states: list[CalibrationProgress] = []
+    evaluator: Any = SimpleNamespace(made=1000, reused=0)
+    final: Any = SimpleNamespace(parameters=range(4), misfit=SimpleNamespace(movements=range(20)))
+    watch = ProgressReporter(states.append, 1, planned=500, per_step=98, began=10.0)
+    watch.begin("advice", final, evaluator)
+    watch.report_state(evaluator)
+    evaluator.made = 1050
+    watch.report_state(evaluator)
+    assert states[0].left == pytest.approx(0.01 * 60)
+    assert states[1].left == pytest.approx(0.2 * 10)
+
+
+def test_time_left_is_not_said_of_the_first_throws(capsys: pytest.CaptureFixture[str]) -> None:
+    """The first line was "1 throws, 0 s, less than 5 s left", of a fit that took minutes."""
+    log = _ProgressLog()
+    for made in (1, 40):
+        log._due = 0.0
+        log.report(
+            CalibrationProgress(
+                stage="friction",
+                number=1,
+                stages=4,
+                evaluations=made,
+                misfit=float("nan"),
+                seconds=3.0,
+                left=80.0,
+            )
+        )
+    first, later = capsys.readouterr().err.splitlines()
+    assert first == "stage friction (1 of 4): 1 throw, 3 s"
+    assert later.endswith("40 throws, 3 s, about 80 s left")

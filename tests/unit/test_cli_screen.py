@@ -186,7 +186,7 @@ def test_every_number_of_a_library_panel_has_an_origin_or_is_a_default(name: str
     ("value", "unit", "name", "text"),
     [
         (6000.0, "N", "saturation_force", "6 kN"),
-        (4e7, "N/m", "stiffness", "40 kN/mm"),
+        (4e7, "N/m", "stiffness", "40000 kN/m"),
         (3.6, "m", "x", "3.6 m"),
         (2.1e11, "N/m^2", "youngs_modulus", "210 GPa"),
         (0.4, None, "friction_coefficient", "0.4"),

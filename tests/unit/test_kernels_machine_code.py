@@ -1,5 +1,6 @@
 """Kernels: what they take and return, and machine code that is loaded without a compiler."""
 
+import errno
 import math
 import os
 import subprocess
@@ -9,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from numba.core.caching import IndexDataCacheFile
 
 from turnout.kernels.arguments import ARRAY, NUMBER, add_argument
 from turnout.kernels.compiled import CACHE_VARIABLE, Kernel, compiled
@@ -131,17 +133,21 @@ def test_a_damaged_file_is_made_again(double: Kernel, damage: str) -> None:
     assert MachineCode.from_bytes(file.read_bytes()) is not None
 
 
-def test_another_processor_or_kind_has_a_file_of_its_own(
-    double: Kernel, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("variable", "value"),
+    [("NUMBA_CPU_NAME", "x86-64"), ("NUMBA_BOUNDSCHECK", "1"), ("NUMBA_OPT", "0")],
+)
+def test_another_processor_choice_or_kind_has_a_file_of_its_own(
+    double: Kernel, monkeypatch: pytest.MonkeyPatch, variable: str, value: str
 ) -> None:
     double(3.0)
     here = double.file_for((NUMBER,))
     assert double.file_for(("int",)) != here
-    monkeypatch.setenv("NUMBA_CPU_NAME", "x86-64")
+    monkeypatch.setenv(variable, value)
     machine_digest.cache_clear()
     try:
         assert double.file_for((NUMBER,)) != here
-        assert not double.is_kept()
+        assert not again(double).is_kept()
     finally:
         monkeypatch.undo()
         machine_digest.cache_clear()
@@ -152,7 +158,17 @@ def test_a_folder_that_cannot_be_written_stops_nothing(
 ) -> None:
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "missing"))
     assert double(3.0) == 6.0
-    assert not double.is_kept()
+    assert not again(double).is_kept()
+
+
+def test_a_full_disk_stops_nothing(double: Kernel, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(IndexDataCacheFile, "save", full)
+    monkeypatch.setattr("turnout.kernels.compiled.write_atomic", full)
+    assert double(3.0) == 6.0
+    assert not again(double).is_kept()
 
 
 @pytest.mark.parametrize("count", [1, 7, 70, 130])

@@ -71,3 +71,46 @@ def test_the_command_takes_a_folder_and_a_dataset(tmp_path: Path) -> None:
     assert {"overview-closing.svg", "sleeper-6-closing.png"} <= names
     done = CliRunner().invoke(app, ["report", str(folder / "truth.nc"), "-o", str(out), "-q"])
     assert (done.exit_code, done.output) == (0, "")
+
+
+def test_slips_without_an_object_say_nothing_of_objects(dataset: xr.Dataset) -> None:
+    """A switch whose drives always slip was said to slip "first at drive 1" with 5 mm."""
+    always = dataset.assign_coords(slipped=("movement", np.ones(dataset.sizes["movement"], bool)))
+    found = {item.question: item for item in campaign_findings(always)}
+    slips = found["Smallest size that makes a drive slip, closing"]
+    assert (slips.level, slips.answer) == ("look", "Slips without an object")
+    assert slips.detail.startswith("in 3 of 3 throws")
+
+
+def test_no_slip_is_said_only_where_no_force_saturates(dataset: xr.Dataset) -> None:
+    none = dataset.assign_coords(slipped=("movement", np.zeros(dataset.sizes["movement"], bool)))
+    question = "Smallest size that makes a drive slip, closing"
+    plain = {item.question: item for item in campaign_findings(none)}[question]
+    assert (plain.answer, plain.detail) == ("None", "no drive slipped with any object")
+    flat = none.copy(deep=True)
+    largest = flat["drive_force"].values[flat["size"].values == 0.031].copy()
+    flat["drive_force"].values[flat["size"].values == 0.013] = largest
+    found = {item.question: item for item in campaign_findings(flat)}[question]
+    assert found.answer == "Unknown"
+    assert "no longer grows at sleeper 6" in found.detail
+
+
+def test_smaller_objects_are_undecided_with_two_throws_to_compare_with(
+    dataset: xr.Dataset,
+) -> None:
+    free = np.flatnonzero(
+        (dataset["size"].values == 0) & (dataset["direction"].values == "closing")
+    )
+    kept = np.setdiff1d(np.arange(dataset.sizes["movement"]), free[2:])
+    two = dataset.isel(movement=kept).copy(deep=True)
+    ends = {0.0: (2000.0, 2010.0), 0.010: (2050.0,), 0.013: (2200.0,), 0.031: (6000.0,)}
+    for size, values in ends.items():
+        which = np.flatnonzero((two["size"].values == size) & (two["direction"] == "closing"))
+        for number, value in zip(which, values, strict=True):
+            two["drive_force"].values[number] = value
+    question = "Smallest size detected by the drives, closing"
+    found = {item.question: item for item in campaign_findings(two)}[question]
+    assert found.answer == "31 mm"
+    assert "to decide on smaller ones at sleeper 6" in found.detail
+    row = campaign_page(two, suffixes=()).sections[0].tables[0].rows[0]
+    assert row[2] == "31 mm; too few throws without an object to decide from 10 mm"

@@ -1,6 +1,7 @@
 """Channels from stored displacements: exact, and right between steps too."""
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,8 +16,11 @@ from turnout.response.gaps import gap_rows
 from turnout.response.recovery import histories_of, recover_motion, seen_by, seen_rows
 from turnout.response.rows_over_time import (
     Product,
+    Recipe,
     Rows,
+    clear_recipes,
     evenly_spaced,
+    kept_recipes,
     products_of,
     rows_in_lines,
     sums_of_columns,
@@ -188,3 +192,47 @@ def test_a_run_without_all_channels_has_those_that_it_keeps(solved: Solved) -> N
         assert set(some.data_vars) == set(fields)
         for name in fields:
             assert some[name].equals(whole[name]), name
+
+
+def test_what_the_kernel_would_misread_is_refused() -> None:
+    products = sums_of_columns("g", np.array([[0, 1], [2, 3]]), rows=np.arange(2))
+    history, out = np.arange(12.0).reshape(3, 4), np.zeros((2, 3))
+    fixed = np.zeros((2, 3))
+    fixed.flags.writeable = False
+    whole: Any = np.zeros((2, 3), dtype=np.int64)
+    for rows, message in (
+        (Rows(products, fixed), "writeable"),
+        (Rows(products, np.zeros((2, 6))[:, ::2]), "without gaps"),
+        (Rows(products, whole), "must be floats"),
+        (Rows(products, np.zeros((2, 4))), "history g must be floats of 4 instants"),
+        (Rows(products, out, start=np.zeros(1)), "a start for each row"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            write_rows([rows], {"g": history})
+    single: Any = history.astype(np.float32)
+    with pytest.raises(ValueError, match="history g must be floats"):
+        write_rows([Rows(products, out)], {"g": single})
+    with pytest.raises(ValueError, match="3 instants"):
+        write_rows([Rows(products, out), Rows(products, np.zeros((2, 2)))], {"g": history})
+    beyond = sums_of_columns("g", np.array([[0, 4], [2, 3]]), rows=np.arange(2))
+    with pytest.raises(IndexError):
+        write_rows([Rows(beyond, out)], {"g": history, "q": history})
+
+
+def test_recipes_are_made_once_for_rails_that_throws_share(solved: Solved) -> None:
+    """Other friction leaves them as they are; channels are those of recipes made for each throw."""
+    panel = load_panel(DEFAULT).with_overrides({"chair.friction_coefficient": 0.2})
+    kept = simulate(panel, foreign_object=ForeignObject(0.05, "sleeper 6"), mode="quick")
+    made = list[int]()
+
+    def make() -> list[Recipe]:
+        made.append(1)
+        return [Recipe(())]
+
+    shared = panel.rail
+    assert kept_recipes((shared,), ("once",), make) is kept_recipes((shared,), ("once",), make)
+    assert kept_recipes((dict(shared),), ("once",), make)
+    assert len(made) == 2
+    clear_recipes()
+    again = simulate(panel, foreign_object=ForeignObject(0.05, "sleeper 6"), mode="quick")
+    xr.testing.assert_identical(kept.drop_attrs(), again.drop_attrs())

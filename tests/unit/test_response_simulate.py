@@ -4,6 +4,7 @@ import json
 import time
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,9 @@ import xarray as xr
 from tests.unit.simulated import OBJECT, sb1_dataset, sb1_panel, sb2_dataset, sb2_panel
 
 from turnout.errors import PanelError, ResponseError
+from turnout.integrate import march
 from turnout.integrate.outcome import Code, NotConverged
+from turnout.kernels.compiled import Kernel
 from turnout.panel.foreign_object import ForeignObject
 from turnout.response.compilation import must_compile
 from turnout.response.save import Save
@@ -153,8 +156,12 @@ def test_compilation_is_announced_only_when_it_is_due(
 ) -> None:
     assert sb1_dataset().attrs["complete"]
     assert not must_compile()
+    of_new_process: Any = march.march
+    of_new_process = Kernel(of_new_process.py_func, loop=False, part=False)
+    assert not must_compile(of_new_process)
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    assert must_compile()
+    assert must_compile(of_new_process)
+    assert not must_compile(), "what is loaded need not be compiled again"
 
 
 def test_compilation_does_not_count_as_the_time_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -247,6 +247,17 @@ def test_throws_that_differ_in_time_and_movement_are_looked_at_like_each_alone(
             np.testing.assert_array_equal(values, alone.variables[name][1], err_msg=name)
 
 
+def test_long_throws_are_planned_a_few_at_a_time(study: Study) -> None:
+    def planned(**changed: object) -> int:
+        scenario = replace(study.scenario(0), overrides=changed)
+        ready = [sweep_row.prepare_scenario(study, scenario)]
+        return sweep_row.planned_at_once(study, ready)
+
+    assert planned() == sweep_row.PLANNED_AT_ONCE
+    assert planned(**{"schedule.end": 40.0}) == 3
+    assert planned(**{"schedule.end": 1000.0}) == 1
+
+
 def test_a_scenario_that_cannot_be_says_why(study: Study) -> None:
     scenario = replace(study.scenario(0), overrides={"chair.friction_coefficient": -1.0})
     (row,) = sweep_row.throw_scenarios(study, [scenario])

@@ -43,6 +43,27 @@ def test_it_is_the_fit_to_the_other_places() -> None:
         np.testing.assert_allclose(found.variance[:, inside], variance, rtol=1e-8)
 
 
+def test_values_that_are_off_are_off_by_as_much_in_each_prediction() -> None:
+    """Values changed by hand were refused sooner than stated: their error was magnified."""
+    measured, slopes, stacked = made()
+    J = stacked.reshape(3, -1).T
+    values = np.linalg.lstsq(J, measured.ravel(), rcond=None)[0]
+    off = np.array([0.3, -0.2, 0.1])
+    found, moved = (
+        leave_out_places(
+            measured,
+            np.tensordot(judged, stacked, axes=1),
+            slopes,
+            places=PLACES,
+            variance=np.full(measured.shape, 0.09),
+            covariance=np.eye(3),
+        )
+        for judged in (values, values + off)
+    )
+    change = np.tensordot(off, stacked, axes=1)
+    np.testing.assert_allclose(moved.forces, found.forces + change, atol=1e-9)
+
+
 def test_what_a_movement_has_of_its_own_is_no_reason_to_change_values() -> None:
     measured, slopes, stacked = made()
     rng = np.random.default_rng(6)

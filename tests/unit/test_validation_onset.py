@@ -7,7 +7,7 @@ import pytest
 
 from turnout.calibration.evaluate import Response
 from turnout.calibration.measured_movements import MeasuredMovement, Signal
-from turnout.validation.onset import onset_shifts
+from turnout.validation.onset import onset_shifts, with_rest
 
 TIME = np.arange(-0.99, 3.2, 0.02)
 CELLS = np.arange(0.002, 6.0, 0.004)
@@ -73,3 +73,19 @@ def test_a_movement_that_touches_at_once_takes_the_median_of_its_like() -> None:
     found = onset_shifts(movements, [response()] * 3 + [response(contact=1.1)])
     assert found[3] == pytest.approx(0.05, abs=0.002)
     assert onset_shifts(movements[3:], [response(contact=1.1)]) == 0.0
+
+
+def test_a_standing_force_before_the_first_instant_is_no_step() -> None:
+    """Openings of a panel whose rods press at rest were shifted by 70 ms, and refused."""
+    soon = np.arange(0.002, 4.0, 0.004)
+    standing = 3000.0 - force(soon - 0.2)
+    opened = replace(
+        response(), time=soon, drive_force={"1": standing}, marker={"1": standing},
+        object_force=np.zeros(soon.size), onsets={"opening": 0.2},
+    )  # fmt: skip
+    moved = movement(0.0)
+    off = 3000.0 - 1.02 * force(TIME)  # a model that is a little off tolerates a shift
+    moved = replace(moved, direction="opening", signals=(replace(moved.signals[0], values=off),))
+    assert abs(onset_shifts([moved], [opened])[0]) > 0.05
+    assert onset_shifts([moved], [with_rest(opened)]) == pytest.approx(0.0, abs=0.01)
+    assert with_rest(replace(opened, failure="stuck")).time.size == soon.size

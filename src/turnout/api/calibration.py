@@ -15,6 +15,7 @@ from turnout.calibration.result import load_calibration as read_record
 from turnout.calibration.stage_progress import CalibrationProgress
 from turnout.calibration.stages import default_plan
 from turnout.core.html_table import html_table
+from turnout.core.value_text import value_text
 from turnout.errors import FileError
 from turnout.panel.load import LoadedPanel, library_names, load_panel
 from turnout.scheme import Mode, chosen_scheme
@@ -146,18 +147,15 @@ class CalibrationResult:
         rows: list[tuple[object, ...]] = [
             (
                 item.name,
-                item.value,
-                "" if item.unit == "1" else item.unit,
-                f"{item.interval[0]:.5g} ... {item.interval[1]:.5g}"
-                if item.state == "fitted"
-                else "",
+                value_text(item.value, unit=item.unit),
+                value_text(*item.interval, unit=item.unit) if item.state == "fitted" else "",
                 item.state,
             )
             for item in self.record.parameters
         ]
-        rows += [("not trusted", text, "", "", "") for text in self.reasons]
-        rows += [("warning", text, "", "", "") for text in self.warnings]
-        columns = ("Parameter", "Value", "Unit", "95 % interval", "CalibrationProgress")
+        rows += [("not trusted", text, "", "") for text in self.reasons]
+        rows += [("warning", text, "", "") for text in self.warnings]
+        columns = ("Parameter", "Value", "95 % interval", "State")
         return html_table(self._title(), rows, columns=columns)
 
     def _title(self) -> str:

@@ -35,6 +35,8 @@ SEEN = 3.0
 TAKEN_UP = 0.3
 # Changes of a parameter below this share of the error are not listed [-].
 WORTH = 0.1
+# Smaller changes of a value are not printed [-].
+LEAST_PRINTED = 1e-5
 SIZES = (0.013, 0.026)
 
 
@@ -108,22 +110,29 @@ def _systematic_error(found: Fit, what: str, column: Floats) -> str:
     rows = np.vstack([found.jacobian, priors])
     change = np.linalg.lstsq(rows, -np.concatenate([joined, 0.0 * priors[0]]), rcond=None)[0]
     left = float(np.linalg.norm(joined + found.jacobian @ change))
-    parts = [
-        f"{item.name} by {100 * slope / found.values[item.name]:+.2g} %"
+    shares = {
+        item.name: move * item.slope(found.values[item.name]) / found.values[item.name]
         for item, move in zip(found.parameters, change, strict=True)
-        for slope in [move * item.slope(found.values[item.name])]
-        if abs(slope / found.values[item.name]) > WORTH * SHARE
+        if found.values[item.name]
+    }
+    parts = [
+        f"{name} by {100 * share:+.2g} %"
+        for name, share in shares.items()
+        if abs(share) > WORTH * SHARE
     ]
-    moved = f"would change {', '.join(parts)}" if parts else "would change no value"
+    most = max([LEAST_PRINTED, *(abs(share) for share in shares.values())])
+    moved = f"would change {', '.join(parts) or f'no value by more than {100 * most:.1g} %'}"
     times = f"({left:.{1 if left < SEEN else 0}f} standard deviations)"
+    taken = _taken_up(found, column + plain_jacobian(found.local, found.frame, names) @ change)
+    if left < SEEN and taken:
+        return f"{what} {moved}: the fit takes it for {taken}, and the misfit stays low {times}"
     if left < SEEN:
         seen = f"and these movements would not show it {times}"
     elif left**2 < SEEN * np.sqrt(2.0 * joined.size):
         seen = f"and only a fit with it as an unknown would show it {times}"
     else:
         seen = f"but the misfit would show it {times}"
-    rest = column + plain_jacobian(found.local, found.frame, names) @ change
-    return f"{what} {moved}, {seen}{_taken_up(found, rest)}"
+    return f"{what} {moved}, {seen}{f'; the fit takes it for {taken}' if taken else ''}"
 
 
 def _taken_up(found: Fit, rest: Floats) -> str:
@@ -137,7 +146,7 @@ def _taken_up(found: Fit, rest: Floats) -> str:
         for item, size in zip(shared.sensors, sizes, strict=False)
         if item.kind == GAIN and abs(size) * item.stated > TAKEN_UP * SHARE
     ]
-    return f"; the fit takes it for {', '.join(taken)}" if taken else ""
+    return ", ".join(taken)
 
 
 def _weight_column(found: Fit) -> Floats:

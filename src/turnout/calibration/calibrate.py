@@ -192,11 +192,11 @@ def calibrate(
         ]
         findings = list(spread.findings)
         if advise:
-            watch.stage = "advice"
+            watch.begin("advice", final, evaluator)
             findings += _advice(final, spread, panel)
         sampled: dict[str, object] = {}
         if posterior:
-            watch.stage = "posterior"
+            watch.begin("posterior", final, evaluator)
             try:
                 sampled = posterior_of(final, spread).record()
             except SolverError as error:
@@ -307,6 +307,7 @@ class _Run:
         search: CauseSearch | None = None
         final: Fit | None = None
         skipped: list[tuple[Parameter, Sequence[float]]] = []
+        counted = 0  # throws made; those that look for exchanged rods count to the first stage
         for number, stage in enumerate(self.plan.stages, 1):
             self.watch.stage, self.watch.number = stage.name, number
             chosen = selected(self.movements, stage.movements, self.panel)
@@ -315,7 +316,6 @@ class _Run:
                 warnings += skipped_stage(stage, chosen)
                 skipped += [(item, stage.grid) for item in parameters[:1] if stage.grid]
                 continue
-            before = self.evaluator.made
             misfit = self._misfit(stage, chosen, values, scatter)
             # What leads near need not be all that there is.
             fewer = replace(stage.movements, most=stage.movements.most or JOINT_MOVEMENTS)
@@ -341,8 +341,9 @@ class _Run:
                     final, search = self._last(final, start, parameters, chosen)
                     values = dict(final.values)
                 scatter = dict(final.misfit.comparison.scatter)
-            made = self.evaluator.made - before
+            made = self.evaluator.made - counted
             logs.append(stage_log(stage, chosen, parameters, values, final, swept, made))
+            counted += made
         if final is None:
             problem = "no stage was fitted; give one with movements and free parameters"
             raise PanelError([problem], source="stages")

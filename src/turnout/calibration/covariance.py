@@ -18,6 +18,7 @@ from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.parameter import Parameter, prior_slopes
 from turnout.calibration.shared import GAIN
 from turnout.calibration.shared_estimates import shared_estimates
+from turnout.core.value_text import value_text
 
 Floats = NDArray[np.float64]
 # A standard deviation above this share of what the bounds alone allow: not identified.
@@ -438,8 +439,7 @@ def _with_prior(one: Parameter, other: Parameter, correlation: float) -> list[st
     stated, value = (one, other) if one.prior else (other, one)
     if abs(correlation) < NOTED:
         return []
-    unit = "" if stated.unit == "1" else f" {stated.unit}"
     return [
         f"{value.name} depends on {stated.name} (correlation {correlation:+.2f}), which is taken "
-        f"to be known to {stated.prior:.3g}{unit}; measure it"
+        f"to be known to {value_text(stated.prior, unit=stated.unit, digits=3)}; measure it"
     ]

@@ -159,6 +159,15 @@ class Calibration:
         return tuple(item for item in self.parameters if item.state == "fitted")
 
     @property
+    def correlation(self) -> Floats:
+        """Of the fitted parameters, shape (p, p); NaN where a deviation is zero [-]."""
+        size = np.sqrt(np.diag(self.covariance))
+        outer = np.outer(size, size)
+        found: Floats = np.full_like(outer, np.nan)
+        np.divide(self.covariance, outer, out=found, where=outer > 0.0)
+        return found
+
+    @property
     def overrides(self) -> dict[str, float]:
         """The panel's keys and the values they take."""
         return {key: item.value for item in self.parameters for key in item.keys}

@@ -16,6 +16,7 @@ from turnout.calibration.sensors import LEAVES_PRIOR
 from turnout.calibration.shared import model_error, poorly_followed
 from turnout.calibration.stages import CalibrationPlan, Stage
 from turnout.core.provenance import content_hash
+from turnout.core.value_text import value_text
 
 # A model error this much above the noise gives a warning [-].
 LARGE_MISFIT = 1.5
@@ -102,11 +103,13 @@ def warnings_from(final: Fit, spread: Spread) -> list[str]:
     for item in final.parameters:
         away = abs(final.values[item.name] - item.start)
         if item.keys and item.prior and away > LEAVES_PRIOR * item.prior:
-            unit = "" if item.unit == "1" else f" {item.unit}"
+            value, start, prior = (
+                value_text(number, unit=item.unit, digits=3)
+                for number in (final.values[item.name], item.start, item.prior)
+            )
             found.append(
-                f"{item.name} = {final.values[item.name]:.3g}{unit}: further from the panel's "
-                f"{item.start:.3g}{unit} than was expected (± {item.prior:.3g}); measure it, or "
-                "look for another cause"
+                f"{item.name} = {value}: further from the panel's {start} than was expected "
+                f"(± {prior}); measure it, or look for another cause"
             )
     for key, noise in final.misfit.comparison.noise.items():
         measured = float(np.hypot(noise.white, noise.slow))
@@ -131,9 +134,10 @@ def distrust_reasons(final: Fit, spread: Spread) -> list[str]:
         )
     for item, state in zip(final.parameters, spread.states, strict=True):
         if state == "at its bound":
+            value = value_text(final.values[item.name], unit=item.unit)
             found.append(
-                f"{item.name} = {final.values[item.name]:.6g} is at its bound: the best fit lies "
-                "beyond; widen the bound, or look for another cause"
+                f"{item.name} = {value} is at its bound: the best fit lies beyond; widen the "
+                "bound, or look for another cause"
             )
     comparison = final.misfit.comparison
     for key, share in poorly_followed(comparison, final.misfit.movements).items():

@@ -1,6 +1,7 @@
 """Sensors as unknowns: what is stated of gains, zeros and clock, and what a fit says of them."""
 
 import json
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -62,17 +63,32 @@ class FoundSensor:
     @property
     def text(self) -> str:
         """Stated and found value in words."""
-        factor, unit, digits = (1.0, "N", 1) if self.column.kind == ZERO else (100.0, "%", 2)
+        factor, unit, _ = self._shown
         return (
-            f"{self.name} {factor * self.value:+.{digits}f} ± {factor * self.deviation:.{digits}f} "
+            f"{self.short_text.removesuffix(f' {unit}')} ± "
+            f"{factor * self.deviation:.{self._decimals}f} "
             f"{unit} (stated ± {factor * self.stated:.3g} {unit})"
         )
 
     @property
     def short_text(self) -> str:
         """Found value alone in words."""
-        factor, unit, digits = (1.0, "N", 1) if self.column.kind == ZERO else (100.0, "%", 2)
-        return f"{self.name} {factor * self.value:+.{digits}f} {unit}"
+        factor, unit, _ = self._shown
+        # Adding zero turns a negative zero into a plain one.
+        number = round(factor * self.value, self._decimals) + 0.0
+        return f"{self.name} {number:+.{self._decimals}f} {unit}"
+
+    @property
+    def _shown(self) -> tuple[float, str, int]:
+        """Factor from SI to the unit shown, that unit, and decimals at least."""
+        return (1.0, "N", 1) if self.column.kind == ZERO else (100.0, "%", 2)
+
+    @property
+    def _decimals(self) -> int:
+        """Decimals that show a deviation with a digit at least."""
+        factor, _, least = self._shown
+        size = factor * self.deviation
+        return max(least, math.ceil(-math.log10(size))) if size > 0.0 else least
 
     @property
     def warning(self) -> str:

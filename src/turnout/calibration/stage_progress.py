@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from turnout.calibration.emulator import points_needed
 from turnout.calibration.evaluate import Evaluator
-from turnout.calibration.fit import ROUGH_STEPS
+from turnout.calibration.fit import ROUGH_STEPS, Fit
 from turnout.calibration.measured_movements import MeasuredMovement, selected
 from turnout.calibration.stages import CalibrationPlan
 from turnout.panel.load import LoadedPanel
@@ -65,10 +65,20 @@ def planned_throws(
         steps = JOINT_STEPS if last else ROUGH_STEPS // 2
         total += chosen * (2 * len(stage.grid) + steps * (count + 2))
         if last and posterior:
-            total += chosen * points_needed(count)
+            total += posterior_throws(chosen, count)
         if last and advise:
-            total += chosen + CANDIDATES * (count + 1)
+            total += advice_throws(chosen, count)
     return total
+
+
+def posterior_throws(movements: int, parameters: int) -> int:
+    """Return how many throws the sampling of a posterior takes."""
+    return movements * points_needed(parameters)
+
+
+def advice_throws(movements: int, parameters: int) -> int:
+    """Return how many throws advice usually takes."""
+    return movements + CANDIDATES * (parameters + 1)
 
 
 def throws_per_step(
@@ -117,6 +127,13 @@ class ProgressReporter:
                 left=pace * max(abs(missing), self.per_step),
             )
         )
+
+    def begin(self, stage: str, final: Fit, evaluator: Evaluator) -> None:
+        """Note what comes after the stages: "advice" or "posterior" about a fit."""
+        self.stage, self.per_step = stage, 1
+        throws = {"advice": advice_throws, "posterior": posterior_throws}[stage]
+        count = throws(len(final.misfit.movements), len(final.parameters))
+        self.planned = evaluator.made + evaluator.reused + count
 
     def found(self, misfit: float) -> None:
         """Note the misfit of the latest step."""

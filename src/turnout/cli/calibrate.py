@@ -1,9 +1,12 @@
 """The command `turnout calibrate`: friction and drive values from a campaign, with uncertainty."""
 
+import re
 import sys
 import time
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -18,18 +21,20 @@ from turnout.cli.options import (
     check_outputs,
     made_folder,
     opened_panel,
-    write_and_report,
 )
+from turnout.core.value_text import count_text, value_text
 from turnout.measurement.campaign.campaign_folder import throw_store
 
 if TYPE_CHECKING:
-    from turnout.calibration.calibrate import CalibrationOutcome
+    import xarray as xr
+
+    from turnout.calibration.grid_search import GridSearch
     from turnout.calibration.result import Calibration
     from turnout.calibration.stage_progress import CalibrationProgress
 
 SECONDS_BETWEEN_LINES = 2.0
-LEAST_LEFT = 5.0
-"""Below this the time left is not estimated [s]."""
+LEAST_LEFT, LEAST_THROWS = 5.0, 10
+"""Below this time [s], and before so many throws, the time left is not estimated."""
 
 
 def calibrate_command(
@@ -62,7 +67,9 @@ def calibrate_command(
     figures: Annotated[
         Path | None,
         typer.Option(
-            "--figures", metavar="DIR", help="Draw each sweep, and each movement as fitted."
+            "--figures",
+            metavar="DIR",
+            help="Draw each sweep, intervals, correlations, and each movement as fitted.",
         ),
     ] = None,
     posterior: Annotated[
@@ -99,6 +106,7 @@ def calibrate_command(
     plan = default_plan(loaded, free=free, fixed=fix, most=most)
     dataset = dataset_of(source, None, out=out, allow_outside=allow_outside, quiet=quiet)
     from turnout.calibration.calibrate import calibrate
+    from turnout.calibration.fitted_file import save_signals, signals_path
 
     try:
         outcome = calibrate(
@@ -118,19 +126,24 @@ def calibrate_command(
             err=True,
         )
         raise typer.Exit(INTERRUPTED) from None
-    outcome.calibration.save(out)
+    calibration = outcome.calibration
+    calibration.save(out)
+    signals = save_signals(outcome.final, calibration, out)
+    written = [out, signals_path(out)]
     if not quiet and not as_json:
-        for line in result_lines(outcome.calibration):
+        for line in result_lines(calibration):
             typer.echo(line)
-    drawn = _draw(outcome, figures, quiet=as_json) if figures is not None else []
+    if figures is not None:
+        silent = quiet or as_json
+        written += _draw(calibration, outcome.sweeps, signals, figures, quiet=silent)
     if as_json:
         from turnout.cli.json_records import calibration_record
 
-        record, units = calibration_record(outcome.calibration)
-        print_json("calibrate", record, units=units, written=[out, *drawn])
+        record, units = calibration_record(calibration)
+        print_json("calibrate", record, units=units, written=written)
     else:
-        _print_verdict(outcome.calibration, out, quiet=quiet)
-    if strict and outcome.calibration.distrust:
+        _print_verdict(calibration, out, quiet=quiet)
+    if strict and calibration.distrust:
         raise typer.Exit(FINDINGS)
 
 
@@ -158,9 +171,12 @@ class _ProgressLog:
             return
         self._due = now + SECONDS_BETWEEN_LINES
         misfit = "" if state.misfit != state.misfit else f", misfit {state.misfit:.2f}"
+        throws = count_text(state.evaluations, "throw")
+        # What the first throws take says nothing of the others.
+        left = f", {_left(state.left)} left" if state.evaluations >= LEAST_THROWS else ""
         print(
-            f"stage {state.stage} ({state.number} of {state.stages}): {state.evaluations} throws"
-            f"{misfit}, {state.seconds:.0f} s, {_left(state.left)} left",
+            f"stage {state.stage} ({state.number} of {state.stages}): {throws}{misfit}, "
+            f"{state.seconds:.0f} s{left}",
             file=sys.stderr,
             flush=True,
         )
@@ -179,37 +195,22 @@ def _left(seconds: float) -> str:
     return f"about {seconds:.0f} s" if seconds < 100.0 else f"about {seconds / 60.0:.0f} min"
 
 
-def _scaled(unit: str) -> tuple[float, str]:
-    """Return the factor and unit in which a value of the SI unit is printed."""
-    scales = {
-        "1": (1.0, ""),
-        "N/m": (1e-3, " kN/m"),
-        "N": (1e-3, " kN"),
-        "m": (1e3, " mm"),
-        "Pa": (1e-9, " GPa"),
-        "s": (1e3, " ms"),
-    }
-    return scales.get(unit, (1.0, f" {unit}"))
-
-
 def result_lines(calibration: "Calibration") -> list[str]:
     """Return values with uncertainty, findings and warnings as lines."""
     lines = [f"{'panel':<12}{calibration.panel}", f"{'campaign':<12}{calibration.data}"]
     for stage in calibration.stages:
         count = len(stage.movements)
-        movements = "1 movement" if count == 1 else f"{count} movements"
-        text = f"{movements}, {stage.evaluations} throws, {stage.message}"
+        throws = count_text(stage.evaluations, "throw")
+        text = f"{count_text(count, 'movement')}, {throws}, {stage.message}"
         lines.append(f"{'stage':<12}{stage.name}: {text}; misfit {stage.misfit:.2f}")
     for item in calibration.parameters:
-        factor, unit = _scaled(item.unit)
         sure = ""
         if item.state == "fitted":
-            low, high = (factor * bound for bound in item.interval)
-            sure = (
-                f" ({100 * item.deviation / abs(item.value):.2g} %; 95 %: {low:.5g} ... {high:.5g})"
-            )
+            reach = value_text(*item.interval, unit=item.unit)
+            size = f"{100 * item.deviation / abs(item.value):.2g} %; " if item.value else ""
+            sure = f" ({size}95 %: {reach})"
         state = item.state + " " * max(12 - len(item.state), 2)
-        lines.append(f"{state}{item.name} = {factor * item.value:.5g}{unit}{sure}")
+        lines.append(f"{state}{item.name} = {value_text(item.value, unit=item.unit)}{sure}")
     lines += _posterior_lines(calibration)
     for name, share in calibration.scatter.items():
         lines.append(f"{'scatter':<12}{name}: {100 * share:.1f} % from movement to movement")
@@ -241,28 +242,48 @@ def _posterior_lines(calibration: "Calibration") -> list[str]:
     lines = [
         f"{'posterior':<12}{found['method']}, {found['effective_samples']:.0f} effective samples; "
         f"emulator error {found['emulator_error']:.1g} standard deviations "
-        f"over {found['emulator_points']} throws"
+        f"over {count_text(found['emulator_points'], 'throw')}"
     ]
-    for name, (low, high) in zip(found["names"], found["interval_95"], strict=True):
-        lines.append(f"{'':<12}{name}: 95 %: {low:.5g} ... {high:.5g}")
+    units = {item.name: item.unit for item in calibration.parameters}
+    for name, bounds in zip(found["names"], found["interval_95"], strict=True):
+        lines.append(f"{'':<12}{name}: 95 %: {value_text(*bounds, unit=units[name])}")
     return lines
 
 
-def _draw(outcome: "CalibrationOutcome", folder: Path, *, quiet: bool) -> list[Path]:
-    from turnout.calibration.movement_rows import fitted_signals
-    from turnout.plot.calibration import plot_fit, plot_sweep
+def _draw(
+    calibration: "Calibration",
+    sweeps: "Sequence[GridSearch]",
+    signals: "xr.Dataset",
+    folder: Path,
+    *,
+    quiet: bool,
+) -> list[Path]:
+    """Draw grid searches, intervals, correlations and each movement as fitted."""
+    from turnout.cli.watch import Watch
+    from turnout.core.files import write_atomic
+    from turnout.plot.calibration import plot_correlations, plot_fit, plot_sweep
+    from turnout.plot.draw import draw_sheet
     from turnout.plot.style import rendered
+    from turnout.report.calibration import interval_sheet
 
-    written = []
-    for number, item in enumerate(outcome.sweeps, 1):
+    made: dict[str, Callable[[], Any]] = {}
+    for number, item in enumerate(sweeps, 1):
         name = item.parameter.name.replace(".", "-")
-        figure = plot_sweep(item.curves)
-        path = folder / f"sweep-{number}-{name}.png"
-        write_and_report(path, rendered(figure, ".png"), quiet=quiet)
-        written.append(path)
-    signals = fitted_signals(outcome.final)
+        made[f"sweep-{number}-{name}"] = partial(plot_sweep, item.curves)
+    if calibration.fitted:
+        made["intervals"] = partial(draw_sheet, interval_sheet(calibration))
+        names = [item.name for item in calibration.fitted]
+        made["correlations"] = partial(plot_correlations, names, calibration.correlation)
     for number, name in enumerate(signals["movement"].values, 1):
-        path = folder / f"fit-{number}.png"
-        write_and_report(path, rendered(plot_fit(signals, str(name)), ".png"), quiet=quiet)
-        written.append(path)
+        plain = re.sub(r"[^\w.-]+", "-", str(name))
+        made[f"fit-{number:02d}-{plain}"] = partial(plot_fit, signals, str(name))
+    written = []
+    with Watch("drawing", compiling=False, quiet=quiet) as watch:
+        for number, (name, draw) in enumerate(made.items(), 1):
+            path = folder / f"{name}.png"
+            write_atomic(path, rendered(draw(), ".png"))
+            written.append(path)
+            watch.report(number, len(made))
+    if not quiet:
+        typer.echo(f"{'written':<12}{folder} ({len(written)} figures)")
     return written

@@ -15,6 +15,7 @@ from turnout.cli.options import (
     check_outputs,
     write_and_report,
 )
+from turnout.core.value_text import shown_unit
 
 if TYPE_CHECKING:
     from turnout.matching.facts import Facts
@@ -140,9 +141,8 @@ def _write(
 
 def _axis(name: str, unit: str) -> tuple[str, float]:
     """Return the label of an axis, and the factor from SI to its unit."""
-    usual = {"m": ("mm", 1e3), "N": ("kN", 1e-3), "N/m": ("kN/m", 1e-3)}
-    shown, factor = usual.get(unit, (unit, 1.0))
-    return (f"{name} [{shown}]" if shown else name), factor
+    shown, size = shown_unit(unit)
+    return (f"{name} [{shown}]" if shown else name), 1.0 / size
 
 
 def match_record(found: "Matching", shown: "Survey") -> dict[str, object]:

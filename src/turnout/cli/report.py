@@ -127,6 +127,7 @@ def _calibration_page(
     source: Path, panel: str | None, *, drawn: bool
 ) -> "tuple[Page, Mapping[str, bytes]]":
     """Return the page of a calibration, with the inputs of its panel if that can be loaded."""
+    from turnout.calibration.fitted_file import load_signals
     from turnout.calibration.result import load_calibration
     from turnout.errors import FileError, PanelError
     from turnout.panel.load import load_panel
@@ -145,7 +146,13 @@ def _calibration_page(
             "other values; name that one"
         )
         raise FileError(message)
-    return calibration_page(calibration, panel=used, suffixes=FORMS if drawn else FORMS[:1]), {}
+    page = calibration_page(
+        calibration,
+        panel=used,
+        signals=load_signals(calibration, source),
+        suffixes=FORMS if drawn else FORMS[:1],
+    )
+    return page, {}
 
 
 def _file_page(

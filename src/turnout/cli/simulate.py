@@ -26,6 +26,7 @@ from turnout.cli.options import (
     opened_panel,
 )
 from turnout.core.collector import without_collections
+from turnout.core.lean_imports import import_scipy, without_package
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -214,7 +215,8 @@ def preload(*, plots: bool) -> None:
     failure here occurs again, with its message, when the dataset is made.
     """
     with contextlib.suppress(Exception):
-        importlib.import_module("xarray")
+        with without_package("pyarrow"):
+            importlib.import_module("xarray")
         if plots:
             importlib.import_module("turnout.plot.throw")
 
@@ -232,6 +234,7 @@ def _run(
     plots: bool,
 ) -> tuple["xr.Dataset", bool]:
     """Return the dataset, whole or partial, and whether the run ended early."""
+    import_scipy()
     from turnout.cli.watch import watched
     from turnout.panel.foreign_object import resolve_objects
     from turnout.panel.object_text import parse_objects

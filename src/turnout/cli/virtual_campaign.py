@@ -15,6 +15,7 @@ from turnout.cli.options import (
     SetOption,
     opened_panel,
 )
+from turnout.core.value_text import count_text
 
 if TYPE_CHECKING:
     from turnout.measurement.chain.monitoring import Monitoring
@@ -200,7 +201,8 @@ def _make(
         }
         print_json("campaign virtual", record, written=[out])
     elif not quiet:
-        typer.echo(f"{'thrown':<12}{len(made.thrown)} movements, {slips} of them with slip")
+        movements = count_text(len(made.thrown), "movement")
+        typer.echo(f"{'thrown':<12}{movements}, {slips} of them with slip")
         if made.oversized:
             typer.echo(f"{'left out':<12}no room for {', '.join(made.oversized)}")
         for mistake in made.mistakes:

@@ -37,9 +37,16 @@ def kernel_cache_folder() -> Path:
 
 
 def _choose_folder() -> None:
-    """Choose a folder that no other user can write, since what lies there is run."""
-    chosen = os.environ.pop(CACHE_VARIABLE, None)
-    folder = safe_folder(Path(chosen).absolute() if chosen else kernel_cache_folder())
+    """Choose a folder that no other user can write, since what lies there is run.
+
+    It bears the digest of the present sources wherever it is: a folder that the user chose may
+    have served others before.
+    """
+    chosen, wanted = os.environ.pop(CACHE_VARIABLE, None), kernel_cache_folder()
+    if chosen:  # by the user, or by the process that started this one
+        place = Path(chosen).absolute()
+        wanted = place if place.name == wanted.name else place / wanted.name
+    folder = safe_folder(wanted)
     if folder is not None:
         os.environ[CACHE_VARIABLE] = str(folder)
 
@@ -100,7 +107,9 @@ class Kernel:
         return inner_dispatcher(self)
 
     def is_kept(self) -> bool:
-        """Return whether the cache holds machine code of this kernel for this processor."""
+        """Return whether machine code of this kernel is in use here, or in the cache."""
+        if self._ready:
+            return True
         from turnout.kernels.machine_code import machine_digest
 
         folder = os.environ.get(CACHE_VARIABLE)
@@ -155,7 +164,7 @@ class Kernel:
                 code = compile_kernel(self, kinds)
                 if file is not None:
                     with suppress(OSError, TurnoutError):  # without a cache it is compiled again
-                        write_atomic(file, code.to_bytes())
+                        write_atomic(file, code.to_bytes(), durable=False)
             self._ready[kinds] = callable_code(code, kinds)
             return self._ready[kinds]
 

@@ -8,14 +8,16 @@ that it calls. This halves the time of a first start and changes no bit.
 """
 
 import os
+import pickle
 import uuid
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import numba
 import numpy as np
 from llvmlite import ir
 from llvmlite.binding import parse_bitcode
-from numba.core import cgutils, types
+from numba.core import cgutils, serialize, types
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CR_FIELDS, CompilerBase, CompileResult, DefaultPassBuilder
@@ -27,7 +29,7 @@ import turnout.kernels.inverse_code
 import turnout.kernels.lane_code
 import turnout.kernels.memory_code  # noqa: F401 - it registers what kernels call
 from turnout.kernels.arguments import ARRAY, LOGICAL, NOTHING, NUMBER, TUPLE, WHOLE, Kind
-from turnout.kernels.machine_code import MachineCode
+from turnout.kernels.machine_code import MachineCode, digest_of, machine_digest
 from turnout.kernels.record_code import record_type
 from turnout.kernels.shared_record import RecordKind
 
@@ -96,17 +98,23 @@ class _PlainCodeFiles(CompileResultCacheImpl):
 
     def get_filename_base(self, fullname: str, abiflags: str) -> str:
         """Return the beginning of the names of its files."""
-        return f"inner.{super().get_filename_base(fullname, abiflags)}"
+        return f"inner.{super().get_filename_base(fullname, abiflags)}.{machine_digest()}"
 
     def reduce(self, cres: Any) -> Any:
         """Return what is stored of compiled code."""
         cres.fndesc.typemap = cres.fndesc.calltypes = None  # of the compiler, and large
         code = cres.library._final_module.as_bitcode()
-        return cres.library.name, code, cres.fndesc, cres.signature, cres.reload_init
+        known = (cres.library.name, code, cres.fndesc, cres.signature, cres.reload_init)
+        content = serialize.dumps(known)
+        return digest_of(content), content
 
     def rebuild(self, target_context: Any, payload: Any) -> Any:
         """Return compiled code from what was stored."""
-        name, code, fndesc, signature, reload_init = payload
+        digest, content = payload
+        if digest_of(content) != digest:
+            msg = "plain code in the cache is damaged"
+            raise ValueError(msg)
+        name, code, fndesc, signature, reload_init = pickle.loads(content)
         library = _PlainCode(target_context.codegen(), name)
         library._final_module = parse_bitcode(code)
         library._finalize_final_module()
@@ -117,9 +125,25 @@ class _PlainCodeFiles(CompileResultCacheImpl):
 
 
 class _PlainCodeCache(FunctionCache):
-    """Cache of the plain code of kernels."""
+    """Cache of the plain code of kernels; where it cannot serve, code is compiled again."""
 
     _impl_class = _PlainCodeFiles
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return kept code; None where there is none for these arguments, or it is damaged."""
+        try:
+            found = super().load_overload(sig, target_context)
+        except Exception:  # whatever comes of unpickling what is damaged
+            with suppress(OSError):
+                self.flush()
+            return None
+        # Two processes may have given one name to the code of different arguments.
+        return found if found is not None and found.signature.args == tuple(sig) else None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep code, if the folder takes it."""
+        with suppress(OSError):
+            super().save_overload(sig, data)
 
 
 class _InnerKernel(CPUDispatcher):
@@ -161,6 +185,7 @@ def compile_kernel(kernel: "Kernel", kinds: tuple[Kind, ...]) -> MachineCode:
     with global_compiler_lock:
         dispatcher.compile(given)
         inner = dispatcher.overloads[given]
+        result = _result_kind(inner.signature.return_type)
         context = dispatcher.targetctx
         entry = kernel.identity(kinds) or f"{kernel.full_name}-{uuid.uuid4().hex}"
         library = _WholeCode(context.codegen(), entry)
@@ -169,7 +194,7 @@ def compile_kernel(kernel: "Kernel", kinds: tuple[Kind, ...]) -> MachineCode:
         library.add_ir_module(module)
         library.add_linking_library(inner.library)
         library.finalize()
-        return MachineCode(entry, _result_kind(inner.signature.return_type), library.to_object())
+        return MachineCode(entry, result, library.to_object())
 
 
 def _type_of(kind: Kind) -> types.Type:

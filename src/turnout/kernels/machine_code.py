@@ -46,13 +46,13 @@ class MachineCode:
         """Return the content of its file."""
         head = {name: value for name, value in asdict(self).items() if name != "content"}
         line = json.dumps(head).encode() + b"\n"
-        return _digest(line + self.content) + line + self.content
+        return digest_of(line + self.content) + line + self.content
 
     @classmethod
     def from_bytes(cls, content: bytes) -> Self | None:
         """Return what a file holds; None where it is damaged."""
         digest, rest = content[:_DIGEST_SIZE], content[_DIGEST_SIZE:]
-        if _digest(rest) != digest:
+        if digest_of(rest) != digest:
             return None
         head, _, code = rest.partition(b"\n")
         return cls(**json.loads(head), content=code)
@@ -61,17 +61,28 @@ class MachineCode:
 _DIGEST_SIZE = 16
 
 
-def _digest(content: bytes) -> bytes:
+def digest_of(content: bytes) -> bytes:
+    """Return a digest by which damage is detected."""
     return hashlib.blake2b(content, digest_size=_DIGEST_SIZE).digest()
+
+
+CODE_VARIABLES = tuple(
+    f"NUMBA_{name}"
+    for name in (
+        *("CPU_NAME", "CPU_FEATURES", "ENABLE_AVX", "OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE"),
+        *("DISABLE_INTEL_SVML", "BOUNDSCHECK", "DEBUGINFO"),
+    )
+)
+"""Environment variables by which Numba makes other code of the same source."""
 
 
 @cache
 def machine_digest() -> str:
     """Return a digest of this processor and of what compiles for it; 12 hexadecimal digits."""
-    name = os.environ.get("NUMBA_CPU_NAME") or binding.get_host_cpu_name()
-    features = os.environ.get("NUMBA_CPU_FEATURES") or binding.get_host_cpu_features().flatten()
+    host = (binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten())
+    chosen = [f"{name}={os.environ[name]}" for name in CODE_VARIABLES if name in os.environ]
     makers = [version(package) for package in ("numba", "llvmlite", "numpy")]
-    known = (name, features, binding.get_process_triple(), *makers)
+    known = (*host, binding.get_process_triple(), *makers, *chosen)
     return hashlib.blake2b("\n".join(known).encode(), digest_size=6).hexdigest()
 
 

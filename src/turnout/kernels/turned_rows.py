@@ -17,6 +17,7 @@ from turnout.kernels.lanes import (
     gather,
     load,
     multiply_add,
+    prefetch,
     store,
     store_nontemporal,
 )
@@ -110,7 +111,10 @@ def _turn(sums: RowSums, first: int, size: int, lines: Floats) -> None:
     for t in range(0, whole, LANES):
         for c in range(sums.column_address.size):
             step = sums.column_step[c]
-            column = vector_at(sums.column_address[c] + 8 * step * (first + t), 7 * step + 1)
+            address = sums.column_address[c] + 8 * step * (first + t)
+            # The processor foresees lines of one instant, but not those of the next eight.
+            prefetch(vector_at(address + 8 * step * (LANES + c % LANES), 1))
+            column = vector_at(address, 7 * step + 1)
             store(gather(column, sums.place, LANES * sums.column_history[c]), lines[c], t)
     for t in range(whole, size):
         for c in range(sums.column_address.size):

@@ -7,6 +7,8 @@ import numpy as np
 import xarray as xr
 from scipy.stats import t as student
 
+from turnout.core.saturating_force import saturates
+
 # Time over which an end value is averaged [s].
 END_WINDOW = 0.3
 # Share of throws without an object that may be taken for one with: three standard deviations of a
@@ -50,8 +52,9 @@ class PlaceSizes:
     slipped : float
         Smallest that made a drive slip.
     undecided : float
-        Where none is detectable: the smallest whose end force lies beyond three standard deviations
-        of the throws without an object, which are too few to say that this is no chance.
+        The smallest below those that are detectable from which on every end force lies beyond three
+        standard deviations of the throws without an object, where these are too few to say that
+        this is no chance; where none is detectable, the smallest at all.
     """
 
     place: str
@@ -125,6 +128,21 @@ def repeat_scatter(dataset: xr.Dataset, *, direction: str) -> list[RepeatScatter
     return found
 
 
+def saturating_places(dataset: xr.Dataset, *, direction: str) -> list[str]:
+    """Return the places at which the end force of a drive grows with the object, and then stays."""
+    kept = dataset.isel(movement=np.flatnonzero(dataset["direction"].values == direction))
+    if "drive_force" not in kept or not kept.sizes["movement"]:
+        return []
+    ends = np.stack([end_values(kept["drive_force"].sel(drive=name)) for name in kept["drive"]])
+    known = np.nan_to_num(ends)
+    found = []
+    for place in object_places(kept):
+        here = np.flatnonzero((kept["place"].values == place) & (kept["size"].values > 0))
+        if saturates([(float(kept["size"][number]), known[:, number]) for number in here]):
+            found.append(place)
+    return found
+
+
 def place_sizes(dataset: xr.Dataset, *, direction: str) -> list[PlaceSizes]:
     """Return at each place the sizes from which on objects are detectable, and make a drive slip.
 
@@ -161,7 +179,8 @@ def place_sizes(dataset: xr.Dataset, *, direction: str) -> list[PlaceSizes]:
         size = dataset["size"].values[here]
         hidden = size[~outside[here]].max(initial=0.0)
         detectable = size[size > hidden].min(initial=np.inf)
-        open_sizes = size[beyond[here]] if not np.isfinite(detectable) else size[:0]
+        near = size[~beyond[here]].max(initial=0.0) if np.isfinite(detectable) else 0.0
+        open_sizes = size[beyond[here] & (size > near) & (size < detectable)]
         slips = size[slipped[here]] if slipped is not None else size[:0]
         found.append(
             PlaceSizes(

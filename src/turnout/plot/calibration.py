@@ -1,19 +1,26 @@
-"""Figures of a calibration: what a grid search tried, and fitted values with intervals."""
+"""Figures of a calibration: what a grid search tried, fitted forces, values with intervals."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
+from turnout.core.value_text import value_text
 from turnout.errors import ResponseError
+from turnout.plot.draw import draw_sheet
+from turnout.plot.sheet import Line, Row, Sheet
 from turnout.plot.style import COLOURS, DASHES, GREY, new_figure, put_title, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-
+Floats = NDArray[np.float64]
 KILO = 1e-3
+# A correlation beyond which the square is so dark that its number is white [-].
+DARK = 0.6
 # More lines than this are unreadable; the best and evenly spread ones are drawn.
 MOST_VALUES = 5
 
@@ -77,9 +84,7 @@ def _draw(
     unit = curves.attrs["unit"]
     for place, number in enumerate(shown):
         value = float(curves["value"].values[number])
-        text = f"{value:g}" if unit == "1" else f"{value:g} {unit}"
-        if value >= 1e4:
-            text = f"{KILO * value:g} k{unit}"
+        text = value_text(value, unit=unit, digits=4)
         ax.plot(
             time,
             KILO * simulated[number],
@@ -146,8 +151,12 @@ def plot_intervals(dataset: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
     return ax
 
 
-def plot_fit(signals: xr.Dataset, movement: str) -> "Figure":
-    """Draw measured and fitted forces of a movement, and under each what is left between them.
+# Measured lines are wide and light, so that a fitted one on top of them leaves both to be seen.
+MEASURED_COLOUR, MEASURED_WIDTH = "#9e9e9e", 4.5
+
+
+def fit_sheet(signals: xr.Dataset, movement: str) -> Sheet:
+    """Return measured and fitted forces of a movement, and what is left between them.
 
     Parameters
     ----------
@@ -158,34 +167,81 @@ def plot_fit(signals: xr.Dataset, movement: str) -> "Figure":
 
     Returns
     -------
-    matplotlib.figure.Figure
-        Two rows a channel: forces [kN], then the residual [N].
+    Sheet
+        Two rows a channel: forces [kN], then the residual [N] with its root mean square.
+
+    Raises
+    ------
+    ResponseError
+        When the movement was not compared.
     """
     one = signals.sel(movement=movement)
-    names = [
-        str(name)
-        for name in one["channel"].values
-        if one["measured"].sel(channel=name).notnull().any()
-    ]
-    if not names:
+    rows: list[Row] = []
+    for name in (str(name) for name in one["channel"].values):
+        channel = one.sel(channel=name)
+        measured = channel["measured"].to_numpy()
+        known = np.flatnonzero(np.isfinite(measured))
+        if not known.size:
+            continue
+        part = slice(int(known[0]), int(known[-1]) + 1)
+        time, rest = one["time"].to_numpy()[part], channel["residual"].to_numpy()[part]
+        forces = (
+            Line(
+                label="measured",
+                x=time,
+                y=KILO * measured[part],
+                colour=MEASURED_COLOUR,
+                width=MEASURED_WIDTH,
+            ),
+            Line(label="fitted", x=time, y=KILO * channel["fitted"].to_numpy()[part]),
+        )
+        rms = float(np.sqrt(np.nanmean(rest**2)))
+        left = Line(label=f"RMS {rms:.2g} N", x=time, y=rest, colour=1, width=1.0)
+        rows += [Row(f"{name} [kN]", forces), Row("Residual [N]", (left,))]
+    if not rows:
         message = f"nothing to draw: {movement} was not compared"
         raise ResponseError(message)
-    figure, axes = new_figure(2 * len(names))
-    time = one["time"].to_numpy()
-    compared = time[one["measured"].notnull().any("channel").to_numpy()]
-    span = (float(compared[0]), float(compared[-1]))
-    for place, name in enumerate(names):
-        forces, rest = axes[2 * place], axes[2 * place + 1]
-        row = one.sel(channel=name)
-        forces.plot(time, KILO * row["measured"], color="black", linewidth=2.6, alpha=0.75)
-        forces.plot(time, KILO * row["fitted"], color=COLOURS[0], linewidth=1.2)
-        rest.plot(time, row["residual"], color=COLOURS[1], linewidth=1.0)
-        rest.axhline(0.0, color=GREY, linewidth=0.8, linestyle=":")
-        styled(forces, f"{name} [kN]", span=span)
-        styled(rest, "Residual [N]", span=span)
-    axes[0].legend(["measured", "fitted"], loc="upper left", frameon=False)
-    axes[-1].set_xlabel("Time from the onset [s]")
-    figure.align_ylabels(axes)
-    texts = dict(zip(signals["movement"].values, signals.attrs["texts"], strict=True))
-    put_title(figure, str(texts[movement]))
+    number = [str(name) for name in signals["movement"].values].index(movement)
+    return Sheet(
+        name=f"fit-{number + 1}",
+        title=str(signals.attrs["texts"][number]),
+        caption="Fitted with onset, friction, zeros and gains of this movement; means over 20 ms.",
+        x_label="Time from the onset [s]",
+        rows=tuple(rows),
+    )
+
+
+def plot_fit(signals: xr.Dataset, movement: str) -> "Figure":
+    """Draw what `fit_sheet` describes."""
+    return draw_sheet(fit_sheet(signals, movement))
+
+
+def plot_correlations(names: Sequence[str], correlation: Floats) -> "Figure":
+    """Draw the correlations of fitted values as coloured squares with their numbers.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Of the values.
+    correlation : ndarray, shape (p, p)
+        Between -1 and 1 [-].
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    if not names:
+        message = "nothing to draw: no parameter was fitted"
+        raise ResponseError(message)
+    figure, (ax,) = new_figure(1)
+    figure.set_size_inches(3.6 + 0.75 * len(names), 1.2 + 0.55 * len(names))
+    ax.imshow(correlation, cmap="RdBu_r", vmin=-1.0, vmax=1.0, aspect="auto")
+    for (row, column), value in np.ndenumerate(correlation):
+        ink = "white" if abs(value) > DARK else "black"
+        ax.text(column, row, f"{value:+.2f}", ha="center", va="center", color=ink, fontsize=8)
+    numbers = [str(number + 1) for number in range(len(names))]
+    ax.set_xticks(range(len(names)), numbers)
+    labels = [f"{number} {name}" for number, name in zip(numbers, names, strict=True)]
+    ax.set_yticks(range(len(names)), labels)
+    put_title(figure, "Correlations of the fitted values")
     return figure

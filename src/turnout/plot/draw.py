@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from turnout.errors import ResponseError
-from turnout.plot.sheet import Line, Row, Sheet
+from turnout.plot.sheet import Line, Row, Sheet, counted
 from turnout.plot.style import COLOURS, DASHES, GREY, SHADE, new_figure, put_title, styled
 
 if TYPE_CHECKING:
@@ -60,6 +60,8 @@ def draw_sheet(sheet: Sheet) -> "Figure":
     for ax, row in zip(axes, sheet.rows, strict=True):
         _draw_row(ax, sheet, row, span=span)
     _name_places(axes[0], sheet)
+    if counted(sheet):
+        axes[-1].locator_params(axis="x", integer=True)
     axes[-1].set_xlabel(sheet.x_label)
     figure.align_ylabels(axes)
     put_title(figure, sheet.title)

@@ -183,6 +183,7 @@ def sheet_record(sheet: Sheet, *, most: int = MOST_POINTS) -> dict[str, Any]:
         "name": sheet.name,
         "title": sheet.title,
         "x_label": sheet.x_label,
+        "counted": counted(sheet),
         "rows": [
             {
                 "label": row.label,
@@ -195,6 +196,17 @@ def sheet_record(sheet: Sheet, *, most: int = MOST_POINTS) -> dict[str, Any]:
         "one_legend": sheet.one_legend,
         "moments": [{"at": moment.at, "text": moment.text} for moment in sheet.moments],
     }
+
+
+# More numbers than this are not all named on an axis.
+MOST_COUNTED = 20
+
+
+def counted(sheet: Sheet) -> bool:
+    """Return whether the x axis counts something, so that only whole numbers belong on it."""
+    rows = [np.asarray(line.x, dtype=float) for row in sheet.rows for line in row.lines]
+    x = np.concatenate(rows) if rows else np.zeros(0)
+    return x.size > 0 and bool(np.all(x == np.round(x)) and np.ptp(x) < MOST_COUNTED)
 
 
 def _line_record(line: Line, most: int) -> dict[str, Any]:

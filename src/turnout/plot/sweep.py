@@ -7,6 +7,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from turnout.core.value_text import shown_unit
 from turnout.metric.sensitivity import Effect, OutputEffects
 from turnout.metric.sweep_map import LOCKED, NOT_THROWN, STATES, UNDETECTED
 from turnout.plot.style import COLOURS, GREY, put_title
@@ -194,7 +195,6 @@ def _name(state: int, found: Sequence[int]) -> str:
 
 # Main effects are drawn for the most influential inputs.
 MOST_EFFECTS = 4
-SCREEN = {"N": ("kN", KILO), "m": ("mm", MILLI), "N/m": ("kN/mm", 1e-6), "K": ("K", 1.0)}
 
 
 def plot_sweep_effects(outputs: Sequence[OutputEffects], *, title: str = "") -> "Figure":
@@ -282,8 +282,8 @@ def plot_indices(item: OutputEffects, *, ax: "Axes") -> "Axes":
 
 def plot_effect(item: OutputEffects, effect: Effect, *, ax: "Axes") -> "Axes":
     """Draw the mean of an output over one input, with its 95 % interval."""
-    unit, factor = SCREEN.get(item.output.units, (item.output.units, 1.0))
-    mean, half = factor * effect.mean, factor * np.nan_to_num(effect.confidence)
+    unit, size = shown_unit(item.output.units)
+    mean, half = effect.mean / size, np.nan_to_num(effect.confidence) / size
     if isinstance(effect.levels[0], str):
         x = np.arange(len(effect.levels), dtype=np.float64)
         ax.set_xticks(x, [str(level) for level in effect.levels], rotation=90, fontsize=6)
@@ -294,7 +294,7 @@ def plot_effect(item: OutputEffects, effect: Effect, *, ax: "Axes") -> "Axes":
         ax.fill_between(x, mean - half, mean + half, color=COLOURS[0], alpha=0.25, linewidth=0)
         ax.plot(x, mean, marker="o", markersize=3, color=COLOURS[0], linewidth=1.2)
         ax.set_xlabel(text, fontsize=8)
-    ax.set_ylabel(f"Mean [{unit}]" if unit not in ("", "1") else "Mean", fontsize=8)
+    ax.set_ylabel(f"Mean [{unit}]" if unit else "Mean", fontsize=8)
     ax.tick_params(labelsize=7)
     ax.grid(visible=True, color="0.88", linewidth=0.6)
     ax.spines[["top", "right"]].set_visible(False)
@@ -305,5 +305,5 @@ def effect_axis(effect: Effect) -> tuple[str, float, float]:
     """Return the title of an input's axis, and what turns SI into what it shows."""
     if effect.name in AXIS_TITLES:
         return AXIS_TITLES[effect.name]
-    unit, factor = SCREEN.get(effect.units, (effect.units, 1.0))
-    return (f"{effect.name} [{unit}]" if unit not in ("", "1") else effect.name), factor, 0.0
+    unit, size = shown_unit(effect.units)
+    return (f"{effect.name} [{unit}]" if unit else effect.name), 1.0 / size, 0.0

@@ -3,26 +3,33 @@
 import math
 
 import numpy as np
+import xarray as xr
 
 from turnout.calibration.result import Calibration, Fitted, StageLog
+from turnout.core.value_text import count_text, shown_unit, value_text
 from turnout.metric.finding import Finding
 from turnout.panel.load import LoadedPanel
+from turnout.plot.calibration import fit_sheet
 from turnout.plot.draw import draw_sheet
-from turnout.plot.sheet import Line, Moment, Row, Sheet
+from turnout.plot.sheet import Level, Line, Moment, Row, Sheet
 from turnout.plot.style import rendered
 from turnout.report.inputs import inputs_section
 from turnout.report.page import Heat, Page, Picture, Section, Table
-from turnout.report.values import shown
 
 FITTED, FIXED = "fitted", "fixed"
 # Above this correlation only a combination of two parameters is identified.
 STRONG = 0.9
+# What findings begin with that say which movement to measure next.
+NEXT = "next: "
+# Points of a line: bins of 20 ms over a movement.
+MOST_POINTS = 260
 
 
 def calibration_page(
     calibration: Calibration,
     *,
     panel: LoadedPanel | None = None,
+    signals: xr.Dataset | None = None,
     suffixes: tuple[str, ...] = (".pdf",),
 ) -> Page:
     """Return the page about a calibration.
@@ -33,6 +40,8 @@ def calibration_page(
         What was found.
     panel : LoadedPanel, optional
         The panel that was calibrated, without what was found.
+    signals : xarray.Dataset, optional
+        Measured and fitted forces of each movement, as `load_signals` reads them.
     suffixes : tuple of str
         In which forms the page holds each figure on paper.
 
@@ -42,16 +51,26 @@ def calibration_page(
     """
     sweeps = [stage for stage in calibration.stages if stage.sweep]
     pictures = [_picture(sweep_sheet(stage, calibration), suffixes) for stage in sweeps]
-    found = [Table("", ("Finding",), [(text,) for text in calibration.findings])]
+    others = [text for text in calibration.findings if not text.startswith(NEXT)]
+    found = [Table("", ("Finding",), [(text,) for text in others])]
     warned = [Table("", ("Warning",), [(text,) for text in calibration.warnings])]
     causes = [Table("", ("Cause",), [(text,) for text in calibration.causes])]
     sections = [
         Section(
-            heading="Parameters", tables=[_parameters(calibration)], heats=_together(calibration)
+            heading="Parameters",
+            pictures=_intervals(calibration, suffixes),
+            tables=[_parameters(calibration)],
+            heats=_together(calibration),
         ),
         Section(
             heading="Findings and warnings",
             tables=[table for table in (*causes, *found, *warned) if table.rows],
+        ),
+        _next(calibration),
+        Section(
+            heading="Measured against fitted",
+            pictures=[] if signals is None else _fits(signals),
+            folded=True,
         ),
         Section(heading="Stages", pictures=pictures, tables=[_stages(calibration)]),
         Section(heading="Noise and scatter", tables=_noise(calibration)),
@@ -61,7 +80,8 @@ def calibration_page(
     ]
     return Page(
         title=f"Calibration of {calibration.panel}",
-        subtitle=f"To {calibration.data}; {len(calibration.movements)} movements in the last stage",
+        subtitle=f"To {calibration.data}; "
+        f"{count_text(len(calibration.movements), 'movement')} in the last stage",
         findings=calibration_findings(calibration),
         synthetic=bool(calibration.about.get("synthetic")),
         sections=[s for s in sections if s.text or s.tables or s.pictures],
@@ -74,18 +94,17 @@ def calibration_findings(calibration: Calibration) -> list[Finding]:
     identified = [item for item in free if item.state == FITTED]
     good = len(identified) == len(free) and not calibration.warnings
     count = len(calibration.warnings)
-    detail = f"{count} warning{'s' * (count > 1)} below" if count else "no warning"
+    detail = f"{count_text(count, 'warning')} below" if count else "no warning"
     answer = f"{len(identified)} of {len(free)} parameters"
     found = [
         _verdict(calibration),
         Finding("good" if good else "look", "Identified", answer, detail),
     ]
     for item in calibration.parameters:
-        key = item.keys[0] if item.keys else item.name
-        value = _shown(item, item.value, key)
+        value = _shown(item, item.value)
         if item.state == FITTED:
-            low, high = (_shown(item, bound, key) for bound in item.interval)
-            found.append(Finding("fact", item.name, value, f"between {low} and {high} (95 %)"))
+            reach = value_text(*item.interval, unit=item.unit)
+            found.append(Finding("fact", item.name, value, f"{reach} (95 % interval)"))
         elif item.state != FIXED:
             found.append(Finding("look", item.name, value, item.state))
     return found
@@ -98,11 +117,6 @@ def _verdict(calibration: Calibration) -> Finding:
     causes = ", ".join(dict.fromkeys(calibration.fitted_causes))
     detail = f"with what is fitted as its cause: {causes}" if causes else "without any cause"
     return Finding("good", "Verdict", "the model follows the measurement", detail)
-
-
-def _axis(unit: str) -> tuple[float, str]:
-    """Return the factor and unit in which values of an SI unit are drawn."""
-    return {"N/m": (1e-3, "kN/m"), "N": (1e-3, "kN"), "m": (1e3, "mm")}.get(unit, (1.0, unit))
 
 
 def sweep_sheet(stage: StageLog, calibration: Calibration) -> Sheet:
@@ -118,15 +132,15 @@ def sweep_sheet(stage: StageLog, calibration: Calibration) -> Sheet:
     known = {item.name: item for item in calibration.parameters}
     # A stage sweeps one parameter, the first that it changes.
     item = next((known[name] for name in stage.values if name in known), None)
-    factor, unit = (1.0, "") if item is None else _axis(item.unit)
-    label = "swept value" if item is None else f"{item.name} [{unit}]"
+    unit, size = ("", 1.0) if item is None else shown_unit(item.unit)
+    label = "swept value" if item is None else f"{item.name} [{unit or '-'}]"
     line = Line(
         label="misfit",
-        x=factor * np.array(stage.sweep["value"]),
+        x=np.array(stage.sweep["value"]) / size,
         y=100 * np.array(stage.sweep["misfit"]),
         style="line and marks",
     )
-    found = [Moment(factor * item.value, "found")] if item is not None else []
+    found = [Moment(item.value / size, "found")] if item is not None else []
     return Sheet(
         name=f"sweep-{stage.name.replace(' ', '-')}",
         title=f"Stage {stage.name}: misfit over the swept value",
@@ -137,28 +151,82 @@ def sweep_sheet(stage: StageLog, calibration: Calibration) -> Sheet:
     )
 
 
+def interval_sheet(calibration: Calibration) -> Sheet:
+    """Return the 95 % interval of each fitted value about it, in per cent of the value."""
+    lines = [
+        Line(
+            label=f"{number} {item.name}",
+            x=np.array([number, number], dtype=np.float64),
+            y=100 * (np.array(item.interval) - item.value) / abs(item.value),
+            colour=number - 1,
+            style="line and marks",
+            width=2.2,
+        )
+        for number, item in enumerate(calibration.fitted, 1)
+        if item.value
+    ]
+    return Sheet(
+        name="intervals",
+        title="95 % intervals of the fitted values",
+        caption="From the lower to the upper end, about the value found.",
+        x_label="Number of the value",
+        rows=(Row("Off the value [%]", tuple(lines), (Level(0.0, ""),)),),
+    )
+
+
+def _intervals(calibration: Calibration, suffixes: tuple[str, ...]) -> list[Picture]:
+    sheet = interval_sheet(calibration)
+    return [_picture(sheet, suffixes)] if sheet.rows[0].lines else []
+
+
+def _fits(signals: xr.Dataset) -> list[Picture]:
+    """Return each movement as measured and as fitted; `calibrate --figures` has them as files."""
+    sheets = (fit_sheet(signals, str(name)) for name in signals["movement"].values)
+    return [Picture(sheet, {}, MOST_POINTS) for sheet in sheets]
+
+
+def _next(calibration: Calibration) -> Section:
+    """Return which movements to measure next, with what each would narrow."""
+    rows = [
+        tuple(text.removeprefix(NEXT).rsplit(": ", 1))
+        for text in calibration.findings
+        if text.startswith(NEXT)
+    ]
+    tables = [Table("", ("Movement", "What it would narrow"), rows)] if rows else []
+    text = "" if rows else "Not looked for; `turnout calibrate --advise` ranks movements."
+    return Section(heading="What to measure next", text=text, tables=tables)
+
+
 def _picture(sheet: Sheet, suffixes: tuple[str, ...]) -> Picture:
     figure = draw_sheet(sheet)
     return Picture(sheet, {suffix: rendered(figure, suffix) for suffix in suffixes})
 
 
-def _shown(item: Fitted, value: float, key: str) -> str:
+def _shown(item: Fitted, value: float, *, digits: int = 5) -> str:
     if math.isnan(value):
         return "unknown"
-    unit = None if item.unit == "1" else item.unit
-    return shown(float(f"{value:.4g}"), unit, key.rsplit(".", 1)[-1])
+    return value_text(value, unit=item.unit, digits=digits)
 
 
 def _parameters(calibration: Calibration) -> Table:
     rows = []
     for item in calibration.parameters:
-        key = item.keys[0] if item.keys else item.name
-        value, start, low, high = (
-            _shown(item, number, key) for number in (item.value, item.start, item.lower, item.upper)
-        )
-        deviation = "" if math.isnan(item.deviation) else _shown(item, item.deviation, key)
-        rows.append((item.name, value, deviation, item.state, start, f"{low} to {high}"))
-    columns = ("Parameter", "Value", "Standard deviation", "State", "Start", "Bounds")
+        known = item.state == FITTED
+        deviation = _shown(item, item.deviation, digits=2) if known else "-"
+        reach = value_text(*item.interval, unit=item.unit) if known else "-"
+        start = _shown(item, item.start, digits=4)
+        bounds = value_text(item.lower, item.upper, unit=item.unit, digits=4)
+        value = _shown(item, item.value)
+        rows.append((item.name, value, deviation, reach, item.state, start, bounds))
+    columns = (
+        "Parameter",
+        "Value",
+        "Standard deviation",
+        "95 % interval",
+        "State",
+        "Start",
+        "Bounds",
+    )
     marked = frozenset(
         n for n, item in enumerate(calibration.parameters) if item.state not in (FITTED, FIXED)
     )
@@ -168,10 +236,9 @@ def _parameters(calibration: Calibration) -> Table:
 def _together(calibration: Calibration) -> list[Heat]:
     """Return the correlations of the fitted parameters; strong ones are framed."""
     names = [item.name for item in calibration.fitted]
-    size = np.sqrt(np.diag(calibration.covariance)) if len(names) > 1 else np.zeros(0)
-    if not size.size or not (size > 0).all():
+    correlation = calibration.correlation
+    if len(names) < 2 or not np.isfinite(correlation).all():
         return []
-    correlation = calibration.covariance / np.outer(size, size)
     strong = (np.abs(correlation) > STRONG) & ~np.eye(len(names), dtype=bool)
     heading = (
         f"Correlation of the parameters; strongly correlated (beyond {STRONG:g}) ones are framed"

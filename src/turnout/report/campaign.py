@@ -6,12 +6,14 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
+from turnout.core.value_text import count_text
 from turnout.metric.campaign_statistics import (
     PlaceSizes,
     end_values,
     object_places,
     place_sizes,
     repeat_scatter,
+    saturating_places,
 )
 from turnout.metric.finding import Finding
 from turnout.metric.summary import format_force
@@ -27,6 +29,8 @@ KILO, MILLI = 1e-3, 1e3
 MOST_POINTS = 260
 DIRECTIONS = ("closing", "opening")
 TOO_FEW = "too few throws without an object"
+# From so many on, sizes near the smallest detectable one are not called undecided.
+ENOUGH = 4
 
 
 def campaign_page(
@@ -62,7 +66,7 @@ def campaign_page(
             text="Force at the end of the throw in kN, by size of the object in mm. Framed where a "
             "drive slipped; repeats are averaged; empty where nothing was thrown.",
             heats=_heats(dataset, direction=way),
-            tables=[_sizes_table(place_sizes(dataset, direction=way))],
+            tables=[_sizes_table(dataset, way)],
         )
         for way in thrown
     ]
@@ -84,7 +88,7 @@ def campaign_page(
     count = dataset.sizes["movement"]
     return Page(
         title=str(dataset.attrs.get("title", "Campaign")),
-        subtitle=f"Campaign of {count} usable movements",
+        subtitle=f"Campaign of {count_text(count, 'usable movement')}",
         findings=campaign_findings(dataset, excluded=excluded, remarks=remarks),
         sections=sections,
         synthetic=bool(dataset.attrs.get("synthetic")),
@@ -101,7 +105,8 @@ def campaign_findings(
         for drive in repeat_scatter(dataset, direction=way):
             if drive.count:
                 spread = "unknown" if math.isnan(drive.deviation) else f"{drive.deviation:.0f} N"
-                detail = f"{spread} standard deviation in {drive.count} throws without an object"
+                throws = count_text(drive.count, "throw")
+                detail = f"{spread} standard deviation in {throws} without an object"
                 question = f"End force of drive {drive.drive}, {way}"
                 found.append(Finding("fact", question, format_force(drive.mean), detail))
     count = dataset.sizes["movement"]
@@ -136,7 +141,8 @@ def _detected(dataset: xr.Dataset, direction: str) -> Finding:
     undetected = [item.place for item in hidden if math.isnan(item.undecided)]
     open_places = [item.place for item in hidden if not math.isnan(item.undecided)]
     rule = "detection threshold at 0.14 % false alarms"
-    if all(math.isnan(item.deviation) for item in repeat_scatter(dataset, direction=direction)):
+    scatter = repeat_scatter(dataset, direction=direction)
+    if all(math.isnan(item.deviation) for item in scatter):
         detail = f"{TOO_FEW} to compare with: fewer than two"
         return Finding("look", question, "Unknown", detail)
     known = [item for item in results if not math.isnan(item.detectable)]
@@ -144,15 +150,27 @@ def _detected(dataset: xr.Dataset, direction: str) -> Finding:
         detail = f"{TOO_FEW} to decide at {', '.join(open_places)}; {rule}"
         return Finding("look", question, "Unknown", detail)
     if not known:
-        return Finding("bad", question, "None", f"no object is detected at any place; {rule}")
+        slips, throws = _free_slips(dataset, direction)
+        why = ", as drives slip without one" if slips and slips == throws else ""
+        return Finding("bad", question, "None", f"no object is detected at any place{why}; {rule}")
     worst = max(known, key=lambda item: item.detectable)
     detail = f"at {len(known)} of {len(results)} places, largest at {worst.place}; {rule}"
     if undetected:
         detail += f"; not detected at {', '.join(undetected)}"
     if open_places:
         detail += f"; {TOO_FEW} to decide at {', '.join(open_places)}"
+    smaller = [item.place for item in known if not math.isnan(item.undecided)]
+    if smaller and _few(dataset, direction):
+        detail += f"; {TOO_FEW} to decide on smaller ones at {', '.join(smaller)}"
     answer = f"{MILLI * worst.detectable:g} mm"
     return Finding("look" if hidden else "good", question, answer, detail)
+
+
+def _free_slips(dataset: xr.Dataset, direction: str) -> tuple[int, int]:
+    """Return how many throws without an object made a drive slip, and how many there were."""
+    free = (dataset["direction"].values == direction) & (dataset["size"].values == 0)
+    slips = dataset["slipped"].values[free].sum() if "slipped" in dataset.coords else 0
+    return int(slips), int(free.sum())
 
 
 def _slips(dataset: xr.Dataset, direction: str) -> Finding:
@@ -160,7 +178,18 @@ def _slips(dataset: xr.Dataset, direction: str) -> Finding:
         item for item in place_sizes(dataset, direction=direction) if not math.isnan(item.slipped)
     ]
     question = f"Smallest size that makes a drive slip, {direction}"
+    slips, throws = _free_slips(dataset, direction)
+    if slips:
+        detail = f"in {slips} of {count_text(throws, 'throw')}; a slip says nothing of an object"
+        return Finding("look", question, "Slips without an object", detail)
     if not results:
+        flat = saturating_places(dataset, direction=direction)
+        if flat:
+            detail = (
+                f"none is recorded, yet a rod force no longer grows at {', '.join(flat)}; check "
+                "clamps and the column slip"
+            )
+            return Finding("look", question, "Unknown", detail)
         return Finding("fact", question, "None", "no drive slipped with any object")
     least = min(results, key=lambda item: item.slipped)
     most = max(results, key=lambda item: item.slipped)
@@ -170,13 +199,30 @@ def _slips(dataset: xr.Dataset, direction: str) -> Finding:
     return Finding("fact", question, f"{MILLI * least.slipped:g} mm", detail)
 
 
-def _sizes_table(results: Sequence[PlaceSizes]) -> Table:
-    def size(value: float) -> str:
-        return "none" if math.isnan(value) else f"{MILLI * value:g} mm"
+def _size(value: float) -> str:
+    return "none" if math.isnan(value) else f"{MILLI * value:g} mm"
 
+
+def _detectable(item: PlaceSizes, *, few: bool) -> str:
+    """Return the smallest detectable size of a place, and where smaller ones are undecided."""
+    if math.isnan(item.undecided) or (not few and not math.isnan(item.detectable)):
+        return _size(item.detectable)
+    if math.isnan(item.detectable):
+        return TOO_FEW
+    return f"{_size(item.detectable)}; {TOO_FEW} to decide from {_size(item.undecided)}"
+
+
+def _few(dataset: xr.Dataset, direction: str) -> bool:
+    """Return whether there are too few throws without an object to compare with."""
+    counts = [drive.count for drive in repeat_scatter(dataset, direction=direction) if drive.count]
+    return min(counts, default=0) < ENOUGH
+
+
+def _sizes_table(dataset: xr.Dataset, direction: str) -> Table:
+    results, few = place_sizes(dataset, direction=direction), _few(dataset, direction)
     rows = [
-        (item.place, f"{size(item.smallest)} to {size(item.largest)}",
-         size(item.detectable) if math.isnan(item.undecided) else TOO_FEW, size(item.slipped))
+        (item.place, f"{_size(item.smallest)} to {_size(item.largest)}",
+         _detectable(item, few=few), _size(item.slipped))
         for item in results
     ]  # fmt: skip
     columns = ("Place", "Sizes thrown", "Smallest detectable size", "Smallest size with slip")

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
+from turnout.core.value_text import shown_unit
 from turnout.errors import ResponseError
 from turnout.metric.finding import Finding, Level
 from turnout.metric.sensitivity import Effect, OutputEffects
@@ -23,7 +24,7 @@ from turnout.metric.sweep_map import (
 from turnout.plot.draw import draw_sheet
 from turnout.plot.sheet import Line, Row, Sheet
 from turnout.plot.style import rendered
-from turnout.plot.sweep import SCREEN, TITLES, effect_axis, plot_sweep_map, strongest
+from turnout.plot.sweep import TITLES, effect_axis, plot_sweep_map, strongest
 from turnout.report.inputs import origin_section
 from turnout.report.page import Heat, Page, Picture, Section, Table
 
@@ -199,15 +200,15 @@ def _effect_sheet(item: OutputEffects, effect: Effect) -> Sheet:
     """Return the mean of an output over an input, with its 95 % interval."""
     label, factor, offset = effect_axis(effect)
     x = factor * np.array(effect.levels, dtype=float) + offset
-    unit, scale = SCREEN.get(item.output.units, (item.output.units, 1.0))
+    unit, size = shown_unit(item.output.units)
     name = item.output.name.replace("_", " ")
     lines = (
-        Line(label="mean", x=x, y=scale * effect.mean, style="line and marks"),
+        Line(label="mean", x=x, y=effect.mean / size, style="line and marks"),
         *(
             Line(
                 label="95 % interval" if sign > 0 else "95 % interval, below",
                 x=x,
-                y=scale * (effect.mean + sign * effect.confidence),
+                y=(effect.mean + sign * effect.confidence) / size,
                 colour=4,
                 dash=3,
                 width=0.9,
@@ -220,7 +221,7 @@ def _effect_sheet(item: OutputEffects, effect: Effect) -> Sheet:
         title=f"{name} by {effect.name}",
         caption="Mean over all that was varied besides.",
         x_label=label or effect.name,
-        rows=(Row(f"{name}\n[{unit}]", lines),),
+        rows=(Row(f"{name}\n[{unit}]" if unit else name, lines),),
     )
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
+from turnout.core.value_text import count_text
 from turnout.metric.campaign_statistics import object_places
 from turnout.metric.finding import Finding, Level
 from turnout.plot.style import rendered
@@ -49,7 +50,7 @@ def validation_page(validation: xr.Dataset, *, suffixes: Sequence[str] = (".pdf"
     sections = [
         Section(
             heading="Errors and the spread of repeats",
-            text=f"Of {verdict.judged} movements that were judged; the fit used "
+            text=f"Of {count_text(verdict.judged, 'movement')} that were judged; the fit used "
             f"{verdict.used}. From throw to throw: {scatter_text(validation)}.",
             tables=[_channels(verdict), _features(verdict)],
         ),
@@ -72,7 +73,7 @@ def validation_page(validation: xr.Dataset, *, suffixes: Sequence[str] = (".pdf"
     return Page(
         title=f"Validation: {validation.attrs.get('title', 'campaign')}",
         subtitle=f"Panel {validation.attrs.get('panel', 'not stated')}, calibrated; "
-        f"{validation.sizes['movement']} movements predicted",
+        f"{count_text(validation.sizes['movement'], 'movement')} predicted",
         findings=validation_findings(validation, verdict),
         sections=[s for s in sections if s.tables or s.heats or s.pictures],
         synthetic=bool(validation.attrs.get("synthetic")),

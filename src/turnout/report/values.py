@@ -9,21 +9,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from turnout.core.quantity import unit_of
+from turnout.core.value_text import shown_unit
 
 if TYPE_CHECKING:
     from turnout.panel.load import LoadedPanel
 
 
-# SI unit: name on the screen and its size in SI.
-SHOWN: dict[str, tuple[str, float]] = {
-    "N": ("kN", 1e3),
-    "N/m": ("kN/m", 1e3),
-    "N s/m": ("kN s/m", 1e3),
-    "N m/rad": ("kN m/rad", 1e3),
-    "N/m^2": ("GPa", 1e9),
-    "m^2": ("cm^2", 1e-4),
-    "m^4": ("cm^4", 1e-8),
-}
 # Lengths of the layout are read in metres, all others in millimetres.
 IN_METRES = frozenset({"x", "start", "end", "radius", "curve_radius", "lead", "element_length"})
 
@@ -60,15 +51,11 @@ def shown(value: Any, unit: str | None, name: str) -> str:
     if unit is None or not isinstance(value, float | int):
         return _number(value)
     text, factor = _screen_unit(unit, name)
-    if text == "kN/m" and abs(value) >= 1e6:
-        text, factor = "kN/mm", 1e6
     return f"{_number(value / factor)} {text}"
 
 
 def _screen_unit(unit: str, name: str) -> tuple[str, float]:
-    if unit == "m":
-        return ("m", 1.0) if name in IN_METRES else ("mm", 1e-3)
-    return SHOWN.get(unit, (unit, 1.0))
+    return ("m", 1.0) if unit == "m" and name in IN_METRES else shown_unit(unit)
 
 
 def _number(value: Any) -> str:

@@ -5,6 +5,7 @@ from html import escape
 
 import xarray as xr
 
+from turnout.core.value_text import count_text
 from turnout.metric.finding import Finding, findings
 from turnout.metric.throw_table import throw_table
 from turnout.plot.draw import draw_sheet
@@ -59,7 +60,7 @@ class View:
             return f"{attributes.get('name', 'sweep')}: {self.dataset.sizes['scenario']} scenarios"
         if kind in ("campaign", "validation"):
             count = self.dataset.sizes["movement"]
-            return f"{attributes.get('title', kind)}: {count} movements"
+            return f"{attributes.get('title', kind)}: {count_text(count, 'movement')}"
         if kind == "sequence":
             return str(attributes.get("title", kind))
         return title_of(self.dataset)

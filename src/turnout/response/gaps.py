@@ -21,13 +21,14 @@ from turnout.response.recovery import (
     condensed_shapes,
     histories_of,
     lateral_rows,
+    recipes_of,
     row_motion,
     seen_by,
-    seen_rows,
+    seen_recipe,
     stacked,
 )
 from turnout.response.route import Throw, open_rail, wanted_closed
-from turnout.response.rows_over_time import Rows, rows_in_lines, write_rows
+from turnout.response.rows_over_time import Recipe, Rows, rows_in_lines, write_rows
 
 Floats = NDArray[np.float64]
 Place = tuple[str, Floats, Floats]
@@ -99,14 +100,25 @@ def displacements_and_gaps(panel: Panel, motion: Motion, x: Floats, out: Floats)
     out : ndarray, shape (n_rails, 2, n_points, n_times)
         Displacements, positive in +y, then distances [m]; NaN beyond a rail.
     """
-    rows = []
-    for name, (moved, gap) in zip(panel.rail, out, strict=True):
-        start, parts = gap_rows(panel, motion, name, x, contact_height(panel, name, x))
-        towards = seen_by(motion, parts[:1])
-        less = seen_by(motion, parts) if parts[1:] else towards
-        rows.append(seen_rows(motion, towards, moved, minus=SIDE[panel.rail[name].closes] < 0))
-        rows.append(seen_rows(motion, less, gap, start=start, minus=True))
-    return rows
+    heights = [contact_height(panel, name, x) for name in panel.rail]
+
+    def recipes() -> list[Recipe]:
+        found = []
+        for name, height in zip(panel.rail, heights, strict=True):
+            start, parts = gap_rows(panel, motion, name, x, height)
+            towards = seen_by(motion, parts[:1])
+            less = seen_by(motion, parts) if parts[1:] else towards
+            minus = SIDE[panel.rail[name].closes] < 0
+            found.append(seen_recipe(motion, towards, minus=minus))
+            found.append(seen_recipe(motion, less, start=start, minus=True))
+        return found
+
+    places = ("shapes", x.tobytes(), *(height.tobytes() for height in heights))
+    kept = recipes_of(motion, (panel.rail, panel.stock_rail), places, recipes)
+    return [
+        recipe.into(to)
+        for recipe, to in zip(kept, (rows for both in out for rows in both), strict=True)
+    ]
 
 
 def gap_rows(
@@ -178,9 +190,16 @@ def split_gaps(panel: Panel, gaps: Floats, time: Floats) -> tuple[Floats, Floats
 
 def gap_rows_over_time(panel: Panel, motion: Motion) -> Rows:
     """Return the open distances at all `gap_places`, which `split_gaps` takes, over time."""
-    start, less = _seen_together(panel, motion, gap_places(panel), with_stored=True)
-    out = rows_in_lines(start.size, motion.history.time.size)
-    return seen_rows(motion, less, out, start=start, minus=True)
+    places = gap_places(panel)
+
+    def recipes() -> list[Recipe]:
+        start, less = _seen_together(panel, motion, places, with_stored=True)
+        return [seen_recipe(motion, less, start=start, minus=True)]
+
+    at = ("gaps", *((rail, x.tobytes(), z.tobytes()) for rail, x, z in places))
+    (recipe,) = recipes_of(motion, (panel.rail, panel.stock_rail), at, recipes)
+    count = sum(x.size for _, x, _ in places)
+    return recipe.into(rows_in_lines(count, motion.history.time.size))
 
 
 def watched_gaps(

@@ -11,7 +11,7 @@ matrix then gives its nodes. Where displacements that the run has stored say the
 used instead (`turnout.response.stored_displacements`), which is ten times as fast.
 """
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -28,8 +28,10 @@ from turnout.integrate.integration import History
 from turnout.mechanism.mechanism import Mechanism, RailBody, RailShape
 from turnout.response.rows_over_time import (
     Product,
+    Recipe,
     Rows,
     evenly_spaced,
+    kept_recipes,
     products_of,
     products_with,
     rows_in_lines,
@@ -377,10 +379,15 @@ def stacked(seen: Sequence[Seen]) -> Seen:
     )
 
 
-def seen_rows(
-    motion: Motion, seen: Seen, out: Floats, *, start: Floats | None = None, minus: bool = False
-) -> Rows:
-    """Return how such rows are written over time, beyond where they start, shape (n_rows,)."""
+def seen_rows(motion: Motion, seen: Seen, out: Floats) -> Rows:
+    """Return how such rows are written over time."""
+    return seen_recipe(motion, seen).into(out)
+
+
+def seen_recipe(
+    motion: Motion, seen: Seen, *, start: Floats | None = None, minus: bool = False
+) -> Recipe:
+    """Return how such rows are made, beyond where they start, shape (n_rows,)."""
     products = list(_stored_products(seen.stored, seen.load.size))
     left = np.flatnonzero(seen.modes.any(axis=1) | seen.shapes.any(axis=1))
     if left.size:
@@ -390,7 +397,20 @@ def seen_rows(
     begun = seen.load
     if minus or start is not None:
         begun = (0.0 if start is None else start) + (-seen.load if minus else seen.load)
-    return Rows(products, out, begun if begun.any() else None, minus)
+    return Recipe(tuple(products), begun if begun.any() else None, minus)
+
+
+def recipes_of(
+    motion: Motion,
+    named: Sequence[object],
+    values: Sequence[Hashable],
+    make: Callable[[], Sequence[Recipe]],
+) -> tuple[Recipe, ...]:
+    """Return recipes that depend on the rails and the laws of a run too, see `kept_recipes`."""
+    laws = motion.history.laws
+    of_rails = (motion.shapes, motion.rows, motion.condensed)
+    of_laws = (part.tobytes() for part in (motion.slope, laws.row, laws.friction_row))
+    return kept_recipes((*named, *of_rails), (*values, *of_laws), make)
 
 
 def _stored_products(stored: Floats | None, count: int) -> Sequence[Product]:

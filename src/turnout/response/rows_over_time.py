@@ -4,12 +4,14 @@ Histories hold an instant after the other, channels a place after the other. Wha
 is collected here, and written by one kernel (`turnout.kernels.turned_rows`).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.core.lru_cache import LRUCache
 from turnout.integrate.scratch import lines_from_buffer
 from turnout.kernels.lanes import LANES, whole_lines
 from turnout.kernels.shared_record import shared_record
@@ -20,6 +22,9 @@ Ints = NDArray[np.int64]
 
 APART = 24
 """Columns without a weight between others, above which a product is made in parts."""
+
+MOST_RECIPES, MOST_LAYOUTS = 32, 8
+"""Recipes of rows, and layouts of rows that are written together, in memory, the latest used."""
 
 
 def rows_in_lines(*shape: int) -> Floats:
@@ -102,6 +107,50 @@ class Rows:
     minus: bool = False
 
 
+class Recipe(NamedTuple):
+    """How rows are made, as `Rows` has it, without where they are written."""
+
+    products: tuple[Product, ...]
+    start: Floats | None = None
+    minus: bool = False
+
+    def into(self, out: Floats) -> Rows:
+        """Return the rows, to be written somewhere."""
+        return Rows(self.products, out, self.start, self.minus)
+
+
+# What recipes depend on is named by identity, and kept beside them so that nothing else takes its
+# place.
+_recipes = LRUCache[tuple[tuple[Recipe, ...], Sequence[object]]](MOST_RECIPES)
+
+
+def kept_recipes(
+    named: Sequence[object], values: Sequence[Hashable], make: Callable[[], Sequence[Recipe]]
+) -> tuple[Recipe, ...]:
+    """Return recipes of rows, made once for the same objects and values.
+
+    Parameters
+    ----------
+    named : sequence of object
+        What they depend on and throws share; known by identity, and not changed any more.
+    values : sequence of hashable
+        What else they depend on.
+    make : callable
+        Makes them.
+    """
+    key = (*map(id, named), *values)
+    kept = _recipes.get(key)
+    if kept is None:
+        kept = _recipes.put(key, (tuple(make()), named))
+    return kept[0]
+
+
+def clear_recipes() -> None:
+    """Forget all recipes, and the rails that they keep in memory."""
+    _recipes.clear()
+    _layouts.clear()
+
+
 def sums_of_columns(history: str, columns: Ints, *, rows: Ints) -> list[Product]:
     """Return rows as sums of columns.
 
@@ -182,6 +231,12 @@ def write_rows(wanted: Sequence[Rows], histories: Mapping[str, Floats]) -> None:
     histories : mapping of str to ndarray, each of shape (n_times, n_columns)
         By the names in the products; all of the same instants.
 
+    Raises
+    ------
+    ValueError
+        If something is not of these shapes, not of floats, or cannot be written: the kernel gets
+        addresses and cannot know.
+
     Examples
     --------
     >>> products = sums_of_columns("g", np.array([[0, 1], [2, 3]]), rows=np.arange(2))
@@ -193,13 +248,59 @@ def write_rows(wanted: Sequence[Rows], histories: Mapping[str, Floats]) -> None:
     count = max((rows.out.shape[1] for rows in wanted), default=0)
     if count == 0 or not any(rows.out.size for rows in wanted):
         return
+    _check_arrays(wanted, histories, count)
     sums = _row_sums(wanted, histories)
     lines = lines_from_buffer(sums.column_address.size + 2, TILE)
     write_row_sums(shared_record(sums), lines, count)
 
 
+def _check_arrays(wanted: Sequence[Rows], histories: Mapping[str, Floats], count: int) -> None:
+    """Refuse what a kernel that gets addresses alone would misread or overwrite."""
+    for rows in wanted:
+        out, start = rows.out, rows.start
+        if out.size and not (out.flags.writeable and out.strides[1] == 8):
+            message = "rows over time must be writeable and lie in memory without gaps"
+            raise ValueError(message)
+        fits = out.shape[1] == count and (start is None or start.shape == out.shape[:1])
+        if out.size and not (fits and out.dtype == np.float64):
+            message = f"rows over time must be floats of {count} instants, a start for each row"
+            raise ValueError(message)
+    for name, values in histories.items():
+        if values.shape[0] < count or values.dtype != np.float64:
+            message = f"the history {name} must be floats of {count} instants"
+            raise ValueError(message)
+
+
+class _Layout(NamedTuple):
+    """What the kernel makes of rows but for addresses, which columns are used, and the products."""
+
+    sums: RowSums
+    used: Ints
+    products: list[Sequence[Product]]
+
+
+_layouts = LRUCache[_Layout](MOST_LAYOUTS)
+
+
 def _row_sums(wanted: Sequence[Rows], histories: Mapping[str, Floats]) -> RowSums:
-    """Return what the kernel makes of rows: the terms of all products, by row and product."""
+    """Return what the kernel makes of rows; laid out once for the recipes that throws share."""
+    strides = tuple((name, values.shape[1], values.strides) for name, values in histories.items())
+    key = (tuple((id(rows.products), rows.out.shape[0], _kind(rows)) for rows in wanted), strides)
+    layout = _layouts.get(key)
+    if layout is None:
+        layout = _lay_out(wanted, histories)
+        if all(isinstance(rows.products, tuple) for rows in wanted):  # else not there to stay
+            _layouts.put(key, layout)
+    address = _column_addresses(list(histories.values()))
+    return layout.sums._replace(
+        column_address=address[layout.used],
+        row_address=np.concatenate([_row_addresses(rows.out) for rows in wanted]),
+        row_start=np.concatenate([_starts(rows) for rows in wanted]),
+    )
+
+
+def _lay_out(wanted: Sequence[Rows], histories: Mapping[str, Floats]) -> _Layout:
+    """Return the terms of all products, by row and product."""
     names = list(histories)
     first_column = np.cumsum([0, *(histories[name].shape[1] for name in names)])
     first_of = dict(zip(names, first_column.tolist(), strict=False))
@@ -233,22 +334,24 @@ def _row_sums(wanted: Sequence[Rows], histories: Mapping[str, Floats]) -> RowSum
     span = number + 1
     place = np.searchsorted(row * span + group, of_group * span + in_order)
     used, column = np.unique(column[by_row], return_inverse=True)
-    address, step, history = _columns([histories[name] for name in names])
+    step, history = _columns([histories[name] for name in names])
     steps = np.array([values.strides[0] // 8 for values in histories.values()])
-    return RowSums(
-        column_address=address[used],
+    nothing = np.zeros(0, dtype=np.int64)
+    sums = RowSums(
+        column_address=nothing,
         column_step=step[used],
         column_history=history[used],
         place=(steps[:, np.newaxis] * np.arange(LANES)).ravel(),
-        row_address=np.concatenate([_row_addresses(rows.out) for rows in wanted]),
+        row_address=nothing,
         row_kind=np.repeat([_kind(rows) for rows in wanted], np.diff(first_row)),
-        row_start=np.concatenate([_starts(rows) for rows in wanted]),
+        row_start=np.zeros(0),
         group_start=np.searchsorted(of_group, np.arange(first_row[-1] + 1)),
         group_weighted=weighted,
         term_start=np.append(place, row.size),
         term_column=column.astype(np.int64),
         term_weight=weight[by_row],
     )
+    return _Layout(sums, used, [rows.products for rows in wanted])
 
 
 _Terms = tuple[Ints, Ints, Ints, Ints, Floats]
@@ -268,27 +371,30 @@ def _terms_of(product: Product, own: Ints, columns: Sequence[Ints], number: int)
 
 
 def _numbers(places: slice | Ints, size: int) -> Ints:
-    """Return places as indices."""
-    return np.arange(size)[places] if isinstance(places, slice) else places
+    """Return places as indices; like NumPy refuse those beyond the end."""
+    return np.arange(size)[places]
 
 
-def _columns(histories: Sequence[Floats]) -> tuple[Ints, Ints, Ints]:
-    """Return address, step and number of the history of all columns."""
+def _columns(histories: Sequence[Floats]) -> tuple[Ints, Ints]:
+    """Return step and number of the history of all columns."""
     widths = [values.shape[1] for values in histories]
-    addresses = [
-        values.__array_interface__["data"][0] + values.strides[1] * np.arange(width)
-        for values, width in zip(histories, widths, strict=True)
-    ]
     steps = [values.strides[0] // 8 for values in histories]
-    number = np.repeat(np.arange(len(histories)), widths)
-    return np.concatenate(addresses), np.repeat(steps, widths), number
+    return np.repeat(steps, widths), np.repeat(np.arange(len(histories)), widths)
+
+
+def _column_addresses(histories: Sequence[Floats]) -> Ints:
+    """Return the address of the first instant of all columns."""
+    found: Ints = np.concatenate(
+        [
+            values.__array_interface__["data"][0] + values.strides[1] * np.arange(values.shape[1])
+            for values in histories
+        ]
+    )
+    return found
 
 
 def _row_addresses(out: Floats) -> Ints:
     """Return the address of each row."""
-    if out.strides[1] != 8 and out.size:
-        message = "rows over time must lie in memory without gaps"
-        raise ValueError(message)
     found: Ints = out.__array_interface__["data"][0] + out.strides[0] * np.arange(out.shape[0])
     return found
 

@@ -43,7 +43,14 @@ from turnout.panel.markers import marker_offsets
 from turnout.panel.model import Panel
 from turnout.panel.records import Fastening
 from turnout.response.recovery import Motion, row_motion
-from turnout.response.rows_over_time import Product, Rows, rows_in_lines, sums_of_columns
+from turnout.response.rows_over_time import (
+    Product,
+    Recipe,
+    Rows,
+    kept_recipes,
+    rows_in_lines,
+    sums_of_columns,
+)
 from turnout.response.save import Save
 
 Floats = NDArray[np.float64]
@@ -122,19 +129,26 @@ def chair_signals(
     both = rows_in_lines(2, len(chairs), history.time.size)
     both[:, [number for number, chair in enumerate(chairs) if chair not in index.chair]] = np.nan
 
-    def sums(name: str, places: Mapping[tuple[str, str], Sequence[int]]) -> list[Product]:
+    def sums(
+        name: str, places: Mapping[tuple[str, str], Sequence[int]], *, minus: bool = False
+    ) -> Recipe:
         found: list[Product] = []
         for count in {len(laws) for laws in places.values()}:
             own = [n for n, chair in enumerate(chairs) if len(places.get(chair, ())) == count]
             columns = np.array([places[chairs[n]] for n in own], dtype=np.int64)
             found += sums_of_columns(name, columns, rows=np.array(own))
-        return found
+        return Recipe(tuple(found), minus=minus)
 
-    rows = [
-        Rows(sums("law_force", index.chair), both[0]),
-        # 0.0 - F: no negative zeros
-        Rows(sums("friction_force", index.chair_friction), both[1], minus=True),
-    ]
+    recipes = kept_recipes(
+        (index.chair, index.chair_friction),
+        ("chairs", *chairs),
+        lambda: [
+            sums("law_force", index.chair),
+            # 0.0 - F: no negative zeros
+            sums("friction_force", index.chair_friction, minus=True),
+        ],
+    )
+    rows = [recipe.into(out) for recipe, out in zip(recipes, both, strict=True)]
     normal, friction = both.reshape(2, len(panel.rail), len(panel.chair), -1)
     dims = ("rail", "chair", "time")
     return {"chair_normal_force": (dims, normal), "chair_friction_force": (dims, friction)}, rows
@@ -154,11 +168,15 @@ def stop_signals(
     places = list(itertools.product(panel.rail, names))
     force = rows_in_lines(len(places), history.time.size)
     force[[number for number, place in enumerate(places) if place not in laws]] = np.nan
-    own = np.array([n for n, place in enumerate(places) if place in laws], dtype=np.int64)
-    columns = np.array([[laws[places[n]]] for n in own], dtype=np.int64)
-    rows = Rows(sums_of_columns("law_force", columns, rows=own), force)
+
+    def sums() -> list[Recipe]:
+        own = np.array([n for n, place in enumerate(places) if place in laws], dtype=np.int64)
+        columns = np.array([[laws[places[n]]] for n in own], dtype=np.int64)
+        return [Recipe(tuple(sums_of_columns("law_force", columns, rows=own)))]
+
+    (recipe,) = kept_recipes((laws,), ("stops", *places), sums)
     shaped = force.reshape(len(panel.rail), len(names), -1)
-    return {"stop_force": (("rail", "stop", "time"), shaped)}, [rows]
+    return {"stop_force": (("rail", "stop", "time"), shaped)}, [recipe.into(force)]
 
 
 def link_signals(panel: Panel, mechanism: Mechanism, history: History) -> dict[str, Variable]:

@@ -28,7 +28,7 @@ from turnout.panel.markers import (
 )
 from turnout.response.compilation import must_compile
 from turnout.response.dataset import describe_run, response_dataset
-from turnout.response.rows_over_time import Rows, sums_of_columns, write_rows
+from turnout.response.rows_over_time import Rows, clear_recipes, sums_of_columns, write_rows
 from turnout.response.save import Save
 from turnout.scheme import Mode, Scheme, chosen_scheme
 
@@ -143,6 +143,7 @@ def simulate_placed(
 def release_memory() -> None:
     """Give back what a next run would use again: memory of histories, condensed rails."""
     clear_memory()
+    clear_recipes()
 
 
 def prepare(

@@ -44,6 +44,9 @@ THROWS_PER_PASS = 16
 PLANNED_AT_ONCE = 8
 """Of these so many are planned, then thrown, then reduced; each may have rails of its own."""
 
+STEPS_AT_ONCE = 2**17
+"""Fewer are, if they have more steps together: what a long throw leaves takes much memory."""
+
 UNCHANGED_LABELS = (
     "object_placed",
     "object_touched",
@@ -178,13 +181,18 @@ def throw_scenarios(study: Study, scenarios: Sequence[Scenario]) -> list[Row]:
     ready = [prepare_scenario(study, scenario) for scenario in scenarios]
     throws: list[ThrowResult] = []
     with one_blas_thread():
-        for first in range(0, len(ready), PLANNED_AT_ONCE):
-            planned = [
-                plan_scenario(study, item) for item in ready[first : first + PLANNED_AT_ONCE]
-            ]
+        count = planned_at_once(study, ready)
+        for first in range(0, len(ready), count):
+            planned = [plan_scenario(study, item) for item in ready[first : first + count]]
             thrown = [throw_scenario(study, item) for item in planned]
             throws += [extract_scenario(study, item) for item in thrown]
         return make_rows(throws)
+
+
+def planned_at_once(study: Study, ready: Sequence[PreparedScenario]) -> int:
+    """Return how many of some throws are planned together."""
+    longest = max((item.panel.schedule.end for item in ready), default=0.0)
+    return max(1, min(PLANNED_AT_ONCE, int(STEPS_AT_ONCE * study.scheme.step / max(longest, 1.0))))
 
 
 def prepare_scenario(study: Study, scenario: Scenario) -> PreparedScenario:

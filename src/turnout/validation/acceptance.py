@@ -6,6 +6,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from turnout.core.value_text import count_text
 from turnout.validation.error_kind import error_kind, error_kinds
 from turnout.validation.power import Rules, noticed_errors
 
@@ -68,8 +69,8 @@ class ChannelResult:
         """What most of the difference is, in words; by movement where these differ."""
         if len(self.kinds) < 2:
             return f"mostly in {self.kind}" if self.kind else ""
-        parts = [f"in {kind} in {count} movements" for kind, count in self.kinds.items()]
-        return ", ".join(text.replace(" 1 movements", " 1 movement") for text in parts)
+        parts = (f"in {kind} in {count_text(n, 'movement')}" for kind, n in self.kinds.items())
+        return ", ".join(parts)
 
     @property
     def spreads(self) -> float:
@@ -151,14 +152,15 @@ class Acceptance:
             else " that the fit has not seen"
         )
         return (
-            f"VALID: all {len(self.channels)} channels of {self.judged} movements{seen} lie "
+            f"VALID: all {len(self.channels)} channels of "
+            f"{count_text(self.judged, 'movement')}{seen} lie "
             f"within {MOST_SPREADS:g} repeat spreads, and the band of 95 % covers "
             f"{100 * self.cover:.0f} % of the measurement"
         )
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What limits the verdict: bands that can hardly be judged, values that are refitted."""
+        """What limits the verdict: bands that can hardly be judged."""
         found = []
         hardly = [item for item in self.channels if item.chance_cover < LEAST_OF_CHANNEL]
         if hardly:
@@ -167,11 +169,6 @@ class Acceptance:
             found.append(
                 f"bands hardly judged: {names}; in so few movements a right model may by chance "
                 f"cover no more than {share:.0f} %, measure more"
-            )
-        if self.left_out and self.power:
-            found.append(
-                "what would be noticed is of values as the other places give them; hold movements "
-                "back to judge the values themselves"
             )
         return tuple(found)
 

@@ -4,12 +4,17 @@ A fit that has seen every movement says nothing of places that it has not. To fi
 with the slopes `J` of the forces with the values, their weights `W` and what was measured less what
 is predicted, `r`, the values without the movements of a place `p` are
 
-.. math:: \theta_p = \theta - (H - H_p)^{-1} J_p^T W_p r_p, \quad H = \sum_q J_q^T W_q J_q
+.. math:: \theta_p = \theta - (H - H_p)^{-1} (J_p^T W_p r_p - H_p d), \quad
+          H = \sum_q J_q^T W_q J_q, \quad H d = \sum_q J_q^T W_q r_q
 
 (Cook and Weisberg 1982, Residuals and Influence in Regression, equation 3.4.4, for groups), which
-is exact for a linear model. What moves all instants of a movement together, `S`, such as its own
-friction, is in its weight, :math:`W = (R + S S^T)^{-1}` with the variance `R` of the rest. Their
-covariance grows from `C` by the information that is lost.
+is exact for a linear model. There `d` is zero, as the values fit best; for others it keeps what the
+place did to the fit apart from an error of the values, which so stays in each prediction as it is:
+without `d` it would grow by :math:`(H - H_p)^{-1} H`.
+
+What moves all instants of a movement together, `S`, such as its own friction, is in its weight,
+:math:`W = (R + S S^T)^{-1}` with the variance `R` of the rest. The covariance of the values grows
+from `C` by the information that is lost.
 """
 
 from collections.abc import Mapping, Sequence
@@ -92,16 +97,7 @@ def leave_out_places(
     weight = np.divide(1.0, variance, out=np.zeros_like(variance), where=known)
     J = np.where(known, stacked, 0.0)
     rest = np.where(known, measured - forces, 0.0)
-    information = np.einsum("icmt,jcmt,cmt->mij", J, J, weight)
-    gradient = np.einsum("icmt,cmt,cmt->mi", J, weight, rest)
-    if alike:
-        S = np.where(known, np.nan_to_num(np.stack(alike)), 0.0)
-        inner = np.eye(len(alike)) + np.einsum("acmt,bcmt,cmt->mab", S, S, weight)
-        across = np.einsum("icmt,acmt,cmt->mia", J, S, weight)
-        solved = np.linalg.solve(inner, np.swapaxes(across, 1, 2))
-        information = information - across @ solved
-        own = np.einsum("acmt,cmt,cmt->ma", S, weight, rest)
-        gradient = gradient - np.einsum("mai,ma->mi", solved, own)
+    information, gradient = _of_movements(J, weight, rest, alike)
     whole = information.sum(axis=0)
     if not np.diag(whole).all():
         # What none of these movements depends on stays as it is, and changes no prediction.
@@ -122,6 +118,8 @@ def leave_out_places(
     scale = 1.0 / np.sqrt(np.diag(whole))
     every = _scaled(whole, scale)
     least = LEAST_LEFT * float(np.linalg.eigvalsh(every)[0])
+    # From the values that are judged to those that fit all movements best.
+    nearest = scale * np.linalg.solve(every, scale * gradient.sum(axis=0))
     # Takes inverses in these units to the covariance of the fit, whose weights know more: the
     # nearest such matrix to plain units, so that it is these where the weights are the fit's own.
     known_root, lower = np.linalg.cholesky(covariance), np.linalg.cholesky(every)
@@ -137,7 +135,8 @@ def leave_out_places(
         if float(np.linalg.eigvalsh(left)[0]) < least:
             continue
         inverse = np.linalg.inv(left)
-        shift = -scale * (inverse @ (scale * gradient[inside].sum(axis=0)))
+        own_gradient = gradient[inside].sum(axis=0) - information[inside].sum(axis=0) @ nearest
+        shift = -scale * (inverse @ (scale * own_gradient))
         own = root @ inverse @ root.T
         found[:, inside] += np.tensordot(shift, stacked[:, :, inside], axes=1)
         spread[:, inside] = np.einsum(
@@ -145,6 +144,23 @@ def leave_out_places(
         )
         predicted |= inside
     return LeftOut(forces=found, variance=spread, predicted=predicted)
+
+
+def _of_movements(
+    J: Floats, weight: Floats, rest: Floats, alike: Sequence[Floats]
+) -> tuple[Floats, Floats]:
+    """Return the information of each movement on the values, (m, p, p), and gradients, (m, p)."""
+    information = np.einsum("icmt,jcmt,cmt->mij", J, J, weight)
+    gradient = np.einsum("icmt,cmt,cmt->mi", J, weight, rest)
+    if alike:
+        S = np.nan_to_num(np.stack(alike))
+        inner = np.eye(len(alike)) + np.einsum("acmt,bcmt,cmt->mab", S, S, weight)
+        across = np.einsum("icmt,acmt,cmt->mia", J, S, weight)
+        solved = np.linalg.solve(inner, np.swapaxes(across, 1, 2))
+        information = information - across @ solved
+        own = np.einsum("acmt,cmt,cmt->ma", S, weight, rest)
+        gradient = gradient - np.einsum("mai,ma->mi", solved, own)
+    return information, gradient
 
 
 def _scaled(matrix: Floats, scale: Floats) -> Floats:

@@ -6,6 +6,7 @@ off by more than repeats are. The part of a movement before it touches an object
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,31 @@ CLEAR_LEAD = 0.015
 MISSED = 0.01
 
 
+def with_rest(response: Response) -> Response:
+    """Return a response that stands still for a while before it begins.
+
+    A closed switch may press its rods with some kilonewtons. Simulations begin a little before the
+    first onset; without this, all forces would be zero before, and a shift would be found that
+    avoids the step.
+    """
+    if response.failure:
+        return response
+    cell = float(response.time[1] - response.time[0])
+    count = round((BEFORE + REACH) / cell)
+    time = np.concatenate([response.time[0] + cell * np.arange(-count, 0), response.time])
+
+    def held(row: Floats) -> Floats:
+        return np.concatenate([np.full(count, row[0]), row])
+
+    return replace(
+        response,
+        time=time,
+        drive_force={name: held(row) for name, row in response.drive_force.items()},
+        marker={name: held(row) for name, row in response.marker.items()},
+        object_force=held(response.object_force),
+    )
+
+
 def onset_shifts(movements: Sequence[MeasuredMovement], responses: Sequence[Response]) -> Floats:
     """Return how much later than marked each movement began.
 
@@ -35,7 +61,7 @@ def onset_shifts(movements: Sequence[MeasuredMovement], responses: Sequence[Resp
     movements : sequence of MeasuredMovement
         From `observe`; onsets without motor current are searched.
     responses : sequence of Response
-        Of the model, one each.
+        Of the model, one each, from `with_rest`.
 
     Returns
     -------

@@ -44,7 +44,7 @@ from turnout.validation.measuring_chain import (
     found_chain,
     through_chain,
 )
-from turnout.validation.onset import onset_shifts
+from turnout.validation.onset import onset_shifts, with_rest
 from turnout.validation.scatter import Direction, ThrowScatter, scatter_of
 
 Floats = NDArray[np.float64]
@@ -265,7 +265,7 @@ def _model(
         made = [finer[number % count].added(item) for number, item in enumerate(made)]
     rest = iter(made)
     responses = [
-        shaped(causes, response, setting)
+        with_rest(shaped(causes, response, setting))
         for setting in settings
         for response in itertools.islice(rest, count)
     ]

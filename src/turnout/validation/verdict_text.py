@@ -7,6 +7,7 @@ import json
 import numpy as np
 import xarray as xr
 
+from turnout.core.value_text import count_text
 from turnout.validation.acceptance import FEATURES, Acceptance
 
 
@@ -38,7 +39,8 @@ def acceptance_lines(verdict: Acceptance) -> list[str]:
         )
     seen = "held back" if verdict.held_back else "all used for the fit"
     seen = "each predicted without its place" if verdict.left_out else seen
-    lines.append(f"{verdict.judged} movements judged, {seen}; {verdict.used} used for the fit")
+    judged = count_text(verdict.judged, "movement")
+    lines.append(f"{judged} judged, {seen}; {verdict.used} used for the fit")
     lines += [f"{'would notice' if n == 0 else '':<14}{t}" for n, t in enumerate(verdict.power)]
     lines += verdict.remarks
     lines += [f"{'furthest off' if n == 0 else '':<14}{t}" for n, t in enumerate(verdict.worst)]
@@ -91,7 +93,8 @@ def page_text(validation: xr.Dataset, verdict: Acceptance, *, figures: list[str]
         f"{_cell(item.errors['plateau'], 1.0, 'N')} |"
         for item in verdict.channels
     ]
-    lines += ["", f"{verdict.judged} movements judged; the fit has seen {verdict.used}.", ""]
+    judged = count_text(verdict.judged, "movement")
+    lines += ["", f"{judged} judged; the fit has seen {verdict.used}.", ""]
     lines += [f"From throw to throw: {scatter_text(validation)}.", ""]
     lines += [f"{text}.\n" for text in notes(validation)]
     lines += [f"{text}.\n" for text in verdict.remarks]
@@ -124,13 +127,14 @@ def notes(validation: xr.Dataset) -> list[str]:
     moved = 1e3 * moved[moved != 0.0]
     if moved.size > 1 and np.ptp(moved) == 0.0:
         texts.append(
-            f"the motors run {moved[0]:.0f} ms before the rods move in {moved.size} movements, "
+            f"the motors run {moved[0]:.0f} ms before the rods move in "
+            f"{count_text(moved.size, 'movement')}, "
             "which is taken off"
         )
     elif moved.size:
         texts.append(
-            f"{moved.size} onsets without motor current: those that fit the free part of each "
-            f"movement are {moved.min():.0f} to {moved.max():.0f} ms after the marks"
+            f"{count_text(moved.size, 'onset')} without motor current: those that fit the free "
+            f"part of each movement are {moved.min():.0f} to {moved.max():.0f} ms after the marks"
         )
     return texts
 

@@ -149,7 +149,7 @@ def places_with_room(panel: LoadedPanel, *, size: float) -> tuple[str, ...]:
     --------
     >>> from turnout.panel.load import load_panel
     >>> len(default_places(load_panel("sb1"))), len(places_with_room(load_panel("sb1"), size=0.01))
-    (18, 15)
+    (18, 14)
     """
     return tuple(place for place in default_places(panel) if has_room(panel, size, place))
 

@@ -220,8 +220,8 @@ def _tempered(logs: Floats) -> Floats:
 
     Examples
     --------
-    >>> np.exp(_tempered(np.log([3.0, 12.0]))).round(6).tolist()
-    [5.0, 10.0]
+    >>> np.exp(_tempered(np.log([1.0, 8.0]))).round(6).tolist()
+    [2.350835, 6.649165]
     """
     highest = logs.max(initial=-np.inf)
     if not np.isfinite(highest):

@@ -13,14 +13,12 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.core.problems import nearest
+from turnout.core.saturating_force import saturates
 from turnout.errors import MeasurementError
 from turnout.measurement.campaign.campaign_folder import PERMIT, describe_target, is_outside
 from turnout.measurement.campaign.run_sheet import SHEETS, RunSheet, SheetRow
 from turnout.measurement.formats.file_format import FORMATS
 
-# A rod force saturates where it grew by the first share of its largest value over a series of
-# objects, and by less than the second from the second largest object to the largest [-].
-GROWN, LEVEL = 0.2, 0.02
 # How much more one rod must rise than any other, by how much on average [N], and in how many
 # movements with an object at a drive.
 SWAPPED, LEAST_RISE, LEAST_VOTES = 1.5, 50.0, 2
@@ -145,7 +143,7 @@ def series_remarks(
         first = next((number for number, (_, slip) in enumerate(members) if slip), None)
         if first is None and all(slip is not None for _, slip in members) and len(members) > 1:
             largest = max(members, key=lambda member: member[0].size)[0]
-            if _saturates(changes[key]):
+            if saturates(changes[key]):
                 remarks.append(
                     f"{place}: a rod force no longer grows up to {_size(largest)}, yet no drive "
                     "is said to slip; check clamps and the column slip"
@@ -159,22 +157,6 @@ def series_remarks(
                 f"yet {_following(following)}"
             )
     return remarks
-
-
-def _saturates(series: Sequence[tuple[float, NDArray[np.float64]]]) -> bool:
-    """Return whether a rod force that grew with the object is the same for the two largest.
-
-    Examples
-    --------
-    >>> force = [(0.005, 1e3), (0.013, 4e3), (0.016, 4.02e3)]
-    >>> _saturates([(size, np.array([value, 500.0])) for size, value in force])
-    True
-    """
-    if len(series) < 3:
-        return False
-    rows = np.abs(np.stack([force for _, force in sorted(series, key=lambda item: item[0])]))
-    grown = rows[-2] - rows[0] > GROWN * rows[-1]
-    return bool((grown & (rows[-1] - rows[-2] < LEVEL * rows[-1])).any())
 
 
 @dataclass(frozen=True, slots=True)

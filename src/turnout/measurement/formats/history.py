@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from turnout.core.problems import choices, nearest
 from turnout.core.toml import decode, read_bytes
 from turnout.core.units import FORCE, LENGTH, TIME, Dimension, unit_factor
+from turnout.core.value_text import shown_unit
 from turnout.errors import FileError
 from turnout.measurement.formats.assemble import split_unit
 from turnout.schema.channels import check_schema, label
@@ -192,8 +193,6 @@ def _dataset(names: list[tuple[str, str]], values: Floats, *, title: str) -> xr.
     return dataset.assign_attrs(title=title, kind="computed elsewhere")
 
 
-# Units on the edge, and their size in SI.
-SHOWN = {"N": ("kN", 1e3), "m": ("mm", 1e-3)}
 DIGITS = 10
 
 
@@ -221,7 +220,7 @@ def history_text(dataset: xr.Dataset) -> str:
     for channel, (family, dimension) in READ.items():
         if channel not in dataset:
             continue
-        unit, factor = SHOWN[dimension.unit]
+        unit, factor = shown_unit(dimension.unit)
         members = [None] if family is None else dataset[family].values.tolist()
         for member in members:
             values = dataset[channel] if member is None else dataset[channel].sel({family: member})

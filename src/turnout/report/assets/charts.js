@@ -61,7 +61,8 @@
       modebar: { bgcolor: "rgba(0,0,0,0)", color: look.soft, activecolor: look.ink },
       showlegend: !narrow, shapes: [], annotations: [], dragmode: "zoom",
       xaxis: { title: { text: sheet.x_label }, gridcolor: look.grid, zeroline: false, linecolor: look.line,
-               anchor: count > 1 ? "y" + count : "y", showspikes: false, hoverformat: ".3~f" },
+               anchor: count > 1 ? "y" + count : "y", showspikes: false, hoverformat: ".3~f",
+               dtick: sheet.counted ? 1 : undefined },
     };
     sheet.rows.forEach((row, number) => {
       const suffix = number ? String(number + 1) : "";

@@ -1,0 +1,44 @@
+"""Libraries imported without what they load along."""
+
+import subprocess
+import sys
+
+import pytest
+
+from turnout.core.lean_imports import import_scipy, without_package
+
+LEAN = """
+import sys
+from turnout.core.lean_imports import import_scipy, without_package
+import numpy
+before = numpy.__all__, numpy.__dir__
+import_scipy()
+print("numpy.f2py" in sys.modules, "scipy.linalg" in sys.modules)
+print((numpy.__all__, numpy.__dir__) == before)
+with without_package("pyarrow"):
+    import pandas, xarray
+print("pyarrow" in sys.modules)
+print(xarray.Dataset(coords={"rail": ["curved", "straight"]}).sel(rail="curved").rail.item())
+print(numpy.f2py.__name__)
+"""
+
+
+def test_unused_parts_are_left_out_and_there_when_they_are_used() -> None:
+    done = subprocess.run([sys.executable, "-c", LEAN], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == ["False", "True", "True", "False", "curved", "numpy.f2py"]
+
+
+def test_what_is_loaded_stays_loaded() -> None:
+    import_scipy()
+    with without_package("numpy"):
+        import numpy as np
+    assert np is sys.modules["numpy"]
+
+
+def test_a_package_is_missing_meanwhile_only() -> None:
+    with without_package("colorsys"), pytest.raises(ImportError):
+        import colorsys
+    import colorsys
+
+    assert colorsys.rgb_to_hsv(0.0, 0.0, 0.0) == (0.0, 0.0, 0.0)
