@@ -244,7 +244,8 @@ def make_hypotheses(
         number = np.flatnonzero((first == start) & (count == length))
         span = slice(start, start + length)
         change = _rows(signatures.change, number)
-        square = np.stack([_squares(change, centre.basis) for centre in centres[span]], axis=1)
+        metrics = [centre.basis.T @ centre.basis for centre in centres[span]]
+        square = np.stack([np.einsum("ij,ij->i", change @ m, change) for m in metrics], axis=1)
         kind = signatures.kind[number]
         share = np.log(weight[span, number] / total[span][:, kind]).T
         scale = np.array([centre.log_scale for centre in centres[span]])
@@ -282,11 +283,6 @@ def _rows(values: Floats, number: Ints) -> Floats:
     if number[-1] - number[0] + 1 == len(number):
         return values[number[0] : number[-1] + 1]
     return values[number]
-
-
-def _squares(change: Floats, basis: Floats) -> Floats:
-    """Return squared lengths of signatures, whitened, shape (m,)."""
-    return np.asarray(np.einsum("ij,ij->i", change @ (basis.T @ basis), change))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
