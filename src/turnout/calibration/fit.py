@@ -54,6 +54,9 @@ MAX_PASSES = 4
 MAX_STEP, MIN_STEP = 0.5, 1e-4
 # A step of a smaller predicted decrease is not tried [square of a standard deviation].
 MIN_DECREASE = 0.05
+# Slopes are proved by a step whose decrease they foretold to this share [-]; a step of less than
+# this that they promise then, and that the noise of the solver hides, needs no fresh ones.
+AS_FORETOLD, LITTLE_DECREASE = 0.02, 2.0
 # Of a stage that others follow: most steps, most rejected in a row, and the share of the cost that
 # a step must be predicted to save.
 ROUGH_STEPS, ROUGH_REJECTED, ROUGH_DECREASE = 6, 2, 0.01
@@ -293,11 +296,12 @@ def _least_squares(
     damping, iterations = 1e-4, 0
     max_steps, max_rejected, passes = _limits(rough=rough, brief=brief)
     min_decrease = min_decrease if brief is None else BRIEF_DECREASE
-    message, converged, fresh = "", rough, False
+    message, converged, fresh, proved = "", rough, False, False
     while True:
         slopes = local.stepped
         misfit, local, frame = update_movement_effects(misfit, local, names, passes=passes)
         fresh = fresh or local.stepped is not slopes
+        proved = proved and local.stepped is slopes
         r = misfit.residuals_of(local.simulated, frame)
         J = jacobian(local, frame, names)
         cost = _cost(r, parameters, local.values)
@@ -317,6 +321,9 @@ def _least_squares(
             here, trial_cost = _tried(trial_misfit, frame, parameters, trial)
             if np.isfinite(trial_cost) and trial_cost < cost:
                 damping, accepted, misfit = 0.1 * damping, True, trial_misfit
+                if predicted_decrease > LITTLE_DECREASE:
+                    share = (cost - trial_cost) / predicted_decrease
+                    proved = abs(share - 1.0) < AS_FORETOLD
                 worth = max(EXTENDING_DECREASE, EXTENDING_SHARE * trial_cost)
                 if not rough and brief is None and cost - trial_cost > worth:
                     max_steps = max(max_steps, min(iterations + EXTRA_STEPS, STEP_LIMIT))
@@ -324,6 +331,8 @@ def _least_squares(
             damping, rejected = max(10.0 * damping, 1e-3), rejected + 1
             if np.abs(step).max() < 10 * MIN_STEP:
                 message, converged = "converged to the noise of the solver", True
+                # Slopes that foretold the last step, and now promise next to nothing, are fresh.
+                fresh = fresh or (proved and predicted_decrease < LITTLE_DECREASE)
                 break
         if not accepted:
             done = rough or fresh or bool(misfit.correction)  # which lead near only
