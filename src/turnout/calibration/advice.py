@@ -165,7 +165,7 @@ def next_movements(found: Fit, spread: Spread, panel: LoadedPanel) -> list[Candi
 
     Candidates are a movement without an object, and objects of 13 and 26 mm at each drive, at the
     sensors, and midway; objects that do not fit are left out. Gains, zeros, clock and discrepancy
-    are the same in a further movement, which therefore tells of them only what the others leave
+    are the same in a further movement, which says of them only what the others leave
     open; cross-talk, solver and a doubted scale stay as they are.
 
     Parameters

@@ -300,10 +300,8 @@ def _least_squares(
     while True:
         slopes = local.stepped
         misfit, local, frame = update_movement_effects(misfit, local, names, passes=passes)
-        fresh = fresh or local.stepped is not slopes
-        proved = proved and local.stepped is slopes
-        r = misfit.residuals_of(local.simulated, frame)
-        J = jacobian(local, frame, names)
+        fresh, proved = fresh or local.stepped is not slopes, proved and local.stepped is slopes
+        r, J = misfit.residuals_of(local.simulated, frame), jacobian(local, frame, names)
         cost = _cost(r, parameters, local.values)
         if on_step is not None:
             on_step(float(np.sqrt(cost / max(r.size, 1))))
@@ -321,17 +319,13 @@ def _least_squares(
             here, trial_cost = _tried(trial_misfit, frame, parameters, trial)
             if np.isfinite(trial_cost) and trial_cost < cost:
                 damping, accepted, misfit = 0.1 * damping, True, trial_misfit
-                if predicted_decrease > LITTLE_DECREASE:
-                    share = (cost - trial_cost) / predicted_decrease
-                    proved = abs(share - 1.0) < AS_FORETOLD
-                worth = max(EXTENDING_DECREASE, EXTENDING_SHARE * trial_cost)
-                if not rough and brief is None and cost - trial_cost > worth:
-                    max_steps = max(max_steps, min(iterations + EXTRA_STEPS, STEP_LIMIT))
+                proved = _foretold(cost - trial_cost, predicted_decrease, before=proved)
+                if not rough and brief is None:
+                    max_steps = max(max_steps, _extended(iterations, cost, trial_cost))
                 break
             damping, rejected = max(10.0 * damping, 1e-3), rejected + 1
             if np.abs(step).max() < 10 * MIN_STEP:
                 message, converged = "converged to the noise of the solver", True
-                # Slopes that foretold the last step, and now promise next to nothing, are fresh.
                 fresh = fresh or (proved and predicted_decrease < LITTLE_DECREASE)
                 break
         if not accepted:
@@ -356,6 +350,19 @@ def _least_squares(
         message=message or f"stopped after {iterations} steps before convergence",
         converged=converged,
     )
+
+
+def _foretold(decrease: float, predicted: float, *, before: bool) -> bool:
+    """Return whether slopes foretold the decrease of the last step that was worth one."""
+    if predicted <= LITTLE_DECREASE:
+        return before
+    return abs(decrease - predicted) < AS_FORETOLD * predicted
+
+
+def _extended(iterations: int, cost: float, trial_cost: float) -> int:
+    """Return how many steps a fit may take that goes on as long as each is worth it."""
+    worth = max(EXTENDING_DECREASE, EXTENDING_SHARE * trial_cost)
+    return min(iterations + EXTRA_STEPS, STEP_LIMIT) if cost - trial_cost > worth else 0
 
 
 def _local_at(
