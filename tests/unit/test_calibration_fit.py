@@ -148,7 +148,7 @@ def test_a_gain_that_all_movements_share_widens_the_intervals_by_what_it_does() 
             comparison=replace(
                 whole.comparison,
                 scatter={},
-                uncertainty=Uncertainty(gain=0.0, solver=0.0, zero=0.01, common_gain=share),
+                uncertainty=Uncertainty(gain=0.0, zero=0.01, common_gain=share),
             ),
         )
         for share in (0.0, 1e-3)
@@ -162,16 +162,6 @@ def test_a_gain_that_all_movements_share_widens_the_intervals_by_what_it_does() 
     moved = _least_squares(known, PARAMETERS, found.values, rough=False, on_step=None)
     np.testing.assert_allclose(added, np.abs(moved.point - found.point), rtol=0.05)
     assert added.min() > 2e-4
-
-
-def test_no_value_is_surer_than_mesh_and_step() -> None:
-    measured = [movement(f"m{n}", rng=np.random.default_rng(n)) for n in range(4)]
-    whole = misfit(measured)
-    sure = replace(whole, comparison=replace(whole.comparison, uncertainty=Uncertainty(solver=0.0)))
-    found = fit(sure, PARAMETERS, TRUE)
-    before = spread_of(found).coordinate_covariance
-    after = spread_of(replace(found, misfit=whole)).coordinate_covariance
-    np.testing.assert_allclose(after - before, Uncertainty().solver ** 2 * np.eye(2), atol=1e-12)
 
 
 def test_a_fit_begins_with_the_noise_of_what_it_misses() -> None:

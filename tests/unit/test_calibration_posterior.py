@@ -20,7 +20,7 @@ def fitted() -> Fit:
     measured = [movement(f"m{n}", rng=rng, own=0.02 * rng.standard_normal()) for n in range(4)]
     whole = misfit(measured)
     # A posterior holds what the movements show, not what all of them could share.
-    doubt = Uncertainty(common_gain=0.0, cross_talk=0.0, solver=0.0)
+    doubt = Uncertainty(common_gain=0.0, cross_talk=0.0)
     whole.comparison = replace(whole.comparison, uncertainty=doubt)
     return fit(whole, PARAMETERS, TRUE)
 

@@ -3,11 +3,19 @@
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
+from tests.unit.test_calibration_fit import PARAMETERS, TRUE, misfit, movement
 
 from turnout.calibration import stage_progress
-from turnout.calibration.stage_progress import CalibrationProgress, ProgressReporter
+from turnout.calibration.fit import fit
+from turnout.calibration.stage_progress import (
+    CalibrationProgress,
+    ProgressReporter,
+    throws_of_search,
+)
 from turnout.cli.calibrate import _ProgressLog
+from turnout.panel.load import load_panel
 
 
 def test_time_left_is_never_less_than_that_of_one_step(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -76,3 +84,20 @@ def test_time_left_is_not_said_of_the_first_throws(capsys: pytest.CaptureFixture
     first, later = capsys.readouterr().err.splitlines()
     assert first == "stage friction (1 of 4): 1 throw, 3 s"
     assert later.endswith("40 throws, 3 s, about 80 s left")
+
+
+def test_a_search_for_causes_is_in_the_time_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It takes more throws than all stages before, which said "about 10 s" all the while."""
+    clock = iter([10.0, 20.0, 21.0])
+    monkeypatch.setattr(stage_progress.time, "monotonic", lambda: next(clock))
+    states: list[CalibrationProgress] = []
+    evaluator: Any = SimpleNamespace(made=100, reused=0)
+    watch = ProgressReporter(states.append, 1, planned=110, per_step=40, began=10.0)
+    watch.report_state(evaluator)
+    rng = np.random.default_rng(3)
+    found = fit(misfit([movement(f"m{n}", rng=rng) for n in range(3)]), PARAMETERS, TRUE)
+    throws = throws_of_search(found, load_panel("sb1"))
+    assert throws > 3 * 40
+    watch.more(throws, evaluator)
+    watch.report_state(evaluator)
+    assert states[-1].left == pytest.approx(0.1 * (40 + throws))

@@ -25,6 +25,7 @@ from tests.verification.resumable import Record, command_line, put_section
 from tests.verification.twin_campaigns import WINDOW, Twin, campaign, short_sb1
 
 from turnout.calibration.calibrate import calibrate
+from turnout.calibration.candidate_causes import FRICTION
 from turnout.calibration.comparison import Comparison, Uncertainty
 from turnout.calibration.covariance import spread_of
 from turnout.calibration.fit import Fit
@@ -157,20 +158,33 @@ def _drawn(rng: np.random.Generator) -> float:
     return float(np.clip(rng.standard_normal(), -2.0, 2.0))
 
 
-def coverage(records: list[Record]) -> dict[str, tuple[int, int, float]]:
-    """Return by parameter: intervals that hold the truth, intervals, and the spread of z.
+def coverage(records: list[Record]) -> dict[str, tuple[int, int, float, float]]:
+    """Return by parameter: intervals that hold the truth, intervals, spread of z, share without.
 
     The spread is the standard deviation of (value - truth) / standard deviation, 1 where the
-    stated uncertainty is right.
+    stated uncertainty is right. The last is the share of intervals that would hold the truth
+    without the uncertainty of the model's scale, which forces and stiffnesses have.
     """
-    found: dict[str, tuple[int, int, float]] = {}
+    found: dict[str, tuple[int, int, float, float]] = {}
     good = [record for record in records if not record["failure"]]
     for name in good[0]["truth"] if good else ():
         own = [record for record in good if record["states"][name] == "fitted"]
         held = [r["intervals"][name][0] <= r["truth"][name] <= r["intervals"][name][1] for r in own]
         z = [(r["values"][name] - r["truth"][name]) / r["deviations"][name] for r in own]
-        found[name] = (sum(held), len(own), float(np.std(z)) if z else float("nan"))
+        bare = [_held_without_scale(record, name) for record in own]
+        spread = float(np.std(z)) if z else float("nan")
+        found[name] = (sum(held), len(own), spread, float(np.mean(bare)) if bare else float("nan"))
     return found
+
+
+def _held_without_scale(record: Record, name: str) -> bool:
+    """Return whether an interval without the constant part of the scale would hold the truth."""
+    value, truth, deviation = (record[key][name] for key in ("values", "truth", "deviations"))
+    low, high = record["intervals"][name]
+    scale = 0.0 if name == FRICTION else Uncertainty().scale * value
+    left = np.sqrt(max(1.0 - (scale / deviation) ** 2, 0.0))
+    reach = left * (high - value if truth > value else value - low)
+    return bool(abs(truth - value) <= reach)
 
 
 def section(records: list[Record]) -> list[str]:
@@ -182,15 +196,15 @@ def section(records: list[Record]) -> list[str]:
         "`python -m tests.verification.calibration_coverage report DIR`.",
         "",
         "| parameter | 95 % intervals that hold the truth | of | share (± 1 standard error) | "
-        "spread of the error in stated deviations |",
-        "|---|---|---|---|---|",
+        "spread of the error in stated deviations | share without the uncertainty of the scale |",
+        "|---|---|---|---|---|---|",
     ]
-    for name, (held, count, spread) in coverage(records).items():
+    for name, (held, count, spread, bare) in coverage(records).items():
         share = held / max(count, 1)
         doubt = np.sqrt(share * (1.0 - share) / max(count, 1))
         lines.append(
             f"| `{name}` | {held} | {count} | {100 * share:.1f} ± {100 * doubt:.1f} % | "
-            f"{spread:.2f} |"
+            f"{spread:.2f} | {100 * bare:.1f} % |"
         )
     return [*lines, *width_lines(records)]
 

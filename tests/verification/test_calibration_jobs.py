@@ -25,10 +25,10 @@ def record(index: int, error: float) -> Record:
 
 def test_intervals_that_hold_the_truth_are_counted() -> None:
     records = [record(n, error) for n, error in enumerate((0.1, -0.1, 0.3, -0.3))]
-    held, count, spread = coverage(records)["a"]
-    assert (held, count) == (2, 4)
+    held, count, spread, bare = coverage(records)["a"]
+    assert (held, count, bare) == (2, 4, 0.5)
     assert spread == pytest.approx(np.sqrt(5.0))
-    assert "| `a` | 2 | 4 | 50.0 ± 25.0 % | 2.24 |" in coverage_section(records)
+    assert "| `a` | 2 | 4 | 50.0 ± 25.0 % | 2.24 | 50.0 % |" in coverage_section(records)
     failed = {"index": 4, "truth": {"a": 1.0}, "failure": "no throw"}
     assert coverage([*records, failed])["a"][1] == 4
 

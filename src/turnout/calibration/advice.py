@@ -6,8 +6,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.calibration.covariance import Spread, force_channels, plain_gain_column
+from turnout.calibration.covariance import (
+    Spread,
+    force_channels,
+    plain_gain_column,
+    prior_information,
+)
 from turnout.calibration.fit import Fit
+from turnout.calibration.linearisation import Linearisation
 from turnout.calibration.measured_movements import (
     BIN,
     OBJECT_FORCE,
@@ -15,11 +21,11 @@ from turnout.calibration.measured_movements import (
     Signal,
     movement_length,
 )
-from turnout.calibration.misfit import Misfit, framed, jacobian, plain_jacobian
+from turnout.calibration.misfit import Frame, Misfit, framed, plain_jacobian
 from turnout.calibration.parameter import free_parameter, prior_slopes
 from turnout.calibration.predict import predicted
 from turnout.calibration.sensors import FoundSensor
-from turnout.calibration.shared import GAIN
+from turnout.calibration.shared import GAIN, shared_of
 from turnout.errors import PanelError, SolverError
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel
@@ -167,7 +173,9 @@ def next_movements(found: Fit, spread: Spread, panel: LoadedPanel) -> list[Candi
     """Rank movements that could be measured next by the information that they would add.
 
     Candidates are a movement without an object, and objects of 13 and 26 mm at each drive, at the
-    sensors, and midway; objects that do not fit are left out.
+    sensors, and midway; objects that do not fit are left out. Gains, zeros, clock and discrepancy
+    are the same in a further movement, which says of them only what the others leave
+    open; cross-talk, solver and a doubted scale stay as they are.
 
     Parameters
     ----------
@@ -186,25 +194,59 @@ def next_movements(found: Fit, spread: Spread, panel: LoadedPanel) -> list[Candi
     movements = _candidates(found, panel)
     ranked = []
     names = [item.name for item in found.parameters]
-    sizes = np.sqrt(np.diag(spread.coordinate_covariance))
+    before = spread.coordinate_covariance
     for movement in movements:
         try:
-            slopes = _slopes(found, movement, names)
+            local, frame = _thrown(found, movement, names)
         except SolverError:
             continue
-        before = np.linalg.inv(spread.coordinate_covariance)
-        after = np.linalg.inv(before + slopes.T @ slopes)
-        shares = np.sqrt(np.diag(after)) / sizes
+        after = covariance_with(found, spread, local, frame)
+        shares = np.sqrt(np.diag(after) / np.diag(before))
         ranked.append(
             Candidate(
                 text=movement.name,
-                gain=0.5 * float(np.linalg.slogdet(spread.coordinate_covariance)[1])
-                - 0.5 * float(np.linalg.slogdet(after)[1]),
+                gain=0.5 * float(np.linalg.slogdet(before)[1] - np.linalg.slogdet(after)[1]),
                 parameter=names[int(np.argmin(shares))],
                 remaining=float(shares.min()),
             )
         )
     return sorted(ranked, key=lambda item: -item.gain)
+
+
+def covariance_with(found: Fit, spread: Spread, local: Linearisation, frame: Frame) -> Floats:
+    r"""Return the covariance of the coordinates with further movements beside those of a fit.
+
+    With the sensitivities :math:`J` of all movements together, made independent of what they
+    share, and the information :math:`P` of priors,
+
+    .. math:: (J^T J + P)^{-1} + \mathrm{cov} - (J_0^T J_0 + P)^{-1}
+
+    where :math:`J_0` is of those that were measured, so that what no movement narrows is kept.
+
+    Parameters
+    ----------
+    found : Fit
+        At its end.
+    spread : Spread
+        Of the fit.
+    local, frame : Linearisation, Frame
+        Of the further movements, at the values of the fit.
+
+    Returns
+    -------
+    ndarray, shape (p, p)
+    """
+    names = [item.name for item in found.parameters]
+    free = np.array([not item.at_bound(found.values[item.name]) for item in found.parameters])
+    prior = np.diag(prior_information(found.parameters))
+    shared = shared_of([*found.frame.alignments, *frame.alignments], found.misfit.comparison)
+    rows = np.vstack(
+        [plain_jacobian(found.local, found.frame, names), plain_jacobian(local, frame, names)]
+    )
+    whole = (rows if shared is None else shared.whitened(rows)) * free
+    measured = found.jacobian * free
+    kept = spread.coordinate_covariance - np.linalg.inv(measured.T @ measured + prior)
+    return np.asarray(np.linalg.inv(whole.T @ whole + prior) + kept)
 
 
 def _candidates(found: Fit, panel: LoadedPanel) -> list[MeasuredMovement]:
@@ -238,8 +280,10 @@ def _candidates(found: Fit, panel: LoadedPanel) -> list[MeasuredMovement]:
     return movements
 
 
-def _slopes(found: Fit, movement: MeasuredMovement, names: Sequence[str]) -> Floats:
-    """Return the sensitivities of a movement that was not measured."""
+def _thrown(
+    found: Fit, movement: MeasuredMovement, names: Sequence[str]
+) -> tuple[Linearisation, Frame]:
+    """Return the responses to a movement that was not measured, as if they had been."""
     misfit: Misfit = replace(found.misfit, movements=(movement,), effects={}, refinement=())
     local = misfit.local(found.values, names)
     time: Floats = np.asarray(
@@ -254,7 +298,7 @@ def _slopes(found: Fit, movement: MeasuredMovement, names: Sequence[str]) -> Flo
         values = predicted(local.simulated[0], movement, bare, bins)
         signals.append(replace(bare, values=values))
     whole = replace(misfit, movements=(replace(movement, signals=tuple(signals)),))
-    return jacobian(local, framed(local, whole), names)
+    return local, framed(local, whole)
 
 
 def next_lines(candidates: Sequence[Candidate], *, most: int = 3) -> list[str]:

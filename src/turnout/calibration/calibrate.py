@@ -65,6 +65,7 @@ from turnout.calibration.stage_progress import (
     CalibrationProgress,
     ProgressReporter,
     planned_throws,
+    throws_of_search,
     throws_per_step,
 )
 from turnout.calibration.stages import JOINT_MOVEMENTS, CalibrationPlan, Stage, default_plan
@@ -79,7 +80,7 @@ Floats = NDArray[np.float64]
 # A lead of the motors that is seen before any cause is looked for [s].
 LONG_LEAD = 0.08
 # What a record says of the scheme where a fit came to its fine throws.
-REFINED = "; at its end with half the step, and modes to four times the frequency"
+REFINED = "; at its end with half the step and mesh, and modes to four times the frequency"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -140,7 +141,7 @@ def calibrate(
     scheme : Scheme, optional
         Step, cut-off and tolerances of every throw; by default those of `Scheme()`.
     uncertainty : Uncertainty, optional
-        Of onsets, zeros, gains and the solver.
+        Of onsets, zeros, gains and the clock.
     posterior : bool
         Whether to sample the posterior distribution.
     advise : bool
@@ -371,6 +372,8 @@ class _Run:
             start = replace(start, comparison=replace(start.comparison, lead=lead))
             found = brief_fit(start, parameters, near.values, near=quick, passes=1, steps=0)
         found = last_start(start, parameters, near, found, on_step=on_step)
+        if is_worth_a_search(found):
+            self.watch.more(throws_of_search(found, self.panel), self.evaluator)
         search = with_causes(found, start, self.panel, on_step=on_step)
         lead = common_lead(search.found)
         known = replace(search.first.comparison, lead=lead)

@@ -26,7 +26,9 @@ Key = tuple[str, str]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Uncertainty:
-    """Standard uncertainties of the measurement and of the solver.
+    """Standard uncertainties of the measurement, and of the model's scale.
+
+    What step, mesh and modes of the solver change is thrown.
 
     Attributes
     ----------
@@ -40,14 +42,14 @@ class Uncertainty:
         Of the sensitivity where the channel map states none, and of what each channel takes up of
         each other one, where all movements share it: no residual need show it, so it widens the
         intervals [-].
-    solver : float
-        Of each value, as a share of it, from the mesh; what step and modes add is thrown [-].
     common_zero : float
         Of the zero of a force channel, in all movements alike [N].
     clock : float
         Of the time that the recorder states, as a share of it [-].
     scale : float
-        Of the model's forces from the mesh, where gains are free and they the only scale [-].
+        Of all forces and stiffnesses together, where gains are free and the model is the only
+        scale: what is left by errors that act like a gain, such as a zero that drifts within a
+        movement [-].
     """
 
     clocked_onset: float = 0.005
@@ -56,7 +58,6 @@ class Uncertainty:
     gain: float = 1e-3
     common_gain: float = 1e-2
     cross_talk: float = 5e-4
-    solver: float = 1.2e-4
     common_zero: float = 10.0
     clock: float = 1e-3
     scale: float = 4e-4
@@ -77,7 +78,7 @@ class Comparison:
     scatter : mapping of str to float
         Relative standard deviation of parameters from movement to movement.
     uncertainty : Uncertainty
-        Of onset, zero, gain and solver.
+        Of onset, zero and gain.
     gains : mapping of (channel, drive) to float
         Standard deviation of the sensitivity that all movements share [-]; empty where neither
         gains nor zeros nor the clock are unknowns.

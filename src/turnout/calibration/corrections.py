@@ -12,7 +12,8 @@ class Refined:
     Attributes
     ----------
     plain, halved, fine : Response
-        As the scheme says; with half its step; and with modes to a higher frequency too.
+        As the scheme says; with half its step and elements half as long; and with modes to a
+        higher frequency too.
     """
 
     plain: Response

@@ -34,7 +34,8 @@ FORCES = ("N", "N/m")
 # How likely the rails are of another weight or stiffness than the panel's before anything is
 # measured, and by how much they then are, as standard deviation of the scale of all forces [-].
 OTHER_SCALE, SCALE_SPREAD = 0.02, 0.05
-# The change by half the step, and by four times the frequency of modes, over the error left [-].
+# The change by half the step and elements half as long, and by four times the frequency of modes,
+# over the error left [-].
 OF_STEP, OF_MODES = 2.0**2 - 1.0, 4.0**1.2 - 1.0
 NORMAL_95 = float(norm.ppf(0.975))
 
@@ -151,7 +152,7 @@ def spread_of(found: Fit) -> Spread:
         move = estimate @ found.frame.joined(column)
         whole = whole + np.outer(move, move)
     scale_move = _of_scale(found)
-    whole = whole + np.diag(_of_solver(found) ** 2) + np.outer(scale_move, scale_move)
+    whole = whole + np.diag(_of_chairs(found) ** 2) + np.outer(scale_move, scale_move)
     sizes = np.sqrt(np.diag(whole))
     states = [
         "at its bound"
@@ -195,16 +196,17 @@ def spread_of(found: Fit) -> Spread:
 
 
 def solver_columns(found: Fit) -> list[Floats]:
-    r"""Return what step and modes of the solver leave, as changes of the residuals of a fit.
+    r"""Return what step, mesh and modes leave, as changes of the residuals of a fit.
 
     By Richardson's rule, with the change :math:`\Delta` that a refinement makes of forces,
 
     .. math:: F_h - F_0 = \frac{\Delta}{2^2 - 1}, \quad F_f - F_\infty = \frac{\Delta}{4^{1.2} - 1}
 
-    for half the step of a scheme of second order, and for modes to four times the frequency: on the
-    panels of the library each doubling leaves 0.41 to 0.46 of the change that it makes, which is an
-    order of 1.2. Each is one error of all movements together; there are none where the fit did not
-    come to its fine throws.
+    for half the step of a scheme of second order together with elements half as long, whose error
+    is of that order too, and for modes to four times the frequency: on the panels of the library
+    each doubling leaves 0.41 to 0.46 of the change that it makes, which is an order of 1.2. Each is
+    one error of all movements together; there are none where the fit did not come to its fine
+    throws.
 
     Parameters
     ----------
@@ -251,11 +253,11 @@ def model_columns(found: Fit) -> list[Floats]:
     ]
 
 
-def _of_solver(found: Fit) -> Floats:
-    """Return the standard deviation of each coordinate by the mesh, and of friction by chair."""
+def _of_chairs(found: Fit) -> Floats:
+    """Return the standard deviation of each coordinate by friction that differs by chair."""
     chairs = {FRICTION: chair_uncertainty(found)}
     own = [chairs.get(item.name, 0.0) for item in found.parameters]
-    return np.asarray(np.hypot(found.misfit.comparison.uncertainty.solver, own) * _shares(found))
+    return np.asarray(own * _shares(found))
 
 
 def _of_scale(found: Fit) -> Floats:

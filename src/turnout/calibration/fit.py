@@ -54,6 +54,9 @@ MAX_PASSES = 4
 MAX_STEP, MIN_STEP = 0.5, 1e-4
 # A step of a smaller predicted decrease is not tried [square of a standard deviation].
 MIN_DECREASE = 0.05
+# Slopes are proved by a step whose decrease they foretold to this share [-]; a step of less than
+# this that they promise then, and that the noise of the solver hides, needs no fresh ones.
+AS_FORETOLD, LITTLE_DECREASE = 0.02, 2.0
 # Of a stage that others follow: most steps, most rejected in a row, and the share of the cost that
 # a step must be predicted to save.
 ROUGH_STEPS, ROUGH_REJECTED, ROUGH_DECREASE = 6, 2, 0.01
@@ -293,13 +296,12 @@ def _least_squares(
     damping, iterations = 1e-4, 0
     max_steps, max_rejected, passes = _limits(rough=rough, brief=brief)
     min_decrease = min_decrease if brief is None else BRIEF_DECREASE
-    message, converged, fresh = "", rough, False
+    message, converged, fresh, proved = "", rough, False, False
     while True:
         slopes = local.stepped
         misfit, local, frame = update_movement_effects(misfit, local, names, passes=passes)
-        fresh = fresh or local.stepped is not slopes
-        r = misfit.residuals_of(local.simulated, frame)
-        J = jacobian(local, frame, names)
+        fresh, proved = fresh or local.stepped is not slopes, proved and local.stepped is slopes
+        r, J = misfit.residuals_of(local.simulated, frame), jacobian(local, frame, names)
         cost = _cost(r, parameters, local.values)
         if on_step is not None:
             on_step(float(np.sqrt(cost / max(r.size, 1))))
@@ -317,13 +319,14 @@ def _least_squares(
             here, trial_cost = _tried(trial_misfit, frame, parameters, trial)
             if np.isfinite(trial_cost) and trial_cost < cost:
                 damping, accepted, misfit = 0.1 * damping, True, trial_misfit
-                worth = max(EXTENDING_DECREASE, EXTENDING_SHARE * trial_cost)
-                if not rough and brief is None and cost - trial_cost > worth:
-                    max_steps = max(max_steps, min(iterations + EXTRA_STEPS, STEP_LIMIT))
+                proved = _foretold(cost - trial_cost, predicted_decrease, before=proved)
+                if not rough and brief is None:
+                    max_steps = max(max_steps, _extended(iterations, cost, trial_cost))
                 break
             damping, rejected = max(10.0 * damping, 1e-3), rejected + 1
             if np.abs(step).max() < 10 * MIN_STEP:
                 message, converged = "converged to the noise of the solver", True
+                fresh = fresh or (proved and predicted_decrease < LITTLE_DECREASE)
                 break
         if not accepted:
             done = rough or fresh or bool(misfit.correction)  # which lead near only
@@ -347,6 +350,19 @@ def _least_squares(
         message=message or f"stopped after {iterations} steps before convergence",
         converged=converged,
     )
+
+
+def _foretold(decrease: float, predicted: float, *, before: bool) -> bool:
+    """Return whether slopes foretold the decrease of the last step that was worth one."""
+    if predicted <= LITTLE_DECREASE:
+        return before
+    return abs(decrease - predicted) < AS_FORETOLD * predicted
+
+
+def _extended(iterations: int, cost: float, trial_cost: float) -> int:
+    """Return how many steps a fit may take that goes on as long as each is worth it."""
+    worth = max(EXTENDING_DECREASE, EXTENDING_SHARE * trial_cost)
+    return min(iterations + EXTRA_STEPS, STEP_LIMIT) if cost - trial_cost > worth else 0
 
 
 def _local_at(

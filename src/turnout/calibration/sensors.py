@@ -159,7 +159,7 @@ def found_sensors(found: Fit) -> list[FoundSensor]:
 
     .. math:: \begin{pmatrix} J^T J & -J^T B \\ -B^T J & I + B^T B \end{pmatrix}^{-1}
 
-    and cross-talk, the scale of the model, step and modes of the solver, each an error of all
+    and cross-talk, the scale of the model, step, mesh and modes of the solver, each an error of all
     movements alike, add the squares of what they do to them.
 
     Parameters

@@ -4,6 +4,8 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from turnout.calibration.candidate_causes import candidate_causes
+from turnout.calibration.causes import CAUSE_STEPS
 from turnout.calibration.emulator import points_needed
 from turnout.calibration.evaluate import Evaluator
 from turnout.calibration.fit import ROUGH_STEPS, Fit
@@ -90,6 +92,19 @@ def throws_per_step(
     return len(selected(movements, stage.movements, panel)) * (count + 2)
 
 
+def throws_of_search(found: Fit, panel: LoadedPanel) -> int:
+    """Return how many throws a search for one cause of what a fit misses takes, with its fit.
+
+    Each cause that changes the panel is thrown at all its sizes; the likeliest one is fitted with
+    slopes of its own, and then with all values to the end.
+    """
+    count, tries = len(found.parameters), 0
+    for cause in candidate_causes(panel, found.parameters):
+        if cause.shape is None:
+            tries += len(cause.parameters) if cause.smooth else max(len(cause.tries), 1)
+    return len(found.misfit.movements) * (tries + CAUSE_STEPS + 2 * (count + 2))
+
+
 @dataclass(slots=True)
 class ProgressReporter:
     """Collects the progress of a calibration and reports it after each throw."""
@@ -134,6 +149,11 @@ class ProgressReporter:
         throws = {"advice": advice_throws, "posterior": posterior_throws}[stage]
         count = throws(len(final.misfit.movements), len(final.parameters))
         self.planned = evaluator.made + evaluator.reused + count
+
+    def more(self, throws: int, evaluator: Evaluator) -> None:
+        """Plan so many more throws than are still planned, such as those of a search for causes."""
+        done = evaluator.made + evaluator.reused
+        self.planned = max(self.planned, done + self.per_step) + throws
 
     def found(self, misfit: float) -> None:
         """Note the misfit of the latest step."""

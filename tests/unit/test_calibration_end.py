@@ -1,0 +1,89 @@
+"""The end of a fit: finer throws, the uncertainty that they leave, and slopes thrown once."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.unit.test_calibration_fit import PARAMETERS, TRUE, MadeUp, misfit, movement, response
+
+from turnout.calibration import evaluate
+from turnout.calibration.corrections import Refined
+from turnout.calibration.covariance import spread_of
+from turnout.calibration.evaluate import Evaluator, Response, ThrowInputs
+from turnout.calibration.fit import _least_squares, fit
+from turnout.calibration.linearisation import Linearisation
+from turnout.calibration.misfit import Misfit
+from turnout.errors import MeasurementError
+from turnout.panel.load import LoadedPanel, load_panel
+from turnout.scheme import Scheme
+
+
+def test_no_value_is_surer_than_a_third_of_what_step_and_mesh_change() -> None:
+    measured = [movement(f"m{n}", rng=np.random.default_rng(n)) for n in range(4)]
+    found = fit(misfit(measured), PARAMETERS, TRUE)
+    coarse, fine = response(found.values), response({**found.values, "k": 1.003 * TRUE["k"]})
+    changed = Refined(plain=coarse, halved=fine, fine=fine)
+    refined = replace(found.misfit, refinement=(changed,) * len(measured))
+    before = spread_of(found).coordinate_covariance
+    after = spread_of(replace(found, misfit=refined)).coordinate_covariance
+    assert np.sqrt((after - before)[1, 1]) == pytest.approx(0.003 / 3.0, rel=0.05)
+
+
+def test_finer_throws_have_half_the_step_and_elements_half_as_long(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    seen: list[tuple[float, float, float]] = []
+
+    def solved(panel: LoadedPanel, *, scheme: Scheme, **_: object) -> None:
+        seen.append((panel.discretisation.element_length, scheme.step, scheme.cutoff_frequency))
+        raise MeasurementError(["enough"], source="test")
+
+    monkeypatch.setattr(evaluate, "solve", solved)
+    panel, scheme = load_panel("sb1"), Scheme()
+    with Evaluator(panel) as evaluator:
+        plain = ThrowInputs(overrides={})
+        evaluator.responses([plain, replace(plain, halved=True), replace(plain, fine=True)])
+    length, step = panel.discretisation.element_length, scheme.step
+    modes = scheme.cutoff_frequency
+    assert seen == [
+        (length, step, modes),
+        (length / 2, step / 2, modes),
+        (length / 2, step / 2, 4 * modes),
+    ]
+
+
+JUMPS = 0.3
+
+
+class Rounded(MadeUp):
+    """Forces that jump by a little from value to value, as those of a solver do."""
+
+    def responses(self, throws: Sequence[ThrowInputs]) -> list[Response]:
+        found = []
+        for throw, made in zip(throws, super().responses(throws), strict=True):
+            rng = np.random.default_rng(int(1e4 * float(str(throw.overrides["k"]))))
+            jumps = JUMPS * rng.standard_normal(made.time.size)
+            found.append(replace(made, drive_force={"1": made.drive_force["1"] + jumps}))
+        return found
+
+
+def test_slopes_that_foretold_a_step_are_not_thrown_again_for_next_to_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rng = np.random.default_rng(7)
+    whole = misfit([movement(f"m{n}", rng=rng) for n in range(3)])
+    whole.evaluator = Rounded(load_panel("sb1"))
+    thrown: list[int] = []
+    local = Misfit.local
+
+    def counted(self: Misfit, values: dict[str, float], vary: Sequence[str]) -> Linearisation:
+        thrown.append(1)
+        return local(self, values, vary)
+
+    monkeypatch.setattr(Misfit, "local", counted)
+    near = {**TRUE, "k": 1.004 * TRUE["k"]}
+    found = _least_squares(whole, PARAMETERS, near, rough=False, on_step=None)
+    assert found.message == "converged to the noise of the solver"
+    assert len(thrown) == 1
+    assert found.values["k"] == pytest.approx(TRUE["k"], rel=1e-3)
