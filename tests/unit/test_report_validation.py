@@ -55,6 +55,22 @@ def test_the_page_shows_errors_by_place_and_marks_what_is_off() -> None:
     assert set(re.findall(r"https?://[\w.-]+", html)) <= {"http://www.w3.org"}
 
 
+def test_places_that_were_left_out_are_judged_not_only_fitted() -> None:
+    """Of a validation by place the page said of each movement "used for the fit, so not judged"."""
+    whole = hand_made(used=6)
+    validation = whole.assign(left_out=("movement", np.ones(6, dtype=bool)))
+    page = validation_page(validation, suffixes=())
+    assert "not judged" not in page.sections[1].text
+    assert not np.any([heat.framed for heat in page.sections[1].heats])
+    table = next(s for s in page.sections if s.heading == "Movements").tables[0]
+    assert {row[3] for row in table.rows} == {"judged"}
+    assert "each predicted without its place" in page.sections[0].text
+    labels = [line.label for line in comparison_sheet(validation, place="sleeper 6").rows[0].lines]
+    assert not any("used for the fit" in label for label in labels)
+    seen = comparison_sheet(whole, place="sleeper 6").rows[0].lines
+    assert any("used for the fit" in line.label for line in seen)
+
+
 def test_a_sheet_holds_the_band_and_what_was_measured() -> None:
     validation = hand_made()
     sheet = comparison_sheet(validation, place="sleeper 6")

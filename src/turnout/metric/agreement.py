@@ -188,3 +188,23 @@ def band_coverage(measured: xr.DataArray, low: xr.DataArray, high: xr.DataArray)
     known = measured.notnull()
     inside = (measured >= low) & (measured <= high) & known
     return (inside.sum("time") / known.sum("time")).where(known.any("time"))
+
+
+def only_fitted(validation: xr.Dataset) -> NDArray[np.bool_]:
+    """Return which movements were used for the fit and are not predicted from other places either.
+
+    Parameters
+    ----------
+    validation : xarray.Dataset
+        `used` (movement), and `left_out` (movement) where places were left out.
+
+    Examples
+    --------
+    >>> found = xr.Dataset({"used": ("movement", [True, True])})
+    >>> only_fitted(found), only_fitted(found.assign(left_out=("movement", [True, False])))
+    (array([ True,  True]), array([False,  True]))
+    """
+    used = np.asarray(validation["used"].values, dtype=np.bool_)
+    if "left_out" not in validation:
+        return used
+    return used & ~np.asarray(validation["left_out"].values, dtype=np.bool_)

@@ -7,6 +7,7 @@ import numpy as np
 import xarray as xr
 
 from turnout.errors import ResponseError
+from turnout.metric.agreement import only_fitted
 from turnout.metric.campaign_statistics import object_places
 from turnout.plot.sheet import Line, Row, Sheet
 from turnout.plot.style import COLOURS, FIGURE_SIZE, GREY, put_title, styled
@@ -125,7 +126,8 @@ def plot_error_map(validation: xr.Dataset) -> "Figure":
     -------
     matplotlib.figure.Figure
         A table for each channel: RMS difference [N], coloured by its multiple of the repeat spread
-        (of the largest error where nothing was repeated). What the fit has used is in brackets.
+        (of the largest error where nothing was repeated). What the fit has used is in brackets,
+        unless it is predicted from other places.
     """
     channels = [str(name) for name in validation["channel"].values]
     closing = validation.isel(movement=np.flatnonzero(validation["direction"].values == "closing"))
@@ -143,9 +145,10 @@ def plot_error_map(validation: xr.Dataset) -> "Figure":
         ax.set_title(f"{name.capitalize()}, {known}", fontsize=10)
         ax.set_xlabel("Object size [mm]")
         ax.tick_params(labelleft=number == 0)
+    brackets = "in brackets: used for the fit; " if only_fitted(closing).any() else ""
     text = (
         "RMS difference of prediction and measurement [N]; red: three repeat spreads or more;"
-        "\nin brackets: used for the fit; framed: a drive slipped"
+        f"\n{brackets}framed: a drive slipped"
     )
     put_title(figure, _title(validation, text))
     return figure
@@ -186,7 +189,7 @@ def _table(ax: "Axes", one: xr.Dataset, *, places: Sequence[str], sizes: np.ndar
         errors = one["rms"].values[same]
         if np.isfinite(errors).any():
             cells[line, column] = np.sqrt(np.nanmean(errors**2))
-            used[line, column] = bool(one["used"].values[same].any())
+            used[line, column] = bool(only_fitted(one)[same].any())
         slipped = "slipped" in one.coords and bool(one["slipped"].values[same].any())
         if slipped and np.isfinite(cells[line, column]):
             frame = Rectangle(
@@ -270,7 +273,7 @@ def comparison_sheet(validation: xr.Dataset, *, place: str, sizes: Sequence[floa
 def _name(part: xr.Dataset) -> str:
     size = float(part["size"])
     what = f"{size * MILLI:g} mm" if size > 0 else "no object"
-    return what + (" (used for the fit)" if bool(part["used"]) else "")
+    return what + (" (used for the fit)" if bool(only_fitted(part)) else "")
 
 
 def _difference(one: xr.Dataset, number: int) -> Line:

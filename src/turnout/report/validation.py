@@ -7,6 +7,7 @@ import numpy as np
 import xarray as xr
 
 from turnout.core.value_text import count_text
+from turnout.metric.agreement import only_fitted
 from turnout.metric.campaign_statistics import object_places
 from turnout.metric.finding import Finding, Level
 from turnout.plot.style import rendered
@@ -51,14 +52,17 @@ def validation_page(validation: xr.Dataset, *, suffixes: Sequence[str] = (".pdf"
         Section(
             heading="Errors and the spread of repeats",
             text=f"Of {count_text(verdict.judged, 'movement')} that were judged; the fit used "
-            f"{verdict.used}. From throw to throw: {scatter_text(validation)}.",
+            f"{verdict.used}{', each predicted without its place' if verdict.left_out else ''}. "
+            f"From throw to throw: {scatter_text(validation)}.",
             tables=[_channels(verdict), _features(verdict)],
         ),
         Section(
             heading="Places against sizes",
             text="Root mean square difference of prediction and measurement as a multiple of the "
-            f"repeat spread of the channel, closing; {MOST_SPREADS:g} is the limit. Framed: used "
-            "for the fit, so not judged.",
+            f"repeat spread of the channel, closing; {MOST_SPREADS:g} is the limit."
+            + (
+                " Framed: used for the fit, so not judged." if only_fitted(validation).any() else ""
+            ),
             heats=_heats(validation),
         ),
         Section(
@@ -177,7 +181,7 @@ def _heats(validation: xr.Dataset) -> list[Heat]:
             same &= np.isfinite(times)
             if same.any():
                 values[line, column] = np.sqrt(np.mean(times[same] ** 2))
-                framed[line, column] = bool(one["used"].values[same].any())
+                framed[line, column] = bool(only_fitted(one)[same].any())
         heading = f"{str(name).capitalize()}, over {float(one['repeat_spread']):.0f} N of repeats"
         rows = ["no object" if place == "none" else place for place in places]
         columns = [f"{MILLI * size:g} mm" for size in sizes]
@@ -210,10 +214,10 @@ def _movements(validation: xr.Dataset) -> Table:
         size = float(one["size"])
         what = f"{MILLI * size:g} mm at {one['place'].item()}" if size > 0 else "no object"
         times = (one["rms"] / one["repeat_spread"]).values
-        if not bool(one["used"]) and np.nanmax(times, initial=0.0) > MOST_SPREADS:
+        if not bool(only_fitted(one)) and np.nanmax(times, initial=0.0) > MOST_SPREADS:
             marked.append(number)
         errors = ("-" if math.isnan(value) else f"{value:.0f} N" for value in one["rms"].values)
-        judged = "fit" if bool(one["used"]) else "judged"
+        judged = "fit" if bool(only_fitted(one)) else "judged"
         rows.append(
             (str(one["movement"].item()), str(one["direction"].item()), what, judged, *errors)
         )
