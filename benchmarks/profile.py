@@ -36,7 +36,7 @@ SHARE = 0.55
 CALLS, REPEATS = 2000, 7
 KERNELS = {
     "predict, right side": "step.predict(s, st, w, sp, sp.step, step.step_factors(sp, sp.step))",
-    "columns times right side": "solution.solve_displacements(s, t, st, w)",
+    "columns times right side": "solution.solve_displacements(s, t, st, w, False)",
     "check of contacts and stops": "solve.update_segments(s, t, st, w, 1e-11, False)",
     "check of friction": "solve.update_branches(t, st, w, 0, 1e-6, False)",
     "correct, energy of modes": "step.correct(s, st, w, sp, step.step_factors(sp, sp.step))",
@@ -96,7 +96,7 @@ def flips(s, t, st, w, sp, rec, n):  # type: ignore[no-untyped-def]  # noqa: D10
     row = t.friction_row[3]
     for _ in range(n):
         st.friction[3] = 0 if st.friction[3] else 1
-        update_row(s, t, st, row, w.row)
+        update_row(s, t, st, row, w.row, False)
 
 
 @numba.njit(_nrt=False, error_model="numpy")

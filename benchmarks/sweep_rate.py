@@ -1,20 +1,23 @@
-"""Measure throws of quick sweeps against an older checkout; write docs/performance-rate.md.
+"""Measure throws of quick sweeps against older checkouts; write docs/performance-rate.md.
 
-    python -m benchmarks.sweep_rate OLDER [--count 512] [--repeats 3] [--note TEXT]
+    python -m benchmarks.sweep_rate OLDER ... [--batches 6] [--only million] [--note TEXT]
 
 OLDER is the folder of another checkout, such as one made by `git worktree add --detach OLDER main`.
-Both throw the same scenarios in turn, each in a fresh process of one thread, batches made and
-compressed but not written. Processor time counts, the least of the repeats, so that other work on
-the machine matters little; the ratio of a run is what to read. Bytes and the plan of a hundred
-million throws follow from the newer one.
+Each code runs in a process of one thread that stays; all throw the same scenarios, a batch each in
+turn, there and back again, since the place in a turn may matter. Batches are made and compressed
+but not written. Processor time counts, and of it the median over the turns: of the times, and of
+the ratios of times that were taken one after another, in which other work on the machine hardly
+shows. Bytes and the plan of a hundred million throws follow from the present code.
 """
 
 import argparse
 import json
 import os
+import statistics
 import subprocess
 import sys
 import textwrap
+from collections.abc import Sequence
 from pathlib import Path
 
 from benchmarks.machine import ONE_THREAD, load, machine
@@ -25,64 +28,111 @@ STUDIES = {
     "stiffness, slip, friction field, object size and place": ROOT / "benchmarks" / "million.toml",
     "population of sound switches": "detection-reference",
 }
-WARM, BATCH, FEATURES = 160, 64, 1024
-"""Throws that are not counted, throws of a batch, and of a batch of features alone."""
+WARM, BATCH, FEATURES = 256, 128, 1024
+"""Throws that are not counted, throws in turn, and in a batch of features alone."""
 PLANNED = 100_000_000
 CORES = (2, 16, 128)
 
-CHILD = f"""
+CHILD = """
 import json, signal, sys, time
 from dataclasses import replace
-from turnout.sweep.batch import batch_variables, file_bytes, throw_batch
+from turnout.study.load_study import load_study
+from turnout.sweep.batch import LARGEST_BATCH, batch_variables, file_bytes, throw_batch
 from turnout.sweep.worker import initialize_worker
-try:
-    from turnout.study.load_study import load_study
-except ImportError:
-    from turnout.study.load import load_study
 signal.signal(signal.SIGINT, signal.SIG_IGN)  # as in a worker
 initialize_worker()
-study, count, features = load_study(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
-def size_of(study, first, number):
-    rows = throw_batch(study, [range(first, first + number)])
-    return rows, len(file_bytes(batch_variables(study, rows)))
-size_of(study, 0, {WARM})
-each, solver, size = [], 0.0, 0
-for first in range({WARM}, {WARM} + count, {BATCH}):
-    began = time.process_time()
-    rows, written = size_of(study, first, {BATCH})
-    each.append(time.process_time() - began)
-    solver += sum(row.solver.processor for row in rows)
-    size += written
-thrown = {BATCH} * len(each)
-found = {{"all": sum(each) / thrown, "solver": solver / thrown, "bytes": size / thrown}}
-if features:
-    alone = replace(study, output=replace(study.output, channels=()))
-    found["features"] = size_of(alone, 0, features)[1] / features
-print(json.dumps(found))
+study = load_study(sys.argv[1])
+alone = replace(study, output=replace(study.output, channels=()))
+for line in sys.stdin:
+    first, count, features = json.loads(line)
+    largest = count if features else LARGEST_BATCH
+    began, solver, size = time.process_time(), 0.0, 0
+    for begin in range(first, first + count, largest):
+        throws = range(begin, min(begin + largest, first + count))
+        kept = alone if features else study
+        rows = throw_batch(kept, [throws])
+        size += len(file_bytes(batch_variables(kept, rows)))
+        solver += sum(row.solver.processor for row in rows)
+    spent = time.process_time() - began
+    found = {"all": spent / count, "solver": solver / count, "bytes": size / count}
+    print(json.dumps(found), flush=True)
 """
 
 
-def measured(source: Path, study: str, *, count: int, features: int) -> dict[str, float]:
-    """Throw a study with the sources of a checkout; return seconds and bytes a throw."""
-    environment = {**os.environ, **ONE_THREAD, "PYTHONPATH": str(source / "src")}
-    command = [sys.executable, "-c", CHILD, study, str(count), str(features)]
-    run = subprocess.run(command, check=True, capture_output=True, text=True, env=environment)
-    found: dict[str, float] = json.loads(run.stdout)
-    print(source.name, study, found, flush=True)
+class Thrower:
+    """A process that throws scenarios of a study with the sources of a checkout."""
+
+    def __init__(self, source: Path, study: str) -> None:
+        environment = {**os.environ, **ONE_THREAD, "PYTHONPATH": str(source / "src")}
+        self._process = subprocess.Popen(
+            [sys.executable, "-c", CHILD, study],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            env=environment,
+        )
+
+    def throw(self, first: int, count: int, *, features: bool = False) -> dict[str, float]:
+        """Return seconds and bytes a throw of some scenarios."""
+        given, answers = self._process.stdin, self._process.stdout
+        if given is None or answers is None:
+            raise RuntimeError
+        given.write(json.dumps([first, count, features]) + "\n")
+        given.flush()
+        found: dict[str, float] = json.loads(answers.readline())
+        return found
+
+    def end(self) -> None:
+        """End the process."""
+        self._process.communicate()
+
+
+def measured(sources: Sequence[Path], study: str, *, batches: int) -> list[dict[str, float]]:
+    """Throw a study with several codes in turn, the present one last.
+
+    Returns
+    -------
+    list of dict
+        For each code the medians of seconds and bytes a throw, and of the `ratio` of its time to
+        that of the present one; of that one also the bytes of `features` alone.
+    """
+    throwers = [Thrower(source, study) for source in sources]
+    for thrower in throwers:
+        thrower.throw(0, WARM)
+    turns = []
+    for number in range(batches):
+        first = WARM + number * BATCH
+        there = [thrower.throw(first, BATCH) for thrower in throwers]
+        back = [thrower.throw(first + batches * BATCH, BATCH) for thrower in reversed(throwers)]
+        turn = [_mean(pair) for pair in zip(there, reversed(back), strict=True)]
+        turns.append(turn)
+        print(study, [f"{1e3 * item['all']:.2f} ms" for item in turn], flush=True)
+    features = throwers[-1].throw(0, FEATURES, features=True)["bytes"]
+    for thrower in throwers:
+        thrower.end()
+    found = []
+    for number in range(len(sources)):
+        own = [turn[number] for turn in turns]
+        medians = {name: statistics.median(item[name] for item in own) for name in own[0]}
+        ratio = statistics.median(turn[number]["all"] / turn[-1]["all"] for turn in turns)
+        found.append(medians | {"ratio": ratio, "features": features})
     return found
 
 
-def page(
-    found: dict[str, tuple[dict[str, float], dict[str, float]]], *, before: float, note: str
-) -> str:
-    """Return the page of what was measured."""
+def _mean(pair: tuple[dict[str, float], dict[str, float]]) -> dict[str, float]:
+    one, other = pair
+    return {name: 0.5 * (one[name] + other[name]) for name in one}
+
+
+def page(found: dict[str, list[dict[str, float]]], names: Sequence[str], *, note: str) -> str:
+    """Return the page of what was measured; `names` are those of the codes."""
     rows = [
-        f"| {what} | {1e3 * old['all']:.1f} | {1e3 * new['all']:.1f} | "
-        f"{1e3 * new['solver']:.1f} | {old['all'] / new['all']:.2f} | "
-        f"{2 * 3600 / new['all']:,.0f} |"
-        for what, (old, new) in found.items()
+        f"| {what} | {name} | {1e3 * item['all']:.1f} | {1e3 * item['solver']:.1f} | "
+        f"{item['ratio']:.2f} | {2 * 3600 / item['all']:,.0f} |"
+        for what, items in found.items()
+        for name, item in zip(names, items, strict=True)
     ]
-    new = next(iter(found.values()))[1]
+    new = next(iter(found.values()))[-1]
     plan = [
         f"| {cores} | {PLANNED * new['all'] / cores / 3600:,.0f} | "
         f"{PLANNED * new['features'] / 1e9:,.0f} | {PLANNED * new['bytes'] / 1e9:,.0f} |"
@@ -92,16 +142,16 @@ def page(
         [
             "# Rate of quick sweeps",
             "",
-            f"Written by `python -m benchmarks.sweep_rate OLDER` on {machine()}, at a load of",
-            f"{before:.1f} before and {load():.1f} at the end. Processor time of one thread a",
-            "throw, the same scenarios thrown in turn by the code before and the present one;",
-            "batches are made and compressed. What other work on the machine takes from the caches",
-            "is in the times and hardly in the ratio.",
+            f"Written by `python -m benchmarks.sweep_rate OLDER ...` on {machine()}, at a",
+            f"load of {load():.1f}. Processor time of one thread a throw, the same scenarios",
+            "thrown by older codes and the present one, a batch each in turn; batches are made and",
+            "compressed. Medians; the ratio is that of times taken one after another. What other",
+            "work on the machine takes from the caches is in the times and hardly in the ratio.",
             *textwrap.wrap(note, 98),
             "",
-            "| what varies | before [ms] | now [ms] | of that the solver [ms] | ratio "
+            "| what varies | code | a throw [ms] | of that the solver [ms] | ratio to the present "
             "| an hour on 2 cores |",
-            "|---|---:|---:|---:|---:|---:|",
+            "|---|---|---:|---:|---:|---:|",
             *rows,
             "",
             "## A hundred million throws",
@@ -126,25 +176,27 @@ def page(
 
 
 def main() -> None:
-    """Measure both checkouts in turn and write the page."""
+    """Measure all checkouts in turn and write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("older", type=Path)
-    parser.add_argument("--count", type=int, default=512)
-    parser.add_argument("--repeats", type=int, default=3)
-    parser.add_argument("--note", default="", help="what else differs between the two")
+    parser.add_argument("older", type=Path, nargs="+")
+    parser.add_argument("--batches", type=int, default=6)
+    parser.add_argument("--only", default="", help="measure the study of this name alone")
+    parser.add_argument("--note", default="", help="what else differs between the codes")
     chosen = parser.parse_args()
-    before, found = load(), {}
-    for what, study in STUDIES.items():
-        pairs = []
-        for repeat in range(chosen.repeats):
-            features = FEATURES if repeat == 0 else 0
-            old = measured(chosen.older.absolute(), str(study), count=chosen.count, features=0)
-            new = measured(ROOT, str(study), count=chosen.count, features=features)
-            pairs.append((old, new))
-        older, newer = zip(*pairs, strict=True)
-        least = min(older, key=lambda item: item["all"]), min(newer, key=lambda item: item["all"])
-        found[what] = least[0], least[1] | {"features": newer[0]["features"]}
-    PAGE.write_text(page(found, before=before, note=chosen.note), encoding="utf-8")
+    sources = [*(older.absolute() for older in chosen.older), ROOT]
+    found = {
+        what: measured(sources, str(study), batches=chosen.batches)
+        for what, study in STUDIES.items()
+        if chosen.only in str(study)
+    }
+    names = [*(revision(source) for source in sources[:-1]), "present"]
+    PAGE.write_text(page(found, names, note=chosen.note), encoding="utf-8")
+
+
+def revision(source: Path) -> str:
+    """Return the short name of the commit of a checkout."""
+    command = ["git", "-C", str(source), "rev-parse", "--short", "HEAD"]
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ from turnout.condense.condense import BlockModel, folded_stiffness, sum_at_rows
 from turnout.condense.followers import leading_rows
 from turnout.condense.modal import diagonalise_damping, modal_model
 from turnout.errors import MechanicsError
-from turnout.integrate.columns import activate, deactivate, rebuild, update_row
+from turnout.integrate.columns import activate, deactivate, finish_pending, rebuild, update_row
 from turnout.integrate.compliance import assemble_level
 from turnout.integrate.numbering import place_laws
 from turnout.integrate.scratch import Work, new_work
@@ -25,6 +25,7 @@ from turnout.integrate.state import (
     COUNT_JOINING,
     COUNT_REBUILDS,
     COUNT_RECENT,
+    PENDING,
     State,
     fresh_state,
     set_segment,
@@ -145,7 +146,7 @@ def flip(made: Setup, rng: np.random.Generator) -> None:
         state.anchor[friction] = rng.normal() * 1e-3
         touched = {int(table.friction_row[friction])}
     for row in rng.permutation(sorted(touched)):
-        update_row(*made[:3], int(row), made.scratch)
+        update_row(*made[:3], int(row), made.scratch, defer=False)
 
 
 def deviations(made: Setup) -> tuple[np.ndarray, np.ndarray]:
@@ -208,7 +209,7 @@ def check_against_dense(made: Setup) -> None:
     system, table, state, work = made.system, made.table, made.state, made.work
     work.right_side[:] = np.linspace(-500.0, 900.0, work.right_side.size)
     state.inputs[:] = [2e-3, -1e-3]
-    solve_displacements(system, table, state, work)
+    solve_displacements(system, table, state, work, again=False)
     gather_modes(system, state)
     g, q = dense_solution(made)
     np.testing.assert_allclose(state.g[made.rows], g, rtol=0, atol=TOLERANCE * np.abs(g).max())
@@ -285,11 +286,49 @@ def test_rebuild_gives_the_same_columns_and_removes_drift() -> None:
     check_bookkeeping(made)
 
 
+def test_rows_that_share_a_pass_have_the_bits_of_rows_one_by_one() -> None:
+    together, alone = setup(7, seed=6), setup(7, seed=6)
+    rng = np.random.default_rng(5)
+    shared = 0
+    for _ in range(60):
+        frictions = rng.choice(together.table.friction_row.size, size=3, replace=False)
+        branches, anchors = rng.integers(-1, 2, size=3), rng.normal(size=3) * 1e-3
+        rows = np.unique(together.table.friction_row[frictions])
+        for made in (together, alone):
+            made.state.friction[frictions] = branches
+            made.state.anchor[frictions] = anchors
+            for row in rows:
+                update_row(*made[:3], int(row), made.scratch, defer=made is together)
+                shared += int(made.state.counters[PENDING] > 0)
+            finish_pending(made.system, made.state)
+        for name in ("columns", "mode_columns", "constant_column", "entries", "shift", "drift"):
+            found, wanted = getattr(together.state, name), getattr(alone.state, name)
+            np.testing.assert_array_equal(found, wanted, err_msg=name)
+    assert shared > 30
+    check_against_dense(together)
+
+
+def test_a_rail_is_solved_again_where_its_columns_have_changed_and_only_there() -> None:
+    made, rng = setup(7, seed=8), np.random.default_rng(3)
+    system, table, state, work = made.system, made.table, made.state, made.work
+    check_against_dense(made)
+    for _ in range(40):
+        flip(made, rng)
+        solve_displacements(system, table, state, work, again=True)
+        found = state.g.copy()
+        solve_displacements(system, table, state, work, again=False)
+        np.testing.assert_array_equal(found, state.g)
+    work.free[system.end_start[1] : system.end_start[2]] += 1e-3
+    solve_displacements(system, table, state, work, again=True)
+    moved = np.abs(state.g - found) > 1e-4
+    assert moved[system.end_start[1] : system.end_stop[1]].all()  # it was not made again
+
+
 def test_a_row_without_a_change_costs_nothing() -> None:
     made = setup(7, seed=2)
     before = made.state.columns.copy(), made.state.counters.copy()
     for row in made.rows:
-        update_row(*made[:3], row, made.scratch)
+        update_row(*made[:3], row, made.scratch, defer=False)
     np.testing.assert_array_equal(made.state.columns, before[0])
     assert made.state.counters[COUNT_FLIPS] == before[1][COUNT_FLIPS]
 
@@ -325,7 +364,7 @@ def test_kernels_equal_their_plain_functions() -> None:
             made.state.friction[friction] = branch
             for row in made.rows:
                 update = update_row if made is compiled else update_row.py_func
-                update(*made[:3], row, made.scratch)
+                update(*made[:3], row, made.scratch, False)
     for name in ("columns", "mode_columns", "constant_column", "entries", "shift"):
         want = getattr(compiled.state, name)
         np.testing.assert_allclose(

@@ -85,3 +85,20 @@ def test_another_step_has_a_compliance_of_its_own() -> None:
     first.give_back()
     other = prepared("x = 3.61 m", scheme=Scheme(step=2e-3, cutoff_frequency=100.0))
     assert not other.state.level_ready.any()
+
+
+def test_nothing_of_a_run_is_left_in_its_memory() -> None:
+    first = prepared("x = 3.61 m")
+    used = first.state, first.work
+    for record in used:
+        for name in ("q", "counters", "friction", "segment", "right_side", "dirty", "stop"):
+            if hasattr(record, name):
+                getattr(record, name)[:] = 1
+    first.give_back()
+    again = prepared("x = 3.61 m")
+    assert (again.state, again.work) == used
+    levels.clear_levels()
+    fresh = prepared("x = 3.61 m")
+    assert fresh.state is not again.state
+    np.testing.assert_array_equal(again.state.memory, fresh.state.memory)
+    np.testing.assert_array_equal(again.work.memory, fresh.work.memory)

@@ -316,10 +316,10 @@ def test_batches_depend_on_the_study_alone_and_split_no_chain(study: Study) -> N
 
 
 def test_batches_grow_small_towards_the_end(study: Study) -> None:
-    many = replace(study, design=replace(study.design, draws=1000))
+    many = replace(study, design=replace(study.design, draws=2000))
     sizes = [len(batch) for batch in plan_batches(many)]
-    assert sum(sizes) == many.count == 1000
-    assert sizes == [64] * 8 + sorted(sizes[8:], reverse=True)
+    assert sum(sizes) == many.count == 2000
+    assert sizes == [128] * 8 + sorted(sizes[8:], reverse=True)
     assert sizes[-1] <= 8
 
 

@@ -9,7 +9,7 @@ the difference is a deviation like that of any law off its base segment.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -255,11 +255,14 @@ def base_stiffness(table: LawTable) -> Floats:
     return slope
 
 
+MOST_HOMES = 256
+"""Stiffnesses whose homes are in memory, the latest used."""
 HOMES = (750e3, 810e3)
 """Home stiffnesses of one octave, those of the published drives, so that throws of library panels
 are condensed as they are [N/m]."""
 
 
+@lru_cache(maxsize=MOST_HOMES)
 def home_stiffness(stiffness: float) -> float:
     """Return the home next to a stiffness by ratio: `HOMES` times a power of two [N/m].
 

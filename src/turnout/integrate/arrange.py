@@ -25,17 +25,17 @@ from turnout.condense.followers import Leading
 from turnout.condense.modal import ModalModel
 from turnout.core.lru_cache import LRUCache
 from turnout.errors import MechanicsError
-from turnout.integrate.levels import clear_levels, give_back_levels, take_levels
+from turnout.integrate.levels import clear_levels, give_back_memory, take_memory
 from turnout.integrate.numbering import Places, number_places, place_laws
 from turnout.integrate.record import empty_record
 from turnout.integrate.rods import Rods
 from turnout.integrate.scratch import Work, new_work, release_buffers
 from turnout.integrate.solve import Tolerances
-from turnout.integrate.state import State, fresh_copy, fresh_state
+from turnout.integrate.state import State, fresh_copy, fresh_state, refill_state
 from turnout.integrate.step import Stepping
 from turnout.integrate.system import System, check_normals, condensed_system, refill_system
 from turnout.integrate.watch import SeenWeights, StepRecord, WatchPlan
-from turnout.kernels.shared_record import clone_record, shared_record
+from turnout.kernels.shared_record import clone_record, copy_vectors, shared_record
 from turnout.law.friction_course import FrictionCourses, no_courses
 from turnout.law.obstruction import Obstructions, no_obstructions, remember
 from turnout.law.table import LawTable
@@ -48,7 +48,7 @@ Templates = dict[tuple[int, int], tuple[State, Work]]
 
 MOST_KEPT = 12
 """Condensed rails in the cache, the latest used; ten megabytes each with all that they hold."""
-MOST_PLACED = 64
+MOST_PLACED = 96
 """Objects in other places that each of them keeps, under a megabyte each in quick mode."""
 MOST_LAYOUTS = 24
 """Systems in the cache that rails of other sections are filled into, the latest used."""
@@ -312,7 +312,8 @@ class PreparedRun:
     def give_back(self) -> None:
         """Give back, at its end, what another run of these rails can use."""
         if self.known:
-            give_back_levels(self.templates, self.system, self.stepping, self.state)
+            memory = (self.state, self.work)
+            give_back_memory(self.templates, self.system, self.stepping, *memory)
 
 
 def prepare(
@@ -404,7 +405,10 @@ def _without_courses() -> FrictionCourses:
 def _copy_templates(
     arrangement: Arrangement, stepping: Stepping, *, n_inputs: int
 ) -> tuple[State, Work]:
-    """Return a state at rest and scratch arrays, copied from the templates."""
+    """Return a state at rest and scratch arrays, copied from the templates.
+
+    Their memory is that of a run before, where there is one.
+    """
     levels = stepping.halvings + 2  # one for each halving, and one without inertia
     template = arrangement.templates.get((n_inputs, levels))
     if template is None:
@@ -414,6 +418,9 @@ def _copy_templates(
             new_work(arrangement.system, arrangement.table),
         )
     state, work = template
-    shape = state.compliance.shape
-    levels_known = take_levels(arrangement.templates, arrangement.system, stepping, shape)
-    return fresh_copy(state, arrangement.table, *levels_known), clone_record(work)
+    memory = take_memory(arrangement.templates, stepping, (n_inputs, levels))
+    if memory is None:
+        return fresh_copy(state, arrangement.table), clone_record(work)
+    refill_state(memory.state, state, arrangement.table, memory.ready_for(arrangement.system))
+    copy_vectors(work, memory.work)
+    return memory.state, memory.work

@@ -29,18 +29,10 @@ becomes
 
 (for `c` with :math:`d^T c + \beta`), without a factorisation.
 
-Rows that join two blocks (links, stops against a rail that bends, objects) are solved last. With
-the compliance :math:`H` between the joining rows, assembled from the columns of their ends,
-
-.. math:: (I - D H)\,\lambda = D g_0 + b
-
-where :math:`g_0` are the joining displacements without the joining forces. This small dense matrix
-is factorised by rows with partial pivoting, and kept until a column of an end changes.
+Rows that join two blocks are solved last (`turnout.integrate.coupling`).
 
 Columns of active ends are rows of `State.columns`; each block has its own range of slots there.
 """
-
-import numpy as np
 
 from turnout.integrate.state import (
     COUNT_FLIPS,
@@ -49,118 +41,15 @@ from turnout.integrate.state import (
     COUNT_RECENT,
     COUPLED,
     LEVEL,
+    PENDING,
+    UNSOLVED,
     State,
 )
 from turnout.integrate.system import Floats, Ints, System
 from turnout.kernels.compiled import compiled
-from turnout.kernels.vector import add_scaled, copy, update_rank_one
+from turnout.kernels.vector import add_scaled, copy, update_rank_one, update_rank_two
 from turnout.law.kernel import STICK
 from turnout.law.table import LawTable
-
-
-@compiled
-def assemble_coupling(system: System, state: State) -> None:
-    """Assemble and factorise the matrix of the joining rows.
-
-    Where the rows are the same as before, entries of blocks whose columns are too stay as they are.
-    """
-    count = state.counters[COUNT_JOINING]
-    matrix, assembled = state.coupling, state.assembled
-    whole, stale = state.counters[COUPLED] == 0, state.counters[COUPLED] >> 1
-    for i in range(count):
-        row = state.joining[i]
-        of_row = _blocks_of(system, row)
-        entry = state.entries[system.pattern_start[row]]
-        for j in range(count):
-            other = state.joining[j]
-            if whole or of_row & _blocks_of(system, other) & stale:
-                total = _compliance_between(system, state, row, other)
-                assembled[i, j] = (1.0 if i == j else 0.0) - entry * total
-            matrix[i, j] = assembled[i, j]
-    _factorise(matrix, state.pivots, count)
-    state.counters[COUPLED] = 1
-
-
-@compiled
-def _blocks_of(system: System, row: int) -> int:
-    """Return the blocks that a row joins, a bit each."""
-    one, other = system.row_ends[row, 0], system.row_ends[row, 1]
-    bits: int = (1 << system.block_of_end[one]) | (1 << system.block_of_end[other])
-    return bits
-
-
-@compiled
-def _compliance_between(system: System, state: State, row: int, other: int) -> float:
-    """Return the displacement of a joining row under a unit force on another one [m/N]."""
-    total = 0.0
-    for side in range(2):
-        end = system.row_ends[row, side]
-        block = system.block_of_end[end]
-        for other_side in range(2):
-            other_end = system.row_ends[other, other_side]
-            if system.block_of_end[other_end] == block:
-                total += value_at_end(system, state.columns[state.slot_of_end[other_end]], end)
-    return total
-
-
-@compiled
-def value_at_end(system: System, column: Floats, end: int) -> float:
-    """Return the value of a column of a block at one of its ends."""
-    start, follower = system.end_start[system.block_of_end[end]], end - system.follower_start[0]
-    if follower < 0:
-        value: float = column[end - start]
-        return value
-    total = 0.0
-    for term in range(system.follower_list.shape[0]):
-        weight = system.follower_weight[term, follower]
-        if weight != 0.0:
-            total += weight * column[np.int64(system.follower_list[term, follower]) - start]
-    return total
-
-
-@compiled
-def _factorise(matrix: Floats, exchange: Ints, count: int) -> None:
-    """Factorise a matrix in place; a singular one becomes NaN or infinite."""
-    for k in range(count):
-        pivot = k
-        for i in range(k + 1, count):
-            if abs(matrix[i, k]) > abs(matrix[pivot, k]):
-                pivot = i
-        exchange[k] = pivot
-        if pivot != k:
-            for j in range(count):
-                saved = matrix[k, j]
-                matrix[k, j] = matrix[pivot, j]
-                matrix[pivot, j] = saved
-        for i in range(k + 1, count):
-            factor = matrix[i, k] / matrix[k, k]
-            matrix[i, k] = factor
-            if factor != 0.0:
-                for j in range(k + 1, count):
-                    matrix[i, j] -= factor * matrix[k, j]
-
-
-@compiled
-def solve_coupling(matrix: Floats, exchange: Ints, force: Floats) -> None:
-    """Solve the factorised system for the right side `force`, in place."""
-    count = force.size
-    for k in range(count):
-        pivot = exchange[k]
-        if pivot != k:
-            saved = force[k]
-            force[k] = force[pivot]
-            force[pivot] = saved
-    for i in range(count):
-        total = force[i]
-        for j in range(i):
-            total -= matrix[i, j] * force[j]
-        force[i] = total
-    for i in range(count - 1, -1, -1):
-        total = force[i]
-        for j in range(i + 1, count):
-            total -= matrix[i, j] * force[j]
-        force[i] = total / matrix[i, i]
-
 
 REBUILD_AFTER = 500
 """Flips after which the columns are rebuilt at the end of the step in any case."""
@@ -242,10 +131,13 @@ def deactivate(system: System, state: State, end: int) -> None:
 
 
 @compiled
-def update_row(system: System, table: LawTable, state: State, row: int, scratch: Floats) -> None:
+def update_row(
+    system: System, table: LawTable, state: State, row: int, scratch: Floats, defer: bool
+) -> None:
     """Update one row to the present state of its laws.
 
-    `scratch` holds the terms and entries of the row and one column.
+    `scratch` holds the terms and entries of the row and one column. With `defer` most columns may
+    wait for the next row, so that both take one pass; `finish_pending` must follow the last row.
     """
     start, stop = system.pattern_start[row], system.pattern_start[row + 1]
     n_terms = system.term_start[row + 1] - system.term_start[row]
@@ -266,15 +158,26 @@ def update_row(system: System, table: LawTable, state: State, row: int, scratch:
     state.counters[COUNT_FLIPS] += 1
     state.counters[COUNT_RECENT] += 1
     if system.row_ends[row, 1] >= 0:
+        finish_pending(system, state)
         state.entries[start] = entries[0]
         _update_joining_row(system, state, row, not vanished)
         return
     end = system.row_ends[row, 0]
     if state.slot_of_end[end] < 0:
+        finish_pending(system, state)
         activate(system, state, end, row)
+    for k in range(stop - start):
+        delta = entries[k] - state.entries[start + k]
+        state.entries[start + k] = entries[k]
+        entries[k] = delta
     rest = scratch[n_terms + stop - start :]
-    _update_columns(system, state, row, entries, rest, shift_change)
+    if changed:
+        _update_columns(system, state, row, entries, rest, shift_change, defer)
+    else:
+        finish_pending(system, state)
+        _shift_constant(system, state, end, shift_change)
     if vanished:
+        finish_pending(system, state)
         deactivate(system, state, end)
 
 
@@ -288,10 +191,27 @@ def _dot_pattern(change: Floats, at: Ints, column: Floats) -> float:
 
 
 @compiled
+def _shift_constant(system: System, state: State, end: int, shift_change: float) -> None:
+    """Add the displacements from a change of the shift of a row [N]."""
+    block = system.block_of_end[end]
+    first, stop = system.end_start[block], system.end_start[block + 1]
+    state.counters[UNSOLVED] |= 1 << block
+    add_scaled(
+        shift_change, state.columns[state.slot_of_end[end]], state.constant_column[first:stop]
+    )
+
+
+@compiled
 def _update_columns(
-    system: System, state: State, row: int, entries: Floats, scratch: Floats, shift_change: float
+    system: System,
+    state: State,
+    row: int,
+    change: Floats,
+    scratch: Floats,
+    shift_change: float,
+    defer: bool,
 ) -> None:
-    """Update all columns of a block for new entries of a row and a change of its shift [N].
+    """Update all columns of a block for a change of entries of a row and of its shift [N].
 
     `scratch` holds one column.
     """
@@ -301,30 +221,69 @@ def _update_columns(
     width = system.end_start[block + 1] - first
     slot = state.slot_of_end[end]
     pivot, scaled = state.columns[slot, :width], scratch[:width]
-    start = system.pattern_start[row]
-    count = system.pattern_start[row + 1] - start
+    at = system.pattern_at[system.pattern_start[row] : system.pattern_start[row + 1]]
+    before = state.counters[PENDING] - 1
+    if before >= 0 and system.block_of_end[system.row_ends[before, 0]] != block:
+        finish_pending(system, state)
+        before = -1
+    if before >= 0:
+        slot_before = state.slot_of_end[system.row_ends[before, 0]]
+        change_before, at_before = _pending_change(system, state, before)
+        moved = state.columns[slot_before, :width]
+        add_scaled(_dot_pattern(change_before, at_before, pivot), moved, pivot)
     denominator = 1.0
-    for k in range(count):
-        delta = entries[k] - state.entries[start + k]
-        state.entries[start + k] = entries[k]
-        entries[k] = delta
-        denominator -= delta * pivot[system.pattern_at[start + k]]
-    at, change = system.pattern_at[start : start + count], entries[:count]
+    for k in range(change.size):
+        denominator -= change[k] * pivot[at[k]]
     constant = state.constant_column[first : first + width]
     for i in range(width):
         scaled[i] = pivot[i] / denominator
     add_scaled(shift_change + _dot_pattern(change, at, constant), scaled, constant)
-    if denominator == 1.0 and not np.any(change):
-        return
-    slots = system.slot_start[block]
-    update_rank_one(change, at, scaled, state.columns[slots:slot])
-    update_rank_one(change, at, scaled, state.columns[slot + 1 : slots + state.slots[block]])
-    modes = system.mode_start[block], system.mode_start[block + 1]
-    update_rank_one(change, at, scaled, state.mode_columns[modes[0] : modes[1]])
-    copy(scaled, pivot)
+    state.counters[UNSOLVED] |= 1 << block
     state.drift[0] *= max(abs(denominator), 1.0 / abs(denominator))
     if state.counters[COUPLED] != 0:
         state.counters[COUPLED] |= 2 << block
+    copy(scaled, pivot)
+    if before >= 0:
+        one, other = (change_before, at_before, moved), (change, at, scaled)
+        low, high = min(slot, slot_before), max(slot, slot_before)
+        slots = system.slot_start[block]
+        update_rank_two(one, other, state.columns[slots:low])
+        update_rank_two(one, other, state.columns[low + 1 : high])
+        update_rank_two(one, other, state.columns[high + 1 : slots + state.slots[block]])
+        modes = system.mode_start[block], system.mode_start[block + 1]
+        update_rank_two(one, other, state.mode_columns[modes[0] : modes[1]])
+        add_scaled(_dot_pattern(change, at, moved), scaled, moved)
+        state.counters[PENDING] = 0
+        return
+    copy(change, state.pending)
+    state.counters[PENDING] = row + 1
+    if not defer:
+        finish_pending(system, state)
+
+
+@compiled
+def _pending_change(system: System, state: State, row: int) -> tuple[Floats, Ints]:
+    """Return the change of the entries of a row that most columns wait for, and their places."""
+    start, stop = system.pattern_start[row], system.pattern_start[row + 1]
+    return state.pending[: stop - start], system.pattern_at[start:stop]
+
+
+@compiled
+def finish_pending(system: System, state: State) -> None:
+    """Update the columns that wait for the change of a row, if there is one."""
+    row = state.counters[PENDING] - 1
+    if row < 0:
+        return
+    state.counters[PENDING] = 0
+    end = system.row_ends[row, 0]
+    block, slot = system.block_of_end[end], state.slot_of_end[end]
+    change, at = _pending_change(system, state, row)
+    pivot = state.columns[slot, : system.end_start[block + 1] - system.end_start[block]]
+    slots = system.slot_start[block]
+    update_rank_one(change, at, pivot, state.columns[slots:slot])
+    update_rank_one(change, at, pivot, state.columns[slot + 1 : slots + state.slots[block]])
+    modes = system.mode_start[block], system.mode_start[block + 1]
+    update_rank_one(change, at, pivot, state.mode_columns[modes[0] : modes[1]])
 
 
 @compiled
@@ -368,6 +327,7 @@ def rebuild(system: System, table: LawTable, state: State, level: int, scratch: 
     state.joining[:] = -1
     state.counters[COUNT_JOINING] = 0
     state.counters[COUPLED] = 0
+    state.counters[UNSOLVED] = -1  # all blocks
     copy(system.end_load, state.constant_column)
     for block in range(system.end_stop.size):
         stop, start = system.end_stop[block], system.mode_start[block]
@@ -380,6 +340,6 @@ def rebuild(system: System, table: LawTable, state: State, level: int, scratch: 
             activate(system, state, system.row_ends[row, 0], row)
         elif system.pinned[row]:
             _update_joining_row(system, state, row, active=True)
-        update_row(system, table, state, row, scratch)
+        update_row(system, table, state, row, scratch, defer=False)
     state.counters[COUNT_RECENT] = 0
     state.counters[COUNT_REBUILDS] += 1

@@ -63,7 +63,7 @@ def _solve_at(
         work.right_side[i] = start[i] + share * (end[i] - start[i])
     for k in range(state.inputs.size):
         state.inputs[k] = inputs[0][k] + share * (inputs[1][k] - inputs[0][k])
-    solve_displacements(system, table, state, work)
+    solve_displacements(system, table, state, work, again=False)
 
 
 @compiled

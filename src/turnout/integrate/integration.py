@@ -278,7 +278,6 @@ def _carry_out(given: RunPlan, report: Callable[[int, int], None] | None) -> His
     if code == Code.COMPLETE and not is_closed(*balance):
         code = Code.INACCURATE
     residual = equilibrium_residual(run.system, run.table, run.state, run.work)
-    run.give_back()
     outcome = Outcome(
         code=code,
         time=done * scheme.step,
@@ -302,6 +301,7 @@ def _carry_out(given: RunPlan, report: Callable[[int, int], None] | None) -> His
     history = _assemble_history(
         run, record, arrangement.condensed, outcome, instants, positions, machines
     )
+    run.give_back()
     return history if plan is None else _without_fine(history, run, plan)
 
 
@@ -360,7 +360,7 @@ def _assemble_history(
         friction_force=record.friction,
         stored=record.stored,
         ledger=record.ledger,
-        law_placed=state.law_placed,
+        law_placed=state.law_placed.copy(),
         law_first=np.where(np.isinf(state.law_first), np.nan, state.law_first),
         condensed=condensed,
         laws=run.laws,

@@ -1,10 +1,13 @@
-"""Compliances of the lengths of a step, kept from one run to the next.
+"""Memory of runs that serves the next one: states, scratch arrays, compliances.
 
-They depend on the condensed rails and the length of the step (`turnout.integrate.columns`), not on
-laws: throws of a study that differ in friction, stiffness of drives, slip levels and the object
-have them alike. Where objects stand matters for their own rows and columns alone, which are made
-again. A run takes the compliances out of the memory and gives them back at its end, so that no two
-runs ever write to them. Rails of which there is a single throw give nothing back.
+Compliances depend on the condensed rails and the length of the step
+(`turnout.integrate.columns`), not on laws: throws of a study that differ in friction, stiffness of
+drives, slip levels and the object have them alike. Where objects stand matters for their own rows
+and columns alone, which are made again. States and scratch arrays are only laid out alike, which
+takes longer than to fill them.
+
+A run takes its memory out and gives it back at its end, so that no two runs ever write to one.
+Rails of which there is a single throw give nothing back.
 """
 
 from collections.abc import Hashable
@@ -14,65 +17,78 @@ import numpy as np
 
 from turnout.core.lru_cache import LRUCache
 from turnout.integrate.compliance import READY, STALE
-from turnout.integrate.scratch import lines_from_buffer
+from turnout.integrate.scratch import Work
 from turnout.integrate.state import State
 from turnout.integrate.step import Stepping
-from turnout.integrate.system import Floats, Ints, System
+from turnout.integrate.system import Ints, System
 
 MOST_KEPT = 12
-"""Sets of compliances, the latest used; two megabytes each in quick mode."""
+"""Sets of memory, the latest used; three megabytes each in quick mode."""
 
 
 @dataclass(frozen=True, slots=True)
-class _Levels:
-    """Compliances of a system; `frame` keeps alive what the key names by its identity."""
+class RunMemory:
+    """Memory of a run that has ended.
 
-    frame: object
-    system: System
-    compliance: Floats
-    ready: Ints
-
-
-_kept = LRUCache[_Levels](MOST_KEPT)
-
-
-def take_levels(
-    frame: object, system: System, stepping: Stepping, shape: tuple[int, ...]
-) -> tuple[Floats, Ints]:
-    """Return memory for the compliances of a run, and which of them are known.
-
-    Parameters
+    Attributes
     ----------
     frame : object
         What systems have in common that differ in the places of objects alone.
     system : System
         Of the run.
+    state : State
+        Whose compliances are known.
+    work : Work
+        Scratch arrays.
+    ready : ndarray of int, shape (n_levels,)
+        Which of the compliances are known for this system.
+    """
+
+    frame: object  # kept alive, since the key names it by its identity
+    system: System
+    state: State
+    work: Work
+    ready: Ints
+
+    def ready_for(self, system: System) -> Ints:
+        """Return which of the compliances are known for a system with the same frame."""
+        if self.system is system:
+            return self.ready
+        return np.where(self.ready == READY, STALE, self.ready)
+
+
+_kept = LRUCache[RunMemory](MOST_KEPT)
+
+
+def take_memory(frame: object, stepping: Stepping, sizes: tuple[int, ...]) -> RunMemory | None:
+    """Take the memory of a run; None where there is none.
+
+    Parameters
+    ----------
+    frame : object
+        As of `RunMemory`.
     stepping : Stepping
         The lengths of its steps.
-    shape : tuple of int
-        Of the compliances: levels, ends and modes, leading ends and modes.
+    sizes : tuple of int
+        Numbers of its inputs and levels.
     """
-    found = _kept.pop(_key(frame, stepping, shape))
-    if found is None:
-        return lines_from_buffer(*shape), np.zeros(shape[0], dtype=np.int64)
-    ready = found.ready
-    if found.system is not system:
-        ready = np.where(ready == READY, STALE, ready)
-    return found.compliance, ready
+    return _kept.pop(_key(frame, stepping, sizes))
 
 
-def give_back_levels(frame: object, system: System, stepping: Stepping, state: State) -> None:
-    """Give back the compliances of a run that has ended."""
-    compliance = state.compliance
-    found = _Levels(frame, system, compliance, state.level_ready.copy())
-    _kept.put(_key(frame, stepping, compliance.shape), found)
+def give_back_memory(
+    frame: object, system: System, stepping: Stepping, state: State, work: Work
+) -> None:
+    """Give back the memory of a run that has ended."""
+    sizes = state.inputs.size, state.level_ready.size
+    memory = RunMemory(frame, system, state, work, state.level_ready.copy())
+    _kept.put(_key(frame, stepping, sizes), memory)
 
 
 def clear_levels() -> None:
-    """Forget all compliances."""
+    """Forget all memory of runs."""
     _kept.clear()
 
 
-def _key(frame: object, stepping: Stepping, shape: tuple[int, ...]) -> Hashable:
+def _key(frame: object, stepping: Stepping, sizes: tuple[int, ...]) -> Hashable:
     numbers = (stepping.step, stepping.alpha_m, stepping.alpha_f, stepping.beta, stepping.gamma)
-    return (id(frame), *numbers, shape)
+    return (id(frame), *numbers, *sizes)

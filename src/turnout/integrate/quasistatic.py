@@ -102,4 +102,4 @@ def _solve_at(
     """Solve for the equilibrium of the present contact set at a share of the piece [0 to 1]."""
     for k in range(state.inputs.size):
         state.inputs[k] = inputs_start[k] + share * (inputs_end[k] - inputs_start[k])
-    solve_displacements(system, table, state, work)
+    solve_displacements(system, table, state, work, again=False)

@@ -52,8 +52,8 @@ def empty_record(
     }
     counts = dict.fromkeys(widths, count)
     if plan is not None:
-        counts |= dict.fromkeys(("q", "g", "friction", "law"), int(plan.whole.max()) + 1)
-        counts |= dict.fromkeys(("stored", "ledger"), int(plan.balanced.max()) + 1)
+        counts |= dict.fromkeys(("q", "g", "friction", "law"), plan.whole_instants.size)
+        counts |= dict.fromkeys(("stored", "ledger"), plan.balanced_instants.size)
     page = LARGE_PAGE // 8 if plan is None else LANES
     memory = acquire_buffer(sum(counts[name] * width for name, width in widths.items()) + page)
     at, arrays = (-(memory.ctypes.data // 8)) % page, {}

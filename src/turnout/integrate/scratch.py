@@ -94,6 +94,7 @@ class Work(NamedTuple):
     - ``q_start``, ``g_start``, ``saved_segment``, ``saved_friction``: modal coordinates,
       displacements [m] and contact set at the start of a step; ``q_pred``, ``v_pred`` and
       ``right_side`` are predicted from them, `turnout.integrate.step`;
+    - ``free``: displacements of the last solution without forces of inputs and joining rows [m];
     - ``padded_inputs``: a zero, then the inputs of the last solution [m]; ``law_input`` that of
       every law;
     - ``argument``, ``force``, ``trial``, ``limit``: laws and frictions at the last solution;
@@ -107,6 +108,7 @@ class Work(NamedTuple):
     q_pred: Floats
     v_pred: Floats
     right_side: Floats
+    free: Floats
     input_force: Floats
     end_force: Floats
     slot_force: Floats
@@ -158,6 +160,7 @@ def new_work(system: System, table: LawTable) -> Work:
             q_pred=modal(),
             v_pred=modal(),
             right_side=modal(),
+            free=by_place(),
             input_force=by_place(),
             end_force=by_place(),
             slot_force=np.zeros(system.slot_start[-1]),

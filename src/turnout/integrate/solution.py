@@ -1,27 +1,35 @@
-"""Displacements of one implicit step for a given contact set, from `turnout.integrate.columns`."""
+"""Displacements of one implicit step for a given contact set, from its columns and coupling."""
 
-from turnout.integrate.columns import assemble_coupling, solve_coupling, value_at_end
+from turnout.integrate.coupling import assemble_coupling, solve_coupling, value_at_end
 from turnout.integrate.scratch import Work
-from turnout.integrate.state import COUNT_JOINING, COUPLED, State
+from turnout.integrate.state import COUNT_JOINING, COUPLED, UNSOLVED, State
 from turnout.integrate.system import Floats, Ints, System
 from turnout.kernels.compiled import compiled, compiled_loop, compiled_part
 from turnout.kernels.lanes import LANES, broadcast, gather, load, store
-from turnout.kernels.vector import add_scaled, add_two_scaled, gather_all, sum_weighted_rows
+from turnout.kernels.vector import add_scaled, add_two_scaled, copy, gather_all, sum_weighted_rows
 from turnout.law.table import LawTable
 
 
 @compiled
-def solve_displacements(system: System, table: LawTable, state: State, work: Work) -> None:
-    """Solve for all displacements of the present contact set from ``work.right_side``."""
+def solve_displacements(
+    system: System, table: LawTable, state: State, work: Work, again: bool
+) -> None:
+    """Solve for all displacements of the present contact set from ``work.right_side``.
+
+    Where it is solved `again` with the same right side, blocks whose columns are the same move as
+    before but for the forces of inputs and joining rows.
+    """
     end_start, mode_start = system.end_start, system.mode_start
     force, g, columns = work.right_side, state.g, state.mode_columns
     constant = state.constant_column
     for block in range(end_start.size - 1):
         first, last = mode_start[block], mode_start[block + 1]
         start, stop = end_start[block], end_start[block + 1]
-        sum_weighted_rows(
-            constant[start:stop], force[first:last], columns[first:last], g[start:stop]
-        )
+        free = work.free[start:stop]
+        if not again or state.counters[UNSOLVED] >> block & 1:
+            sum_weighted_rows(constant[start:stop], force[first:last], columns[first:last], free)
+        copy(free, g[start:stop])
+    state.counters[UNSOLVED] = 0
     _evaluate_inputs(system, table, state, work)
     gather_all(work.input_force, system.input_end, work.input_end_force)
     _apply_end_forces(system, state, system.input_end, work.input_end_force)

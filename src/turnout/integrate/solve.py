@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from turnout.integrate.columns import update_row
+from turnout.integrate.columns import finish_pending, update_row
 from turnout.integrate.scratch import Work
 from turnout.integrate.solution import gather_modes, solve_displacements
 from turnout.integrate.state import COUNT_ITERATIONS, State, set_segment
@@ -79,7 +79,8 @@ def update_marked(system: System, table: LawTable, state: State, work: Work, cou
     for i in range(count):
         row = work.dirty_list[i]
         work.dirty[row] = 0
-        update_row(system, table, state, row, work.row)
+        update_row(system, table, state, row, work.row, defer=True)
+    finish_pending(system, state)
 
 
 @compiled_part
@@ -278,7 +279,7 @@ def iterate_contact_set(
     laws undo each other.
     """
     for iteration in range(tolerances.iterations):
-        solve_displacements(system, table, state, work)
+        solve_displacements(system, table, state, work, iteration > 0)
         state.counters[COUNT_ITERATIONS] += 1
         if any_not_finite(state.g):
             return NOT_FINITE

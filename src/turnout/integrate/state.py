@@ -8,7 +8,7 @@ from turnout.integrate.scratch import lines_from_buffer
 from turnout.integrate.system import Floats, Ints, System
 from turnout.kernels.compiled import compiled
 from turnout.kernels.lanes import zeros_in_lines
-from turnout.kernels.shared_record import clone_record, shared_record
+from turnout.kernels.shared_record import clone_record, copy_vectors, shared_record
 from turnout.law.kernel import segment_for
 from turnout.law.table import LawTable
 
@@ -40,8 +40,10 @@ class State(NamedTuple):
     have been assembled (`turnout.integrate.levels`). ``drift`` is the growth of rounding since it
     was last measured [-].
     ``counters``: active rows that join blocks, flips since the last rebuild, all flips, all
-    iterations, halved steps, rebuilds, the level, and the state of the coupling: 0 unknown, 1 up to
-    date, else 1 and a bit, from the second on, for each block whose columns have changed.
+    iterations, halved steps, rebuilds, the level, the state of the coupling: 0 unknown, 1 up to
+    date, else 1 and a bit, from the second on, for each block whose columns have changed; a bit for
+    each block whose columns have changed since the last solution; and one more than the row for
+    whose change most columns of its block still wait, 0 for none (``pending`` holds this change).
     """
 
     segment: Ints
@@ -63,6 +65,7 @@ class State(NamedTuple):
     friction_rest_offset: Floats
     entries: Floats
     shift: Floats
+    pending: Floats
     slot_of_end: Ints
     end_of_slot: Ints
     row_of_slot: Ints
@@ -119,7 +122,9 @@ def set_segment(table: LawTable, state: State, law: int, segment: int) -> None:
     COUNT_REBUILDS,
     LEVEL,
     COUPLED,
-) = range(8)
+    UNSOLVED,
+    PENDING,
+) = range(10)
 
 
 @compiled
@@ -174,6 +179,7 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
             friction_rest_offset=of_frictions.copy(),
             entries=np.zeros(system.pattern_list.size),
             shift=np.zeros(n_places),
+            pending=np.zeros(int(np.max(np.diff(system.pattern_start), initial=1))),
             slot_of_end=np.full(n_ends, -1, dtype=np.int64),
             end_of_slot=np.full(n_slots, -1, dtype=np.int64),
             row_of_slot=np.full(n_slots, -1, dtype=np.int64),
@@ -194,7 +200,7 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
             g=np.zeros(n_places),
             inputs=np.zeros(n_inputs),
             ledger=np.zeros(7),
-            counters=np.zeros(8, dtype=np.int64),
+            counters=np.zeros(10, dtype=np.int64),
             drift=np.ones(1),
             law_placed=np.full(n_laws, np.nan),
             law_first=np.full(n_laws, np.inf),
@@ -206,7 +212,7 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
     return state
 
 
-def fresh_copy(state: State, table: LawTable, compliance: Floats, ready: Ints) -> State:
+def fresh_copy(state: State, table: LawTable) -> State:
     """Return a state at rest from one that nothing has changed yet.
 
     Parameters
@@ -215,8 +221,6 @@ def fresh_copy(state: State, table: LawTable, compliance: Floats, ready: Ints) -
         From `fresh_state`.
     table : LawTable
         Laws in the same order on the same rows; their values may differ.
-    compliance, ready : ndarray
-        Compliances by level, and which of them are known.
     """
     copied = clone_record(
         state,
@@ -224,8 +228,26 @@ def fresh_copy(state: State, table: LawTable, compliance: Floats, ready: Ints) -
         coupling=np.zeros(state.coupling.shape),
         assembled=np.zeros(state.assembled.shape),
         mode_columns=lines_from_buffer(*state.mode_columns.shape),
-        compliance=compliance,
+        compliance=lines_from_buffer(*state.compliance.shape),
     )
-    copied.level_ready[:] = ready
     set_home_segments(table, copied)
     return copied
+
+
+def refill_state(used: State, fresh: State, table: LawTable, ready: Ints) -> None:
+    """Bring the state of a run that has ended to rest, for another run of these rails.
+
+    Parameters
+    ----------
+    used : State
+        From `fresh_copy` of the second one.
+    fresh : State
+        From `fresh_state`.
+    table : LawTable
+        Laws in the same order on the same rows; their values may differ.
+    ready : ndarray of int, shape (n_levels,)
+        Which compliances are known.
+    """
+    copy_vectors(fresh, used)
+    used.level_ready[:] = ready
+    set_home_segments(table, used)

@@ -25,14 +25,23 @@ from turnout.condense.condense import CondensedRails
 from turnout.core.lru_cache import LRUCache
 from turnout.integrate.system import Floats, Ints, System
 from turnout.kernels.compiled import compiled_loop, compiled_part
-from turnout.kernels.lanes import LANES, broadcast, gather, load, store, whole_lines, zeros_in_lines
+from turnout.kernels.lanes import (
+    LANES,
+    broadcast,
+    empty_in_lines,
+    gather,
+    load,
+    store,
+    whole_lines,
+    zeros_in_lines,
+)
 from turnout.kernels.vector import copy
 from turnout.law.table import LawTable
 
 TIME_TOLERANCE = 1e-9
 BALANCE_EVERY = 8
 """Kept instants of a watched run from one check of its energy balance to the next."""
-MOST_WEIGHTS = 64
+MOST_WEIGHTS = 128
 """Weights of seen displacements in memory, the latest used; some 20 kB each."""
 
 
@@ -165,21 +174,22 @@ class Watched:
 
 @dataclass(frozen=True, slots=True)
 class WatchPlan:
-    """Which stored instants have which place in a record."""
+    """Which stored instants have which place in a record.
+
+    `whole`, `kept` and `balanced` have the place of each instant, -1 for none; `whole_instants` and
+    `balanced_instants` are the numbers of the instants that have one. The last one has all.
+    """
 
     watch: Watch
     whole: Ints
     kept: Ints
     balanced: Ints
-
-    @property
-    def whole_instants(self) -> Ints:
-        """Numbers of the stored instants that are stored whole."""
-        return np.flatnonzero(self.whole >= 0)
+    whole_instants: Ints
+    balanced_instants: Ints
 
     def balanced_before(self, count: int) -> int:
         """Return of how many of the first `count` stored instants the energies are stored."""
-        return int(np.count_nonzero(self.balanced[:count] >= 0))
+        return int(self.balanced_instants.searchsorted(count))
 
 
 def plan_watch(watch: Watch, interval: float, count: int) -> WatchPlan:
@@ -209,14 +219,15 @@ def plan_watch(watch: Watch, interval: float, count: int) -> WatchPlan:
 @lru_cache(maxsize=16)
 def _places(
     wanted: tuple[float, ...], stride: int, interval: float, count: int
-) -> tuple[Ints, Ints, Ints]:
-    """Return where each instant is stored whole, where it is kept, and where its energies are."""
+) -> tuple[Ints, Ints, Ints, Ints, Ints]:
+    """Return all of a `WatchPlan` but what is wanted."""
     times = interval * np.arange(count, dtype=np.float64)
     first = np.searchsorted(times, np.array(wanted, dtype=np.float64) - TIME_TOLERANCE)
     whole = np.unique(np.append(first[first < count], count - 1))
     kept = np.union1d(np.arange(0, count, stride), whole)
     balanced = np.union1d(np.arange(0, count, stride * BALANCE_EVERY), whole)
-    places = _numbered(whole, count), _numbered(kept, count), _numbered(balanced, count)
+    of_instant = _numbered(whole, count), _numbered(kept, count), _numbered(balanced, count)
+    places = (*of_instant, whole, balanced)
     for found in places:
         found.flags.writeable = False
     return places
@@ -277,8 +288,8 @@ def watch_record(record: StepRecord, plan: WatchPlan, weights: SeenWeights) -> S
         kept=plan.kept,
         balanced=plan.balanced,
         watched=np.asarray(plan.watch.laws, dtype=np.int64),
-        effort=np.zeros((plan.whole.size, len(plan.watch.laws))),
-        seen=zeros_in_lines(int(plan.kept.max()) + 1, weights.load.size),
+        effort=np.empty((plan.whole.size, len(plan.watch.laws))),
+        seen=empty_in_lines(int(plan.kept[-1]) + 1, weights.load.size),
         seen_modes=weights.modes,
         seen_laws=weights.laws,
         seen_frictions=weights.frictions,

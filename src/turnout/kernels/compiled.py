@@ -106,6 +106,11 @@ class Kernel:
 
         return inner_dispatcher(self)
 
+    @property
+    def is_loaded(self) -> bool:
+        """Whether this process has machine code of this kernel."""
+        return bool(self._ready)
+
     def is_kept(self) -> bool:
         """Return whether machine code of this kernel is in use here, or in the cache."""
         if self._ready:

@@ -50,9 +50,16 @@ def zeros_in_lines(*shape: int) -> Floats:
     >>> zeros_in_lines(2, 3).ctypes.data % (8 * LANES)
     0
     """
-    count = int(math.prod(shape))
-    memory = np.zeros(whole_lines(count) + LANES)
-    first = (-(memory.ctypes.data // 8)) % LANES
+    found = empty_in_lines(*shape)
+    found.fill(0.0)
+    return found
+
+
+def empty_in_lines(*shape: int) -> Floats:
+    """Return uninitialised floats that begin at a cache line and end with one."""
+    count = math.prod(shape)
+    memory = np.empty(whole_lines(count) + LANES)
+    first = -(memory.__array_interface__["data"][0] // 8) % LANES
     return memory[first : first + count].reshape(shape)
 
 

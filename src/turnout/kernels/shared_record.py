@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.kernels.lanes import whole_lines, zeros_in_lines
+from turnout.kernels.lanes import empty_in_lines, whole_lines
 
 T = TypeVar("T", bound=NamedTuple)
 
@@ -123,7 +123,7 @@ def shared_record(arrays: T, **beyond: float) -> T:
             raise TypeError(msg)
     shapes = tuple([(array.dtype, array.shape) for array in arrays])
     layout = _layout(type(arrays), shapes, tuple(beyond.items()))
-    memory = zeros_in_lines(layout.size)
+    memory = empty_in_lines(layout.size)
     pieces: list[NDArray[np.float64]] = []
     for array, padding in zip(arrays, layout.padding, strict=True):
         if array.ndim == 1:
@@ -210,7 +210,7 @@ def clone_record(record: T, **matrices: NDArray[Any]) -> T:
         msg = f"clone_record({given.kind.record}): pass every matrix, no vector"
         raise TypeError(msg)
     words = given.words.copy()
-    found = Shared(given.kind, zeros_in_lines(given.memory.size), given.vectors, words)
+    found = Shared(given.kind, empty_in_lines(given.memory.size), given.vectors, words)
     found.memory[:] = given.memory
     moved = found.memory.ctypes.data - given.memory.ctypes.data
     words[[given.kind.word_of[name] for name in given.vectors]] += moved
@@ -218,3 +218,19 @@ def clone_record(record: T, **matrices: NDArray[Any]) -> T:
         found.arrays[name] = array
         words[given.kind.word_of[name]] = array.ctypes.data
     return cast("T", found)
+
+
+def copy_vectors(record: T, to: T) -> None:
+    """Copy the vectors of a record into those of another one of its kind, which was cloned from it.
+
+    Examples
+    --------
+    >>> from turnout.law.table import LawTableBuilder
+    >>> first = shared_record(LawTableBuilder().table())
+    >>> second = clone_record(first)
+    >>> second.segment_start[0] = 7
+    >>> copy_vectors(first, second)
+    >>> second.segment_start.tolist()
+    [0]
+    """
+    cast("Shared", to).memory[:] = cast("Shared", record).memory

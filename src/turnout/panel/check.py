@@ -10,7 +10,7 @@ Checks of the schedule: order, overlap, ramps, tables.
 
 import itertools
 from collections.abc import Callable, Iterable, Iterator
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 from turnout.core.problems import Problem, choices, nearest, show_value
@@ -161,17 +161,8 @@ def check(draft: Draft, *, known: Known | None = None) -> list[Problem]:
     list of Problem
         Empty for a valid panel.
     """
-    checks: dict[str, Callable[[Draft], Iterable[Problem]]] = {
-        "plain": _plain,
-        "between rails": _between_rails,
-        "section kinds": check_section_kinds,
-        "schedule": check_schedule,
-        "machines": check_machines,
-    }
-    checks |= {family: partial(_each, family=family) for family in _CHECKS}
-    checks |= {f"places of {name}": partial(_same_places, family=name) for name in _HAVE_PLACES}
     found: list[Problem] = []
-    for name, look in checks.items():
+    for name, look in _all_checks().items():
         found += draft.checked(name, look, known)
     found += until_unknown(slips_at_rest(draft))
     if objects := draft.records["object"]:
@@ -181,6 +172,22 @@ def check(draft: Draft, *, known: Known | None = None) -> list[Problem]:
             sized = not blocked & _OPENING_NEEDS
             found += until_unknown(_object(panel, ("object", name), record, sized=sized))
     return [_shared(draft, problem) for problem in found]
+
+
+@cache
+def _all_checks() -> dict[str, Callable[[Draft], Iterable[Problem]]]:
+    """Return what finds problems, by name."""
+    checks: dict[str, Callable[[Draft], Iterable[Problem]]] = {
+        "plain": _plain,
+        "between rails": _between_rails,
+        "section kinds": check_section_kinds,
+        "schedule": check_schedule,
+        "machines": check_machines,
+    }
+    checks |= {family: partial(_each, family=family) for family in _CHECKS}
+    return checks | {
+        f"places of {name}": partial(_same_places, family=name) for name in _HAVE_PLACES
+    }
 
 
 def _each(draft: Draft, family: str) -> Iterator[Problem]:

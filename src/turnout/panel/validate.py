@@ -118,7 +118,7 @@ class Draft:
         self, name: str, check: Callable[["Draft"], Iterable[Problem]], known: Known | None
     ) -> list[Problem]:
         """Return what a check finds; skip it where a known panel shows that it finds nothing."""
-        if known is not None and not known.asked[name] & self.changed:
+        if known is not None and known.asked[name].isdisjoint(self.changed):
             self.asked[name] = known.asked[name]
             return []
         self.records.asked, self.names.asked = asked = set[str](), set[str]()

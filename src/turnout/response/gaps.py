@@ -36,7 +36,7 @@ Place = tuple[str, Floats, Floats]
 
 MOST_ROWS = 64
 """Rows to so many lines of points are kept in memory, the latest made."""
-MOST_WATCHED = 32
+MOST_WATCHED = 128
 """What is watched of so many rails with their objects, the latest used."""
 
 # Rails are shared by many throws. What rows depend on is named by identity, and kept beside them so
