@@ -215,8 +215,7 @@ def preload(*, plots: bool) -> None:
     failure here occurs again, with its message, when the dataset is made.
     """
     with contextlib.suppress(Exception):
-        with without_package("pyarrow"):
-            importlib.import_module("xarray")
+        importlib.import_module("xarray")
         if plots:
             importlib.import_module("turnout.plot.throw")
 
@@ -252,7 +251,8 @@ def _run(
 
     rehearsal = threading.Thread(target=preload, kwargs={"plots": plots}, daemon=True)
 
-    with watched(f"simulating {panel.name}", quiet=quiet) as watch:
+    # For both threads, whichever imports pandas.
+    with without_package("pyarrow"), watched(f"simulating {panel.name}", quiet=quiet) as watch:
 
         def report(done: int, steps: int) -> None:
             if rehearsal.ident is None:
@@ -267,8 +267,8 @@ def _run(
             throw=False,
             report=report,
         )
-    if rehearsal.ident is not None:
-        rehearsal.join()  # files are written by one at a time
+        if rehearsal.ident is not None:
+            rehearsal.join()  # files are written by one at a time
     release_memory()
     check_placed(dataset)
     return dataset, not dataset.attrs["complete"]

@@ -30,7 +30,6 @@ class Record(BaseModel):
     """Base of all records here: unknown keys are refused, nothing changes after validation."""
 
     model_config = ConfigDict(
-        defer_build=True,  # most panels have no machines
         extra="forbid",
         frozen=True,
         strict=True,

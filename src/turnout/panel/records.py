@@ -27,9 +27,7 @@ from turnout.core.quantity import (
 class Record(BaseModel):
     """Base of all records: unknown keys are refused, nothing changes after validation."""
 
-    # Most panels have no records of most kinds: what checks them is built when it is used.
     model_config = ConfigDict(
-        defer_build=True,
         extra="forbid",
         frozen=True,
         strict=True,
