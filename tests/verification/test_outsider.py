@@ -38,7 +38,7 @@ def test_a_foreign_campaign_is_calibrated_and_validated(tmp_path: Path) -> None:
     line = ["validate", str(tmp_path), "--calibration", target, "--workers", "1"]
     done = CliRunner().invoke(app, line)
     assert done.exit_code == 0, (done.output, done.exception)
-    assert "VALID: all 3 channels of 1 movements" in done.output
+    assert "VALID: all 3 channels of 1 movement" in done.output
     # Forces alone mark the onset some 50 ms too early, in all movements alike.
     assert "6 onsets without motor current" in done.output
 

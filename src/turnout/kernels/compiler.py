@@ -8,17 +8,17 @@ that it calls. This halves the time of a first start and changes no bit.
 """
 
 import os
-import pickle
 import uuid
 from contextlib import suppress
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numba
 import numpy as np
 from llvmlite import ir
 from llvmlite.binding import parse_bitcode
-from numba.core import cgutils, serialize, types
-from numba.core.caching import CompileResultCacheImpl, FunctionCache
+from numba.core import cgutils, types
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CR_FIELDS, CompilerBase, CompileResult, DefaultPassBuilder
 from numba.core.compiler_lock import global_compiler_lock
@@ -29,7 +29,7 @@ import turnout.kernels.inverse_code
 import turnout.kernels.lane_code
 import turnout.kernels.memory_code  # noqa: F401 - it registers what kernels call
 from turnout.kernels.arguments import ARRAY, LOGICAL, NOTHING, NUMBER, TUPLE, WHOLE, Kind
-from turnout.kernels.machine_code import MachineCode, digest_of, machine_digest
+from turnout.kernels.machine_code import DIGEST_SIZE, MachineCode, digest_of, machine_digest
 from turnout.kernels.record_code import record_type
 from turnout.kernels.shared_record import RecordKind
 
@@ -104,17 +104,11 @@ class _PlainCodeFiles(CompileResultCacheImpl):
         """Return what is stored of compiled code."""
         cres.fndesc.typemap = cres.fndesc.calltypes = None  # of the compiler, and large
         code = cres.library._final_module.as_bitcode()
-        known = (cres.library.name, code, cres.fndesc, cres.signature, cres.reload_init)
-        content = serialize.dumps(known)
-        return digest_of(content), content
+        return cres.library.name, code, cres.fndesc, cres.signature, cres.reload_init
 
     def rebuild(self, target_context: Any, payload: Any) -> Any:
         """Return compiled code from what was stored."""
-        digest, content = payload
-        if digest_of(content) != digest:
-            msg = "plain code in the cache is damaged"
-            raise ValueError(msg)
-        name, code, fndesc, signature, reload_init = pickle.loads(content)
+        name, code, fndesc, signature, reload_init = payload
         library = _PlainCode(target_context.codegen(), name)
         library._final_module = parse_bitcode(code)
         library._finalize_final_module()
@@ -124,10 +118,33 @@ class _PlainCodeFiles(CompileResultCacheImpl):
         return CompileResult(**blank | known | {"lifted": (), "entry_point": library})
 
 
+class _DigestedFiles(IndexDataCacheFile):
+    """Files of Numba's cache whose data end with a digest, by which damage is detected."""
+
+    def _load_data(self, name: str) -> Any:
+        content = Path(self._data_path(name)).read_bytes()
+        if digest_of(content[:-DIGEST_SIZE]) != content[-DIGEST_SIZE:]:
+            msg = "plain code in the cache is damaged"
+            raise ValueError(msg)
+        return super()._load_data(name)  # which passes over what follows its data
+
+    def _dump(self, obj: Any) -> bytes:
+        content = bytes(super()._dump(obj))
+        return content + digest_of(content)
+
+
 class _PlainCodeCache(FunctionCache):
     """Cache of the plain code of kernels; where it cannot serve, code is compiled again."""
 
     _impl_class = _PlainCodeFiles
+
+    def __init__(self, function: Any) -> None:
+        super().__init__(function)
+        self._cache_file = _DigestedFiles(
+            cache_path=self._cache_path,
+            filename_base=self._impl.filename_base,
+            source_stamp=self._impl.locator.get_source_stamp(),
+        )
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return kept code; None where there is none for these arguments, or it is damaged."""

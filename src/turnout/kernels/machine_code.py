@@ -51,19 +51,19 @@ class MachineCode:
     @classmethod
     def from_bytes(cls, content: bytes) -> Self | None:
         """Return what a file holds; None where it is damaged."""
-        digest, rest = content[:_DIGEST_SIZE], content[_DIGEST_SIZE:]
+        digest, rest = content[:DIGEST_SIZE], content[DIGEST_SIZE:]
         if digest_of(rest) != digest:
             return None
         head, _, code = rest.partition(b"\n")
         return cls(**json.loads(head), content=code)
 
 
-_DIGEST_SIZE = 16
+DIGEST_SIZE = 16
 
 
 def digest_of(content: bytes) -> bytes:
     """Return a digest by which damage is detected."""
-    return hashlib.blake2b(content, digest_size=_DIGEST_SIZE).digest()
+    return hashlib.blake2b(content, digest_size=DIGEST_SIZE).digest()
 
 
 CODE_VARIABLES = tuple(
