@@ -13,8 +13,9 @@ from turnout.calibration.advice import (
     next_lines,
 )
 from turnout.calibration.comparison import Uncertainty
-from turnout.calibration.covariance import plain_gain_column, prior_information, spread_of
+from turnout.calibration.covariance import plain_gain_column, spread_of
 from turnout.calibration.fit import fit
+from turnout.calibration.parameter import prior_information
 
 
 def test_an_error_that_a_parameter_imitates_is_reported_in_its_words() -> None:

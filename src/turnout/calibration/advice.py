@@ -10,7 +10,6 @@ from turnout.calibration.covariance import (
     Spread,
     force_channels,
     plain_gain_column,
-    prior_information,
 )
 from turnout.calibration.fit import Fit
 from turnout.calibration.linearisation import Linearisation
@@ -22,7 +21,7 @@ from turnout.calibration.measured_movements import (
     movement_length,
 )
 from turnout.calibration.misfit import Frame, Misfit, framed, plain_jacobian
-from turnout.calibration.parameter import free_parameter, prior_slopes
+from turnout.calibration.parameter import free_parameter, prior_information, prior_slopes
 from turnout.calibration.predict import predicted
 from turnout.calibration.sensors import FoundSensor
 from turnout.calibration.shared import GAIN, shared_of

@@ -38,7 +38,7 @@ from turnout.calibration.misfit import Misfit
 from turnout.calibration.movement_rows import movement_rows
 from turnout.calibration.noise import measured_noise
 from turnout.calibration.parameter import Parameter
-from turnout.calibration.posterior import posterior_of
+from turnout.calibration.posterior import posterior_record
 from turnout.calibration.requirements import (
     check_campaign,
     drop_unidentified_slip_levels,
@@ -72,7 +72,7 @@ from turnout.calibration.stages import JOINT_MOVEMENTS, CalibrationPlan, Stage, 
 from turnout.calibration.starts import last_start, nearest_fit, starts_of, with_movements
 from turnout.core.provenance import provenance
 from turnout.core.threads import one_blas_thread
-from turnout.errors import PanelError, SolverError
+from turnout.errors import PanelError
 from turnout.panel.load import LoadedPanel
 from turnout.scheme import Scheme
 
@@ -198,10 +198,8 @@ def calibrate(
         sampled: dict[str, object] = {}
         if posterior:
             watch.begin("posterior", final, evaluator)
-            try:
-                sampled = posterior_of(final, spread).record()
-            except SolverError as error:
-                warnings.append(str(error))
+            sampled, doubts = posterior_record(final, spread)
+            warnings += doubts
         calibration = replace(
             _result(final, spread, of=(plan, panel, dataset, movements), scheme=scheme or Scheme()),
             stages=tuple(logs),

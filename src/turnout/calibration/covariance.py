@@ -15,7 +15,7 @@ from turnout.calibration.evaluate import Response
 from turnout.calibration.fit import Fit
 from turnout.calibration.fit_noise import SCATTER_WEIGHT
 from turnout.calibration.measured_movements import MeasuredMovement
-from turnout.calibration.parameter import Parameter, prior_slopes
+from turnout.calibration.parameter import Parameter, prior_information
 from turnout.calibration.shared import GAIN
 from turnout.calibration.shared_estimates import shared_estimates
 from turnout.core.value_text import value_text
@@ -48,6 +48,11 @@ class Spread:
     ----------
     coordinate_covariance : ndarray, shape (p, p)
         In the coordinates of all parameters of the fit, with what their bounds allow as prior.
+    common_covariance : ndarray, shape (p, p)
+        The part of it by errors that all movements share and that no residual shows: cross-talk,
+        solver, scale, and friction by chair.
+    freedom : float
+        Degrees of freedom from which the scatter of a parameter is known.
     covariance : ndarray, shape (f, f)
         Of the values of the parameters with state "fitted", in their order.
     deviations : tuple of float
@@ -61,17 +66,13 @@ class Spread:
     """
 
     coordinate_covariance: Floats
+    common_covariance: Floats
+    freedom: float
     covariance: Floats
     deviations: tuple[float, ...]
     intervals: tuple[tuple[float, float], ...]
     states: tuple[str, ...]
     findings: tuple[str, ...]
-
-
-def prior_information(parameters: Sequence[Parameter]) -> Floats:
-    """Return the inverse variance of each coordinate: of a flat density, and of its prior."""
-    widths = [item.coordinate(item.upper) - item.coordinate(item.lower) for item in parameters]
-    return np.array([12.0 / width**2 for width in widths]) + prior_slopes(parameters) ** 2
 
 
 def force_channels(found: Fit) -> list[Key]:
@@ -145,7 +146,7 @@ def spread_of(found: Fit) -> Spread:
     prior = prior_information(parameters)
     bound = np.array([item.at_bound(found.values[item.name]) for item in parameters])
     slopes = np.where(bound[None, :], 0.0, found.jacobian)
-    whole = np.linalg.inv(slopes.T @ slopes + np.diag(prior))
+    own = whole = np.linalg.inv(slopes.T @ slopes + np.diag(prior))
     estimate = whole @ slopes.T
     whole = whole + _of_sensitivities(found, estimate)
     for column in solver_columns(found):
@@ -187,6 +188,8 @@ def spread_of(found: Fit) -> Spread:
     )
     return Spread(
         coordinate_covariance=whole,
+        common_covariance=whole - own,
+        freedom=freedom,
         covariance=covariance,
         deviations=deviations,
         intervals=intervals,

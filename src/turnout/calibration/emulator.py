@@ -4,16 +4,16 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
-from turnout.calibration.covariance import Spread
 from turnout.calibration.fit import Fit
-from turnout.calibration.parameter import prior_residuals, values_at
+from turnout.calibration.parameter import prior_information, prior_residuals, values_at
 
 Floats = NDArray[np.float64]
 # Throws for each coefficient of the quadratic, and fresh ones for its proof.
 PER_COEFFICIENT, FRESH = 2, 20
-# How far out points are drawn, in standard deviations of the fit.
-REACH = 3.0
+# Share of a normal posterior that lies within the points.
+WITHIN = 0.99
 # A stand-in that misses more than this share of a standard deviation is not used [-].
 LARGEST_ERROR = 0.1
 
@@ -27,14 +27,13 @@ class Emulator:
     centre : ndarray, shape (p,)
         Coordinates of the fit.
     root : ndarray, shape (p, p)
-        Lower Cholesky factor of the covariance: coordinates are centre + root z.
+        Lower Cholesky factor of the covariance that movements and priors give, without the errors
+        that no residual shows: coordinates are centre + root z.
     gram : ndarray, shape (c, c)
         Inner products of the coefficients, from which the cost follows at once.
-    error : float
-        Root mean square of emulated less simulated residuals on fresh throws, in standard
-        deviations of a bin.
-    worst : float
-        The largest such root mean square of one of the fresh points.
+    error, worst : float
+        How far emulated less simulated residuals of fresh throws move a value, in its standard
+        deviations: root mean square and largest over all fresh points and values.
     points : int
         That were thrown.
     """
@@ -59,6 +58,33 @@ class Emulator:
     def coordinates(self, standard: Floats) -> Floats:
         """Return coordinates of standardised points, shape (n, p)."""
         return np.asarray(self.centre + standard @ self.root.T)
+
+
+def monomial_slopes(standard: Floats) -> Floats:
+    """Return the change of each monomial with each coordinate at a point of shape (p,), (p, c).
+
+    Examples
+    --------
+    >>> monomial_slopes(np.array([2.0, 3.0]))
+    array([[0., 1., 0., 4., 3., 0.],
+           [0., 0., 1., 0., 2., 6.]])
+    """
+    count = standard.size
+    rows, columns = np.triu_indices(count)
+    unit = np.eye(count)
+    products = unit[:, rows] * standard[columns] + unit[:, columns] * standard[rows]
+    return np.hstack([np.zeros((count, 1)), unit, products])
+
+
+def reach_of(count: int) -> float:
+    """Return how far out points are drawn, in standard deviations: further with more parameters.
+
+    Examples
+    --------
+    >>> [round(reach_of(count), 2) for count in (1, 2, 5, 10)]
+    [2.58, 3.03, 3.88, 4.82]
+    """
+    return float(np.sqrt(chi2.ppf(WITHIN, count)))
 
 
 def points_needed(count: int) -> int:
@@ -91,15 +117,19 @@ def monomials(standard: Floats) -> Floats:
     return np.column_stack([np.ones(standard.shape[0]), standard, products])
 
 
-def emulate(found: Fit, spread: Spread, *, rng: np.random.Generator) -> Emulator:
-    """Throw points about a fit and put a quadratic through their residuals.
+def emulate(found: Fit, *, rng: np.random.Generator) -> Emulator:
+    r"""Throw points about a fit and put a quadratic through their residuals.
+
+    Points are drawn as far out as residuals let values go, however wide errors make the intervals
+    that no residual shows: over a far wider range the quadratic would be less exact than the
+    movements are. It is judged by what it does to values: an error `e` of the residuals moves
+    them by :math:`L^T J^T e` standard deviations, with the slopes `J` and the factor `L` of their
+    covariance.
 
     Parameters
     ----------
     found : Fit
-        At its end; its frame is kept.
-    spread : Spread
-        Says how far out points are drawn.
+        At its end; its frame and its finer throws are kept.
     rng : numpy.random.Generator
         Of the points.
 
@@ -107,8 +137,9 @@ def emulate(found: Fit, spread: Spread, *, rng: np.random.Generator) -> Emulator
     -------
     Emulator
     """
-    count = len(found.parameters)
-    root: Floats = np.asarray(np.linalg.cholesky(spread.coordinate_covariance), dtype=np.float64)
+    count, J = len(found.parameters), found.jacobian
+    information = J.T @ J + np.diag(prior_information(found.parameters))
+    root: Floats = np.asarray(np.linalg.cholesky(np.linalg.inv(information)), dtype=np.float64)
     number = PER_COEFFICIENT * _coefficients(count)
     learnt = _cloud(number, count, rng)
     fresh = _cloud(FRESH, count, rng)
@@ -117,13 +148,14 @@ def emulate(found: Fit, spread: Spread, *, rng: np.random.Generator) -> Emulator
     terms = monomials(np.concatenate([np.zeros((1, count)), learnt]))
     good = np.isfinite(taught).all(axis=1)
     coefficients = np.linalg.lstsq(terms[good], taught[good], rcond=None)[0]
-    sizes = np.sqrt(np.mean((monomials(fresh) @ coefficients - proof) ** 2, axis=1))
+    missed = (monomials(fresh) @ coefficients - proof)[:, : J.shape[0]]
+    moves = missed @ J @ root
     return Emulator(
         centre=found.point,
         root=root,
         gram=coefficients @ coefficients.T,
-        error=float(np.sqrt(np.mean(sizes**2))),
-        worst=float(sizes.max()) if np.isfinite(sizes).all() else float("inf"),
+        error=float(np.sqrt(np.mean(moves**2))),
+        worst=float(np.abs(moves).max()) if np.isfinite(moves).all() else float("inf"),
         points=rows.shape[0],
     )
 
@@ -131,7 +163,7 @@ def emulate(found: Fit, spread: Spread, *, rng: np.random.Generator) -> Emulator
 def _cloud(number: int, count: int, rng: np.random.Generator) -> Floats:
     """Draw points evenly over directions and, by radius, out to the reach."""
     raw = rng.standard_normal((number, count))
-    radius = REACH * rng.uniform(0.2, 1.0, size=(number, 1))
+    radius = reach_of(count) * rng.uniform(0.2, 1.0, size=(number, 1))
     return np.asarray(radius * raw / np.linalg.norm(raw, axis=1, keepdims=True))
 
 
