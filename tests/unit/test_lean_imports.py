@@ -36,7 +36,8 @@ def test_what_is_loaded_stays_loaded() -> None:
     assert np is sys.modules["numpy"]
 
 
-def test_a_package_is_missing_meanwhile_only() -> None:
+def test_a_package_is_missing_meanwhile_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delitem(sys.modules, "colorsys", raising=False)
     with without_package("colorsys"), pytest.raises(ImportError):
         import colorsys
     import colorsys
