@@ -9,15 +9,16 @@ from tests.unit.test_calibration_fit import PARAMETERS, TRUE, misfit, movement, 
 from turnout.calibration import cause_trials
 from turnout.calibration.bushing_laws import SOFTNESS, soft_bushing
 from turnout.calibration.candidate_causes import candidate_causes
+from turnout.calibration.cause_lines import cause_lines
 from turnout.calibration.cause_trials import one_of_alike, own_levels, with_cause
 from turnout.calibration.causes import (
     CauseSearch,
-    _is_needed,
     with_causes,
     without_needless,
 )
 from turnout.calibration.fit import brief_fit, fit
 from turnout.calibration.measured_movements import MeasuredMovement
+from turnout.calibration.needed_causes import is_needed
 from turnout.calibration.predict import predicted
 from turnout.calibration.stages import default_plan
 from turnout.measurement.chain.recorder_response import LowPass, RecorderResponse
@@ -60,6 +61,19 @@ def test_a_recorder_that_averages_is_found_and_freed_of() -> None:
     assert cause.sizes[0] == pytest.approx(0.3, abs=0.02)
     assert 'recorded_average = "0.' in cause.text
     assert again.values["k"] == pytest.approx(TRUE["k"], rel=5e-3)
+
+
+def test_a_search_ends_after_its_throws_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("turnout.calibration.causes.MOST_THROWS", 1)
+    whole = misfit(averaged())
+    near = fit(whole, PARAMETERS, TRUE, rough=True)
+    search = with_causes(brief_fit(whole, PARAMETERS, TRUE, near=near), whole, load_panel("sb1"))
+    assert search.misses
+    assert search.taken == ()
+    assert search.tested[0].name == "recorder filter"
+    assert search.stopped >= len(whole.movements)
+    *_, line = cause_lines(search.found, search, ())
+    assert line.startswith(f"search: ended after {search.stopped} throws")
 
 
 def test_an_average_that_the_map_states_is_no_cause() -> None:
@@ -263,4 +277,4 @@ def test_a_slip_level_scatters_where_the_movements_that_know_it_say_so(
         for item in candidate_causes(panel, default_plan(panel).parameters)
         if name in item.scatter
     )
-    assert _is_needed(cause, seen) is scatters
+    assert is_needed(cause, seen) is scatters

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from turnout.calibration.causes import CauseSearch
+from turnout.calibration.causes import MOST_THROWS, CauseSearch
 from turnout.calibration.fit import Fit
 from turnout.calibration.sensors import FoundSensor, lead_text
 
@@ -32,4 +32,9 @@ def cause_lines(
     stated = any(s.recorder for item in final.misfit.movements for s in item.signals)
     for item in search.tested if search else ():
         lines.append(item.line.replace(STATE, BESIDE) if stated else item.line)
+    if search is not None and search.stopped:
+        lines.append(
+            f"search: ended after {search.stopped} throws, {MOST_THROWS} a movement at most, "
+            "with causes that were not tried; the panel is likely to be of another switch"
+        )
     return (*lines, *(f"{item.cause}: {item.text}" for item in sensors if item.cause))

@@ -27,11 +27,11 @@ from turnout.calibration.drive_law.fit_law import END
 from turnout.calibration.fit import Fit, brief_fit, fit
 from turnout.calibration.measured_movements import OBJECT_FORCE
 from turnout.calibration.misfit import Misfit
+from turnout.calibration.needed_causes import DECISIVE, is_needed
 from turnout.calibration.noise import peaks_of
-from turnout.calibration.parameter import prior_slopes
 from turnout.calibration.result_entries import channel_name
 from turnout.calibration.sensors import found_sensors
-from turnout.calibration.shared import effective_samples, model_error
+from turnout.calibration.shared import model_error
 from turnout.core.threads import one_blas_thread
 from turnout.errors import SolverError
 from turnout.panel.load import LoadedPanel
@@ -41,17 +41,18 @@ Floats = NDArray[np.float64]
 WORTH = {OBJECT_FORCE: 0.02}
 WORTH_DRIVE = 1.5e-3
 CLEARLY = 3.0
-# Difference of the criterion from which on a cause is fitted, how many are taken up at most, and
-# how many are fitted in turn until one is.
-DECISIVE, MOST_CAUSES, ATTEMPTS = 10.0, 3, 2
+# How many causes are taken up at most, and how many are fitted in turn until one is.
+MOST_CAUSES, ATTEMPTS = 3, 2
 # How many are taken up in one fit at most.
 AT_ONCE = 2
 # The share of what a model misses without a cause that is noise in a fit with it [-], and the steps
 # of that: with more noise, or with noise found again too early, it would stay where it is.
 LEFT_MISSED, CAUSE_STEPS = 0.1, 14
-# How often a fit with a cause goes on where it stopped before its end, and the scatter of a slip
-# level from which on it is one [-], of movements that know it to this share of what was expected.
-MOST_ROUNDS, LEAST_SCATTER, SAYS_SOMETHING = 2, 5e-3, 0.3
+# How often a fit with a cause goes on where it stopped before its end.
+MOST_ROUNDS = 2
+# Throws of a search, for each movement, after which no further cause is tried and no further fit
+# is begun: a model of something else could go on for long and still miss much.
+MOST_THROWS = 600
 # Causes of which several may be, one a drive.
 SEVERAL = ("bushing shape", "clutch", "drive law")
 # What a fit with a cause may miss at most, as a share of what one without it does, and of what one
@@ -77,6 +78,8 @@ class CauseSearch:
         That explain something, the likeliest first.
     misses : bool
         Whether the model still misses more than other solvers would.
+    stopped : int
+        Throws after which it was ended with causes untried; 0 where it came to its end.
     """
 
     found: Fit
@@ -85,6 +88,7 @@ class CauseSearch:
     taken: tuple[tuple[TestedCause, Cause], ...] = ()
     others: tuple[TestedCause, ...] = ()
     misses: bool
+    stopped: int = 0
 
     @property
     def tested(self) -> tuple[TestedCause, ...]:
@@ -95,6 +99,11 @@ class CauseSearch:
         """Return the search with its causes as the fit to the end found them."""
         taken = tuple((_as_fitted(item, cause, final), cause) for item, cause in self.taken)
         return replace(self, taken=taken)
+
+
+def throws_of(misfit: Misfit) -> int:
+    """Return how many throws were made for a misfit, or taken from its folder, so far."""
+    return misfit.evaluator.made + misfit.evaluator.reused
 
 
 def is_worth_a_search(found: Fit, *, share: float = 1.0) -> bool:
@@ -161,7 +170,11 @@ def with_causes(
     plain, taken = first, list[tuple[TestedCause, Cause]]()
     tested: list[TestedCause] = []
     left = candidate_causes(panel, found.parameters)
+    begun = throws_of(first)
+    budget = begun + MOST_THROWS * len(first.movements)
     while (misses := is_worth_a_search(found)) and len(taken) < MOST_CAUSES:
+        if throws_of(first) >= budget:
+            break
         choices = cause_trials(
             found, left, most=min(AT_ONCE, MOST_CAUSES - len(taken)), decisive=DECISIVE
         )
@@ -172,10 +185,10 @@ def with_causes(
             if item.gain > DECISIVE and not cause.is_slight(item.sizes)
         ]
         good = [choice for choice in choices if choice[0][0].gain > DECISIVE]
-        fitted = _first_that_helps(found, first, one_of_alike(good)[:ATTEMPTS], on_step)
+        fitted = _first_that_helps(found, first, one_of_alike(good)[:ATTEMPTS], on_step, budget)
         if fitted is None:
             break
-        found, choice = _best_of_alike(found, first, fitted, good, on_step)
+        found, choice = _best_of_alike(found, first, fitted, good, on_step, budget)
         for _, cause in choice:
             first = with_cause(first, cause)
         taken += choice
@@ -188,6 +201,7 @@ def with_causes(
         first=first,
         plain=plain,
         taken=tuple(taken),
+        stopped=throws_of(first) - begun if misses and throws_of(first) >= budget else 0,
         # Where nothing is missed any more, those that were taken up explain what the others did.
         others=tuple(each_name_once(others)) if misses else (),
         misses=misses,
@@ -223,7 +237,7 @@ def without_needless(
     CauseSearch
         The same one where all are needed.
     """
-    needed = [pair for pair in search.taken if _is_needed(pair[1], final)]
+    needed = [pair for pair in search.taken if is_needed(pair[1], final)]
     if len(needed) == len(search.taken):
         return search
     first, kept = search.plain, [cause for _, cause in needed]
@@ -253,51 +267,6 @@ def without_needless(
     return replace(
         search, found=found, first=first, taken=tuple(needed), misses=is_worth_a_search(found)
     )
-
-
-def _is_needed(cause: Cause, final: Fit) -> bool:
-    """Return whether a fit to the end shows that a cause is one."""
-    if not cause.parameters:
-        return any(_scatters(name, final) for name in cause.scatter)
-    if _is_slight(cause, final):
-        return False
-    places = {item.name: number for number, item in enumerate(final.parameters)}
-    sized = cause.parameters if cause.smooth else cause.parameters[:1]
-    own = [places[item.name] for item in sized]
-    rest = [number for number in range(len(places)) if number not in own]
-    J = np.vstack([final.jacobian, np.diag(prior_slopes(final.parameters))])
-    H = J.T @ J
-    S = (
-        H[np.ix_(own, own)]
-        - H[np.ix_(own, rest)]
-        @ np.linalg.lstsq(H[np.ix_(rest, rest)], H[np.ix_(rest, own)], rcond=None)[0]
-    )
-    a = np.array(
-        [item.coordinate(final.values[item.name]) - item.coordinate(item.start) for item in sized]
-    )
-    if cause.about_mean:
-        a = a - a.mean()
-    samples = effective_samples(final.frame.alignments, final.misfit.comparison)
-    known = [n for n, item in enumerate(sized) if item.prior > 0.0]
-    widths = np.array([sized[n].prior_width for n in known])
-    gain = float(a @ S @ a) - (len(sized) - len(known)) * float(np.log(samples))
-    gain -= float(np.linalg.slogdet(S[np.ix_(known, known)] * np.outer(widths, widths))[1])
-    return gain > DECISIVE
-
-
-def _scatters(name: str, final: Fit) -> bool:
-    """Return whether the values of those movements that say something of them differ.
-
-    The scatter that a fit states keeps a part of what was expected, also where there is none.
-    """
-    expected = final.misfit.comparison.scatter[name]
-    known = [
-        mean
-        for alignment in final.frame.alignments
-        for mean, deviation in [alignment.estimates.get(name, (0.0, np.inf))]
-        if deviation < SAYS_SOMETHING * expected
-    ]
-    return bool(known) and float(np.sqrt(np.mean(np.square(known)))) > LEAST_SCATTER
 
 
 def _continued(found: Fit, first: Misfit, on_step: Callable[[float], None] | None) -> Fit:
@@ -339,6 +308,7 @@ def _first_that_helps(
     first: Misfit,
     choices: Sequence[Sequence[tuple[TestedCause, Cause]]],
     on_step: Callable[[float], None] | None,
+    budget: int,
 ) -> tuple[Fit, Sequence[tuple[TestedCause, Cause]]] | None:
     """Fit with the likeliest choices in turn until one makes the model miss less.
 
@@ -348,6 +318,8 @@ def _first_that_helps(
     tries = [(choice, False) for choice in choices]
     tries += [(choice, True) for choice in reversed(choices) if far]
     for choice, thorough in tries:
+        if throws_of(first) >= budget:
+            break
         try:
             again = _fitted_with(found, first, choice, thorough=thorough, on_step=on_step)
             kept = [pair for pair in choice if not _is_slight(pair[1], again)]
@@ -366,6 +338,7 @@ def _best_of_alike(
     fitted: tuple[Fit, Sequence[tuple[TestedCause, Cause]]],
     choices: Sequence[Sequence[tuple[TestedCause, Cause]]],
     on_step: Callable[[float], None] | None,
+    budget: int,
 ) -> tuple[Fit, Sequence[tuple[TestedCause, Cause]]]:
     """Return the fit that misses least of one with a cause and those with others much alike.
 
@@ -382,6 +355,8 @@ def _best_of_alike(
         cause = other[0][1]
         if len(other) > 1 or cause is taken or cause.group != taken.group:
             continue
+        if throws_of(first) >= budget:
+            break
         try:
             again = _fitted_with(before, first, other, on_step=on_step)
         except SolverError:
