@@ -24,6 +24,7 @@ from turnout.calibration.cause_trials import (
 )
 from turnout.calibration.comparison import Key
 from turnout.calibration.drive_law.fit_law import END
+from turnout.calibration.evaluate import throws_done
 from turnout.calibration.fit import Fit, brief_fit, fit
 from turnout.calibration.measured_movements import OBJECT_FORCE
 from turnout.calibration.misfit import Misfit
@@ -101,11 +102,6 @@ class CauseSearch:
         return replace(self, taken=taken)
 
 
-def throws_of(misfit: Misfit) -> int:
-    """Return how many throws were made for a misfit, or taken from its folder, so far."""
-    return misfit.evaluator.made + misfit.evaluator.reused
-
-
 def is_worth_a_search(found: Fit, *, share: float = 1.0) -> bool:
     """Return whether a model misses more of a channel than another solver would, or by its gain.
 
@@ -170,10 +166,10 @@ def with_causes(
     plain, taken = first, list[tuple[TestedCause, Cause]]()
     tested: list[TestedCause] = []
     left = candidate_causes(panel, found.parameters)
-    begun = throws_of(first)
+    begun = throws_done(first.evaluator)
     budget = begun + MOST_THROWS * len(first.movements)
     while (misses := is_worth_a_search(found)) and len(taken) < MOST_CAUSES:
-        if throws_of(first) >= budget:
+        if throws_done(first.evaluator) >= budget:
             break
         choices = cause_trials(
             found, left, most=min(AT_ONCE, MOST_CAUSES - len(taken)), decisive=DECISIVE
@@ -201,7 +197,9 @@ def with_causes(
         first=first,
         plain=plain,
         taken=tuple(taken),
-        stopped=throws_of(first) - begun if misses and throws_of(first) >= budget else 0,
+        stopped=throws_done(first.evaluator) - begun
+        if misses and throws_done(first.evaluator) >= budget
+        else 0,
         # Where nothing is missed any more, those that were taken up explain what the others did.
         others=tuple(each_name_once(others)) if misses else (),
         misses=misses,
@@ -318,7 +316,7 @@ def _first_that_helps(
     tries = [(choice, False) for choice in choices]
     tries += [(choice, True) for choice in reversed(choices) if far]
     for choice, thorough in tries:
-        if throws_of(first) >= budget:
+        if throws_done(first.evaluator) >= budget:
             break
         try:
             again = _fitted_with(found, first, choice, thorough=thorough, on_step=on_step)
@@ -355,7 +353,7 @@ def _best_of_alike(
         cause = other[0][1]
         if len(other) > 1 or cause is taken or cause.group != taken.group:
             continue
-        if throws_of(first) >= budget:
+        if throws_done(first.evaluator) >= budget:
             break
         try:
             again = _fitted_with(before, first, other, on_step=on_step)

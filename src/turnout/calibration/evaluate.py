@@ -242,6 +242,11 @@ class Evaluator:
                 write_atomic(self.folder / f"{key[:40]}.npz", content, durable=False)
 
 
+def throws_done(evaluator: Evaluator) -> int:
+    """Return how many throws were made, or taken from those kept, so far."""
+    return evaluator.made + evaluator.reused
+
+
 def _plain(value: object) -> object:
     """Return an override as plain data, whose text is unique to its value."""
     return value if isinstance(value, str | int | float | bool) else repr(value)

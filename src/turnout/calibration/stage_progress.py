@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from turnout.calibration.candidate_causes import candidate_causes
 from turnout.calibration.causes import CAUSE_STEPS
 from turnout.calibration.emulator import points_needed
-from turnout.calibration.evaluate import Evaluator
+from turnout.calibration.evaluate import Evaluator, throws_done
 from turnout.calibration.fit import ROUGH_STEPS, Fit
 from turnout.calibration.measured_movements import MeasuredMovement, selected
 from turnout.calibration.stages import CalibrationPlan
@@ -148,11 +148,11 @@ class ProgressReporter:
         self.stage, self.per_step = stage, 1
         throws = {"advice": advice_throws, "posterior": posterior_throws}[stage]
         count = throws(len(final.misfit.movements), len(final.parameters))
-        self.planned = evaluator.made + evaluator.reused + count
+        self.planned = throws_done(evaluator) + count
 
     def more(self, throws: int, evaluator: Evaluator) -> None:
         """Plan so many more throws than are still planned, such as those of a search for causes."""
-        done = evaluator.made + evaluator.reused
+        done = throws_done(evaluator)
         self.planned = max(self.planned, done + self.per_step) + throws
 
     def found(self, misfit: float) -> None:

@@ -85,7 +85,9 @@ def check_command(
 
 
 def _is_exchanged(campaign: "BuiltCampaign") -> bool:
-    return any(text.startswith("swapped channels of") for text in campaign.remarks)
+    from turnout.measurement.campaign.sheet_checks import EXCHANGED
+
+    return any(text.startswith(EXCHANGED) for text in campaign.remarks)
 
 
 def _with_panel(campaign: "BuiltCampaign", panel: "LoadedPanel") -> "BuiltCampaign":

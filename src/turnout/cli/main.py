@@ -25,9 +25,10 @@ from turnout.cli import (
     sweep,
     validate,
 )
+from turnout.cli.options import INTERRUPTED
 from turnout.errors import TurnoutError
 
-BAD_INPUT, INTERRUPTED = 2, 130
+BAD_INPUT = 2
 
 app = typer.Typer(
     name="turnout",

@@ -6,12 +6,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from turnout.cli.options import CalibrationOption, PanelOption, SetOption, opened_panel
+from turnout.cli.options import (
+    INTERRUPTED,
+    CalibrationOption,
+    PanelOption,
+    SetOption,
+    opened_panel,
+)
 
 if TYPE_CHECKING:
     from turnout.web.studio import Opened
-
-INTERRUPTED = 130
 
 
 def studio_command(

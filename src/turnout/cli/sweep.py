@@ -13,6 +13,7 @@ import typer
 
 from turnout.cli.json_output import JsonOption, print_json
 from turnout.cli.options import (
+    INTERRUPTED,
     CalibrationOption,
     QuietOption,
     check_outputs,
@@ -103,9 +104,6 @@ def cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
-
-
-INTERRUPTED = 130
 
 
 def run_command(

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from turnout.detection.detector.judging import CYCLE, View
-from turnout.detection.detector.recorded import Recorded, held_at_ends
+from turnout.detection.detector.recorded import Recorded, held_at_ends, known_forces
 from turnout.detection.detector.throw_layout import CLOSING, OPENING, Integral, Layout, Part
 from turnout.detection.likelihood import Centre, log_density, log_sum
 
@@ -142,9 +142,7 @@ class EarlyForces:
         reach: float = float(SHIFTS[-1]),
     ) -> None:
         self._movements = aligner.movements
-        rows = [throw.drives.index(name) for name in aligner.layout.drives]
-        known = np.isfinite(throw.force[rows]).all(axis=0)
-        time, force = throw.time[known], throw.force[rows][:, known]
+        time, force = known_forces(throw, aligner.layout)
         self._sums = {}
         for name, at in about.items():
             edges = self._movements[name].part.edges

@@ -213,6 +213,13 @@ def longest_run(values: Floats, limit: float | None = None) -> int:
     return int(lengths.max(initial=0))
 
 
+def known_forces(throw: Recorded, layout: Layout) -> tuple[Floats, Floats]:
+    """Return the samples [s, N] at which the forces of all drives of a layout are known."""
+    rows = [throw.drives.index(name) for name in layout.drives]
+    known = np.isfinite(throw.force[rows]).all(axis=0)
+    return throw.time[known], throw.force[rows][:, known]
+
+
 def features_of_recorded(throw: Recorded, layout: Layout, onsets: Mapping[str, float]) -> Floats:
     """Return the features of a throw, NaN in movements that were not recorded.
 
@@ -241,9 +248,7 @@ def features_at(throw: Recorded, layout: Layout, onsets: Mapping[str, Floats]) -
     onsets : mapping of str to ndarray, shape (n_onsets,)
         Of the movements [s].
     """
-    rows = [throw.drives.index(name) for name in layout.drives]
-    known = np.isfinite(throw.force[rows]).all(axis=0)
-    time, force = throw.time[known], throw.force[rows][:, known]
+    time, force = known_forces(throw, layout)
     count = max(len(item) for item in onsets.values())
     found = np.full((count, layout.size), np.nan)
     for number, part in enumerate(layout.parts):

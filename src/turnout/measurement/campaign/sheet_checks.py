@@ -271,6 +271,10 @@ def rises(forces: NDArray[np.float64], free: NDArray[np.float64]) -> NDArray[np.
     return np.asarray(total / np.maximum(known.sum(axis=1), 1))
 
 
+EXCHANGED = "swapped channels of"
+"""How remarks on exchanged columns begin."""
+
+
 def swap_remarks(pair: Sequence[str] | None) -> list[str]:
     """Return a remark on rods that have changed places.
 
@@ -283,7 +287,7 @@ def swap_remarks(pair: Sequence[str] | None) -> list[str]:
         return []
     one, other = pair
     return [
-        f"swapped channels of drive_force {one} and {other}: with an object near a drive the force "
+        f"{EXCHANGED} drive_force {one} and {other}: with an object near a drive the force "
         "of the other one rises; exchange their columns in the channel map, or the places in the "
         "run sheet"
     ]
@@ -312,7 +316,7 @@ def exchange_remarks(attributes: Mapping[Any, Any]) -> list[str]:
     cell = attributes.get("swapped_cell")
     if cell:
         found.append(
-            f"swapped channels of drive_force {cell} and object_force: without an object the "
+            f"{EXCHANGED} drive_force {cell} and object_force: without an object the "
             "column of the load cell changes as a rod does, and that of the rod does not; exchange "
             "them in the channel map"
         )
