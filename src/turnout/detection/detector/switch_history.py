@@ -12,7 +12,7 @@ that comes faster than that is never taken for drift, so a ramp stays visible.
 
 A real switch may vary more from throw to throw than is assumed. :math:`C`, the part of the
 covariance of :math:`e` beside the sound model, is multiplied by :math:`\lambda \ge 1`, which its
-throws tell. With :math:`S` the covariance of what a throw differs by from what was expected,
+throws show. With :math:`S` the covariance of what a throw differs by from what was expected,
 :math:`r`, and :math:`A = S^{-1/2}\, C\, S^{-T/2}`, :math:`w = S^{-1/2}\, r`, each throw moves it by
 
 .. math:: \Delta\lambda = \frac{w^T A\, w - \operatorname{tr} A}{2 I}, \qquad
