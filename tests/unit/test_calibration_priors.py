@@ -163,7 +163,6 @@ def test_over_travel_and_fit_are_fitted_with_priors_where_a_panel_has_them() -> 
         "drive.1.over_travel_closed": 1e-3,
         "rail.straight.stress_free": 0.05,
         "rail.straight.fit_gap": 1e-3,
-        "drive.1.over_travel_open": 1e-3,
     }
     # They are in the joint stage alone.
     assert set(uncertain) <= set(plan.stages[-1].parameters)

@@ -225,9 +225,9 @@ def default_plan(
 def nuisances(panel: LoadedPanel) -> list[Parameter]:
     """Return what is known of a panel to a part of a millimetre only, each with a prior.
 
-    How far each drive goes beyond the closed and the open position, where each rail stands without
-    any force, and the gap that it leaves closed. Forces hold them, so they are fitted in the joint
-    stage; what a drive pushes further is much like what it is stiffer.
+    How far each drive goes beyond the closed position, where each rail stands without any force,
+    and the gap that it leaves closed. Forces hold them, so they are fitted in the joint stage; what
+    a drive pushes further is much like what it is stiffer.
 
     Examples
     --------
@@ -250,11 +250,6 @@ def nuisances(panel: LoadedPanel) -> list[Parameter]:
             found.append(replace(item, lower=max(item.lower, 0.0), upper=min(item.upper, 1.0)))
         if isinstance(rail.fit_gap, float):
             found.append(_nuisance(f"rail.{name}.fit_gap", rail.fit_gap, MILLIMETRE))
-    found += [
-        _nuisance(f"drive.{name}.over_travel_open", drive.over_travel_open, MILLIMETRE)
-        for name, drive in panel.drive.items()
-        if drive.over_travel_open != 0.0
-    ]
     return found
 
 

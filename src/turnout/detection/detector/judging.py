@@ -69,6 +69,8 @@ class View:
         Throws known of the switch.
     variation : Variation
         Of sound throws from one to the next.
+    gap_seen : ndarray, shape (n_components, n_gaps)
+        What the signature of each hypothesis makes features say of end gaps in a sound switch [m].
     """
 
     part: str
@@ -79,6 +81,7 @@ class View:
     kinds: tuple[str, ...]
     history: int
     variation: Variation
+    gap_seen: Floats
 
     @property
     def centres(self) -> tuple[Centre, ...]:
@@ -143,21 +146,32 @@ def make_view(
                 signatures=signatures,
             )
         )
+    hypotheses = make_hypotheses(
+        tuple(centres),
+        signatures,
+        distance=(signatures.level - model.level[:, np.newaxis]) / model.spacing,
+        kinds=len(knowledge.kinds),
+    )
     return View(
         part=part,
         features=features,
-        hypotheses=make_hypotheses(
-            tuple(centres),
-            signatures,
-            distance=(signatures.level - model.level[:, np.newaxis]) / model.spacing,
-            kinds=len(knowledge.kinds),
-        ),
+        hypotheses=hypotheses,
         signatures=signatures,
         objects=len(knowledge.places),
         kinds=knowledge.kinds,
         history=expected.throws,
         variation=Variation(model.within[:, features[:, np.newaxis], features]),
+        gap_seen=_gap_seen(hypotheses, signatures),
     )
+
+
+def _gap_seen(hypotheses: Hypotheses, signatures: Signatures) -> Floats:
+    """Return what the signature of each component makes features say of end gaps [m]."""
+    found = np.empty((len(hypotheses.number), signatures.gap.shape[1]))
+    for at, centre in enumerate(hypotheses.centres):
+        own = hypotheses.place == at
+        found[own] = (signatures.change @ centre.gap_of_change)[hypotheses.number[own]]
+    return found
 
 
 def evidence_of(view: View, features: Floats) -> Evidence:
