@@ -10,6 +10,7 @@ import xarray as xr
 from turnout.errors import ResponseError
 from turnout.plot.validation import plot_comparison, plot_error_map
 from turnout.validation.acceptance import judge
+from turnout.validation.power import _size
 from turnout.validation.scatter import Direction, scatter_of
 from turnout.validation.verdict_text import acceptance_lines, page_text, table_text
 
@@ -207,8 +208,11 @@ def test_the_band_of_each_channel_is_judged_and_the_one_that_fails_is_named() ->
     assert "less than 75 %" in reason
 
 
-def noticed() -> dict[str, str]:
-    """Return what a verdict on four movements would notice, by the name of the error."""
+def noticed(*, bend: float = 0.0) -> dict[str, str]:
+    """Return what a verdict on four movements would notice, by the name of the error.
+
+    Of a value that moves a level by 1 kN, and by `bend` [N] times its square.
+    """
     made = hand_made(band=300.0).assign_attrs(onsets="marked")
     base = made["predicted"]
     # One value moves the level of drive 1, one nothing, and a length that level.
@@ -218,7 +222,9 @@ def noticed() -> dict[str, str]:
     change = xr.concat(list(parts.values()), "parameter").assign_coords(
         parameter=list(parts), unit=("parameter", ["N", "N", "m"])
     )
-    made = made.assign(change=change, repeat_spread=("channel", [30.0] * 3))
+    square = bend / 1000.0 * change.where(change["unit"] == "N", 0.0)
+    bends = xr.concat([square, -square], "side").assign_coords(side=["up", "down"])
+    made = made.assign(change=change, bend=bends, repeat_spread=("channel", [30.0] * 3))
     made["touched"] = ("movement", np.full(6, 0.5))
     return {
         text.split(" off ")[0].split(" of ")[0].split(":")[0]: text for text in judge(made).power
@@ -231,10 +237,23 @@ def test_a_verdict_says_what_it_would_notice() -> None:
     text = found["drive.1.level"]
     assert text.endswith("(level of drive 1)")
     assert 7.0 < float(text.split()[3]) < 11.0
-    assert found["drive.2.nothing"] == "drive.2.nothing: not noticed, tried up to 100 %"
+    assert found["drive.2.nothing"] == "drive.2.nothing: not noticed, tried up to 50 %"
     # 10 kN/m: 90 N are 9 mm.
     assert "mm" in found["rail.straight.length"]
     assert 7.0 < float(found["rail.straight.length"].split()[3]) < 11.0
+
+
+def test_what_is_noticed_follows_the_bend_and_is_rounded_up() -> None:
+    """90 N of 1,000 a - 2,000 a^2 are 11.8 %, of both signs the one that takes more."""
+    plain, bent = (float(noticed(bend=b)["drive.1.level"].split()[3]) for b in (0.0, -2000.0))
+    reached = 1000.0 * plain / 100.0
+    exact = 100.0 * (1.0 - np.sqrt(1.0 - 8.0 * reached / 1000.0)) / 4.0
+    # Amounts are tried in steps of a tenth.
+    assert bent == pytest.approx(exact, rel=0.12)
+    assert bent > 1.15 * plain
+    assert _size(0.0451, is_length=False) == "4.6 %"
+    assert _size(0.1204, is_length=False) == "13 %"
+    assert _size(0.00056, is_length=True) == "0.56 mm"
 
 
 def test_it_would_notice_a_lag_and_says_that_a_lead_is_taken_off() -> None:

@@ -5,13 +5,16 @@ more: two chairs more, two fastenings fewer. Both are calibrated as sb1, on half
 Limits of the verdict: band of 95 % covers at least 80 %, error at most three repeat spreads.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import xarray as xr
 from tests.verification.twin_campaigns import WINDOW, Twin, campaign, short_sb1
 
 from turnout.calibration.calibrate import calibrate
 from turnout.calibration.evaluate import Evaluator
+from turnout.calibration.result import Calibration
 from turnout.calibration.stages import CalibrationPlan as Stages
 from turnout.calibration.stages import default_plan
 from turnout.panel.load import LoadedPanel, load_panel
@@ -50,7 +53,15 @@ def longer(folder: Path) -> LoadedPanel:
     return load_panel(path).with_overrides(dict(short_sb1().overrides))
 
 
-def verdict_on(truth: LoadedPanel) -> Acceptance:
+def judged(found: Calibration, dataset: xr.Dataset) -> Acceptance:
+    """Return the verdict on a calibration of sb1."""
+    panel = short_sb1()
+    with Evaluator(panel) as evaluator:
+        return judge(validate(dataset, panel, found, evaluator=evaluator))
+
+
+def calibrated_to(truth: LoadedPanel) -> tuple[Calibration, xr.Dataset]:
+    """Measure a switch, and calibrate sb1 to a half of the movements."""
     panel = short_sb1()
     dataset = campaign(
         Twin(
@@ -63,20 +74,38 @@ def verdict_on(truth: LoadedPanel) -> Acceptance:
     plan = default_plan(panel)
     joint = Stages(parameters=plan.parameters, stages=plan.stages[-1:])
     held_back = [names[number] for number in HELD_BACK]
-    found = calibrate(dataset, panel, plan=joint, exclude=held_back).calibration
-    with Evaluator(panel) as evaluator:
-        return judge(validate(dataset, panel, found, evaluator=evaluator))
+    return calibrate(dataset, panel, plan=joint, exclude=held_back).calibration, dataset
 
 
-def test_the_measured_switch_is_accepted() -> None:
-    verdict = verdict_on(short_sb1())
+def with_error(found: Calibration, name: str, share: float) -> Calibration:
+    """Return a calibration with one value that is a share too high."""
+    moved = tuple(
+        replace(item, value=item.value * (1.0 + share)) if item.name == name else item
+        for item in found.parameters
+    )
+    return replace(found, parameters=moved)
+
+
+def test_the_measured_switch_is_accepted_and_errors_as_stated_are_noticed() -> None:
+    """Friction that was 5 % off was accepted where 4.5 % were stated, by slopes alone."""
+    found, dataset = calibrated_to(short_sb1())
+    verdict = judged(found, dataset)
     assert verdict.judged == len(HELD_BACK)
     assert verdict.accepted, verdict.text
+    for name in ("chair.friction_coefficient", "drive.1.stiffness"):
+        (text,) = (text for text in verdict.power if text.startswith(name))
+        stated = float(text.removeprefix(f"{name} off by ").split(" %")[0]) / 100
+        off = {
+            share: [judged(with_error(found, name, s * share), dataset).accepted for s in (1, -1)]
+            for share in (stated, 0.8 * stated)
+        }
+        assert not any(off[stated]), text
+        assert any(off[0.8 * stated]), text
 
 
 @pytest.mark.long
 def test_a_switch_with_a_longer_free_length_is_refused(tmp_path: Path) -> None:
-    verdict = verdict_on(longer(tmp_path))
+    verdict = judged(*calibrated_to(longer(tmp_path)))
     assert verdict.held_back
     assert not verdict.accepted, verdict.text
     assert max(item.spreads for item in verdict.channels) > 3.0

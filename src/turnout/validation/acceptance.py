@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from turnout.core.value_text import count_text
 from turnout.validation.error_kind import error_kind, error_kinds
-from turnout.validation.power import Rules, noticed_errors
+from turnout.validation.power import Rules, noticed_errors, noticed_to_first_order
 
 Floats = NDArray[np.float64]
 # Of all channels together; of each channel where `validate` did not say what chance would do.
@@ -218,6 +218,27 @@ def judge(validation: xr.Dataset) -> Acceptance:
         power=noticed_errors(part, _rules(part)) if "change" in part and not reasons else (),
         left_out=bool(used.all() and left.any()),
     )
+
+
+def first_order_power(validation: xr.Dataset) -> dict[str, tuple[float, float]]:
+    """Return by how much values must be off for the verdict to notice, as far as slopes say.
+
+    Parameters
+    ----------
+    validation : xarray.Dataset
+        From `validate`.
+
+    Returns
+    -------
+    dict of str to tuple of float
+        As of `noticed_to_first_order`; nothing where the model is refused.
+    """
+    verdict = judge(validation)
+    if verdict.reasons:
+        return {}
+    chosen = judged_movements(validation["used"].values, _left_out(validation))
+    part = validation.isel(movement=chosen)
+    return noticed_to_first_order(part, _rules(part))
 
 
 def judged_movements(used: NDArray[np.bool_], left_out: NDArray[np.bool_]) -> NDArray[np.intp]:

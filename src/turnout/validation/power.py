@@ -1,11 +1,15 @@
 """What a verdict would notice: by how much a value, an onset or a lag must be off to be refused.
 
 The prediction is moved as the error would move it, and judged by the same rules on the same
-measurement: the error of each channel beside its repeats, and the coverage of its band.
+measurement: the error of each channel beside its repeats, and the coverage of its band. A wrong
+value moves it by its slope and by a bend, from a throw where the slope alone says that it is
+noticed: one to either side, since a drive may slip to one of them only. What is stated is rounded
+up.
 """
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
@@ -16,8 +20,11 @@ from turnout.validation.grid import later
 
 Floats = NDArray[np.float64]
 # What is tried, as a share of a value; of lengths [m], onsets and lags [s].
-SHARES = np.geomspace(1e-4, 1.0, 81)
+SHARES = np.geomspace(1e-4, 0.5, 86)
 LENGTHS, TIMES = np.geomspace(1e-6, 1e-2, 81), np.geomspace(1e-3, 0.5, 55)
+# A wrong value has bands of its own: 13 % wider with friction 7 % too high (`sb1`); so much wider
+# ones than those of the right values have to notice it.
+WIDER = 1.15
 # A lead of the motors beyond this is taken off before anything is judged [s].
 LEAD_TAKEN_OFF = 0.015
 
@@ -79,12 +86,10 @@ def noticed_errors(part: xr.Dataset, rules: Rules) -> tuple[str, ...]:
     predicted = part["predicted"].transpose("channel", "movement", "time").values
     channels = [str(name) for name in part["channel"].values]
     found = []
+    wide = replace(rules, reach=WIDER * rules.reach)
     for name in part["parameter"].values if "change" in part else ():
-        one = part["change"].sel(parameter=name)
-        change = one.transpose("channel", "movement", "time").values
-        is_length = str(one["unit"].values) == "m"
-        amounts = LENGTHS if is_length else SHARES
-        least = _least(rules, predicted, _along(predicted, change), amounts, both=True)
+        is_length, amounts, moved = _changed(part, str(name), predicted)
+        least = _least(wide, predicted, moved, amounts, both=True)
         text, largest = (
             "" if item is None else _size(item, is_length=is_length)
             for item in (least and least[0], float(amounts[-1]))
@@ -97,6 +102,56 @@ def noticed_errors(part: xr.Dataset, rules: Rules) -> tuple[str, ...]:
     if part.attrs.get("onsets") == "fitted":
         found.append("onset: not judged, it is fitted to each movement that no motor current marks")
     return tuple(found)
+
+
+def noticed_to_first_order(part: xr.Dataset, rules: Rules) -> dict[str, tuple[float, float]]:
+    """Return by how much each value must be off to be noticed, as far as its slope says.
+
+    Parameters
+    ----------
+    part : xarray.Dataset
+        With `change`, of the movements that are judged.
+    rules : Rules
+        Of the verdict.
+
+    Returns
+    -------
+    dict of str to tuple of float
+        The least amounts upwards (positive) and downwards (negative), as shares of the value, of a
+        length in metres; nothing for values that are not noticed in both directions.
+    """
+    predicted = part["predicted"].transpose("channel", "movement", "time").values
+    rules = replace(rules, reach=WIDER * rules.reach)
+    found = {}
+    for name in part["parameter"].values:
+        _, amounts, moved = _changed(part, str(name), predicted)
+        least = [
+            _least(rules, predicted, moved, sign * amounts, both=False) for sign in (1.0, -1.0)
+        ]
+        reached = [item[0] for item in least if item is not None]
+        if len(reached) == len(least):
+            found[str(name)] = (reached[0], reached[1])
+    return found
+
+
+def _changed(
+    part: xr.Dataset, name: str, predicted: Floats
+) -> tuple[bool, Floats, Callable[[float], Floats]]:
+    """Return whether a value is a length, what is tried of it, and how it moves a prediction."""
+    one = part["change"].sel(parameter=name)
+    change = np.nan_to_num(one.transpose("channel", "movement", "time").values).astype(np.float64)
+    is_length = str(one["unit"].values) == "m"
+    sides = part["bend"].sel(parameter=name) if "bend" in part else None
+    bends = [np.zeros_like(change)] * 2
+    if sides is not None:
+        rows = sides.transpose("side", "channel", "movement", "time").values
+        bends = [np.asarray(np.nan_to_num(row), dtype=np.float64) for row in rows]
+
+    def moved(amount: float) -> Floats:
+        bend = bends[0 if amount > 0.0 else 1]
+        return np.asarray(predicted + amount * change + amount**2 * bend)
+
+    return is_length, LENGTHS if is_length else SHARES, moved
 
 
 def _along(predicted: Floats, change: Floats) -> Callable[[float], Floats]:
@@ -168,7 +223,9 @@ def _least(
 
 def _size(amount: float, *, is_length: bool) -> str:
     number = 1e3 * amount if is_length else 100 * amount
-    text = f"{number:.0f}" if number >= 10.0 else f"{number:.2g}"
+    # Up: what is less than stated need not be noticed.
+    digits = max(1 - math.floor(math.log10(number)), 0)
+    text = f"{math.ceil(number * 10**digits - 1e-9) / 10**digits:.{digits}f}"
     return f"{text} mm" if is_length else f"{text} %"
 
 

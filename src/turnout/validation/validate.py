@@ -1,6 +1,5 @@
 """Predict every movement of a campaign, with the band in which the measurement should lie."""
 
-import itertools
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -9,9 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from turnout.calibration.corrections import Refined
-from turnout.calibration.evaluate import Evaluator, ThrowInputs
-from turnout.calibration.fitted_causes import fitted_causes, overrides_with, shaped
+from turnout.calibration.evaluate import Evaluator
 from turnout.calibration.linearisation import stepped_value
 from turnout.calibration.measured_movements import MeasuredMovement, observe
 from turnout.calibration.noise import measured_noise
@@ -33,7 +30,7 @@ from turnout.metric.agreement import (
 from turnout.metric.channel_features import channel_features, contact_time
 from turnout.panel.load import LoadedPanel
 from turnout.schema.channels import SCHEMA_VERSION
-from turnout.validation.acceptance import judged_movements
+from turnout.validation.acceptance import first_order_power, judged_movements
 from turnout.validation.coverage import BandParts, coverage_limits
 from turnout.validation.grid import DRIVE, OBJECT, Grid, later
 from turnout.validation.leave_out import LeftOut, leave_out_places
@@ -42,10 +39,10 @@ from turnout.validation.measuring_chain import (
     chain_directions,
     chain_variance,
     found_chain,
-    through_chain,
 )
-from turnout.validation.onset import onset_shifts, with_rest
+from turnout.validation.onset import onset_shifts
 from turnout.validation.scatter import Direction, ThrowScatter, scatter_of
+from turnout.validation.seen_throws import Seen
 
 Floats = NDArray[np.float64]
 # 95 % of a normal distribution lie within so many standard deviations.
@@ -59,13 +56,17 @@ SHEET = ("direction", "size", "place", "repeat", "slipped")
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Model:
-    """What the model says: forces, their slope with parameters and onset, first touches [s]."""
+    """What the model says: forces, their slope with parameters and onset, first touches [s].
+
+    Forces at other values come from `seen`.
+    """
 
     forces: Floats
     slopes: Mapping[str, Floats]
     later: Floats
     shifts: Floats
     contacts: Floats
+    seen: Seen
 
 
 @one_blas_thread()
@@ -103,9 +104,10 @@ def validate(
         `repeat_spread`, `scale` (channel); `used`, `left_out` (whether it is predicted from other
         places alone), `cover_limit`, `cover_samples` (channel): least coverage of its band, and the
         independent instants that this rests on; `change` (parameter, channel, movement, time) [N
-        for all of a value, N/m for a length]; `touched`, when the model touches the object, and
-        `onset_shift`, how much later than marked a movement without motor currents began
-        (movement) [s].
+        for all of a value, N/m for a length], and `bend` (side, ...), by how much more upwards and
+        downwards with the square of a change, thrown where a model that is not refused would notice
+        it; `touched`, when the model touches the object, and `onset_shift`, how much later than
+        marked a movement without motor currents began (movement) [s].
 
     Raises
     ------
@@ -136,7 +138,7 @@ def validate(
         grid=grid,
         judged=judged_movements(used, left.predicted),
     )
-    return xr.Dataset(
+    found = xr.Dataset(
         {
             "measured": measured,
             "predicted": forecast,
@@ -170,6 +172,7 @@ def validate(
             "chain": "" if chain or not calibration.chain else OTHER_CHAIN,
         },
     )
+    return found.assign(bend=_bends(model, found, calibration))
 
 
 def _least_covers(parts: BandParts) -> dict[str, tuple[str, Floats]]:
@@ -190,6 +193,32 @@ def _changes(model: _Model, measured: xr.DataArray, calibration: Calibration) ->
         "unit": ("parameter", np.array([item.unit for item in fitted], dtype=np.str_)),
     }
     return xr.DataArray(known, coordinates, ("parameter", *measured.dims))
+
+
+def _bends(model: _Model, found: xr.Dataset, calibration: Calibration) -> xr.DataArray:
+    """Return what forces change beyond first order, over the square of a change.
+
+    Each value is thrown to either side where first order says that the verdict notices it, for the
+    movements that are judged; 0 where nothing is noticed.
+    """
+    bends = xr.concat([xr.zeros_like(found["change"])] * 2, "side")
+    bends = bends.assign_coords(side=["up", "down"])
+    chosen = judged_movements(found["used"].values, found["left_out"].values)
+    fitted = {item.name: item for item in calibration.fitted}
+    steps = [
+        (name, side, amount, amount * (1.0 if fitted[name].unit == "m" else fitted[name].value))
+        for name, amounts in first_order_power(found).items()
+        for side, amount in zip(("up", "down"), amounts, strict=True)
+    ]
+    settings = [
+        {**calibration.values, name: fitted[name].value + step} for name, _, _, step in steps
+    ]
+    part = model.seen.of(chosen)
+    for (name, side, amount, step), row in zip(steps, part.thrown(settings)[0], strict=True):
+        linear = model.forces[:, chosen] + step * model.slopes[name][:, chosen]
+        place = {"parameter": name, "side": side, "movement": found["movement"].values[chosen]}
+        bends.loc[place] = (part.forces(row) - linear) / amount**2
+    return bends
 
 
 def _band_parts(
@@ -241,47 +270,31 @@ def _model(
 
     Through the chain as it was found: a sound prediction would differ by the gains of the gauges.
     """
-    values, parameters = calibration.values, calibration.parameters
-    causes = fitted_causes(evaluator.panel, parameters)
     steps: dict[str, float] = {}
-    settings: list[dict[str, float]] = [values]
+    settings: list[dict[str, float]] = [calibration.values]
     for item in calibration.fitted:
         aside = stepped_value(_parameter(item), item.value)
         steps[item.name] = aside - item.value
-        settings.append({**values, item.name: aside})
-    throws = [
-        ThrowInputs(
-            overrides=overrides_with(causes, parameters, setting), place=item.place, size=item.size
-        )
-        for setting in settings
-        for item in movements
-    ]
-    count = len(movements)
-    made = evaluator.responses(throws)
-    if calibration.about.get("refined"):
-        # Values that were fitted with fine throws are of these.
-        fine = evaluator.responses([replace(item, fine=True) for item in throws[:count]])
-        finer = [Refined(plain=a, halved=a, fine=b) for a, b in zip(made, fine, strict=False)]
-        made = [finer[number % count].added(item) for number, item in enumerate(made)]
-    rest = iter(made)
-    responses = [
-        with_rest(shaped(causes, response, setting))
-        for setting in settings
-        for response in itertools.islice(rest, count)
-    ]
+        settings.append({**calibration.values, item.name: aside})
+    seen = Seen(
+        movements=tuple(movements),
+        grid=grid,
+        calibration=calibration,
+        evaluator=evaluator,
+        chain=chain,
+    )
+    thrown, seen = seen.thrown(settings)
+    responses = thrown[0]
     failed = [
         f"{item.text}: cannot be simulated: {response.failure}"
-        for item, response in zip(movements, responses[:count], strict=True)
+        for item, response in zip(movements, responses, strict=True)
         if response.failure
     ]
-    if len(failed) == count:
+    if len(failed) == len(movements):
         raise MeasurementError(failed[:3], source="validation")
-    shifts = onset_shifts(movements, responses[:count])
-    sets = [
-        grid.predicted(movements, responses[count * number : count * (number + 1)], shifts=shifts)
-        for number in range(len(settings))
-    ]
-    sets = [through_chain(row, later(row), grid, chain) for row in sets]
+    shifts = onset_shifts(movements, responses)
+    seen = replace(seen, shifts=shifts)
+    sets = [seen.forces(row) for row in thrown]
     slopes = {
         name: (aside - sets[0]) / step
         for (name, step), aside in zip(steps.items(), sets[1:], strict=True)
@@ -291,11 +304,16 @@ def _model(
             response.contact_time - response.onsets[item.direction] + shift
             if item.size > 0 and not response.failure
             else np.nan
-            for item, response, shift in zip(movements, responses[:count], shifts, strict=True)
+            for item, response, shift in zip(movements, responses, shifts, strict=True)
         ]
     )
     return _Model(
-        forces=sets[0], slopes=slopes, later=later(sets[0]), shifts=shifts, contacts=contacts
+        forces=sets[0],
+        slopes=slopes,
+        later=later(sets[0]),
+        shifts=shifts,
+        contacts=contacts,
+        seen=seen,
     )
 
 
