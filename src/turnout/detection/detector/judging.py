@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.detection.detector.knowledge import Knowledge
+from turnout.detection.detector.object_kinds import KindView
 from turnout.detection.detector.switch_history import (
     Expectation,
     ThrowErrors,
@@ -69,6 +70,8 @@ class View:
         Throws known of the switch.
     variation : Variation
         Of sound throws from one to the next.
+    object_kinds : KindView or None
+        For the kind of an object, where kinds were learned.
     """
 
     part: str
@@ -79,6 +82,7 @@ class View:
     kinds: tuple[str, ...]
     history: int
     variation: Variation
+    object_kinds: KindView | None = None
 
     @property
     def centres(self) -> tuple[Centre, ...]:
@@ -143,6 +147,7 @@ def make_view(
                 signatures=signatures,
             )
         )
+    kinds = knowledge.object_kinds
     return View(
         part=part,
         features=features,
@@ -157,6 +162,13 @@ def make_view(
         kinds=knowledge.kinds,
         history=expected.throws,
         variation=Variation(model.within[:, features[:, np.newaxis], features]),
+        object_kinds=None
+        if kinds is None
+        else KindView(
+            known=kinds.seen_by(features),
+            centres=tuple(centres),
+            distance=(kinds.signatures.level - model.level[:, np.newaxis]) / model.spacing,
+        ),
     )
 
 

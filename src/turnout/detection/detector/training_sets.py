@@ -14,6 +14,7 @@ from turnout.detection.detector.training_plan import (
     DRY,
     HISTORY,
     OBJECT,
+    OBJECT_KIND,
     SOUND,
     Plan,
     Population,
@@ -22,7 +23,7 @@ from turnout.detection.detector.training_plan import (
     with_dry_chairs,
     with_object,
 )
-from turnout.detection.throws import places_of
+from turnout.detection.throws import of_kind, places_of
 from turnout.study.study import Study
 from turnout.sweep.read import open_sweep
 from turnout.sweep.run import SweepProgress, run_sweep
@@ -42,6 +43,10 @@ TIMES = {DRY: 6, ADJUSTED: 2}
 chairs break away at other instants in every state: of severe ones 26, 36, 41 and 48 % are named
 from 200, 400, 800 and 2,400 samples, at one sound throw in 100."""
 
+KINDS = ("stone", "ice", "snow", "wood")
+"""Kinds of objects beside those that stay as they are, which all "object" throws hold. Steel does
+not yield to what a drive can press with, and is one of the latter."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Counts:
@@ -51,6 +56,8 @@ class Counts:
     ----------
     sound, objects : int
         Sound throws, each of another switch; objects in the first of these states.
+    kinds : int
+        The first of the throws with objects that are also thrown with an object of each of `KINDS`.
     defects : int
         Throws of each other cause, paired as objects are, times those of `TIMES`.
     switches, repeats : int
@@ -63,6 +70,7 @@ class Counts:
 
     sound: int = 4000
     objects: int = 3000
+    kinds: int = 800
     defects: int = 400
     switches: int = 80
     repeats: int = 26
@@ -72,7 +80,8 @@ class Counts:
     @property
     def throws(self) -> int:
         """All that a detector is trained on."""
-        causes = self.sound + self.objects + sum(self.of_cause(name) for name in DEFECTS)
+        objects = self.objects + len(KINDS) * min(self.kinds, self.objects)
+        causes = self.sound + objects + sum(self.of_cause(name) for name in DEFECTS)
         return causes + self.switches * (self.repeats + self.judged * self.objects_each)
 
     def of_cause(self, name: str) -> int:
@@ -104,6 +113,10 @@ def training_plans(study: Study, counts: Counts, *, seed: int = 0) -> dict[str, 
             for i in range(counts.objects)
         ]
         plans[OBJECT] = _paired(population, OBJECT, rows, sound)
+        for kind in KINDS if counts.kinds and not test else ():
+            own = [{**row, OBJECT_KIND: kind} for row in rows[: counts.kinds]]
+            name = of_kind(OBJECT, kind)
+            plans[name] = _paired(population, name, own, sound)
     for number, (name, change) in enumerate(DEFECTS.items()):
         if counts.defects:
             rng = np.random.default_rng([study.seed, seed, 9, number])
