@@ -18,6 +18,7 @@ import subprocess
 import sys
 import textwrap
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from benchmarks.machine import ONE_THREAD, load, machine
@@ -36,9 +37,12 @@ CORES = (2, 16, 128)
 CHILD = """
 import json, signal, sys, time
 from dataclasses import replace
-from turnout.study.load_study import load_study
-from turnout.sweep.batch import LARGEST_BATCH, batch_variables, file_bytes, throw_batch
-from turnout.sweep.worker import initialize_worker
+try:
+    from turnout.study.load_study import load_study
+    from turnout.sweep.batch import LARGEST_BATCH, batch_variables, file_bytes, throw_batch
+    from turnout.sweep.worker import initialize_worker
+except ImportError:  # the parent says that this code is too old
+    sys.exit(1)
 signal.signal(signal.SIGINT, signal.SIG_IGN)  # as in a worker
 initialize_worker()
 study = load_study(sys.argv[1])
@@ -63,6 +67,7 @@ class Thrower:
     """A process that throws scenarios of a study with the sources of a checkout."""
 
     def __init__(self, source: Path, study: str) -> None:
+        self._source = source
         environment = {**os.environ, **ONE_THREAD, "PYTHONPATH": str(source / "src")}
         self._process = subprocess.Popen(
             [sys.executable, "-c", CHILD, study],
@@ -77,9 +82,18 @@ class Thrower:
         given, answers = self._process.stdin, self._process.stdout
         if given is None or answers is None:
             raise RuntimeError
-        given.write(json.dumps([first, count, features]) + "\n")
-        given.flush()
-        found: dict[str, float] = json.loads(answers.readline())
+        answer = ""
+        with suppress(BrokenPipeError):  # it has ended
+            given.write(json.dumps([first, count, features]) + "\n")
+            given.flush()
+            answer = answers.readline()
+        if not answer:
+            self.end()
+            sys.exit(
+                f"{self._source}: cannot throw batches as this benchmark does; "
+                "take a checkout of a later commit"
+            )
+        found: dict[str, float] = json.loads(answer)
         return found
 
     def end(self) -> None:

@@ -1,9 +1,11 @@
 """Every benchmark can be loaded, so that a rename does not leave one behind."""
 
+import re
 from importlib import import_module
 from pathlib import Path
 
 import pytest
+from benchmarks.sweep_rate import Thrower
 
 # These are programs of others, which only the extra `benchmark` brings.
 OTHERS = ("exudyn", "openseespy")
@@ -19,3 +21,13 @@ def test_a_benchmark_loads(name: str) -> None:
             raise
         pytest.skip(f"pip install 'turnout[benchmark]' brings {error.name}")
     assert loaded.__doc__
+
+
+def test_a_checkout_that_is_too_old_for_sweep_rates_is_named(tmp_path: Path) -> None:
+    """Its process ends before it is asked; the benchmark says so in one line."""
+    package = tmp_path / "src" / "turnout"
+    package.mkdir(parents=True)
+    (package / "__init__.py").touch()
+    thrower = Thrower(tmp_path, "any")
+    with pytest.raises(SystemExit, match=f"{re.escape(str(tmp_path))}: .* later commit"):
+        thrower.throw(0, 1)

@@ -2,7 +2,9 @@
 
 import http.client
 import json
+import sys
 import threading
+import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -86,6 +88,8 @@ def served(
         yield Client(ready.address)
     finally:
         ready.server.should_exit = True
-        thread.join(timeout=20)
+        thread.join(timeout=PATIENCE)
         ready.listener.close()
-        assert not thread.is_alive(), "the server did not end"
+        frame = sys._current_frames().get(thread.ident or 0)
+        at = "".join(traceback.format_stack(frame)) if frame else ""
+        assert not thread.is_alive(), f"the server did not end; it is at\n{at}"

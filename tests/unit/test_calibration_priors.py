@@ -8,6 +8,7 @@ from tests.unit.test_calibration_fit import PARAMETERS, TRUE, misfit, movement, 
 
 from turnout.calibration.covariance import spread_of
 from turnout.calibration.fit import Fit, fit
+from turnout.calibration.left_priors import prior_reasons, stated_unknowns
 from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.parameter import Parameter
@@ -98,6 +99,47 @@ def test_a_zero_that_no_one_would_believe_is_a_reason_against_the_fit() -> None:
     (reason,) = sensor_reasons(recorded(zero=300.0))
     assert "zero of the gauges of drive 1" in reason
     assert not sensor_reasons(recorded())
+
+
+def test_a_sensor_that_leaves_its_prior_beside_a_cause_is_a_reason_against_the_cause() -> None:
+    """A filter was fitted to a switch of another length, with a gain 3.8 deviations off."""
+    off = recorded(zero=63.0)
+    assert 3.3 < sensor(off, "zero").value / 10.0 < 4.0
+    assert not sensor_reasons(off)
+    assert not prior_reasons(off, [])
+    (reason,) = prior_reasons(off, ["recorder filter", "clutch"])
+    assert "with recorder filter and clutch fitted: zero of the gauges of drive 1" in reason
+    assert "clock" not in reason
+    assert not prior_reasons(recorded(), ["recorder filter"])
+
+
+def test_a_state_of_the_panel_that_leaves_its_prior_beside_a_cause_is_one_too() -> None:
+    whole = misfit([movement(f"m{n}", rng=np.random.default_rng(n)) for n in range(4)])
+    for start, leaves in ((0.5, True), (0.85, False)):
+        parameters = stated(0.1, start=start * TRUE["k"])
+        found = fit(with_parameters(whole, parameters), parameters, TRUE)
+        assert bool(prior_reasons(found, ["sections"])) is leaves
+    # The size of a cause may be any.
+    kept = replace(found, parameters=(PARAMETERS[0], replace(parameters[1], keys=())))
+    assert stated_unknowns(kept) == []
+
+
+def test_gains_alike_are_no_reason_where_the_rails_are_fitted(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The scale of the model is then doubted, and the intervals say so."""
+    whole = misfit([movement(f"m{n}", rng=np.random.default_rng(n)) for n in range(4)])
+    # Forces that are 4 % too small are gains of 4 % too much where stiffness is known.
+    known = replace(whole.comparison, gains={("drive_force", "1"): 0.01})
+    less = tuple(
+        replace(item, signals=(replace(item.signals[0], values=1.04 * item.signals[0].values),))
+        for item in whole.movements
+    )
+    found = fit(replace(whole, movements=less, comparison=known), PARAMETERS, TRUE)
+    (reason,) = prior_reasons(found, ["recorder filter"])
+    assert "gauges of drive 1 +" in reason
+    monkeypatch.setattr("turnout.calibration.left_priors.MODULUS", "k")
+    assert not prior_reasons(found, ["sections"])
 
 
 def test_a_right_chain_is_no_cause() -> None:

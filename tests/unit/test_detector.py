@@ -109,6 +109,28 @@ def test_history_tells_an_adjustment_and_sharpens() -> None:
     assert detector.known.throws == 0
 
 
+def test_a_switch_that_scatters_is_not_full_of_unknown_deviations(tmp_path: Path) -> None:
+    """Discrepancies of three times the assumed variance, drawn again in each throw."""
+    detector = fresh()
+    rng = np.random.default_rng(7)
+    throws = [toy_throw(level=rng.uniform(0.15, 0.45), seed=i) for i in range(40)]
+    features = np.array([detector.features(item)[1] for item in throws])
+    lower = np.linalg.cholesky(detector.knowledge.errors().changing)
+    features += np.sqrt(3.0) * rng.standard_normal(features.shape) @ lower.T
+    detector.learn_features(features[:20])
+    assert 2.0 < detector.known.scatter < 4.0
+    detector.save(tmp_path / "own.detector")
+    again = Detector.load(tmp_path / "own.detector")
+    assert again.known.scatter == detector.known.scatter
+    assert again.known.information == detector.known.information
+    said = [again.judge_features(row) for row in features[20:]]
+    assert not any(item.status in ("object", "unknown deviation") for item in said)
+    again.known = replace(again.known, scatter=1.0)
+    again._views.clear()
+    said = [again.judge_features(row) for row in features[20:]]
+    assert any(item.status == "unknown deviation" for item in said)
+
+
 def test_a_switch_at_the_limit_of_its_over_travel_is_no_object_without_a_history() -> None:
     """A normal model gives the ends of an even spread too little weight: an adjustment has it."""
     detector = fresh()
@@ -352,7 +374,9 @@ def test_learn_watch_and_report(folder: Path, tmp_path: Path) -> None:
         app, ["detect", "learn", str(detector), str(table), "-o", str(out), "--json"]
     )
     assert learned.exit_code == 0, learned.output
-    assert json.loads(learned.output)["throws"] == 2
+    record = json.loads(learned.output)
+    assert record["throws"] == 2
+    assert record["scatter"] >= 1.0
     inbox = tmp_path / "in"
     inbox.mkdir()
     (inbox / "a.csv").write_text(table.read_text())

@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 from turnout.detection.detector.sound_model import SPACING_SHARE, SoundModel, fit_sound_model
-from turnout.detection.detector.switch_history import ThrowErrors, before_history, observe, predict
+from turnout.detection.detector.switch_history import (
+    ThrowErrors,
+    before_history,
+    observe,
+    observe_all,
+    predict,
+)
 
 
 def toy_model(*, spread: float = 0.0) -> SoundModel:
@@ -92,3 +98,51 @@ def test_sound_model_finds_a_linear_population() -> None:
     assert np.std(residual - noise) < 0.005
     assert found.gaps == 1
     assert SPACING_SHARE * found.spacing == pytest.approx(0.06, abs=0.005)
+
+
+def plain_model(size: int) -> SoundModel:
+    """Features that neither levels nor switches change, and no gap."""
+    return SoundModel(
+        level=np.array([0.1, 0.2, 0.3]),
+        weight=np.full(3, 1.0 / 3.0),
+        mean=np.zeros((3, size)),
+        slope=np.zeros((3, size)),
+        switch=np.zeros((3, size, 1)),
+        within=np.zeros((3, size, size)),
+        shift=np.zeros((3, size, size)),
+    )
+
+
+def plain_errors(size: int, *, fixed: float, changing: float) -> ThrowErrors:
+    unit = np.eye(size)
+    return ThrowErrors(fixed=fixed * unit, changing=changing * unit, timing=0.0, gap=0.1)
+
+
+@pytest.mark.parametrize(
+    ("drawn", "low", "high"), [(0.5, 1.0, 1.0), (1.0, 1.0, 1.1), (4.0, 3.6, 4.4)]
+)
+def test_throws_tell_how_much_a_switch_scatters(drawn: float, low: float, high: float) -> None:
+    """Throws with so many times the assumed variance; less than assumed is never believed."""
+    size, rng = 60, np.random.default_rng(8)
+    model, errors = plain_model(size), plain_errors(size, fixed=1.0, changing=1.0)
+    own = rng.standard_normal(size)
+    features = own + np.sqrt(drawn) * rng.standard_normal((20, size))
+    known = observe_all(
+        model, errors, before_history(model, errors), features, levels=np.full(20, 0.2)
+    )
+    assert low <= known.scatter <= high
+    _, covariance = predict(model, errors, known, 1)
+    assert np.diag(covariance) == pytest.approx(known.scatter * (1.0 + 1.0 / 20.0), rel=0.06)
+
+
+def test_a_switch_that_scatters_is_learned_as_if_that_had_been_assumed() -> None:
+    size, rng = 60, np.random.default_rng(9)
+    model, errors = plain_model(size), plain_errors(size, fixed=1.0, changing=1.0)
+    features, levels = 2.0 * rng.standard_normal((20, size)), np.full(20, 0.2)
+    found = observe_all(model, errors, before_history(model, errors), features, levels=levels)
+    assumed = errors.scattered(found.scatter)
+    known = before_history(model, assumed)
+    for row in features:
+        known = observe(model, assumed, known, row, level=0.2)
+    np.testing.assert_allclose(found.mean, known.mean, atol=0.05)
+    np.testing.assert_allclose(np.diag(found.covariance), np.diag(known.covariance), rtol=0.1)

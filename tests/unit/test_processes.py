@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from turnout.core.processes import FreshProcesses, closing_pool, worker_processes
+from turnout.core.processes import FreshProcesses, closing_pool, end_pool, worker_processes
 from turnout.errors import FileError
 from turnout.sweep import worker as sweep_work
 from turnout.sweep.run import local_pool
@@ -53,3 +53,15 @@ def test_an_ended_process_is_an_error_that_says_what_to_do() -> None:
         closing_pool(worker_processes(1)) as pool,
     ):
         pool.submit(os._exit, 1).result()
+
+
+@pytest.mark.usefixtures("worker_processes")
+def test_a_result_cut_off_half_way_holds_up_no_end() -> None:
+    pool = worker_processes(1)
+    pool.submit(gc.isenabled).result()
+    manager, results = pool._executor_manager_thread, pool._result_queue
+    assert manager is not None
+    # The length of a message, as a process ended right then leaves it.
+    results._writer._send(b"\0\0\0\x10")
+    end_pool(pool)
+    assert not manager.is_alive()

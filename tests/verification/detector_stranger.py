@@ -9,6 +9,10 @@ dry from half-way on. Opening and closing stand in one recording of forces alone
 unknown length, with a discrepancy of 5 % that goes on at rest, noise, and the sampling rate and
 unit of the switch, in a campaign folder. `turnout detect run`, `learn`, `watch` and `report` judge
 them. What was thrown or judged is kept in DIR.
+
+Half of the variance of the discrepancy follows the movements of a switch, and so is the same in all
+of its throws. With `--adrift` it follows the clock of each recording, whose rests differ: then
+nothing of it stays, and throws of a switch vary by twice the variance that a detector assumes.
 """
 
 import argparse
@@ -60,9 +64,11 @@ def main() -> None:
     parser.add_argument("folder", type=Path, help="keeps recordings and verdicts")
     parser.add_argument("--detector", type=Path, help="file of `turnout detect train`")
     parser.add_argument("--seed", type=int, default=SEED)
+    parser.add_argument("--adrift", action="store_true", help="nothing stays in all throws")
     given = parser.parse_args()
     for number in range(SWITCHES):
-        _write_switch(given.folder / f"switch-{number:02d}", number, given.seed)
+        place = given.folder / f"switch-{number:02d}"
+        _write_switch(place, number, given.seed, adrift=given.adrift)
     if given.detector is not None:
         print(json.dumps(judged(given.folder, given.detector), indent=1))
 
@@ -155,7 +161,7 @@ def thrown_switch(number: int, seed: int) -> tuple[list[Thrown], list[dict[str, 
 # ---- what is written
 
 
-def _write_switch(folder: Path, number: int, seed: int) -> None:
+def _write_switch(folder: Path, number: int, seed: int, *, adrift: bool) -> None:
     """Write the two campaigns of a switch; what is true of it comes last."""
     truth = folder / "truth.json"
     if truth.exists():
@@ -169,7 +175,8 @@ def _write_switch(folder: Path, number: int, seed: int) -> None:
         (folder / part).mkdir(parents=True, exist_ok=True)
         for turn in turns:
             name = f"throw-{turn:02d}.csv"
-            text = _recording(throws[turn], rate=rate, unit=unit, fixed=fixed, rng=rng)
+            thrown = throws[turn]
+            text = _recording(thrown, rate=rate, unit=unit, fixed=fixed, adrift=adrift, rng=rng)
             write_atomic(folder / part / name, text.encode())
         _write_sheet(folder / part, labels, turns)
         write_atomic(folder / part / "channels.toml", _channels(unit).encode())
@@ -187,14 +194,18 @@ def _write_sheet(folder: Path, labels: Sequence[Mapping[str, Any]], turns: range
     write_atomic(folder / "runs.csv", ("\n".join(lines) + "\n").encode())
 
 
-def _recording(thrown: Thrown, *, rate: float, unit: str, fixed: Floats, rng: Rng) -> str:
+def _recording(
+    thrown: Thrown, *, rate: float, unit: str, fixed: Floats, adrift: bool, rng: Rng
+) -> str:
     """Return a recording as text: rest, opening, rest, closing, rest, and what measuring adds."""
     lead, more = float(rng.uniform(0.5, 2.0)), float(rng.uniform(0.0, 2.0))
     at = np.arange(0.0, thrown.time[-1] + lead + more, 1.0 / rate)
     own = np.where(at - lead < 4.2, at - lead, np.maximum(at - lead - more, 4.2))
     force = np.array([np.interp(own, thrown.time, row) for row in thrown.force])
     scale = np.sqrt(0.5) * SHARE * np.array(PEAKS)[:, np.newaxis]
-    force += scale * (fixed[:, : at.size] + wandering(at.size, 1.0 / rate, rng))
+    clock = at if adrift else own
+    stays = [np.interp(clock, np.arange(row.size) / rate, row) for row in fixed]
+    force += scale * (np.array(stays) + wandering(at.size, 1.0 / rate, rng))
     force += NOISE * rng.standard_normal(force.shape)
     factor = 1e-3 if unit == "kN" else 1.0
     rows = [f"Time (s),Rod 1 ({unit}),Rod 2 ({unit})"]

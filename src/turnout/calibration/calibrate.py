@@ -33,6 +33,7 @@ from turnout.calibration.fit import (
     fit,
 )
 from turnout.calibration.grid_search import GridSearch, sweep
+from turnout.calibration.left_priors import prior_reasons
 from turnout.calibration.measured_movements import MeasuredMovement, observe, selected
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.movement_rows import movement_rows
@@ -184,6 +185,7 @@ def calibrate(
         final, slip_warnings = drop_unidentified_slip_levels(final)
         warnings += slip_warnings + rods
         spread = spread_of(final)
+        causes = tuple(item.name for item, _ in search.taken) if search else ()
         warnings = [
             *excluded_movements(dataset),
             *oversized,
@@ -202,12 +204,13 @@ def calibrate(
             warnings += doubts
         calibration = replace(
             _result(final, spread, of=(plan, panel, dataset, movements), scheme=scheme or Scheme()),
+            distrust=_distrust(final, spread, causes),
             stages=tuple(logs),
             warnings=tuple(dict.fromkeys(warnings)),
             findings=tuple(findings),
             posterior=sampled,
             causes=cause_lines(final, search, sensors),
-            fitted_causes=tuple(item.name for item, _ in search.taken) if search else (),
+            fitted_causes=causes,
             sensors=tuple(item.text for item in sensors),
             chain={item.key: (item.value, item.deviation) for item in sensors},
             effects=movement_rows(final),
@@ -261,7 +264,6 @@ def _result(
         data_hash=data_hash(movements),
         movements=tuple(item.name for item in final.misfit.movements),
         stages=(),
-        distrust=_distrust(final, spread),
         noise=noise_entries(final),
         scatter=final.misfit.comparison.scatter,
         about={
@@ -275,9 +277,10 @@ def _result(
     )
 
 
-def _distrust(final: Fit, spread: Spread) -> tuple[str, ...]:
+def _distrust(final: Fit, spread: Spread, causes: Sequence[str]) -> tuple[str, ...]:
     """Say why values are not trustworthy; what is far off is not said twice."""
     found = [*distrust_reasons(final, spread), *sensor_reasons(final)]
+    found += prior_reasons(final, causes)
     named = [text.split(":")[0] for text in found]
     found += [text for text in unexplained_reasons(final) if text.split(":")[0] not in named]
     return tuple(found)

@@ -237,14 +237,25 @@ def learn_command(
     verdicts = found.learn(throws, check=not unchecked)
     found.save(out)
     if as_json:
-        record = {"verdicts": [asdict(item) for item in verdicts], "throws": found.known.throws}
+        known = found.known
+        record = {"verdicts": [asdict(item) for item in verdicts], "throws": known.throws}
+        record["scatter"] = known.scatter
         print_json("detect learn", record, units=_units(found), written=[out])
         return
     for item in verdicts:
         if item.status != "sound":
             typer.echo(item.lines()[0])
     typer.echo(f"{found.known.throws} sound throws known")
+    if found.known.scatter > WORTH_SAYING:
+        typer.echo(
+            f"they vary {found.known.scatter:.1f} times as much from one to the next as is assumed "
+            "(variance), which is allowed for: objects are seen later"
+        )
     typer.echo(f"wrote           {out}")
+
+
+WORTH_SAYING = 1.2
+"""Scatter of the throws of a switch from which on it is mentioned [-]."""
 
 
 @app.command("run", short_help="Judge recorded throws.")

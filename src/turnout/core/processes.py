@@ -121,11 +121,16 @@ def end_pool(pool: Executor) -> None:
         return
     processes = list((pool._processes or {}).values())
     manager = getattr(pool, "_executor_manager_thread", None)
+    results = getattr(pool, "_result_queue", None)
     pool.shutdown(wait=False, cancel_futures=True)
     for process in processes:
         process.terminate()
     for process in processes:
         process.join(5.0)
+    if results is not None:
+        # A process that ended while it sent a result leaves half of it. The rest is waited for as
+        # long as the pipe can be written to, and this process can write to it.
+        results._writer.close()
     if manager is not None:  # which Python would wake up at its end, closed or not
         manager.join(5.0)
 

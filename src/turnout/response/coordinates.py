@@ -1,5 +1,6 @@
 """Names and places of the members of a panel as coordinates of a dataset."""
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -70,7 +71,7 @@ def coordinates(panel: Panel, mechanism: Mechanism, *, time: Floats) -> dict[str
     return found
 
 
-def indexed(coordinates: dict[str, Variable]) -> "xr.Coordinates":
+def indexed(coordinates: Mapping[str, Variable]) -> "xr.Coordinates":
     """Return coordinates with the indexes that xarray would make of them each time.
 
     Parameters
@@ -99,8 +100,10 @@ def _index_of(name: str, values: NDArray[np.generic]) -> "tuple[Index, xr.Variab
     kept = _indexes.get(key)
     if kept is not None:
         return kept
+    held = values.copy()
+    held.flags.writeable = False  # datasets of other throws may share the index
     # Of an array xarray makes the same index, but first loads every library of arrays it knows.
-    index = xr.indexes.PandasIndex(pd.Index(values), name, coord_dtype=values.dtype)
+    index = xr.indexes.PandasIndex(pd.Index(held), name, coord_dtype=values.dtype)
     made: tuple[Index, xr.Variable] = index, index.create_variables()[name]
     return _indexes.put(key, made) if values.dtype.kind == "U" else made
 

@@ -16,7 +16,8 @@ from turnout.panel.load import LoadedPanel
 from turnout.panel.model import Panel
 from turnout.panel.object_kind import KINDS
 from turnout.panel.records import Placed
-from turnout.response.coordinates import coordinates, indexed, stations
+from turnout.response.alike import labelled_dataset
+from turnout.response.coordinates import coordinates, stations
 from turnout.response.drives import (
     duties,
     duty_records,
@@ -56,7 +57,7 @@ from turnout.response.signals import (
     stop_signals,
 )
 from turnout.response.signals import NAMES as FASTENINGS
-from turnout.schema.channels import SCHEMA_VERSION, add_labels, check_schema
+from turnout.schema.channels import SCHEMA_VERSION
 from turnout.scheme import Scheme
 
 if TYPE_CHECKING:
@@ -101,12 +102,10 @@ def response_dataset(
     xarray.Dataset
         Labelled and checked; ``attrs`` are left to `describe_run`.
     """
-    import xarray as xr  # those who want bare arrays need not wait for it
-
     save = save or Save()
     channels = response_channels(panel, mechanism, history, save=save)
     coords = coordinates_of(channels, panel, mechanism, time=history.time, save=save)
-    return check_schema(add_labels(xr.Dataset(channels, indexed(coords))))
+    return labelled_dataset(channels, coords)
 
 
 def response_channels(

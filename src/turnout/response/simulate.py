@@ -26,6 +26,7 @@ from turnout.panel.markers import (
     prior_movement,
     prior_positions,
 )
+from turnout.response.alike import clear_datasets
 from turnout.response.compilation import must_compile
 from turnout.response.dataset import describe_run, response_dataset
 from turnout.response.rows_over_time import Rows, clear_recipes, sums_of_columns, write_rows
@@ -144,6 +145,7 @@ def release_memory() -> None:
     """Give back what a next run would use again: memory of histories, condensed rails."""
     clear_memory()
     clear_recipes()
+    clear_datasets()
 
 
 def prepare(

@@ -38,7 +38,7 @@ from turnout.detection.detector.switch_history import (
     Expectation,
     ThrowErrors,
     before_history,
-    observe,
+    observe_all,
 )
 from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.likelihood import Evidence
@@ -157,10 +157,7 @@ def learn_history(
     model, assumed = knowledge.model, errors or knowledge.errors()
     population = view or make_view(knowledge, errors=assumed)
     levels = throw_levels(population, features, levels=model.level)
-    known = before_history(model, assumed)
-    for row, level in zip(features, levels, strict=True):
-        known = observe(model, assumed, known, row, level=float(level))
-    return known
+    return observe_all(model, assumed, before_history(model, assumed), features, levels=levels)
 
 
 def throw_levels(view: View, features: Floats, *, levels: Floats) -> Floats:

@@ -25,7 +25,7 @@ from turnout.detection.detector.recorded import (
     recording_fault,
     zeroed_rest,
 )
-from turnout.detection.detector.switch_history import Expectation, before_history, observe
+from turnout.detection.detector.switch_history import Expectation, before_history, observe_all
 from turnout.detection.detector.throw_layout import CLOSING
 from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.detector.throw_verdict import ADVICE, CANNOT, SOUND, Verdict, verdict_on
@@ -257,8 +257,7 @@ class Detector:
         model, errors = self.knowledge.model, self.knowledge.errors()
         levels = throw_levels(self.view(part), features, levels=model.level)
         with one_blas_thread():
-            for row, level in zip(features, levels, strict=True):
-                self.known = observe(model, errors, self.known, row, level=float(level))
+            self.known = observe_all(model, errors, self.known, features, levels=levels)
         self._views.clear()
         self._aligners.clear()
 
@@ -307,6 +306,7 @@ class Detector:
             "mean": self.known.mean,
             "covariance": self.known.covariance.astype(np.float32),
             "throws": np.array(self.known.throws),
+            "scatter": np.array([self.known.scatter, self.known.information]),
         }
         store(self.knowledge, Path(path), extra=extra if self.known.throws else None)
         if report is not None:
@@ -333,6 +333,7 @@ class Detector:
                 mean=mean.astype(np.float64),
                 covariance=covariance.astype(np.float64),
                 throws=int(extra["throws"]),
+                **dict(zip(("scatter", "information"), extra.get("scatter", ()), strict=False)),
             )
         return found
 

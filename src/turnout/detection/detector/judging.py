@@ -70,6 +70,8 @@ class View:
         Throws known of the switch.
     variation : Variation
         Of sound throws from one to the next.
+    gap_seen : ndarray, shape (n_components, n_gaps)
+        What the signature of each hypothesis makes features say of end gaps in a sound switch [m].
     object_kinds : KindView or None
         For the kind of an object, where kinds were learned.
     """
@@ -82,6 +84,7 @@ class View:
     kinds: tuple[str, ...]
     history: int
     variation: Variation
+    gap_seen: Floats
     object_kinds: KindView | None = None
 
     @property
@@ -147,21 +150,23 @@ def make_view(
                 signatures=signatures,
             )
         )
+    hypotheses = make_hypotheses(
+        tuple(centres),
+        signatures,
+        distance=(signatures.level - model.level[:, np.newaxis]) / model.spacing,
+        kinds=len(knowledge.kinds),
+    )
     kinds = knowledge.object_kinds
     return View(
         part=part,
         features=features,
-        hypotheses=make_hypotheses(
-            tuple(centres),
-            signatures,
-            distance=(signatures.level - model.level[:, np.newaxis]) / model.spacing,
-            kinds=len(knowledge.kinds),
-        ),
+        hypotheses=hypotheses,
         signatures=signatures,
         objects=len(knowledge.places),
         kinds=knowledge.kinds,
         history=expected.throws,
         variation=Variation(model.within[:, features[:, np.newaxis], features]),
+        gap_seen=_gap_seen(hypotheses, signatures),
         object_kinds=None
         if kinds is None
         else KindView(
@@ -170,6 +175,15 @@ def make_view(
             distance=(kinds.signatures.level - model.level[:, np.newaxis]) / model.spacing,
         ),
     )
+
+
+def _gap_seen(hypotheses: Hypotheses, signatures: Signatures) -> Floats:
+    """Return what the signature of each component makes features say of end gaps [m]."""
+    found = np.empty((len(hypotheses.number), signatures.gap.shape[1]))
+    for at, centre in enumerate(hypotheses.centres):
+        own = hypotheses.place == at
+        found[own] = (signatures.change @ centre.gap_of_change)[hypotheses.number[own]]
+    return found
 
 
 def evidence_of(view: View, features: Floats) -> Evidence:

@@ -185,13 +185,11 @@ def _gaps(view: View, evidence: Evidence, number: int) -> tuple[Floats, Floats, 
     square = hypotheses.square[kept, 0] * factor**2
     loose = np.zeros(len(place))
     loose[own] = AMPLITUDE**2 / (1.0 + AMPLITUDE**2 * square)
-    change = np.zeros((len(place), view.signatures.change.shape[1]))
-    change[own] = factor[:, np.newaxis] * view.signatures.change[signature]
     variances = (loose[:, np.newaxis] + GAP_SHARE**2) * moved**2
+    moved[own] -= factor[:, np.newaxis] * view.gap_seen[kept]
     for at in np.unique(place):
         rows, centre = np.flatnonzero(place == at), view.centres[at]
-        expected = centre.gap_mean + centre.gap_gain @ evidence.white[at, :, number]
-        moved[rows] += expected - change[rows] @ centre.gap_of_change
+        moved[rows] += centre.gap_mean + centre.gap_gain @ evidence.white[at, :, number]
         variances[rows] += centre.gap_variance
     return moved, np.maximum(variances, 1e-12), share / share.sum()
 

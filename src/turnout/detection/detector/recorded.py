@@ -159,6 +159,8 @@ def held_run(time: Floats, force: Floats) -> tuple[float, float]:
     lengths = np.diff(starts)
     longest = int(np.argmax(lengths))
     first, stop = int(starts[longest]), int(starts[longest + 1])
+    if stop - first < 2:
+        return 0.0, 0.0
     others = np.delete(steps, np.arange(max(first - 1, 0), min(stop, steps.size)))
     if others.size < LEAST_OTHERS:
         return 0.0, 0.0
@@ -216,8 +218,11 @@ def longest_run(values: Floats, limit: float | None = None) -> int:
 def known_forces(throw: Recorded, layout: Layout) -> tuple[Floats, Floats]:
     """Return the samples [s, N] at which the forces of all drives of a layout are known."""
     rows = [throw.drives.index(name) for name in layout.drives]
-    known = np.isfinite(throw.force[rows]).all(axis=0)
-    return throw.time[known], throw.force[rows][:, known]
+    force = throw.force[rows]
+    known = np.isfinite(force).all(axis=0)
+    if known.all():  # as nearly always: that copy takes as long as judging a movement
+        return throw.time, force
+    return throw.time[known], force[:, known]
 
 
 def features_of_recorded(throw: Recorded, layout: Layout, onsets: Mapping[str, float]) -> Floats:
@@ -260,8 +265,10 @@ def features_at(throw: Recorded, layout: Layout, onsets: Mapping[str, Floats]) -
         one = Layout(parts=(part,), drives=layout.drives)
         begin, end = tried + part.edges[0], tried + part.edges[-1]
         whole_time, whole = held_at_ends(time, force, begin, end)
+        first = max(int(np.searchsorted(whole_time, begin.min())) - 1, 0)
+        own = slice(first, int(np.searchsorted(whole_time, end.max())) + 1)
         found[:, layout.part == number] = throw_features(
-            whole_time, whole[np.newaxis], layout=one, onsets=tried[:, np.newaxis]
+            whole_time[own], whole[np.newaxis, :, own], layout=one, onsets=tried[:, np.newaxis]
         )
     return found
 

@@ -9,12 +9,23 @@ where :math:`e` holds what changes from throw to throw. :math:`u` and :math:`\de
 before the first throw (the population: empirical Bayes) and after each (Kalman 1960). A switch
 drifts: between throws the covariance grows by a small share of that of the population. A change
 that comes faster than that is never taken for drift, so a ramp stays visible.
+
+A real switch may vary more from throw to throw than is assumed. :math:`C`, the part of the
+covariance of :math:`e` beside the sound model, is multiplied by :math:`\lambda \ge 1`, which its
+throws show. With :math:`S` the covariance of what a throw differs by from what was expected,
+:math:`r`, and :math:`A = S^{-1/2}\, C\, S^{-T/2}`, :math:`w = S^{-1/2}\, r`, each throw moves it by
+
+.. math:: \Delta\lambda = \frac{w^T A\, w - \operatorname{tr} A}{2 I}, \qquad
+    I = I_0 + \tfrac12 \sum \operatorname{tr} A^2
+
+the score over the information of all throws so far (recursive maximum likelihood).
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
 
 from turnout.detection.conditioning import conditioned
 from turnout.detection.detector.sound_model import SPACING_SHARE, SoundModel
@@ -25,6 +36,10 @@ DRIFT = 1e-4
 """Variance by which a switch drifts from throw to throw, share of that of the population [-]."""
 LEVEL_DEVIATION = 0.02
 """How well the friction level of a throw of the history is known from its forces [-]."""
+ASSUMED_INFORMATION = 25.0
+r""":math:`I_0`, as if :math:`\lambda` were known to be 1 +- 0.2 before the first throw [-]."""
+WORTH_REPEATING = 0.1
+"""Growth of the scatter from which on throws are gone through once more [-]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -39,11 +54,18 @@ class Expectation:
         Of these.
     throws : int
         That it comes from.
+    scatter : float
+        Variance of what changes from throw to throw beside the sound model, in multiples of that
+        assumed, 1 at least [-].
+    information : float
+        On the scatter: its inverse variance [-].
     """
 
     mean: Floats
     covariance: Floats
     throws: int = 0
+    scatter: float = 1.0
+    information: float = ASSUMED_INFORMATION
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -71,6 +93,10 @@ class ThrowErrors:
         """Return those of some features."""
         grid = np.ix_(index, index)
         return replace(self, fixed=self.fixed[grid], changing=self.changing[grid])
+
+    def scattered(self, factor: float) -> "ThrowErrors":
+        """Return those of a switch whose throws vary more, by a factor on the variance [-]."""
+        return replace(self, changing=factor * self.changing)
 
 
 def before_history(model: SoundModel, errors: ThrowErrors) -> Expectation:
@@ -119,7 +145,8 @@ def predict(
     size = len(errors.fixed)
     response = response_at(model, number, size=size)
     found = response @ known.covariance @ response.T
-    found += error_at(model, errors, number, level=SPACING_SHARE * model.spacing)
+    own = errors.scattered(known.scatter)
+    found += error_at(model, own, number, level=SPACING_SHARE * model.spacing)
     return model.mean[number] + response @ known.mean, 0.5 * (found + found.T)
 
 
@@ -149,32 +176,102 @@ def observe(
     drift : float
         Variance by which the switch drifts since the throw before, share of the population's [-].
     """
-    size, _modes = len(errors.fixed), model.switch.shape[2]
+    seen = np.isfinite(features)
+    mean, response, error = _expected_at(model, errors.scattered(known.scatter), level)
+    response, error = response[seen], error[np.ix_(seen, seen)]
+    before = known.covariance
+    if known.throws and drift:
+        before = before + drift * before_history(model, errors).covariance
+    covariance, gain = conditioned(before, way=response, error=error)
+    off = features[seen] - mean[seen] - response @ known.mean
+    scatter, information = _scatter_after(
+        known,
+        off,
+        covariance=response @ before @ response.T + error,
+        changing=errors.changing[np.ix_(seen, seen)],
+    )
+    return Expectation(
+        mean=known.mean + gain @ off,
+        covariance=covariance,
+        throws=known.throws + 1,
+        scatter=scatter,
+        information=information,
+    )
+
+
+def observe_all(
+    model: SoundModel,
+    errors: ThrowErrors,
+    known: Expectation,
+    features: Floats,
+    *,
+    levels: Floats,
+) -> Expectation:
+    """Return what is known after some sound throws.
+
+    How much they vary is known after the last of them only. Where that is more than was assumed
+    before, all are gone through once more with it, so that the first are not trusted too much.
+
+    Parameters
+    ----------
+    model, errors, known
+        As of `observe`.
+    features : ndarray, shape (n_throws, n_features)
+        In the order of time [N].
+    levels : ndarray, shape (n_throws,)
+        Friction level of each [-].
+    """
+
+    def after(start: Expectation) -> Expectation:
+        for row, level in zip(features, levels, strict=True):
+            start = observe(model, errors, start, row, level=float(level))
+        return start
+
+    found = after(known)
+    if found.scatter - known.scatter < WORTH_REPEATING:
+        return found
+    return after(replace(known, scatter=found.scatter))
+
+
+def _expected_at(
+    model: SoundModel, errors: ThrowErrors, level: float
+) -> tuple[Floats, Floats, Floats]:
+    r"""Return mean features at a level, what :math:`u`, :math:`\delta` make, and the error."""
+    size = len(errors.fixed)
     position = np.clip((level - model.level[0]) / model.spacing, 0.0, len(model.level) - 1.0)
     below = min(int(position), len(model.level) - 2)
     share = position - below
     response = (1.0 - share) * response_at(model, below, size=size)[:size]
     response += share * response_at(model, below + 1, size=size)[:size]
-    mean = _on_curve(model, below, share)[:size]
     error = np.zeros((size, size))
     for at, part in ((below, 1.0 - share), (below + 1, share)):
         error += part * error_at(model, errors, at, level=LEVEL_DEVIATION)[:size, :size]
-    seen = np.isfinite(features)
-    response, mean, error, own = (
-        response[seen],
-        mean[seen],
-        error[np.ix_(seen, seen)],
-        features[seen],
-    )
-    before = known.covariance
-    if known.throws and drift:
-        before = before + drift * before_history(model, errors).covariance
-    covariance, gain = conditioned(before, way=response, error=error)
-    return Expectation(
-        mean=known.mean + gain @ (own - mean - response @ known.mean),
-        covariance=covariance,
-        throws=known.throws + 1,
-    )
+    return _on_curve(model, below, share)[:size], response, error
+
+
+def _scatter_after(
+    known: Expectation, off: Floats, *, covariance: Floats, changing: Floats
+) -> tuple[float, float]:
+    """Return the scatter of a switch and the information on it after a throw.
+
+    Parameters
+    ----------
+    known : Expectation
+        Before the throw.
+    off : ndarray, shape (n,)
+        What the throw differs by from what was expected [N].
+    covariance : ndarray, shape (n, n)
+        Of that [N^2].
+    changing : ndarray, shape (n, n)
+        Part of it that the scatter multiplies, where that is 1 [N^2].
+    """
+    lower = np.linalg.cholesky(covariance)
+    white = solve_triangular(lower, off, lower=True)
+    half = solve_triangular(lower, changing, lower=True)
+    share = solve_triangular(lower, half.T, lower=True)
+    information = known.information + 0.5 * float(np.einsum("ij,ij->", share, share))
+    score = 0.5 * float(white @ share @ white - np.trace(share))
+    return max(1.0, known.scatter + score / information), information
 
 
 def _on_curve(model: SoundModel, below: int, share: float) -> Floats:

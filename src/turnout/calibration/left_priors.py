@@ -1,0 +1,139 @@
+"""Whether sensors and states of a panel stay within what was stated of them beside a cause.
+
+A cause that is not the right one, such as a recorder filter fitted to a switch of another length,
+leaves a rest that gains and states of the panel take up: the model then misses nothing, but only
+with gains and states that no one would have stated. Without a cause the gain itself is the finding,
+and `sensor_reasons` judges it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2, norm
+
+from turnout.calibration.candidate_causes import MODULUS
+from turnout.calibration.covariance import common_gain
+from turnout.calibration.fit import Fit
+from turnout.calibration.parameter import coordinates, prior_residuals
+from turnout.calibration.sensors import LEAVES_PRIOR, found_sensors
+from turnout.calibration.shared import GAIN
+from turnout.core.value_text import value_text
+
+# What chance does more rarely than this is no chance [-]. A right cause is refused that often, for
+# the furthest unknown or for all of them together.
+LEAST_CHANCE = 0.01
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stated:
+    """One unknown that had a prior.
+
+    Attributes
+    ----------
+    text : str
+        As stated and as found.
+    away : float
+        How far it came out from the mean of its prior, in deviations of that [-].
+    """
+
+    text: str
+    away: float
+
+
+def stated_unknowns(found: Fit) -> list[Stated]:
+    """Return sensors and states of the panel with how far they are from what was stated of them.
+
+    Where other rails were fitted, their weight is doubted too, which all gains show alike: they
+    then count about the gain that all channels have in common, whose size the intervals hold.
+
+    Parameters
+    ----------
+    found : Fit
+        At its end.
+    """
+    alike = 0.0
+    if any(item.name == MODULUS for item in found.parameters):
+        alike = (common_gain(found) or (0.0, 0.0))[0]
+    away = prior_residuals(found.parameters, coordinates(found.parameters, found.values))
+    return [
+        *(
+            Stated(
+                text=item.text,
+                away=(item.value - alike * (item.column.kind == GAIN)) / item.stated,
+            )
+            for item in found_sensors(found)
+        ),
+        *(
+            Stated(
+                text=f"{item.name} {value_text(found.values[item.name], unit=item.unit, digits=3)} "
+                f"(stated {value_text(item.start, unit=item.unit, digits=3)} ± "
+                f"{value_text(item.prior, unit=item.unit, digits=3)})",
+                away=float(size),
+            )
+            for item, size in zip(found.parameters, away, strict=True)
+            # The sizes of a cause are no states of the panel.
+            if item.keys and item.prior
+        ),
+    ]
+
+
+def chance_of(away: Sequence[float]) -> float:
+    r"""Return how often chance takes unknowns as far from their priors, the rarer of two ways [-].
+
+    That the furthest of `n` is as far, and that the sum of squares is as large,
+
+    .. math:: 1 - (1 - 2 Q(\max |z|))^n, \quad P\bigl(\chi^2_n > \textstyle\sum z^2\bigr).
+
+    Estimates lie nearer to the means of their priors than the unknowns do, so chance is overrated.
+
+    Parameters
+    ----------
+    away : sequence of float
+        In deviations of each prior [-].
+
+    Examples
+    --------
+    >>> [round(chance_of([far] + 9 * [0.5]), 4) for far in (2.0, 3.0, 3.8)]
+    [0.3723, 0.0267, 0.0014]
+    >>> round(chance_of(10 * [1.6]), 4)
+    0.0043
+    """
+    sizes = np.abs(np.asarray(away, dtype=np.float64))
+    if not sizes.size:
+        return 1.0
+    furthest = 1.0 - (1.0 - 2.0 * norm.sf(sizes.max())) ** sizes.size
+    return float(min(furthest, chi2.sf(float(sizes @ sizes), sizes.size)))
+
+
+def prior_reasons(found: Fit, causes: Sequence[str]) -> list[str]:
+    """Say what leaves its prior beside fitted causes, by more than chance would.
+
+    Parameters
+    ----------
+    found : Fit
+        At its end, with the causes.
+    causes : sequence of str
+        Names of those that were fitted, the likeliest first; without any there is no reason.
+
+    Returns
+    -------
+    list of str
+        One sentence, or none.
+    """
+    unknowns = sorted(stated_unknowns(found), key=lambda item: -abs(item.away)) if causes else []
+    chance = chance_of([item.away for item in unknowns])
+    if chance >= LEAST_CHANCE:
+        return []
+    least = min(LEAVES_PRIOR, abs(unknowns[0].away))
+    left = "; ".join(
+        f"{item.text}, {abs(item.away):.1f} deviations away"
+        for item in unknowns
+        if abs(item.away) >= least
+    )
+    names = " and ".join(dict.fromkeys(causes))
+    return [
+        f"left what was stated of them, with {names} fitted: {left}; chance does this in "
+        f"{100 * chance:.1g} % of campaigns, so {names} is not the cause or not all of it: check "
+        "that lengths, places and sections of the panel are those of the switch"
+    ]
