@@ -109,7 +109,7 @@ def training_plans(study: Study, counts: Counts, *, seed: int = 0) -> dict[str, 
     if counts.objects:
         rng = np.random.default_rng([study.seed, seed, 7])
         rows = [
-            _with_object_at(sound[i % counts.sound], rng, places, number=i, exact=test)
+            object_at(sound[i % counts.sound], rng, places, number=i, exact=test)
             for i in range(counts.objects)
         ]
         plans[OBJECT] = _paired(population, OBJECT, rows, sound)
@@ -128,7 +128,7 @@ def training_plans(study: Study, counts: Counts, *, seed: int = 0) -> dict[str, 
     return plans
 
 
-def _with_object_at(
+def object_at(
     row: Row, rng: np.random.Generator, places: np.ndarray, *, number: int, exact: bool
 ) -> Row:
     """Trap an object anywhere, or at each place in turn and then in a size near what is seen."""
@@ -170,7 +170,7 @@ def _history_plans(
     first = counts.repeats - counts.judged
     judged = [i for i in range(len(rows)) if i % counts.repeats >= first]
     kinds: Mapping[str, Callable[[Row, int], Row]] = {
-        OBJECT: lambda row, i: _with_object_at(row, rng, places, number=i, exact=True),
+        OBJECT: lambda row, i: object_at(row, rng, places, number=i, exact=True),
         ADJUSTED: lambda row, i: with_adjustment(row, rng, population, change=1e-3),
         DRY: lambda row, i: with_dry_chairs(
             row, rng, population, rail=str(rng.choice(["one", "other"]))
