@@ -58,6 +58,8 @@ def parse_setting(text: str) -> tuple[str, object]:
 
 def mark_si(value: object) -> object:
     """Mark the numbers in a Python value as SI; arrays become lists."""
+    if type(value) is float:  # nearly all of what a scenario changes
+        return SI(value if math.isfinite(value) else math.nan)
     if hasattr(value, "tolist"):
         value = value.tolist()
     if isinstance(value, Mapping):
@@ -99,7 +101,8 @@ def apply_overrides(
     applied : dict
         Value by leaf key, broad keys first.
     """
-    plain = not any(isinstance(value, Mapping) for value in overrides.values())
+    values = overrides.values()  # numbers first: to find that one is no mapping takes longer
+    plain = all(isinstance(value, float) or not isinstance(value, Mapping) for value in values)
     names = (id(document), *overrides)
     known = _ways.get(names) if plain else None
     if known is not None:

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 from turnout.core.problems import choices, nearest, shortened
@@ -12,6 +13,8 @@ PLACE_FAMILIES = ("sleeper", "drive", "sensor", "chair", "stud", "stop", "link",
 _NAMED = re.compile("|".join(PLACE_FAMILIES), re.IGNORECASE)
 # May stand between family and name.
 _BETWEEN = "-_:#. "
+MOST_FAMILIES = 64
+"""So many families have their names in memory in lower case: throws of a study share them."""
 _FORMS = "'sleeper 6', 'drive 1', 'sensor TKK1' or 'TKK1', 'chair 5' or 'x = 3.6 m'"
 
 
@@ -78,13 +81,22 @@ def find_place(families: Mapping[str, Mapping[str, Any]], at: str) -> Place:
 
 def _places_called(families: Mapping[str, Mapping[str, Any]], text: str) -> list[Place]:
     """Return the places of any family whose whole name is a text, whatever its case."""
-    wanted = text.lower()
-    return [
-        Place(record.x, family, name)
-        for family in PLACE_FAMILIES
-        for name, record in families.get(family, {}).items()
-        if name.lower() == wanted
-    ]
+    wanted, found = text.lower(), []
+    for family in PLACE_FAMILIES:
+        members = families.get(family)
+        if members:
+            names = _names_by_lower(tuple(members)).get(wanted, ())
+            found += [Place(members[name].x, family, name) for name in names]
+    return found
+
+
+@lru_cache(maxsize=MOST_FAMILIES)
+def _names_by_lower(names: tuple[str, ...]) -> dict[str, list[str]]:
+    """Return names by what they are in lower case."""
+    found: dict[str, list[str]] = {}
+    for name in names:
+        found.setdefault(name.lower(), []).append(name)
+    return found
 
 
 def _place_names(families: Mapping[str, Mapping[str, Any]]) -> list[str]:

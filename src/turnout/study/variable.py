@@ -290,11 +290,11 @@ def apply_factors(
     {'chair.friction_coefficient': 0.4}
     """
     result = dict(values)
-    for key, factor in factors:
-        if factor == 1.0:
-            continue
+    changing = [(key, factor) for key, factor in factors if factor != 1.0]
+    known = _known_values(panel, tuple([key for key, _ in changing]))
+    for key, factor in changing:
         changed = {}
-        for full, own in _known_values(panel, key).items():
+        for full, own in known[key].items():
             broad = result.get(_of_family(full), own)
             changed[full] = _scaled(result.get(full, broad), factor)
         # One value for a whole family is written as one, unless a member has an own one already.
@@ -305,15 +305,16 @@ def apply_factors(
     return result
 
 
-_values = LRUCache[tuple[LoadedPanel, dict[str, Any]]](1024)
-"""Values of panels by identity and key; scenarios of a study ask for the same ones."""
+_values = LRUCache[tuple[LoadedPanel, dict[str, dict[str, Any]]]](64)
+"""Values of panels by identity and keys; scenarios of a study ask for the same ones."""
 
 
-def _known_values(panel: LoadedPanel, key: str) -> dict[str, Any]:
-    """Return `values_at`, found once."""
-    kept = _values.get((id(panel), key))
+def _known_values(panel: LoadedPanel, keys: tuple[str, ...]) -> dict[str, dict[str, Any]]:
+    """Return `values_at` of each key, found once."""
+    kept = _values.get((id(panel), keys))
     if kept is None:
-        kept = _values.put((id(panel), key), (panel, values_at(panel, key)))
+        found = {key: values_at(panel, key) for key in keys}
+        kept = _values.put((id(panel), keys), (panel, found))
     return kept[1]
 
 
