@@ -4,6 +4,7 @@ import os
 import signal
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
@@ -96,9 +97,10 @@ def test_a_sound_throw_lies_in_its_band_and_one_with_an_object_leaves_it(
 def test_a_detector_outlives_its_process(studio: Client, files: dict[str, Path], mark: str) -> None:
     worker = judged(studio, files["table"], mark)
     for folder in Path("/proc").glob("[0-9]*"):
-        parent = (folder / "stat").read_text().rsplit(")", 1)[1].split()[1]
-        if int(parent) == os.getpid() and "spawn_main" in (folder / "cmdline").read_text():
-            os.kill(int(folder.name), signal.SIGKILL)
+        with suppress(OSError):  # another process has just ended
+            parent = (folder / "stat").read_text().rsplit(")", 1)[1].split()[1]
+            if int(parent) == os.getpid() and "spawn_main" in (folder / "cmdline").read_text():
+                os.kill(int(folder.name), signal.SIGKILL)
     time.sleep(0.5)  # until the server can know
     assert judged(studio, files["table"], mark)["verdicts"] == worker["verdicts"]
 
