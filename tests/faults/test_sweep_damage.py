@@ -5,10 +5,10 @@ import hashlib
 import json
 import shutil
 import sys
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from turnout.cli.main import main
 from turnout.core.json_files import sealed_json
 from turnout.errors import FileError
 from turnout.study.study import Study
+from turnout.sweep import verify
 from turnout.sweep.batch import write_batch
 from turnout.sweep.export import sweep_table
 from turnout.sweep.folder import BATCHES, DAMAGED, IDENTITY
@@ -121,7 +122,8 @@ def test_a_batch_is_digested_once_while_it_stays_as_it_is(
 
     changed = max(path.stat().st_ctime_ns for path in (swept / BATCHES).iterdir())
     monkeypatch.setattr(hashlib, "file_digest", digest)
-    monkeypatch.setattr(time, "time_ns", lambda: changed + (STABLE_AGE + 1 if finished else 0))
+    now = changed + (STABLE_AGE + 1 if finished else 0)
+    monkeypatch.setattr(verify, "time", SimpleNamespace(time_ns=lambda: now))
     read_labels(swept)
     assert (sorted(read) == batch_names(swept)) == finished
     before = len(read)

@@ -21,7 +21,7 @@ from turnout.panel.load import load_panel
 def test_time_left_is_never_less_than_that_of_one_step(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fits that need more throws than usual said "about 0 s left" for minutes."""
     clock = iter([10.0, 30.0])
-    monkeypatch.setattr(stage_progress.time, "monotonic", lambda: next(clock))
+    monkeypatch.setattr(stage_progress, "time", SimpleNamespace(monotonic=clock.__next__))
     states: list[CalibrationProgress] = []
     evaluator: Any = SimpleNamespace(made=100, reused=0)
     watch = ProgressReporter(states.append, 1, planned=80, per_step=40, began=10.0)
@@ -36,7 +36,7 @@ def test_time_left_follows_the_present_pace_and_what_was_needed_beyond_the_plan(
 ) -> None:
     """Quick throws come first: by their pace "less than 5 s" were left from second 8 to 85."""
     clock = iter([8.0, 18.0, 58.0])
-    monkeypatch.setattr(stage_progress.time, "monotonic", lambda: next(clock))
+    monkeypatch.setattr(stage_progress, "time", SimpleNamespace(monotonic=clock.__next__))
     states: list[CalibrationProgress] = []
     evaluator: Any = SimpleNamespace(made=700, reused=0)
     watch = ProgressReporter(states.append, 1, planned=800, per_step=98, began=1e-9)
@@ -52,7 +52,7 @@ def test_time_left_follows_the_present_pace_and_what_was_needed_beyond_the_plan(
 def test_advice_counts_its_own_throws(monkeypatch: pytest.MonkeyPatch) -> None:
     """It said "about 51 s left" for all of 20 s, by a step of the stage before."""
     clock = iter([20.0, 30.0])
-    monkeypatch.setattr(stage_progress.time, "monotonic", lambda: next(clock))
+    monkeypatch.setattr(stage_progress, "time", SimpleNamespace(monotonic=clock.__next__))
     states: list[CalibrationProgress] = []
     evaluator: Any = SimpleNamespace(made=1000, reused=0)
     final: Any = SimpleNamespace(parameters=range(4), misfit=SimpleNamespace(movements=range(20)))
@@ -89,7 +89,7 @@ def test_time_left_is_not_said_of_the_first_throws(capsys: pytest.CaptureFixture
 def test_a_search_for_causes_is_in_the_time_left(monkeypatch: pytest.MonkeyPatch) -> None:
     """It takes more throws than all stages before, which said "about 10 s" all the while."""
     clock = iter([10.0, 20.0, 21.0])
-    monkeypatch.setattr(stage_progress.time, "monotonic", lambda: next(clock))
+    monkeypatch.setattr(stage_progress, "time", SimpleNamespace(monotonic=clock.__next__))
     states: list[CalibrationProgress] = []
     evaluator: Any = SimpleNamespace(made=100, reused=0)
     watch = ProgressReporter(states.append, 1, planned=110, per_step=40, began=10.0)

@@ -3,6 +3,7 @@
 import re
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from tests.unit.simulated import sb2_panel
@@ -272,7 +273,8 @@ def test_progress_is_a_plain_line_now_and_then(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clock = iter([0.0, 1.0, 2.5, 3.0, 8.0])
-    monkeypatch.setattr("turnout.cli.watch.time.monotonic", lambda: next(clock))
+    times = SimpleNamespace(monotonic=clock.__next__, perf_counter=time.perf_counter)
+    monkeypatch.setattr("turnout.cli.watch.time", times)
     with Watch("simulating", compiling=True, quiet=False) as watch:
         for done in (10, 20, 30, 40):
             watch.report(done, 100)
@@ -287,7 +289,8 @@ def test_quiet_is_quiet(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clock = iter([0.0, 60.0])
-    monkeypatch.setattr("turnout.cli.watch.time.monotonic", lambda: next(clock))
+    times = SimpleNamespace(monotonic=clock.__next__, perf_counter=time.perf_counter)
+    monkeypatch.setattr("turnout.cli.watch.time", times)
     with Watch("simulating", compiling=True, quiet=True) as watch:
         watch.report(50, 100)
     assert reported(capsys) == []

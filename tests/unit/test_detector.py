@@ -284,6 +284,18 @@ def test_a_file_keeps_detector_and_history(tmp_path: Path) -> None:
         assert all(name.endswith(".npy") for name in packed.namelist())
 
 
+def test_a_file_of_the_former_format_is_read_without_kinds_of_objects(tmp_path: Path) -> None:
+    path = tmp_path / "former.detector"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(knowledge, "SCHEMA", 3)
+        fresh().save(path)
+    found = Detector.load(path)
+    assert found.knowledge.object_kinds is None
+    verdict = found.judge(toy_throw(size=20e-3))
+    assert (verdict.status, verdict.kinds) == ("object", {})
+    assert "kind" not in verdict.lines()[0]
+
+
 @pytest.mark.parametrize("case", ["missing", "text", "flipped", "array", "older"])
 def test_a_bad_file_is_one_message(tmp_path: Path, case: str) -> None:
     path = tmp_path / "switch.detector"
@@ -298,9 +310,9 @@ def test_a_bad_file_is_one_message(tmp_path: Path, case: str) -> None:
             np.savez(file, **arrays)
     elif case == "older":
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(knowledge, "SCHEMA", knowledge.SCHEMA - 1)
+            patch.setattr(knowledge, "SCHEMA", 2)
             fresh().save(path)
-        with pytest.raises(FileError, match=r"format 2, this version reads 3; train it again"):
+        with pytest.raises(FileError, match=r"format 2, this version reads 3 and 4; train"):
             Detector.load(path)
     elif case == "array":
         with path.open("wb") as file:

@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 
 from turnout.detection.detector.training_plan import DEFECTS, Population
-from turnout.detection.detector.training_sets import Counts, after_history, training_plans
+from turnout.detection.detector.training_sets import (
+    KINDS,
+    Counts,
+    after_history,
+    training_plans,
+)
 from turnout.detection.reference import reference_study
 from turnout.panel.load import load_panel
 
@@ -25,7 +30,8 @@ def test_a_cause_changes_its_own_values_alone(population: Population, cause: str
         "clutch": "saturation_force",
         "loose rod": "stiffness",
         "frozen blade": "frozen_force",
-        "slow drive": "extra_time",
+        "in-drive": "extra_time",
+        "supply": "extra_time",
     }[cause]
     assert changed
     assert all(key in name for name in changed)
@@ -42,21 +48,85 @@ def test_frozen_chairs_keep_their_force_in_newtons(population: Population) -> No
     assert not any(plan.study.variables[name].factor for name in frozen)
 
 
-def test_machines_wear_their_clutch_and_slow_down_by_their_supply() -> None:
+@pytest.mark.parametrize(("cause", "drives"), [("in-drive", 1), ("supply", 2)])
+def test_a_fault_within_a_drive_slows_that_one_and_a_weak_supply_all(
+    population: Population, cause: str, drives: int
+) -> None:
+    """In both directions, by the same time."""
+    sound = population.row(2)
+    for seed in range(6):
+        row = DEFECTS[cause](sound, np.random.default_rng(seed), population)
+        usual = {"movement.return.extra_time.2": sound["movement.return.extra_time.2"]}
+        longer = {
+            name: float(row[name]) - float(usual.get(name, 0.0))
+            for name in row
+            if "extra_time" in name
+        }
+        slow = {name: value for name, value in longer.items() if abs(value) > 1e-9}
+        assert len({name.rsplit(".", 1)[-1] for name in slow}) == drives
+        assert len(slow) == 2 * drives
+        assert np.ptp(list(slow.values())) < 1e-9
+        assert 0.15 <= min(slow.values()) <= 0.6
+
+
+@pytest.fixture(scope="module")
+def machines() -> Population:
+    panel = load_panel("uic60-760-1-15").with_overrides(
+        {"drive.1.machine": "jea73", "drive.2.machine": "jea73-drive2"}
+    )
+    return Population(reference_study(panel))
+
+
+def test_machines_wear_their_clutch_and_slow_down_by_their_supply(machines: Population) -> None:
     """The slip level of a machine is that of its clutch, and the motor sets its speed."""
-    machines = {"drive.1.machine": "jea73", "drive.2.machine": "jea73-drive2"}
-    panel = load_panel("uic60-760-1-15").with_overrides(machines)
-    population = Population(reference_study(panel))
-    sound = population.row(1)
-    plan = population.plan("sound", [sound])
+    sound = machines.row(1)
+    plan = machines.plan("sound", [sound])
     keys = {name: item.key for name, item in plan.study.variables.items()}
     assert keys["drive.1.saturation_force, defect"] == "machine.jea73.clutch.torque"
     assert {"drive_current", "drive_power"} <= set(plan.study.output.channels)
-    row = DEFECTS["slow drive"](sound, np.random.default_rng(1), population)
+    row = DEFECTS["supply"](sound, np.random.default_rng(1), machines)
     changed = {name: row[name] for name in row if row[name] != sound[name]}
-    assert changed
-    assert all(name.endswith("supply.voltage") for name in changed)
+    assert set(changed) == {
+        "machine.jea73.supply.voltage",
+        "machine.jea73-drive2.supply.voltage",
+    }
     assert all(0.85 * 220.0 <= value <= 0.97 * 220.0 for value in changed.values())
+
+
+def test_a_fault_within_a_machine_is_its_gear_or_its_motor(machines: Population) -> None:
+    """A dry gear takes torque; a bad motor gets less voltage; the other machine stays as it is."""
+    sound, found = machines.row(1), []
+    rows = [DEFECTS["in-drive"](sound, np.random.default_rng(seed), machines) for seed in range(20)]
+    usual = {"gear.efficiency": 0.9, "motor.loss_torque": 0.745, "supply.voltage": 220.0}
+    for row in rows:
+        changed = {
+            name.removeprefix("machine."): float(row[name]) / value
+            for name in row
+            for key, value in usual.items()
+            if name.endswith(key) and abs(float(row[name]) / value - 1.0) > 1e-9
+        }
+        (machine,) = {name.split(".")[0] for name in changed}
+        found.append((machine, tuple(sorted(name.split(".", 1)[1] for name in changed))))
+        if len(changed) == 2:
+            assert 0.7 <= changed[f"{machine}.gear.efficiency"] <= 0.94
+            assert 1.2 <= changed[f"{machine}.motor.loss_torque"] <= 2.0
+    assert {machine for machine, _ in found} == {"jea73", "jea73-drive2"}
+    assert {keys for _, keys in found} == {
+        ("gear.efficiency", "motor.loss_torque"),
+        ("supply.voltage",),
+    }
+    assert machines.plan("in-drive", rows).study.count == 20
+
+
+def test_each_kind_is_thrown_with_the_same_objects() -> None:
+    plans = training_plans(reference_study(), Counts(sound=4, objects=3, kinds=2, switches=0))
+    rows = [dict(zip(plans["object"].study.design.axes[0].names, row, strict=True))
+            for row in plans["object"].study.design.axes[0].rows]  # fmt: skip
+    for kind in KINDS:
+        (axis,) = plans[f"object-{kind}"].study.design.axes
+        own = [dict(zip(axis.names, row, strict=True)) for row in axis.rows]
+        assert own == [{**row, "object.kind": kind} for row in rows[:2]]
+        assert plans[f"object-{kind}"].partner.tolist() == [0, 1]
 
 
 def test_more_throws_begin_with_the_same_ones() -> None:

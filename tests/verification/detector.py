@@ -41,7 +41,7 @@ from tests.verification.detector_further import (
     year_rates,
 )
 from tests.verification.detector_other import other_figures, relative_a90
-from tests.verification.detector_robustness import robustness
+from tests.verification.detector_robustness import robustness, robustness_known
 from tests.verification.detector_sets import JUDGED_SEED, Sizes, Throws, plans_of
 from tests.verification.detector_unknown import SEVERE, unknown_figures
 
@@ -56,6 +56,7 @@ from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.detector.train_detector import knowledge_of_sets
 from turnout.detection.detector.training import setting_of
 from turnout.detection.detector.training_plan import DEFECTS, HISTORY, OBJECT, SOUND
+from turnout.detection.detector.training_sets import after_history
 from turnout.detection.reference import NOMINAL_FRICTION, reference_study
 from turnout.detection.throws import nominal_amplitude
 from turnout.study.load_study import load_study
@@ -149,6 +150,9 @@ def figures_of(knowledge: Knowledge, throws: Throws, kept: Path) -> dict[str, Ca
             knowledge, [throws.forces("cases", name) for name in others]
         ),
         "robustness": lambda: robustness(knowledge, sound(), alone()[OBJECT]),
+        "robustness known": lambda: robustness_known(
+            knowledge, sound(), throws.sets("test", after_history(OBJECT))[after_history(OBJECT)]
+        ),
         "ice": lambda: [vars_of(item) for item in ice_ramps(knowledge, case("ice"))],
         "alone": lambda: verdict_figures(knowledge, judge_alone(knowledge, alone(), draws=1)),
         "known place": lambda: known_place_a90(knowledge, sound(), alone()[OBJECT]),

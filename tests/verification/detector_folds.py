@@ -23,7 +23,7 @@ from turnout.detection.detector.training_sets import Counts, after_history
 from turnout.detection.reference import reference_study
 from turnout.panel.load import load_panel
 
-LEARNED = Counts(sound=900, objects=120, defects=0, switches=16, objects_each=1, judged=1)
+LEARNED = Counts(sound=900, objects=120, kinds=0, defects=0, switches=16, objects_each=1, judged=1)
 KNOWN = 20
 
 

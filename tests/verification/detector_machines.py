@@ -64,7 +64,7 @@ Said = Mapping[str, Mapping[str, Mapping[str, dict[str, Any]]]]
 """By quantity, throws known and name of the figure."""
 MACHINES = {"drive.1.machine": "jea73", "drive.2.machine": "jea73-drive2"}
 QUANTITIES = (FORCE, CURRENT, POWER, ALL)
-LEARNED = Counts(sound=3000, objects=2200, defects=160, switches=40)
+LEARNED = Counts(sound=3000, objects=2200, kinds=0, defects=160, switches=40)
 JUDGED = Counts(sound=0, objects=0, defects=0, repeats=22, judged=2, objects_each=5)
 SEED = 560_000
 KNOWN = 20

@@ -59,6 +59,7 @@ def main() -> None:
         (("price",), price_table),
         (("year",), lambda said: ["year: " + ", ".join(alarms(item) for item in said["year"])]),
         (("robustness",), robustness_table),
+        (("robustness known",), robustness_known_table),
     )
     for needed, table in tables:
         if set(needed) <= set(said):
@@ -390,6 +391,21 @@ def robustness_table(said: Figures) -> list[str]:
         lines.append(
             f"| {name} | {item['alarms']:.0f} of {item['throws']:,.0f} | "
             f"{100 * item['seen']:.0f} % | {1e3 * item['a90 at sleeper 6']:.1f} mm |"
+        )
+    return lines
+
+
+def robustness_known_table(said: Figures) -> list[str]:
+    """Return what is said after a history whose throws have other errors too."""
+    lines = [
+        "| throws, known and judged | alarms | unknown | objects seen | scatter |",
+        "|---|---|---|---|---|",
+    ]
+    for name, item in said["robustness known"].items():
+        throws = f"{item['throws']:,.0f}"
+        lines.append(
+            f"| {name} | {item['alarms']:.0f} of {throws} | {item['unknown']:.0f} of {throws} | "
+            f"{100 * item['seen']:.0f} % | {item['scatter']:.2f}, {item['largest scatter']:.2f} |"
         )
     return lines
 

@@ -5,14 +5,20 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from tests.verification.detector_figures import a90, false_alarm_limits, measured_by_switch
+from tests.verification.detector_figures import (
+    a90,
+    false_alarm_limits,
+    measured_by_switch,
+    verdicts_on,
+)
 
 from turnout.detection.detector.allowances import Allowances
-from turnout.detection.detector.calibrating import Errors, alarms_of
+from turnout.detection.detector.calibrating import Errors, alarms_of, learn_history
 from turnout.detection.detector.judging import CYCLE, make_view
 from turnout.detection.detector.knowledge import Knowledge
 from turnout.detection.detector.throw_layout import Layout, means_on
 from turnout.detection.detector.throw_set import ThrowSet
+from turnout.detection.detector.throw_verdict import ALARM, UNKNOWN
 from turnout.detection.floor import TOUCH_FORCE
 
 Floats = NDArray[np.float64]
@@ -70,18 +76,9 @@ def robustness(
     threshold = calibrated.thresholds["0.001"]
     held = objects.of(objects.force > TOUCH_FORCE)
     middle = np.abs(held.x - knowledge.setting.places["sleeper 6"]) < 0.3
-    usual: Allowances = knowledge.setting.allowances
     found = {}
     for name in (*CASES, *KERNELS):
-        drawn = knowledge.errors(replace(usual, **CASES.get(name, {})))  # type: ignore[arg-type]
-        if name in KERNELS:
-            more = besides(knowledge.layout, KERNELS[name])
-            drawn = replace(drawn, changing=drawn.changing + more)
-        errors = Errors(
-            drawn,
-            part=knowledge.layout.part,
-            rng=np.random.default_rng([41, len(found)]),
-        )
+        errors = errors_of_case(knowledge, name, 41, len(found))
         alarms = np.array(
             [alarms_of(view, measured_by_switch(sound, errors)) > threshold for _ in range(draws)]
         )
@@ -90,5 +87,76 @@ def robustness(
         found[name] = false_alarm_limits(by_switch) | {
             "seen": float(seen.mean()),
             "a90 at sleeper 6": a90(held.size[middle], seen[middle]),
+        }
+    return found
+
+
+def errors_of_case(knowledge: Knowledge, name: str, *seed: int) -> Errors:
+    """Return what draws the errors of one of `CASES` or `KERNELS`."""
+    usual: Allowances = knowledge.setting.allowances
+    drawn = knowledge.errors(replace(usual, **CASES.get(name, {})))  # type: ignore[arg-type]
+    if name in KERNELS:
+        more = besides(knowledge.layout, KERNELS[name])
+        drawn = replace(drawn, changing=drawn.changing + more)
+    return Errors(drawn, part=knowledge.layout.part, rng=np.random.default_rng(seed))
+
+
+def robustness_known(
+    knowledge: Knowledge,
+    sound: ThrowSet,
+    objects: ThrowSet,
+    *,
+    history: int = 20,
+    switches: int = 20,
+    draws: int = 10,
+) -> dict[str, dict[str, float]]:
+    """Return what is said after a history whose throws have these errors too.
+
+    Parameters
+    ----------
+    knowledge : Knowledge
+        As it is: what it knows of the errors it has from the history.
+    sound, objects : ThrowSet
+        Of switches that it never saw, each thrown as often.
+    history : int
+        Throws known.
+    switches : int
+        The first of them are judged.
+    draws : int
+        Uses of each later sound throw.
+
+    Returns
+    -------
+    dict
+        For each case throws, alarms and unknown deviations of sound throws, share of touched
+        objects that are called, median and largest scatter.
+    """
+    population = make_view(knowledge)
+    first = int(np.bincount(sound.switch).max())
+    found = {}
+    for name in (*CASES, *KERNELS):
+        said: dict[str, list[str]] = {"sound": [], "object": []}
+        scatter = []
+        for switch in range(switches):
+            errors = errors_of_case(knowledge, name, 43, len(found), switch)
+            own, fixed = sound.of(sound.switch == switch), errors.of_switches(1)
+            known, later = (own.of((own.row % first < history) == early) for early in (True, False))
+            rows = known.features + fixed + errors.of_throws(known.rates)
+            expected = learn_history(knowledge, rows, view=population)
+            scatter.append(expected.scatter)
+            view = make_view(knowledge, known=expected)
+            held = objects.of((objects.switch == switch) & (objects.force > TOUCH_FORCE))
+            for kind, throws, uses in (("sound", later, draws), ("object", held, 1)):
+                drawn = [throws.features + errors.of_throws(throws.rates) for _ in range(uses)]
+                verdicts = verdicts_on(knowledge, view, fixed + np.concatenate(drawn), rate=1e-3)
+                said[kind] += [item.status for item in verdicts]
+        found[name] = {
+            "throws": float(len(said["sound"])),
+            "alarms": float(said["sound"].count(ALARM)),
+            "unknown": float(said["sound"].count(UNKNOWN)),
+            "objects": float(len(said["object"])),
+            "seen": said["object"].count(ALARM) / len(said["object"]),
+            "scatter": float(np.median(scatter)),
+            "largest scatter": max(scatter),
         }
     return found

@@ -51,8 +51,8 @@ from turnout.study.study import Study
 Floats = NDArray[np.float64]
 Seen = NDArray[np.bool_]
 
-LEARNED = Counts(sound=4000, objects=3000, defects=120, switches=0)
-JUDGED = Counts(sound=3000, objects=2600, defects=0, switches=0)
+LEARNED = Counts(sound=4000, objects=3000, kinds=0, defects=120, switches=0)
+JUDGED = Counts(sound=3000, objects=2600, kinds=0, defects=0, switches=0)
 SEED = 570_000
 STARTS = {"pressed home": "true", "free of force": "false"}
 DRAWS = 3

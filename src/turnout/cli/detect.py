@@ -166,6 +166,7 @@ def _described(knowledge: "Knowledge") -> dict[str, Any]:
         "calibrated": [asdict(item) for item in knowledge.calibrated],
         "signatures": len(knowledge.signatures.kind),
         "causes": ["object", *(name for name in knowledge.causes if name != UNUSUAL)],
+        "kinds": [] if knowledge.object_kinds is None else list(knowledge.object_kinds.names),
     }
 
 

@@ -223,12 +223,10 @@ class Hypotheses:
 def make_hypotheses(
     centres: tuple[Centre, ...], signatures: Signatures, *, distance: Floats, kinds: int
 ) -> Hypotheses:
-    """Combine centres with the signatures that are used at each.
+    """Combine centres, by rising level, with the signatures that are used at each.
 
     Parameters
     ----------
-    centres : tuple of Centre
-        By rising friction level.
     signatures : Signatures
         All; sorted by level they are not copied.
     distance : ndarray, shape (k, n_signatures)
@@ -370,18 +368,16 @@ r""":math:`\nu`, in how many ways an unknown deviation may differ: some two in a
 
 
 def weigh(features: Floats, hypotheses: Hypotheses) -> Evidence:
-    """Return the likelihood of throws under every hypothesis.
-
-    Parameters
-    ----------
-    features : ndarray, shape (n_throws, n_features)
-        [N]
-    hypotheses : Hypotheses
-        Sound throws, and signatures.
-    """
-    throws, size = features.shape
+    """Return the likelihood of throws, shape (n_throws, n_features) [N], under every hypothesis."""
     centres = hypotheses.centres
     white = np.array([centre.root @ (features - centre.mean).T for centre in centres])
+    return weigh_whitened(white, hypotheses)
+
+
+def weigh_whitened(white: Floats, hypotheses: Hypotheses) -> Evidence:
+    """Return the same for `Evidence.white` of throws, shape (k, n_features, n_throws) [-]."""
+    centres = hypotheses.centres
+    _, size, throws = white.shape
     projected = np.array([c.basis.T @ w for c, w in zip(centres, white, strict=True)])
     projected = projected.swapaxes(0, 1).astype(np.float32)
     own = np.einsum("kft,kft->kt", white, white)
@@ -414,9 +410,7 @@ def weigh(features: Floats, hypotheses: Hypotheses) -> Evidence:
 
 
 def log_sum(values: Floats) -> Floats:
-    """Return the logarithm of the sum of exponentials along the first axis.
-
-    Without the checks of scipy, which take longer than the sum for a single throw.
+    """Return the logarithm of the sum of exponentials along the first axis, without checks.
 
     Parameters
     ----------

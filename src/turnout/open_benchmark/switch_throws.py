@@ -4,24 +4,28 @@ The first half of its year gives sound throws, its history. In the other half it
 and with objects and with other causes, each of these in the state of a sound throw of that half.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from turnout.detection.detector.training_plan import (
+    ADJUSTED,
     CLUTCH,
     DEFECTS,
-    FROZEN,
+    DRY,
     LARGEST,
     OBJECT_AT,
     OBJECT_SIZE,
-    SLOW_DRIVE,
+    ROD,
+    SLOWER,
     SMALLEST,
+    WEAKER,
     Plan,
     Population,
     Row,
+    slowed,
 )
 from turnout.detection.reference import TEMPERATURE, reference_study
 from turnout.detection.throws import places_of
@@ -57,7 +61,7 @@ LARGEST_AT_DRIVES = 26e-3
 ROUND = 1000
 """Numbers of states between those of the history and the judged ones."""
 FORCES, MACHINE_CHANNELS = ("drive_force", "sensor_gap"), ("drive_current", "drive_power")
-UNKNOWN = SLOW_DRIVE
+UNKNOWN = "slow drive"
 """Cause that only switches for testing have: what a method makes of what it never saw."""
 FIXED, MOST_DRAWN = 5 * ROUND, 100
 """First state that what is fixed for a switch may be taken from, and how many are tried."""
@@ -212,11 +216,12 @@ def holds_at_rest(population: Population, row: Row) -> bool:
 
 def _with_cause(name: str, row: Row, rng: np.random.Generator, population: Population) -> Row:
     """Return a row with another cause; a clutch is worn no further than it holds the rails."""
-    made = DEFECTS[name](row, rng, population)
+    cause = CAUSES[name]
+    made = cause(row, rng, population)
     for _ in range(MOST_DRAWN if name == CLUTCH else 0):
         if holds_at_rest(population, made):
             break
-        made = DEFECTS[name](row, rng, population)
+        made = cause(row, rng, population)
     return made
 
 
@@ -256,8 +261,26 @@ def causes_of(switch: Switch) -> list[str]:
 
     A frozen blade is left out: it adds a law to every chair, which makes all throws slower.
     """
-    left_out = {FROZEN} | ({UNKNOWN} if switch.split == TRAIN else set())
-    return [name for name in DEFECTS if name not in left_out]
+    return [name for name in CAUSES if not (name == UNKNOWN and switch.split == TRAIN)]
+
+
+def with_slow_drive(row: Row, rng: np.random.Generator, population: Population) -> Row:
+    """Let one drive, or as often all of them, be slow: a fault within a drive, or a weak supply."""
+    panel = population.study.panel
+    drives = list(panel.drive)
+    slow = drives if rng.random() < ALL_SLOW else [str(rng.choice(drives))]
+    longer = float(rng.uniform(*SLOWER))
+    voltage = float(rng.uniform(*WEAKER)) if panel.machine else 1.0
+    return slowed(row, population, slow, longer=longer, voltage=voltage)
+
+
+ALL_SLOW = 0.5
+"""Share of the slow throws in which all drives are slow [-]."""
+CAUSES: Mapping[str, Callable[[Row, np.random.Generator, Population], Row]] = {
+    **{name: DEFECTS[name] for name in (DRY, ADJUSTED, CLUTCH, ROD)},
+    UNKNOWN: with_slow_drive,
+}
+"""Other than objects, by the name that stands in the data set."""
 
 
 def _alike(rows: list[Row], population: Population) -> list[Row]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from turnout.plot.sheet import Level, Line, Row, Sheet
 
-SHOWN_CAUSES = ("clutch", "dry chairs", "adjustment", "loose rod")
+SHOWN_CAUSES = ("clutch", "dry chairs", "adjustment", "loose rod", "in-drive", "supply")
 
 
 def trend_sheet(verdicts: Sequence[Mapping[str, Any]]) -> Sheet:

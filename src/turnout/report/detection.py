@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from turnout.detection.conditions import CURRENT, FORCE, UNITS
+from turnout.detection.detector.object_kinds import kinds_in_words
 from turnout.detection.detector.trends import LEAST_THROWS, staying_causes, trend_of
 from turnout.metric.finding import Finding
 from turnout.plot.detection import trend_sheet
@@ -134,7 +135,8 @@ def _object(item: Mapping[str, Any]) -> str:
     size = item["size"]
     if not size:
         return ""
-    return f"{MILLI * size['middle']:.1f} mm at {' or '.join(item['places'])}"
+    place = f"{MILLI * size['middle']:.1f} mm at {' or '.join(item['places'])}"
+    return f"{place}, kind {kinds_in_words(item['kinds'])}" if item["kinds"] else place
 
 
 def _gap(gap: Mapping[str, float] | None) -> str:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.detection.detector.knowledge import Knowledge
+from turnout.detection.detector.object_kinds import KindView
 from turnout.detection.detector.switch_history import (
     Expectation,
     ThrowErrors,
@@ -71,6 +72,8 @@ class View:
         Of sound throws from one to the next.
     gap_seen : ndarray, shape (n_components, n_gaps)
         What the signature of each hypothesis makes features say of end gaps in a sound switch [m].
+    object_kinds : KindView or None
+        For the kind of an object, where kinds were learned.
     """
 
     part: str
@@ -82,6 +85,7 @@ class View:
     history: int
     variation: Variation
     gap_seen: Floats
+    object_kinds: KindView | None = None
 
     @property
     def centres(self) -> tuple[Centre, ...]:
@@ -152,6 +156,7 @@ def make_view(
         distance=(signatures.level - model.level[:, np.newaxis]) / model.spacing,
         kinds=len(knowledge.kinds),
     )
+    kinds = knowledge.object_kinds
     return View(
         part=part,
         features=features,
@@ -162,6 +167,13 @@ def make_view(
         history=expected.throws,
         variation=Variation(model.within[:, features[:, np.newaxis], features]),
         gap_seen=_gap_seen(hypotheses, signatures),
+        object_kinds=None
+        if kinds is None
+        else KindView(
+            known=kinds.seen_by(features),
+            centres=tuple(centres),
+            distance=(kinds.signatures.level - model.level[:, np.newaxis]) / model.spacing,
+        ),
     )
 
 

@@ -23,6 +23,7 @@ from turnout.detection.detector.allowances import (
     noise_of,
     zeros_of,
 )
+from turnout.detection.detector.object_kinds import KindSignatures
 from turnout.detection.detector.sound_model import SoundModel
 from turnout.detection.detector.switch_history import ThrowErrors
 from turnout.detection.detector.throw_layout import Layout, Part
@@ -32,8 +33,10 @@ from turnout.errors import FileError
 
 Floats = NDArray[np.float64]
 
-SCHEMA = 3
-"""Of a detector file."""
+SCHEMA = 4
+"""Of a detector file. One of format 3 knows no kinds of objects and is read as it is."""
+READ = (3, 4)
+"""Formats that are read."""
 SUFFIX = ".detector"
 LARGEST = 400_000_000
 """Of a detector file [bytes]."""
@@ -184,6 +187,8 @@ class Knowledge:
         Thresholds.
     about : mapping of str to object
         Panel, study, counts of throws, version, for people and for checks.
+    object_kinds : KindSignatures, optional
+        Signatures by the kind of the object.
     """
 
     setting: Setting
@@ -192,6 +197,7 @@ class Knowledge:
     causes: tuple[str, ...]
     calibrated: tuple[Calibrated, ...] = ()
     about: Mapping[str, Any] = field(default_factory=dict)
+    object_kinds: KindSignatures | None = None
 
     @property
     def layout(self) -> Layout:
@@ -237,7 +243,9 @@ def store(knowledge: Knowledge, path: Path, *, extra: Mapping[str, Any] | None =
         for name in MODEL_ARRAYS
     }
     arrays |= {f"signatures.{name}": getattr(signatures, name) for name in SIGNATURE_ARRAYS}
-    setting = knowledge.setting
+    setting, kinds = knowledge.setting, knowledge.object_kinds
+    if kinds is not None:
+        arrays |= {f"kinds.{name}": getattr(kinds.signatures, name) for name in SIGNATURE_ARRAYS}
     arrays["amplitude"] = setting.amplitude
     if setting.machines is not None:
         machines = setting.machines
@@ -253,6 +261,7 @@ def store(knowledge: Knowledge, path: Path, *, extra: Mapping[str, Any] | None =
         "allowances": asdict(setting.allowances),
         "quantity": setting.quantity,
         "causes": knowledge.causes,
+        "object_kinds": () if kinds is None else kinds.names,
         "calibrated": [asdict(item) for item in knowledge.calibrated],
         "about": dict(knowledge.about),
     }
@@ -301,9 +310,10 @@ def load(path: Path | str) -> tuple[Knowledge, dict[str, NDArray[Any]]]:
         message = f"{place}: damaged (its digest does not fit); train it again, or copy it again"
         raise FileError(message)
     said = json.loads(bytes(arrays["said"]).decode())
-    if said.get("schema") != SCHEMA:
+    if said.get("schema") not in READ:
         message = (
-            f"{place}: detector format {said.get('schema')}, this version reads {SCHEMA}; "
+            f"{place}: detector format {said.get('schema')}, this version reads "
+            f"{' and '.join(map(str, READ))}; "
             "train it again: turnout detect train"
         )
         raise FileError(message)
@@ -324,12 +334,15 @@ def load(path: Path | str) -> tuple[Knowledge, dict[str, NDArray[Any]]]:
     knowledge = Knowledge(
         setting=setting,
         model=model,
-        signatures=Signatures(
-            **{name: arrays[f"signatures.{name}"] for name in SIGNATURE_ARRAYS}
-        ).by_level(),
+        signatures=_signatures(arrays, "signatures"),
         causes=tuple(said["causes"]),
         calibrated=tuple(_calibrated(item) for item in said["calibrated"]),
         about=said["about"],
+        object_kinds=KindSignatures(
+            names=tuple(said["object_kinds"]), signatures=_signatures(arrays, "kinds")
+        )
+        if said.get("object_kinds")
+        else None,
     )
     extra = {
         name.removeprefix("extra."): value
@@ -337,6 +350,10 @@ def load(path: Path | str) -> tuple[Knowledge, dict[str, NDArray[Any]]]:
         if name.startswith("extra.")
     }
     return knowledge, extra
+
+
+def _signatures(arrays: Mapping[str, NDArray[Any]], family: str) -> Signatures:
+    return Signatures(**{name: arrays[f"{family}.{name}"] for name in SIGNATURE_ARRAYS}).by_level()
 
 
 def _machines(arrays: Mapping[str, NDArray[Any]]) -> SignalErrors | None:

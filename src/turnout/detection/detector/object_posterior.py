@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtr
 
 from turnout.detection.detector.judging import View
+from turnout.detection.detector.object_kinds import TEMPER
 from turnout.detection.likelihood import AMPLITUDE, Evidence, log_sum
 
 Floats = NDArray[np.float64]
@@ -21,9 +22,6 @@ OBJECT_WEIGHT = 1.0
 one makes intervals too narrow where an object is not noticed [-]."""
 COVERAGE = 0.95
 """Of intervals [-]."""
-TEMPER = 2.0
-"""Log likelihoods of signatures are divided by this: a throw lies between samples, and the nearest
-of them is not as much better than the next as its likelihood says."""
 MOST_COMPONENTS = 400
 NEGLIGIBLE = 9.0
 """Signatures whose logarithm lies so far below the highest do not count."""

@@ -16,6 +16,7 @@ from turnout.detection.detector.judging import (
     unexplained,
 )
 from turnout.detection.detector.knowledge import RESIDUAL_LEVELS, Calibrated, Knowledge
+from turnout.detection.detector.object_kinds import kinds_in_words
 from turnout.detection.detector.object_posterior import (
     NEGLIGIBLE,
     EndGaps,
@@ -57,7 +58,8 @@ CAUSE_ADVICE = {
     "clutch": "check the clutch of the drive that slips early",
     "loose rod": "check rod, bushing and bolts of the drive",
     "frozen blade": "clear ice from the slide chairs, check the heating",
-    "slow drive": "check supply, brushes and grease of the drive",
+    "in-drive": "check gear, bearings, brushes and cable of the drive that is slow",
+    "supply": "check the supply of the drives: voltage, cable, contacts",
     "other speed": "check supply, and whether the panel has the durations of these drives",
     "force sensor": "check gain and zero of the force sensor",
 }
@@ -135,6 +137,8 @@ class Verdict:
         Likeliest places, so many that 90 % of such sets hold the object, with probabilities.
     x, size : Interval or None
         Of the object [m], where there is an alarm.
+    kinds : mapping of str to float
+        Odds of each kind of object against the likeliest, the first; empty without an alarm [-].
     gaps : tuple of Gap
         Virtual sensors.
     locked, in_control : bool or None
@@ -163,6 +167,7 @@ class Verdict:
     places: Mapping[str, float] = field(default_factory=dict)
     x: Interval | None = None
     size: Interval | None = None
+    kinds: Mapping[str, float] = field(default_factory=dict)
     gaps: tuple[Gap, ...] = ()
     locked: bool | None = None
     in_control: bool | None = None
@@ -181,7 +186,9 @@ class Verdict:
             return [f"{self.name}: cannot judge: {self.reason}", f"  next: {self.advice}"]
         head = f"{self.name}: {self.status}"
         if self.status == ALARM and self.size is not None:
-            head += f", {_millimetres(self.size)} at {' or '.join(self.places)}"
+            size = _range(self.size.middle, self.size.low, self.size.high)
+            head += f", {size} at {' or '.join(self.places)}"
+            head += f", kind {kinds_in_words(self.kinds)}" if self.kinds else ""
         elif self.status == CAUSE:
             head += f": {self.cause}"
         if called := [gap.name for gap in self.gaps if gap.called]:
@@ -198,9 +205,7 @@ class Verdict:
                 f"of {1e3 * gap.limit:.0f} mm (probability above {gap.above:.2f})"
             )
         for item in self.changes:
-            change = (
-                f"{item.force:+.2f} A" if item.unit == "A" else f"{item.force:+.0f} {item.unit}"
-            )
+            change = f"{item.force:+.{2 if item.unit == 'A' else 0}f} {item.unit}"
             found.append(f"  drive {item.drive}: {change}, {item.time:.2f} s after closing began")
         if self.excluded and self.status != SOUND:
             found.append(f"  not: {', '.join(self.excluded)}")
@@ -211,10 +216,6 @@ class Verdict:
     def causes(self) -> tuple[str, ...]:
         """Causes other than an object."""
         return tuple(name for name in self.odds if name != "object")
-
-
-def _millimetres(interval: Interval) -> str:
-    return _range(interval.middle, interval.low, interval.high)
 
 
 def _range(middle: float, low: float, high: float) -> str:
@@ -290,6 +291,7 @@ def verdict_on(
         places=_places(knowledge, trapped, level=calibrated.place_level) if trapped else {},
         x=trapped.x if trapped else None,
         size=trapped.size if trapped else None,
+        kinds=view.object_kinds.odds_of(own, 0) if trapped and view.object_kinds else {},
         gaps=gaps,
         locked=_below(gaps, "drive "),
         in_control=_below(gaps, "sensor "),

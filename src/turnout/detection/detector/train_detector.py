@@ -24,6 +24,7 @@ from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.detector.training import read_set, setting_of, teach
 from turnout.detection.detector.training_plan import BLOCK, HISTORY, OBJECT, SOUND
 from turnout.detection.detector.training_sets import (
+    KINDS,
     Counts,
     after_history,
     throw_plans,
@@ -31,7 +32,7 @@ from turnout.detection.detector.training_sets import (
 )
 from turnout.detection.drive_quantities import signals_of
 from turnout.detection.reference import NOMINAL_FRICTION, reference_study
-from turnout.detection.throws import nominal_amplitude
+from turnout.detection.throws import nominal_amplitude, of_kind
 from turnout.errors import StudyError
 from turnout.panel.load import LoadedPanel
 from turnout.study.study import Study
@@ -48,6 +49,7 @@ LEAST_LEFT = 30
 HISTORIES = (5, 20)
 """Sound throws known of a switch that thresholds are taken for, beside none."""
 
+OF_KINDS = tuple(of_kind(OBJECT, kind) for kind in KINDS)
 LEAST_COUNT = 420
 """Sound throws to ask for: of what is not held back, `LEAST_SOUND` must end."""
 
@@ -144,8 +146,10 @@ def knowledge_of_sets(
         Called with what is calibrated, and how far it is.
     """
     with one_blas_thread():
+        # thresholds do not depend on the kind of an object
+        weighed = {name: item for name, item in sets.items() if name not in OF_KINDS}
         calibrated = _calibrations(
-            folds_of(sets, setting),
+            folds_of(weighed, setting),
             {name: item for name, item in sets.items() if name.startswith(HISTORY)},
             draws=draws,
             history_draws=history_draws,

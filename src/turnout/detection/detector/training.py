@@ -1,7 +1,7 @@
 """From simulated throws to a trained detector: sound model, signatures, thresholds."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
@@ -12,6 +12,7 @@ from turnout.detection.conditions import FORCE
 from turnout.detection.detector.allowances import Allowances, gain_times
 from turnout.detection.detector.judging import SPEED, UNUSUAL
 from turnout.detection.detector.knowledge import Knowledge, Setting
+from turnout.detection.detector.object_kinds import HARD, KindSignatures
 from turnout.detection.detector.sound_model import SoundModel, fit_sound_model
 from turnout.detection.detector.switch_history import ThrowErrors, error_at
 from turnout.detection.detector.throw_layout import (
@@ -29,14 +30,16 @@ from turnout.detection.detector.training_plan import (
     OBJECT_AT,
     OBJECT_SIZE,
     SOUND,
+    SUPPLY,
     Plan,
 )
+from turnout.detection.detector.training_sets import KINDS
 from turnout.detection.drive_quantities import CHANNELS, signals_of
 from turnout.detection.floor import TOUCH_FORCE
 from turnout.detection.likelihood import Signatures
 from turnout.detection.reference import FRICTION, NOMINAL_FRICTION
 from turnout.detection.signal_errors import signal_errors
-from turnout.detection.throws import places_of
+from turnout.detection.throws import of_kind, places_of
 from turnout.errors import StudyError
 from turnout.panel.load import LoadedPanel
 
@@ -180,7 +183,8 @@ def teach(sets: Mapping[str, ThrowSet], setting: Setting, *, seed: int = 0) -> K
         part=setting.layout.part,
         scale=np.concatenate([deviation, np.full(len(setting.gaps), GAP_SCALE)]),
     )
-    causes = (*(name for name in DEFECTS if name in sets), SENSOR, SPEED, UNUSUAL)
+    thrown = [name for name in DEFECTS if name in sets and competes(name, setting)]
+    causes = (*thrown, SENSOR, SPEED, UNUSUAL)
     x = np.array(list(setting.places.values()))
     samples = [_objects(sets[OBJECT], sets[SOUND], x)]
     for number, name in enumerate(causes[:-3], len(x)):
@@ -194,7 +198,17 @@ def teach(sets: Mapping[str, ThrowSet], setting: Setting, *, seed: int = 0) -> K
         model=model,
         signatures=compress(samples, model=model, errors=errors),
         causes=causes,
+        object_kinds=_kinds(sets, x, model=model, errors=errors),
     )
+
+
+def competes(cause: str, setting: Setting) -> bool:
+    """Return whether a cause shows at all in what is judged, and otherwise than another one.
+
+    A weak supply slows all drives, a fault within a drive that one alone: of a single drive the
+    force shows the same of both, and the latter stands for both.
+    """
+    return cause != SUPPLY or setting.quantity != FORCE or len(setting.layout.drives) > 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -227,6 +241,24 @@ def _objects(throws: ThrowSet, sound: ThrowSet, x: Floats) -> Samples:
         kind=np.abs(own.x[:, np.newaxis] - x).argmin(axis=1),
         size=own.size,
         x=own.x,
+    )
+
+
+def _kinds(
+    sets: Mapping[str, ThrowSet], x: Floats, *, model: SoundModel, errors: ThrowErrors
+) -> KindSignatures | None:
+    """Return signatures of the same objects of each kind; None where none were thrown."""
+    thrown = {kind: sets[of_kind(OBJECT, kind)] for kind in KINDS if of_kind(OBJECT, kind) in sets}
+    if not thrown:
+        return None
+    last = max(int(item.row.max(initial=-1)) for item in thrown.values())
+    thrown = {HARD: sets[OBJECT].of(sets[OBJECT].row <= last)} | thrown
+    samples = []
+    for number, item in enumerate(thrown.values()):
+        own = _objects(item, sets[SOUND], x)
+        samples.append(replace(own, kind=np.full(len(own.level), number, dtype=np.intp)))
+    return KindSignatures(
+        names=tuple(thrown), signatures=compress(samples, model=model, errors=errors)
     )
 
 

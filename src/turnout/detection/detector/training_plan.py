@@ -25,7 +25,7 @@ from turnout.study.variable import Variable, value_kind
 Row = dict[str, Value]
 Rng = np.random.Generator
 
-OBJECT_AT, OBJECT_SIZE = "object.x", "object.size"
+OBJECT_AT, OBJECT_SIZE, OBJECT_KIND = "object.x", "object.size", "object.kind"
 SMALLEST, LIKELIEST, LARGEST = 1e-3, 6e-3, 31e-3
 """Sizes of objects to learn from, a triangular distribution [m]."""
 CHANNELS = ("drive_force", "sensor_gap")
@@ -33,7 +33,7 @@ OTHER_RAIL = " other rail"
 """Ends the name of the chair under the rail that is not instrumented."""
 
 HISTORY = "history"
-SOUND, OBJECT, DRY, ADJUSTED, CLUTCH, ROD, FROZEN, SLOW_DRIVE = (
+SOUND, OBJECT, DRY, ADJUSTED, CLUTCH, ROD, FROZEN, IN_DRIVE, SUPPLY = (
     "sound",
     "object",
     "dry chairs",
@@ -41,7 +41,8 @@ SOUND, OBJECT, DRY, ADJUSTED, CLUTCH, ROD, FROZEN, SLOW_DRIVE = (
     "clutch",
     "loose rod",
     "frozen blade",
-    "slow drive",
+    "in-drive",
+    "supply",
 )
 DRY_FRICTION = (0.6, 0.8)
 """Friction coefficient of chairs that ran dry [-]."""
@@ -52,9 +53,16 @@ CLUTCH_SHARE, ROD_SHARE = (0.5, 0.9), (0.1, 0.7)
 FROZEN_FORCE, FROZEN_CHAIRS = (50.0, 1600.0), (3, 25)
 """Force at which the ice on a chair breaks [N], and how many chairs in a row are frozen."""
 SLOWER = (0.15, 0.6)
-"""By how much a movement takes longer: weak supply, brushes, dry gear [s]."""
+"""By how much the movement of a marker takes longer: weak supply, brushes, dry gear [s]."""
 WEAKER = (0.85, 0.97)
 """Share of its rated voltage that the motor of a slow machine gets [-]."""
+DRY_GEAR = (0.2, 1.0)
+"""Severity of a gear that runs dry: the most severe loses `EFFICIENCY_LOST` of its efficiency and
+doubles the dry friction of the motor [-]."""
+EFFICIENCY_LOST = 0.3
+GEAR_SHARE = 0.5
+"""Share of the faults within machines that are of gear and bearings; the others are of the motor,
+its brushes or its own cable [-]."""
 
 DEFECT = ", defect"
 """Ends the name of a factor that is 1 in a sound switch."""
@@ -366,33 +374,66 @@ def with_frozen_blade(row: Row, rng: Rng, population: Population) -> Row:
     return changed
 
 
-def with_slow_drive(row: Row, rng: Rng, population: Population) -> Row:
-    """Let one drive, or as often all of them, take longer in both directions.
+def with_in_drive(row: Row, rng: Rng, population: Population) -> Row:
+    """Let one drive be slow in both directions by what is wrong within it.
 
-    A machine gets a lower voltage; how long it takes follows from that.
+    The rod of a marker shows that by its timing alone. A machine has a dry gear, which takes more
+    torque over the whole stroke, or a motor that gets less voltage by its brushes or own cable.
     """
-    drives = list(population.study.panel.drive)
-    slow = drives if rng.random() < ALL_SLOW else [str(rng.choice(drives))]
-    longer = float(rng.uniform(*SLOWER))
-    changed = dict(row)
-    for name, movement in population.study.panel.movement.items():
-        for drive in drives:
-            if population.study.panel.drive[drive].machine is not None:
-                continue
-            key = f"movement.{name}.extra_time.{drive}"
-            usual = float(changed.get(key, movement.extra_time.get(drive, 0.0)))
-            changed[key] = usual + (longer if drive in slow else 0.0)
-    share = float(rng.uniform(*WEAKER)) if population.study.panel.machine else 1.0
-    for drive in slow:
-        machine = population.study.panel.drive[drive].machine
-        if machine is not None:
-            key = supply_voltage(machine)
-            changed[key] = float(row[key]) * share
+    panel = population.study.panel
+    drive = str(rng.choice(list(panel.drive)))
+    longer, voltage = float(rng.uniform(*SLOWER)), float(rng.uniform(*WEAKER))
+    severity = float(rng.uniform(*DRY_GEAR)) if rng.random() < GEAR_SHARE else 0.0
+    dry = severity > 0.0 and panel.drive[drive].machine is not None
+    changed = slowed(row, population, [] if dry else [drive], longer=longer, voltage=voltage)
+    for name in dict.fromkeys(record.machine for record in panel.drive.values() if record.machine):
+        lost = severity if dry and name == panel.drive[drive].machine else 0.0
+        machine = panel.machine[name]
+        changed[f"machine.{name}.gear.efficiency"] = machine.gear.efficiency * (
+            1.0 - EFFICIENCY_LOST * lost
+        )
+        changed[f"machine.{name}.motor.loss_torque"] = machine.motor.loss_torque * (1.0 + lost)
     return changed
 
 
-ALL_SLOW = 0.5
-"""Share of the slow movements in which all drives are slow, as a weak supply makes them [-]."""
+def with_weak_supply(row: Row, rng: Rng, population: Population) -> Row:
+    """Let all drives be slow in both directions: they share a supply, and its voltage is low."""
+    drives = list(population.study.panel.drive)
+    longer, voltage = float(rng.uniform(*SLOWER)), float(rng.uniform(*WEAKER))
+    return slowed(row, population, drives, longer=longer, voltage=voltage)
+
+
+def slowed(
+    row: Row, population: Population, slow: Sequence[str], *, longer: float, voltage: float
+) -> Row:
+    """Return a row in which some drives are slower, with the durations of all written out.
+
+    Parameters
+    ----------
+    row : dict
+        A sound throw.
+    population : Population
+        It is of.
+    slow : sequence of str
+        Names of the drives.
+    longer : float
+        By how much a marker takes longer in each direction [s].
+    voltage : float
+        Share of its voltage that a machine gets [-].
+    """
+    panel = population.study.panel
+    changed = dict(row)
+    for name, movement in panel.movement.items():
+        for drive, record in panel.drive.items():
+            if record.machine is None:
+                key = f"movement.{name}.extra_time.{drive}"
+                usual = float(changed.get(key, movement.extra_time.get(drive, 0.0)))
+                changed[key] = usual + (longer if drive in slow else 0.0)
+    for machine in {panel.drive[drive].machine for drive in slow} - {None}:
+        key = supply_voltage(str(machine))
+        changed[key] = float(row[key]) * voltage
+    return changed
+
 
 DEFECTS: Mapping[str, Callable[[Row, Rng, Population], Row]] = {
     DRY: with_dry_chairs,
@@ -400,6 +441,7 @@ DEFECTS: Mapping[str, Callable[[Row, Rng, Population], Row]] = {
     CLUTCH: with_worn_clutch,
     ROD: with_loose_rod,
     FROZEN: with_frozen_blade,
-    SLOW_DRIVE: with_slow_drive,
+    IN_DRIVE: with_in_drive,
+    SUPPLY: with_weak_supply,
 }
 """Causes other than objects that throws are made for."""

@@ -14,6 +14,7 @@ from turnout.detection.detector.training_plan import (
     DRY,
     HISTORY,
     OBJECT,
+    OBJECT_KIND,
     SOUND,
     Plan,
     Population,
@@ -22,7 +23,7 @@ from turnout.detection.detector.training_plan import (
     with_dry_chairs,
     with_object,
 )
-from turnout.detection.throws import places_of
+from turnout.detection.throws import of_kind, places_of
 from turnout.study.study import Study
 from turnout.sweep.read import open_sweep
 from turnout.sweep.run import SweepProgress, run_sweep
@@ -42,6 +43,10 @@ TIMES = {DRY: 6, ADJUSTED: 2}
 chairs break away at other instants in every state: of severe ones 26, 36, 41 and 48 % are named
 from 200, 400, 800 and 2,400 samples, at one sound throw in 100."""
 
+KINDS = ("stone", "ice", "snow", "wood")
+"""Kinds of objects beside those that stay as they are, which all "object" throws hold. Steel does
+not yield to what a drive can press with, and is one of the latter."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Counts:
@@ -51,6 +56,8 @@ class Counts:
     ----------
     sound, objects : int
         Sound throws, each of another switch; objects in the first of these states.
+    kinds : int
+        The first of the throws with objects that are also thrown with an object of each of `KINDS`.
     defects : int
         Throws of each other cause, paired as objects are, times those of `TIMES`.
     switches, repeats : int
@@ -63,6 +70,7 @@ class Counts:
 
     sound: int = 4000
     objects: int = 3000
+    kinds: int = 800
     defects: int = 400
     switches: int = 80
     repeats: int = 26
@@ -72,7 +80,8 @@ class Counts:
     @property
     def throws(self) -> int:
         """All that a detector is trained on."""
-        causes = self.sound + self.objects + sum(self.of_cause(name) for name in DEFECTS)
+        objects = self.objects + len(KINDS) * min(self.kinds, self.objects)
+        causes = self.sound + objects + sum(self.of_cause(name) for name in DEFECTS)
         return causes + self.switches * (self.repeats + self.judged * self.objects_each)
 
     def of_cause(self, name: str) -> int:
@@ -100,10 +109,14 @@ def training_plans(study: Study, counts: Counts, *, seed: int = 0) -> dict[str, 
     if counts.objects:
         rng = np.random.default_rng([study.seed, seed, 7])
         rows = [
-            _with_object_at(sound[i % counts.sound], rng, places, number=i, exact=test)
+            object_at(sound[i % counts.sound], rng, places, number=i, exact=test)
             for i in range(counts.objects)
         ]
         plans[OBJECT] = _paired(population, OBJECT, rows, sound)
+        for kind in KINDS if counts.kinds and not test else ():
+            own = [{**row, OBJECT_KIND: kind} for row in rows[: counts.kinds]]
+            name = of_kind(OBJECT, kind)
+            plans[name] = _paired(population, name, own, sound)
     for number, (name, change) in enumerate(DEFECTS.items()):
         if counts.defects:
             rng = np.random.default_rng([study.seed, seed, 9, number])
@@ -115,7 +128,7 @@ def training_plans(study: Study, counts: Counts, *, seed: int = 0) -> dict[str, 
     return plans
 
 
-def _with_object_at(
+def object_at(
     row: Row, rng: np.random.Generator, places: np.ndarray, *, number: int, exact: bool
 ) -> Row:
     """Trap an object anywhere, or at each place in turn and then in a size near what is seen."""
@@ -157,7 +170,7 @@ def _history_plans(
     first = counts.repeats - counts.judged
     judged = [i for i in range(len(rows)) if i % counts.repeats >= first]
     kinds: Mapping[str, Callable[[Row, int], Row]] = {
-        OBJECT: lambda row, i: _with_object_at(row, rng, places, number=i, exact=True),
+        OBJECT: lambda row, i: object_at(row, rng, places, number=i, exact=True),
         ADJUSTED: lambda row, i: with_adjustment(row, rng, population, change=1e-3),
         DRY: lambda row, i: with_dry_chairs(
             row, rng, population, rail=str(rng.choice(["one", "other"]))
