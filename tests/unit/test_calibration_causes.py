@@ -227,6 +227,30 @@ def test_every_cause_is_one_that_the_panel_can_be_thrown_with() -> None:
                 panel.with_overrides(cause.law({**values, **sizes}))
 
 
+def test_drives_that_go_elsewhere_when_open_are_a_cause_where_a_panel_has_them() -> None:
+    """1 mm that no fit knows of moved a stiffness by 5 % on this panel."""
+    panel = load_panel("uic60-760-1-15")
+    parameters = default_plan(panel).parameters
+    (cause,) = [c for c in candidate_causes(panel, parameters) if c.name == "over-travel"]
+    keys = [f"drive.{name}.over_travel_open" for name in panel.drive]
+    assert [key for item in cause.parameters for key in item.keys] == keys
+    reach = [drive.over_travel_open for drive in panel.drive.values()]
+    assert cause.is_slight([size + 4e-5 for size in reach])
+    assert not cause.is_slight([reach[0] + 1e-4, reach[1]])
+    assert cause.text([reach[0] - 1e-3, reach[1] + 2e-4]) == (
+        "drive 1 goes 1 mm less far beyond the open position and drive 2 goes 0.2 mm further "
+        "beyond the open position than in the panel"
+    )
+    for key, size in zip(keys, cause.tries, strict=True):
+        panel.with_overrides({key: size})
+    # One that is fitted anyway is no cause, nor is it one of a panel without.
+    free = default_plan(panel, free=keys[:1]).parameters
+    names = [c.name for c in candidate_causes(panel, free)]
+    sb1 = load_panel("sb1")
+    names += [c.name for c in candidate_causes(sb1, default_plan(sb1).parameters)]
+    assert "over-travel" not in names
+
+
 def test_friction_by_chair_keeps_its_mean() -> None:
     panel = load_panel("sb1")
     parameters = default_plan(panel).parameters

@@ -1,7 +1,7 @@
 """Causes that a model may not follow a measurement: parameters that a panel does not have."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,13 +15,12 @@ from turnout.calibration.bushing_laws import (
     soft_bushing,
     stiffness_beyond,
 )
+from turnout.calibration.cause import Cause
 from turnout.calibration.drive_law.candidates import (
     KNEE_STIFFNESS,
     LEAST_KNEE,
     LEAST_LAG,
     LEAST_PLAY,
-    Law,
-    Shape,
     lagged,
     level_key,
     stiffness_key,
@@ -30,6 +29,7 @@ from turnout.calibration.drive_law.candidates import (
 from turnout.calibration.evaluate import Response
 from turnout.calibration.parameter import Parameter, free_parameter
 from turnout.calibration.result import Fitted
+from turnout.calibration.stages import MILLIMETRE, known_to
 from turnout.errors import PanelError
 from turnout.measurement.chain.recorder_response import (
     BESSEL,
@@ -41,7 +41,6 @@ from turnout.measurement.chain.recorder_response import (
 from turnout.panel.load import LoadedPanel
 
 Floats = NDArray[np.float64]
-Beside = Callable[[Mapping[str, float], Sequence[float]], dict[str, float]]
 FRICTION, MODULUS = "chair.friction_coefficient", "material.youngs_modulus"
 # What names of friction of a group of chairs begin with.
 GROUP = "friction.group."
@@ -51,74 +50,12 @@ LEVEL_SCATTER = 0.05
 # Low-passes of a recorder that are tried, and the time below which there is none [s].
 RECORDER_FILTERS = ((BUTTERWORTH, 2), (RC, 1), (BESSEL, 4), (BUTTERWORTH, 4))
 LEAST_DELAY = 1e-5
+# Of an over-travel that differs [m].
+LEAST_OVER_TRAVEL = 5e-5
 LEAST_SECTIONS = 0.005  # a modulus that is off by less takes up what is another cause's [-]
 # Groups of neighbouring chairs at most, and how far the friction of one is expected from the mean
 # of all, as a share of that [-].
 CHAIR_GROUPS, CHAIR_SPREAD = 5, 0.25
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Cause:
-    """One thing that may differ between model and measurement.
-
-    Attributes
-    ----------
-    name : str
-        What it is called, such as "recorder filter".
-    text : callable
-        From its sizes to a sentence.
-    parameters : tuple of Parameter
-        Its size, or several with priors that describe it together; none where each movement has
-        its own.
-    tries : tuple of float
-        Sizes that are tried: of a smooth cause one of each parameter, each alone; else of its first
-        parameter, the others at their start.
-    group : str
-        Of causes much alike in what they do to forces: a fit with each decides between them.
-    refined : bool
-        Whether the likeliest size is searched between those that are tried: where that needs no
-        throws, so that causes alike in effect are compared at their best.
-    smooth : bool
-        Whether forces change in proportion to it: then one size is tried, and the likeliest
-        follows with those of all values.
-    least : float
-        What is smaller is none: a fit that lacks another cause finds some of every one [as sizes].
-    about_mean : bool
-        Whether only differences of its sizes from their mean count.
-    drives : tuple of str
-        Drives whose law it changes; another cause that changes one of them too is not taken up.
-    beside : callable, optional
-        From values and sizes to the values that keep forces much as they are with the cause: where
-        a trial, and a fit with it, begin.
-    law, shape : callable or None
-        As of `Misfit`.
-    scatter : mapping of str to float
-        Parameters that scatter from movement to movement, as shares.
-    """
-
-    name: str
-    text: Callable[[Sequence[float]], str]
-    parameters: tuple[Parameter, ...] = ()
-    tries: tuple[float, ...] = ()
-    group: str = ""
-    refined: bool = False
-    smooth: bool = False
-    least: float = 0.0
-    about_mean: bool = False
-    drives: tuple[str, ...] = ()
-    beside: Beside | None = None
-    law: Law | None = None
-    shape: Shape | None = None
-    scatter: Mapping[str, float] = field(default_factory=dict)
-
-    def is_slight(self, values: Sequence[float]) -> bool:
-        """Return whether all of its sizes are too small for it to be one."""
-        # Where it is not smooth, its first parameter is its size.
-        sized = self.parameters if self.smooth else self.parameters[:1]
-        sizes = np.array([value - item.start for item, value in zip(sized, values, strict=False)])
-        if self.about_mean:
-            sizes = sizes - sizes.mean()
-        return bool(sizes.size) and bool(np.all(np.abs(sizes) < self.least))
 
 
 def candidate_causes(
@@ -130,6 +67,7 @@ def candidate_causes(
     found += [law for name in panel.drive for law in (_lag(name), *_drive_tables(panel, name))]
     if MODULUS not in known:
         found += _sections(panel)
+    found += _over_travel(panel, known)
     if FRICTION in known and len(panel.chair) > 2:
         found += _friction_by_chair(panel)
     return tuple(found)
@@ -407,6 +345,41 @@ def _sections(panel: LoadedPanel) -> list[Cause]:
             tries=(1.05 * modulus.start,),
             smooth=True,
             least=LEAST_SECTIONS * modulus.start,
+        )
+    ]
+
+
+def _over_travel(panel: LoadedPanel, known: set[str]) -> list[Cause]:
+    """Return drives that go further beyond the open position, or less far, than in the panel.
+
+    The closing one is a parameter of every fit. This one is seen as clearly, but would cost each
+    fit slopes of a parameter more for every drive.
+    """
+    over = {
+        name: known_to(f"drive.{name}.over_travel_open", drive.over_travel_open, MILLIMETRE)
+        for name, drive in panel.drive.items()
+        if drive.over_travel_open != 0.0
+    }
+    if not over or known & {item.name for item in over.values()}:
+        return []
+
+    def text(sizes: Sequence[float]) -> str:
+        parts = [
+            f"drive {name} goes {1e3 * abs(size - item.start):.2g} mm "
+            f"{'further' if size > item.start else 'less far'} beyond the open position"
+            for (name, item), size in zip(over.items(), sizes, strict=True)
+        ]
+        return f"{' and '.join(parts)} than in the panel"
+
+    return [
+        Cause(
+            name="over-travel",
+            text=text,
+            parameters=tuple(over.values()),
+            # Less of it: more may press the other rail home until the drive slips.
+            tries=tuple(item.start - 0.3 * MILLIMETRE for item in over.values()),
+            smooth=True,
+            least=LEAST_OVER_TRAVEL,
         )
     ]
 

@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.calibration.candidate_causes import Cause, candidate_causes
+from turnout.calibration.candidate_causes import candidate_causes
+from turnout.calibration.cause import Cause
 from turnout.calibration.cause_trials import (
     TestedCause,
     cause_trials,

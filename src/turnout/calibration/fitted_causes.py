@@ -2,7 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 
-from turnout.calibration.candidate_causes import Cause, candidate_causes
+from turnout.calibration.candidate_causes import candidate_causes
+from turnout.calibration.cause import Cause
 from turnout.calibration.evaluate import Response
 from turnout.calibration.result import Fitted
 from turnout.panel.load import LoadedPanel

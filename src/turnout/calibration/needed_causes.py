@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from turnout.calibration.candidate_causes import Cause
+from turnout.calibration.cause import Cause
 from turnout.calibration.fit import Fit
 from turnout.calibration.parameter import prior_slopes
 from turnout.calibration.shared import effective_samples

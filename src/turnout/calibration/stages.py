@@ -238,7 +238,7 @@ def nuisances(panel: LoadedPanel) -> list[Parameter]:
     []
     """
     found = [
-        _nuisance(f"drive.{name}.over_travel_closed", drive.over_travel_closed, MILLIMETRE)
+        known_to(f"drive.{name}.over_travel_closed", drive.over_travel_closed, MILLIMETRE)
         for name, drive in panel.drive.items()
         if drive.over_travel_closed != 0.0
     ]
@@ -246,14 +246,21 @@ def nuisances(panel: LoadedPanel) -> list[Parameter]:
         rail = panel.rail[name]
         if isinstance(rail.stress_free, float):
             key = f"rail.{name}.stress_free"
-            item = _nuisance(key, rail.stress_free, FRACTION, unit="1")
+            item = known_to(key, rail.stress_free, FRACTION, unit="1")
             found.append(replace(item, lower=max(item.lower, 0.0), upper=min(item.upper, 1.0)))
         if isinstance(rail.fit_gap, float):
-            found.append(_nuisance(f"rail.{name}.fit_gap", rail.fit_gap, MILLIMETRE))
+            found.append(known_to(f"rail.{name}.fit_gap", rail.fit_gap, MILLIMETRE))
     return found
 
 
-def _nuisance(key: str, value: float, prior: float, *, unit: str = "m") -> Parameter:
+def known_to(key: str, value: float, prior: float, *, unit: str = "m") -> Parameter:
+    """Return a parameter for a key that is known to a standard deviation about a value.
+
+    Examples
+    --------
+    >>> known_to("drive.1.over_travel_open", 2e-3, MILLIMETRE).upper
+    0.008
+    """
     return Parameter(
         name=key,
         keys=(key,),
