@@ -79,8 +79,6 @@ def truth_of(kind: str, folder: Path, rng: np.random.Generator) -> LoadedPanel:
     drawn = {
         item.name: item.start * float(np.exp(TRUTH * np.clip(rng.standard_normal(), -1.5, 1.5)))
         for item in default_plan(panel).parameters
-        # More of it presses the rail on the other side home until its drive slips.
-        if not item.name.endswith(".over_travel_open")
     }
     return panel.with_overrides(drawn)
 
