@@ -12,7 +12,7 @@ from turnout.calibration.fit import fit
 from turnout.calibration.stage_progress import (
     CalibrationProgress,
     ProgressReporter,
-    throws_of_search,
+    work_of_search,
 )
 from turnout.cli.calibrate import _ProgressLog
 from turnout.panel.load import load_panel
@@ -23,7 +23,7 @@ def test_time_left_is_never_less_than_that_of_one_step(monkeypatch: pytest.Monke
     clock = iter([10.0, 30.0])
     monkeypatch.setattr(stage_progress, "time", SimpleNamespace(monotonic=clock.__next__))
     states: list[CalibrationProgress] = []
-    evaluator: Any = SimpleNamespace(made=100, reused=0)
+    evaluator: Any = SimpleNamespace(made=100, work=100.0)
     watch = ProgressReporter(states.append, 1, planned=80, per_step=40, began=10.0)
     watch.report_state(evaluator)
     watch.report_state(evaluator)
@@ -38,13 +38,13 @@ def test_time_left_follows_the_present_pace_and_what_was_needed_beyond_the_plan(
     clock = iter([8.0, 18.0, 58.0])
     monkeypatch.setattr(stage_progress, "time", SimpleNamespace(monotonic=clock.__next__))
     states: list[CalibrationProgress] = []
-    evaluator: Any = SimpleNamespace(made=700, reused=0)
+    evaluator: Any = SimpleNamespace(made=700, work=700.0)
     watch = ProgressReporter(states.append, 1, planned=800, per_step=98, began=1e-9)
     watch.report_state(evaluator)
-    evaluator.made = 800
+    evaluator.work = 800.0
     watch.report_state(evaluator)
     assert states[-1].left == pytest.approx(0.1 * 98)
-    evaluator.made = 1200
+    evaluator.work = 1200.0
     watch.report_state(evaluator)
     assert states[-1].left == pytest.approx(0.1 * 400)
 
@@ -54,15 +54,16 @@ def test_advice_counts_its_own_throws(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = iter([20.0, 30.0])
     monkeypatch.setattr(stage_progress, "time", SimpleNamespace(monotonic=clock.__next__))
     states: list[CalibrationProgress] = []
-    evaluator: Any = SimpleNamespace(made=1000, reused=0)
+    evaluator: Any = SimpleNamespace(made=1000, work=1000.0)
     final: Any = SimpleNamespace(parameters=range(4), misfit=SimpleNamespace(movements=range(20)))
     watch = ProgressReporter(states.append, 1, planned=500, per_step=98, began=10.0)
     watch.begin("advice", final, evaluator)
     watch.report_state(evaluator)
-    evaluator.made = 1050
+    evaluator.work = 1100.0
     watch.report_state(evaluator)
-    assert states[0].left == pytest.approx(0.01 * 60)
-    assert states[1].left == pytest.approx(0.2 * 10)
+    work = 3.5 * 60
+    assert states[0].left == pytest.approx(0.01 * work)
+    assert states[1].left == pytest.approx(0.1 * (work - 100))
 
 
 def test_time_left_is_not_said_of_the_first_throws(capsys: pytest.CaptureFixture[str]) -> None:
@@ -91,12 +92,12 @@ def test_a_search_for_causes_is_in_the_time_left(monkeypatch: pytest.MonkeyPatch
     clock = iter([10.0, 20.0, 21.0])
     monkeypatch.setattr(stage_progress, "time", SimpleNamespace(monotonic=clock.__next__))
     states: list[CalibrationProgress] = []
-    evaluator: Any = SimpleNamespace(made=100, reused=0)
+    evaluator: Any = SimpleNamespace(made=100, work=100.0)
     watch = ProgressReporter(states.append, 1, planned=110, per_step=40, began=10.0)
     watch.report_state(evaluator)
     rng = np.random.default_rng(3)
     found = fit(misfit([movement(f"m{n}", rng=rng) for n in range(3)]), PARAMETERS, TRUE)
-    throws = throws_of_search(found, load_panel("sb1"))
+    throws = work_of_search(found, load_panel("sb1"))
     assert throws > 3 * 40
     watch.more(throws, evaluator)
     watch.report_state(evaluator)

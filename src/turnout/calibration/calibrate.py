@@ -1,6 +1,7 @@
 """Calibrate a panel to a campaign, stage by stage."""
 
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -65,9 +66,9 @@ from turnout.calibration.sensors import (
 from turnout.calibration.stage_progress import (
     CalibrationProgress,
     ProgressReporter,
-    planned_throws,
-    throws_of_search,
-    throws_per_step,
+    planned_work,
+    work_of_search,
+    work_per_step,
 )
 from turnout.calibration.stages import JOINT_MOVEMENTS, CalibrationPlan, Stage, default_plan
 from turnout.calibration.starts import last_start, nearest_fit, starts_of, with_movements
@@ -117,6 +118,7 @@ def calibrate(
     exclude: Sequence[str] = (),
     folder: Path | None = None,
     workers: int = 1,
+    pool: ProcessPoolExecutor | None = None,
     scheme: Scheme | None = None,
     uncertainty: Uncertainty | None = None,
     posterior: bool = False,
@@ -139,6 +141,8 @@ def calibrate(
         Where throws are kept; the same call continues after a stop.
     workers : int
         Processes that simulate at the same time, at least 1.
+    pool : ProcessPoolExecutor, optional
+        Those processes, from `throw_processes`; by default they start with the first throws.
     scheme : Scheme, optional
         Step, cut-off and tolerances of every throw; by default those of `Scheme()`.
     uncertainty : Uncertainty, optional
@@ -163,19 +167,19 @@ def calibrate(
     SolverError
         When a throw cannot be simulated.
     """
-    plan = plan or default_plan(panel)
+    plan, scheme = plan or default_plan(panel), scheme or Scheme()
     movements, oversized = exclude_oversized_objects(
         observe(dataset, panel, exclude=exclude), panel
     )
     check_campaign(movements, plan, panel, source=str(dataset.attrs.get("title", "campaign")))
     comparison = _comparison(dataset, movements, plan, uncertainty or Uncertainty())
-    planned = planned_throws(plan, movements, panel, posterior=posterior, advise=advise)
-    per_step = throws_per_step(plan, movements, panel)
+    planned = planned_work(plan, movements, panel, posterior=posterior, advise=advise)
+    per_step = work_per_step(plan, movements, panel)
     watch = ProgressReporter(report, len(plan.stages), planned=planned, per_step=per_step)
     # Matrices are small: threads would cost four times what the fits themselves take.
     with (
         one_blas_thread(),
-        Evaluator(panel, folder=folder, workers=workers, scheme=scheme or Scheme()) as evaluator,
+        Evaluator(panel, folder=folder, workers=workers, pool=pool, scheme=scheme) as evaluator,
     ):
         evaluator.on_throw = lambda: watch.report_state(evaluator)
         rods = rod_warnings(dataset, movements, evaluator)
@@ -203,7 +207,7 @@ def calibrate(
             sampled, doubts = posterior_record(final, spread)
             warnings += doubts
         calibration = replace(
-            _result(final, spread, of=(plan, panel, dataset, movements), scheme=scheme or Scheme()),
+            _result(final, spread, of=(plan, panel, dataset, movements), scheme=scheme),
             distrust=_distrust(final, spread, causes),
             stages=tuple(logs),
             warnings=tuple(dict.fromkeys(warnings)),
@@ -374,7 +378,7 @@ class _Run:
             found = brief_fit(start, parameters, near.values, near=quick, passes=1, steps=0)
         found = last_start(start, parameters, near, found, on_step=on_step)
         if is_worth_a_search(found):
-            self.watch.more(throws_of_search(found, self.panel), self.evaluator)
+            self.watch.more(work_of_search(found, self.panel), self.evaluator)
         search = with_causes(found, start, self.panel, on_step=on_step)
         lead = common_lead(search.found)
         known = replace(search.first.comparison, lead=lead)

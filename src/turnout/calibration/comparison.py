@@ -298,7 +298,7 @@ def _align(
     )
     names = ["onset", *sensitivities]
     scales = [spread, *(comparison.scatter[name] for name in sensitivities)]
-    zeros = _channel_columns(parts, measured, comparison.uncertainty)
+    channels = _without_noise(_channel_columns(parts, measured, comparison.uncertainty), factors)
     ahead = prediction(response, movement, parts)
     pairs = [
         (prediction(s.stepped, movement, parts), prediction(s.simulated, movement, parts), s.step)
@@ -312,14 +312,11 @@ def _align(
         columns = [turned] + [
             (aside.row(shift) - here.row(shift)) / step for aside, here, step in pairs
         ]
-        nuisances = np.column_stack(
-            [*(c * s for c, s in zip(columns, scales, strict=True)), *zeros]
-        )
         places = np.array([shift - lead, *(s.effect for s in sensitivities.values())])
         plain = np.column_stack(columns)
         rest = measured - ahead.row(shift) + plain @ places
-        both = _without_noise(np.column_stack([nuisances, rest]), factors)
-        clean = np.ascontiguousarray(both[:, :-1])
+        both = _without_noise(np.column_stack([plain * scales, rest]), factors)
+        clean = np.column_stack([both[:, :-1], channels])
         inverse = np.linalg.inv(np.eye(clean.shape[1]) + clean.T @ clean)
         solve = inverse @ clean.T
         found = solve @ both[:, -1]
@@ -360,14 +357,12 @@ def _channel_estimates(found: Floats, known: Uncertainty) -> tuple[tuple[float, 
 
 def _channel_columns(
     parts: Sequence[tuple[Signal, NDArray[np.intp]]], measured: Floats, uncertainty: Uncertainty
-) -> list[Floats]:
+) -> Floats:
     """Return a column for the zero and one for the gain of each part."""
-    columns, first = [], 0
-    for _, bins in parts:
+    columns, first = np.zeros((measured.size, 2 * len(parts))), 0
+    for number, (_, bins) in enumerate(parts):
         place = slice(first, first + bins.size)
-        for values in (np.full(bins.size, uncertainty.zero), uncertainty.gain * measured[place]):
-            column = np.zeros(measured.size)
-            column[place] = values
-            columns.append(column)
+        columns[place, 2 * number] = uncertainty.zero
+        columns[place, 2 * number + 1] = uncertainty.gain * measured[place]
         first += bins.size
     return columns

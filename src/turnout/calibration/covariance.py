@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
-from scipy.stats import norm
-from scipy.stats import t as student
+from scipy.special import ndtr, ndtri, stdtrit
 
 from turnout.calibration.candidate_causes import CHAIR_SPREAD, FRICTION, GROUP, MODULUS
 from turnout.calibration.comparison import Alignment, Key
@@ -37,7 +36,7 @@ OTHER_SCALE, SCALE_SPREAD = 0.02, 0.05
 # The change by half the step and elements half as long, and by four times the frequency of modes,
 # over the error left [-].
 OF_STEP, OF_MODES = 2.0**2 - 1.0, 4.0**1.2 - 1.0
-NORMAL_95 = float(norm.ppf(0.975))
+NORMAL_95 = float(ndtri(0.975))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -174,7 +173,7 @@ def spread_of(found: Fit) -> Spread:
     # The scatter of a parameter is itself known from few movements only.
     freedom = max(len(found.frame.alignments) - 1, 0) + SCATTER_WEIGHT
     wide = {
-        name: float(student.ppf(0.975, freedom))
+        name: float(stdtrit(freedom, 0.975))
         for name, share in found.misfit.comparison.scatter.items()
         if share > 0
     }
@@ -208,8 +207,7 @@ def solver_columns(found: Fit) -> list[Floats]:
     for half the step of a scheme of second order together with elements half as long, whose error
     is of that order too, and for modes to four times the frequency: on the panels of the library
     each doubling leaves 0.41 to 0.46 of the change that it makes, which is an order of 1.2. Each is
-    one error of all movements together; there are none where the fit did not come to its fine
-    throws.
+    one error of all movements together; there are none without fine throws at the end of the fit.
 
     Parameters
     ----------
@@ -339,8 +337,10 @@ def scale_doubt(mean: float, deviation: float) -> float:
     [0.0, 0.0, 0.0005, 0.0107, 0.0169]
     """
     wide = float(np.hypot(deviation, SCALE_SPREAD))
-    chance = (1.0 - OTHER_SCALE) * norm.pdf(mean, scale=deviation)
-    other = OTHER_SCALE * norm.pdf(mean, scale=wide)
+    chance, other = (
+        share * float(np.exp(-0.5 * (mean / size) ** 2)) / size
+        for share, size in ((1.0 - OTHER_SCALE, deviation), (OTHER_SCALE, wide))
+    )
     beyond = (1.0 - 0.95) * (chance + other) / other
     if not beyond < 1.0:
         return 0.0
@@ -348,7 +348,7 @@ def scale_doubt(mean: float, deviation: float) -> float:
     size = deviation * SCALE_SPREAD / wide
 
     def left(reach: float) -> float:
-        return float(norm.sf((reach - middle) / size) + norm.sf((reach + middle) / size)) - beyond
+        return float(ndtr((middle - reach) / size) + ndtr((-middle - reach) / size)) - beyond
 
     return float(brentq(left, 0.0, middle + 10.0 * size)) / NORMAL_95
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from turnout.calibration.fit import Fit
 from turnout.calibration.parameter import prior_information, prior_residuals, values_at
@@ -84,7 +84,7 @@ def reach_of(count: int) -> float:
     >>> [round(reach_of(count), 2) for count in (1, 2, 5, 10)]
     [2.58, 3.03, 3.88, 4.82]
     """
-    return float(np.sqrt(chi2.ppf(WITHIN, count)))
+    return float(np.sqrt(chdtri(count, 1.0 - WITHIN)))
 
 
 def points_needed(count: int) -> int:

@@ -4,7 +4,7 @@ import gc
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from types import TracebackType
@@ -17,6 +17,7 @@ from turnout.core.files import make_folder, write_atomic
 from turnout.core.processes import end_pool, no_broken_pool, worker_processes
 from turnout.core.provenance import content_hash, version
 from turnout.core.stored_arrays import arrays_from_bytes, arrays_to_bytes
+from turnout.core.threads import one_blas_thread
 from turnout.errors import FileError, TurnoutError
 from turnout.integrate.outcome import Code
 from turnout.panel.foreign_object import ForeignObject
@@ -36,6 +37,8 @@ MOST_IN_MEMORY = 4000
 # modes to 300 Hz only on the default panel. So many times as high they go. Elements of half the
 # length cost nothing once their matrices are made.
 FINE, FINE_MODES, FINE_MESH = 0.5, 4.0, 0.5
+# What each kind takes of processor time, in quick throws.
+LEAN_WORK, PLAIN_WORK, HALVED_WORK, FINE_WORK = 2.0, 3.5, 10.0, 18.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,6 +69,12 @@ class ThrowInputs:
     halved: bool = False
     fine: bool = False
     lean: bool = False
+
+    @property
+    def work(self) -> float:
+        """Processor time that it takes, in quick throws, roughly."""
+        kinds = (self.fine, FINE_WORK), (self.halved, HALVED_WORK), (self.lean, LEAN_WORK)
+        return next((work for this, work in kinds if this), 1.0 if self.quick else PLAIN_WORK)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -113,8 +122,12 @@ class Evaluator:
         Numerical choices, and those for throws that may be quick.
     on_throw : callable or None
         Called after each throw.
+    pool : ProcessPoolExecutor or None
+        Processes from `throw_processes`, which outlive this; without them it starts its own.
     made, reused : int
         Throws simulated, and taken from the folder.
+    work : float
+        Processor time of all these, in quick throws.
     """
 
     panel: LoadedPanel
@@ -123,8 +136,10 @@ class Evaluator:
     scheme: Scheme = field(default_factory=Scheme)
     quick: Scheme = field(default_factory=lambda: Scheme.of("quick"))
     on_throw: Callable[[], None] | None = None
+    pool: ProcessPoolExecutor | None = None
     made: int = 0
     reused: int = 0
+    work: float = 0.0
     _known: "OrderedDict[str, Response]" = field(default_factory=OrderedDict)
     _pool: ProcessPoolExecutor | None = None
     _shared: dict[tuple[bool, ...], str] = field(default_factory=dict)
@@ -165,11 +180,13 @@ class Evaluator:
             else:
                 self._known[key] = stored
                 self.reused += 1
+                self.work += throw.work
         for key, response in self._made(missing):
             if self.folder is not None:
                 self._write(key, packed(response, key))
             self._known[key] = response
             self.made += 1
+            self.work += missing[key].work
             if self.on_throw is not None:
                 self.on_throw()
         found = [self._known[key] for key in keys]
@@ -179,16 +196,17 @@ class Evaluator:
 
     def _made(self, missing: Mapping[str, ThrowInputs]) -> Iterator[tuple[str, Response]]:
         jobs = [(key, throw, self._scheme_of(throw)) for key, throw in missing.items()]
-        if self.workers <= 1 or (len(jobs) <= 1 and self._pool is None):
+        pool = self.pool or self._pool
+        if self.workers <= 1 or (len(jobs) <= 1 and pool is None):
             for key, throw, scheme in jobs:
                 yield key, simulate_throw(self.panel, throw, scheme)
             return
-        if self._pool is None:
-            self._pool = worker_processes(self.workers, _begin_worker, self.panel)
+        if pool is None:
+            pool = self._pool = worker_processes(self.workers, _begin_worker, self.panel)
         with no_broken_pool():
-            futures = [self._pool.submit(_simulate_in_worker, job) for job in jobs]
+            futures = [pool.submit(_simulate_in_worker, some) for some in _messages(jobs)]
             for future in as_completed(futures):
-                yield future.result()
+                yield from future.result()
 
     def _scheme_of(self, throw: ThrowInputs) -> Scheme:
         if throw.fine:
@@ -252,6 +270,53 @@ def _plain(value: object) -> object:
     return value if isinstance(value, str | int | float | bool) else repr(value)
 
 
+Job = tuple[str, ThrowInputs, Scheme]
+
+
+def _messages(jobs: Sequence[Job]) -> list[list[Job]]:
+    """Return jobs as they are sent to processes.
+
+    Those of a place whose elements are halved go together, as the process that made their matrices
+    has them; first, as they take longest, and single throws then keep all processes busy.
+    """
+    places: dict[str, list[Job]] = {}
+    single = []
+    for job in jobs:
+        if job[1].halved or job[1].fine:
+            places.setdefault(job[1].place, []).append(job)
+        else:
+            single.append([job])
+    return [*places.values(), *single]
+
+
+@contextmanager
+def throw_processes(
+    panel: LoadedPanel, workers: int, folder: Path
+) -> Iterator[ProcessPoolExecutor | None]:
+    """Start processes for an `Evaluator` at once, so that they load while this one still reads.
+
+    Parameters
+    ----------
+    panel, workers, folder
+        As of the `Evaluator`.
+
+    Yields
+    ------
+    ProcessPoolExecutor or None
+        None with one process, and where throws are kept already, so that perhaps none is missing.
+    """
+    if workers <= 1 or (folder.is_dir() and any(folder.iterdir())):
+        yield None
+        return
+    pool = worker_processes(workers, _begin_worker, panel)
+    try:
+        for _ in range(workers):  # each starts one
+            pool.submit(_throw_once)
+        yield pool
+    finally:
+        end_pool(pool)
+
+
 # What a worker process throws; sent once, so that it keeps what is prepared from it.
 _panels: list[LoadedPanel] = []
 
@@ -262,9 +327,14 @@ def _begin_worker(panel: LoadedPanel) -> None:
     gc.enable()
 
 
-def _simulate_in_worker(job: tuple[str, ThrowInputs, Scheme]) -> tuple[str, Response]:
-    key, throw, scheme = job
-    return key, simulate_throw(_panels[0], throw, scheme)
+def _throw_once() -> None:
+    """Load what the first throw of a process needs."""
+    simulate_throw(_panels[0], ThrowInputs(overrides={}), Scheme.of("quick"))
+
+
+def _simulate_in_worker(jobs: Sequence[Job]) -> list[tuple[str, Response]]:
+    with one_blas_thread():
+        return [(key, simulate_throw(_panels[0], throw, scheme)) for key, throw, scheme in jobs]
 
 
 def simulate_throw(panel: LoadedPanel, throw: ThrowInputs, scheme: Scheme) -> Response:

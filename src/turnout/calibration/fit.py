@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import lsq_linear
 
+from turnout.calibration.bounded_step import bounded_step
 from turnout.calibration.evaluate import Response
 from turnout.calibration.fit_noise import (
     inflate_noise,
@@ -37,7 +37,6 @@ from turnout.calibration.parameter import (
     Parameter,
     coordinates,
     prior_residuals,
-    prior_slopes,
     values_at,
 )
 from turnout.core.threads import one_blas_thread
@@ -50,13 +49,16 @@ EXTENDING_SHARE, EXTENDING_DECREASE = 1e-3, 1.0
 # Noise of the passes of a rough fit, as a share of the model error at the start [-].
 ROUGH_SHARES, JOINT_SHARES = (1.0,), (1.0, 0.1)
 MAX_PASSES = 4
-# Longest step, a factor of 1.6, and those that the noise of the solver hides [coordinate].
-MAX_STEP, MIN_STEP = 0.5, 1e-4
+# Steps that the noise of the solver hides [coordinate].
+MIN_STEP = 1e-4
 # A step of a smaller predicted decrease is not tried [square of a standard deviation].
 MIN_DECREASE = 0.05
 # Slopes are proved by a step whose decrease they foretold to this share [-]; a step of less than
 # this that they promise then, and that the noise of the solver hides, needs no fresh ones.
 AS_FORETOLD, LITTLE_DECREASE = 0.02, 2.0
+# A step that is predicted to save less than this is taken untried [square of a standard deviation],
+# if slopes leave less than this of it [standard deviation].
+SURE_DECREASE, SURE = 4.0, 0.1
 # Of a stage that others follow: most steps, most rejected in a row, and the share of the cost that
 # a step must be predicted to save.
 ROUGH_STEPS, ROUGH_REJECTED, ROUGH_DECREASE = 6, 2, 0.01
@@ -296,11 +298,12 @@ def _least_squares(
     damping, iterations = 1e-4, 0
     max_steps, max_rejected, passes = _limits(rough=rough, brief=brief)
     min_decrease = min_decrease if brief is None else BRIEF_DECREASE
-    message, converged, fresh, proved = "", rough, False, False
+    message, converged, fresh, proved, last = "", rough, False, False, 0.0
     while True:
         slopes = local.stepped
         misfit, local, frame = update_movement_effects(misfit, local, names, passes=passes)
-        fresh, proved = fresh or local.stepped is not slopes, proved and local.stepped is slopes
+        if local.stepped is not slopes:
+            fresh, proved, last = True, False, 0.0
         r, J = misfit.residuals_of(local.simulated, frame), jacobian(local, frame, names)
         cost = _cost(r, parameters, local.values)
         if on_step is not None:
@@ -308,17 +311,23 @@ def _least_squares(
         accepted, rejected = False, 0
         while iterations < max_steps and rejected < max_rejected:
             iterations += 1
-            step, predicted_decrease = _step(r, J, parameters, local.values, damping)
+            step, predicted_decrease = bounded_step(r, J, parameters, local.values, damping)
             least = max(min_decrease, ROUGH_DECREASE * cost) if rough else min_decrease
             if predicted_decrease < least or np.abs(step).max() < MIN_STEP:
                 message, converged = "converged", True
                 break
             theta = coordinates(parameters, local.values) + step
             trial = {**local.values, **values_at(parameters, theta)}
+            if _is_sure(last, predicted_decrease) and not rough and brief is None:
+                local = local.moved(trial, dict(zip(names, step, strict=True)))
+                r = misfit.residuals_of(local.simulated, frame)
+                message, converged = "converged", True
+                break
             trial_misfit = replace(misfit, effects=effects_after(misfit, local, frame, names, step))
             here, trial_cost = _tried(trial_misfit, frame, parameters, trial)
             if np.isfinite(trial_cost) and trial_cost < cost:
                 damping, accepted, misfit = 0.1 * damping, True, trial_misfit
+                last = predicted_decrease
                 proved = _foretold(cost - trial_cost, predicted_decrease, before=proved)
                 if not rough and brief is None:
                     max_steps = max(max_steps, _extended(iterations, cost, trial_cost))
@@ -331,25 +340,47 @@ def _least_squares(
         if not accepted:
             done = rough or fresh or bool(misfit.correction)  # which lead near only
             if rejected and not done and iterations < max_steps:
-                local, fresh = misfit.local(local.values, names), True
+                local, fresh, last = misfit.local(local.values, names), True, 0.0
                 message, converged = "", False
                 continue
             if brief is not None and rejected == max_rejected:
                 message, converged = "converged as far as its slopes lead", True
             break
         local, fresh = replace(local, values=trial, simulated=here), False
+    message = message or f"stopped after {iterations} steps before convergence"
+    return _ended(misfit, parameters, (local, frame, r, J), iterations, message, converged)
+
+
+def _ended(
+    misfit: Misfit,
+    parameters: Sequence[Parameter],
+    there: tuple[Linearisation, Frame, Floats, Floats],
+    iterations: int,
+    message: str,
+    converged: bool,  # noqa: FBT001 - as all else of where a fit ended
+) -> Fit:
+    local, frame, residuals, slopes = there
     return Fit(
         misfit=misfit,
         parameters=tuple(parameters),
         values=local.values,
         local=local,
         frame=frame,
-        residuals=r,
-        jacobian=J,
+        residuals=residuals,
+        jacobian=slopes,
         iterations=iterations,
-        message=message or f"stopped after {iterations} steps before convergence",
+        message=message,
         converged=converged,
     )
+
+
+def _is_sure(last: float, predicted: float) -> bool:
+    """Return whether a step may be taken on the word of its slopes, without a throw.
+
+    They leave a share of each step, which the last one shows; of a small one this is too little to
+    matter, where the noise of the solver would decide of a trial.
+    """
+    return predicted < SURE_DECREASE and predicted < SURE * last**0.5
 
 
 def _foretold(decrease: float, predicted: float, *, before: bool) -> bool:
@@ -394,48 +425,3 @@ def _cost(r: Floats, parameters: Sequence[Parameter], values: Mapping[str, float
     """Return the sum of squares of residuals, and of what priors of parameters add to them."""
     away = prior_residuals(parameters, coordinates(parameters, values))
     return float(r @ r) + float(away @ away)
-
-
-def _step(
-    r: Floats,
-    J: Floats,
-    parameters: Sequence[Parameter],
-    values: Mapping[str, float],
-    damping: float,
-) -> tuple[Floats, float]:
-    r"""Return the Levenberg-Marquardt step within bounds, and the predicted decrease of the cost.
-
-    .. math::
-
-        \min_s \|J s + r\|^2 + \lambda \|D s\|^2, \quad D_{jj} = \|J_{:j}\|
-
-    Parameters
-    ----------
-    r : ndarray, shape (n,)
-        Whitened residuals [-].
-    J : ndarray, shape (n, p)
-        Their change with each coordinate.
-    parameters : sequence of Parameter
-        With bounds, in the order of the columns of `J`.
-    values : mapping of str to float
-        At the present point.
-    damping : float
-        :math:`\lambda` [-].
-    """
-    theta = coordinates(parameters, values)
-    J = np.vstack([J, np.diag(prior_slopes(parameters))])
-    r = np.concatenate([r, prior_residuals(parameters, theta)])
-    D = np.sqrt((J**2).sum(axis=0))
-    D = np.where(D > 0, D, 1.0)
-    lower = np.array([item.coordinate(item.lower) for item in parameters]) - theta
-    upper = np.array([item.coordinate(item.upper) for item in parameters]) - theta
-    lower = np.minimum(np.maximum(lower, -MAX_STEP), -1e-12)
-    upper = np.maximum(np.minimum(upper, MAX_STEP), 1e-12)
-    # The triangle of [J r] gives the same step as the tall matrices.
-    R: Floats = np.asarray(np.linalg.qr(np.column_stack([J, r]), mode="r"), dtype=np.float64)
-    p = len(parameters)
-    matrix = np.vstack([R[:, :p], np.sqrt(damping) * np.diag(D)])
-    right = np.concatenate([-R[:, p], np.zeros(p)])
-    step = lsq_linear(matrix, right, bounds=(lower, upper)).x
-    r_linear = r + J @ step
-    return np.asarray(step), float(r @ r - r_linear @ r_linear)

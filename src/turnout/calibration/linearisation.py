@@ -7,6 +7,7 @@ from typing import TypeVar
 import numpy as np
 
 from turnout.calibration.evaluate import Response
+from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.parameter import Parameter
 
 T = TypeVar("T")
@@ -53,6 +54,44 @@ class Linearisation:
     about: tuple[Mapping[str, float], ...]
     quick: bool
 
+    def moved(self, values: Mapping[str, float], step: Mapping[str, float]) -> "Linearisation":
+        """Return this with the responses that slopes foretell a step away, without any throw.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            Common values there.
+        step : mapping of str to float
+            How far each parameter goes, in its coordinate.
+        """
+        simulated = tuple(
+            _along(response, self._changes(number, step))
+            for number, response in enumerate(self.simulated)
+        )
+        return replace(self, values=values, simulated=simulated)
+
+    def apart(
+        self, one: Mapping[str, float], other: Mapping[str, float], parameters: Sequence[Parameter]
+    ) -> float:
+        """Return how far values are apart in what has slopes [coordinate]."""
+        shifts = [
+            abs(p.coordinate(one[p.name]) - p.coordinate(other[p.name]))
+            for p in parameters
+            if p.name in self.stepped
+        ]
+        return max(shifts, default=0.0)
+
+    def _changes(
+        self, number: int, way: Mapping[str, float]
+    ) -> list[tuple[Response, Response, float]]:
+        """Return what slopes foretell over a distance, as shares of differences of responses."""
+        before = self.origin[number]
+        return [
+            (self.stepped[name][number], before, size / self.steps[name][number])
+            for name, size in way.items()
+            if self.stepped[name][number] is not before
+        ]
+
     def with_movements(self, numbers: Sequence[int], other: "Linearisation") -> "Linearisation":
         """Return this with some movements of another one, in the order of the numbers."""
         place = {number: n for n, number in enumerate(numbers)}
@@ -74,6 +113,61 @@ class Linearisation:
             shares=by_name(self.shares, other.shares),
             about=joined(self.about, other.about),
         )
+
+
+def _along(base: Response, changes: Sequence[tuple[Response, Response, float]]) -> Response:
+    """Return a response with shares of the differences of others, which are on the same times."""
+    return replace(
+        base,
+        drive_force={
+            name: row
+            + sum(
+                size * (after.drive_force[name] - was.drive_force[name])
+                for after, was, size in changes
+            )
+            for name, row in base.drive_force.items()
+        },
+        object_force=base.object_force
+        + sum(size * (after.object_force - was.object_force) for after, was, size in changes),
+    )
+
+
+def leaders_of(
+    movements: Sequence[MeasuredMovement],
+    stepped: Sequence[Parameter],
+    own: Sequence[Mapping[str, float]],
+    *,
+    within: float,
+) -> list[int]:
+    """Return for each movement the first with the same object that is thrown near its values.
+
+    Its steps aside serve for both. A movement without an object is thrown there and back, whichever
+    way it went.
+
+    Parameters
+    ----------
+    movements : sequence of MeasuredMovement
+        What was measured.
+    stepped : sequence of Parameter
+        Those that are stepped.
+    own : sequence of mapping of str to float
+        Values by name at which each movement is thrown.
+    within : float
+        How far apart they may be [coordinate].
+    """
+    points = [[item.coordinate(values[item.name]) for item in stepped] for values in own]
+    leaders: list[int] = []
+    for number, movement in enumerate(movements):
+        near = (
+            other
+            for other in dict.fromkeys(leaders)
+            if (movements[other].place, movements[other].size) == (movement.place, movement.size)
+            and all(
+                abs(a - b) <= within for a, b in zip(points[other], points[number], strict=True)
+            )
+        )
+        leaders.append(next(near, number))
+    return leaders
 
 
 def stepped_value(parameter: Parameter, value: float, difference: float = DIFFERENCE) -> float:

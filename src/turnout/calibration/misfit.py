@@ -14,6 +14,7 @@ from turnout.calibration.linearisation import (
     FINE_DIFFERENCE,
     SAME_SLOPE,
     Linearisation,
+    leaders_of,
     stepped_value,
     touches,
 )
@@ -127,10 +128,15 @@ class Misfit:
         """Return this with what finer throws change at values."""
         like = replace(self._repeated_alike(), quick=False)
         throws = [like._throw(n, {**self.base, **values}) for n in range(len(self.movements))]
-        plain = self.evaluator.responses(throws)
-        halved = self.evaluator.responses([replace(item, halved=True) for item in throws])
-        fine = self.evaluator.responses([replace(item, fine=True) for item in throws])
-        pairs = zip(plain, halved, fine, strict=True)
+        made = self.evaluator.responses(
+            [
+                replace(item, halved=kind == "halved", fine=kind == "fine")
+                for kind in ("plain", "halved", "fine")
+                for item in throws
+            ]
+        )
+        count = len(throws)
+        pairs = zip(made[:count], made[count : 2 * count], made[2 * count :], strict=True)
         return replace(
             self, refinement=tuple(Refined(plain=a, halved=b, fine=c) for a, b, c in pairs)
         )
@@ -216,7 +222,8 @@ class Misfit:
     def local(self, values: Mapping[str, float], vary: Sequence[str]) -> Linearisation:
         """Simulate about values: responses there, and one step aside for each parameter.
 
-        Parameters that scatter are always among those that are stepped.
+        Parameters that scatter are always among those that are stepped. Repeats that are thrown at
+        nearly the same values share the steps aside of the first of them.
 
         Raises
         ------
@@ -239,7 +246,9 @@ class Misfit:
             p.name: stepped_value(p, whole[p.name], DIFFERENCE if p.prior else difference)
             for p in stepped
         }
-        moved = self._moved(whole, stepped, aside, here)
+        own = [self._inputs_of(whole, n) for n in range(len(self.movements))]
+        leaders = leaders_of(self.movements, stepped, own, within=0.5 * self.same_slope)
+        moved = self._moved(whole, stepped, aside, here, sorted(set(leaders)))
         count = len(self.movements)
         steps = {
             p.name: (p.coordinate(aside[p.name]) - p.coordinate(whole[p.name]),) * count
@@ -248,7 +257,7 @@ class Misfit:
         shares = {
             p.name: tuple(
                 (aside[p.name] / whole[p.name] - 1.0) * (1.0 + self.effect(p.name, n))
-                for n in range(count)
+                for n in leaders
             )
             for p in stepped
             if whole[p.name] != 0.0
@@ -256,11 +265,11 @@ class Misfit:
         return Linearisation(
             values=whole,
             simulated=tuple(here),
-            origin=tuple(here),
-            stepped=moved,
+            origin=tuple(here[n] for n in leaders),
+            stepped={name: tuple(row[n] for n in leaders) for name, row in moved.items()},
             steps=steps,
             shares=shares,
-            about=tuple(self._inputs_of(whole, n) for n in range(len(self.movements))),
+            about=tuple(own[n] for n in leaders),
             quick=self.quick,
         )
 
@@ -272,29 +281,20 @@ class Misfit:
         Near is judged movement by movement, as each is simulated at its own values.
         """
         whole = {**self.base, **values}
-        shifts = [self._shift(whole, n, previous) for n in range(len(self.movements))]
-        stale = [n for n, shift in enumerate(shifts) if shift > self.same_slope]
+        own = [self._inputs_of(whole, n) for n in range(len(self.movements))]
+        stale = [
+            n
+            for n, inputs in enumerate(own)
+            if previous.apart(previous.about[n], inputs, self.parameters) > self.same_slope
+        ]
         same = set(vary) <= set(previous.stepped) and previous.quick == self.quick
         if not same or len(stale) == len(self.movements):
             return self.local(whole, vary)
-        here = tuple(self.responses([whole])[0])
-        found = replace(previous, values=whole, simulated=here)
-        if not stale:
-            return found
-        part = self.of(stale)
-        return found.with_movements(stale, part.local(whole, vary))
+        found = replace(previous, values=whole, simulated=tuple(self.responses([whole])[0]))
+        return found.with_movements(stale, self.of(stale).local(whole, vary)) if stale else found
 
     def _inputs_of(self, values: Mapping[str, float], number: int) -> dict[str, float]:
         return {name: value * (1.0 + self.effect(name, number)) for name, value in values.items()}
-
-    def _shift(self, values: Mapping[str, float], number: int, previous: Linearisation) -> float:
-        """Return how far a movement is thrown from where its steps aside were taken."""
-        before, after = previous.about[number], self._inputs_of(values, number)
-        return max(
-            abs(p.coordinate(after[p.name]) - p.coordinate(before[p.name]))
-            for p in self.parameters
-            if p.name in previous.stepped
-        )
 
     def _moved(
         self,
@@ -302,8 +302,9 @@ class Misfit:
         stepped: Sequence[Parameter],
         aside: Mapping[str, float],
         here: Sequence[Response],
+        numbers: Sequence[int],
     ) -> dict[str, tuple[Response, ...]]:
-        """Return the responses aside; those at the point where nothing acts.
+        """Return the responses aside of some movements; those at the point where nothing acts.
 
         Those of parameters with priors are lean.
         """
@@ -314,7 +315,7 @@ class Misfit:
         for p in stepped:
             values = {**whole, p.name: aside[p.name]}
             lean = p.prior > 0.0 and not self.quick
-            for number in range(len(self.movements)):
+            for number in numbers:
                 if p.name in self.always or touches(p, whole[p.name], here[number]):
                     wanted.append((p, number, lean))
                     throws.append((light if lean else self)._throw(number, values))

@@ -25,8 +25,9 @@ def update_movement_effects(
     """
     frame = framed(local, misfit)
     for _ in range(passes):
-        effects = _clipped(misfit, [alignment.estimates for alignment in frame.alignments])
-        if _largest_deviation(misfit, effects) <= SAME_EFFECT:
+        found = _clipped(misfit, [alignment.estimates for alignment in frame.alignments])
+        effects = _where_further(misfit, found)
+        if effects == misfit.effects:
             break
         misfit = replace(misfit, effects=effects)
         local = replace(local, simulated=tuple(misfit.responses([local.values])[0]))
@@ -69,10 +70,27 @@ def _clipped(
     return effects
 
 
-def _largest_deviation(misfit: Misfit, effects: Mapping[str, tuple[float, ...]]) -> float:
-    shifts = [
-        abs(share - misfit.effect(name, number))
-        for name, shares in effects.items()
-        for number, share in enumerate(shares)
+def _where_further(
+    misfit: Misfit, found: Mapping[str, tuple[float, ...]]
+) -> Mapping[str, tuple[float, ...]]:
+    """Return the effects of a misfit, and estimates where they are further off than is allowed.
+
+    A movement is simulated again only where one of its own has changed.
+    """
+    known = {
+        name: tuple(misfit.effect(name, number) for number in range(len(shares)))
+        for name, shares in found.items()
+    }
+    further = [
+        any(abs(found[name][number] - known[name][number]) > SAME_EFFECT for name in found)
+        for number in range(len(misfit.movements))
     ]
-    return max(shifts, default=0.0)
+    if not any(further):
+        return misfit.effects
+    return {
+        name: tuple(
+            share if far else before
+            for share, before, far in zip(found[name], known[name], further, strict=True)
+        )
+        for name in found
+    }

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
-from scipy.stats import multivariate_t
 
 from turnout.calibration.covariance import Spread
 from turnout.calibration.emulator import Emulator, emulate, monomial_slopes, reach_of
@@ -238,6 +237,8 @@ def _importance(
     found: Fit, emulator: Emulator, rng: np.random.Generator, centre: Floats, root: Floats
 ) -> _Samples:
     """Draw from a Student distribution and weigh by the likelihood."""
+    from scipy.stats import multivariate_t  # loads slowly, and few fits sample
+
     count = centre.size
     drawn = multivariate_t(np.zeros(count), np.eye(count), df=FREEDOM)
     raw = np.asarray(drawn.rvs(SAMPLES, random_state=rng)).reshape(SAMPLES, count)

@@ -7,16 +7,28 @@ from dataclasses import dataclass
 from turnout.calibration.candidate_causes import candidate_causes
 from turnout.calibration.causes import CAUSE_STEPS
 from turnout.calibration.emulator import points_needed
-from turnout.calibration.evaluate import Evaluator, throws_done
-from turnout.calibration.fit import ROUGH_STEPS, Fit
+from turnout.calibration.evaluate import (
+    FINE_WORK,
+    HALVED_WORK,
+    LEAN_WORK,
+    PLAIN_WORK,
+    Evaluator,
+)
+from turnout.calibration.fit import Fit
 from turnout.calibration.measured_movements import MeasuredMovement, selected
-from turnout.calibration.stages import CalibrationPlan
+from turnout.calibration.parameter import Parameter
+from turnout.calibration.stages import JOINT_MOVEMENTS, CalibrationPlan
 from turnout.panel.load import LoadedPanel
 
-# Steps that the last stage usually takes, each with its own sensitivities.
-JOINT_STEPS = 5
-# Throws over which the present pace is taken: those at the end take longer.
-PACE_THROWS = 50
+# Throws of the last stage by movement: quick ones beside the slopes of a rough fit, how often these
+# are thrown, plain ones that lead near, and those at the end beside its slopes.
+ROUGH_THROWS, ROUGH_SLOPES, NEAR_THROWS, END_THROWS = 11, 2, 2, 3
+# Further quick throws of all movements where only some lead near.
+JOINING_THROWS = 3
+# Share of slopes that are thrown: slip levels that are not reached have none.
+THROWN_SLOPES = 0.7
+# Work over which the present pace is taken, in quick throws: that of the machine may change.
+PACE_WORK = 100.0
 # Movements that advice usually looks at.
 CANDIDATES = 8
 
@@ -36,9 +48,9 @@ class CalibrationProgress:
     misfit : float
         Root mean square of the residuals over their expected size; NaN before the first.
     seconds, left : float
-        Since the start, and left by the throws that are usually needed, at the slower of the mean
-        and the present pace; where more were needed already, as much again as these took, and at
-        least one more step [s].
+        Since the start, and left by the throws that are usually needed, each kind with its share
+        of processor time, at the slower of the mean and the present pace; where more were needed
+        already, as much again as these took, and at least one more step [s].
     """
 
     stage: str
@@ -50,50 +62,68 @@ class CalibrationProgress:
     left: float
 
 
-def planned_throws(
+def planned_work(
     plan: CalibrationPlan,
     movements: Sequence[MeasuredMovement],
     panel: LoadedPanel,
     *,
     posterior: bool = False,
     advise: bool = False,
-) -> int:
-    """Return how many throws a calibration usually takes, with what comes after the stages."""
-    total = 0
+) -> float:
+    """Return what a calibration usually takes, with what comes after the stages [quick throws]."""
+    total = 0.0
     for number, stage in enumerate(plan.stages, 1):
-        chosen = len(selected(movements, stage.movements, panel))
-        count = len(plan.named(stage.parameters))
-        last = number == len(plan.stages)
-        steps = JOINT_STEPS if last else ROUGH_STEPS // 2
-        total += chosen * (2 * len(stage.grid) + steps * (count + 2))
-        if last and posterior:
-            total += posterior_throws(chosen, count)
-        if last and advise:
-            total += advice_throws(chosen, count)
+        chosen = selected(movements, stage.movements, panel)
+        parameters = plan.named(stage.parameters)
+        if number < len(plan.stages):
+            grid = 2 * len(stage.grid)
+            total += _distinct(chosen) * (grid + 2 * len(parameters)) + 3 * len(chosen)
+            continue
+        total += _joint_work(chosen, parameters)
+        if posterior:
+            total += posterior_work(len(chosen), len(parameters))
+        if advise:
+            total += advice_work(len(chosen), len(parameters))
     return total
 
 
-def posterior_throws(movements: int, parameters: int) -> int:
-    """Return how many throws the sampling of a posterior takes."""
-    return movements * points_needed(parameters)
+def _distinct(movements: Sequence[MeasuredMovement]) -> int:
+    """Return how many places and sizes there are: repeats share throws."""
+    return len({(item.place, item.size) for item in movements})
 
 
-def advice_throws(movements: int, parameters: int) -> int:
-    """Return how many throws advice usually takes."""
-    return movements + CANDIDATES * (parameters + 1)
+def _joint_work(chosen: Sequence[MeasuredMovement], parameters: Sequence[Parameter]) -> float:
+    """Return what the last stage takes without a search for causes [quick throws]."""
+    leading = min(len(chosen), JOINT_MOVEMENTS)
+    slopes = THROWN_SLOPES * len(parameters)
+    joining = JOINING_THROWS if len(chosen) > leading else 0
+    last = sum(LEAN_WORK if item.prior else PLAIN_WORK for item in parameters)
+    return (
+        leading * (ROUGH_THROWS + ROUGH_SLOPES * slopes + NEAR_THROWS * PLAIN_WORK)
+        + len(chosen) * (joining + END_THROWS * PLAIN_WORK)
+        + _distinct(chosen) * (THROWN_SLOPES * last + HALVED_WORK + FINE_WORK)
+    )
 
 
-def throws_per_step(
+def posterior_work(movements: int, parameters: int) -> float:
+    """Return what the sampling of a posterior takes [quick throws]."""
+    return PLAIN_WORK * movements * points_needed(parameters)
+
+
+def advice_work(movements: int, parameters: int) -> float:
+    """Return what advice usually takes [quick throws]."""
+    return PLAIN_WORK * (movements + CANDIDATES * (parameters + 1))
+
+
+def work_per_step(
     plan: CalibrationPlan, movements: Sequence[MeasuredMovement], panel: LoadedPanel
-) -> int:
-    """Return how many throws one step of the last stage takes."""
-    stage = plan.stages[-1]
-    count = len(plan.named(stage.parameters))
-    return len(selected(movements, stage.movements, panel)) * (count + 2)
+) -> float:
+    """Return what one step of the last stage takes without slopes [quick throws]."""
+    return PLAIN_WORK * len(selected(movements, plan.stages[-1].movements, panel))
 
 
-def throws_of_search(found: Fit, panel: LoadedPanel) -> int:
-    """Return how many throws a search for one cause of what a fit misses takes, with its fit.
+def work_of_search(found: Fit, panel: LoadedPanel) -> float:
+    """Return what a search for one cause of what a fit misses takes, with its fit [quick throws].
 
     Each cause that changes the panel is thrown at all its sizes; the likeliest one is fitted with
     slopes of its own, and then with all values to the end.
@@ -102,7 +132,8 @@ def throws_of_search(found: Fit, panel: LoadedPanel) -> int:
     for cause in candidate_causes(panel, found.parameters):
         if cause.shape is None:
             tries += len(cause.parameters) if cause.smooth else max(len(cause.tries), 1)
-    return len(found.misfit.movements) * (tries + CAUSE_STEPS + 2 * (count + 2))
+    each = tries + CAUSE_STEPS + 2 * PLAIN_WORK * (count + 2)
+    return len(found.misfit.movements) * each
 
 
 @dataclass(slots=True)
@@ -111,26 +142,25 @@ class ProgressReporter:
 
     report: Callable[[CalibrationProgress], None] | None
     stages: int
-    planned: int
-    per_step: int = 0
+    planned: float
+    per_step: float = 0.0
     stage: str = ""
     number: int = 0
     misfit: float = float("nan")
     began: float = 0.0
     pace: float = 0.0
-    marked: tuple[float, int] = (0.0, 0)
+    marked: tuple[float, float] = (0.0, 0.0)
 
     def report_state(self, evaluator: Evaluator) -> None:
         """Report the state after a throw."""
         self.began = self.began or time.monotonic()
         if self.report is None:
             return
-        seconds, made = time.monotonic() - self.began, max(evaluator.made, 1)
-        if made - self.marked[1] >= PACE_THROWS:
-            self.pace = (seconds - self.marked[0]) / (made - self.marked[1])
-            self.marked = (seconds, made)
-        missing = self.planned - made - evaluator.reused
-        pace = max(seconds / made, self.pace)
+        seconds, work = time.monotonic() - self.began, max(evaluator.work, 1.0)
+        if work - self.marked[1] >= PACE_WORK:
+            self.pace = (seconds - self.marked[0]) / (work - self.marked[1])
+            self.marked = (seconds, work)
+        pace = max(seconds / work, self.pace)
         self.report(
             CalibrationProgress(
                 stage=self.stage,
@@ -139,21 +169,19 @@ class ProgressReporter:
                 evaluations=evaluator.made,
                 misfit=self.misfit,
                 seconds=seconds,
-                left=pace * max(abs(missing), self.per_step),
+                left=pace * max(abs(self.planned - work), self.per_step),
             )
         )
 
     def begin(self, stage: str, final: Fit, evaluator: Evaluator) -> None:
         """Note what comes after the stages: "advice" or "posterior" about a fit."""
-        self.stage, self.per_step = stage, 1
-        throws = {"advice": advice_throws, "posterior": posterior_throws}[stage]
-        count = throws(len(final.misfit.movements), len(final.parameters))
-        self.planned = throws_done(evaluator) + count
+        self.stage, self.per_step = stage, PLAIN_WORK
+        further = {"advice": advice_work, "posterior": posterior_work}[stage]
+        self.planned = evaluator.work + further(len(final.misfit.movements), len(final.parameters))
 
-    def more(self, throws: int, evaluator: Evaluator) -> None:
-        """Plan so many more throws than are still planned, such as those of a search for causes."""
-        done = throws_done(evaluator)
-        self.planned = max(self.planned, done + self.per_step) + throws
+    def more(self, work: float, evaluator: Evaluator) -> None:
+        """Plan more work than is still planned, such as a search for causes [quick throws]."""
+        self.planned = max(self.planned, evaluator.work + self.per_step) + work
 
     def found(self, misfit: float) -> None:
         """Note the misfit of the latest step."""

@@ -104,28 +104,34 @@ def calibrate_command(
     from turnout.calibration.stages import default_plan
 
     plan = default_plan(loaded, free=free, fixed=fix, most=most)
-    dataset = dataset_of(source, None, out=out, allow_outside=allow_outside, quiet=quiet)
-    from turnout.calibration.calibrate import calibrate
-    from turnout.calibration.fitted_file import save_signals, signals_path
+    from turnout.calibration.evaluate import throw_processes
 
     try:
-        outcome = calibrate(
-            dataset,
-            loaded,
-            plan=plan,
-            exclude=exclude,
-            folder=throw_store(source),
-            workers=workers,
-            posterior=posterior,
-            advise=advise,
-            report=None if quiet else _ProgressLog().report,
-        )
+        # Processes load while the campaign is read.
+        with throw_processes(loaded, workers, throw_store(source)) as pool:
+            dataset = dataset_of(source, None, out=out, allow_outside=allow_outside, quiet=quiet)
+            from turnout.calibration.calibrate import calibrate
+
+            outcome = calibrate(
+                dataset,
+                loaded,
+                plan=plan,
+                exclude=exclude,
+                folder=throw_store(source),
+                workers=workers,
+                pool=pool,
+                posterior=posterior,
+                advise=advise,
+                report=None if quiet else _ProgressLog().report,
+            )
     except KeyboardInterrupt:
         typer.echo(
             "turnout: interrupted; throws so far are cached, run the same command to continue",
             err=True,
         )
         raise typer.Exit(INTERRUPTED) from None
+    from turnout.calibration.fitted_file import save_signals, signals_path
+
     calibration = outcome.calibration
     calibration.save(out)
     signals = save_signals(outcome.final, calibration, out)

@@ -5,7 +5,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from turnout.calibration.evaluate import Response
 from turnout.calibration.parameter import Parameter
@@ -260,6 +259,8 @@ def lagged(response: Response, drive: str, *, lag: float) -> Response:
     """
     if lag <= 0 or response.failure or not np.isfinite(response.contact_time):
         return response
+    from scipy.signal import lfilter  # loads slowly, and few fits try a lag
+
     start = int(np.searchsorted(response.time, response.contact_time))
     if start >= response.time.size - 1:
         return response

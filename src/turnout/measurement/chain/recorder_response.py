@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import bessel, butter, lfilter
 
 Floats = NDArray[np.float64]
 BUTTERWORTH, BESSEL, RC = "butterworth", "bessel", "rc"
@@ -261,6 +260,8 @@ def low_passed(time: Floats, values: Floats, low_pass: LowPass) -> Floats:
     >>> bool(np.allclose(ramp, time - (1.0 - np.exp(-2 * np.pi * time)) / (2 * np.pi)))
     True
     """
+    from scipy.signal import lfilter  # loads slowly, and few recorders filter
+
     values = np.asarray(values, dtype=np.float64)
     if values.size < 2:
         return values
@@ -279,6 +280,8 @@ def low_passed(time: Floats, values: Floats, low_pass: LowPass) -> Floats:
 @lru_cache(maxsize=64)
 def _poles(low_pass: LowPass) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
     """Return poles [1/s] and residues [1/s] of a low-pass with a gain of one at rest."""
+    from scipy.signal import bessel, butter
+
     angular = 2.0 * np.pi * low_pass.corner
     order = low_pass.order
     made = (

@@ -1,0 +1,144 @@
+"""Slopes that are shared by repeats, and taken at their word."""
+
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.unit.test_calibration_fit import PARAMETERS, TRUE, listened, misfit, movement, response
+
+from turnout.calibration import evaluate
+from turnout.calibration.evaluate import Evaluator, ThrowInputs, throw_processes
+from turnout.calibration.fit import _least_squares
+from turnout.calibration.linearisation import leaders_of
+from turnout.calibration.misfit import Misfit
+from turnout.calibration.movement_effects import update_movement_effects
+from turnout.panel.load import load_panel
+from turnout.scheme import Scheme
+
+
+def repeats(count: int) -> Misfit:
+    rng = np.random.default_rng(5)
+    return misfit([movement(f"m{n}", rng=rng) for n in range(count)])
+
+
+def test_repeats_near_the_same_values_share_slopes_and_others_have_their_own() -> None:
+    whole = repeats(4)
+    own = [{**TRUE, "mu": TRUE["mu"] * (1.0 + share)} for share in (0.0, 0.004, 0.02, 0.021)]
+    assert leaders_of(whole.movements, PARAMETERS, own, within=0.005) == [0, 0, 2, 2]
+    whole.effects = {"mu": (0.0, 0.004, 0.02, 0.021)}
+    asked = listened(whole)
+    local = whole.local(TRUE, ("k",))
+    assert len(asked) == 4 + 2 * 2
+    assert local.stepped["k"][1] is local.stepped["k"][0]
+    assert local.origin[1] is local.origin[0]
+    assert local.simulated[1] is not local.simulated[0]
+    assert local.about[3] == own[2]
+
+
+def test_slopes_foretell_responses_a_small_step_away() -> None:
+    whole = repeats(2)
+    near = {**TRUE, "k": 1.002 * TRUE["k"]}
+    moved = whole.local(TRUE, ("k",)).moved(near, {"k": np.log(1.002), "mu": 0.0})
+    assert moved.values == near
+    for row in moved.simulated:
+        exact = response(near).drive_force["1"]
+        np.testing.assert_allclose(row.drive_force["1"], exact, atol=0.02)
+
+
+def test_the_last_small_step_of_sure_slopes_is_taken_without_a_throw() -> None:
+    whole = repeats(3)
+    whole.same_slope = 0.05
+    asked = listened(whole)
+    start = {**TRUE, "k": 1.02 * TRUE["k"]}
+    found = _least_squares(whole, PARAMETERS, start, rough=False, on_step=None, min_decrease=1e-9)
+    assert found.converged
+    thrown = {value for _, value in asked}
+    assert found.values["k"] not in thrown
+    assert any(abs(value / found.values["k"] - 1.0) < 1e-3 for value in thrown)
+    # It is where the residuals of the fit say.
+    step = np.linalg.lstsq(found.jacobian, -found.residuals, rcond=None)[0]
+    assert np.abs(step).max() < 1e-5
+
+
+def test_only_movements_whose_friction_changed_are_thrown_again() -> None:
+    rng = np.random.default_rng(8)
+    whole = misfit([movement(f"m{n}", rng=rng, own=own) for n, own in enumerate((0.0, 0.03, 0.0))])
+    local = whole.local(TRUE, ("k",))
+    changed, _, _ = update_movement_effects(whole, local, ("k",), passes=1)
+    assert changed.effects["mu"][0] == changed.effects["mu"][2] == 0.0
+    assert changed.effects["mu"][1] == pytest.approx(0.03, abs=0.005)
+
+
+def test_finely_meshed_throws_of_a_place_go_to_one_process_and_first() -> None:
+    scheme = Scheme()
+    throws = [
+        ThrowInputs(
+            overrides={}, place=place, size=0.013, fine=kind == "fine", halved=kind == "half"
+        )
+        for kind in ("plain", "half", "fine")
+        for place in ("drive 1", "drive 2")
+    ]
+    jobs = [(str(number), throw, scheme) for number, throw in enumerate(throws)]
+    sent = [[key for key, _, _ in some] for some in evaluate._messages(jobs)]
+    assert sent == [["2", "4"], ["3", "5"], ["0"], ["1"]]
+
+
+def test_work_counts_what_each_kind_of_throw_takes() -> None:
+    kinds = ({"quick": True}, {"lean": True}, {}, {"halved": True}, {"fine": True})
+    works = [ThrowInputs(overrides={}, **kind).work for kind in kinds]
+    assert works[0] == 1.0
+    assert works == sorted(works)
+
+
+class _Pool:
+    """Stands for processes: does at once what it is given."""
+
+    def __init__(self) -> None:
+        self.given: list[object] = []
+
+    def submit(self, what: object, *_: object) -> None:
+        self.given.append(what)
+
+
+def test_processes_begin_before_there_is_anything_to_throw(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    pool, ended = _Pool(), list[object]()
+
+    def started(workers: int, *_: object) -> _Pool:
+        assert workers == 2
+        return pool
+
+    monkeypatch.setattr(evaluate, "worker_processes", started)
+    monkeypatch.setattr(evaluate, "end_pool", ended.append)
+    panel = load_panel("sb1")
+    with throw_processes(panel, 2, tmp_path / "none") as given:
+        assert given is pool
+        assert len(pool.given) == 2
+        assert not ended
+    assert ended == [pool]
+    with throw_processes(panel, 1, tmp_path / "none") as given:
+        assert given is None
+    (tmp_path / "kept.npz").touch()
+    with throw_processes(panel, 2, tmp_path) as given:
+        assert given is None
+
+
+def test_an_evaluator_throws_with_processes_that_it_is_given() -> None:
+    panel = load_panel("sb1")
+    throws: Sequence[ThrowInputs] = [
+        ThrowInputs(overrides={"chair.friction_coefficient": mu}, quick=True) for mu in (0.3, 0.4)
+    ]
+    with (
+        evaluate.worker_processes(2, evaluate._begin_worker, panel) as pool,
+        Evaluator(panel, workers=2, pool=pool) as evaluator,
+    ):
+        assert isinstance(pool, ProcessPoolExecutor)
+        found = evaluator.responses(throws)
+        assert evaluator.work == 2.0
+        assert evaluator._pool is None
+    with Evaluator(panel) as alone:
+        for one, other in zip(found, alone.responses(throws), strict=True):
+            np.testing.assert_array_equal(one.drive_force["1"], other.drive_force["1"])
