@@ -7,6 +7,7 @@ noticed: one to either side, since a drive may slip to one of them only. What is
 up.
 """
 
+import json
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -87,7 +88,12 @@ def noticed_errors(part: xr.Dataset, rules: Rules) -> tuple[str, ...]:
     channels = [str(name) for name in part["channel"].values]
     found = []
     wide = replace(rules, reach=WIDER * rules.reach)
+    unchecked = json.loads(part.attrs.get("unchecked", "{}"))
     for name in part["parameter"].values if "change" in part else ():
+        if name in unchecked:
+            # By its slope alone too little would be stated.
+            found.append(f"{name}: not checked by a throw: {unchecked[name]}")
+            continue
         is_length, amounts, moved = _changed(part, str(name), predicted)
         least = _least(wide, predicted, moved, amounts, both=True)
         text, largest = (
