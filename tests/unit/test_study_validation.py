@@ -270,7 +270,7 @@ def test_it_would_notice_a_lag_and_says_that_a_lead_is_taken_off() -> None:
     assert power[1].startswith("lag of drive 1 of ")
     stated = 1e-3 * float(power[1].split()[5])
     assert 0.1 < stated < 0.15
-    # Rounded up: of the lags that are tried, the one that is noticed is less than a millisecond off.
+    # Rounded up: the lag that is noticed is less than a millisecond below.
     assert any(stated - 1e-3 < lag <= stated for lag in TIMES)
     fitted = judge(made.assign_attrs(onsets="fitted")).power
     assert fitted[-1].startswith("onset: not judged, it is fitted")

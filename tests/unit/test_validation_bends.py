@@ -50,8 +50,9 @@ class Thrown:
         )
 
     def thrown(
-        self, settings: Sequence[Mapping[str, float]]
+        self, settings: Sequence[Mapping[str, float]], *, stage: str
     ) -> tuple[list[list[Response]], "Thrown"]:
+        assert stage == "checking what would be noticed"
         rows = []
         for setting in settings:
             share = setting[NAME] / VALUE - 1.0

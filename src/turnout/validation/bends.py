@@ -11,7 +11,7 @@ from turnout.calibration.evaluate import Response
 from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.result import Calibration
 from turnout.validation.acceptance import first_order_power, judged_movements
-from turnout.validation.seen_throws import Seen
+from turnout.validation.seen_throws import CHECKING, Seen
 
 Floats = NDArray[np.float64]
 SIDES = ("up", "down")
@@ -70,7 +70,7 @@ def with_bends(
     settings = [
         {**calibration.values, name: fitted[name].value + step} for name, _, _, step in steps
     ]
-    thrown = part.thrown(settings)[0]
+    thrown = part.thrown(settings, stage=CHECKING)[0]
     for (name, side, amount, step), row in zip(steps, thrown, strict=True):
         reason = _failure(movements, row, plain)
         if reason:
@@ -86,7 +86,7 @@ def _failure(
     movements: Iterable[MeasuredMovement], responses: Sequence[Response], forces: Floats
 ) -> str:
     """Return why the first of some throws failed whose movement is predicted; else nothing."""
-    predicted: NDArray[np.bool_] = np.isfinite(forces).any(axis=(0, 2))
+    predicted = np.asarray(np.isfinite(forces).any(axis=(0, 2)), dtype=np.bool_)
     for item, response, known in zip(movements, responses, predicted, strict=True):
         if response.failure and known:
             return f"{item.text}: {' '.join(response.failure.split())}"

@@ -43,7 +43,7 @@ from turnout.validation.measuring_chain import (
 )
 from turnout.validation.onset import onset_shifts
 from turnout.validation.scatter import Direction, ThrowScatter, scatter_of
-from turnout.validation.seen_throws import Seen
+from turnout.validation.seen_throws import PREDICTING, Report, Seen
 
 Floats = NDArray[np.float64]
 # 95 % of a normal distribution lie within so many standard deviations.
@@ -78,6 +78,7 @@ def validate(
     calibration: Calibration,
     *,
     evaluator: Evaluator,
+    report: Report | None = None,
 ) -> xr.Dataset:
     r"""Predict every movement of a campaign and set it beside what was measured.
 
@@ -97,6 +98,8 @@ def validate(
         Values and covariance; what it was fitted to is marked as used.
     evaluator : Evaluator
         Open; throws the same panel.
+    report : callable, optional
+        As of `Seen`: called with the stage, and the throws done and in all of that stage.
 
     Returns
     -------
@@ -120,7 +123,7 @@ def validate(
     movements, oversized = exclude_oversized_objects(observe(dataset, panel), panel)
     grid = Grid.of(movements)
     chain = found_chain(dataset, calibration)
-    model = _model(movements, grid, calibration, evaluator, chain)
+    model = _model(movements, grid, calibration, evaluator, chain, report)
     sheet = dataset.sel(movement=[item.name for item in movements])
     groups = repeat_groups(sheet)
     measured = _array(grid, grid.measured(movements), sheet)
@@ -249,6 +252,7 @@ def _model(
     calibration: Calibration,
     evaluator: Evaluator,
     chain: Mapping[str, tuple[float, float]],
+    report: Report | None,
 ) -> _Model:
     """Simulate all movements at the calibrated values and one step away for each parameter.
 
@@ -266,8 +270,9 @@ def _model(
         calibration=calibration,
         evaluator=evaluator,
         chain=chain,
+        report=report,
     )
-    thrown, seen = seen.thrown(settings)
+    thrown, seen = seen.thrown(settings, stage=PREDICTING)
     responses = thrown[0]
     failed = [
         f"{item.text}: cannot be simulated: {response.failure}"
