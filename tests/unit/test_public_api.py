@@ -6,6 +6,7 @@ import subprocess
 import sys
 from functools import cache
 from importlib import import_module
+from itertools import pairwise
 from pathlib import Path
 from types import ModuleType
 
@@ -274,7 +275,12 @@ def test_validate_judges_what_the_fit_has_not_seen(
     fitted: tuple[turnout.Campaign, turnout.CalibrationResult], tmp_path: Path
 ) -> None:
     campaign, found = fitted
-    checked = turnout.validate(campaign, found)
+    reported: list[tuple[int, int]] = []
+    checked = turnout.validate(campaign, found, report=lambda *now: reported.append(now))
+    # Those that predict, then where the model is accepted those that check; each to its end.
+    ends = [now for now, after in pairwise([*reported, (0, 0)]) if after[0] <= now[0]]
+    assert len(ends) == (1 if checked.verdict.reasons else 2), reported
+    assert all(done == total for done, total in ends)
     assert checked.accepted == checked.text.startswith("VALID")
     assert set(checked.table.index) >= {"drive 1", "drive 2"}
     assert "<script" not in checked._repr_html_()

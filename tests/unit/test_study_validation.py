@@ -10,7 +10,7 @@ import xarray as xr
 from turnout.errors import ResponseError
 from turnout.plot.validation import plot_comparison, plot_error_map
 from turnout.validation.acceptance import judge
-from turnout.validation.power import _size
+from turnout.validation.power import TIMES, _milliseconds, _size
 from turnout.validation.scatter import Direction, scatter_of
 from turnout.validation.verdict_text import acceptance_lines, page_text, table_text
 
@@ -254,6 +254,7 @@ def test_what_is_noticed_follows_the_bend_and_is_rounded_up() -> None:
     assert _size(0.0451, is_length=False) == "4.6 %"
     assert _size(0.1204, is_length=False) == "13 %"
     assert _size(0.00056, is_length=True) == "0.56 mm"
+    assert _milliseconds(0.00631) == "7 ms"
 
 
 def test_it_would_notice_a_lag_and_says_that_a_lead_is_taken_off() -> None:
@@ -267,7 +268,10 @@ def test_it_would_notice_a_lag_and_says_that_a_lead_is_taken_off() -> None:
     power = judge(made).power
     assert power[0] == "onset: not noticed, tried up to 15 ms"
     assert power[1].startswith("lag of drive 1 of ")
-    assert 100.0 < float(power[1].split()[5]) < 150.0
+    stated = 1e-3 * float(power[1].split()[5])
+    assert 0.1 < stated < 0.15
+    # Rounded up: the lag that is noticed is less than a millisecond below.
+    assert any(stated - 1e-3 < lag <= stated for lag in TIMES)
     fitted = judge(made.assign_attrs(onsets="fitted")).power
     assert fitted[-1].startswith("onset: not judged, it is fitted")
 

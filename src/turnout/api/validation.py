@@ -122,7 +122,8 @@ def validate(
     workers : int
         Processes that simulate at the same time, at least 1.
     report : callable, optional
-        Called with throws done and throws in all.
+        Called with throws done and throws in all: first of those that predict, then from 1 again
+        of those that check what the verdict would notice.
 
     Returns
     -------
@@ -145,9 +146,7 @@ def validate(
         )
         raise MeasurementError([problem], source="validate()")
     record, panel = calibration.record, calibration.before
-    total = dataset.sizes["movement"] * (1 + len(record.fitted))
     with Evaluator(panel, folder=throw_store_of(campaign), workers=workers) as evaluator:
-        if report is not None:
-            evaluator.on_throw = lambda: report(min(evaluator.made, total), total)
-        found = predict(dataset, panel, record, evaluator=evaluator)
+        shown = None if report is None else lambda _, done, total: report(done, total)
+        found = predict(dataset, panel, record, evaluator=evaluator, report=shown)
     return Validation(dataset=found, verdict=judge(found))

@@ -147,14 +147,16 @@ def _validated(
     from turnout.cli.watch import watched
     from turnout.validation.validate import validate
 
-    total = dataset.sizes["movement"] * (1 + len(known.fitted))
     try:
         with (
-            watched(f"throwing {panel.name}", quiet=quiet) as watch,
+            watched(panel.name, quiet=quiet) as watch,
             Evaluator(panel, folder=throw_store(source), workers=workers) as evaluator,
         ):
-            evaluator.on_throw = lambda: watch.report(min(evaluator.made, total), total)
-            return validate(dataset, panel, known, evaluator=evaluator)
+
+            def report(stage: str, done: int, total: int) -> None:
+                watch.report(done, total, text=f"{panel.name}: {stage}")
+
+            return validate(dataset, panel, known, evaluator=evaluator, report=report)
     except KeyboardInterrupt:
         _interrupted()
 

@@ -65,8 +65,9 @@ class Watch:
         if self._bar is not None:
             self._bar.stop()
 
-    def report(self, done: int, total: int) -> None:
-        """Show that `done` of `total` steps are done."""
+    def report(self, done: int, total: int, *, text: str = "") -> None:
+        """Show that `done` of `total` steps are done; `text` names the stage that they are of."""
+        self._text = text or self._text
         if self._clock is not None:
             self._clock.stop()
         now = time.monotonic()
@@ -86,7 +87,7 @@ class Watch:
             self._bar = Progress(console=Console(stderr=True), transient=True)
             self._bar.start()
             self._bar.add_task(self._text, total=total)
-        self._bar.update(self._bar.task_ids[0], completed=done, total=total)
+        self._bar.update(self._bar.task_ids[0], description=self._text, completed=done, total=total)
 
 
 class _Clock:

@@ -190,29 +190,17 @@ def judge(validation: xr.Dataset) -> Acceptance:
         those are judged that could be predicted from other places; without any, all are, and
         nothing is accepted.
     """
-    used = validation["used"].values
-    left = _left_out(validation)
-    chosen = judged_movements(used, left)
-    part = validation.isel(movement=chosen)
-    results = tuple(
-        _result(part.sel(channel=name), float(least), float(samples))
-        for name, least, samples in zip(part["channel"].values, *_least_covers(part), strict=True)
-        if part["rms"].sel(channel=name).notnull().any()
-    )
-    cover = _cover(part)
-    reasons = [reason for item in results for reason in item.reasons]
-    if cover < LEAST_COVER and all(item.cover >= item.least_cover for item in results):
-        reasons.append(
-            f"the band of 95 % covers {100 * cover:.0f} % of the measurement, less than "
-            f"{100 * LEAST_COVER:.0f} %"
-        )
+    used, left = validation["used"].values, _left_out(validation)
+    part = _judged_part(validation)
+    results, cover = _results(part), _cover(part)
+    reasons = _reasons(results, cover)
     return Acceptance(
         channels=results,
-        judged=int(chosen.size),
+        judged=part.sizes["movement"],
         used=int(used.sum()),
         held_back=bool((~used).any() or left.any()),
         cover=cover,
-        reasons=tuple(reasons),
+        reasons=reasons,
         worst=_worst(part),
         # What a refused prediction would notice beside says nothing.
         power=noticed_errors(part, _rules(part)) if "change" in part and not reasons else (),
@@ -233,11 +221,9 @@ def first_order_power(validation: xr.Dataset) -> dict[str, tuple[float, float]]:
     dict of str to tuple of float
         As of `noticed_to_first_order`; nothing where the model is refused.
     """
-    verdict = judge(validation)
-    if verdict.reasons:
+    part = _judged_part(validation)
+    if _reasons(_results(part), _cover(part)):
         return {}
-    chosen = judged_movements(validation["used"].values, _left_out(validation))
-    part = validation.isel(movement=chosen)
     return noticed_to_first_order(part, _rules(part))
 
 
@@ -256,6 +242,32 @@ def judged_movements(used: NDArray[np.bool_], left_out: NDArray[np.bool_]) -> ND
     """
     judged = ~used if (~used).any() else left_out if left_out.any() else np.ones_like(used)
     return np.flatnonzero(judged)
+
+
+def _judged_part(validation: xr.Dataset) -> xr.Dataset:
+    """Return the movements that are judged."""
+    chosen = judged_movements(validation["used"].values, _left_out(validation))
+    return validation.isel(movement=chosen)
+
+
+def _results(part: xr.Dataset) -> tuple[ChannelResult, ...]:
+    """Return how each channel that was measured was predicted."""
+    return tuple(
+        _result(part.sel(channel=name), float(least), float(samples))
+        for name, least, samples in zip(part["channel"].values, *_least_covers(part), strict=True)
+        if part["rms"].sel(channel=name).notnull().any()
+    )
+
+
+def _reasons(results: tuple[ChannelResult, ...], cover: float) -> tuple[str, ...]:
+    """Return why a prediction is not accepted: by channel, then by the coverage of all."""
+    found = [reason for item in results for reason in item.reasons]
+    if cover < LEAST_COVER and all(item.cover >= item.least_cover for item in results):
+        found.append(
+            f"the band of 95 % covers {100 * cover:.0f} % of the measurement, less than "
+            f"{100 * LEAST_COVER:.0f} %"
+        )
+    return tuple(found)
 
 
 def _left_out(validation: xr.Dataset) -> NDArray[np.bool_]:

@@ -7,6 +7,7 @@ noticed: one to either side, since a drive may slip to one of them only. What is
 up.
 """
 
+import json
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -87,7 +88,12 @@ def noticed_errors(part: xr.Dataset, rules: Rules) -> tuple[str, ...]:
     channels = [str(name) for name in part["channel"].values]
     found = []
     wide = replace(rules, reach=WIDER * rules.reach)
+    unchecked = json.loads(part.attrs.get("unchecked", "{}"))
     for name in part["parameter"].values if "change" in part else ():
+        if name in unchecked:
+            # By its slope alone too little would be stated.
+            found.append(f"{name}: not checked by a throw: {unchecked[name]}")
+            continue
         is_length, amounts, moved = _changed(part, str(name), predicted)
         least = _least(wide, predicted, moved, amounts, both=True)
         text, largest = (
@@ -96,9 +102,12 @@ def noticed_errors(part: xr.Dataset, rules: Rules) -> tuple[str, ...]:
         )
         found.append(_said(str(name), text, largest, least, channels))
     for name, moved, most in _timings(part, predicted, channels):
-        least = _least(rules, predicted, moved, TIMES[most >= TIMES], both=name == "onset")
-        text = "" if least is None else f"{1e3 * least[0]:.0f} ms"
-        found.append(_said(name, text, f"{1e3 * most:.0f} ms", least, channels))
+        # What is said to have been tried was.
+        amounts = np.append(TIMES[most > TIMES], most)
+        # No value is wrong, which would have bands of its own.
+        least = _least(rules, predicted, moved, amounts, both=name == "onset")
+        text = "" if least is None else _milliseconds(least[0])
+        found.append(_said(name, text, _milliseconds(most), least, channels))
     if part.attrs.get("onsets") == "fitted":
         found.append("onset: not judged, it is fitted to each movement that no motor current marks")
     return tuple(found)
@@ -227,6 +236,17 @@ def _size(amount: float, *, is_length: bool) -> str:
     digits = max(1 - math.floor(math.log10(number)), 0)
     text = f"{math.ceil(number * 10**digits - 1e-9) / 10**digits:.{digits}f}"
     return f"{text} mm" if is_length else f"{text} %"
+
+
+def _milliseconds(amount: float) -> str:
+    """Return a time in words, rounded up.
+
+    Examples
+    --------
+    >>> _milliseconds(0.00631), _milliseconds(0.015)
+    ('7 ms', '15 ms')
+    """
+    return f"{math.ceil(1e3 * amount - 1e-9)} ms"
 
 
 def _said(

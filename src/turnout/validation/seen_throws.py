@@ -1,14 +1,14 @@
 """Throws of measured movements at any values of a calibration, as its measuring chain sees them."""
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from turnout.calibration.corrections import Refined
-from turnout.calibration.evaluate import Evaluator, Response, ThrowInputs
+from turnout.calibration.evaluate import Evaluator, Response, ThrowInputs, throws_done
 from turnout.calibration.fitted_causes import fitted_causes, overrides_with, shaped
 from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.result import Calibration
@@ -17,6 +17,9 @@ from turnout.validation.measuring_chain import through_chain
 from turnout.validation.onset import with_rest
 
 Floats = NDArray[np.float64]
+Report = Callable[[str, int, int], None]
+# Stages: predictions and their slopes; wrong values where the verdict would notice them.
+PREDICTING, CHECKING = "predicting", "checking what would be noticed"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -39,6 +42,8 @@ class Seen:
         What fine throws change of each movement; empty until thrown, or where none are.
     shifts : ndarray, shape (n_movements,)
         How much later than marked each movement began [s].
+    report : callable or None
+        Called after each throw with the stage, and the throws done and in all of that stage.
     """
 
     movements: tuple[MeasuredMovement, ...]
@@ -48,6 +53,7 @@ class Seen:
     chain: Mapping[str, tuple[float, float]]
     finer: tuple[Refined, ...] = ()
     shifts: Floats = field(default_factory=lambda: np.zeros(0))
+    report: Report | None = None
 
     def of(self, numbers: NDArray[np.intp]) -> "Seen":
         """Return the same for some of the movements."""
@@ -59,7 +65,7 @@ class Seen:
         )
 
     def thrown(
-        self, settings: Sequence[Mapping[str, float]]
+        self, settings: Sequence[Mapping[str, float]], *, stage: str
     ) -> tuple[list[list[Response]], "Seen"]:
         """Return the responses at each setting, and this with what fine throws change of them.
 
@@ -69,6 +75,8 @@ class Seen:
         ----------
         settings : sequence of mapping of str to float
             Values of all parameters, in SI.
+        stage : str
+            What these throws are for, as it is reported.
         """
         parameters = self.calibration.parameters
         causes = fitted_causes(self.evaluator.panel, parameters)
@@ -82,8 +90,10 @@ class Seen:
             for item in self.movements
         ]
         count, finer = len(self.movements), self.finer
+        refined = bool(self.calibration.about.get("refined"))
+        self._announce(stage, len(settings) + (refined and not finer))
         made = self.evaluator.responses(throws)
-        if self.calibration.about.get("refined"):
+        if refined:
             if not finer:
                 # Values that were fitted with fine throws are of these.
                 fine = [replace(item, fine=True) for item in throws[:count]]
@@ -101,6 +111,16 @@ class Seen:
             for setting in settings
         ]
         return responses, replace(self, finer=finer)
+
+    def _announce(self, stage: str, times: int) -> None:
+        """Report each throw from now on, as one of those that throw all objects so many times."""
+        report, evaluator = self.report, self.evaluator
+        if report is None:
+            return
+        # Repeats are thrown once.
+        total = times * len({(item.place, item.size) for item in self.movements})
+        begun = throws_done(evaluator)
+        evaluator.on_throw = lambda: report(stage, throws_done(evaluator) - begun, total)
 
     def forces(self, responses: Sequence[Response]) -> Floats:
         """Return forces through the chain, shape (n_channels, n_movements, n_times) [N]."""

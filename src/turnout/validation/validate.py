@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from turnout.calibration.evaluate import Evaluator
+from turnout.calibration.evaluate import Evaluator, Response
 from turnout.calibration.linearisation import stepped_value
 from turnout.calibration.measured_movements import MeasuredMovement, observe
 from turnout.calibration.noise import measured_noise
@@ -30,7 +30,8 @@ from turnout.metric.agreement import (
 from turnout.metric.channel_features import channel_features, contact_time
 from turnout.panel.load import LoadedPanel
 from turnout.schema.channels import SCHEMA_VERSION
-from turnout.validation.acceptance import first_order_power, judged_movements
+from turnout.validation.acceptance import judged_movements
+from turnout.validation.bends import with_bends
 from turnout.validation.coverage import BandParts, coverage_limits
 from turnout.validation.grid import DRIVE, OBJECT, Grid, later
 from turnout.validation.leave_out import LeftOut, leave_out_places
@@ -42,7 +43,7 @@ from turnout.validation.measuring_chain import (
 )
 from turnout.validation.onset import onset_shifts
 from turnout.validation.scatter import Direction, ThrowScatter, scatter_of
-from turnout.validation.seen_throws import Seen
+from turnout.validation.seen_throws import PREDICTING, Report, Seen
 
 Floats = NDArray[np.float64]
 # 95 % of a normal distribution lie within so many standard deviations.
@@ -58,11 +59,12 @@ SHEET = ("direction", "size", "place", "repeat", "slipped")
 class _Model:
     """What the model says: forces, their slope with parameters and onset, first touches [s].
 
-    Forces at other values come from `seen`.
+    Slopes come from the throws `asides`, forces at other values from `seen`.
     """
 
     forces: Floats
     slopes: Mapping[str, Floats]
+    asides: Mapping[str, Sequence[Response]]
     later: Floats
     shifts: Floats
     contacts: Floats
@@ -76,6 +78,7 @@ def validate(
     calibration: Calibration,
     *,
     evaluator: Evaluator,
+    report: Report | None = None,
 ) -> xr.Dataset:
     r"""Predict every movement of a campaign and set it beside what was measured.
 
@@ -95,6 +98,8 @@ def validate(
         Values and covariance; what it was fitted to is marked as used.
     evaluator : Evaluator
         Open; throws the same panel.
+    report : callable, optional
+        As of `Seen`: called with the stage, and the throws done and in all of that stage.
 
     Returns
     -------
@@ -106,7 +111,8 @@ def validate(
         independent instants that this rests on; `change` (parameter, channel, movement, time) [N
         for all of a value, N/m for a length], and `bend` (side, ...), by how much more upwards and
         downwards with the square of a change, thrown where a model that is not refused would notice
-        it; `touched`, when the model touches the object, and `onset_shift`, how much later than
+        it (0 where a throw fails, with the reason as JSON in the attribute `unchecked`);
+        `touched`, when the model touches the object, and `onset_shift`, how much later than
         marked a movement without motor currents began (movement) [s].
 
     Raises
@@ -117,7 +123,7 @@ def validate(
     movements, oversized = exclude_oversized_objects(observe(dataset, panel), panel)
     grid = Grid.of(movements)
     chain = found_chain(dataset, calibration)
-    model = _model(movements, grid, calibration, evaluator, chain)
+    model = _model(movements, grid, calibration, evaluator, chain, report)
     sheet = dataset.sel(movement=[item.name for item in movements])
     groups = repeat_groups(sheet)
     measured = _array(grid, grid.measured(movements), sheet)
@@ -172,7 +178,14 @@ def validate(
             "chain": "" if chain or not calibration.chain else OTHER_CHAIN,
         },
     )
-    return found.assign(bend=_bends(model, found, calibration))
+    return with_bends(
+        found,
+        calibration,
+        forces=model.forces,
+        slopes=model.slopes,
+        asides=model.asides,
+        seen=model.seen,
+    )
 
 
 def _least_covers(parts: BandParts) -> dict[str, tuple[str, Floats]]:
@@ -193,32 +206,6 @@ def _changes(model: _Model, measured: xr.DataArray, calibration: Calibration) ->
         "unit": ("parameter", np.array([item.unit for item in fitted], dtype=np.str_)),
     }
     return xr.DataArray(known, coordinates, ("parameter", *measured.dims))
-
-
-def _bends(model: _Model, found: xr.Dataset, calibration: Calibration) -> xr.DataArray:
-    """Return what forces change beyond first order, over the square of a change.
-
-    Each value is thrown to either side where first order says that the verdict notices it, for the
-    movements that are judged; 0 where nothing is noticed.
-    """
-    bends = xr.concat([xr.zeros_like(found["change"])] * 2, "side")
-    bends = bends.assign_coords(side=["up", "down"])
-    chosen = judged_movements(found["used"].values, found["left_out"].values)
-    fitted = {item.name: item for item in calibration.fitted}
-    steps = [
-        (name, side, amount, amount * (1.0 if fitted[name].unit == "m" else fitted[name].value))
-        for name, amounts in first_order_power(found).items()
-        for side, amount in zip(("up", "down"), amounts, strict=True)
-    ]
-    settings = [
-        {**calibration.values, name: fitted[name].value + step} for name, _, _, step in steps
-    ]
-    part = model.seen.of(chosen)
-    for (name, side, amount, step), row in zip(steps, part.thrown(settings)[0], strict=True):
-        linear = model.forces[:, chosen] + step * model.slopes[name][:, chosen]
-        place = {"parameter": name, "side": side, "movement": found["movement"].values[chosen]}
-        bends.loc[place] = (part.forces(row) - linear) / amount**2
-    return bends
 
 
 def _band_parts(
@@ -265,6 +252,7 @@ def _model(
     calibration: Calibration,
     evaluator: Evaluator,
     chain: Mapping[str, tuple[float, float]],
+    report: Report | None,
 ) -> _Model:
     """Simulate all movements at the calibrated values and one step away for each parameter.
 
@@ -282,8 +270,9 @@ def _model(
         calibration=calibration,
         evaluator=evaluator,
         chain=chain,
+        report=report,
     )
-    thrown, seen = seen.thrown(settings)
+    thrown, seen = seen.thrown(settings, stage=PREDICTING)
     responses = thrown[0]
     failed = [
         f"{item.text}: cannot be simulated: {response.failure}"
@@ -310,6 +299,7 @@ def _model(
     return _Model(
         forces=sets[0],
         slopes=slopes,
+        asides=dict(zip(steps, thrown[1:], strict=True)),
         later=later(sets[0]),
         shifts=shifts,
         contacts=contacts,
