@@ -28,7 +28,7 @@ ARGUMENTS = [
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
 ]
-PATIENCE = 60_000
+PATIENCE = 120_000
 
 
 @dataclass

@@ -53,6 +53,14 @@ def test_a_plan_that_cannot_be_made_is_refused(options: list[str], words: str) -
     assert words in str(found.exception)
 
 
+def test_a_panel_that_no_detector_judges_is_refused_before_it_is_thrown(tmp_path: Path) -> None:
+    folder = tmp_path / "throws"
+    out = ["-o", str(tmp_path / "switch.detector")]
+    found = CliRunner().invoke(app, ["detect", "train", "sb1", *out, "--folder", str(folder)])
+    assert "a detector needs one closing" in " ".join(str(found.exception).split())
+    assert not folder.exists()
+
+
 @pytest.mark.parametrize("line", [["limit"], ["limit", "--over-travel"], ["detect", "train"]])
 @pytest.mark.parametrize("inside", [False, True])
 def test_a_file_in_place_of_the_folder_is_refused(

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from tests.unit.test_calibration_fit import PARAMETERS, TRUE, misfit, movement, response
 
+from turnout.calibration import left_priors
 from turnout.calibration.covariance import spread_of
 from turnout.calibration.fit import Fit, fit
-from turnout.calibration.left_priors import prior_reasons, stated_unknowns
+from turnout.calibration.left_priors import Stated, prior_reasons, stated_unknowns
 from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.parameter import Parameter
@@ -108,9 +109,27 @@ def test_a_sensor_that_leaves_its_prior_beside_a_cause_is_a_reason_against_the_c
     assert not sensor_reasons(off)
     assert not prior_reasons(off, [])
     (reason,) = prior_reasons(off, ["recorder filter", "clutch"])
-    assert "with recorder filter and clutch fitted: zero of the gauges of drive 1" in reason
+    assert "although recorder filter and clutch were fitted: zero of the gauges of drive" in reason
+    assert "so recorder filter and clutch are not the cause" in reason
     assert "clock" not in reason
     assert not prior_reasons(recorded(), ["recorder filter"])
+
+
+@pytest.mark.parametrize(
+    ("away", "words"),
+    [
+        (10 * [1.7], "fitted: all 10 together, of which n0, 1.7 standard deviations away; n1"),
+        ([9.0, *9 * [0.1]], "fitted: n0, 9.0 standard deviations away; chance does this in less "),
+        (10 * [1.4], ""),
+    ],
+)
+def test_a_reason_says_whether_one_value_or_all_are_too_far_off(
+    away: list[float], words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    unknowns = [Stated(text=f"n{number}", away=size) for number, size in enumerate(away)]
+    monkeypatch.setattr(left_priors, "stated_unknowns", lambda _: unknowns)
+    found = prior_reasons(recorded(), ["clutch"])
+    assert [words in text for text in found] == ([True] if words else [])
 
 
 def test_a_state_of_the_panel_that_leaves_its_prior_beside_a_cause_is_one_too() -> None:

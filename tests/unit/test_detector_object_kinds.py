@@ -45,14 +45,14 @@ def test_kinds_that_differ_are_named_and_those_that_do_not_are_not() -> None:
     assert len(hard.level) >= 5
     view = detector().view()
     assert view.object_kinds is not None
-    for throws, words in ((stone, "stone"), (hard, "not identifiable (hard or ice)")):
+    for throws, words in ((stone, "stone"), (hard, "not identifiable (rigid or ice)")):
         evidence = evidence_of(view, throws.features)
         odds = [view.object_kinds.odds_of(evidence, i) for i in range(len(throws.level))]
         assert np.mean([kinds_in_words(item) == words for item in odds]) >= 0.8
         assert all(next(iter(item.values())) == 1.0 for item in odds)
     said = [detector().judge_features(row) for row in hard.features]
     assert all(item.alarm for item in said)
-    assert ", kind not identifiable (hard or ice)," in said[0].lines()[0]
+    assert ", kind not identifiable (rigid or ice)," in said[0].lines()[0]
 
 
 def test_kinds_change_no_verdict_but_the_kind_and_stay_in_the_file(tmp_path: Path) -> None:

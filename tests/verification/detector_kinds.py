@@ -20,7 +20,7 @@ from turnout.detection.detector.allowances import Allowances
 from turnout.detection.detector.calibrating import calibrate_alone, with_calibration
 from turnout.detection.detector.judging import CYCLE, evidence_of, make_view, ratios_of
 from turnout.detection.detector.knowledge import Knowledge, Setting
-from turnout.detection.detector.object_kinds import HARD, LEAST_ODDS
+from turnout.detection.detector.object_kinds import LEAST_ODDS, RIGID
 from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.detector.train_detector import OF_KINDS, folds_of
 from turnout.detection.detector.training import setting_of, teach
@@ -44,7 +44,7 @@ FOLDS, DRAWS, USES = 4, 6, 4
 """Folds and uses of sound throws behind the threshold, and uses of each object."""
 NEAR = 1.3
 """Distance from a drive within which a place counts as near it [m]."""
-NAMES = {HARD: "spring"} | {kind: kind for kind in KINDS}
+NAMES = {RIGID: "spring"} | {kind: kind for kind in KINDS}
 """Kinds of objects as panels have them, by the name in a verdict."""
 
 

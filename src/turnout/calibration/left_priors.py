@@ -20,9 +20,11 @@ from turnout.calibration.sensors import LEAVES_PRIOR, found_sensors
 from turnout.calibration.shared import GAIN
 from turnout.core.value_text import value_text
 
-# What chance does more rarely than this is no chance [-]. A right cause is refused that often, for
-# the furthest unknown or for all of them together.
+# What chance does more rarely than this is no chance [-]. A right cause is refused that often.
 LEAST_CHANCE = 0.01
+# Chances below this are not stated in figures [-], and how many of many deviations are listed.
+LEAST_SAID, MOST_SHOWN = 1e-4, 3
+VERBS = {False: ("was", "is"), True: ("were", "are")}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,7 +85,9 @@ def chance_of(away: Sequence[float]) -> float:
 
     That the furthest of `n` is as far, and that the sum of squares is as large,
 
-    .. math:: 1 - (1 - 2 Q(\max |z|))^n, \quad P\bigl(\chi^2_n > \textstyle\sum z^2\bigr).
+    .. math:: 1 - (1 - 2 Q(\max |z|))^n, \quad P\bigl(\chi^2_n > \textstyle\sum z^2\bigr),
+
+    twice the smaller one, as there are two of them (Bonferroni).
 
     Estimates lie nearer to the means of their priors than the unknowns do, so chance is overrated.
 
@@ -95,15 +99,20 @@ def chance_of(away: Sequence[float]) -> float:
     Examples
     --------
     >>> [round(chance_of([far] + 9 * [0.5]), 4) for far in (2.0, 3.0, 3.8)]
-    [0.3723, 0.0267, 0.0014]
+    [0.7446, 0.0533, 0.0029]
     >>> round(chance_of(10 * [1.6]), 4)
-    0.0043
+    0.0086
     """
+    return min(1.0, 2.0 * min(_chances(away)))
+
+
+def _chances(away: Sequence[float]) -> tuple[float, float]:
+    """Return how often chance takes the furthest as far, and all of them together [-]."""
     sizes = np.abs(np.asarray(away, dtype=np.float64))
     if not sizes.size:
-        return 1.0
-    furthest = 1.0 - (1.0 - 2.0 * norm.sf(sizes.max())) ** sizes.size
-    return float(min(furthest, chi2.sf(float(sizes @ sizes), sizes.size)))
+        return 1.0, 1.0
+    furthest = -np.expm1(sizes.size * np.log1p(-2.0 * norm.sf(sizes.max())))
+    return float(furthest), float(chi2.sf(float(sizes @ sizes), sizes.size))
 
 
 def prior_reasons(found: Fit, causes: Sequence[str]) -> list[str]:
@@ -125,15 +134,21 @@ def prior_reasons(found: Fit, causes: Sequence[str]) -> list[str]:
     chance = chance_of([item.away for item in unknowns])
     if chance >= LEAST_CHANCE:
         return []
-    least = min(LEAVES_PRIOR, abs(unknowns[0].away))
+    furthest, together = _chances([item.away for item in unknowns])
+    shown = [item for item in unknowns if abs(item.away) >= LEAVES_PRIOR]
+    if together < furthest:
+        shown = unknowns[: max(len(shown), MOST_SHOWN)]
     left = "; ".join(
-        f"{item.text}, {abs(item.away):.1f} deviations away"
-        for item in unknowns
-        if abs(item.away) >= least
+        f"{item.text}, {abs(item.away):.1f} standard deviations away"
+        for item in shown or unknowns[:1]
     )
-    names = " and ".join(dict.fromkeys(causes))
+    named = list(dict.fromkeys(causes))
+    names, (was, is_now) = " and ".join(named), VERBS[len(named) > 1]
+    all_of_them = f"all {len(unknowns)} together, of which " if together < furthest else ""
+    often = "less than 0.01" if chance < LEAST_SAID else f"{100 * chance:.1g}"
     return [
-        f"left what was stated of them, with {names} fitted: {left}; chance does this in "
-        f"{100 * chance:.1g} % of campaigns, so {names} is not the cause or not all of it: check "
-        "that lengths, places and sections of the panel are those of the switch"
+        f"stated values are not kept although {names} {was} fitted: {all_of_them}{left}; "
+        f"chance does this in {often} % of campaigns, so {names} {is_now} not the "
+        "cause or not all of it: check that lengths, places and sections of the panel are those "
+        "of the switch"
     ]

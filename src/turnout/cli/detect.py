@@ -32,8 +32,11 @@ VERDICT_UNITS = {
     **{"x": "m", "size": "m", "middle": "m", "low": "m", "high": "m", "limit": "m"},
     **{"force": "N", "time": "s", "false_alarm_rate": "1", "log_ratio": "1", "threshold": "1"},
     **{"odds": "1", "above": "1", "fit": "1", "friction": "1", "places": "1"},
+    **{"kinds": "1", "scatter": "1"},
     "peaks": "N",
 }
+WORTH_SAYING = 1.2
+"""Scatter of the throws of a switch from which on it is mentioned [-]."""
 SETTLED = 2.0
 """A recording is read when it was seen unchanged for so long, whatever its date [s]."""
 
@@ -79,7 +82,13 @@ def train_command(
     ] = None,
     objects: Annotated[
         int | None,
-        typer.Option("--objects", metavar="N", min=200, help="Throws with objects; default 3000."),
+        typer.Option(
+            "--objects",
+            metavar="N",
+            min=200,
+            help="Throws with objects, the first 800 also as stone, ice, snow and wood; "
+            "default 3000.",
+        ),
     ] = None,
     defects: Annotated[
         int | None,
@@ -248,14 +257,10 @@ def learn_command(
     typer.echo(f"{found.known.throws} sound throws known")
     if found.known.scatter > WORTH_SAYING:
         typer.echo(
-            f"they vary {found.known.scatter:.1f} times as much from one to the next as is assumed "
-            "(variance), which is allowed for: objects are seen later"
+            f"they scatter more than is assumed (variance x {found.known.scatter:.1f}), which "
+            "limits allow for: small objects are harder to detect"
         )
     typer.echo(f"wrote           {out}")
-
-
-WORTH_SAYING = 1.2
-"""Scatter of the throws of a switch from which on it is mentioned [-]."""
 
 
 @app.command("run", short_help="Judge recorded throws.")

@@ -31,7 +31,7 @@ from turnout.detection.likelihood import (
 
 Floats = NDArray[np.float64]
 
-HARD = "hard"
+RIGID = "rigid"
 """An object that stays as it is: steel, or a stone that is not pressed hard enough to break."""
 TEMPER = 2.0
 """Log likelihoods of signatures are divided by this: a throw lies between samples, and the nearest

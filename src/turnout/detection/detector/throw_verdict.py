@@ -30,13 +30,8 @@ from turnout.detection.likelihood import Evidence, log_sum
 
 Floats = NDArray[np.float64]
 
-SOUND, ALARM, CAUSE, UNKNOWN, CANNOT = (
-    "sound",
-    "object",
-    "other cause",
-    "unknown deviation",
-    "cannot judge",
-)
+SOUND, ALARM, CAUSE = "sound", "object", "other cause"
+UNKNOWN, CANNOT = "unknown deviation", "cannot judge"
 UNKNOWN_SHARE = 1e-4
 """Share of throws that fit worse than any hypothesis explains, from which on that is said [-]."""
 NAMED_SHARE = 1e-8
@@ -60,6 +55,7 @@ CAUSE_ADVICE = {
     "frozen blade": "clear ice from the slide chairs, check the heating",
     "in-drive": "check gear, bearings, brushes and cable of the drive that is slow",
     "supply": "check the supply of the drives: voltage, cable, contacts",
+    "slow drive": "check supply, gear, brushes and cable of the drive",  # detectors of format 3
     "other speed": "check supply, and whether the panel has the durations of these drives",
     "force sensor": "check gain and zero of the force sensor",
 }

@@ -21,7 +21,7 @@ from turnout.detection.detector.judging import CYCLE
 from turnout.detection.detector.knowledge import Calibrated, Knowledge, Setting
 from turnout.detection.detector.throw_layout import CLOSING
 from turnout.detection.detector.throw_set import ThrowSet
-from turnout.detection.detector.training import read_set, setting_of, teach
+from turnout.detection.detector.training import competes, read_set, setting_of, teach
 from turnout.detection.detector.training_plan import BLOCK, HISTORY, OBJECT, SOUND
 from turnout.detection.detector.training_sets import (
     KINDS,
@@ -99,15 +99,20 @@ def train_detector(
             f"give {LEAST_COUNT} at least"
         )
         raise StudyError([message])
-    signals_of(population.panel, quantity)  # refused before any throw is made
-    plans = training_plans(population, chosen)
-    datasets = throw_plans(plans, folder, workers=workers, report=watch)
+    # Both refuse panels that a detector cannot judge, before any throw is made.
+    signals_of(population.panel, quantity)
     setting = setting_of(
         population.panel,
         amplitude=nominal_amplitude(population, friction=NOMINAL_FRICTION, quantity=quantity),
         allowances=allowances or Allowances(),
         quantity=quantity,
     )
+    plans = {
+        name: plan
+        for name, plan in training_plans(population, chosen).items()
+        if competes(name, setting)
+    }
+    datasets = throw_plans(plans, folder, workers=workers, report=watch)
     sets = {name: read_set(plans[name], datasets[name], setting.layout, quantity) for name in plans}
     about = {
         "panel": population.panel.name,

@@ -12,7 +12,7 @@ from turnout.detection.conditions import FORCE
 from turnout.detection.detector.allowances import Allowances, gain_times
 from turnout.detection.detector.judging import SPEED, UNUSUAL
 from turnout.detection.detector.knowledge import Knowledge, Setting
-from turnout.detection.detector.object_kinds import HARD, KindSignatures
+from turnout.detection.detector.object_kinds import RIGID, KindSignatures
 from turnout.detection.detector.sound_model import SoundModel, fit_sound_model
 from turnout.detection.detector.switch_history import ThrowErrors, error_at
 from turnout.detection.detector.throw_layout import (
@@ -252,7 +252,7 @@ def _kinds(
     if not thrown:
         return None
     last = max(int(item.row.max(initial=-1)) for item in thrown.values())
-    thrown = {HARD: sets[OBJECT].of(sets[OBJECT].row <= last)} | thrown
+    thrown = {RIGID: sets[OBJECT].of(sets[OBJECT].row <= last)} | thrown
     samples = []
     for number, item in enumerate(thrown.values()):
         own = _objects(item, sets[SOUND], x)

@@ -77,13 +77,6 @@ class Counts:
     judged: int = 4
     objects_each: int = 2
 
-    @property
-    def throws(self) -> int:
-        """All that a detector is trained on."""
-        objects = self.objects + len(KINDS) * min(self.kinds, self.objects)
-        causes = self.sound + objects + sum(self.of_cause(name) for name in DEFECTS)
-        return causes + self.switches * (self.repeats + self.judged * self.objects_each)
-
     def of_cause(self, name: str) -> int:
         """Return how many throws another cause gets."""
         return self.defects * TIMES.get(name, 1)
