@@ -107,7 +107,7 @@ def robustness_known(
     objects: ThrowSet,
     *,
     history: int = 20,
-    switches: int = 20,
+    switches: int = 10,
     draws: int = 10,
 ) -> dict[str, dict[str, float]]:
     """Return what is said after a history whose throws have these errors too.
