@@ -164,14 +164,7 @@ def validate(
             **_features(measured, forecast),
         },
         attrs={
-            "title": str(dataset.attrs.get("title", "campaign")),
-            "synthetic": str(dataset.attrs.get("synthetic", "")),
-            "kind": "validation",
-            **provenance(),
-            "schema_version": SCHEMA_VERSION,
-            "panel": panel.name,
-            "panel_hash": panel.hash,
-            "calibration_panel_hash": calibration.panel_hash,
+            **_origin(dataset, panel, calibration),
             "scatter": json.dumps({**scatter.sizes, "repeats": scatter.repeated}),
             "left_out": json.dumps([*excluded_movements(dataset), *oversized]),
             "onsets": "marked" if all(item.clocked for item in movements) else "fitted",
@@ -186,6 +179,20 @@ def validate(
         asides=model.asides,
         seen=model.seen,
     )
+
+
+def _origin(dataset: xr.Dataset, panel: LoadedPanel, calibration: Calibration) -> dict[str, object]:
+    """Return what was validated, and by what."""
+    return {
+        "title": str(dataset.attrs.get("title", "campaign")),
+        "synthetic": str(dataset.attrs.get("synthetic", "")),
+        "kind": "validation",
+        **provenance(),
+        "schema_version": SCHEMA_VERSION,
+        "panel": panel.name,
+        "panel_hash": panel.hash,
+        "calibration_panel_hash": calibration.panel_hash,
+    }
 
 
 def _least_covers(parts: BandParts) -> dict[str, tuple[str, Floats]]:
