@@ -41,8 +41,9 @@ def test_a_map_holds_the_verdicts_of_quick_simulations(studio: Client) -> None:
 
 
 def test_a_map_says_how_much_is_done_and_can_be_stopped(studio: Client) -> None:
-    sizes = [f"{size} mm" for size in range(5, 20)]
-    places = [f"sleeper {number}" for number in range(1, 12)]
+    # Nearly as many throws as are allowed: they must outlast the start of the second process.
+    sizes = [f"{size} mm" for size in range(5, 25)]
+    places = [f"x = {number / 5} m" for number in range(4, 32)]
     replies: list[Reply] = []
 
     def post() -> None:
