@@ -43,3 +43,20 @@ def test_a_package_is_missing_meanwhile_only(monkeypatch: pytest.MonkeyPatch) ->
     import colorsys
 
     assert colorsys.rgb_to_hsv(0.0, 0.0, 0.0) == (0.0, 0.0, 0.0)
+
+
+CALIBRATION = """
+import sys
+import turnout.calibration.calibrate, turnout.calibration.left_priors
+import turnout.detection.detector.throw_verdict, turnout.detection.detector.trends
+print("scipy.stats" in sys.modules)
+"""
+
+
+def test_calibration_and_detector_start_without_the_distributions_of_scipy() -> None:
+    # They take 0.4 s, and both need but three of their functions.
+    done = subprocess.run(
+        [sys.executable, "-c", CALIBRATION], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == ["False"]
