@@ -32,7 +32,7 @@ from turnout.calibration.misfit import Misfit
 from turnout.calibration.needed_causes import DECISIVE, is_needed
 from turnout.calibration.noise import peaks_of
 from turnout.calibration.result_entries import channel_name
-from turnout.calibration.sensors import found_sensors
+from turnout.calibration.sensors import found_sensors, needs_lead
 from turnout.calibration.shared import model_error
 from turnout.core.threads import one_blas_thread
 from turnout.errors import SolverError
@@ -369,13 +369,14 @@ def _best_of_alike(
     """Return the fit that misses least of one with a cause and those with others much alike.
 
     A mean over the past and filters of a recorder delay forces alike; which it is shows only in
-    what a fit with each still misses.
+    what a fit with each still misses, or in a lead of the motors that but one of them needs.
     """
     found, choice = fitted
     taken = choice[0][1]
     # One at its bound is another: a bushing without stiffness is play.
     bound = any(item.at_bound(found.values[item.name]) for item in taken.parameters)
-    if not taken.group or not (bound or is_worth_a_search(found)):
+    led = needs_lead(found)
+    if not taken.group or not (bound or led or is_worth_a_search(found)):
         return fitted
     for other in choices:
         cause = other[0][1]
@@ -387,8 +388,11 @@ def _best_of_alike(
             again = _fitted_with(before, first, other, on_step=on_step)
         except SolverError:
             continue
-        if _missed(again) < _missed(found) * (AS_WELL if bound else 1.0):
-            found, choice, bound = again, other, False
+        late = needs_lead(again)
+        freed = led and not late and not is_worth_a_search(again)
+        better = _missed(again) < _missed(found) * (AS_WELL if bound else 1.0)
+        if freed or (better and late <= led):
+            found, choice, bound, led = again, other, False, late
     return found, choice
 
 
