@@ -1,5 +1,6 @@
 """Libraries imported without what they load along."""
 
+import os
 import subprocess
 import sys
 
@@ -27,6 +28,31 @@ def test_unused_parts_are_left_out_and_there_when_they_are_used() -> None:
     done = subprocess.run([sys.executable, "-c", LEAN], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert done.stdout.split() == ["False", "True", "True", "False", "curved", "numpy.f2py"]
+
+
+THREADS = """
+import os
+from threadpoolctl import threadpool_info
+from turnout.core.lean_imports import import_scipy
+import_scipy()
+print(*{item["num_threads"] for item in threadpool_info() if item["user_api"] == "blas"})
+print(os.environ.get("OPENBLAS_NUM_THREADS"))
+"""
+
+
+@pytest.mark.parametrize(("chosen", "expected"), [(None, ["1", "None"]), ("2", ["2", "2"])])
+def test_linear_algebra_starts_no_threads_unless_they_are_wanted(
+    chosen: str | None, expected: list[str]
+) -> None:
+    environment = {key: value for key, value in os.environ.items() if "NUM_THREADS" not in key}
+    if chosen is not None:
+        environment["OPENBLAS_NUM_THREADS"] = chosen
+    done = subprocess.run(
+        [sys.executable, "-c", THREADS], capture_output=True, text=True, env=environment, check=True
+    )
+    if done.stdout.split()[0] == "None":
+        pytest.skip("NumPy and SciPy come without OpenBLAS here")
+    assert done.stdout.split() == expected
 
 
 def test_what_is_loaded_stays_loaded() -> None:
