@@ -12,7 +12,9 @@ from turnout.detection.likelihood import (
     log_density,
     make_centre,
     make_hypotheses,
+    unwhitened,
     weigh,
+    whitened,
 )
 
 SIZE = 6
@@ -172,3 +174,10 @@ def test_sums_of_kinds_do_not_underflow() -> None:
     assert np.isfinite(found.kind).all()
     assert np.exp(found.component.max()) < 1.0
     np.testing.assert_allclose(found.kind[:, 0], found.component[:, 0])
+
+
+def test_a_triangular_root_is_multiplied_in_blocks() -> None:
+    rng = np.random.default_rng(8)
+    root, off = np.tril(rng.standard_normal((203, 203))), rng.standard_normal((203, 3))
+    assert whitened(root, off) == pytest.approx(root @ off, rel=1e-12, abs=1e-12)
+    assert unwhitened(root, off) == pytest.approx(root.T @ off, rel=1e-12, abs=1e-12)

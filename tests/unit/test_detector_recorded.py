@@ -122,8 +122,8 @@ def test_forces_zeroed_at_rest_are_noticed_and_an_unloaded_start_is_not_mistaken
     """Sound switches hold 3 kN at rest, before opening and before closing."""
     size, before = LAYOUT.size, LAYOUT.before_onset
     usual = np.where(before, np.where(LAYOUT.part == 0, 3000.0, -1000.0), 500.0)
-    centre = SimpleNamespace(mean=usual, variance=np.full(size, 200.0**2), log_weight=0.0)
-    view = SimpleNamespace(centres=(centre,), features=np.arange(size))
+    spread = np.full(size, 200.0)
+    view = SimpleNamespace(usual=np.array([usual, spread]), features=np.arange(size))
     own = np.where(before & (LAYOUT.part == 0), rest, usual)
     assert zeroed_rest(view, LAYOUT, own) == ""
     assert zeroed_rest(view, LAYOUT, own - rest) == ZEROED
@@ -134,12 +134,8 @@ def test_forces_zeroed_at_rest_are_noticed_and_an_unloaded_start_is_not_mistaken
     assert zeroed_rest(view, LAYOUT, one) == ""
     # a recording of the closing alone, zeroed before it
     rows = np.flatnonzero(LAYOUT.part == 1)
-    closing = SimpleNamespace(
-        centres=(
-            SimpleNamespace(mean=usual[rows], variance=np.full(rows.size, 1e4), log_weight=0.0),
-        ),
-        features=rows,
-    )
+    spread = np.full(rows.size, 100.0)
+    closing = SimpleNamespace(usual=np.array([usual[rows], spread]), features=rows)
     assert zeroed_rest(closing, LAYOUT, usual) == ""
     assert zeroed_rest(closing, LAYOUT, usual + 1000.0) == ZEROED
 

@@ -17,6 +17,9 @@ J. R. Stat. Soc. B 69, 369), or over groups of switches that share their section
 fitted to each draw again.
 """
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import betaincinv
@@ -59,13 +62,45 @@ def confident_threshold(
     >>> bool(estimate < confident_threshold(ratios, rate=1e-3, group=group) < estimate + 1.0)
     True
     """
+    return _confident(partial(threshold_for, rate=rate), ratios, group, seed)
+
+
+def confident_quantile(
+    values: Floats, *, share: float, group: NDArray[np.intp], seed: int = 0
+) -> float:
+    """Return what at least a share of some values does not exceed, with a confidence of 95 %.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        Of throws.
+    share : float
+        Wanted [-].
+    group : ndarray of int, shape (n,)
+        Which switch each is of.
+    seed : int
+        Of chance.
+
+    Examples
+    --------
+    >>> values, group = np.linspace(0.0, 1.0, 1000), np.arange(1000) // 5
+    >>> bool(0.9 < confident_quantile(values, share=0.9, group=group) < 0.96)
+    True
+    """
+    return _confident(partial(np.quantile, q=share), values, group, seed)
+
+
+def _confident(
+    found_in: Callable[[Floats], float], values: Floats, group: NDArray[np.intp], seed: int
+) -> float:
+    """Return the upper limit of what is found in values, over groups drawn with replacement."""
     rng = np.random.default_rng([seed, 13])
     numbers, own = np.unique(group, return_inverse=True)
-    found = [threshold_for(ratios, rate=rate)]
+    usual, found = float(found_in(values)), []
     for _ in range(RESAMPLES):
         often = np.bincount(rng.integers(0, numbers.size, numbers.size), minlength=numbers.size)
-        found.append(threshold_for(np.repeat(ratios, often[own]), rate=rate))
-    return max(found[0], float(np.quantile(found[1:], CONFIDENCE)))
+        found.append(float(found_in(np.repeat(values, often[own]))))
+    return max(usual, float(np.quantile(found, CONFIDENCE)))
 
 
 def threshold_for(ratios: Floats, *, rate: float) -> float:

@@ -186,6 +186,8 @@ class Hypotheses:
     ----------
     centres : tuple of Centre
         Friction levels.
+    basis : ndarray, shape (n_features, r)
+        Of the signatures [-].
     blocks : tuple of Block
         Of the components, in their order.
     number, place, kind : ndarray of int, shape (n_components,)
@@ -207,6 +209,7 @@ class Hypotheses:
     """
 
     centres: tuple[Centre, ...]
+    basis: Floats
     blocks: tuple[Block, ...]
     number: Ints
     place: Ints
@@ -262,6 +265,7 @@ def make_hypotheses(
     used, starts = np.unique(kind[order], return_index=True)
     return Hypotheses(
         centres=centres,
+        basis=signatures.basis,
         blocks=tuple(blocks),
         number=number,
         place=place,
@@ -370,16 +374,48 @@ r""":math:`\nu`, in how many ways an unknown deviation may differ: some two in a
 def weigh(features: Floats, hypotheses: Hypotheses) -> Evidence:
     """Return the likelihood of throws, shape (n_throws, n_features) [N], under every hypothesis."""
     centres = hypotheses.centres
-    white = np.array([centre.root @ (features - centre.mean).T for centre in centres])
-    return weigh_whitened(white, hypotheses)
+    white = [whitened(centre.root, (features - centre.mean).T) for centre in centres]
+    return weigh_whitened(np.array(white), hypotheses)
+
+
+def whitened(root: Floats, off: Floats) -> Floats:
+    """Return the product of a lower triangular matrix and columns, without most of its zeros.
+
+    Parameters
+    ----------
+    root : ndarray, shape (n, n)
+        Such as `Centre.root`. Of one throw, reading it takes most of the time.
+    off : ndarray, shape (n, n_throws)
+        What throws are off a mean.
+    """
+    found = np.empty((len(root), off.shape[1]))
+    for first in range(0, len(root), ROWS_AT_ONCE):
+        end = first + ROWS_AT_ONCE
+        np.matmul(root[first:end, :end], off[:end], out=found[first:end])
+    return found
+
+
+def unwhitened(root: Floats, white: Floats) -> Floats:
+    """Return the product of the transpose of such a matrix and columns, shape (n, n_throws)."""
+    found = np.zeros((len(root), white.shape[1]))
+    for first in range(0, len(root), ROWS_AT_ONCE):
+        end = first + ROWS_AT_ONCE
+        found[:end] += root[first:end, :end].T @ white[first:end]
+    return found
+
+
+ROWS_AT_ONCE = 80
+"""Rows of a triangular matrix that are multiplied together."""
 
 
 def weigh_whitened(white: Floats, hypotheses: Hypotheses) -> Evidence:
     """Return the same for `Evidence.white` of throws, shape (k, n_features, n_throws) [-]."""
     centres = hypotheses.centres
     _, size, throws = white.shape
-    projected = np.array([c.basis.T @ w for c, w in zip(centres, white, strict=True)])
-    projected = projected.swapaxes(0, 1).astype(np.float32)
+    # by the roots once more, not by the whitened bases: reading takes most of the time of a throw
+    back = np.array([unwhitened(c.root, w) for c, w in zip(centres, white, strict=True)])
+    projected = hypotheses.basis.T @ back.swapaxes(0, 1).reshape(size, -1)
+    projected = projected.reshape(-1, *back.shape[::2]).astype(np.float32)
     own = np.einsum("kft,kft->kt", white, white)
     scale = np.array([[centre.log_scale] for centre in centres])
     sound = scale + log_density(own, size=size)

@@ -27,6 +27,8 @@ Ints = NDArray[np.intp]
 
 SHIFTS = np.arange(-40e-3, 41e-3, 4e-3)
 """Onsets that are tried about the one that was found [s]."""
+AGAIN = 10e-3
+"""About the onset that was found first, where it is tried once more [s]."""
 ONSET_DEVIATION = 12e-3
 """Standard deviation of onsets that are found in recordings [s]."""
 EARLY = 0.6
@@ -102,11 +104,23 @@ class Aligner:
         """Return the onsets under which sound throws explain the early part best."""
         found = {name: throw.onsets[name] for name in self.names(throw)}
         early = EarlyForces(self, throw, found)
-        prior = -0.5 * (SHIFTS / ONSET_DEVIATION) ** 2
-        for _ in range(2 if len(found) > 1 else 1):
-            for name in found:
-                scores = early.scores(found, name, throw.onsets[name] + SHIFTS) + prior
-                found[name] = throw.onsets[name] + _peak(SHIFTS, scores)
+
+        def shift(name: str, tried: Floats, levels: slice) -> float:
+            scores = early.scores(found, name, throw.onsets[name] + tried, levels=levels)
+            return _peak(tried, scores - 0.5 * (tried / ONSET_DEVIATION) ** 2)
+
+        near = {}
+        for name in found:
+            near[name] = early.levels(found, name, throw.onsets[name] + SHIFTS)
+            found[name] = throw.onsets[name] + shift(name, SHIFTS, near[name])
+        for name in found if len(found) > 1 else ():
+            # the other onset has moved: by little, so that this one is found near where it was
+            before = found[name] - throw.onsets[name]
+            some = SHIFTS[np.abs(SHIFTS - before) < AGAIN]
+            after = shift(name, some, near[name])
+            if not some[1] < after < some[-2]:
+                after = shift(name, SHIFTS, near[name])
+            found[name] = throw.onsets[name] + after
         return found
 
     def names(self, throw: Recorded) -> list[str]:
@@ -165,7 +179,22 @@ class EarlyForces:
         until = self._sums[name].until(instants[:, np.newaxis] + part.edges)
         return (np.diff(until, axis=-1) / part.window).swapaxes(0, 1).reshape(len(instants), -1)
 
-    def scores(self, found: Mapping[str, float], name: str, instants: Floats) -> Floats:
+    def levels(self, found: Mapping[str, float], name: str, instants: Floats) -> slice:
+        """Return the friction levels that count; parameters as of `scores`."""
+        some = instants[:: max((len(instants) - 1) // 2, 1)]
+        likelihoods = self._likelihoods(found, name, some, slice(None))
+        best = np.nanmax(likelihoods, axis=0, initial=-np.inf)
+        near = np.flatnonzero(~np.all(likelihoods < best - FAR, axis=1))
+        return slice(int(near[0]), int(near[-1]) + 1)
+
+    def scores(
+        self,
+        found: Mapping[str, float],
+        name: str,
+        instants: Floats,
+        *,
+        levels: slice | None = None,
+    ) -> Floats:
         """Return how well sound throws explain the early part with one onset at some instants.
 
         Parameters
@@ -176,34 +205,34 @@ class EarlyForces:
             Of the movement whose onset is tried.
         instants : ndarray, shape (n,)
             [s]
+        levels : slice, optional
+            Friction levels that count.
 
         Returns
         -------
         ndarray, shape (n,)
             Logarithms of the likelihood; NaN beyond the samples.
         """
+        counted = self.levels(found, name, instants) if levels is None else levels
+        return log_sum(self._likelihoods(found, name, instants, counted))
+
+    def _likelihoods(
+        self, found: Mapping[str, float], name: str, instants: Floats, levels: slice
+    ) -> Floats:
+        """Return the same at each of some levels, shape (n_levels, n)."""
         movement = self._movements[name]
-        expected, before = movement.mean, np.zeros(len(movement.mean))
+        expected, before = movement.mean[levels], np.zeros(len(movement.mean[levels]))
         others = [other for other in found if other != name]
         if others:
-            rest = self.windows(others[0], np.array([found[others[0]]]))[0] - movement.other_mean
-            rest = rest[..., np.newaxis]
-            expected = expected + (movement.gain @ rest)[..., 0]
-            before = np.square(movement.other_root @ rest).sum(axis=(1, 2))
-        windows = self.windows(name, instants)
-
-        def likelihoods(levels: Ints, tried: Floats) -> Floats:
-            white = (tried - expected[levels, np.newaxis]) @ movement.root[levels].swapaxes(1, 2)
-            square = np.einsum("ksv,ksv->ks", white, white) + before[levels, np.newaxis]
-            size = len(movement.own) + len(movement.other)
-            found = log_density(square, size=size)
-            return np.asarray(found + movement.scale[levels, np.newaxis])
-
-        some = windows[:: max((len(instants) - 1) // 2, 1)]
-        every = likelihoods(np.arange(len(movement.mean)), some)
-        best = np.nanmax(every, axis=0, initial=-np.inf)
-        near = np.flatnonzero(~np.all(every < best - FAR, axis=1))
-        return log_sum(likelihoods(near, windows))
+            seen = self.windows(others[0], np.array([found[others[0]]]))[0]
+            rest = (seen - movement.other_mean[levels])[..., np.newaxis]
+            expected = expected + (movement.gain[levels] @ rest)[..., 0]
+            before = np.square(movement.other_root[levels] @ rest).sum(axis=(1, 2))
+        off = self.windows(name, instants) - expected[:, np.newaxis]
+        white = off @ movement.root[levels].swapaxes(1, 2)
+        square = np.einsum("ksv,ksv->ks", white, white) + before[:, np.newaxis]
+        size = len(movement.own) + len(movement.other)
+        return np.asarray(log_density(square, size=size) + movement.scale[levels, np.newaxis])
 
 
 def _covariance(centre: Centre, kept: Ints) -> Floats:

@@ -13,6 +13,7 @@ from turnout.detection.alarm_threshold import confident_threshold
 from turnout.detection.detector.interval_widths import (
     AT_ONCE,
     Misses,
+    Tried,
     factor_of,
     level_of_places,
     misses_in_doubt,
@@ -55,6 +56,8 @@ LEAST_THRESHOLD = 1.0 - float(np.log(CAUSE_WEIGHT))
 """A cause that explains a throw nearly as well as an object does keeps it below this [-]."""
 INTERVALS, INTERVAL_DRAWS = 800, 2
 """Throws of a kind that widths of intervals are taken from, and how often each is used."""
+GAP_DRAWS = 8
+"""End gaps of each of these, which differ from the simulated ones."""
 CAUSE_RATE = 1e-2
 """Share of sound throws in which each other cause has more support than it is named from [-]."""
 LEAST_CAUSE = float(np.log(20.0))
@@ -100,8 +103,16 @@ class Errors:
 
     def of_gaps(self, throws: ThrowSet) -> ThrowSet:
         """Return throws whose end gaps differ from the simulated ones as is assumed."""
-        drawn = self._gap * self.rng.standard_normal(throws.gaps.shape)
-        return replace(throws, gaps=throws.gaps + drawn)
+        (gaps,) = self.true_gaps(throws, 1)
+        return replace(throws, gaps=gaps)
+
+    def true_gaps(self, throws: ThrowSet, count: int) -> Floats:
+        """Return end gaps that differ from the simulated ones, shape (count, n, n_gaps) [m]."""
+        return throws.gaps + self._gap * self.rng.standard_normal((count, *throws.gaps.shape))
+
+    def tried(self, features: Floats, throws: ThrowSet) -> Tried:
+        """Return measured throws that widths of intervals are taken from."""
+        return Tried(features=features, throws=throws, gaps=self.true_gaps(throws, GAP_DRAWS))
 
 
 def measured(throws: ThrowSet, errors: Errors) -> Floats:
@@ -213,8 +224,8 @@ def calibrate_alone(
         for _ in range(INTERVAL_DRAWS):
             for throws in (fold.sound, fold.objects):
                 order = errors.rng.permutation(len(throws.level))[: INTERVALS // len(folds)]
-                some = errors.of_gaps(throws.of(order))
-                tried.append((view, measured(some, errors), some))
+                some = throws.of(order)
+                tried.append((view, errors.tried(measured(some, errors), some)))
     switches = sum(len(np.unique(fold.sound.switch)) for fold in folds)
     return _calibrated(
         folds[0].knowledge,
@@ -278,7 +289,7 @@ def calibrate_history(
     populations = [make_view(fold.knowledge) for fold in folds]
     numbers = np.unique(throws.switch)
     judged: dict[str, list[tuple[Floats, ...]]] = {part: [] for part in alone}
-    tried: dict[str, list[tuple[View, Floats, ThrowSet]]] = {part: [] for part in alone}
+    tried: dict[str, list[tuple[View, Tried]]] = {part: [] for part in alone}
     switches: list[NDArray[np.intp]] = []
     for done, (switch, draw) in enumerate((s, d) for s in numbers for d in range(draws)):
         turn = int(switch) % len(folds)
@@ -293,11 +304,12 @@ def calibrate_history(
         features = [later.features + fixed + drawn.of_throws(later.rates) for _ in range(again)]
         switches += [later.switch] * again
         # the same for every part, so that none depends on which parts there are
-        held = [(features[0], drawn.of_gaps(later))] + _with_objects(objects, switch, fixed, drawn)
+        held = [drawn.tried(rows, later) for rows in features[:INTERVAL_DRAWS]]
+        held += _with_objects(objects, switch, fixed, drawn)
         for part in alone:
             view = make_view(knowledge, part=part, known=expected)
             judged[part] += [_said_of_sound(view, rows) for rows in features]
-            tried[part] += [(view, *item) for item in held]
+            tried[part] += [(view, item) for item in held]
         if report is not None:
             report(done + 1, len(numbers) * draws)
     return [
@@ -315,13 +327,13 @@ def calibrate_history(
 
 def _with_objects(
     objects: ThrowSet | None, switch: int, fixed: Floats, errors: Errors
-) -> list[tuple[Floats, ThrowSet]]:
-    """Return measured features of the throws of a switch with objects, and these throws."""
+) -> list[Tried]:
+    """Return measured throws of a switch with objects."""
     if objects is None:
         return []
     held = objects.of((objects.switch == switch) & (objects.force > 0.0))
     return [
-        (held.features + fixed + errors.of_throws(held.rates), errors.of_gaps(held))
+        errors.tried(held.features + fixed + errors.of_throws(held.rates), held)
         for _ in range(INTERVAL_DRAWS)
     ]
 
@@ -349,7 +361,7 @@ def _calibrated(
     *,
     judged: Sequence[Floats],
     group: NDArray[np.intp],
-    tried: Sequence[tuple[View, Floats, ThrowSet]],
+    tried: Sequence[tuple[View, Tried]],
 ) -> Calibrated:
     """Return thresholds and widths; those of `usual` where the throws say too little.
 
@@ -369,7 +381,8 @@ def _calibrated(
     count = len(knowledge.setting.gaps)
 
     def each_gap(group: Misses) -> Floats:
-        return np.array(group).reshape(-1, count).T
+        """Return misses of each gap, shape (n_gaps, n_throws, n_draws)."""
+        return np.moveaxis(np.array(group).reshape(-1, GAP_DRAWS, count), -1, 0)
 
     gap_factor = tuple(
         sides_of(sound, unnoticed, otherwise=(float(low), float(high)))

@@ -5,11 +5,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import bdtr
 
+from turnout.detection.alarm_threshold import confident_quantile
 from turnout.detection.detector.judging import View, evidence_of, ratios_of
 from turnout.detection.detector.knowledge import Knowledge
-from turnout.detection.detector.object_posterior import Interval, gaps_of, object_of
+from turnout.detection.detector.object_posterior import (
+    Interval,
+    gaps_of,
+    object_of,
+    objects_near,
+)
 from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.floor import touched
 
@@ -17,7 +22,27 @@ Floats = NDArray[np.float64]
 
 AT_ONCE = 50
 """Throws judged together."""
-Misses = list[list[float]]
+Misses = list[Floats]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Tried:
+    """Throws that widths of intervals are taken from.
+
+    Attributes
+    ----------
+    features : ndarray, shape (n_throws, n_features)
+        Measured [N].
+    throws : ThrowSet
+        What is true of them.
+    gaps : ndarray, shape (n_draws, n_throws, n_gaps)
+        Their end gaps, several times with other errors [m]. Where an interval is as narrow as these
+        errors, one draw of them would decide which share it holds.
+    """
+
+    features: Floats
+    throws: ThrowSet
+    gaps: Floats
 
 
 @dataclass(slots=True)
@@ -30,12 +55,11 @@ class Missed:
         Of size and place of detected objects: log likelihood ratio of the alarm, and the miss [-].
     likelier : list of float
         How probable all places are that are likelier than the true one [-].
-    sound, unnoticed, alarm : list of lists
+    sound, unnoticed, alarm : list of ndarray, shape (n_draws, n_gaps)
         Of gaps, by throws without an object that is touched, with one that is not noticed, with
         an alarm; less than 0 where the truth lies below the median [-].
-    open : list of (int, bool, float)
-        Of gaps clearly above their limit: number of the gap, whether the throw is an alarm, and
-        how far the limit lies above the median [-].
+    open : list of OpenGap
+        Gaps clearly above their limit.
     """
 
     size: list[tuple[float, float]] = field(default_factory=list)
@@ -44,11 +68,31 @@ class Missed:
     sound: Misses = field(default_factory=list)
     unnoticed: Misses = field(default_factory=list)
     alarm: Misses = field(default_factory=list)
-    open: list[tuple[int, bool, float]] = field(default_factory=list)
+    open: "list[OpenGap]" = field(default_factory=list)
+
+
+@dataclass(frozen=True, slots=True)
+class OpenGap:
+    """A gap clearly above its limit.
+
+    Attributes
+    ----------
+    gap, switch : int
+        Numbers.
+    alarm : bool
+        Whether the throw is an alarm.
+    reach : float
+        How far the limit lies above the median, in upper half-intervals [-].
+    """
+
+    gap: int
+    switch: int
+    alarm: bool
+    reach: float
 
 
 def misses_of(
-    knowledge: Knowledge, tried: Sequence[tuple[View, Floats, ThrowSet]], *, threshold: float
+    knowledge: Knowledge, tried: Sequence[tuple[View, Tried]], *, threshold: float
 ) -> Missed:
     """Return what throws with known sizes, places and gaps say of the intervals of these.
 
@@ -56,37 +100,38 @@ def misses_of(
     ----------
     knowledge : Knowledge
         That did not see these throws.
-    tried : sequence of (View, ndarray, ThrowSet)
-        What they are judged with, measured features [N], and the throws.
+    tried : sequence of (View, Tried)
+        What throws are judged with, and these throws.
     threshold : float
         From which on a throw is an alarm [-].
     """
     limits = np.array(knowledge.setting.limits)
     places = np.array(list(knowledge.setting.places.values()))
     found = Missed()
-    for view, features, throws in tried:
+    for view, item in tried:
+        throws = item.throws
         held = touched(throws.force)
-        for first in range(0, len(features), AT_ONCE):
-            evidence = evidence_of(view, features[first : first + AT_ONCE])
+        for first in range(0, len(item.features), AT_ONCE):
+            evidence = evidence_of(view, item.features[first : first + AT_ONCE])
             ratio = ratios_of(view, evidence).alarm
             for number in range(len(ratio)):
                 at = first + number
-                said = gaps_of(view, evidence, number, limits=limits)
-                gaps = [
-                    signed_miss(g, float(t))
-                    for g, t in zip(said.gaps, throws.gaps[at], strict=True)
-                ]
                 alarm = bool(ratio[number] > threshold)
-                for row in np.flatnonzero(throws.gaps[at] >= limits + CLEARLY_OPEN):
+                near = objects_near(view, evidence, number) if alarm else None
+                said = gaps_of(view, evidence, number, limits=limits, near=near)
+                true_gaps = item.gaps[:, at]
+                gaps = signed_misses(said.gaps, true_gaps)
+                for row in np.nonzero(true_gaps >= limits + CLEARLY_OPEN)[1].tolist():
                     gap = said.gaps[row]
                     reach = (limits[row] - gap.middle) / max(gap.high - gap.middle, 1e-9)
-                    found.open.append((int(row), alarm, float(reach)))
-                if not alarm:
+                    switch = int(throws.switch[at])
+                    found.open.append(OpenGap(row, switch, alarm, float(reach)))
+                if near is None:
                     (found.unnoticed if held[at] else found.sound).append(gaps)
                     continue
                 found.alarm.append(gaps)
                 if held[at]:
-                    trapped = object_of(view, evidence, number)
+                    trapped = object_of(view, evidence, number, near=near)
                     alarm_ratio, true = float(ratio[number]), float(throws.x[at])
                     found.size.append((alarm_ratio, miss(trapped.size, float(throws.size[at]))))
                     found.x.append((alarm_ratio, miss(trapped.x, true)))
@@ -140,15 +185,29 @@ IN_PLACES = 0.9
 """Share of sets of places that hold the true place [-]."""
 
 
-def signed_miss(interval: Interval, truth: float) -> float:
-    """Return `miss`, less than 0 where the truth lies below the middle.
+def signed_misses(intervals: Sequence[Interval], truths: Floats) -> Floats:
+    """Return `miss` of each interval, less than 0 where the truth lies below the middle.
+
+    Parameters
+    ----------
+    intervals : sequence of Interval
+        n of them.
+    truths : ndarray, shape (n_draws, n)
+        Of each.
+
+    Returns
+    -------
+    ndarray, shape (n_draws, n)
 
     Examples
     --------
-    >>> signed_miss(Interval(middle=1.0, low=0.5, high=3.0), 0.25)
-    -1.5
+    >>> interval = Interval(middle=1.0, low=0.5, high=3.0)
+    >>> signed_misses([interval], np.array([[0.25], [2.0]])).tolist()
+    [[-1.5], [0.5]]
     """
-    return float(np.copysign(miss(interval, truth), truth - interval.middle))
+    low, middle, high = np.array([[item.low, item.middle, item.high] for item in intervals]).T
+    half = np.where(truths > middle, high - middle, middle - low)
+    return np.asarray((truths - middle) / np.maximum(half, 1e-9))
 
 
 def miss(interval: Interval, truth: float) -> float:
@@ -165,13 +224,13 @@ def miss(interval: Interval, truth: float) -> float:
 
 CLEARLY_OPEN = 2e-3
 """Above its limit, from which on a gap must not be missed [m]."""
-OPEN_CALLED, OPEN_CONFIDENCE = 0.97, 0.95
-"""Share of these that are to be called, and the confidence of that [-]."""
+OPEN_CALLED = 0.97
+"""Share of these that are to be called [-]."""
 LARGEST_REACH = 1.0
 
 
 def reach_of_call(
-    open_gaps: Sequence[tuple[int, bool, float]],
+    open_gaps: Sequence[OpenGap],
     *,
     factors: Sequence[float],
     object_factors: Sequence[float],
@@ -179,14 +238,14 @@ def reach_of_call(
 ) -> tuple[float, ...]:
     """Return how far above its median a limit may lie for each gap to be called above it.
 
-    So far that of gaps clearly above their limit 97 % are called, with a confidence of 95 %: the
-    tolerance limit of Wilks (1941), the r-th smallest of n where at most r - 1 of n fall into 97 %
-    with 95 %. Too few allow no such limit; then it is the largest, or that of `otherwise`. In upper
-    half-intervals, of which one reaches to the upper end.
+    So far that of gaps clearly above their limit 97 % are called, with a confidence of 95 % over
+    switches drawn with replacement: uses of one throw, and throws of one switch, are alike. Of
+    gaps of fewer than `LEAST_OPEN` switches all are called, or as far as that of `otherwise`. In
+    upper half-intervals, of which one reaches to the upper end.
 
     Parameters
     ----------
-    open_gaps : sequence of (int, bool, float)
+    open_gaps : sequence of OpenGap
         `Missed.open`.
     factors, object_factors : sequence of float
         By which the upper halves of the intervals of each gap are widened without and with an
@@ -196,19 +255,28 @@ def reach_of_call(
 
     Examples
     --------
-    >>> gaps = [(0, True, 0.01 * number) for number in range(100)]
+    >>> gaps = [OpenGap(0, number, True, 0.01 * number) for number in range(100)]
     >>> given = {"factors": [1.0], "object_factors": [2.0], "otherwise": [0.0]}
-    >>> reach_of_call(gaps, **given)
-    (0.495,)
+    >>> (reach,) = reach_of_call(gaps, **given)
+    >>> 0.485 < reach <= 0.495
+    True
     """
     found = []
     for number, least in enumerate(otherwise):
         factor = {True: object_factors[number], False: factors[number]}
-        own = np.sort([reach / factor[alarm] for at, alarm, reach in open_gaps if at == number])
-        sure = bdtr(np.arange(own.size), own.size, OPEN_CALLED) >= OPEN_CONFIDENCE
-        wanted = own[np.argmax(sure)] if sure.any() else max(own.max(initial=least), least)
+        some = [item for item in open_gaps if item.gap == number]
+        own = np.array([item.reach / factor[item.alarm] for item in some])
+        switch = np.array([item.switch for item in some], dtype=np.intp)
+        if len(np.unique(switch)) < LEAST_OPEN:
+            wanted = max(float(own.max(initial=least)), least)
+        else:
+            wanted = confident_quantile(own, share=OPEN_CALLED, group=switch)
         found.append(float(np.clip(wanted, 0.0, LARGEST_REACH)))
     return tuple(found)
+
+
+LEAST_OPEN = 20
+"""Switches with gaps clearly above their limit that a share of these is taken from."""
 
 
 def factor_of(*groups: Floats, otherwise: float) -> float:
@@ -216,17 +284,17 @@ def factor_of(*groups: Floats, otherwise: float) -> float:
 
     Parameters
     ----------
-    *groups : ndarray
-        Misses of kinds of throws, whatever their sign; each kind counts the same, those with too
-        few do not.
+    *groups : ndarray, shape (n_throws, ...)
+        Misses of kinds of throws, whatever their sign; each kind counts the same, those of too
+        few throws do not.
     otherwise : float
         Where there are too few of every kind.
     """
     counted = [group for group in groups if len(group) >= LEAST_MISSES]
     if not counted:
         return otherwise
-    misses = np.abs(np.concatenate(counted))
-    weight = np.concatenate([np.full(len(group), 1.0 / len(group)) for group in counted])
+    misses = np.abs(np.concatenate([group.ravel() for group in counted]))
+    weight = np.concatenate([np.full(group.size, 1.0 / group.size) for group in counted])
     order = np.argsort(misses)
     share = np.cumsum(weight[order]) / len(counted)
     return max(0.5, float(np.interp(COVERED, share, misses[order])))
@@ -248,9 +316,9 @@ def sides_of(
 
     Parameters
     ----------
-    sound, unnoticed : ndarray
-        Signed misses of throws without an object and with one that raises no alarm [-]; a kind with
-        too few does not count.
+    sound, unnoticed : ndarray, shape (n_throws, ...)
+        Signed misses of throws without an object and with one that raises no alarm [-]; a kind of
+        too few throws does not count.
     otherwise : (float, float)
         Where there are too few of either kind.
 
@@ -263,7 +331,7 @@ def sides_of(
     >>> round(sum(sides_of(even, even, otherwise=(9.0, 9.0))), 2)  # of 2 that hold them all
     1.9
     """
-    kinds = [np.sort(kind) for kind in (sound, unnoticed) if len(kind) >= LEAST_MISSES]
+    kinds = [np.sort(kind, axis=None) for kind in (sound, unnoticed) if len(kind) >= LEAST_MISSES]
     if not kinds:
         return otherwise
     tried = np.unique(np.concatenate([[0.0], *(-kind[kind < 0.0] for kind in kinds)]))

@@ -72,6 +72,8 @@ class View:
         Of sound throws from one to the next.
     gap_seen : ndarray, shape (n_components, n_gaps)
         What the signature of each hypothesis makes features say of end gaps in a sound switch [m].
+    usual : ndarray, shape (2, n_features)
+        Mean and standard deviation of sound throws at all friction levels [N].
     object_kinds : KindView or None
         For the kind of an object, where kinds were learned.
     """
@@ -85,6 +87,7 @@ class View:
     history: int
     variation: Variation
     gap_seen: Floats
+    usual: Floats
     object_kinds: KindView | None = None
 
     @property
@@ -167,6 +170,7 @@ def make_view(
         history=expected.throws,
         variation=Variation(model.within[:, features[:, np.newaxis], features]),
         gap_seen=_gap_seen(hypotheses, signatures),
+        usual=_usual(centres),
         object_kinds=None
         if kinds is None
         else KindView(
@@ -175,6 +179,16 @@ def make_view(
             distance=(kinds.signatures.level - model.level[:, np.newaxis]) / model.spacing,
         ),
     )
+
+
+def _usual(centres: Sequence[Centre]) -> Floats:
+    """Return mean and standard deviation of sound throws at all friction levels [N]."""
+    weight = np.exp([centre.log_weight for centre in centres])
+    means = np.array([centre.mean for centre in centres])
+    variances = np.array([centre.variance for centre in centres])
+    mean = weight @ means / weight.sum()
+    variance = weight @ (variances + (means - mean) ** 2) / weight.sum()
+    return np.array([mean, np.sqrt(variance)])
 
 
 def _gap_seen(hypotheses: Hypotheses, signatures: Signatures) -> Floats:

@@ -12,10 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtr
 
 from turnout.detection.detector.judging import View
+from turnout.detection.detector.nearest_samples import Samples, samples_near
 from turnout.detection.detector.object_kinds import TEMPER
 from turnout.detection.likelihood import AMPLITUDE, Evidence, log_sum
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.intp]
 
 OBJECT_WEIGHT = 1.0
 """Weight of objects against a sound switch before a throw, for gaps: as likely as not. A smaller
@@ -74,8 +76,20 @@ class EndGaps:
     above: Floats
 
 
+def objects_near(view: View, evidence: Evidence, number: int) -> Samples:
+    """Return the signatures of objects nearest to one of the throws of some evidence."""
+    objects = evidence.hypotheses.order[: _objects(view, evidence)]
+    return samples_near(view, evidence, number, objects)
+
+
 def object_of(
-    view: View, evidence: Evidence, number: int, *, size_factor: float = 1.0, x_factor: float = 1.0
+    view: View,
+    evidence: Evidence,
+    number: int,
+    *,
+    near: Samples,
+    size_factor: float = 1.0,
+    x_factor: float = 1.0,
 ) -> TrappedObject:
     """Return what one of the throws of some evidence says of an object, were there one.
 
@@ -87,29 +101,29 @@ def object_of(
         Of some throws.
     number : int
         Which one.
+    near : Samples
+        From `objects_near`, of the same throw.
     size_factor, x_factor : float
         By which the intervals of size and place are widened about their medians [-].
     """
     kinds = evidence.hypotheses.kind
     objects = evidence.hypotheses.order[: _objects(view, evidence)]
-    logs = evidence.component[objects, number] / TEMPER
-    near = logs > logs.max() - NEGLIGIBLE
-    objects, logs = objects[near], logs[near]
-    share = np.exp(logs - log_sum(logs))
-    used = share > LEAST_WEIGHT
-    objects, share = objects[used], share[used] / share[used].sum()
-    signature = evidence.hypotheses.number[objects]
-    sizes, places = view.signatures.size[signature], view.signatures.x[signature]
-    spread = SMOOTHING + SMOOTHING_SHARE * sizes
-    x, size = mixture_intervals(
-        np.column_stack([places, sizes]),
-        np.column_stack([np.full(len(places), PLACE_SPREAD), spread]),
-        share,
+    logs = evidence.component[objects, number]
+    share = np.exp((logs - logs.max()) / TEMPER)
+    signature = evidence.hypotheses.number[near.components]
+    known = np.column_stack([view.signatures.x[signature], view.signatures.size[signature]])
+    moved, spread = near.moved(known)
+    smooth = np.column_stack(
+        [np.full(len(known), PLACE_SPREAD), SMOOTHING + SMOOTHING_SHARE * known[:, 1]]
     )
+    x, size = mixture_intervals(moved, np.hypot(smooth, spread), near.share)
     # the mean lies nearer to the true place than the median: samples of a place are few
-    x = replace(x, middle=float(np.clip(share @ places, x.low, x.high)))
+    middle = np.clip(near.share @ moved[:, 0], known[:, 0].min(), known[:, 0].max())
+    x = replace(x, middle=float(np.clip(middle, x.low, x.high)))
     return TrappedObject(
-        place=np.asarray(np.bincount(kinds[objects], share, view.objects), dtype=np.float64),
+        place=np.asarray(
+            np.bincount(kinds[objects], share / share.sum(), view.objects), dtype=np.float64
+        ),
         x=_widened(x, x_factor, x_factor),
         size=_widened(size, size_factor, size_factor),
     )
@@ -122,6 +136,7 @@ def gaps_of(
     *,
     limits: Floats,
     factor: ArrayLike = 1.0,
+    near: Samples | None = None,
 ) -> EndGaps:
     """Return what one of the throws of some evidence says of the end gaps.
 
@@ -134,8 +149,11 @@ def gaps_of(
     factor : array_like, shape (), (n_gaps,) or (n_gaps, 2)
         By which the distribution of all gaps, or of each, or below and above the median of each, is
         widened about its median [-].
+    near : Samples, optional
+        From `objects_near`, for a throw with an object, whose gaps lie between theirs. Finding them
+        takes a millisecond, and without an alarm they change little.
     """
-    means, variances, weights = _gaps(view, evidence, number)
+    means, variances, weights = _gaps(view, evidence, number, near)
     deviation = np.sqrt(variances)
     given = np.asarray(factor, dtype=np.float64)
     given = given if given.ndim > 1 else given[..., np.newaxis]
@@ -153,8 +171,32 @@ def gaps_of(
     )
 
 
-def _gaps(view: View, evidence: Evidence, number: int) -> tuple[Floats, Floats, Floats]:
+def _gaps(
+    view: View, evidence: Evidence, number: int, near: Samples | None
+) -> tuple[Floats, Floats, Floats]:
     """Return means, variances and weights of the normal parts that gaps are made of."""
+    kept, logs = _likely(view, evidence, number, near)
+    sound = evidence.centre[:, number]
+    joined = np.concatenate([sound, logs])
+    weights = np.exp(joined - log_sum(joined))
+    usual = np.flatnonzero(weights[: len(sound)] > LEAST_WEIGHT)
+    kept = kept[weights[len(sound) :] > LEAST_WEIGHT]
+    share = weights[weights > LEAST_WEIGHT]
+    place = np.concatenate([usual, evidence.hypotheses.place[kept]])
+    moved, variances = (np.zeros((len(place), view.signatures.gap.shape[1])) for _ in range(2))
+    own = np.s_[len(usual) :]
+    moved[own], variances[own] = _changed_gaps(view, evidence, kept, number, near)
+    for at in np.unique(place):
+        rows, centre = np.flatnonzero(place == at), view.centres[at]
+        moved[rows] += centre.gap_mean + centre.gap_gain @ evidence.white[at, :, number]
+        variances[rows] += centre.gap_variance
+    return moved, np.maximum(variances, 1e-12), share / share.sum()
+
+
+def _likely(
+    view: View, evidence: Evidence, number: int, near: Samples | None
+) -> tuple[Ints, Floats]:
+    """Return the components that gaps depend on, and the logarithms of their weights."""
     hypotheses = evidence.hypotheses
     before = np.full(view.objects, np.log(OBJECT_WEIGHT / view.objects))
     weight = np.concatenate([before, view.cause_weight])
@@ -164,34 +206,40 @@ def _gaps(view: View, evidence: Evidence, number: int) -> tuple[Floats, Floats, 
         group = group[logs > logs.max(initial=-np.inf) - BELOW]
         logs = evidence.component[group, number] + weight[hypotheses.kind[group]]
         parts.append((group, _tempered(logs)))
+    if near is not None:
+        parts[0] = near.components, log_sum(parts[0][1]) + np.log(near.share)
     kept, logs = (np.concatenate(item) for item in zip(*parts, strict=True))
-    sound = evidence.centre[:, number]
-    near = logs > max(logs.max(initial=-np.inf), sound.max()) - NEGLIGIBLE
-    kept, logs = kept[near], logs[near]
+    close = logs > max(logs.max(initial=-np.inf), evidence.centre[:, number].max()) - NEGLIGIBLE
+    kept, logs = kept[close], logs[close]
     if len(kept) > MOST_COMPONENTS:
         most = np.argpartition(logs, -MOST_COMPONENTS)[-MOST_COMPONENTS:]
         kept, logs = kept[most], logs[most]
-    joined = np.concatenate([sound, logs])
-    weights = np.exp(joined - log_sum(joined))
-    usual = np.flatnonzero(weights[: len(sound)] > LEAST_WEIGHT)
-    kept = kept[weights[len(sound) :] > LEAST_WEIGHT]
-    share = weights[weights > LEAST_WEIGHT]
-    place = np.concatenate([usual, hypotheses.place[kept]])
-    own = np.s_[len(usual) :]
-    factor = evidence.factors(kept, number)
-    signature = hypotheses.number[kept]
-    moved = np.zeros((len(place), view.signatures.gap.shape[1]))
-    moved[own] = factor[:, np.newaxis] * view.signatures.gap[signature]
-    square = hypotheses.square[kept, 0] * factor**2
-    loose = np.zeros(len(place))
-    loose[own] = AMPLITUDE**2 / (1.0 + AMPLITUDE**2 * square)
-    variances = (loose[:, np.newaxis] + GAP_SHARE**2) * moved**2
-    moved[own] -= factor[:, np.newaxis] * view.gap_seen[kept]
-    for at in np.unique(place):
-        rows, centre = np.flatnonzero(place == at), view.centres[at]
-        moved[rows] += centre.gap_mean + centre.gap_gain @ evidence.white[at, :, number]
-        variances[rows] += centre.gap_variance
-    return moved, np.maximum(variances, 1e-12), share / share.sum()
+    return kept, logs
+
+
+def _changed_gaps(
+    view: View, evidence: Evidence, kept: Ints, number: int, near: Samples | None
+) -> tuple[Floats, Floats]:
+    """Return what each of some components adds to the gaps of a sound switch, and its variance.
+
+    Less what features say of them in a sound switch, shape (n, n_gaps).
+    """
+    hypotheses = evidence.hypotheses
+    gaps = view.signatures.gap[hypotheses.number[kept]]
+    factor = evidence.factors(kept, number)[:, np.newaxis]
+    square = hypotheses.square[kept] * factor**2
+    loose = AMPLITUDE**2 / (1.0 + AMPLITUDE**2 * square)
+    changes = factor * (gaps - view.gap_seen[kept])
+    variances = (loose + GAP_SHARE**2) * (factor * gaps) ** 2
+    if near is not None:
+        order = np.argsort(near.components)
+        own = np.isin(kept, near.components)
+        rows = order[np.searchsorted(near.components[order], kept[own])]
+        known = view.signatures.gap[hypotheses.number[near.components]]
+        between, deviation = near.moved(known - view.gap_seen[near.components])
+        changes[own] = between[rows]
+        variances[own] = deviation**2 + (GAP_SHARE * gaps[own]) ** 2
+    return changes, variances
 
 
 def _objects(view: View, evidence: Evidence) -> int:
@@ -260,7 +308,7 @@ def mixture_intervals(means: Floats, deviations: Floats, weights: Floats) -> tup
         density = (steepness * np.exp(-0.5 * z**2) * parts).sum(axis=2)
         low, high = np.where(over < 0.0, at, low), np.where(over < 0.0, high, at)
         following = at - over / np.maximum(density, 1e-300)
-        outside = (following <= low) | (following >= high)
+        outside = (following < low) | (following > high)
         following = np.where(outside, 0.5 * (low + high), following)
         done = bool((np.abs(following - at) <= narrow).all())
         at = following

@@ -104,33 +104,42 @@ def _channel_fault(throw: Recorded, row: int, layout: Layout, quantity: str) -> 
     part = layout.parts[-1]
     begin = throw.onsets[CLOSING] + part.edges[0]
     end = throw.onsets[CLOSING] + part.edges[-1]
-    force = throw.force[row]
-    known = np.flatnonzero(np.isfinite(force))
-    if known.size < 2:
+    time, force = throw.time, throw.force[row]
+    known = np.isfinite(force)
+    if not known.all():
+        time, force = time[known], force[known]
+    if time.size < 2:
         return "holds no numbers"
-    inside = known[(throw.time[known] >= begin - MOST_HOLES) & (throw.time[known] <= end)]
-    if inside.size < 2 or throw.time[inside[-1]] < end - END_MISSING:
-        last = throw.time[known[-1]] - throw.onsets[CLOSING]
+    own = _between(time, begin - MOST_HOLES, end)
+    inside = time[own]
+    if inside.size < 2 or inside[-1] < end - END_MISSING:
+        last = time[-1] - throw.onsets[CLOSING]
         return (
             f"recorded until {last:.1f} s after the onset of closing; "
             f"{part.edges[-1] - END_MISSING:.1f} s are needed"
         )
-    if throw.time[inside[0]] > begin + START_MISSING:
+    if inside[0] > begin + START_MISSING:
         return "the recording begins after the onset of closing"
-    steps = np.diff(throw.time[inside])
-    if np.median(steps) > 1.0 / LEAST_RATE:
+    steps = np.diff(inside)
+    longest = steps.max()
+    if longest > 1.0 / LEAST_RATE and np.median(steps) > 1.0 / LEAST_RATE:
         return f"{1.0 / np.median(steps):.0f} samples a second; {LEAST_RATE:.0f} are needed"
-    if steps.max() > MOST_HOLES:
-        return f"{steps.max():.2f} s without samples"
-    fault = value_fault(force[inside], quantity=quantity)
+    if longest > MOST_HOLES:
+        return f"{longest:.2f} s without samples"
+    fault = value_fault(force[own], quantity=quantity)
     if fault or quantity != FORCE:
         return fault
     first = min(throw.onsets.values()) + min(p.edges[0] for p in layout.parts)
-    whole = known[(throw.time[known] >= first) & (throw.time[known] <= end)]
-    since, long = held_run(throw.time[whole], force[whole])
+    whole = _between(time, first, end)
+    since, long = held_run(time[whole], force[whole])
     if long < LONGEST_HELD or since > end - END_MISSING:
         return ""
     return f"constant for {long:.2f} s from {since - throw.onsets[CLOSING]:.2f} s after the onset"
+
+
+def _between(time: Floats, first: float, last: float) -> slice:
+    """Return which samples lie between two instants, both included."""
+    return slice(int(np.searchsorted(time, first)), int(np.searchsorted(time, last, side="right")))
 
 
 LONGEST_HELD = 0.3
@@ -155,6 +164,8 @@ def held_run(time: Floats, force: Floats) -> tuple[float, float]:
     (0.0, 0.0)
     """
     steps = np.diff(force)
+    if steps.all():  # as nearly always
+        return 0.0, 0.0
     starts = np.concatenate([[0], np.flatnonzero(steps) + 1, [force.size]])
     lengths = np.diff(starts)
     longest = int(np.argmax(lengths))
@@ -206,8 +217,10 @@ def longest_run(values: Floats, limit: float | None = None) -> int:
     >>> longest_run(np.array([1.0, 2.0, 2.0, 2.0, 3.0, 3.0])), longest_run(np.ones(3), 2.0)
     (3, 0)
     """
-    if limit is not None and not np.any(values == limit):
-        return 0
+    if limit is not None:
+        count = np.count_nonzero(values == limit)
+        if count <= 1:
+            return int(count)
     starts = np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1, [values.size]])
     lengths = np.diff(starts)
     if limit is not None:
@@ -319,11 +332,7 @@ def zeroed_rest(view: View, layout: Layout, features: Floats) -> str:
     features : ndarray, shape (n_features,)
         Of the throw [N].
     """
-    weight = np.exp([centre.log_weight for centre in view.centres])
-    means = np.array([centre.mean for centre in view.centres])
-    variances = np.array([centre.variance for centre in view.centres])
-    usual = weight @ means / weight.sum()
-    spread = np.sqrt(weight @ (variances + (means - usual) ** 2) / weight.sum())
+    usual, spread = view.usual
     own = features[view.features]
     drive, part = layout.drive[view.features], layout.part[view.features]
     before = layout.before_onset[view.features]

@@ -24,6 +24,7 @@ from turnout.detection.detector.object_posterior import (
     TrappedObject,
     gaps_of,
     object_of,
+    objects_near,
 )
 from turnout.detection.detector.throw_layout import CLOSING
 from turnout.detection.likelihood import Evidence, log_sum
@@ -256,15 +257,17 @@ def verdict_on(
     fit = float(share_worse(square, irregularity, calibrated=calibrated)[0])
     cause = _named(view, ratios, irregularity, fit, calibrated)
     alarm = log_ratio > threshold
+    near = objects_near(view, own, 0) if alarm else None
     end = gaps_of(
         view,
         own,
         0,
         limits=np.array(knowledge.setting.limits),
         factor=calibrated.object_gap_factor if alarm else calibrated.gap_factor,
+        near=near,
     )
     widths = {"size_factor": calibrated.size_factor, "x_factor": calibrated.x_factor}
-    trapped = object_of(view, own, 0, **widths) if alarm else None
+    trapped = None if near is None else object_of(view, own, 0, near=near, **widths)
     gaps = _gaps(knowledge, end, reach=calibrated.gap_reach)
     status = _status(alarm, cause, fit, gaps=gaps)
     best = cause if status == CAUSE else max(odds, key=lambda item: odds[item])

@@ -75,7 +75,7 @@ class Counts:
     switches: int = 80
     repeats: int = 26
     judged: int = 4
-    objects_each: int = 2
+    objects_each: int = 4
 
     def of_cause(self, name: str) -> int:
         """Return how many throws another cause gets."""
