@@ -43,7 +43,7 @@ def test_the_check_would_see_something_heavy() -> None:
         (["simulate", "--help"], {"simulate"}),
         (["panel", "list", "--help"], {"panel", "match", "modes"}),
     ],
-    ids=lambda given: " ".join(given),
+    ids=["version", "simulate", "panel list"],
 )
 def test_one_command_loads_no_other(arguments: list[str], loaded: set[str]) -> None:
     code = (
