@@ -108,6 +108,17 @@ def test_factors_hold_kinds_of_throws_the_same_and_leave_out_small_ones() -> Non
     assert interval_widths.factor_of(many[:3], few[:3], otherwise=9.0) == 9.0
 
 
+def test_intervals_are_wide_enough_for_objects_in_doubt_and_for_all() -> None:
+    """Misses of even shares up to 1, and up to 3 of the half in doubt or of the other half."""
+    rng = np.random.default_rng(6)
+    misses, ratios = rng.random(8000), np.arange(8000.0)
+    for worse, wanted in ((ratios < 4000, 0.95 * 3.0), (ratios >= 4000, 0.9 * 3.0)):
+        found = list(zip(ratios, np.where(worse, 3.0, 1.0) * misses, strict=True))
+        factor = interval_widths.factor_of_objects(found, otherwise=9.0)
+        assert factor == pytest.approx(wanted, rel=0.02)
+    assert interval_widths.factor_of_objects(found[:9], otherwise=9.0) == 9.0
+
+
 def test_sets_of_places_hold_the_true_one_in_nine_of_ten_new_throws() -> None:
     """With probabilities that are far too sure."""
     rng = np.random.default_rng(2)

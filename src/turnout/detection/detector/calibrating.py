@@ -15,8 +15,8 @@ from turnout.detection.detector.interval_widths import (
     Misses,
     Tried,
     factor_of,
+    factor_of_objects,
     level_of_places,
-    misses_in_doubt,
     misses_of,
     reach_of_call,
     sides_of,
@@ -410,8 +410,8 @@ def _calibrated(
         cause_thresholds={
             name: float(value) for name, value in zip(knowledge.causes, rare, strict=True)
         },
-        size_factor=factor_of(misses_in_doubt(found.size), otherwise=usual.size_factor),
-        x_factor=factor_of(misses_in_doubt(found.x), otherwise=usual.x_factor),
+        size_factor=factor_of_objects(found.size, otherwise=usual.size_factor),
+        x_factor=factor_of_objects(found.x, otherwise=usual.x_factor),
         gap_factor=gap_factor,
         object_gap_factor=object_gap_factor,
         gap_reach=reach_of_call(

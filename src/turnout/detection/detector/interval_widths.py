@@ -362,6 +362,23 @@ COVERED, MOST_APART = 0.95, 0.015
 """Share that intervals are to hold, and by how much more of one kind than of the other [-]."""
 
 
+def factor_of_objects(found: Sequence[tuple[float, float]], *, otherwise: float) -> float:
+    """Return by how much intervals of detected objects must be widened to hold 95 %.
+
+    Of all of them, and of those in doubt.
+
+    Parameters
+    ----------
+    found : sequence of (float, float)
+        `Missed.size`.
+    otherwise : float
+        Where there are too few.
+    """
+    every = np.array([missed for _ratio, missed in found])
+    groups = every, misses_in_doubt(found)
+    return max(factor_of(group, otherwise=otherwise) for group in groups)
+
+
 def misses_in_doubt(found: Sequence[tuple[float, float]]) -> Floats:
     """Return the misses of that half of the detected objects which is nearest to the threshold.
 
