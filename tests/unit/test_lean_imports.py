@@ -7,6 +7,7 @@ import sys
 import pytest
 
 from turnout.core.lean_imports import import_scipy, without_package
+from turnout.core.processes import worker_processes
 
 LEAN = """
 import sys
@@ -33,8 +34,9 @@ def test_unused_parts_are_left_out_and_there_when_they_are_used() -> None:
 THREADS = """
 import os
 from threadpoolctl import threadpool_info
-from turnout.core.lean_imports import import_scipy
-import_scipy()
+from turnout.core.lean_imports import without_blas_threads
+with without_blas_threads():
+    import numpy, scipy.linalg
 print(*{item["num_threads"] for item in threadpool_info() if item["user_api"] == "blas"})
 print(os.environ.get("OPENBLAS_NUM_THREADS"))
 """
@@ -53,6 +55,20 @@ def test_linear_algebra_starts_no_threads_unless_they_are_wanted(
     if done.stdout.split()[0] == "None":
         pytest.skip("NumPy and SciPy come without OpenBLAS here")
     assert done.stdout.split() == expected
+
+
+def threads_of_blas() -> set[int]:
+    import scipy.linalg  # noqa: F401 - brings a copy of its own
+    from threadpoolctl import threadpool_info
+
+    return {item["num_threads"] for item in threadpool_info() if item["user_api"] == "blas"}
+
+
+def test_workers_have_one_thread_of_linear_algebra_each(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+    with worker_processes(1) as pool:
+        assert pool.submit(threads_of_blas).result() <= {1}
+    assert "OPENBLAS_NUM_THREADS" not in os.environ
 
 
 def test_what_is_loaded_stays_loaded() -> None:

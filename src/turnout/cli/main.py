@@ -12,6 +12,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from turnout.cli.options import INTERRUPTED
+from turnout.core.lean_imports import without_blas_threads
 from turnout.errors import TurnoutError
 
 BAD_INPUT = 2
@@ -142,7 +143,8 @@ def main() -> None:
     colour = False if os.environ.get("NO_COLOR") else None  # None: if it is a terminal
     name = typer.style("turnout:", fg=typer.colors.RED, bold=True)
     try:
-        app()
+        with without_blas_threads():
+            app()
     except TurnoutError as error:
         typer.echo(f"{name} {error}", err=True, color=colour)
         sys.exit(BAD_INPUT)

@@ -20,18 +20,12 @@ THREADS = "OPENBLAS_NUM_THREADS"
 
 
 def import_scipy() -> None:
-    """Import NumPy and SciPy, without threads of linear algebra and what neither needs.
+    """Import SciPy, which copies every name that NumPy lists and so loads all that is behind them.
 
-    SciPy copies every name that NumPy lists and so loads all that is behind them. Both lists and
-    the environment are as before when it returns.
+    Both lists are as before when it returns.
     """
     if "scipy" in sys.modules:
         return
-    with _one_thread():
-        _import_both()
-
-
-def _import_both() -> None:
     np: Any = import_module("numpy")
     names, listed = np.__all__, np.__dir__
     try:
@@ -44,11 +38,11 @@ def _import_both() -> None:
 
 
 @contextmanager
-def _one_thread() -> Iterator[None]:
-    """Let OpenBLAS start no threads, unless the user wants some: rails are solved with one.
+def without_blas_threads() -> Iterator[None]:
+    """Let OpenBLAS start no threads where it is loaded, here or in processes started meanwhile.
 
-    Each copy of it, one in NumPy and one in SciPy, takes longer to start a thread for every core
-    than it takes to be loaded.
+    Rails are solved with one. Each copy of it, one in NumPy and one in SciPy, takes longer to start
+    a thread for every core than it takes to be loaded. Users who want some set the variable.
     """
     if THREADS in os.environ:
         yield
