@@ -63,9 +63,21 @@ from turnout.study.load_study import load_study
 
 DETECTOR = (
     "detection/detector",
-    *(f"detection/{name}.py" for name in ("alarm_threshold", "likelihood", "features")),
-    *(f"detection/{name}.py" for name in ("population", "conditioning", "conditions", "floor")),
-    *(f"detection/{name}.py" for name in ("signal_discrepancy", "throws")),
+    *(
+        f"detection/{name}.py"
+        for name in (
+            "alarm_threshold",
+            "likelihood",
+            "triangular",
+            "features",
+            "population",
+            "conditioning",
+            "conditions",
+            "floor",
+            "signal_discrepancy",
+            "throws",
+        )
+    ),
 )
 """Sources that a detector and its verdicts depend on, beside those of its throws."""
 

@@ -27,6 +27,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
+from turnout.detection.triangular import unwhitened, whitened
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
 Singles = NDArray[np.float32]
@@ -373,39 +375,8 @@ r""":math:`\nu`, in how many ways an unknown deviation may differ: some two in a
 
 def weigh(features: Floats, hypotheses: Hypotheses) -> Evidence:
     """Return the likelihood of throws, shape (n_throws, n_features) [N], under every hypothesis."""
-    centres = hypotheses.centres
-    white = [whitened(centre.root, (features - centre.mean).T) for centre in centres]
+    white = [whitened(c.root, (features - c.mean).T) for c in hypotheses.centres]
     return weigh_whitened(np.array(white), hypotheses)
-
-
-def whitened(root: Floats, off: Floats) -> Floats:
-    """Return the product of a lower triangular matrix and columns, without most of its zeros.
-
-    Parameters
-    ----------
-    root : ndarray, shape (n, n)
-        Such as `Centre.root`. Of one throw, reading it takes most of the time.
-    off : ndarray, shape (n, n_throws)
-        What throws are off a mean.
-    """
-    found = np.empty((len(root), off.shape[1]))
-    for first in range(0, len(root), ROWS_AT_ONCE):
-        end = first + ROWS_AT_ONCE
-        np.matmul(root[first:end, :end], off[:end], out=found[first:end])
-    return found
-
-
-def unwhitened(root: Floats, white: Floats) -> Floats:
-    """Return the product of the transpose of such a matrix and columns, shape (n, n_throws)."""
-    found = np.zeros((len(root), white.shape[1]))
-    for first in range(0, len(root), ROWS_AT_ONCE):
-        end = first + ROWS_AT_ONCE
-        found[:end] += root[first:end, :end].T @ white[first:end]
-    return found
-
-
-ROWS_AT_ONCE = 80
-"""Rows of a triangular matrix that are multiplied together."""
 
 
 def weigh_whitened(white: Floats, hypotheses: Hypotheses) -> Evidence:
@@ -429,8 +400,7 @@ def weigh_whitened(white: Floats, hypotheses: Hypotheses) -> Evidence:
     off -= hypotheses.square
     square -= hypotheses.square
     square -= (2.0 + hypotheses.tight * off) * off
-    np.maximum(square, 0.0, out=square)
-    component = log_density(square, size=size)
+    component = log_density(np.maximum(square, 0.0, out=square), size=size)
     component += hypotheses.log_scale
     return Evidence(
         sound=log_sum(sound),
