@@ -66,7 +66,7 @@ DETECTOR = (
     "detection/detector",
     *(f"detection/{name}.py" for name in ("alarm_threshold", "likelihood", "features")),
     *(f"detection/{name}.py" for name in ("population", "conditioning", "conditions", "floor")),
-    *(f"detection/{name}.py" for name in ("signal_discrepancy", "throws")),
+    *(f"detection/{name}.py" for name in ("signal_discrepancy", "throws", "triangular")),
 )
 """Sources that a detector and its verdicts depend on, beside those of its throws."""
 

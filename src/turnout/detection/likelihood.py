@@ -27,6 +27,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
+from turnout.detection.triangular import unwhitened, whitened
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
 Singles = NDArray[np.float32]
@@ -374,46 +376,28 @@ r""":math:`\nu`, in how many ways an unknown deviation may differ: some two in a
 def weigh(features: Floats, hypotheses: Hypotheses) -> Evidence:
     """Return the likelihood of throws, shape (n_throws, n_features) [N], under every hypothesis."""
     centres = hypotheses.centres
-    white = [whitened(centre.root, (features - centre.mean).T) for centre in centres]
-    return weigh_whitened(np.array(white), hypotheses)
-
-
-def whitened(root: Floats, off: Floats) -> Floats:
-    """Return the product of a lower triangular matrix and columns, without most of its zeros.
-
-    Parameters
-    ----------
-    root : ndarray, shape (n, n)
-        Such as `Centre.root`. Of one throw, reading it takes most of the time.
-    off : ndarray, shape (n, n_throws)
-        What throws are off a mean.
-    """
-    found = np.empty((len(root), off.shape[1]))
-    for first in range(0, len(root), ROWS_AT_ONCE):
-        end = first + ROWS_AT_ONCE
-        np.matmul(root[first:end, :end], off[:end], out=found[first:end])
-    return found
-
-
-def unwhitened(root: Floats, white: Floats) -> Floats:
-    """Return the product of the transpose of such a matrix and columns, shape (n, n_throws)."""
-    found = np.zeros((len(root), white.shape[1]))
-    for first in range(0, len(root), ROWS_AT_ONCE):
-        end = first + ROWS_AT_ONCE
-        found[:end] += root[first:end, :end].T @ white[first:end]
-    return found
-
-
-ROWS_AT_ONCE = 80
-"""Rows of a triangular matrix that are multiplied together."""
+    white, back = (np.empty((len(centres), *features.T.shape)) for _ in range(2))
+    for centre, own, other in zip(centres, white, back, strict=True):
+        # one level after the other, so that its root is near when it is read again
+        own[:] = whitened(centre.root, (features - centre.mean).T)
+        other[:] = unwhitened(centre.root, own)
+    return _weighed(white, back, hypotheses)
 
 
 def weigh_whitened(white: Floats, hypotheses: Hypotheses) -> Evidence:
     """Return the same for `Evidence.white` of throws, shape (k, n_features, n_throws) [-]."""
+    back = [unwhitened(c.root, own) for c, own in zip(hypotheses.centres, white, strict=True)]
+    return _weighed(white, np.array(back), hypotheses)
+
+
+def _weighed(white: Floats, back: Floats, hypotheses: Hypotheses) -> Evidence:
+    """Return the likelihood of whitened throws, multiplied by the transposed roots as well.
+
+    Signatures are projected on the latter, not on the former by whitened bases of each level:
+    reading these would take as long as the roots.
+    """
     centres = hypotheses.centres
     _, size, throws = white.shape
-    # by the roots once more, not by the whitened bases: reading takes most of the time of a throw
-    back = np.array([unwhitened(c.root, w) for c, w in zip(centres, white, strict=True)])
     projected = hypotheses.basis.T @ back.swapaxes(0, 1).reshape(size, -1)
     projected = projected.reshape(-1, *back.shape[::2]).astype(np.float32)
     own = np.einsum("kft,kft->kt", white, white)
