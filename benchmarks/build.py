@@ -7,6 +7,7 @@ writes docs/performance-build.md. One core. "Cold" starts with an empty cache in
 packages is separate, it is no build.
 """
 
+import argparse
 import json
 import os
 import statistics
@@ -68,6 +69,7 @@ def row(what: str, runs: list[dict[str, float]], *keys: str) -> str:
 
 def main() -> None:
     """Measure and write the page."""
+    argparse.ArgumentParser(description=__doc__).parse_args()
     cold, warm = [], []
     for _ in range(REPEATS):
         with tempfile.TemporaryDirectory() as folder:

@@ -8,6 +8,7 @@ too, as a user starts it: with nothing read before, and with everything read bef
 docs/how-to/campaign.md are drawn from what was built.
 """
 
+import argparse
 import os
 import platform
 import shutil
@@ -84,8 +85,11 @@ def draw(folder: Path) -> None:
 
 def main() -> None:
     """Make, build, draw and write the page."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", nargs="?", type=Path, help="where the campaign is made")
+    chosen = parser.parse_args().folder
     with tempfile.TemporaryDirectory() as temporary:
-        folder = Path(sys.argv[1] if len(sys.argv) > 1 else temporary) / "virtual"
+        folder = (chosen or Path(temporary)) / "virtual"
         options = ("--panel", PANEL, "--seed", SEED, "--repeats", OBJECT_FREE)
         made = turnout("campaign", "virtual", *options, "--out", str(folder))
         fresh = timed_builds(folder, fresh=True)

@@ -4,9 +4,9 @@ Lines of code are lines with a token that is no comment and no docstring; names 
 classes and constants of modules.
 """
 
+import argparse
 import ast
 import io
-import sys
 import tokenize
 from pathlib import Path
 
@@ -46,7 +46,9 @@ def count(path: Path) -> tuple[int, int, int, int]:
 
 def main() -> None:
     """Print a row a package and the sum."""
-    root = Path(sys.argv[1] if sys.argv[1:] else "src/turnout")
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", nargs="?", type=Path, default=Path("src/turnout"))
+    root = parser.parse_args().folder
     rows: dict[str, list[int]] = {}
     for path in sorted(root.rglob("*.py")):
         package = path.relative_to(root).parts[0].removesuffix(".py")

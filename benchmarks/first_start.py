@@ -22,22 +22,15 @@ HERE = Path(__file__).parents[1]
 PAGE = HERE / "docs" / "performance-start.md"
 SIMULATE = ["simulate", "uic60-760-1-15", "--object", "13mm@sleeper6", "--quiet"]
 MACHINES = ["--set", "drive.1.machine=jea73", "--set", "drive.2.machine=jea73-drive2"]
-FIRST_STEP = """
-import contextlib, os
-from turnout.cli import simulate as _, watch
-with contextlib.suppress(ImportError):  # older sources have none
-    from turnout.core.lean_imports import import_scipy
-    import_scipy()
-from turnout.panel.foreign_object import resolve_objects
-from turnout.panel.load import load_panel
-from turnout.panel.object_text import parse_objects
-from turnout.response.simulate import solve_placed
-from turnout.scheme import Scheme
-panel = load_panel("uic60-760-1-15")
-objects = resolve_objects(panel, parse_objects(["13mm@sleeper6"]))
-solve_placed(panel, objects, scheme=Scheme.of("waveform"), report=lambda *_: os._exit(0))
+FIRST_STEP = f"""
+import os, sys
+from turnout.cli import watch
+from turnout.cli.main import main
+watch.Watch.report = lambda *_: os._exit(0)
+sys.argv = ["turnout", *{SIMULATE!r}]
+main()
 """
-"""What `turnout simulate` does until it first reports its progress, after 2,200 of 8,500 steps."""
+"""`turnout simulate` until it first reports its progress."""
 
 COMMANDS = {
     "first `simulate`, kernels compiled": ["-m", "turnout", *SIMULATE],

@@ -7,6 +7,7 @@ times on the state of a rail in motion; numbers and products are counted from th
 kernels do not add up to is the loop around them and memory that is touched for the first time.
 """
 
+import argparse
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -195,6 +196,7 @@ def section(found: dict[tuple[str, str], Profile]) -> str:
 
 def main() -> None:
     """Profile every panel in both modes and write the section."""
+    argparse.ArgumentParser(description=__doc__).parse_args()
     found = {(name, mode): profile(name, MODES[mode]) for name in PANELS for mode in MODES}
     write_section("Where the time goes", section(found))
 

@@ -6,9 +6,9 @@ prints what was measured as JSON. Timed is the solution from rest to the end of 
 what is kept of it; reading, assembly and reduction are timed apart.
 """
 
+import argparse
 import json
 import statistics
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -145,12 +145,17 @@ def judged(found: list[sb1.Check]) -> dict[str, object]:
 
 def main() -> None:
     """Measure one racer."""
-    name, case, step, repeats = sys.argv[1:]
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("racer")
+    parser.add_argument("case")
+    parser.add_argument("step", type=float, metavar="step_ms")
+    parser.add_argument("repeats", type=int)
+    given = parser.parse_args()
     before = load()
-    if name.startswith("turnout"):
-        found = measure_turnout(name, case, int(repeats))
+    if given.racer.startswith("turnout"):
+        found = measure_turnout(given.racer, given.case, given.repeats)
     else:
-        found = measure_other(name, case, float(step) / 1e3, int(repeats))
+        found = measure_other(given.racer, given.case, given.step / 1e3, given.repeats)
     print(json.dumps(found | {"load": max(before, load())}))
 
 

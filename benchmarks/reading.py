@@ -6,6 +6,7 @@ Each reading is a process of its own, so that its peak memory is its own; the ti
 imported program to the recording, the median and spread of several. The text has six decimals.
 """
 
+import argparse
 import statistics
 import subprocess
 import sys
@@ -117,6 +118,7 @@ def measured(path: Path) -> tuple[list[float], float, float]:
 
 def main() -> None:
     """Measure and write the page."""
+    argparse.ArgumentParser(description=__doc__).parse_args()
     lines = [
         "# Reading recordings",
         "",

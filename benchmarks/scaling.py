@@ -7,6 +7,7 @@ modes and simulated time on the default panel with 13 mm at sleeper 6. Timed are
 the processor time of a run less that of a run of one output interval.
 """
 
+import argparse
 import re
 import statistics
 import tempfile
@@ -229,6 +230,7 @@ def section(measured: dict[str, tuple[str, list[Point]]], *, most: float) -> str
 
 def main() -> None:
     """Measure, draw and write."""
+    argparse.ArgumentParser(description=__doc__).parse_args()
     most, measured = load(), {}
     for name, label, points in axes():
         measured[name] = (label, points)

@@ -7,6 +7,7 @@ from the shapes. Kept: built again with another friction, as in a sweep. Process
 thread.
 """
 
+import argparse
 import statistics
 import time
 from collections.abc import Callable
@@ -76,6 +77,7 @@ def row(what: str, seconds: list[float]) -> str:
 
 def main() -> None:
     """Measure and write the section."""
+    argparse.ArgumentParser(description=__doc__).parse_args()
     with one_blas_thread():
         panel = load_panel(PANEL)
         rows = [

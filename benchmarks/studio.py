@@ -6,6 +6,7 @@ A server as `turnout studio` starts it, with the default panel, is asked as its 
 slider moves: one question after the other, each for a throw that was not requested before.
 """
 
+import argparse
 import statistics
 import time
 from collections.abc import Iterator
@@ -121,6 +122,7 @@ panel an object needs rails of its own, between them it does not.
 
 def main() -> None:
     """Measure and write."""
+    argparse.ArgumentParser(description=__doc__).parse_args()
     before = load()
     rows = list(measured())
     PAGE.write_text(page(rows, loads=(before, load())), encoding="utf-8")

@@ -8,6 +8,7 @@ dataset. Kernels are compiled before. What whole commands take is measured by
 `python -m benchmarks.first_start`.
 """
 
+import argparse
 import statistics
 import time
 from collections.abc import Callable
@@ -53,6 +54,7 @@ def row(what: str, seconds: list[float]) -> str:
 
 def main() -> None:
     """Measure and write the page."""
+    argparse.ArgumentParser(description=__doc__).parse_args()
     lines = [
         f"Written by `python -m benchmarks.throw` on {machine()}, at a load of {load():.1f}.",
         "One full cycle of the default panel (8.5 s, two switch rails, two stock rails, 50 chairs",

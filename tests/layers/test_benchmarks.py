@@ -23,6 +23,23 @@ def test_a_benchmark_loads(name: str) -> None:
     assert loaded.__doc__
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_help_measures_nothing(
+    name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    try:
+        loaded = import_module(f"benchmarks.{name}")
+    except ModuleNotFoundError as error:
+        pytest.skip(f"pip install 'turnout[benchmark]' brings {error.name}")
+    if not hasattr(loaded, "main"):
+        return  # part of others
+    monkeypatch.setattr("sys.argv", [name, "--help"])
+    with pytest.raises(SystemExit) as ended:
+        loaded.main()
+    assert ended.value.code == 0
+    assert capsys.readouterr().out.startswith("usage: ")
+
+
 def test_a_checkout_that_is_too_old_for_sweep_rates_is_named(tmp_path: Path) -> None:
     """Its process ends before it is asked; the benchmark says so in one line."""
     package = tmp_path / "src" / "turnout"

@@ -13,13 +13,17 @@ from turnout.calibration.cause_lines import cause_lines
 from turnout.calibration.cause_trials import one_of_alike, own_levels, with_cause
 from turnout.calibration.causes import (
     CauseSearch,
+    _best_of_alike,
+    _Budget,
+    _fitted_with,
     with_causes,
     without_needless,
 )
 from turnout.calibration.fit import brief_fit, fit
 from turnout.calibration.measured_movements import MeasuredMovement
-from turnout.calibration.needed_causes import is_needed
+from turnout.calibration.needed_causes import DECISIVE, is_needed
 from turnout.calibration.predict import predicted
+from turnout.calibration.sensors import common_lead
 from turnout.calibration.stages import default_plan
 from turnout.measurement.chain.recorder_response import LowPass, RecorderResponse
 from turnout.panel.load import load_panel
@@ -140,6 +144,24 @@ def test_samples_far_apart_are_found_without_a_delay() -> None:
     assert not search.misses
     assert 'recorded_rate = "4' in search.tested[0].text
     assert search.found.values["k"] == pytest.approx(TRUE["k"], rel=5e-3)
+
+
+def test_a_mean_over_the_past_is_not_taken_for_samples_far_apart_and_a_lead_of_motors() -> None:
+    # Samples far apart delay nothing: with them all movements begin half a mean later than marked.
+    whole = misfit(recorded(RecorderResponse(average=0.1), stated=RecorderResponse()))
+    near = fit(whole, PARAMETERS, TRUE, rough=True)
+    before = brief_fit(whole, PARAMETERS, TRUE, near=near)
+    causes = candidate_causes(load_panel("sb1"), PARAMETERS)
+    recorders = [item for item in causes if item.group == "recorder"]
+    choices = cause_trials.cause_trials(before, recorders, most=1, decisive=DECISIVE)
+    samples = next(item for item in choices if "samples" in item[0][0].text)
+    fitted = _fitted_with(before, whole, samples, on_step=None)
+    assert common_lead(fitted) == pytest.approx(0.05, abs=0.01)
+    budget = _Budget(whole.evaluator, 10**6, 0)
+    found, choice = _best_of_alike(before, whole, (fitted, samples), choices, None, budget)
+    assert choice[0][1].name == "recorder filter"
+    assert common_lead(found) == 0.0
+    assert choice[0][0].text.startswith("the recorder averages over")
 
 
 def test_a_filter_that_the_map_states_is_no_cause() -> None:

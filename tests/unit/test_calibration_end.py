@@ -14,6 +14,7 @@ from turnout.calibration.evaluate import Evaluator, Response, ThrowInputs
 from turnout.calibration.fit import _least_squares, fit
 from turnout.calibration.linearisation import Linearisation
 from turnout.calibration.misfit import Misfit
+from turnout.calibration.result_entries import warnings_from
 from turnout.errors import MeasurementError
 from turnout.panel.load import LoadedPanel, load_panel
 from turnout.scheme import Scheme
@@ -28,6 +29,24 @@ def test_no_value_is_surer_than_a_third_of_what_step_and_mesh_change() -> None:
     before = spread_of(found).coordinate_covariance
     after = spread_of(replace(found, misfit=refined)).coordinate_covariance
     assert np.sqrt((after - before)[1, 1]) == pytest.approx(0.003 / 3.0, rel=0.05)
+
+
+def test_a_movement_that_cannot_be_thrown_finely_is_named_and_the_others_count() -> None:
+    measured = [movement(f"m{n}", rng=np.random.default_rng(n)) for n in range(4)]
+    found = fit(misfit(measured), PARAMETERS, TRUE)
+    coarse, fine = response(found.values), response({**found.values, "k": 1.003 * TRUE["k"]})
+    changed = Refined(plain=coarse, halved=fine, fine=fine)
+    failed = replace(changed, halved=replace(fine, failure="it did not close"))
+    assert failed.added(coarse) is coarse
+    refined = replace(found.misfit, refinement=(changed, failed, changed, changed))
+    there = replace(found, misfit=refined)
+    spread = spread_of(there)
+    # The scale of the error is common: three movements show three quarters of it.
+    widened = (spread.coordinate_covariance - spread_of(found).coordinate_covariance)[1, 1]
+    assert np.sqrt(widened) == pytest.approx(0.75 * 0.003 / 3.0, rel=0.05)
+    (said,) = [text for text in warnings_from(there, spread) if "finer" in text]
+    assert said.startswith(f"{measured[1].text}: cannot be simulated with a finer step")
+    assert "it did not close" in said
 
 
 def test_finer_throws_have_half_the_step_and_elements_half_as_long(

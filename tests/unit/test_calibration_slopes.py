@@ -2,18 +2,28 @@
 
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.unit.test_calibration_fit import PARAMETERS, TRUE, listened, misfit, movement, response
+from tests.unit.test_calibration_fit import (
+    PARAMETERS,
+    TRUE,
+    MadeUp,
+    listened,
+    misfit,
+    movement,
+    response,
+)
 
 from turnout.calibration import evaluate
-from turnout.calibration.evaluate import Evaluator, ThrowInputs, throw_processes
+from turnout.calibration.evaluate import Evaluator, Response, ThrowInputs, throw_processes
 from turnout.calibration.fit import _least_squares
 from turnout.calibration.linearisation import leaders_of
-from turnout.calibration.misfit import Misfit
+from turnout.calibration.misfit import Misfit, framed, jacobian
 from turnout.calibration.movement_effects import update_movement_effects
+from turnout.errors import SolverError
 from turnout.panel.load import load_panel
 from turnout.scheme import Scheme
 
@@ -35,6 +45,31 @@ def test_repeats_near_the_same_values_share_slopes_and_others_have_their_own() -
     assert local.origin[1] is local.origin[0]
     assert local.simulated[1] is not local.simulated[0]
     assert local.about[3] == own[2]
+
+
+class Limited(MadeUp):
+    """Cannot simulate above a stiffness, as a panel that a drive presses home."""
+
+    def responses(self, throws: Sequence[ThrowInputs]) -> list[Response]:
+        return [
+            replace(item, failure="it slips at rest")
+            if float(str(throw.overrides["k"])) > TRUE["k"]
+            else item
+            for throw, item in zip(throws, super().responses(throws), strict=True)
+        ]
+
+
+def test_a_slope_is_taken_on_the_other_side_where_a_throw_aside_fails() -> None:
+    whole = repeats(2)
+    names = [item.name for item in PARAMETERS]
+    expected = jacobian(local := whole.local(TRUE, names), framed(local, whole), names)
+    limited = replace(whole, evaluator=Limited(load_panel("sb1")))
+    local = limited.local(TRUE, names)
+    assert local.steps["mu"][0] > 0.0 > local.steps["k"][0]
+    found = jacobian(local, framed(local, limited), names)
+    np.testing.assert_allclose(found, expected, atol=0.02 * np.abs(expected).max())
+    with pytest.raises(SolverError, match="it slips at rest"):
+        limited.local({**TRUE, "k": 1.1 * TRUE["k"]}, names)
 
 
 def test_slopes_foretell_responses_a_small_step_away() -> None:

@@ -1,5 +1,6 @@
 """The user's face: quick to import, and complete."""
 
+import gc
 import re
 import subprocess
 import sys
@@ -33,6 +34,44 @@ def test_nothing_heavy_is_loaded(code: str) -> None:
 
 def test_the_check_would_see_something_heavy() -> None:
     assert "pydantic" in loaded_by("import turnout; turnout.load_panel")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "loaded"),
+    [
+        (["--version"], set()),
+        (["simulate", "--help"], {"simulate"}),
+        (["panel", "list", "--help"], {"panel", "match", "modes"}),
+    ],
+    ids=["version", "simulate", "panel list"],
+)
+def test_one_command_loads_no_other(arguments: list[str], loaded: set[str]) -> None:
+    code = (
+        "import sys\n"
+        "from turnout.cli.main import COMMANDS, main\n"
+        f"sys.argv = ['turnout', *{arguments!r}]\n"
+        "try:\n"
+        "    main()\n"
+        "except SystemExit:\n"
+        "    pass\n"
+        "names = {place.partition(':')[0] for place, _ in COMMANDS.values()} | {'match', 'modes'}\n"
+        "print('loaded', *(name for name in names if f'turnout.cli.{name}' in sys.modules))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert set(done.stdout.splitlines()[-1].split()[1:]) == loaded
+
+
+def test_the_end_looks_through_nothing_that_was_loaded(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.argv", ["turnout", "--version"])
+    try:
+        with pytest.raises(SystemExit):
+            main()
+        assert gc.get_freeze_count() > 10_000
+    finally:
+        gc.unfreeze()
+    assert capsys.readouterr().out.startswith("turnout ")
 
 
 @pytest.mark.parametrize("name", turnout.__all__)

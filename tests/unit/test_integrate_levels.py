@@ -17,12 +17,12 @@ QUICK = Scheme.of("quick")
 LEVELS = (0, 2)
 
 
-def prepared(place: str, *, scheme: Scheme = QUICK) -> PreparedRun:
+def prepared(place: str, *, scheme: Scheme = QUICK, instants: int = 3) -> PreparedRun:
     """Prepare a run with an object between the places of the panel."""
     objects = resolve_objects(PANEL, (ForeignObject("13 mm", place),))
     mechanism = build_mechanism(PANEL, objects)
     positions = np.zeros((3, 2))
-    return prepare(arrange(mechanism, scheme), scheme, positions, 3, filled_in=False)
+    return prepare(arrange(mechanism, scheme), scheme, positions, instants, filled_in=False)
 
 
 def assembled(run: PreparedRun) -> np.ndarray:
@@ -102,3 +102,22 @@ def test_nothing_of_a_run_is_left_in_its_memory() -> None:
     assert fresh.state is not again.state
     np.testing.assert_array_equal(again.state.memory, fresh.state.memory)
     np.testing.assert_array_equal(again.work.memory, fresh.work.memory)
+
+
+def test_a_record_that_is_given_back_serves_runs_of_as_many_instants() -> None:
+    first = prepared("x = 3.61 m")
+    first.record.residual[:] = 1.0
+    first.give_back(record=True)
+    again = prepared("x = 2.17 m")
+    assert again.record is first.record
+    assert again.record.residual.tolist() == [0.0]
+    again.give_back(record=True)
+    assert prepared("x = 2.17 m", instants=2).record is not first.record
+
+
+def test_a_record_stays_with_its_run_otherwise() -> None:
+    first = prepared("x = 3.61 m")
+    first.give_back()
+    again = prepared("x = 3.61 m")
+    assert again.state is first.state
+    assert not np.shares_memory(again.record.q, first.record.q)

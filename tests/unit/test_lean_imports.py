@@ -1,11 +1,13 @@
 """Libraries imported without what they load along."""
 
+import os
 import subprocess
 import sys
 
 import pytest
 
 from turnout.core.lean_imports import import_scipy, without_package
+from turnout.core.processes import worker_processes
 
 LEAN = """
 import sys
@@ -29,6 +31,46 @@ def test_unused_parts_are_left_out_and_there_when_they_are_used() -> None:
     assert done.stdout.split() == ["False", "True", "True", "False", "curved", "numpy.f2py"]
 
 
+THREADS = """
+import os
+from threadpoolctl import threadpool_info
+from turnout.core.lean_imports import without_blas_threads
+with without_blas_threads():
+    import numpy, scipy.linalg
+print(*{item["num_threads"] for item in threadpool_info() if item["user_api"] == "blas"})
+print(os.environ.get("OPENBLAS_NUM_THREADS"))
+"""
+
+
+@pytest.mark.parametrize(("chosen", "expected"), [(None, ["1", "None"]), ("2", ["2", "2"])])
+def test_linear_algebra_starts_no_threads_unless_they_are_wanted(
+    chosen: str | None, expected: list[str]
+) -> None:
+    environment = {key: value for key, value in os.environ.items() if "NUM_THREADS" not in key}
+    if chosen is not None:
+        environment["OPENBLAS_NUM_THREADS"] = chosen
+    done = subprocess.run(
+        [sys.executable, "-c", THREADS], capture_output=True, text=True, env=environment, check=True
+    )
+    if done.stdout.split()[0] == "None":
+        pytest.skip("NumPy and SciPy come without OpenBLAS here")
+    assert done.stdout.split() == expected
+
+
+def threads_of_blas() -> set[int]:
+    import scipy.linalg  # noqa: F401 - brings a copy of its own
+    from threadpoolctl import threadpool_info
+
+    return {item["num_threads"] for item in threadpool_info() if item["user_api"] == "blas"}
+
+
+def test_workers_have_one_thread_of_linear_algebra_each(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+    with worker_processes(1) as pool:
+        assert pool.submit(threads_of_blas).result() <= {1}
+    assert "OPENBLAS_NUM_THREADS" not in os.environ
+
+
 def test_what_is_loaded_stays_loaded() -> None:
     import_scipy()
     with without_package("numpy"):
@@ -43,3 +85,20 @@ def test_a_package_is_missing_meanwhile_only(monkeypatch: pytest.MonkeyPatch) ->
     import colorsys
 
     assert colorsys.rgb_to_hsv(0.0, 0.0, 0.0) == (0.0, 0.0, 0.0)
+
+
+CALIBRATION = """
+import sys
+import turnout.calibration.calibrate, turnout.calibration.left_priors
+import turnout.detection.detector.throw_verdict, turnout.detection.detector.trends
+print("scipy.stats" in sys.modules)
+"""
+
+
+def test_calibration_and_detector_start_without_the_distributions_of_scipy() -> None:
+    # They take 0.4 s, and both need but three of their functions.
+    done = subprocess.run(
+        [sys.executable, "-c", CALIBRATION], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == ["False"]

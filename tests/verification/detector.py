@@ -35,7 +35,6 @@ from tests.verification.detector_further import (
     price_of,
     rates_alone,
     rates_known,
-    scatters,
     soft_shares,
     unknown_alone,
     verdict_times,
@@ -64,9 +63,21 @@ from turnout.study.load_study import load_study
 
 DETECTOR = (
     "detection/detector",
-    *(f"detection/{name}.py" for name in ("alarm_threshold", "likelihood", "features")),
-    *(f"detection/{name}.py" for name in ("population", "conditioning", "conditions", "floor")),
-    *(f"detection/{name}.py" for name in ("signal_discrepancy", "throws", "triangular")),
+    *(
+        f"detection/{name}.py"
+        for name in (
+            "alarm_threshold",
+            "likelihood",
+            "triangular",
+            "features",
+            "population",
+            "conditioning",
+            "conditions",
+            "floor",
+            "signal_discrepancy",
+            "throws",
+        )
+    ),
 )
 """Sources that a detector and its verdicts depend on, beside those of its throws."""
 
@@ -158,7 +169,6 @@ def figures_of(knowledge: Knowledge, throws: Throws, kept: Path) -> dict[str, Ca
         "alone": lambda: verdict_figures(knowledge, judge_alone(knowledge, alone(), draws=1)),
         "known place": lambda: known_place_a90(knowledge, sound(), alone()[OBJECT]),
         "unknown": lambda: unknown_alone(knowledge, alone() | throws.sets("test", HISTORY)),
-        "scatter": lambda: scatters(knowledge, sound()),
         "time": lambda: verdict_times(knowledge, alone()[OBJECT]),
         "year": lambda: year_rates(knowledge, case("year"), kept / "year"),
         "soft": lambda: soft_shares(knowledge, case("soft"), SOFT_KINDS),

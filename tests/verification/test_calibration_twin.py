@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.verification.calibration_coverage import result_of
 
 from turnout.calibration.calibrate import calibrate
 from turnout.calibration.result import load_calibration
@@ -101,3 +102,15 @@ def test_the_posterior_agrees_with_the_intervals_of_the_fit(twin: Path) -> None:
         width = item.interval[1] - item.interval[0]
         # Sampled ends of 20 000 points, and a fit that ends within a tenth of its deviation.
         assert np.abs(np.array(ends) - item.interval).max() < 0.08 * width, name
+
+
+def test_no_cause_is_taken_up_where_several_values_are_off_together() -> None:
+    # Campaign 178 of the long job: friction 8 %, a stiffness 5 % and each movement's friction are
+    # off together after the quick throws. Brief fits leave that slowly; friction by chair and soft
+    # bushings were fitted then, and a stiffness came out 19 % off.
+    record = result_of(178)
+    assert not record["failure"]
+    assert record["causes"] == [] == record["distrust"]
+    for name, true in record["truth"].items():
+        low, high = record["intervals"][name]
+        assert low <= true <= high, name

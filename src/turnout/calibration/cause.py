@@ -65,11 +65,19 @@ class Cause:
     shape: Shape | None = None
     scatter: Mapping[str, float] = field(default_factory=dict)
 
-    def is_slight(self, values: Sequence[float]) -> bool:
+    def sizes_in(self, values: Mapping[str, float]) -> tuple[float, ...]:
+        """Return its sizes from the values of a fit by name."""
+        return tuple(values[item.name] for item in self.parameters)
+
+    def is_slight(self, sizes: Sequence[float]) -> bool:
         """Return whether all of its sizes are too small for it to be one."""
         # Where it is not smooth, its first parameter is its size.
         sized = self.parameters if self.smooth else self.parameters[:1]
-        sizes = np.array([value - item.start for item, value in zip(sized, values, strict=False)])
+        away = np.array([size - item.start for item, size in zip(sized, sizes, strict=False)])
         if self.about_mean:
-            sizes = sizes - sizes.mean()
-        return bool(sizes.size) and bool(np.all(np.abs(sizes) < self.least))
+            away = away - away.mean()
+        return bool(away.size) and bool(np.all(np.abs(away) < self.least))
+
+    def is_slight_in(self, values: Mapping[str, float]) -> bool:
+        """Return whether the values of a fit by name make it too small to be one."""
+        return self.is_slight(self.sizes_in(values))

@@ -25,14 +25,14 @@ from turnout.calibration.cause_trials import (
 )
 from turnout.calibration.comparison import Key
 from turnout.calibration.drive_law.fit_law import END
-from turnout.calibration.evaluate import throws_done
+from turnout.calibration.evaluate import Evaluator, throws_done
 from turnout.calibration.fit import Fit, brief_fit, fit
 from turnout.calibration.measured_movements import OBJECT_FORCE
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.needed_causes import DECISIVE, is_needed
 from turnout.calibration.noise import peaks_of
 from turnout.calibration.result_entries import channel_name
-from turnout.calibration.sensors import found_sensors
+from turnout.calibration.sensors import found_sensors, needs_lead
 from turnout.calibration.shared import model_error
 from turnout.core.threads import one_blas_thread
 from turnout.errors import SolverError
@@ -60,6 +60,34 @@ SEVERAL = ("bushing shape", "clutch", "drive law")
 # What a fit with a cause may miss at most, as a share of what one without it does, and of what one
 # does whose cause is at its bound [-].
 LESS_MISSED, AS_WELL = 0.85, 1.05
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Budget:
+    """How many throws a search may take.
+
+    Attributes
+    ----------
+    evaluator : Evaluator
+        That throws for it.
+    most : int
+        Throws from which on it is spent.
+    begun : int
+        Those made before it.
+    """
+
+    evaluator: Evaluator
+    most: int
+    begun: int
+
+    @property
+    def spent(self) -> int:
+        """Throws made since it began."""
+        return throws_done(self.evaluator) - self.begun
+
+    @property
+    def is_spent(self) -> bool:
+        return self.spent >= self.most
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -167,10 +195,11 @@ def with_causes(
     plain, taken = first, list[tuple[TestedCause, Cause]]()
     tested: list[TestedCause] = []
     left = candidate_causes(panel, found.parameters)
-    begun = throws_done(first.evaluator)
-    budget = begun + MOST_THROWS * len(first.movements)
+    budget = _Budget(
+        first.evaluator, MOST_THROWS * len(first.movements), throws_done(first.evaluator)
+    )
     while (misses := is_worth_a_search(found)) and len(taken) < MOST_CAUSES:
-        if throws_done(first.evaluator) >= budget:
+        if budget.is_spent:
             break
         choices = cause_trials(
             found, left, most=min(AT_ONCE, MOST_CAUSES - len(taken)), decisive=DECISIVE
@@ -198,9 +227,7 @@ def with_causes(
         first=first,
         plain=plain,
         taken=tuple(taken),
-        stopped=throws_done(first.evaluator) - begun
-        if misses and throws_done(first.evaluator) >= budget
-        else 0,
+        stopped=budget.spent if misses and budget.is_spent else 0,
         # Where nothing is missed any more, those that were taken up explain what the others did.
         others=tuple(each_name_once(others)) if misses else (),
         misses=misses,
@@ -260,7 +287,7 @@ def without_needless(
         found = brief_fit(replace(first, base=values), vary, values, near=start, on_step=on_step)
     except SolverError:
         return search
-    slight = all(_is_slight(cause, final) for _, cause in search.taken if cause not in kept)
+    slight = all(cause.is_slight_in(final.values) for _, cause in search.taken if cause not in kept)
     if not slight and _missed(found) * LESS_MISSED > _missed(final):
         return search
     return replace(
@@ -298,7 +325,7 @@ def _goes_with(cause: Cause, taken: Cause) -> bool:
 
 def _as_fitted(item: TestedCause, cause: Cause, found: Fit) -> TestedCause:
     """Return a cause at the sizes that were fitted."""
-    sizes = tuple(found.values[parameter.name] for parameter in cause.parameters)
+    sizes = cause.sizes_in(found.values)
     return replace(item, sizes=sizes, text=cause.text(sizes), fitted=True)
 
 
@@ -307,7 +334,7 @@ def _first_that_helps(
     first: Misfit,
     choices: Sequence[Sequence[tuple[TestedCause, Cause]]],
     on_step: Callable[[float], None] | None,
-    budget: int,
+    budget: _Budget,
 ) -> tuple[Fit, Sequence[tuple[TestedCause, Cause]]] | None:
     """Fit with the likeliest choices in turn until one makes the model miss less.
 
@@ -317,11 +344,11 @@ def _first_that_helps(
     tries = [(choice, False) for choice in choices]
     tries += [(choice, True) for choice in reversed(choices) if far]
     for choice, thorough in tries:
-        if throws_done(first.evaluator) >= budget:
+        if budget.is_spent:
             break
         try:
             again = _fitted_with(found, first, choice, thorough=thorough, on_step=on_step)
-            kept = [pair for pair in choice if not _is_slight(pair[1], again)]
+            kept = [pair for pair in choice if not pair[1].is_slight_in(again.values)]
             if kept and len(kept) < len(choice):
                 choice, again = kept, _fitted_with(found, first, kept, on_step=on_step)
         except SolverError:
@@ -337,37 +364,36 @@ def _best_of_alike(
     fitted: tuple[Fit, Sequence[tuple[TestedCause, Cause]]],
     choices: Sequence[Sequence[tuple[TestedCause, Cause]]],
     on_step: Callable[[float], None] | None,
-    budget: int,
+    budget: _Budget,
 ) -> tuple[Fit, Sequence[tuple[TestedCause, Cause]]]:
     """Return the fit that misses least of one with a cause and those with others much alike.
 
     A mean over the past and filters of a recorder delay forces alike; which it is shows only in
-    what a fit with each still misses.
+    what a fit with each still misses, or in a lead of the motors that but one of them needs.
     """
     found, choice = fitted
     taken = choice[0][1]
     # One at its bound is another: a bushing without stiffness is play.
     bound = any(item.at_bound(found.values[item.name]) for item in taken.parameters)
-    if not taken.group or not (bound or is_worth_a_search(found)):
+    led = needs_lead(found)
+    if not taken.group or not (bound or led or is_worth_a_search(found)):
         return fitted
     for other in choices:
         cause = other[0][1]
         if len(other) > 1 or cause is taken or cause.group != taken.group:
             continue
-        if throws_done(first.evaluator) >= budget:
+        if budget.is_spent:
             break
         try:
             again = _fitted_with(before, first, other, on_step=on_step)
         except SolverError:
             continue
-        if _missed(again) < _missed(found) * (AS_WELL if bound else 1.0):
-            found, choice, bound = again, other, False
+        late = needs_lead(again)
+        freed = led and not late and not is_worth_a_search(again)
+        better = _missed(again) < _missed(found) * (AS_WELL if bound else 1.0)
+        if freed or (better and late <= led):
+            found, choice, bound, led = again, other, False, late
     return found, choice
-
-
-def _is_slight(cause: Cause, found: Fit) -> bool:
-    """Return whether all sizes of a cause are too small to be one."""
-    return cause.is_slight([found.values[item.name] for item in cause.parameters])
 
 
 def _missed(found: Fit) -> float:

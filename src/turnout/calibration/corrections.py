@@ -20,9 +20,14 @@ class Refined:
     halved: Response
     fine: Response
 
+    @property
+    def failure(self) -> str:
+        """Why nothing is known of what fine throws change; empty where it is."""
+        return self.fine.failure or self.halved.failure or self.plain.failure
+
     def added(self, response: Response) -> Response:
         """Return a response near by with what fine throws change; the same where one failed."""
-        if self.fine.failure or self.plain.failure:
+        if self.failure:
             return response
         return with_change(response, self.fine, self.plain)
 

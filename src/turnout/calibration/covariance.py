@@ -219,19 +219,19 @@ def solver_columns(found: Fit) -> list[Floats]:
     list of ndarray, shape (n,)
         Whitened movement by movement alone.
     """
-    known, shape = found.misfit.refinement, found.misfit.shape
-    if any(item.failure for one in known for item in (one.plain, one.halved, one.fine)):
-        return []
+    shape, step, modes = found.misfit.shape, list[Floats](), list[Floats]()
 
     def seen(response: Response, alignment: Alignment) -> Floats:
-        kept = response if shape is None else shape(response, found.values)
-        return alignment.predicted(kept)
+        return alignment.predicted(shape(response, found.values) if shape else response)
 
-    step, modes = [], []
-    for alignment, one in zip(found.frame.alignments, known, strict=False):
-        halved = seen(one.halved, alignment)
-        step.append(alignment.whitened(halved - seen(one.plain, alignment)) / OF_STEP)
-        modes.append(alignment.whitened(seen(one.fine, alignment) - halved) / OF_MODES)
+    def change(later: Response, before: Response, alignment: Alignment) -> Floats:
+        return alignment.whitened(seen(later, alignment) - seen(before, alignment))
+
+    for alignment, one in zip(found.frame.alignments, found.misfit.refinement, strict=False):
+        # Where one failed, the other movements show the common error.
+        halved, fine = (one.plain,) * 2 if one.failure else (one.halved, one.fine)
+        step.append(change(halved, one.plain, alignment) / OF_STEP)
+        modes.append(change(fine, halved, alignment) / OF_MODES)
     return [np.concatenate(rows) for rows in (step, modes) if rows]
 
 

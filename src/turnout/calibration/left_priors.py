@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2, norm
+from scipy.special import chdtrc, ndtr
 
 from turnout.calibration.candidate_causes import MODULUS
 from turnout.calibration.covariance import common_gain
@@ -80,14 +80,14 @@ def stated_unknowns(found: Fit) -> list[Stated]:
     ]
 
 
-def chance_of(away: Sequence[float]) -> float:
-    r"""Return how often chance takes unknowns as far from their priors, the rarer of two ways [-].
+def chances_of(away: Sequence[float]) -> tuple[float, float]:
+    r"""Return how often chance takes unknowns as far from their priors, in each of two ways [-].
 
     That the furthest of `n` is as far, and that the sum of squares is as large,
 
     .. math:: 1 - (1 - 2 Q(\max |z|))^n, \quad P\bigl(\chi^2_n > \textstyle\sum z^2\bigr),
 
-    twice the smaller one, as there are two of them (Bonferroni).
+    both twice as often, as either of the two refuses a cause (Bonferroni).
 
     Estimates lie nearer to the means of their priors than the unknowns do, so chance is overrated.
 
@@ -98,21 +98,17 @@ def chance_of(away: Sequence[float]) -> float:
 
     Examples
     --------
-    >>> [round(chance_of([far] + 9 * [0.5]), 4) for far in (2.0, 3.0, 3.8)]
+    >>> [round(min(chances_of([far] + 9 * [0.5])), 4) for far in (2.0, 3.0, 3.8)]
     [0.7446, 0.0533, 0.0029]
-    >>> round(chance_of(10 * [1.6]), 4)
+    >>> round(min(chances_of(10 * [1.6])), 4)
     0.0086
     """
-    return min(1.0, 2.0 * min(_chances(away)))
-
-
-def _chances(away: Sequence[float]) -> tuple[float, float]:
-    """Return how often chance takes the furthest as far, and all of them together [-]."""
     sizes = np.abs(np.asarray(away, dtype=np.float64))
     if not sizes.size:
         return 1.0, 1.0
-    furthest = -np.expm1(sizes.size * np.log1p(-2.0 * norm.sf(sizes.max())))
-    return float(furthest), float(chi2.sf(float(sizes @ sizes), sizes.size))
+    furthest = -np.expm1(sizes.size * np.log1p(-2.0 * ndtr(-sizes.max())))
+    together = chdtrc(sizes.size, sizes @ sizes)
+    return min(1.0, 2.0 * float(furthest)), min(1.0, 2.0 * float(together))
 
 
 def prior_reasons(found: Fit, causes: Sequence[str]) -> list[str]:
@@ -131,10 +127,10 @@ def prior_reasons(found: Fit, causes: Sequence[str]) -> list[str]:
         One sentence, or none.
     """
     unknowns = sorted(stated_unknowns(found), key=lambda item: -abs(item.away)) if causes else []
-    chance = chance_of([item.away for item in unknowns])
+    furthest, together = chances_of([item.away for item in unknowns])
+    chance = min(furthest, together)
     if chance >= LEAST_CHANCE:
         return []
-    furthest, together = _chances([item.away for item in unknowns])
     shown = [item for item in unknowns if abs(item.away) >= LEAVES_PRIOR]
     if together < furthest:
         shown = unknowns[: max(len(shown), MOST_SHOWN)]

@@ -1,6 +1,7 @@
 """Simulations about a point: there, and one step aside for each parameter."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -9,6 +10,7 @@ import numpy as np
 from turnout.calibration.evaluate import Response
 from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.parameter import Parameter
+from turnout.errors import SolverError
 
 T = TypeVar("T")
 # Far enough for the noise of the solver, near enough for a straight line [coordinate]: of quick
@@ -177,6 +179,54 @@ def stepped_value(parameter: Parameter, value: float, difference: float = DIFFER
     if parameter.coordinate(up) - here >= 0.5 * difference:
         return up
     return parameter.value(here - difference)
+
+
+Moved = dict[str, tuple[Response, ...]]
+
+
+def moved_aside(
+    throw: Callable[[Sequence[Parameter], Mapping[str, float]], Moved],
+    whole: Mapping[str, float],
+    stepped: Sequence[Parameter],
+    aside: Mapping[str, float],
+) -> tuple[dict[str, float], Moved]:
+    """Throw one difference aside of values, on the other side where that cannot be simulated.
+
+    Parameters
+    ----------
+    throw : callable
+        From parameters and their values aside to the responses of each; SolverError where one
+        cannot be simulated.
+    whole, aside : mapping of str to float
+        Values of all parameters, and those aside.
+    stepped : sequence of Parameter
+        Those that are stepped.
+
+    Returns
+    -------
+    dict of str to float
+        Values aside as they were thrown.
+    dict of str to tuple of Response
+        By parameter.
+
+    Raises
+    ------
+    SolverError
+        Where neither side of a value can be simulated.
+    """
+    with suppress(SolverError):
+        return dict(aside), throw(stepped, aside)
+    sides, found = dict(aside), Moved()
+    for p in stepped:
+        try:
+            found |= throw([p], sides)
+        except SolverError:
+            here = p.coordinate(whole[p.name])
+            sides[p.name] = p.value(2.0 * here - p.coordinate(aside[p.name]))
+            if sides[p.name] == whole[p.name]:
+                raise
+            found |= throw([p], sides)
+    return sides, found
 
 
 def is_slip_level(parameter: Parameter) -> bool:

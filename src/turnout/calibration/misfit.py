@@ -15,6 +15,7 @@ from turnout.calibration.linearisation import (
     SAME_SLOPE,
     Linearisation,
     leaders_of,
+    moved_aside,
     stepped_value,
     touches,
 )
@@ -248,7 +249,13 @@ class Misfit:
         }
         own = [self._inputs_of(whole, n) for n in range(len(self.movements))]
         leaders = leaders_of(self.movements, stepped, own, within=0.5 * self.same_slope)
-        moved = self._moved(whole, stepped, aside, here, sorted(set(leaders)))
+        numbers = sorted(set(leaders))
+        aside, moved = moved_aside(
+            lambda some, sides: self._moved(whole, some, sides, here, numbers),
+            whole,
+            stepped,
+            aside,
+        )
         count = len(self.movements)
         steps = {
             p.name: (p.coordinate(aside[p.name]) - p.coordinate(whole[p.name]),) * count

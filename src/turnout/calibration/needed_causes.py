@@ -18,7 +18,7 @@ def is_needed(cause: Cause, final: Fit) -> bool:
     """Return whether a fit to the end shows that a cause is one."""
     if not cause.parameters:
         return any(_scatters(name, final) for name in cause.scatter)
-    if cause.is_slight([final.values[item.name] for item in cause.parameters]):
+    if cause.is_slight_in(final.values):
         return False
     places = {item.name: number for number, item in enumerate(final.parameters)}
     sized = cause.parameters if cause.smooth else cause.parameters[:1]

@@ -226,6 +226,11 @@ def common_lead(found: Fit) -> float:
     return lead if abs(lead) > LATE * spread else 0.0
 
 
+def needs_lead(found: Fit) -> bool:
+    """Return whether all movements begin later than marked, though no lead is known of."""
+    return not found.misfit.comparison.lead and bool(common_lead(found))
+
+
 def lead_text(lead: float) -> str:
     """Say by how much motors lead.
 

@@ -10,6 +10,7 @@ from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.movement_effects import update_movement_effects
 from turnout.calibration.parameter import Parameter
+from turnout.errors import SolverError
 
 # How often movements that join a fit are thrown at their own values before it goes on.
 OWN_PASSES = 2
@@ -117,7 +118,8 @@ def last_start(
     """Fit briefly from where quick throws led, to see what a model misses.
 
     Quick throws with what plain ones change of them where it begins are enough for a model that
-    lacks nothing; any other is followed with plain throws.
+    lacks nothing; any other is followed with plain throws, and to its end where it still clearly
+    misses something.
 
     Parameters
     ----------
@@ -148,7 +150,27 @@ def last_start(
         share=share,
         on_step=on_step,
     )
-    return found if clearly and is_worth_a_search(again, share=CLEARLY) else again
+    if not (clearly and is_worth_a_search(again, share=CLEARLY)):
+        return again
+    return _gone_to_its_end(start, parameters, found, on_step) or found
+
+
+def _gone_to_its_end(
+    start: Misfit,
+    parameters: Sequence[Parameter],
+    found: Fit,
+    on_step: Callable[[float], None] | None,
+) -> Fit | None:
+    """Return a fit to its end if that misses no more than another solver would.
+
+    Where values and each movement's friction are off together, brief fits leave that so slowly that
+    the model seems to lack something, and causes that are not there would be taken up.
+    """
+    try:
+        whole = fit(start, parameters, found.values, near=found, refined=False, on_step=on_step)
+    except SolverError:
+        return None
+    return None if is_worth_a_search(whole) else whole
 
 
 def _stepped_once(first: Fit, found: Fit, near: Fit) -> Fit:

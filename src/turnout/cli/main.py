@@ -1,84 +1,53 @@
 """The program `turnout`: its commands and its exit codes."""
 
+import gc
 import os
 import re
 import sys
-from typing import Annotated
+from collections.abc import Iterator, Mapping
+from importlib import import_module
+from typing import Annotated, Any
 
 import typer
-from typer.core import TyperCommand
+from typer.core import TyperCommand, TyperGroup
 
-from turnout.cli import (
-    benchmark,
-    calibrate,
-    campaign,
-    detect,
-    limit,
-    machine,
-    panel,
-    plan_test,
-    pod,
-    recording,
-    report,
-    simulate,
-    studio,
-    sweep,
-    validate,
-)
 from turnout.cli.options import INTERRUPTED
+from turnout.core.lean_imports import without_blas_threads
 from turnout.errors import TurnoutError
 
 BAD_INPUT = 2
 
-app = typer.Typer(
-    name="turnout",
-    help="Simulate how a railway switch is thrown, with or without a trapped foreign object.",
-    no_args_is_help=True,
-    add_completion=True,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
-)
-app.command("simulate", short_help="Simulate a throw, with or without trapped objects.")(
-    simulate.simulate_command
-)
-app.command("import", short_help="Read a measurement, or convert it to forces and currents.")(
-    recording.import_command
-)
-app.command("report", short_help="Write an HTML report about a result.")(report.report_command)
-app.command("calibrate", short_help="Fit friction and drives to a measured campaign.")(
-    calibrate.calibrate_command
-)
-app.command("validate", short_help="Predict a campaign and judge the errors.")(
-    validate.validate_command
-)
-app.command("limit", short_help="Show what the drives can detect: places, sizes, blind zones.")(
-    limit.limit_command
-)
-app.command("pod", short_help="Estimate probability of detection, a90 and a90/95 of a campaign.")(
-    pod.pod_command
-)
-app.command("plan-test", short_help="Plan a day of tests on the track: objects, places, order.")(
-    plan_test.plan_test_command
-)
-app.command("studio", short_help="Open an interactive page that runs locally.")(
-    studio.studio_command
-)
-app.add_typer(
-    panel.app, name="panel", short_help="Switch panels: list, show, check, sections, modes, export."
-)
-app.add_typer(machine.app, name="machine", short_help="Point machines: list, show, run, fit.")
-app.add_typer(
-    campaign.app, name="campaign", short_help="Measured movements: check, build, plot, virtual."
-)
-app.add_typer(
-    sweep.app, name="sweep", short_help="Studies of many throws: plan, run, map, effects, export."
-)
-app.add_typer(
-    detect.app, name="detect", short_help="Detect objects from drive forces: train, learn, run."
-)
-app.add_typer(
-    benchmark.app, name="benchmark", short_help="Open benchmark of detection: make, compare, score."
-)
+COMMANDS = {
+    "simulate": ("simulate:simulate_command", "Simulate a throw, with or without trapped objects."),
+    "import": (
+        "recording:import_command",
+        "Read a measurement, or convert it to forces and currents.",
+    ),
+    "report": ("report:report_command", "Write an HTML report about a result."),
+    "calibrate": ("calibrate:calibrate_command", "Fit friction and drives to a measured campaign."),
+    "validate": ("validate:validate_command", "Predict a campaign and judge the errors."),
+    "limit": (
+        "limit:limit_command",
+        "Show what the drives can detect: places, sizes, blind zones.",
+    ),
+    "pod": (
+        "pod:pod_command",
+        "Estimate probability of detection, a90 and a90/95 of a campaign.",
+    ),
+    "plan-test": (
+        "plan_test:plan_test_command",
+        "Plan a day of tests on the track: objects, places, order.",
+    ),
+    "studio": ("studio:studio_command", "Open an interactive page that runs locally."),
+    "panel": ("panel:app", "Switch panels: list, show, check, sections, modes, export."),
+    "machine": ("machine:app", "Point machines: list, show, run, fit."),
+    "campaign": ("campaign:app", "Measured movements: check, build, plot, virtual."),
+    "sweep": ("sweep:app", "Studies of many throws: plan, run, map, effects, export."),
+    "detect": ("detect:app", "Detect objects from drive forces: train, learn, run."),
+    "benchmark": ("benchmark:app", "Open benchmark of detection: make, compare, score."),
+}
+"""Commands in the order of the help: a function or a group of commands, and its line there."""
+
 # The type that typer writes behind the name of an argument.
 _ARGUMENT_TYPE = re.compile(r"(?<=[A-Z]) <[a-z\[\] ]+>")
 
@@ -90,10 +59,60 @@ class _Command(TyperCommand):
         return _ARGUMENT_TYPE.sub("", super().get_help(ctx))
 
 
-_GROUPS = (panel.app, machine.app, campaign.app, sweep.app, detect.app, benchmark.app)
-for _group in (app, *_GROUPS):
-    for _info in _group.registered_commands:
-        _info.cls = _Command
+class _Commands(Mapping[str, Any]):
+    """The commands of the table, each loaded when it is looked up: most runs want one."""
+
+    def __init__(self) -> None:
+        self._loaded: dict[str, Any] = {}
+
+    def __getitem__(self, name: str) -> Any:
+        place, help_line = COMMANDS[name]
+        if name not in self._loaded:
+            self._loaded[name] = _load(name, place, help_line)
+        return self._loaded[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(COMMANDS)
+
+    def __len__(self) -> int:
+        return len(COMMANDS)
+
+
+def _load(name: str, place: str, help_line: str) -> Any:
+    """Return a command, or a group of commands, as typer makes it."""
+    module, _, attribute = place.partition(":")
+    found = getattr(import_module(f"turnout.cli.{module}"), attribute)
+    holder = typer.Typer(
+        add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None
+    )
+    holder.callback()(lambda: None)  # makes it a group, of however few commands
+    if isinstance(found, typer.Typer):
+        for info in found.registered_commands:
+            info.cls = _Command
+        holder.add_typer(found, name=name, short_help=help_line)
+    else:
+        holder.command(name, short_help=help_line, cls=_Command)(found)
+    group: Any = typer.main.get_command(holder)
+    return group.commands[name]
+
+
+class _Group(TyperGroup):
+    """The program, which loads the command that is named and no other."""
+
+    def __init__(self, **given: Any) -> None:
+        super().__init__(**given)
+        self.commands: Any = _Commands()
+
+
+app = typer.Typer(
+    name="turnout",
+    cls=_Group,
+    help="Simulate how a railway switch is thrown, with or without a trapped foreign object.",
+    no_args_is_help=True,
+    add_completion=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
 
 
 def _show_version(wanted: bool) -> None:
@@ -124,7 +143,8 @@ def main() -> None:
     colour = False if os.environ.get("NO_COLOR") else None  # None: if it is a terminal
     name = typer.style("turnout:", fg=typer.colors.RED, bold=True)
     try:
-        app()
+        with without_blas_threads():
+            app()
     except TurnoutError as error:
         typer.echo(f"{name} {error}", err=True, color=colour)
         sys.exit(BAD_INPUT)
@@ -135,6 +155,8 @@ def main() -> None:
     except KeyboardInterrupt:
         typer.echo("turnout: interrupted", err=True)
         sys.exit(INTERRUPTED)
+    finally:
+        gc.freeze()  # at its end Python would look through all that was loaded, a tenth of a throw
 
 
 if __name__ == "__main__":

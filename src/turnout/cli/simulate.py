@@ -136,28 +136,29 @@ def simulate_command(
         )
         return
     theirs = _overlaid(overlay, plot)
-    try:
-        dataset, failed = _run(
-            panel,
-            objects,
-            settings,
-            calibration=calibration,
-            also=also,
-            scheme=lambda: _scheme(mode or "waveform", step=step, cutoff=cutoff, every=every),
-            quiet=quiet,
-            plots=plot is not None,
-        )
-        written = _write(dataset, out=out, plot=plot, overlay=theirs)
-    except KeyboardInterrupt:
-        typer.echo("turnout: interrupted before there was anything to keep", err=True)
-        raise typer.Exit(INTERRUPTED) from None
-    if as_json:
-        from turnout.cli.json_records import run_record
+    with without_collections():
+        try:
+            dataset, failed = _run(
+                panel,
+                objects,
+                settings,
+                calibration=calibration,
+                also=also,
+                scheme=lambda: _scheme(mode or "waveform", step=step, cutoff=cutoff, every=every),
+                quiet=quiet,
+                plots=plot is not None,
+            )
+            written = _write(dataset, out=out, plot=plot, overlay=theirs)
+        except KeyboardInterrupt:
+            typer.echo("turnout: interrupted before there was anything to keep", err=True)
+            raise typer.Exit(INTERRUPTED) from None
+        if as_json:
+            from turnout.cli.json_records import run_record
 
-        record, units = run_record(dataset)
-        print_json("simulate", record, units=units, written=written)
-    elif not quiet:
-        _print_summary(dataset, written)
+            record, units = run_record(dataset)
+            print_json("simulate", record, units=units, written=written)
+        elif not quiet:
+            _print_summary(dataset, written)
     if failed:
         typer.echo(f"turnout: {dataset.attrs['outcome_message']}", err=True)
         raise typer.Exit(end_code(dataset))
@@ -220,7 +221,6 @@ def preload(*, plots: bool) -> None:
             importlib.import_module("turnout.plot.throw")
 
 
-@without_collections()
 def _run(
     name: str | None,
     objects: list[str],
@@ -312,7 +312,6 @@ def _scheme(mode: str, *, step: str, cutoff: str, every: str) -> "Scheme":
     return Scheme.of(mode, **changes)
 
 
-@without_collections()
 def _write(
     dataset: "xr.Dataset", *, out: Path | None, plot: Path | None, overlay: "xr.Dataset | None"
 ) -> list[Path]:

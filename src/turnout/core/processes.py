@@ -23,14 +23,17 @@ class _Process(SpawnProcess):
     """A fresh process that does not import the program which started it, nor meets Ctrl-C.
 
     The program would take time to load, or start another sweep if it is a script without a guard.
+    Its linear algebra has one thread: there is a process for each core already.
     """
 
     @staticmethod
     def _Popen(process_obj: BaseProcess) -> Any:  # noqa: N802 - named by the library
+        from turnout.core.lean_imports import without_blas_threads
+
         main = sys.modules["__main__"]
         sys.modules["__main__"] = ModuleType("__main__")
         try:
-            with _ctrl_c_held_back():
+            with _ctrl_c_held_back(), without_blas_threads():
                 return SpawnProcess._Popen(process_obj)
         finally:
             sys.modules["__main__"] = main

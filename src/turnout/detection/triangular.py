@@ -1,9 +1,11 @@
-"""Products with lower triangular matrices, in blocks that leave out most of the zeros."""
+"""Products with triangular matrices, without most of their zeros."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+ROWS_AT_ONCE = 104
+"""Rows of a triangular matrix that are multiplied together."""
 
 
 def whitened(root: Floats, off: Floats) -> Floats:
@@ -30,7 +32,3 @@ def unwhitened(root: Floats, white: Floats) -> Floats:
         end = first + ROWS_AT_ONCE
         found[:end] += root[first:end, :end].T @ white[first:end]
     return found
-
-
-ROWS_AT_ONCE = 104
-"""Rows of a triangular matrix that are multiplied together."""

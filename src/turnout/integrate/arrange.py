@@ -309,10 +309,10 @@ class PreparedRun:
     known: bool
     rods: Rods | None = None
 
-    def give_back(self) -> None:
-        """Give back, at its end, what another run of these rails can use."""
+    def give_back(self, *, record: bool = False) -> None:
+        """Give back, at its end, what another run of these rails can use; maybe its record too."""
         if self.known:
-            memory = (self.state, self.work)
+            memory = (self.state, self.work, self.record if record else None)
             give_back_memory(self.templates, self.system, self.stepping, *memory)
 
 
@@ -355,8 +355,12 @@ def prepare(
         max(scheme.stride, 1),
         scheme.inertia,
     )
-    state, work = _copy_templates(arrangement, stepping, n_inputs=positions.shape[1])
+    state, work, record = _copy_templates(arrangement, stepping, n_inputs=positions.shape[1])
     state.inputs[:] = positions[0]
+    if record is None or record.q.shape[0] != n_stored or filled_in or watched is not None:
+        velocity = filled_in and scheme.inertia
+        record = empty_record(system, laws, n_stored, velocity=velocity, watched=watched)
+    record.residual[:] = 0.0
     return PreparedRun(
         system=system,
         laws=laws,
@@ -368,9 +372,7 @@ def prepare(
         ),
         stepping=stepping,
         positions=positions,
-        record=empty_record(
-            system, laws, n_stored, velocity=filled_in and scheme.inertia, watched=watched
-        ),
+        record=record,
         obstructions=_set_up_obstructions(arrangement),
         courses=_set_up_courses(arrangement.mechanism.courses),
         templates=arrangement.templates,
@@ -404,10 +406,10 @@ def _without_courses() -> FrictionCourses:
 
 def _copy_templates(
     arrangement: Arrangement, stepping: Stepping, *, n_inputs: int
-) -> tuple[State, Work]:
+) -> tuple[State, Work, StepRecord | None]:
     """Return a state at rest and scratch arrays, copied from the templates.
 
-    Their memory is that of a run before, where there is one.
+    Their memory is that of a run before, where there is one, and the record that one left.
     """
     levels = stepping.halvings + 2  # one for each halving, and one without inertia
     template = arrangement.templates.get((n_inputs, levels))
@@ -420,7 +422,7 @@ def _copy_templates(
     state, work = template
     memory = take_memory(arrangement.templates, stepping, (n_inputs, levels))
     if memory is None:
-        return fresh_copy(state, arrangement.table), clone_record(work)
+        return fresh_copy(state, arrangement.table), clone_record(work), None
     refill_state(memory.state, state, arrangement.table, memory.ready_for(arrangement.system))
     copy_vectors(work, memory.work)
-    return memory.state, memory.work
+    return memory.state, memory.work, memory.record

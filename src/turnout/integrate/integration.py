@@ -46,8 +46,9 @@ from turnout.scheme import Scheme
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-# Progress is reported after so many seconds [s], and the first time after so many steps.
-INTERRUPT_INTERVAL, FIRST_CHUNK = 0.1, 2200
+# Progress is reported after so many seconds [s], the first time after so many steps; with nothing
+# to report the first chunk is as long as most quick throws.
+INTERRUPT_INTERVAL, FIRST_REPORT, FIRST_CHUNK = 0.1, 100, 2200
 # Most memory of a history [bytes], and most steps.
 MOST_MEMORY = 2e9
 MOST_STEPS = 2_000_000
@@ -404,7 +405,7 @@ def _march_in_chunks(
 ) -> tuple[Code, int]:
     """March in chunks of about `INTERRUPT_INTERVAL`, and report the progress after each."""
     n_steps = run.positions.shape[0] - 1
-    done, chunk = 0, FIRST_CHUNK
+    done, chunk = 0, FIRST_CHUNK if report is None else FIRST_REPORT
     try:
         while done < n_steps:
             began = time.perf_counter()

@@ -21,6 +21,7 @@ from turnout.integrate.scratch import Work
 from turnout.integrate.state import State
 from turnout.integrate.step import Stepping
 from turnout.integrate.system import Ints, System
+from turnout.integrate.watch import StepRecord
 
 MOST_KEPT = 12
 """Sets of memory, the latest used; three megabytes each in quick mode."""
@@ -42,6 +43,8 @@ class RunMemory:
         Scratch arrays.
     ready : ndarray of int, shape (n_levels,)
         Which of the compliances are known for this system.
+    record : StepRecord, optional
+        Of a run whose stored instants are of no more use.
     """
 
     frame: object  # kept alive, since the key names it by its identity
@@ -49,6 +52,7 @@ class RunMemory:
     state: State
     work: Work
     ready: Ints
+    record: StepRecord | None
 
     def ready_for(self, system: System) -> Ints:
         """Return which of the compliances are known for a system with the same frame."""
@@ -76,11 +80,16 @@ def take_memory(frame: object, stepping: Stepping, sizes: tuple[int, ...]) -> Ru
 
 
 def give_back_memory(
-    frame: object, system: System, stepping: Stepping, state: State, work: Work
+    frame: object,
+    system: System,
+    stepping: Stepping,
+    state: State,
+    work: Work,
+    record: StepRecord | None = None,
 ) -> None:
     """Give back the memory of a run that has ended."""
     sizes = state.inputs.size, state.level_ready.size
-    memory = RunMemory(frame, system, state, work, state.level_ready.copy())
+    memory = RunMemory(frame, system, state, work, state.level_ready.copy(), record)
     _kept.put(_key(frame, stepping, sizes), memory)
 
 

@@ -165,7 +165,7 @@ def _start_after(
             run.work.unconverged[:] = motion.work.unconverged
             return code
         left = _cache.put(plan.key, _state_left(motion, arrangement.templates))
-        motion.give_back()
+        motion.give_back(record=True)  # what it left has been copied
     return _start_from(run, left)
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from turnout.core.saturating_force import saturates
 
@@ -32,7 +32,7 @@ class RepeatScatter:
         """How far above the mean one more throw without an object may lie [N]; NaN if unknown."""
         if self.count < 2:
             return math.nan
-        quantile = float(student.ppf(1 - FALSE_ALARM_RATE, self.count - 1))
+        quantile = float(stdtrit(self.count - 1, 1 - FALSE_ALARM_RATE))
         return quantile * self.deviation * math.sqrt(1 + 1 / self.count)
 
 

@@ -29,6 +29,7 @@ class Record(BaseModel):
 
     model_config = ConfigDict(
         extra="forbid",
+        defer_build=True,  # most are read as parts of a whole and never alone
         frozen=True,
         strict=True,
         allow_inf_nan=False,

@@ -63,8 +63,6 @@ class Save:
 
     def keeps(self, *names: str) -> bool:
         """Return whether any of these channels is kept."""
-        if any(name in self.also for name in names):
+        if self.fields is None and not ON_REQUEST.issuperset(names):
             return True
-        if self.fields is None:
-            return any(name not in ON_REQUEST for name in names)
-        return any(name in self.fields for name in names)
+        return not set(names).isdisjoint((*(self.fields or ()), *self.also))

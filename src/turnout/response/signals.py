@@ -227,20 +227,22 @@ def energy_channels(stored: Floats, ledger: Floats) -> dict[str, Variable]:
     dict
         Channel name to dimensions and values.
     """
-    change = stored - stored[:1]
-    numerical = ledger[:, ALGORITHMIC] + ledger[:, SEGMENTS]
+    # Rows over time, which later reading takes one after the other.
+    change = np.subtract(stored.T, stored[:1].T, order="C")
+    spent = np.ascontiguousarray(ledger.T)
+    numerical = spent[ALGORITHMIC] + spent[SEGMENTS]
     books = (
-        ledger[:, MARKERS]
-        + ledger[:, SWITCHED]
-        - ledger[:, FRICTION]
-        - ledger[:, DAMPING]
-        - ledger[:, OBJECTS]
+        spent[MARKERS]
+        + spent[SWITCHED]
+        - spent[FRICTION]
+        - spent[DAMPING]
+        - spent[OBJECTS]
         - numerical
     )
-    values = {name: change[:, column] for name, column in _STORED.items()}
-    values |= {name: ledger[:, column] for name, column in _SPENT.items()}
-    values |= {"energy_numerical": numerical, "energy_residual": change.sum(axis=1) - books}
-    return {name: (("time",), value.copy()) for name, value in values.items()}
+    values = {name: change[row] for name, row in _STORED.items()}
+    values |= {name: spent[row] for name, row in _SPENT.items()}
+    values |= {"energy_numerical": numerical, "energy_residual": change.sum(axis=0) - books}
+    return {name: (("time",), value) for name, value in values.items()}
 
 
 def energy_scale(stored: Floats, ledger: Floats) -> float:

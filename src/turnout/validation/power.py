@@ -84,10 +84,9 @@ def noticed_errors(part: xr.Dataset, rules: Rules) -> tuple[str, ...]:
         Such as "drive.1.stiffness off by 4.1 % (timing of drive 1)": by which channel, and whether
         it is the timing, the level or the shape of its force that changes most.
     """
-    predicted = part["predicted"].transpose("channel", "movement", "time").values
+    predicted, wide = _rows(part["predicted"]), _of_wrong_values(rules)
     channels = [str(name) for name in part["channel"].values]
     found = []
-    wide = replace(rules, reach=WIDER * rules.reach)
     unchecked = json.loads(part.attrs.get("unchecked", "{}"))
     for name in part["parameter"].values if "change" in part else ():
         if name in unchecked:
@@ -129,18 +128,25 @@ def noticed_to_first_order(part: xr.Dataset, rules: Rules) -> dict[str, tuple[fl
         The least amounts upwards (positive) and downwards (negative), as shares of the value, of a
         length in metres; nothing for values that are not noticed in both directions.
     """
-    predicted = part["predicted"].transpose("channel", "movement", "time").values
-    rules = replace(rules, reach=WIDER * rules.reach)
+    predicted, wide = _rows(part["predicted"]), _of_wrong_values(rules)
     found = {}
     for name in part["parameter"].values:
         _, amounts, moved = _changed(part, str(name), predicted)
-        least = [
-            _least(rules, predicted, moved, sign * amounts, both=False) for sign in (1.0, -1.0)
-        ]
+        least = [_least(wide, predicted, moved, sign * amounts, both=False) for sign in (1.0, -1.0)]
         reached = [item[0] for item in least if item is not None]
         if len(reached) == len(least):
             found[str(name)] = (reached[0], reached[1])
     return found
+
+
+def _rows(field: xr.DataArray) -> Floats:
+    """Return values by channel, movement and time, after a side where there is one."""
+    return np.asarray(field.transpose(..., "channel", "movement", "time").values, dtype=np.float64)
+
+
+def _of_wrong_values(rules: Rules) -> Rules:
+    """Return the rules with the wider bands that a wrong value has of its own."""
+    return replace(rules, reach=WIDER * rules.reach)
 
 
 def _changed(
@@ -148,13 +154,10 @@ def _changed(
 ) -> tuple[bool, Floats, Callable[[float], Floats]]:
     """Return whether a value is a length, what is tried of it, and how it moves a prediction."""
     one = part["change"].sel(parameter=name)
-    change = np.nan_to_num(one.transpose("channel", "movement", "time").values).astype(np.float64)
-    is_length = str(one["unit"].values) == "m"
-    sides = part["bend"].sel(parameter=name) if "bend" in part else None
-    bends = [np.zeros_like(change)] * 2
-    if sides is not None:
-        rows = sides.transpose("side", "channel", "movement", "time").values
-        bends = [np.asarray(np.nan_to_num(row), dtype=np.float64) for row in rows]
+    change, is_length = np.nan_to_num(_rows(one)), str(one["unit"].values) == "m"
+    bends = np.zeros((2, *change.shape))
+    if "bend" in part:
+        bends = np.nan_to_num(_rows(part["bend"].sel(parameter=name)))
 
     def moved(amount: float) -> Floats:
         bend = bends[0 if amount > 0.0 else 1]

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 Floats = NDArray[np.float64]
 
@@ -75,7 +75,7 @@ def trend_of(values: ArrayLike) -> Trend | None:
     middle = float(given[at].mean())
     residual = given[at] - middle - slope * x
     error = float(np.sqrt(residual @ residual / (at.size - 2) / (x @ x)))
-    reach = float(student.ppf(0.975, at.size - 2)) * error
+    reach = float(stdtrit(at.size - 2, 0.975)) * error
     return Trend(
         first=middle + slope * float(x[0]),
         last=middle + slope * float(x[-1]),
