@@ -379,11 +379,11 @@ def scatters(knowledge: Knowledge, sound: ThrowSet, *, history: int = 20) -> dic
 
 
 def verdict_times(
-    knowledge: Knowledge, objects: ThrowSet, *, count: int = 200
+    knowledge: Knowledge, throws: ThrowSet, *, count: int = 200
 ) -> dict[str, dict[str, float]]:
     """Return processor time of a verdict on a single throw, by its features and recorded [s]."""
     errors = drawn_errors(knowledge, 29)
-    own = objects.of(slice(count))
+    own = throws.of(slice(count))
     rows = own.features + errors.of_switches(len(own.level)) + errors.of_throws(own.rates)
     detector = Detector(knowledge)
     recordings = [recorded_like(row, knowledge.layout, errors.rng) for row in rows]
