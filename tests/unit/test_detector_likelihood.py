@@ -12,10 +12,9 @@ from turnout.detection.likelihood import (
     log_density,
     make_centre,
     make_hypotheses,
-    unwhitened,
     weigh,
-    whitened,
 )
+from turnout.detection.triangular import unwhitened, whitened
 
 SIZE = 6
 

@@ -169,7 +169,7 @@ def figures_of(knowledge: Knowledge, throws: Throws, kept: Path) -> dict[str, Ca
         "alone": lambda: verdict_figures(knowledge, judge_alone(knowledge, alone(), draws=1)),
         "known place": lambda: known_place_a90(knowledge, sound(), alone()[OBJECT]),
         "unknown": lambda: unknown_alone(knowledge, alone() | throws.sets("test", HISTORY)),
-        "time": lambda: verdict_times(knowledge, alone()[OBJECT]),
+        "time": lambda: {kind: verdict_times(knowledge, alone()[kind]) for kind in (SOUND, OBJECT)},
         "year": lambda: year_rates(knowledge, case("year"), kept / "year"),
         "soft": lambda: soft_shares(knowledge, case("soft"), SOFT_KINDS),
         "price": lambda: price_of(

@@ -1,10 +1,11 @@
 """Further figures of a detector: rates, causes unknown to it, ice, soft objects, a year."""
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import process_time
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,9 @@ from turnout.detection.detector.calibrating import AT_ONCE, Errors, alarms_of, l
 from turnout.detection.detector.detector import Detector
 from turnout.detection.detector.judging import CYCLE, View, evidence_of, make_view
 from turnout.detection.detector.knowledge import Knowledge
+from turnout.detection.detector.recorded import Recorded
 from turnout.detection.detector.switch_history import observe
+from turnout.detection.detector.throw_layout import Layout
 from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.detector.train_detector import knowledge_of_sets
 from turnout.detection.detector.training_plan import ADJUSTED, HISTORY, OBJECT, SOUND
@@ -359,17 +362,72 @@ SIZES = (0.0, 5e-3, 10e-3, 15e-3, 31e-3)
 """Bounds of sizes that shares of missed objects are given for [m]."""
 
 
-def verdict_times(knowledge: Knowledge, objects: ThrowSet, *, count: int = 200) -> dict[str, float]:
-    """Return processor time of a verdict on a single throw [s]."""
+def scatters(knowledge: Knowledge, sound: ThrowSet, *, history: int = 20) -> dict[str, float]:
+    """Return how much more switches vary from throw to throw than is assumed, by their throws [-].
+
+    The factor on the variance that each learns from its first throws, which vary as is assumed.
+    """
+    population, first = make_view(knowledge), int(np.bincount(sound.switch).max())
+    found = []
+    for switch in np.unique(sound.switch):
+        errors = drawn_errors(knowledge, 30, int(switch))
+        own = sound.of((sound.switch == switch) & (sound.row % first < history))
+        rows = own.features + errors.of_switches(1) + errors.of_throws(own.rates)
+        found.append(learn_history(knowledge, rows, view=population).scatter)
+    quantiles = {"median": 0.5, "95 %": 0.95, "largest": 1.0}
+    return {name: float(np.quantile(found, share)) for name, share in quantiles.items()}
+
+
+def verdict_times(
+    knowledge: Knowledge, throws: ThrowSet, *, count: int = 200
+) -> dict[str, dict[str, float]]:
+    """Return processor time of a verdict on a single throw, by its features and recorded [s]."""
     errors = drawn_errors(knowledge, 29)
-    own = objects.of(slice(count))
+    own = throws.of(slice(count))
     rows = own.features + errors.of_switches(len(own.level)) + errors.of_throws(own.rates)
     detector = Detector(knowledge)
-    detector.judge_features(rows[0])
+    recordings = [recorded_like(row, knowledge.layout, errors.rng) for row in rows]
+    return {
+        "features": _times(detector.judge_features, list(rows)),
+        "recorded at 1 kHz": _times(detector.predict, recordings),
+    }
+
+
+def _times(judge: Callable[[Any], object], throws: Sequence[Any]) -> dict[str, float]:
+    """Return median and 90 % quantile of the processor time of judging single throws [s]."""
     times = []
     with one_blas_thread():
-        for row in rows:
+        judge(throws[0])
+        for throw in throws:
             start = process_time()
-            detector.judge_features(row)
+            judge(throw)
             times.append(process_time() - start)
     return {"median": float(np.median(times)), "90 %": float(np.quantile(times, 0.9))}
+
+
+def recorded_like(features: Floats, layout: Layout, rng: np.random.Generator) -> Recorded:
+    """Return a recording at 1 kHz of forces with some features, onsets known to some milliseconds.
+
+    Parameters
+    ----------
+    features : ndarray, shape (n_features,)
+        [N]
+    layout : Layout
+        Of these.
+    rng : Generator
+        Of noise and onsets.
+    """
+    time = np.arange(0.0, layout.time.max() + 0.1, 1e-3)
+    force = [
+        np.interp(time, layout.time[layout.drive == row], features[layout.drive == row])
+        for row in range(len(layout.drives))
+    ]
+    noise = RECORDED_NOISE * rng.standard_normal((len(force), time.size))
+    onsets = {part.name: part.start + 3e-3 * rng.standard_normal() for part in layout.parts}
+    return Recorded(
+        name="", time=time, force=np.array(force) + noise, drives=layout.drives, onsets=onsets
+    )
+
+
+RECORDED_NOISE = 20.0
+"""Standard deviation of a sample of such a recording [N]."""

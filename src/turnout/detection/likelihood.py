@@ -375,16 +375,29 @@ r""":math:`\nu`, in how many ways an unknown deviation may differ: some two in a
 
 def weigh(features: Floats, hypotheses: Hypotheses) -> Evidence:
     """Return the likelihood of throws, shape (n_throws, n_features) [N], under every hypothesis."""
-    white = [whitened(c.root, (features - c.mean).T) for c in hypotheses.centres]
-    return weigh_whitened(np.array(white), hypotheses)
+    centres = hypotheses.centres
+    white, back = (np.empty((len(centres), *features.T.shape)) for _ in range(2))
+    for centre, own, other in zip(centres, white, back, strict=True):
+        # one level after the other, so that its root is near when it is read again
+        own[:] = whitened(centre.root, (features - centre.mean).T)
+        other[:] = unwhitened(centre.root, own)
+    return _weighed(white, back, hypotheses)
 
 
 def weigh_whitened(white: Floats, hypotheses: Hypotheses) -> Evidence:
     """Return the same for `Evidence.white` of throws, shape (k, n_features, n_throws) [-]."""
+    back = [unwhitened(c.root, own) for c, own in zip(hypotheses.centres, white, strict=True)]
+    return _weighed(white, np.array(back), hypotheses)
+
+
+def _weighed(white: Floats, back: Floats, hypotheses: Hypotheses) -> Evidence:
+    """Return the likelihood of whitened throws, multiplied by the transposed roots as well.
+
+    Signatures are projected on the latter, not on the former by whitened bases of each level:
+    reading these would take as long as the roots.
+    """
     centres = hypotheses.centres
     _, size, throws = white.shape
-    # by the roots once more, not by the whitened bases: reading takes most of the time of a throw
-    back = np.array([unwhitened(c.root, w) for c, w in zip(centres, white, strict=True)])
     projected = hypotheses.basis.T @ back.swapaxes(0, 1).reshape(size, -1)
     projected = projected.reshape(-1, *back.shape[::2]).astype(np.float32)
     own = np.einsum("kft,kft->kt", white, white)
@@ -400,7 +413,8 @@ def weigh_whitened(white: Floats, hypotheses: Hypotheses) -> Evidence:
     off -= hypotheses.square
     square -= hypotheses.square
     square -= (2.0 + hypotheses.tight * off) * off
-    component = log_density(np.maximum(square, 0.0, out=square), size=size)
+    np.maximum(square, 0.0, out=square)
+    component = log_density(square, size=size)
     component += hypotheses.log_scale
     return Evidence(
         sound=log_sum(sound),

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-ROWS_AT_ONCE = 80
+ROWS_AT_ONCE = 104
 """Rows of a triangular matrix that are multiplied together."""
 
 

@@ -105,21 +105,23 @@ class Aligner:
         found = {name: throw.onsets[name] for name in self.names(throw)}
         early = EarlyForces(self, throw, found)
 
-        def shift(name: str, tried: Floats, levels: slice) -> float:
+        first = next(iter(found))
+        # the friction level is that of all movements, whose onsets are right to some milliseconds
+        levels = early.levels(found, first, throw.onsets[first] + SHIFTS, more=1)
+
+        def shift(name: str, tried: Floats) -> float:
             scores = early.scores(found, name, throw.onsets[name] + tried, levels=levels)
             return _peak(tried, scores - 0.5 * (tried / ONSET_DEVIATION) ** 2)
 
-        near = {}
         for name in found:
-            near[name] = early.levels(found, name, throw.onsets[name] + SHIFTS)
-            found[name] = throw.onsets[name] + shift(name, SHIFTS, near[name])
+            found[name] = throw.onsets[name] + shift(name, SHIFTS)
         for name in found if len(found) > 1 else ():
             # the other onset has moved: by little, so that this one is found near where it was
             before = found[name] - throw.onsets[name]
             some = SHIFTS[np.abs(SHIFTS - before) < AGAIN]
-            after = shift(name, some, near[name])
+            after = shift(name, some)
             if not some[1] < after < some[-2]:
-                after = shift(name, SHIFTS, near[name])
+                after = shift(name, SHIFTS)
             found[name] = throw.onsets[name] + after
         return found
 
@@ -179,13 +181,18 @@ class EarlyForces:
         until = self._sums[name].until(instants[:, np.newaxis] + part.edges)
         return (np.diff(until, axis=-1) / part.window).swapaxes(0, 1).reshape(len(instants), -1)
 
-    def levels(self, found: Mapping[str, float], name: str, instants: Floats) -> slice:
-        """Return the friction levels that count; parameters as of `scores`."""
+    def levels(
+        self, found: Mapping[str, float], name: str, instants: Floats, *, more: int = 0
+    ) -> slice:
+        """Return the friction levels that count, and some more on either side.
+
+        Other parameters as of `scores`.
+        """
         some = instants[:: max((len(instants) - 1) // 2, 1)]
         likelihoods = self._likelihoods(found, name, some, slice(None))
         best = np.nanmax(likelihoods, axis=0, initial=-np.inf)
         near = np.flatnonzero(~np.all(likelihoods < best - FAR, axis=1))
-        return slice(int(near[0]), int(near[-1]) + 1)
+        return slice(max(int(near[0]) - more, 0), int(near[-1]) + 1 + more)
 
     def scores(
         self,
