@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tests.unit.test_calibration_fit import PARAMETERS, TRUE, misfit, movement, response
 
-from turnout.calibration import cause_trials
+from turnout.calibration import cause_trials, starts
 from turnout.calibration.bushing_laws import SOFTNESS, soft_bushing
 from turnout.calibration.candidate_causes import candidate_causes
 from turnout.calibration.cause_lines import cause_lines
@@ -25,6 +25,7 @@ from turnout.calibration.needed_causes import DECISIVE, is_needed
 from turnout.calibration.predict import predicted
 from turnout.calibration.sensors import common_lead
 from turnout.calibration.stages import default_plan
+from turnout.errors import SolverError
 from turnout.measurement.chain.recorder_response import LowPass, RecorderResponse
 from turnout.panel.load import load_panel
 
@@ -32,18 +33,20 @@ AVERAGE = RecorderResponse(average=0.3)
 FILTER = RecorderResponse(low_pass=LowPass(corner=1.5))
 
 
-def recorded(by: RecorderResponse, *, stated: RecorderResponse) -> list[MeasuredMovement]:
-    """Movements behind a recorder that the channel map states or not."""
+def recorded(
+    by: RecorderResponse, *, stated: RecorderResponse, late: float = 0.0
+) -> list[MeasuredMovement]:
+    """Movements behind a recorder that the channel map states or not, begun late by so much [s]."""
     made = []
     for number in range(6):
         rng = np.random.default_rng(number)
         item = movement(f"m{number}", rng=rng)
         signal = item.signals[0]
-        late, seen = replace(item, clocked=True), replace(signal, recorder=by)
-        clean = predicted(response(TRUE), late, seen, np.arange(signal.time.size))
+        marked, seen = replace(item, clocked=True), replace(signal, recorder=by)
+        clean = predicted(response(TRUE), marked, seen, np.arange(signal.time.size), shift=late)
         values = clean + 2.0 * rng.standard_normal(clean.size)
         kept = replace(signal, values=values, recorder=stated)
-        made.append(replace(late, signals=(kept,)))
+        made.append(replace(marked, signals=(kept,)))
     return made
 
 
@@ -65,6 +68,22 @@ def test_a_recorder_that_averages_is_found_and_freed_of() -> None:
     assert cause.sizes[0] == pytest.approx(0.3, abs=0.02)
     assert 'recorded_average = "0.' in cause.text
     assert again.values["k"] == pytest.approx(TRUE["k"], rel=5e-3)
+
+
+def test_a_fit_to_its_end_that_fails_or_still_misses_something_is_no_start(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    whole = misfit(averaged())
+    near = fit(whole, PARAMETERS, TRUE, rough=True)
+    found = brief_fit(whole, PARAMETERS, TRUE, near=near)
+    assert starts._gone_to_its_end(whole, PARAMETERS, found, None) is None
+
+    def fails(*_: object, **__: object) -> None:
+        message = "it slips at rest"
+        raise SolverError(message)
+
+    monkeypatch.setattr(starts, "fit", fails)
+    assert starts._gone_to_its_end(whole, PARAMETERS, found, None) is None
 
 
 def test_a_search_ends_after_its_throws_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -157,11 +176,19 @@ def test_a_mean_over_the_past_is_not_taken_for_samples_far_apart_and_a_lead_of_m
     samples = next(item for item in choices if "samples" in item[0][0].text)
     fitted = _fitted_with(before, whole, samples, on_step=None)
     assert common_lead(fitted) == pytest.approx(0.05, abs=0.01)
-    budget = _Budget(whole.evaluator, 10**6, 0)
+    budget = _Budget(evaluator=whole.evaluator, most=10**6, begun=0)
     found, choice = _best_of_alike(before, whole, (fitted, samples), choices, None, budget)
-    assert choice[0][1].name == "recorder filter"
     assert common_lead(found) == 0.0
     assert choice[0][0].text.startswith("the recorder averages over")
+
+
+def test_a_lead_of_the_motors_beside_samples_far_apart_stays() -> None:
+    whole = misfit(recorded(RecorderResponse(rate=10.0), stated=RecorderResponse(), late=0.05))
+    near = fit(whole, PARAMETERS, TRUE, rough=True)
+    search = with_causes(brief_fit(whole, PARAMETERS, TRUE, near=near), whole, load_panel("sb1"))
+    assert search.tested[0].text.startswith("the recorder takes")
+    assert common_lead(search.found) == pytest.approx(0.05, abs=0.005)
+    assert search.found.values["k"] == pytest.approx(TRUE["k"], rel=5e-3)
 
 
 def test_a_filter_that_the_map_states_is_no_cause() -> None:

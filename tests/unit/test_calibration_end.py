@@ -31,21 +31,35 @@ def test_no_value_is_surer_than_a_third_of_what_step_and_mesh_change() -> None:
     assert np.sqrt((after - before)[1, 1]) == pytest.approx(0.003 / 3.0, rel=0.05)
 
 
-def test_a_movement_that_cannot_be_thrown_finely_is_named_and_the_others_count() -> None:
+def test_the_error_of_the_solver_is_that_of_the_movements_whose_throws_succeeded() -> None:
     measured = [movement(f"m{n}", rng=np.random.default_rng(n)) for n in range(4)]
     found = fit(misfit(measured), PARAMETERS, TRUE)
     coarse, fine = response(found.values), response({**found.values, "k": 1.003 * TRUE["k"]})
     changed = Refined(plain=coarse, halved=fine, fine=fine)
-    failed = replace(changed, halved=replace(fine, failure="it did not close"))
-    assert failed.added(coarse) is coarse
+    failed = replace(changed, halved=evaluate._failed("it did not close"))
+    assert failed.added(coarse) is not coarse
     refined = replace(found.misfit, refinement=(changed, failed, changed, changed))
     there = replace(found, misfit=refined)
     spread = spread_of(there)
     # The scale of the error is common: three movements show three quarters of it.
     widened = (spread.coordinate_covariance - spread_of(found).coordinate_covariance)[1, 1]
     assert np.sqrt(widened) == pytest.approx(0.75 * 0.003 / 3.0, rel=0.05)
+    assert not [text for text in warnings_from(there, spread) if "finer" in text]
+
+
+@pytest.mark.parametrize("which", ["plain", "fine"])
+def test_a_movement_of_which_nothing_finer_is_known_is_named(which: str) -> None:
+    measured = [movement(f"m{n}", rng=np.random.default_rng(n)) for n in range(4)]
+    found = fit(misfit(measured), PARAMETERS, TRUE)
+    coarse, fine = response(found.values), response({**found.values, "k": 1.003 * TRUE["k"]})
+    changed = Refined(plain=coarse, halved=fine, fine=fine)
+    failed = replace(changed, **{which: evaluate._failed("it did not close")})
+    assert failed.added(coarse) is coarse
+    there = replace(found, misfit=replace(found.misfit, refinement=(changed,) * 3 + (failed,)))
+    spread = spread_of(there)
+    assert np.isfinite(spread.intervals).all()
     (said,) = [text for text in warnings_from(there, spread) if "finer" in text]
-    assert said.startswith(f"{measured[1].text}: cannot be simulated with a finer step")
+    assert said.startswith(f"{measured[3].text}: what a finer step and mesh change")
     assert "it did not close" in said
 
 

@@ -72,6 +72,17 @@ def test_a_slope_is_taken_on_the_other_side_where_a_throw_aside_fails() -> None:
         limited.local({**TRUE, "k": 1.1 * TRUE["k"]}, names)
 
 
+def test_a_slope_is_not_taken_over_less_than_half_a_difference() -> None:
+    # Near its lower bound a value has no room on the other side.
+    low = {**TRUE, "k": TRUE["k"] * (1.0 - 1e-9)}
+    bound = replace(PARAMETERS[1], start=TRUE["k"], lower=low["k"])
+    limited = replace(
+        repeats(2), parameters=(PARAMETERS[0], bound), evaluator=Limited(load_panel("sb1"))
+    )
+    with pytest.raises(SolverError, match="it slips at rest"):
+        limited.local(TRUE, ("mu", "k"))
+
+
 def test_slopes_foretell_responses_a_small_step_away() -> None:
     whole = repeats(2)
     near = {**TRUE, "k": 1.002 * TRUE["k"]}

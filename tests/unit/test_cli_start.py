@@ -1,6 +1,5 @@
 """The user's face: quick to import, and complete."""
 
-import gc
 import re
 import subprocess
 import sys
@@ -10,7 +9,7 @@ import typer
 from typer.testing import CliRunner
 
 import turnout
-from turnout.cli.main import app, main
+from turnout.cli.main import _Commands, app, main
 
 HEAVY = ("numba", "numpy", "xarray", "pandas", "pydantic", "matplotlib", "pint", "scipy")
 
@@ -61,17 +60,36 @@ def test_one_command_loads_no_other(arguments: list[str], loaded: set[str]) -> N
     assert set(done.stdout.splitlines()[-1].split()[1:]) == loaded
 
 
-def test_the_end_looks_through_nothing_that_was_loaded(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+ENDING = """
+import atexit, gc, sys
+from turnout.cli.main import main
+before = gc.get_freeze_count()
+atexit.register(lambda: print(gc.get_freeze_count() - before > 10_000))
+sys.argv = ["turnout", "--version"]
+try:
+    main()
+finally:
+    print(gc.get_freeze_count() == before)
+"""
+
+
+def test_the_end_of_the_process_alone_looks_through_nothing_that_was_loaded() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", ENDING], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.split()[-2:] == ["True", "True"]
+
+
+def test_an_error_while_a_command_loads_is_no_unknown_command(
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("sys.argv", ["turnout", "--version"])
-    try:
-        with pytest.raises(SystemExit):
-            main()
-        assert gc.get_freeze_count() > 10_000
-    finally:
-        gc.unfreeze()
-    assert capsys.readouterr().out.startswith("turnout ")
+    def broken(name: str, *_: str) -> None:
+        raise KeyError(name)
+
+    monkeypatch.setattr("turnout.cli.main._load", broken)
+    with pytest.raises(KeyError):
+        _Commands().get("pod")
+    assert _Commands().get("pods") is None
 
 
 @pytest.mark.parametrize("name", turnout.__all__)

@@ -5,11 +5,11 @@ import pytest
 from scipy.special import logsumexp
 from tests.unit.detector_toy import toy_detector, toy_throw
 
+from turnout.detection.density import log_density
 from turnout.detection.detector.align_onsets import EARLY, REST_AFTER, Aligner, EarlyForces
 from turnout.detection.detector.judging import View
 from turnout.detection.detector.recorded import Recorded, features_of_recorded
 from turnout.detection.detector.throw_layout import Layout
-from turnout.detection.likelihood import log_density
 
 
 def directly(view: View, layout: Layout, throw: Recorded, onsets: dict[str, float]) -> float:

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
 
+from turnout.detection.density import log_density
 from turnout.detection.likelihood import (
     AMPLITUDE,
     REACH,
     Hypotheses,
     Signatures,
-    log_density,
     make_centre,
     make_hypotheses,
     weigh,

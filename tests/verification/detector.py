@@ -68,6 +68,7 @@ DETECTOR = (
         for name in (
             "alarm_threshold",
             "likelihood",
+            "density",
             "triangular",
             "features",
             "population",

@@ -8,6 +8,8 @@ import numpy as np
 from turnout.calibration.drive_law.candidates import Law, Shape
 from turnout.calibration.parameter import Parameter
 
+# Causes of which several may be, one a drive.
+SEVERAL = ("bushing shape", "clutch", "drive law")
 Beside = Callable[[Mapping[str, float], Sequence[float]], dict[str, float]]
 
 
@@ -81,3 +83,9 @@ class Cause:
     def is_slight_in(self, values: Mapping[str, float]) -> bool:
         """Return whether the values of a fit by name make it too small to be one."""
         return self.is_slight(self.sizes_in(values))
+
+    def goes_with(self, taken: "Cause") -> bool:
+        """Return whether it may be taken up beside one that was."""
+        if self is taken or set(self.drives) & set(taken.drives):
+            return False
+        return self.name != taken.name or self.name in SEVERAL

@@ -55,6 +55,11 @@ class TestedCause:
     fitted: bool = False
     beside: Mapping[str, float] = field(default_factory=dict)
 
+    def as_fitted(self, cause: Cause, found: Fit) -> "TestedCause":
+        """Return the cause at the sizes that were fitted."""
+        sizes = cause.sizes_in(found.values)
+        return replace(self, sizes=sizes, text=cause.text(sizes), fitted=True)
+
     @property
     def line(self) -> str:
         """Return the cause as a line for the screen."""

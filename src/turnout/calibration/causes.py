@@ -55,14 +55,12 @@ MOST_ROUNDS = 2
 # Throws of a search, for each movement, after which no further cause is tried and no further fit
 # is begun: a model of something else could go on for long and still miss much.
 MOST_THROWS = 600
-# Causes of which several may be, one a drive.
-SEVERAL = ("bushing shape", "clutch", "drive law")
 # What a fit with a cause may miss at most, as a share of what one without it does, and of what one
 # does whose cause is at its bound [-].
 LESS_MISSED, AS_WELL = 0.85, 1.05
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Budget:
     """How many throws a search may take.
 
@@ -87,6 +85,7 @@ class _Budget:
 
     @property
     def is_spent(self) -> bool:
+        """Whether no further fit is to begin."""
         return self.spent >= self.most
 
 
@@ -127,7 +126,7 @@ class CauseSearch:
 
     def ended(self, final: Fit) -> "CauseSearch":
         """Return the search with its causes as the fit to the end found them."""
-        taken = tuple((_as_fitted(item, cause, final), cause) for item, cause in self.taken)
+        taken = tuple((item.as_fitted(cause, final), cause) for item, cause in self.taken)
         return replace(self, taken=taken)
 
 
@@ -196,7 +195,9 @@ def with_causes(
     tested: list[TestedCause] = []
     left = candidate_causes(panel, found.parameters)
     budget = _Budget(
-        first.evaluator, MOST_THROWS * len(first.movements), throws_done(first.evaluator)
+        evaluator=first.evaluator,
+        most=MOST_THROWS * len(first.movements),
+        begun=throws_done(first.evaluator),
     )
     while (misses := is_worth_a_search(found)) and len(taken) < MOST_CAUSES:
         if budget.is_spent:
@@ -219,7 +220,7 @@ def with_causes(
             first = with_cause(first, cause)
         taken += choice
         found = _continued(found, first, on_step)
-        left = tuple(item for item in left if all(_goes_with(item, cause) for _, cause in choice))
+        left = tuple(item for item in left if all(item.goes_with(cause) for _, cause in choice))
     names = {item.name for item, _ in taken}
     others = [item for item in tested if item.name not in names]
     return CauseSearch(
@@ -316,19 +317,6 @@ def _continued(found: Fit, first: Misfit, on_step: Callable[[float], None] | Non
     return found
 
 
-def _goes_with(cause: Cause, taken: Cause) -> bool:
-    """Return whether a cause may be taken up beside one that was."""
-    if cause is taken or set(cause.drives) & set(taken.drives):
-        return False
-    return cause.name != taken.name or cause.name in SEVERAL
-
-
-def _as_fitted(item: TestedCause, cause: Cause, found: Fit) -> TestedCause:
-    """Return a cause at the sizes that were fitted."""
-    sizes = cause.sizes_in(found.values)
-    return replace(item, sizes=sizes, text=cause.text(sizes), fitted=True)
-
-
 def _first_that_helps(
     found: Fit,
     first: Misfit,
@@ -375,8 +363,10 @@ def _best_of_alike(
     taken = choice[0][1]
     # One at its bound is another: a bushing without stiffness is play.
     bound = any(item.at_bound(found.values[item.name]) for item in taken.parameters)
-    led = needs_lead(found)
-    if not taken.group or not (bound or led or is_worth_a_search(found)):
+    if not taken.group:
+        return fitted
+    with_lead = needs_lead(found)
+    if not (bound or with_lead or is_worth_a_search(found)):
         return fitted
     for other in choices:
         cause = other[0][1]
@@ -388,11 +378,16 @@ def _best_of_alike(
             again = _fitted_with(before, first, other, on_step=on_step)
         except SolverError:
             continue
-        late = needs_lead(again)
-        freed = led and not late and not is_worth_a_search(again)
-        better = _missed(again) < _missed(found) * (AS_WELL if bound else 1.0)
-        if freed or (better and late <= led):
-            found, choice, bound, led = again, other, False, late
+        again_with_lead = needs_lead(again)
+        # A lead is one more unknown: a fit that needs none may miss as much as one that does.
+        if again_with_lead == with_lead:
+            better = _missed(again) < _missed(found) * (AS_WELL if bound else 1.0)
+        elif with_lead:
+            better = _missed(again) <= AS_WELL * _missed(found)
+        else:
+            better = AS_WELL * _missed(again) < _missed(found)
+        if better:
+            found, choice, bound, with_lead = again, other, False, again_with_lead
     return found, choice
 
 

@@ -22,8 +22,8 @@ class Refined:
 
     @property
     def failure(self) -> str:
-        """Why nothing is known of what fine throws change; empty where it is."""
-        return self.fine.failure or self.halved.failure or self.plain.failure
+        """Why it is not known what fine throws change; empty where it is."""
+        return self.fine.failure or self.plain.failure
 
     def added(self, response: Response) -> Response:
         """Return a response near by with what fine throws change; the same where one failed."""

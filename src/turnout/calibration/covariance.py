@@ -207,7 +207,7 @@ def solver_columns(found: Fit) -> list[Floats]:
     for half the step of a scheme of second order together with elements half as long, whose error
     is of that order too, and for modes to four times the frequency: on the panels of the library
     each doubling leaves 0.41 to 0.46 of the change that it makes, which is an order of 1.2. Each is
-    one error of all movements together; there are none without fine throws at the end of the fit.
+    one error of all movements, shown by those whose fine throws succeeded; none without any.
 
     Parameters
     ----------
@@ -228,10 +228,10 @@ def solver_columns(found: Fit) -> list[Floats]:
         return alignment.whitened(seen(later, alignment) - seen(before, alignment))
 
     for alignment, one in zip(found.frame.alignments, found.misfit.refinement, strict=False):
-        # Where one failed, the other movements show the common error.
-        halved, fine = (one.plain,) * 2 if one.failure else (one.halved, one.fine)
-        step.append(change(halved, one.plain, alignment) / OF_STEP)
-        modes.append(change(fine, halved, alignment) / OF_MODES)
+        nothing = np.zeros_like(alignment.whitened(alignment.measured))
+        known = not (one.failure or one.halved.failure)
+        step.append(change(one.halved, one.plain, alignment) / OF_STEP if known else nothing)
+        modes.append(change(one.fine, one.halved, alignment) / OF_MODES if known else nothing)
     return [np.concatenate(rows) for rows in (step, modes) if rows]
 
 

@@ -85,9 +85,9 @@ def chances_of(away: Sequence[float]) -> tuple[float, float]:
 
     That the furthest of `n` is as far, and that the sum of squares is as large,
 
-    .. math:: 1 - (1 - 2 Q(\max |z|))^n, \quad P\bigl(\chi^2_n > \textstyle\sum z^2\bigr),
+    .. math:: 2 - 2 (1 - 2 Q(\max |z|))^n, \quad 2 P\bigl(\chi^2_n > \textstyle\sum z^2\bigr),
 
-    both twice as often, as either of the two refuses a cause (Bonferroni).
+    twice what each alone would be, as either of the two refuses a cause (Bonferroni), 1 at most.
 
     Estimates lie nearer to the means of their priors than the unknowns do, so chance is overrated.
 

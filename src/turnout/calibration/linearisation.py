@@ -19,6 +19,8 @@ DIFFERENCE, FINE_DIFFERENCE = 0.01, 0.003
 # Within this, steps aside are not simulated again [coordinate]: of fits that only lead near, and of
 # those whose small rest, without nuisances, has to point the right way.
 SAME_ROUGH_SLOPE, SAME_SLOPE = 0.04, 0.01
+# The share of a difference that bounds must leave room for [-].
+LEAST_ROOM = 0.5
 # A drive that stays this far below its slip level does not feel it [-].
 UNTOUCHED = 0.98
 
@@ -176,7 +178,7 @@ def stepped_value(parameter: Parameter, value: float, difference: float = DIFFER
     """Return a value one difference aside, on the side with more room."""
     here = parameter.coordinate(value)
     up = parameter.value(here + difference)
-    if parameter.coordinate(up) - here >= 0.5 * difference:
+    if parameter.coordinate(up) - here >= LEAST_ROOM * difference:
         return up
     return parameter.value(here - difference)
 
@@ -222,8 +224,9 @@ def moved_aside(
             found |= throw([p], sides)
         except SolverError:
             here = p.coordinate(whole[p.name])
-            sides[p.name] = p.value(2.0 * here - p.coordinate(aside[p.name]))
-            if sides[p.name] == whole[p.name]:
+            step = here - p.coordinate(aside[p.name])
+            sides[p.name] = p.value(here + step)
+            if abs(p.coordinate(sides[p.name]) - here) < LEAST_ROOM * abs(step):
                 raise
             found |= throw([p], sides)
     return sides, found

@@ -120,8 +120,8 @@ def warnings_from(final: Fit, spread: Spread) -> list[str]:
                 f"{measured:.2g} N; uncertainty widened"
             )
     found += [
-        f"{movement.text}: cannot be simulated with a finer step and mesh ({refined.failure}); its "
-        "forces are compared as the coarser one gives them, which may move values by 0.1 %"
+        f"{movement.text}: what a finer step and mesh change cannot be simulated "
+        f"({refined.failure}); its forces are compared as the coarser ones give them"
         for movement, refined in zip(final.misfit.movements, final.misfit.refinement, strict=False)
         if refined.failure
     ]

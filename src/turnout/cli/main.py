@@ -1,5 +1,6 @@
 """The program `turnout`: its commands and its exit codes."""
 
+import atexit
 import gc
 import os
 import re
@@ -70,6 +71,10 @@ class _Commands(Mapping[str, Any]):
         if name not in self._loaded:
             self._loaded[name] = _load(name, place, help_line)
         return self._loaded[name]
+
+    def get(self, name: str, default: Any = None) -> Any:
+        """Return a command; a KeyError while it loads is no unknown command."""
+        return self[name] if name in COMMANDS else default
 
     def __iter__(self) -> Iterator[str]:
         return iter(COMMANDS)
@@ -156,7 +161,8 @@ def main() -> None:
         typer.echo("turnout: interrupted", err=True)
         sys.exit(INTERRUPTED)
     finally:
-        gc.freeze()  # at its end Python would look through all that was loaded, a tenth of a throw
+        # At the end of the process Python would look through all that was loaded.
+        atexit.register(gc.freeze)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Libraries without what they load along and turnout never uses, for programs that end soon.
 
-A program that imports turnout gets its libraries as they are. The command `turnout simulate`, which
-is a process of its own, saves a seventh of a second and 60 MB.
+A program that imports turnout gets its libraries as they are; the command `turnout simulate` is a
+process of its own.
 """
 
 import os
@@ -15,8 +15,8 @@ UNUSED_OF_NUMPY = frozenset({"f2py", "ma", "polynomial", "testing"})
 """A parser of Fortran, masked arrays, old polynomials, helpers for tests: modules that NumPy loads
 when they are named."""
 
-THREADS = "OPENBLAS_NUM_THREADS"
-"""Environment variable that OpenBLAS reads when it is loaded."""
+THREADS = ("OPENBLAS_NUM_THREADS", "GOTO_NUM_THREADS", "OMP_NUM_THREADS")
+"""Environment variables that OpenBLAS reads when it is loaded, the first one that is set."""
 
 
 def import_scipy() -> None:
@@ -42,16 +42,17 @@ def without_blas_threads() -> Iterator[None]:
     """Let OpenBLAS start no threads where it is loaded, here or in processes started meanwhile.
 
     Rails are solved with one. Each copy of it, one in NumPy and one in SciPy, takes longer to start
-    a thread for every core than it takes to be loaded. Users who want some set the variable.
+    a thread for every core than it takes to be loaded. Users who want some set a variable.
     """
-    if THREADS in os.environ:
+    if any(name in os.environ for name in THREADS):
         yield
         return
-    os.environ[THREADS] = "1"
+    os.environ[THREADS[0]] = "1"
     try:
         yield
     finally:
-        del os.environ[THREADS]
+        # Another thread may have left first.
+        os.environ.pop(THREADS[0], None)
 
 
 @contextmanager

@@ -17,10 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
+from turnout.detection.density import log_density
 from turnout.detection.detector.judging import CYCLE, View
 from turnout.detection.detector.recorded import Recorded, held_at_ends, known_forces
 from turnout.detection.detector.throw_layout import CLOSING, OPENING, Integral, Layout, Part
-from turnout.detection.likelihood import Centre, log_density, log_sum
+from turnout.detection.likelihood import Centre, log_sum
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
