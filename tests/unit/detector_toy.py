@@ -10,12 +10,14 @@ import numpy as np
 
 from turnout.detection.detector.allowances import Allowances
 from turnout.detection.detector.detector import Detector
+from turnout.detection.detector.judging import View, evidence_of
 from turnout.detection.detector.knowledge import Setting
 from turnout.detection.detector.recorded import Recorded
 from turnout.detection.detector.throw_layout import Layout, layout_of
 from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.detector.train_detector import knowledge_of_sets
 from turnout.detection.detector.training import SHIFT
+from turnout.detection.likelihood import Evidence
 
 PLACES = {"drive 1": 0.3, "sleeper 3": 1.8, "sleeper 6": 3.6, "drive 2": 6.9}
 RATE = 125.0
@@ -142,3 +144,12 @@ def toy_throw(
         drives=("1", "2"),
         onsets={"opening": 0.2, "closing": 4.4},
     )
+
+
+def toy_evidence() -> tuple[View, Evidence]:
+    """Return how a sound throw at a middle friction level is judged."""
+    detector = Detector(toy_detector().knowledge)
+    view = detector.view()
+    features = detector.knowledge.model.mean[5][np.newaxis, : detector.knowledge.layout.size]
+    evidence = evidence_of(view, features)
+    return view, evidence

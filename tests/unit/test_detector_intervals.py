@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 from scipy.stats import norm
-from tests.unit.detector_toy import toy_detector
+from tests.unit.detector_toy import toy_detector, toy_evidence
 
 from turnout.detection.detector import interval_widths
 from turnout.detection.detector.detector import Detector
@@ -16,7 +16,7 @@ from turnout.detection.detector.interval_widths import (
     likelier,
     signed_misses,
 )
-from turnout.detection.detector.judging import SPEED, UNUSUAL, evidence_of
+from turnout.detection.detector.judging import SPEED, UNUSUAL
 from turnout.detection.detector.object_posterior import (
     EndGaps,
     Interval,
@@ -47,10 +47,7 @@ def test_quantiles_of_mixtures_are_exact() -> None:
 
 
 def said(factor: tuple[float | tuple[float, float], ...], limits: np.ndarray) -> EndGaps:
-    detector = Detector(toy_detector().knowledge)
-    view = detector.view()
-    features = detector.knowledge.model.mean[5][np.newaxis, : detector.knowledge.layout.size]
-    evidence = evidence_of(view, features)
+    view, evidence = toy_evidence()
     return gaps_of(view, evidence, 0, limits=limits, factor=factor)
 
 
@@ -68,10 +65,7 @@ def test_quantiles_of_many_parts_are_those_of_all_of_them() -> None:
 
 
 def test_place_and_size_are_widened_by_their_own_factors() -> None:
-    detector = Detector(toy_detector().knowledge)
-    view = detector.view()
-    features = detector.knowledge.model.mean[5][np.newaxis, : detector.knowledge.layout.size]
-    evidence = evidence_of(view, features)
+    view, evidence = toy_evidence()
     near = objects_near(view, evidence, 0)
     plain, wide = (object_of(view, evidence, 0, near=near, x_factor=own) for own in (1.0, 2.0))
     assert wide.size == plain.size

@@ -2,10 +2,8 @@
 
 import numpy as np
 import pytest
-from tests.unit.detector_toy import toy_detector
+from tests.unit.detector_toy import toy_evidence
 
-from turnout.detection.detector.detector import Detector
-from turnout.detection.detector.judging import evidence_of
 from turnout.detection.detector.nearest_samples import LEFT, Samples
 from turnout.detection.detector.object_posterior import objects_near
 
@@ -49,10 +47,7 @@ def test_what_does_not_depend_on_signatures_stays() -> None:
 
 
 def test_each_signature_counts_once() -> None:
-    detector = Detector(toy_detector().knowledge)
-    view = detector.view()
-    features = detector.knowledge.model.mean[5][np.newaxis, : detector.knowledge.layout.size]
-    evidence = evidence_of(view, features)
+    view, evidence = toy_evidence()
     near = objects_near(view, evidence, 0)
     numbers = evidence.hypotheses.number[near.components]
     assert len(np.unique(numbers)) == len(numbers)

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -142,6 +142,12 @@ def verdicts_on(
     return found
 
 
+def with_true_gaps(throws: ThrowSet, errors: Errors) -> ThrowSet:
+    """Return throws whose end gaps differ from the simulated ones as is assumed."""
+    (gaps,) = errors.true_gaps(throws, 1)
+    return replace(throws, gaps=gaps)
+
+
 def judge_alone(
     knowledge: Knowledge,
     sets: Mapping[str, ThrowSet],
@@ -165,7 +171,7 @@ def judge_alone(
         for _ in range(draws):
             features = measured_by_switch(throws, errors)
             said = verdicts_on(knowledge, view, features, rate=rate)
-            judged.add(kind, errors.of_gaps(throws), said, change=change)
+            judged.add(kind, with_true_gaps(throws, errors), said, change=change)
     return judged
 
 
@@ -237,7 +243,7 @@ def judge_with_history(
             for _ in range(uses.verdicts):
                 features = mine.features + fixed + errors.of_throws(mine.rates)
                 said = verdicts_on(knowledge, view, features, rate=rate)
-                judged.add(kind, errors.of_gaps(mine), said, change=change)
+                judged.add(kind, with_true_gaps(mine, errors), said, change=change)
             if len(mine.row):
                 held = mine.force > TOUCH_FORCE if kind == OBJECT else np.full(len(change), True)
                 measured[kind] = features[held], change[held]

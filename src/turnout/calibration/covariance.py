@@ -228,7 +228,7 @@ def solver_columns(found: Fit) -> list[Floats]:
         return alignment.whitened(seen(later, alignment) - seen(before, alignment))
 
     for alignment, one in zip(found.frame.alignments, found.misfit.refinement, strict=False):
-        nothing = np.zeros_like(alignment.whitened(alignment.measured))
+        nothing = np.zeros(alignment.measured.size)
         known = not (one.failure or one.halved.failure)
         step.append(change(one.halved, one.plain, alignment) / OF_STEP if known else nothing)
         modes.append(change(one.fine, one.halved, alignment) / OF_MODES if known else nothing)

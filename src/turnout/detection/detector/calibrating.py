@@ -101,13 +101,8 @@ class Errors:
         shifts = self._timing * self.rng.standard_normal((len(rates), int(self._part.max()) + 1))
         return np.asarray(found + shifts[:, self._part] * rates)
 
-    def of_gaps(self, throws: ThrowSet) -> ThrowSet:
-        """Return throws whose end gaps differ from the simulated ones as is assumed."""
-        (gaps,) = self.true_gaps(throws, 1)
-        return replace(throws, gaps=gaps)
-
     def true_gaps(self, throws: ThrowSet, count: int) -> Floats:
-        """Return end gaps that differ from the simulated ones, shape (count, n, n_gaps) [m]."""
+        """Return end gaps off the simulated ones as is assumed, shape (count, n, n_gaps) [m]."""
         return throws.gaps + self._gap * self.rng.standard_normal((count, *throws.gaps.shape))
 
     def tried(self, features: Floats, throws: ThrowSet) -> Tried:

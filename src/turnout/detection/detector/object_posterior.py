@@ -78,8 +78,7 @@ class EndGaps:
 
 def objects_near(view: View, evidence: Evidence, number: int) -> Samples:
     """Return the signatures of objects nearest to one of the throws of some evidence."""
-    objects = evidence.hypotheses.order[: _objects(view, evidence)]
-    return samples_near(view, evidence, number, objects)
+    return samples_near(view, evidence, number, _by_kind(view, evidence)[0])
 
 
 def object_of(
@@ -107,7 +106,7 @@ def object_of(
         By which the intervals of size and place are widened about their medians [-].
     """
     kinds = evidence.hypotheses.kind
-    objects = evidence.hypotheses.order[: _objects(view, evidence)]
+    objects, _ = _by_kind(view, evidence)
     logs = evidence.component[objects, number]
     share = np.exp((logs - logs.max()) / TEMPER)
     signature = evidence.hypotheses.number[near.components]
@@ -200,8 +199,8 @@ def _likely(
     hypotheses = evidence.hypotheses
     before = np.full(view.objects, np.log(OBJECT_WEIGHT / view.objects))
     weight = np.concatenate([before, view.cause_weight])
-    objects, parts = _objects(view, evidence), []
-    for group in (hypotheses.order[:objects], hypotheses.order[objects:]):
+    parts = []
+    for group in _by_kind(view, evidence):
         logs = evidence.component[group, number]
         group = group[logs > logs.max(initial=-np.inf) - BELOW]
         logs = evidence.component[group, number] + weight[hypotheses.kind[group]]
@@ -242,11 +241,12 @@ def _changed_gaps(
     return changes, variances
 
 
-def _objects(view: View, evidence: Evidence) -> int:
-    """Return how many of the components by kind are of objects."""
+def _by_kind(view: View, evidence: Evidence) -> tuple[Ints, Ints]:
+    """Return the components of objects, and those of other causes."""
     hypotheses = evidence.hypotheses
     used = int(np.searchsorted(hypotheses.used, view.objects))
-    return int(np.append(hypotheses.starts, len(hypotheses.order))[used])
+    objects = int(np.append(hypotheses.starts, len(hypotheses.order))[used])
+    return hypotheses.order[:objects], hypotheses.order[objects:]
 
 
 GAP_SHARE = 0.1
