@@ -8,8 +8,9 @@ import xarray as xr
 from tests.unit.detector_toy import TIME, toy_detector, toy_throw
 
 from turnout.detection.detector.detector import Detector
-from turnout.detection.detector.reading import read_throws, throws_of_dataset
+from turnout.detection.detector.reading import read_throws
 from turnout.detection.detector.recorded import Recorded
+from turnout.detection.detector.throws_of_dataset import throws_of_dataset
 
 RATE = 125.0
 PEAK = 3000.0

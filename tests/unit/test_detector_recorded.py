@@ -10,7 +10,7 @@ import xarray as xr
 from tests.unit.detector_toy import RATE, toy_detector, toy_throw
 
 from turnout.detection.detector.detector import Detector
-from turnout.detection.detector.reading import read_table, read_throws, throws_of_dataset
+from turnout.detection.detector.reading import read_throws
 from turnout.detection.detector.recorded import (
     UNLOADED,
     ZEROED,
@@ -21,6 +21,8 @@ from turnout.detection.detector.recorded import (
     zeroed_rest,
 )
 from turnout.detection.detector.throw_layout import Layout, layout_of, throw_features
+from turnout.detection.detector.throw_rows import read_table
+from turnout.detection.detector.throws_of_dataset import throws_of_dataset
 from turnout.errors import FileError
 
 LAYOUT = layout_of([("opening", 0.2, 3.2), ("closing", 4.4, 3.4)], end=8.5, drives=["1", "2"])
@@ -178,7 +180,8 @@ def test_what_is_not_recorded_cannot_be_judged() -> None:
     (found,) = throws_of_dataset(dataset, quantity="current")
     assert found.fault == "no drive currents are recorded"
     layout = Layout(parts=LAYOUT.parts, drives=("3",))
-    assert recording_fault(own, layout, "power") == "no power of drive 3 is recorded"
+    said = recording_fault(own, layout, "power")
+    assert said == "no power of drive 3 is recorded; there are 1, 2: name them as the panel does"
 
 
 @pytest.mark.parametrize("cut", [slice(None), slice(12, None), slice(0, -14)])

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 import turnout.api.accessor  # noqa: F401 - registers dataset.turnout
 from turnout.cli.main import app
-from turnout.detection.detector.reading import throws_of_dataset
+from turnout.detection.detector.throws_of_dataset import throws_of_dataset
 from turnout.errors import ResponseError
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel

@@ -17,7 +17,7 @@ from tests.unit.served import Client, Reply, served
 from tests.unit.simulated import sb2_panel
 
 from turnout.detection.detector.detector import Detector
-from turnout.detection.detector.reading import read_table
+from turnout.detection.detector.throw_rows import read_table
 from turnout.panel.load import load_panel
 
 SIZES = [0.0, 0.0, 0.0, 0.0, 0.0, 24e-3]

@@ -24,7 +24,7 @@ from tests.verification.detector_other import NOISE, SHARE
 from turnout.core.threads import one_blas_thread
 from turnout.detection.detector.detector import Detector
 from turnout.detection.detector.knowledge import Knowledge
-from turnout.detection.detector.reading import throws_of_dataset
+from turnout.detection.detector.throws_of_dataset import throws_of_dataset
 from turnout.detection.floor import TOUCH_FORCE
 
 Floats = NDArray[np.float64]

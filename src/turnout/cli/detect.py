@@ -1,15 +1,24 @@
 """The commands `turnout detect ...`: train a detector, teach it a switch, judge throws."""
 
-import stat
-import time
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from turnout.cli.json_output import JsonOption, json_text, print_json
+from turnout.cli.detect_options import (
+    ChannelsOption,
+    DetectorArgument,
+    RateOption,
+    RecordingsArgument,
+    known_rate,
+    read_recordings,
+    verdict_units,
+)
+from turnout.cli.detect_watch import watch_command
+from turnout.cli.json_output import JsonOption, print_json
 from turnout.cli.options import (
+    INTERRUPTED,
     CalibrationOption,
     PanelArgument,
     QuietOption,
@@ -21,48 +30,18 @@ from turnout.cli.options import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from turnout.detection.detector.detector import Detector
     from turnout.detection.detector.knowledge import Knowledge
-    from turnout.detection.detector.recorded import Recorded
     from turnout.detection.detector.throw_verdict import Verdict
     from turnout.sweep.run import SweepProgress
 
 EXIT_NOT_SOUND = 1
-VERDICT_UNITS = {
-    **{"x": "m", "size": "m", "middle": "m", "low": "m", "high": "m", "limit": "m"},
-    **{"force": "N", "time": "s", "false_alarm_rate": "1", "log_ratio": "1", "threshold": "1"},
-    **{"odds": "1", "above": "1", "fit": "1", "friction": "1", "places": "1"},
-    **{"kinds": "1", "scatter": "1"},
-    "peaks": "N",
-}
 WORTH_SAYING = 1.2
 """Scatter of the throws of a switch from which on it is mentioned [-]."""
-SETTLED = 2.0
-"""A recording is read when it was seen unchanged for so long, whatever its date [s]."""
-
 app = typer.Typer(
     help="Detect trapped objects from drive forces: train, learn a switch, judge throws.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
-DetectorArgument = Annotated[
-    Path, typer.Argument(metavar="FILE", help="Detector that `turnout detect train` wrote.")
-]
-RecordingsArgument = Annotated[
-    list[Path],
-    typer.Argument(
-        metavar="RECORDINGS...",
-        help="Campaign folders, datasets (.nc), tables (.csv), or recordings with --channels.",
-    ),
-]
-ChannelsOption = Annotated[
-    Path | None,
-    typer.Option("--channels", metavar="MAP.toml", help="Channel map of the recordings."),
-]
-RateOption = Annotated[
-    float,
-    typer.Option("--far", metavar="RATE", help="False alarms a sound throw: 1e-3 or 1e-4."),
-]
 
 
 @app.command("train", short_help="Train a detector for a panel on simulated throws.")
@@ -146,17 +125,22 @@ def train_command(
     given = None
     if panel is not None or calibration is not None or settings:
         given = opened_panel(panel, settings, calibration)
-    knowledge = train_detector(
-        folder,
-        panel=given,
-        study=None if study is None else load_study(study),
-        counts=replace(Counts(), **{name: item for name, item in counts.items() if item}),
-        allowances=allowances,
-        quantity=channels,
-        workers=workers or cores(),
-        watch=_watching(quiet=quiet),
-        report=None if quiet else _calibrating,
-    )
+    try:
+        knowledge = train_detector(
+            folder,
+            panel=given,
+            study=None if study is None else load_study(study),
+            counts=replace(Counts(), **{name: item for name, item in counts.items() if item}),
+            allowances=allowances,
+            quantity=_quantity(channels),
+            workers=workers or cores(),
+            watch=_watching(quiet=quiet),
+            report=None if quiet else _calibrating,
+        )
+    except KeyboardInterrupt:
+        text = f"interrupted; throws so far are in {folder}, run the same command to continue"
+        typer.echo(f"turnout: {text}", err=True)
+        raise typer.Exit(INTERRUPTED) from None
     Detector(knowledge).save(out)
     if as_json:
         print_json("detect train", _described(knowledge), written=[out])
@@ -164,6 +148,16 @@ def train_command(
     for line in _training_lines(knowledge):
         typer.echo(line)
     typer.echo(f"wrote           {out}")
+
+
+def _quantity(channels: str) -> str:
+    from turnout.detection.conditions import UNITS
+    from turnout.errors import FileError
+
+    if channels not in UNITS:
+        message = f"--channels {channels}: allowed are {', '.join(UNITS)}"
+        raise FileError(message)
+    return channels
 
 
 def _described(knowledge: "Knowledge") -> dict[str, Any]:
@@ -238,18 +232,22 @@ def learn_command(
     """Add sound throws of one switch to its detector; what is not called sound is left out."""
     check_outputs({"--out": out}, {"--out": (".detector",)})
     from turnout.detection.detector.detector import Detector
+    from turnout.errors import FileError
 
     found = Detector.load(detector)
     if reset:
         found.clear_history()
-    throws = _read(recordings, channels, found.quantity)
+    throws = read_recordings(recordings, channels, found.quantity)
+    before = found.known.throws
     verdicts = found.learn(throws, check=not unchecked)
+    if found.known.throws == before:
+        raise FileError(_nothing_learned(verdicts, out))
     found.save(out)
     if as_json:
         known = found.known
         record = {"verdicts": [asdict(item) for item in verdicts], "throws": known.throws}
         record["scatter"] = known.scatter
-        print_json("detect learn", record, units=_units(found), written=[out])
+        print_json("detect learn", record, units=verdict_units(found), written=[out])
         return
     for item in verdicts:
         if item.status != "sound":
@@ -261,6 +259,14 @@ def learn_command(
             "limits allow for: small objects are harder to detect"
         )
     typer.echo(f"wrote           {out}")
+
+
+def _nothing_learned(verdicts: "Sequence[Verdict]", out: Path) -> str:
+    first = verdicts[0].lines()[0] if verdicts else "none was found"
+    return (
+        f"none of {len(verdicts)} throws is called sound, so nothing was learned and {out} is not "
+        f"written; {first}"
+    )
 
 
 @app.command("run", short_help="Judge recorded throws.")
@@ -277,11 +283,11 @@ def run_command(
     """Judge throws: object or not, where, how large, gaps without sensors, other causes."""
     from turnout.detection.detector.detector import Detector
 
-    found = Detector.load(detector, false_alarm_rate=_rate(far))
-    verdicts = found.predict(_read(recordings, channels, found.quantity))
+    found = Detector.load(detector, false_alarm_rate=known_rate(far))
+    verdicts = found.predict(read_recordings(recordings, channels, found.quantity))
     if as_json:
         record = {"verdicts": [asdict(item) for item in verdicts]}
-        print_json("detect run", record, units=_units(found))
+        print_json("detect run", record, units=verdict_units(found))
     else:
         for item in verdicts:
             typer.echo("\n".join(item.lines()))
@@ -294,102 +300,8 @@ def _summary(verdicts: "Sequence[Verdict]") -> str:
     counts: dict[str, int] = {}
     for item in verdicts:
         counts[item.status] = counts.get(item.status, 0) + 1
-    return f"{len(verdicts)} throws: " + ", ".join(f"{n} {name}" for name, n in counts.items())
-
-
-def _rate(far: float) -> float:
-    from turnout.detection.detector.calibrating import RATES
-    from turnout.errors import FileError
-
-    if far not in RATES:
-        allowed = ", ".join(f"{rate:g}" for rate in RATES)
-        message = f"--far {far:g}: thresholds are known for {allowed}"
-        raise FileError(message)
-    return far
-
-
-def _read(recordings: "Sequence[Path]", channels: Path | None, quantity: str) -> "list[Recorded]":
-    from turnout.detection.detector.reading import read_throws
-
-    return [
-        throw
-        for path in recordings
-        for throw in read_throws(path, channels=channels, quantity=quantity)
-    ]
-
-
-def _units(found: "Detector") -> dict[str, str]:
-    unit = found.knowledge.setting.unit
-    return {**VERDICT_UNITS, "force": unit, "peaks": unit}
-
-
-@app.command("watch", short_help="Judge recordings as they come into a folder.")
-def watch_command(
-    detector: DetectorArgument,
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Where recordings arrive.")],
-    channels: ChannelsOption = None,
-    far: RateOption = 1e-3,
-    every: Annotated[
-        float, typer.Option("--every", metavar="S", min=0.1, help="Seconds between looks.")
-    ] = 2.0,
-    once: Annotated[bool, typer.Option("--once", help="Judge what is there, then end.")] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print each verdict as one JSON object; see docs.")
-    ] = False,
-) -> None:
-    """Judge each new file of a folder once, until interrupted; a bad file stops nothing."""
-    from turnout.detection.detector.detector import Detector
-    from turnout.errors import FileError
-
-    found = Detector.load(detector, false_alarm_rate=_rate(far))
-    if not folder.is_dir():
-        message = f"{folder}: no such folder; name the one that recordings come into"
-        raise FileError(message)
-    seen: dict[str, tuple[tuple[int, int], float]] = {}
-    done: set[tuple[str, tuple[int, int]]] = set()
-    while True:
-        now = time.monotonic()
-        for path, state in _files(folder):
-            if seen.get(path.name, (None, 0.0))[0] != state:
-                seen[path.name] = (state, now)
-            settled = once or now - seen[path.name][1] >= SETTLED
-            if settled and (path.name, state) not in done:
-                done.add((path.name, state))
-                _judge_file(found, path, channels, as_json=as_json)
-        if once:
-            return
-        time.sleep(every)
-
-
-def _files(folder: Path) -> list[tuple[Path, tuple[int, int]]]:
-    """Return files with their size and time of change; one that was moved away is left out."""
-    found = []
-    for path in sorted(folder.iterdir()):
-        try:
-            state = path.stat()
-        except OSError:
-            continue
-        if stat.S_ISREG(state.st_mode) and not path.name.startswith("."):
-            found.append((path, (state.st_size, state.st_mtime_ns)))
-    return found
-
-
-def _judge_file(found: "Detector", path: Path, channels: Path | None, *, as_json: bool) -> None:
-    from turnout.detection.detector.throw_verdict import ADVICE, CANNOT, Verdict
-    from turnout.errors import TurnoutError
-
-    try:
-        verdicts = found.predict(_read([path], channels, found.quantity))
-    except (TurnoutError, OSError) as error:
-        verdicts = [
-            Verdict(name=path.name, status=CANNOT, reason=str(error), advice=ADVICE[CANNOT])
-        ]
-    for item in verdicts:
-        if as_json:
-            text = json_text("detect watch", {"verdict": asdict(item)}, units=_units(found))
-            typer.echo(" ".join(text.split()))
-        else:
-            typer.echo("\n".join(item.lines()))
+    throws = "1 throw" if len(verdicts) == 1 else f"{len(verdicts)} throws"
+    return f"{throws}: " + ", ".join(f"{n} {name}" for name, n in counts.items())
 
 
 @app.command("report", short_help="Write an HTML page about judged throws.")
@@ -406,8 +318,8 @@ def report_command(
     from turnout.report.detection import detection_page
     from turnout.report.page import page_html
 
-    found = Detector.load(detector, false_alarm_rate=_rate(far))
-    verdicts = found.predict(_read(recordings, channels, found.quantity))
+    found = Detector.load(detector, false_alarm_rate=known_rate(far))
+    verdicts = found.predict(read_recordings(recordings, channels, found.quantity))
     about = {
         "detector": str(detector),
         "panel": str(found.knowledge.about.get("panel", "")),
@@ -415,3 +327,6 @@ def report_command(
     }
     rows = [asdict(item) for item in verdicts]
     write_and_report(out, page_html(detection_page(rows, about=about, quantity=found.quantity)))
+
+
+app.command("watch", short_help="Judge recordings as they come into a folder.")(watch_command)

@@ -41,11 +41,12 @@ from turnout.detection.detector.judging import (
 from turnout.detection.detector.knowledge import Knowledge, Setting
 from turnout.detection.detector.throw_layout import Layout
 from turnout.detection.detector.throw_set import ThrowSet
-from turnout.detection.detector.throw_verdict import ALARM, CAUSE, UNKNOWN, Verdict, verdict_on
+from turnout.detection.detector.throw_verdict import Verdict, verdict_on
 from turnout.detection.detector.training import LEAST_SOUND, setting_of, teach
 from turnout.detection.detector.training_plan import DEFECTS
 from turnout.detection.detector.training_sets import Counts
 from turnout.detection.detector.unexplained import least_squares
+from turnout.detection.detector.words_of_verdict import ALARM, CAUSE, UNKNOWN
 from turnout.detection.likelihood import Evidence
 from turnout.open_benchmark.definition import HISTORY, MACHINES, OBJECT, SOUND, panels_study
 from turnout.open_benchmark.make_throws import STEP, fine_layout

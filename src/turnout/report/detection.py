@@ -85,7 +85,12 @@ def _headline(verdicts: Sequence[Mapping[str, Any]], counts: Mapping[str, int]) 
     if others:
         detail = f"but {others} of {total} throws deviate otherwise"
         return Finding("look", question, "Not called", detail)
-    sound = counts.get("sound", 0)
+    sound, lost = counts.get("sound", 0), counts.get("cannot judge", 0)
+    if not sound:
+        return Finding("bad", question, "Unknown", f"none of {total} throws could be judged")
+    if lost:
+        detail = f"in the {sound} throws that could be judged; {lost} of {total} could not"
+        return Finding("look", question, "Not called", detail)
     return Finding("good", question, "Not called", f"{sound} of {total} throws are called sound")
 
 

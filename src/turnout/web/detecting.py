@@ -9,12 +9,15 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from turnout.detection.conditions import FORCE
 from turnout.detection.detector.detector import Detector
-from turnout.detection.detector.reading import read_table, throws_of_dataset
 from turnout.detection.detector.recorded import Recorded
 from turnout.detection.detector.switch_history import predict
-from turnout.detection.detector.throw_verdict import CANNOT, Verdict
+from turnout.detection.detector.throw_rows import read_table
+from turnout.detection.detector.throw_verdict import Verdict
+from turnout.detection.detector.throws_of_dataset import throws_of_dataset
 from turnout.detection.detector.trends import staying_causes
+from turnout.detection.detector.words_of_verdict import CANNOT
 from turnout.errors import FileError
 from turnout.measurement.chain.apply import apply_chain
 from turnout.measurement.formats.history import is_history, read_history
@@ -51,7 +54,9 @@ def described_detector(detector: Detector, mark: str) -> dict[str, Any]:
     }
 
 
-def sent_throws(path: Path, chosen: str, folder: Path | None) -> list[Recorded]:
+def sent_throws(
+    path: Path, chosen: str, folder: Path | None, *, quantity: str = FORCE
+) -> list[Recorded]:
     """Return the throws of a file that the page sent.
 
     Parameters
@@ -62,14 +67,16 @@ def sent_throws(path: Path, chosen: str, folder: Path | None) -> list[Recorded]:
         Channel map of a recording: its text, the name of a library map, or "campaign".
     folder : Path, optional
         Of the studio's campaign.
+    quantity : str
+        What of the drives is judged.
     """
     try:
         if path.suffix == ".nc":
-            return throws_of_dataset(sent_dataset(path), name=path.name)
+            return throws_of_dataset(sent_dataset(path), name=path.name, quantity=quantity)
         if is_history(path):
-            return throws_of_dataset(read_history(path), name=path.name)
+            return throws_of_dataset(read_history(path), name=path.name, quantity=quantity)
         if not chosen and path.suffix == ".csv":
-            return read_table(path)
+            return read_table(path, quantity=quantity)
     except FileError as error:
         raise FileError(str(error).replace(str(path), path.name)) from None
     if not chosen:
@@ -77,16 +84,20 @@ def sent_throws(path: Path, chosen: str, folder: Path | None) -> list[Recorded]:
         raise FileError(message)
     recording, _ = sent_recording(path)
     dataset = apply_chain(recording, channel_map_of(chosen, folder))
-    return throws_of_dataset(dataset, name=path.name)
+    return throws_of_dataset(dataset, name=path.name, quantity=quantity)
 
 
-def run_throws(dataset: xr.Dataset) -> list[Recorded]:
+def run_throws(dataset: xr.Dataset, *, quantity: str = FORCE) -> list[Recorded]:
     """Return the throw that the page shows."""
-    return throws_of_dataset(dataset, name="the throw shown")
+    return throws_of_dataset(dataset, name="the throw shown", quantity=quantity)
 
 
 def judged_record(detector: Detector, throws: Sequence[Recorded]) -> dict[str, Any]:
     """Return verdicts, each with the throw in its expected band, and trends, as plain data."""
+    throws = [throw for item in throws for throw in detector.located(item)]
+    if not throws:
+        message = "it holds no closing movement; only these are judged"
+        raise FileError(message)
     if len(throws) > MOST_THROWS:
         message = f"{len(throws)} throws: at most {MOST_THROWS}; use `turnout detect run` for more"
         raise FileError(message)
@@ -136,6 +147,7 @@ def _band(detector: Detector, throw: Recorded, verdict: Verdict) -> Sheet | None
     seen = np.isfinite(features) & np.isin(
         np.arange(layout.size), detector.view(verdict.part).features
     )
+    factor, unit = (KILO, "kN") if detector.quantity == FORCE else (1.0, known.setting.unit)
     rows = []
     for row, drive in enumerate(layout.drives):
         own = np.flatnonzero((layout.drive == row) & seen)
@@ -146,8 +158,8 @@ def _band(detector: Detector, throw: Recorded, verdict: Verdict) -> Sheet | None
             ("expected", mean[own]),
             ("this throw", features[own]),
         )
-        lines = tuple(Line(label=text, x=time, y=values / KILO) for text, values in curves)
-        rows.append(Row(f"Drive {drive}\nforce [kN]", lines))
+        lines = tuple(Line(label=text, x=time, y=values / factor) for text, values in curves)
+        rows.append(Row(f"Drive {drive}\n{detector.quantity} [{unit}]", lines))
     return Sheet(
         name="band",
         title="",

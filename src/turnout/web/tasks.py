@@ -326,7 +326,9 @@ class TaskHandler:
 
         detector = self._detector_of(task.options["detector"])
         path = Path(task.options["path"])
-        throws = sent_throws(path, task.options["map"], self._opening.folder)
+        throws = sent_throws(
+            path, task.options["map"], self._opening.folder, quantity=detector.quantity
+        )
         return Reply.of(judged_record(detector, throws))
 
     def _judge_shown(self, task: Task, question: Question) -> Reply:
@@ -335,7 +337,8 @@ class TaskHandler:
 
         detector = self._detector_of(task.options["detector"])
         _, dataset = self._thrown(read_request(RunRequest, task.content), question)
-        return Reply.of(judged_record(detector, run_throws(dataset)))
+        throws = run_throws(dataset, quantity=detector.quantity)
+        return Reply.of(judged_record(detector, throws))
 
     def _measured(self, task: Task, question: Question) -> Reply:
         """Return a measured movement on the time of a run."""

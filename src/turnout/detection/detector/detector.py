@@ -12,7 +12,7 @@ from turnout.core.threads import one_blas_thread
 from turnout.detection.conditions import FORCE
 from turnout.detection.detector.align_onsets import Aligner
 from turnout.detection.detector.calibrating import throw_levels
-from turnout.detection.detector.find_movements import MovementFinder, located
+from turnout.detection.detector.find_movements import MovementFinder, further_closing, located
 from turnout.detection.detector.interval_widths import AT_ONCE
 from turnout.detection.detector.judging import CYCLE, View, evidence_of, make_view
 from turnout.detection.detector.knowledge import Knowledge, load, store
@@ -28,7 +28,9 @@ from turnout.detection.detector.recorded import (
 from turnout.detection.detector.switch_history import Expectation, before_history, observe_all
 from turnout.detection.detector.throw_layout import CLOSING
 from turnout.detection.detector.throw_set import ThrowSet
-from turnout.detection.detector.throw_verdict import ADVICE, CANNOT, SOUND, Verdict, verdict_on
+from turnout.detection.detector.throw_verdict import Verdict, verdict_on
+from turnout.detection.detector.words_of_verdict import ADVICE, CANNOT, SOUND
+from turnout.detection.detector.wrong_channels import wrong_features
 from turnout.errors import FileError, TurnoutError
 
 if TYPE_CHECKING:
@@ -85,7 +87,7 @@ class Detector:
         if isinstance(throws, Recorded):
             throws = [throws]
         elif hasattr(throws, "data_vars"):
-            from turnout.detection.detector.reading import throws_of_dataset
+            from turnout.detection.detector.throws_of_dataset import throws_of_dataset
 
             throws = throws_of_dataset(cast("xr.Dataset", throws), quantity=self.quantity)
         return self._judge_all([throw for item in throws for throw in self.located(item)])
@@ -94,16 +96,21 @@ class Detector:
         """Return the throws of a recording; where no channel marks them, they are found."""
         layout = self.knowledge.layout
         rising = bool(np.all(np.diff(recording.time) > 0.0))
-        if recording.marked or recording.fault or not rising:
+        looked = not recording.marked or (recording.single and CLOSING in recording.onsets)
+        if not looked or recording.fault or not rising or not recording.time.size:
             return [replace(recording, marked=True)]
         if any(name not in recording.drives for name in layout.drives):
             return [replace(recording, marked=True)]
         with one_blas_thread():
-            return located(recording, layout, MovementFinder(self.view(), layout), self._aligner)
+            finder = MovementFinder(self.view(), layout)
+            if recording.marked:
+                fault = further_closing(recording, layout, finder)
+                return [replace(recording, fault=fault)]
+            return located(recording, layout, finder, self._aligner)
 
     def judge(self, throw: Recorded) -> Verdict:
         """Judge one throw; one that cannot be judged says why."""
-        if not throw.marked:
+        if not throw.marked or throw.single:
             throws = self.located(throw)
             several = f"holds {len(throws)} throws; `predict` judges each"
             throw = throws[0] if len(throws) == 1 else replace(throw, fault=several)
@@ -147,8 +154,12 @@ class Detector:
         """Return why a throw cannot be judged by its features; empty where it can."""
         if self._rest(part, features) == ZEROED:
             return ZEROED
-        lost = np.count_nonzero(~np.isfinite(features[self.view(part).features]))
-        return f"{lost} windows hold no samples" if lost else ""
+        view, layout = self.view(part), self.knowledge.layout
+        own = features[view.features]
+        lost = np.count_nonzero(~np.isfinite(own))
+        if lost or self.quantity != FORCE:
+            return f"{lost} windows hold no samples" if lost else ""
+        return wrong_features(own, view.usual[0], layout.drive[view.features], layout.drives)
 
     def _rest(self, part: str, features: Floats) -> str:
         """Return what is unusual in the forces at rest; machines at rest draw no current."""

@@ -14,6 +14,7 @@ highest correlation. A match that is poor, or as good at another instant, is ref
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,7 @@ from turnout.detection.detector.recorded import (
     value_fault,
 )
 from turnout.detection.detector.throw_layout import CLOSING, OPENING, Layout, Part
+from turnout.detection.detector.wrong_channels import wrong_forces
 
 Floats = NDArray[np.float64]
 
@@ -39,6 +41,8 @@ AMPLITUDE = (0.35, 3.0)
 """Least and largest size of a movement in sizes of a sound one, by least squares [-]."""
 UNLIKELY = 10.0
 """Times beyond these from which on forces are probably in another unit [-]."""
+LEAST_SAMPLES = 10
+"""Below which nothing is looked for."""
 BLOCK = 1000
 """Instants that are tried together, which bounds memory."""
 SAME = 0.3
@@ -252,9 +256,21 @@ def located(
     """
     rows = [recording.drives.index(name) for name in layout.drives]
     known = np.isfinite(recording.force[rows]).all(axis=0)
-    if np.count_nonzero(known) < 10:
-        return _refused(recording, "holds no numbers at which all drives are recorded")
-    found, best = finder.movements(recording.time[known], recording.force[rows][:, known])
+    if np.count_nonzero(known) < LEAST_SAMPLES:
+        empty = [
+            name
+            for name, row in zip(layout.drives, rows, strict=True)
+            if not np.isfinite(recording.force[row]).any()
+        ]
+        reason = "holds no instants at which all drives are recorded"
+        if empty:
+            reason = f"drive {', '.join(empty)}: holds no numbers"
+        return _refused(recording, reason)
+    time, force = recording.time[known], recording.force[rows][:, known]
+    found, best = finder.movements(time, force)
+    wrong = wrong_forces(found, best[0], force, partial(finder.movements, time), layout.drives)
+    if wrong:
+        return _refused(recording, wrong)
     closings = [item for item in found if item.name == CLOSING]
     listed = recording.listed
     if not closings:
@@ -291,6 +307,35 @@ def located(
             for number, item in enumerate(throws, 1)
         ]
     return throws
+
+
+def further_closing(recording: Recorded, layout: Layout, finder: MovementFinder) -> str:
+    """Return why a row that may hold one throw only is not judged: a further closing in it.
+
+    Parameters
+    ----------
+    recording : Recorded
+        With its onset.
+    layout : Layout
+        Of the detector.
+    finder : MovementFinder
+        Of the switch.
+    """
+    closing = layout.parts[-1]
+    stop = recording.onsets[CLOSING] + closing.edges[-1] - REST
+    rows = [recording.drives.index(name) for name in layout.drives]
+    later = (recording.time > stop) & np.isfinite(recording.force[rows]).all(axis=0)
+    if recording.time[-1] - stop < closing.edges[-1] or np.count_nonzero(later) < LEAST_SAMPLES:
+        return ""
+    found, _ = finder.movements(recording.time[later], recording.force[rows][:, later])
+    others = [item.onset for item in found if item.name == CLOSING]
+    if not others:
+        return ""
+    return (
+        f"holds a closing movement at {others[0]:.1f} s besides that at "
+        f"{recording.onsets[CLOSING]:.1f} s; one row is one throw, and 'start [s]' the time of its "
+        "first sample from the onset of closing on"
+    )
 
 
 def _refused(recording: Recorded, reason: str) -> list[Recorded]:

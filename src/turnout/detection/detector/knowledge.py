@@ -4,6 +4,7 @@ import hashlib
 import io
 import json
 import zipfile
+import zlib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -390,6 +391,9 @@ def _read(place: Path) -> dict[str, NDArray[Any]]:
                 raise FileError(message)
         with np.load(place, allow_pickle=False) as content:
             return {name: content[name] for name in content.files}
-    except (OSError, ValueError, zipfile.BadZipFile, KeyError, EOFError) as error:
+    except (
+        *(OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error),
+        *(RuntimeError, NotImplementedError),  # encrypted, or packed in a way of other programs
+    ) as error:
         message = f"{place}: cannot be read as a detector ({error}); {remedy}"
         raise FileError(message) from None

@@ -5,6 +5,7 @@ Only numpy and scipy are used here; files are read in `turnout.detection.detecto
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -53,6 +54,8 @@ class Recorded:
         Whether onsets come from a current, a run sheet or a table. Else this is a whole recording
         of forces alone, which may hold several throws; the detector finds them by their likeness
         to sound ones.
+    single : bool
+        Whether it must hold one closing only, as a row of a table.
     shown : sequence of mapping of str to float
         Onsets of each closing, with its opening, that the forces of such a recording show [s].
     listed : mapping of str to mapping
@@ -68,6 +71,7 @@ class Recorded:
     fault: str = ""
     labels: Mapping[str, Any] = field(default_factory=dict)
     marked: bool = True
+    single: bool = False
     shown: Sequence[Mapping[str, float]] = ()
     listed: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
@@ -88,7 +92,7 @@ def recording_fault(throw: Recorded, layout: Layout, quantity: str = FORCE) -> s
         return throw.fault
     lacking = [name for name in layout.drives if name not in throw.drives]
     if lacking:
-        return f"no {quantity} of drive {', '.join(lacking)} is recorded"
+        return f"no {quantity} of drive {', '.join(lacking)} is recorded{_named(throw.drives)}"
     if CLOSING not in throw.onsets:
         return "no closing movement was found in it"
     if throw.time.size < 2 or not np.all(np.diff(throw.time) > 0.0):
@@ -97,7 +101,16 @@ def recording_fault(throw: Recorded, layout: Layout, quantity: str = FORCE) -> s
         fault = _channel_fault(throw, throw.drives.index(name), layout, quantity)
         if fault:
             return f"drive {name}: {fault}"
+    for first, second in combinations(layout.drives, 2):
+        one, other = (throw.force[throw.drives.index(name)] for name in (first, second))
+        if np.array_equal(one, other, equal_nan=True):
+            return f"drives {first} and {second} hold the same samples: one channel twice"
     return ""
+
+
+def _named(drives: Sequence[str]) -> str:
+    """Return which drives a recording has instead of those of the panel."""
+    return f"; there are {', '.join(drives)}: name them as the panel does" if drives else ""
 
 
 def _channel_fault(throw: Recorded, row: int, layout: Layout, quantity: str) -> str:

@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.detection.detector.judging import (
-    ADJUSTED,
     Ratios,
     View,
     level_of,
@@ -16,7 +15,6 @@ from turnout.detection.detector.judging import (
     unexplained,
 )
 from turnout.detection.detector.knowledge import RESIDUAL_LEVELS, Calibrated, Knowledge
-from turnout.detection.detector.object_kinds import kinds_in_words
 from turnout.detection.detector.object_posterior import (
     NEGLIGIBLE,
     EndGaps,
@@ -27,39 +25,26 @@ from turnout.detection.detector.object_posterior import (
     objects_near,
 )
 from turnout.detection.detector.throw_layout import CLOSING
+from turnout.detection.detector.words_of_verdict import (
+    ADVICE,
+    ALARM,
+    CAUSE,
+    CAUSE_ADVICE,
+    OPEN_ADVICE,
+    SOUND,
+    UNKNOWN,
+    verdict_lines,
+)
 from turnout.detection.likelihood import Evidence, log_sum
 
 Floats = NDArray[np.float64]
 
-SOUND, ALARM, CAUSE = "sound", "object", "other cause"
-UNKNOWN, CANNOT = "unknown deviation", "cannot judge"
 UNKNOWN_SHARE = 1e-4
 """Share of throws that fit worse than any hypothesis explains, from which on that is said [-]."""
 NAMED_SHARE = 1e-8
 """The same, below which no cause is named: right ones fit to 1e-6, spikes to 1e-10 [-]."""
-OPEN_ADVICE = "check lock and end positions before trains pass: a gap is inferred above its limit"
 SEEN_SHARE = 0.01
 """Change of a drive force that is worth naming, share of its amplitude [-]."""
-
-ADVICE = {
-    SOUND: "nothing",
-    ALARM: "throw again; if it is called again, inspect the place before trains pass",
-    CAUSE: "no object is needed to explain it; maintenance at the next opportunity",
-    UNKNOWN: "fits neither a sound switch nor a known cause: throw again, then inspect",
-    CANNOT: "record again; the throw counts as not supervised",
-}
-CAUSE_ADVICE = {
-    "dry chairs": "grease the slide chairs",
-    ADJUSTED: "confirm the adjustment and take a new history: turnout detect learn",
-    "clutch": "check the clutch of the drive that slips early",
-    "loose rod": "check rod, bushing and bolts of the drive",
-    "frozen blade": "clear ice from the slide chairs, check the heating",
-    "in-drive": "check gear, bearings, brushes and cable of the drive that is slow",
-    "supply": "check the supply of the drives: voltage, cable, contacts",
-    "slow drive": "check supply, gear, brushes and cable of the drive",  # detectors of format 3
-    "other speed": "check supply, and whether the panel has the durations of these drives",
-    "force sensor": "check gain and zero of the force sensor",
-}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -179,44 +164,12 @@ class Verdict:
 
     def lines(self) -> list[str]:
         """Return the verdict in words, a few lines."""
-        if self.status == CANNOT:
-            return [f"{self.name}: cannot judge: {self.reason}", f"  next: {self.advice}"]
-        head = f"{self.name}: {self.status}"
-        if self.status == ALARM and self.size is not None:
-            size = _range(self.size.middle, self.size.low, self.size.high)
-            head += f", {size} at {' or '.join(self.places)}"
-            head += f", kind {kinds_in_words(self.kinds)}" if self.kinds else ""
-        elif self.status == CAUSE:
-            head += f": {self.cause}"
-        if called := [gap.name for gap in self.gaps if gap.called]:
-            head += f", gap above its limit at {', '.join(called)}"
-        head += (
-            f" (log odds {self.log_ratio:+.1f}, alarm from {self.threshold:.1f} = "
-            f"{self.false_alarm_rate:g} false alarms a throw, {self.history} throws known)"
-        )
-        found = [head]
-        for gap in self.gaps:
-            flag = "above" if gap.called else "below"
-            found.append(
-                f"  gap at {gap.name}: {_range(gap.middle, gap.low, gap.high)}, {flag} its limit "
-                f"of {1e3 * gap.limit:.0f} mm (probability above {gap.above:.2f})"
-            )
-        for item in self.changes:
-            change = f"{item.force:+.{2 if item.unit == 'A' else 0}f} {item.unit}"
-            found.append(f"  drive {item.drive}: {change}, {item.time:.2f} s after closing began")
-        if self.excluded and self.status != SOUND:
-            found.append(f"  not: {', '.join(self.excluded)}")
-        found.append(f"  next: {self.advice}")
-        return found
+        return verdict_lines(self)
 
     @property
     def causes(self) -> tuple[str, ...]:
         """Causes other than an object."""
         return tuple(name for name in self.odds if name != "object")
-
-
-def _range(middle: float, low: float, high: float) -> str:
-    return f"{1e3 * middle:.1f} mm ({1e3 * low:.1f} to {1e3 * high:.1f})"
 
 
 def verdict_on(

@@ -1,0 +1,73 @@
+"""What the commands of `turnout detect` share: arguments, recordings, units of a verdict."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from turnout.detection.detector.detector import Detector
+    from turnout.detection.detector.recorded import Recorded
+
+VERDICT_UNITS = {
+    **{"x": "m", "size": "m", "middle": "m", "low": "m", "high": "m", "limit": "m"},
+    **{"force": "N", "time": "s", "false_alarm_rate": "1", "log_ratio": "1", "threshold": "1"},
+    **{"odds": "1", "above": "1", "fit": "1", "friction": "1", "places": "1"},
+    **{"kinds": "1", "scatter": "1"},
+    "peaks": "N",
+}
+
+DetectorArgument = Annotated[
+    Path, typer.Argument(metavar="FILE", help="Detector that `turnout detect train` wrote.")
+]
+RecordingsArgument = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="RECORDINGS...",
+        help="Campaign folders, datasets (.nc), tables (.csv), or recordings with --channels.",
+    ),
+]
+ChannelsOption = Annotated[
+    Path | None,
+    typer.Option("--channels", metavar="MAP.toml", help="Channel map of the recordings."),
+]
+RateOption = Annotated[
+    float,
+    typer.Option("--far", metavar="RATE", help="False alarms a sound throw: 1e-3 or 1e-4."),
+]
+
+
+def known_rate(far: float) -> float:
+    """Return a rate of false alarms for which thresholds are known."""
+    from turnout.detection.detector.calibrating import RATES
+    from turnout.errors import FileError
+
+    if far not in RATES:
+        allowed = ", ".join(f"{rate:g}" for rate in RATES)
+        message = f"--far {far:g}: thresholds are known for {allowed}"
+        raise FileError(message)
+    return far
+
+
+def read_recordings(
+    recordings: "Sequence[Path]", channels: Path | None, quantity: str
+) -> "list[Recorded]":
+    """Return the throws of recordings; FileError where one holds none."""
+    from turnout.detection.detector.reading import read_throws
+    from turnout.errors import FileError
+
+    found = []
+    for path in recordings:
+        throws = read_throws(path, channels=channels, quantity=quantity)
+        if not throws:
+            message = f"{path}: holds no closing movement; only these are judged"
+            raise FileError(message)
+        found += throws
+    return found
+
+
+def verdict_units(found: "Detector") -> dict[str, str]:
+    """Return units by key of verdicts."""
+    unit = found.knowledge.setting.unit
+    return {**VERDICT_UNITS, "force": unit, "peaks": unit}
