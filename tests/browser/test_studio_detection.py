@@ -58,7 +58,16 @@ def test_a_detector_judges_what_is_sent(screen: Screen, tmp_path: Path, shots: P
     page.get_by_label("Throw", exact=True).select_option("0")
     assert page.locator("#judged-head").inner_text().startswith("t0: sound")
     assert page.locator("#judged-verdict").get_attribute("data-level") == "good"
+    assert "gap at" not in page.locator("#judged-lines").inner_text()  # the table has them
     assert page.locator("#judged-blade").is_hidden()
+    # a refusal leaves no verdict on other throws below it
+    bad = tmp_path / "none.csv"
+    bad.write_text("throw,rate [Hz],force 1 [N],force 2 [N]\n", encoding="utf-8")
+    page.locator("#judge-file").set_input_files(bad)
+    page.wait_for_selector("#message:not([hidden])")
+    assert "but no row" in page.locator("#message").inner_text()
+    assert page.locator("#judged").is_hidden()
+    screen.complaints.clear()  # a refusal is also reported on the console
 
 
 @pytest.mark.parametrize("name", ["Map", "Detector"])

@@ -59,6 +59,20 @@ def test_trends_have_intervals_that_hold() -> None:
     assert trend_of([1.0, 2.0, np.nan]) is None
 
 
+def test_the_page_names_causes_and_gaps_above_their_limits() -> None:
+    gap = {"name": "drive 2", "limit": 5e-3, "middle": -1e-6, "low": -1e-4, "high": 7e-3}
+    throws = records(np.full(2, 1.0))
+    throws[1] |= {"status": "other cause", "cause": "clutch", "gaps": [gap | {"called": True}]}
+    page = detection_page(throws, about={})
+    (section,) = (item for item in page.sections if item.heading == "Throws")
+    assert section.tables[0].columns[4] == "drive 2 [mm], limit 5"
+    assert section.tables[0].rows[1][4:] == [
+        "0.0 (-0.1 to 7.0)",
+        "clutch; gap above its limit at drive 2",
+    ]
+    assert any(item.question == "Is a gap above its limit?" for item in page.findings)
+
+
 def test_the_page_names_what_stays_and_what_changes() -> None:
     page = detection_page(records(np.full(20, 1.0)), about={})
     assert any("dry chairs" in item.detail for item in page.findings)

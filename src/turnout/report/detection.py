@@ -38,6 +38,10 @@ def detection_page(
     if lost:
         detail = f"{lost} of {len(verdicts)} throws; the table says why"
         findings.append(Finding("bad", "Could every throw be judged?", "No", detail))
+    wide = [str(item["name"]) for item in verdicts if _called(item)]
+    if wide:
+        detail = f"inferred in {len(wide)} of {len(verdicts)} throws, the last {wide[-1]}"
+        findings.append(Finding("bad", "Is a gap above its limit?", "Yes", detail))
     findings.append(Finding("fact", "May trains rely on it?", "No", SAFETY))
     staying = staying_causes(verdicts)
     if staying:
@@ -95,7 +99,7 @@ def _headline(verdicts: Sequence[Mapping[str, Any]], counts: Mapping[str, int]) 
 
 
 def _table(verdicts: Sequence[Mapping[str, Any]]) -> Table:
-    names = next(([gap["name"] for gap in item["gaps"]] for item in verdicts if item["gaps"]), [])
+    limits = {gap["name"]: gap["limit"] for item in verdicts for gap in item["gaps"]}
     rows = []
     for item in verdicts:
         gaps = {gap["name"]: gap for gap in item["gaps"]}
@@ -105,12 +109,13 @@ def _table(verdicts: Sequence[Mapping[str, Any]]) -> Table:
                 str(item["status"]),
                 _number(item["log_ratio"], "{:+.1f}"),
                 _number(item["friction"], "{:.2f}"),
-                *(_gap(gaps.get(name)) for name in names),
-                str(item["reason"]) or _object(item),
+                *(_gap(gaps.get(name)) for name in limits),
+                str(item["reason"]) or _remark(item),
             ]
         )
     marked = frozenset(i for i, item in enumerate(verdicts) if item["status"] != "sound")
-    columns = ["throw", "verdict", "log odds", "friction", *(f"{n} [mm]" for n in names), "remark"]
+    gap_columns = [f"{name} [mm], limit {MILLI * limit:.0f}" for name, limit in limits.items()]
+    columns = ["throw", "verdict", "log odds", "friction", *gap_columns, "remark"]
     return Table("", columns, rows, marked)
 
 
@@ -136,10 +141,20 @@ def _trends(verdicts: Sequence[Mapping[str, Any]], quantity: str) -> Table:
     return Table("", ["of", "first", "last", "change in 100 throws (95 %)", "trend"], rows)
 
 
+def _remark(item: Mapping[str, Any]) -> str:
+    """Return object or cause, and the gaps that are called above their limits."""
+    said = [_object(item)] if item["size"] else [str(item["cause"])]
+    if called := _called(item):
+        said.append(f"gap above its limit at {', '.join(called)}")
+    return "; ".join(text for text in said if text)
+
+
+def _called(item: Mapping[str, Any]) -> list[str]:
+    return [str(gap["name"]) for gap in item["gaps"] if gap["called"]]
+
+
 def _object(item: Mapping[str, Any]) -> str:
     size = item["size"]
-    if not size:
-        return ""
     place = f"{MILLI * size['middle']:.1f} mm at {' or '.join(item['places'])}"
     return f"{place}, kind {kinds_in_words(item['kinds'])}" if item["kinds"] else place
 
@@ -148,7 +163,7 @@ def _gap(gap: Mapping[str, float] | None) -> str:
     if gap is None:
         return ""
     low, high = MILLI * gap["low"], MILLI * gap["high"]
-    return f"{MILLI * gap['middle']:.1f} ({low:.1f} to {high:.1f})"
+    return f"{MILLI * gap['middle']:z.1f} ({low:z.1f} to {high:z.1f})"
 
 
 def _number(value: float, shape: str) -> str:

@@ -87,7 +87,7 @@ def read_table(path: Path, *, quantity: str = FORCE) -> list[Recorded]:
     found = []
     for number, cells in enumerate(rows, 1):
         row = dict.fromkeys(names, "") | dict(zip(names, cells, strict=False))
-        name = row.get(NAME, "").strip() or f"row {number}"
+        name = row.get(NAME, "").strip() or f"{path.name}, row {number}"
         if len(cells) > len(names):
             fault = f"has {len(cells)} cells below a heading of {len(names)}"
             if not comma:

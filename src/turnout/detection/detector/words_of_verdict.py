@@ -95,4 +95,4 @@ def _likelier(verdict: "Verdict") -> str:
 
 def size_in_words(middle: float, low: float, high: float) -> str:
     """Return a length and its interval in millimetres."""
-    return f"{1e3 * middle:.1f} mm ({1e3 * low:.1f} to {1e3 * high:.1f})"
+    return f"{1e3 * middle:z.1f} mm ({1e3 * low:z.1f} to {1e3 * high:z.1f})"

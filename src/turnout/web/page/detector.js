@@ -37,7 +37,14 @@ function show(found) {
   draw();
 }
 
-const millimetres = (value) => (value === null ? "?" : (MILLI * value).toFixed(1));
+// Of throws that were refused the page shows no verdict, not that on others either.
+async function showing(answer) {
+  judged = null;
+  byId("judged").hidden = true;
+  show(await answer);
+}
+
+const millimetres = (value) => (value === null ? "?" : (Math.round(10 * MILLI * value) / 10 || 0).toFixed(1));
 
 function gaps(verdict) {
   const row = (cells, tag) => {
@@ -105,7 +112,8 @@ function draw() {
   const strong = document.createElement("strong");
   strong.textContent = `${verdict.name}: ${verdict.status}`;
   byId("judged-head").replaceChildren(strong, head.startsWith(strong.textContent) ? head.slice(strong.textContent.length) : ` ${head}`);
-  byId("judged-lines").textContent = rest.map((line) => line.trim()).join(" \u00b7 ");
+  // gaps stand in the table below
+  byId("judged-lines").textContent = rest.filter((line) => !line.startsWith("  gap at ")).map((line) => line.trim()).join(" \u00b7 ");
   const known = verdict.status === "object";
   byId("judged-blade").toggleAttribute("hidden", !known);
   if (known) drawBlade(byId("judged-blade"), [...verdict.blade].sort((a, b) => a.x - b.x).map((place) => ({ ...place, text: place.value ? place.value.toFixed(2) : "", look: place.value ? "missed" : "" })));
@@ -119,10 +127,10 @@ export function startDetector() {
   byId("detector-file").addEventListener("change", () => guarded(readDetector));
   byId("judge-file").addEventListener("change", () => guarded(async () => {
     const file = byId("judge-file").files[0];
-    if (file) show(await send("/api/judge", file, { detector: detector.mark, map: chosenMap() }));
+    if (file) await showing(send("/api/judge", file, { detector: detector.mark, map: chosenMap() }));
   }));
   byId("judge-shown").addEventListener("click", () => guarded(async () => {
-    if (state.request) show(await post(`/api/judge/${detector.mark}`, { ...state.request, preview: false }));
+    if (state.request) await showing(post(`/api/judge/${detector.mark}`, { ...state.request, preview: false }));
   }));
   byId("judged-throw").addEventListener("change", draw);
   for (const what of ["view", "theme"]) on(what, draw);
