@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from tests.unit.detector_files import detector_file
 from tests.unit.detector_toy import RATE, TIME, toy_detector, toy_throw
 from typer.testing import CliRunner
@@ -20,7 +21,7 @@ from turnout.cli.main import app
 from turnout.detection.detector.detector import Detector
 from turnout.detection.detector.recorded import Recorded
 from turnout.detection.detector.throw_rows import read_table
-from turnout.errors import FileError
+from turnout.errors import FileError, TurnoutError
 from turnout.report.detection import detection_page
 
 HEAD = "throw,rate [Hz],start [s],force 1 [N],force 2 [N]"
@@ -283,3 +284,31 @@ def test_watching_goes_on_whatever_comes(detector: Path, tmp_path: Path) -> None
     assert run.returncode == 130
     assert "cannot be read now" in problems
     assert "Traceback" not in problems
+
+
+def test_what_is_no_throw_is_named() -> None:
+    detector = Detector(toy_detector().knowledge)
+    with pytest.raises(TypeError, match=r"read_throws\('today'\)"):
+        detector.predict("today")  # type: ignore[arg-type]
+    throw = toy_throw(seed=3)
+    one = xr.Dataset({"drive_force": (("time",), throw.force[0])}, {"time": throw.time})
+    (verdict,) = detector.predict(one)
+    assert verdict.reason == "'drive_force' has no dimension 'drive'"
+
+
+def test_times_of_day_are_instants() -> None:
+    throw = toy_throw(seed=3)
+    day = np.datetime64("2026-11-23T08:00:00", "ns") + (1e9 * throw.time).astype("timedelta64[ns]")
+    dataset = xr.Dataset(
+        {"drive_force": (("drive", "time"), throw.force)}, {"time": day, "drive": ["1", "2"]}
+    )
+    (verdict,) = Detector(toy_detector().knowledge).predict(dataset)
+    assert verdict.status == "sound"
+
+
+def test_a_rate_without_threshold_names_those_that_are_known() -> None:
+    detector = Detector(toy_detector().knowledge, 0.01)
+    with pytest.raises(
+        TurnoutError, match=r"at 0.01 false alarms a throw; it has for 0.001, 0.0001"
+    ):
+        detector.predict(toy_throw(seed=3))

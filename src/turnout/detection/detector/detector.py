@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, cast
 
@@ -84,6 +85,9 @@ class Detector:
         throws : Recorded, iterable of Recorded, or xarray.Dataset
             From `read_throws`; or a throw or a campaign in schema terms.
         """
+        if isinstance(throws, str | PathLike):
+            message = f"throws are needed, not a path: read_throws({str(throws)!r}) returns them"
+            raise TypeError(message)
         if isinstance(throws, Recorded):
             throws = [throws]
         elif hasattr(throws, "data_vars"):
@@ -177,11 +181,16 @@ class Detector:
     def _judge_rows(self, features: Floats, *, part: str, names: Sequence[str]) -> list[Verdict]:
         """Judge throws without gaps together, shape (n_throws, n_features)."""
         calibrated = self.knowledge.calibration(part=part, history=self.known.throws)
-        if calibrated is None or f"{self.false_alarm_rate:g}" not in calibrated.thresholds:
+        rate = f"{float(self.false_alarm_rate):g}"
+        if calibrated is None or rate not in calibrated.thresholds:
             message = (
-                f"this detector has no threshold for {part} at {self.false_alarm_rate:g} false "
-                "alarms a throw; train it again: turnout detect train"
+                f"this detector has no threshold for {part} at {self.false_alarm_rate} false "
+                "alarms a throw"
             )
+            if calibrated is not None and calibrated.thresholds:
+                message += f"; it has for {', '.join(calibrated.thresholds)}"
+            else:
+                message += "; train it again: turnout detect train"
             raise TurnoutError(message)
         view, layout = self.view(part), self.knowledge.layout
         peaks = _peaks(np.abs(features[:, view.features]), layout.drive[view.features])

@@ -37,6 +37,12 @@ def throws_of_dataset(
     channel = CHANNELS[quantity]
     if channel not in dataset:
         return [faulty(name, f"no drive {quantity}s are recorded")]
+    lacking = {"drive", "time"} - set(map(str, dataset[channel].dims))
+    if lacking:
+        return [faulty(name, f"'{channel}' has no dimension '{sorted(lacking)[0]}'")]
+    if dataset["time"].dtype.kind == "M":
+        since = dataset["time"].to_numpy() - dataset["time"].to_numpy()[:1]
+        dataset = dataset.assign_coords(time=since / np.timedelta64(1, "s"))
     if "movement" in dataset.dims:
         return list(_of_movements(dataset, channel))
     if "throw" in dataset.dims:
