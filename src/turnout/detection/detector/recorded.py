@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from turnout.detection.conditions import FORCE, UNITS
 from turnout.detection.detector.judging import CYCLE, View
-from turnout.detection.detector.throw_layout import CLOSING, OPENING, Layout, throw_features
+from turnout.detection.detector.throw_layout import CLOSING, OPENING, Integral, Layout
 
 Floats = NDArray[np.float64]
 
@@ -275,14 +275,12 @@ def features_at(throw: Recorded, layout: Layout, onsets: Mapping[str, Floats]) -
         tried = onsets[part.name]
         if np.ptp(tried) == 0.0:  # the others vary
             tried = tried[:1]
-        one = Layout(parts=(part,), drives=layout.drives)
         begin, end = tried + part.edges[0], tried + part.edges[-1]
         whole_time, whole = held_at_ends(time, force, begin, end)
         first = max(int(np.searchsorted(whole_time, begin.min())) - 1, 0)
         own = slice(first, int(np.searchsorted(whole_time, end.max())) + 1)
-        found[:, layout.part == number] = throw_features(
-            whole_time[own], whole[np.newaxis, :, own], layout=one, onsets=tried[:, np.newaxis]
-        )
+        means = Integral(whole_time[own], whole[:, own]).means(tried, part)
+        found[:, layout.part == number] = means.reshape(-1, len(tried)).T
     return found
 
 
