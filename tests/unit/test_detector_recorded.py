@@ -14,11 +14,11 @@ from turnout.detection.detector.reading import read_table, read_throws, throws_o
 from turnout.detection.detector.recorded import (
     UNLOADED,
     ZEROED,
+    ForcesAtRest,
     Recorded,
     features_at,
     features_of_recorded,
     recording_fault,
-    zeroed_rest,
 )
 from turnout.detection.detector.throw_layout import Layout, layout_of, throw_features
 from turnout.errors import FileError
@@ -125,19 +125,19 @@ def test_forces_zeroed_at_rest_are_noticed_and_an_unloaded_start_is_not_mistaken
     spread = np.full(size, 200.0)
     view = SimpleNamespace(usual=np.array([usual, spread]), features=np.arange(size))
     own = np.where(before & (LAYOUT.part == 0), rest, usual)
-    assert zeroed_rest(view, LAYOUT, own) == ""
-    assert zeroed_rest(view, LAYOUT, own - rest) == ZEROED
+    assert ForcesAtRest(view, LAYOUT).fault(own) == ""
+    assert ForcesAtRest(view, LAYOUT).fault(own - rest) == ZEROED
     pressed = np.where(before & (LAYOUT.part == 0), 10.0, usual)
-    assert zeroed_rest(view, LAYOUT, pressed) == UNLOADED
+    assert ForcesAtRest(view, LAYOUT).fault(pressed) == UNLOADED
     # one drive at zero is a fault of that drive, not of the recorder
     one = np.where(before & (LAYOUT.part == 0) & (LAYOUT.drive == 0), 0.0, usual)
-    assert zeroed_rest(view, LAYOUT, one) == ""
+    assert ForcesAtRest(view, LAYOUT).fault(one) == ""
     # a recording of the closing alone, zeroed before it
     rows = np.flatnonzero(LAYOUT.part == 1)
     spread = np.full(rows.size, 100.0)
     closing = SimpleNamespace(usual=np.array([usual[rows], spread]), features=rows)
-    assert zeroed_rest(closing, LAYOUT, usual) == ""
-    assert zeroed_rest(closing, LAYOUT, usual + 1000.0) == ZEROED
+    assert ForcesAtRest(closing, LAYOUT).fault(usual) == ""
+    assert ForcesAtRest(closing, LAYOUT).fault(usual + 1000.0) == ZEROED
 
 
 def test_a_table_has_a_row_a_throw(tmp_path: Path) -> None:

@@ -24,6 +24,7 @@ from turnout.detection.detector.throw_layout import Integral, Layout, Part
 from turnout.detection.likelihood import Centre, log_sum
 
 Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
 Ints = NDArray[np.intp]
 
 SHIFTS = np.arange(-40e-3, 41e-3, 4e-3)
@@ -50,15 +51,17 @@ class _Movement:
         The movement, early windows alone.
     first : int
         Of its early windows among those of all movements.
-    root : ndarray, shape (k, n - first, n_own)
+    root : ndarray of float32, shape (k, n - first, n_own)
         Columns of the inverse root of the covariance, without the rows that are zero [1/N].
-    mean : ndarray, shape (k, n - first, 1)
-        These times the mean of sound throws [-].
+        Reading them takes most of the time, so they are of single precision; onsets move by less
+        than a microsecond.
+    mean : ndarray, shape (k, n_own, 1)
+        Of sound throws [N].
     """
 
     part: Part
     first: int
-    root: Floats
+    root: Singles
     mean: Floats
 
 
@@ -143,7 +146,7 @@ class EarlyForces:
         self._aligner, self._movements = aligner, aligner.movements
         time, force = known_forces(throw, aligner.layout)
         self._sums, self._windows = {}, {}
-        self._terms: dict[str, tuple[slice, Floats]] = {}
+        self._terms: dict[str, tuple[slice, Singles]] = {}
         for name, instants in tried.items():
             edges = self._movements[name].part.edges
             ends = instants[[0, -1]]
@@ -211,13 +214,14 @@ class EarlyForces:
             self._terms[name] = counted, term
         return log_sum(self._likelihoods(found, name, term[..., which], counted))
 
-    def _term(self, name: str, windows: Floats, levels: slice) -> Floats:
+    def _term(self, name: str, windows: Floats, levels: slice) -> Singles:
         """Return what a movement adds to a whitened throw, shape (n_levels, n - first, n) [-]."""
         movement = self._movements[name]
-        return np.asarray(movement.root[levels] @ windows - movement.mean[levels])
+        off = (windows - movement.mean[levels]).astype(np.float32)
+        return np.asarray(movement.root[levels] @ off)
 
     def _likelihoods(
-        self, found: Mapping[str, float], name: str, term: Floats, levels: slice
+        self, found: Mapping[str, float], name: str, term: Singles, levels: slice
     ) -> Floats:
         """Return the likelihood at some levels with one movement tried, shape (n_levels, n)."""
         first, scale = self._movements[name].first, self._aligner.scale[levels, np.newaxis]
@@ -254,9 +258,9 @@ def _movement(
     """Prepare to move one movement, whose windows follow each other."""
     first, count = int(np.argmax(own)), int(np.count_nonzero(own))
     mine = slice(first, first + count)
-    columns = np.ascontiguousarray(root[:, first:, mine])
     early = replace(part, count=count // drives)
-    return _Movement(early, first, columns, columns @ means[:, mine, np.newaxis])
+    columns = root[:, first:, mine].astype(np.float32, order="C")
+    return _Movement(early, first, columns, means[:, mine, np.newaxis])
 
 
 def _peak(places: Floats, values: Floats) -> float:

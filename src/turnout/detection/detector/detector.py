@@ -19,11 +19,11 @@ from turnout.detection.detector.knowledge import Knowledge, load, store
 from turnout.detection.detector.recorded import (
     UNLOADED,
     ZEROED,
+    ForcesAtRest,
     Recorded,
     features_of_recorded,
     part_of,
     recording_fault,
-    zeroed_rest,
 )
 from turnout.detection.detector.switch_history import Expectation, before_history, observe_all
 from turnout.detection.detector.throw_layout import CLOSING
@@ -62,6 +62,7 @@ class Detector:
     false_alarm_rate: float = 1e-3
     _views: dict[str, View] = field(init=False, default_factory=dict)
     _aligners: dict[str, Aligner] = field(init=False, default_factory=dict)
+    _rests: dict[str, ForcesAtRest] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         """Begin without a history."""
@@ -154,7 +155,9 @@ class Detector:
         """Return what is unusual in the forces at rest; machines at rest draw no current."""
         if self.quantity != FORCE:
             return ""
-        return zeroed_rest(self.view(part), self.knowledge.layout, features)
+        if part not in self._rests:
+            self._rests[part] = ForcesAtRest(self.view(part), self.knowledge.layout)
+        return self._rests[part].fault(features)
 
     def judge_features(self, features: Floats, *, part: str = CYCLE, name: str = "") -> Verdict:
         """Judge one throw by its features, shape (n_features,) [N]."""
@@ -216,6 +219,11 @@ class Detector:
                 self._aligners[part] = Aligner(self.view(part), self.knowledge.layout)
         return self._aligners[part]
 
+    def _forget(self) -> None:
+        """Forget what was made for another history."""
+        for made in (self._views, self._aligners, self._rests):
+            made.clear()
+
     # ---- what it learns of a switch
 
     def learn(self, throws: Iterable[Recorded], *, check: bool = True) -> list[Verdict]:
@@ -258,14 +266,12 @@ class Detector:
         levels = throw_levels(self.view(part), features, levels=model.level)
         with one_blas_thread():
             self.known = observe_all(model, errors, self.known, features, levels=levels)
-        self._views.clear()
-        self._aligners.clear()
+        self._forget()
 
     def clear_history(self) -> None:
         """Begin a new history, as after an adjustment."""
         self.__post_init__()
-        self._views.clear()
-        self._aligners.clear()
+        self._forget()
 
     # ---- training and judging itself
 

@@ -78,7 +78,7 @@ class EndGaps:
 
 def objects_near(view: View, evidence: Evidence, number: int) -> Samples:
     """Return the signatures of objects nearest to one of the throws of some evidence."""
-    return samples_near(view, evidence, number, _by_kind(view, evidence)[0])
+    return samples_near(view, evidence, number, slice(evidence.hypotheses.before(view.objects)))
 
 
 def object_of(
@@ -105,11 +105,11 @@ def object_of(
     size_factor, x_factor : float
         By which the intervals of size and place are widened about their medians [-].
     """
-    kinds = evidence.hypotheses.kind
-    objects, _ = _by_kind(view, evidence)
-    logs = evidence.component[objects, number]
-    share = np.exp((logs - logs.max()) / TEMPER)
-    signature = evidence.hypotheses.number[near.components]
+    hypotheses = evidence.hypotheses
+    logs = evidence.component[: hypotheses.before(view.objects), number]
+    counted = np.flatnonzero(logs > logs.max() - TEMPER * BELOW)
+    share = np.exp((logs[counted] - logs.max()) / TEMPER)
+    signature = hypotheses.number[near.components]
     known = np.column_stack([view.signatures.x[signature], view.signatures.size[signature]])
     moved, spread = near.moved(known)
     smooth = np.column_stack(
@@ -121,7 +121,8 @@ def object_of(
     x = replace(x, middle=float(np.clip(middle, x.low, x.high)))
     return TrappedObject(
         place=np.asarray(
-            np.bincount(kinds[objects], share / share.sum(), view.objects), dtype=np.float64
+            np.bincount(hypotheses.kind[counted], share / share.sum(), view.objects),
+            dtype=np.float64,
         ),
         x=_widened(x, x_factor, x_factor),
         size=_widened(size, size_factor, size_factor),
@@ -200,11 +201,12 @@ def _likely(
     before = np.full(view.objects, np.log(OBJECT_WEIGHT / view.objects))
     weight = np.concatenate([before, view.cause_weight])
     parts = []
-    for group in _by_kind(view, evidence):
+    objects = hypotheses.before(view.objects)
+    for group in (slice(0, objects), slice(objects, None)):
         logs = evidence.component[group, number]
-        group = group[logs > logs.max(initial=-np.inf) - BELOW]
-        logs = evidence.component[group, number] + weight[hypotheses.kind[group]]
-        parts.append((group, _tempered(logs)))
+        counted = np.flatnonzero(logs > logs.max(initial=-np.inf) - BELOW)
+        logs, counted = logs[counted], counted + group.start
+        parts.append((counted, _tempered(logs + weight[hypotheses.kind[counted]])))
     if near is not None:
         parts[0] = near.components, log_sum(parts[0][1]) + np.log(near.share)
     kept, logs = (np.concatenate(item) for item in zip(*parts, strict=True))
@@ -239,14 +241,6 @@ def _changed_gaps(
         changes[own] = between[rows]
         variances[own] = deviation**2 + (GAP_SHARE * gaps[own]) ** 2
     return changes, variances
-
-
-def _by_kind(view: View, evidence: Evidence) -> tuple[Ints, Ints]:
-    """Return the components of objects, and those of other causes."""
-    hypotheses = evidence.hypotheses
-    used = int(np.searchsorted(hypotheses.used, view.objects))
-    objects = int(np.append(hypotheses.starts, len(hypotheses.order))[used])
-    return hypotheses.order[:objects], hypotheses.order[objects:]
 
 
 GAP_SHARE = 0.1
@@ -372,7 +366,7 @@ def _brackets(
     return low, high, between
 
 
-GRID = 49
+GRID = 17
 """Values between which quantiles are sought."""
 REACH = 8.0
 """Quantiles are sought within so many deviations of the outermost parts [-]."""

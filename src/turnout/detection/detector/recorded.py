@@ -315,8 +315,8 @@ CLEARLY_LOADED = 4.0
 """Deviations from 0 of what sound switches hold at rest, for that to be noticed [-]."""
 
 
-def zeroed_rest(view: View, layout: Layout, features: Floats) -> str:
-    """Return `ZEROED`, `UNLOADED`, or nothing where the forces at rest are as they can be.
+class ForcesAtRest:
+    """The windows before each movement, and what sound switches hold there.
 
     A recorder that is zeroed before each throw takes the preload out of all samples; a switch that
     was not pressed home begins at no force too, but is loaded like others from then on.
@@ -327,33 +327,51 @@ def zeroed_rest(view: View, layout: Layout, features: Floats) -> str:
         That throws of this part are judged with.
     layout : Layout
         Of all features.
-    features : ndarray, shape (n_features,)
-        Of the throw [N].
     """
-    usual, spread = view.usual
-    own = features[view.features]
-    drive, part = layout.drive[view.features], layout.part[view.features]
-    before = layout.before_onset[view.features]
-    zero = []
-    for number in np.unique(part):
-        rest = [before & (part == number) & (drive == row) for row in range(len(layout.drives))]
-        loaded = [
-            rows
-            for rows in rest
-            if rows.any() and np.all(np.abs(usual[rows]) > CLEARLY_LOADED * spread[rows])
-        ]
-        zero.append(
-            bool(loaded) and all(abs(float(own[rows].mean())) < NEARLY_ZERO for rows in loaded)
-        )
-    if zero[-1]:
-        return ZEROED
-    if len(zero) > 1 and zero[0]:
+
+    def __init__(self, view: View, layout: Layout) -> None:
+        usual, spread = view.usual
+        drive, part = layout.drive[view.features], layout.part[view.features]
+        before = layout.before_onset[view.features]
+        self._loaded = []
+        for number in np.unique(part):
+            rest = [
+                np.flatnonzero(before & (part == number) & (drive == row))
+                for row in range(len(layout.drives))
+            ]
+            self._loaded.append(
+                [
+                    view.features[rows]
+                    for rows in rest
+                    if rows.size and np.all(np.abs(usual[rows]) > CLEARLY_LOADED * spread[rows])
+                ]
+            )
         first, last = before & (part == 0), before & (part == part.max())
-        taken = np.array([usual[first & (drive == row)].mean() for row in range(drive.max() + 1)])
-        off = own[last] - usual[last]
-        shifted = np.abs(off + taken[drive[last]]).sum() < np.abs(off).sum()
-        return ZEROED if shifted else UNLOADED
-    return ""
+        self._last, self._usual = view.features[last], usual[last]
+        if len(self._loaded) > 1:
+            rows = range(int(drive.max()) + 1)
+            taken = np.array([usual[first & (drive == row)].mean() for row in rows])
+            self._taken = taken[drive[last]]
+
+    def fault(self, features: Floats) -> str:
+        """Return `ZEROED`, `UNLOADED`, or nothing where the forces at rest are as they can be.
+
+        Parameters
+        ----------
+        features : ndarray, shape (n_features,)
+            Of the throw [N].
+        """
+        zero = [
+            bool(loaded) and all(abs(float(features[rows].mean())) < NEARLY_ZERO for rows in loaded)
+            for loaded in self._loaded
+        ]
+        if zero[-1]:
+            return ZEROED
+        if len(zero) > 1 and zero[0]:
+            off = features[self._last] - self._usual
+            shifted = np.abs(off + self._taken).sum() < np.abs(off).sum()
+            return ZEROED if shifted else UNLOADED
+        return ""
 
 
 def part_of(throw: Recorded, layout: Layout) -> str:
