@@ -193,7 +193,7 @@ class Hypotheses:
         Of the centres [N].
     whitening : Whitening
         By their roots.
-    basis : ndarray, shape (n_features, r)
+    basis : ndarray of float32, shape (n_features, r)
         Of the signatures [-].
     blocks : tuple of Block
         Of the components.
@@ -218,7 +218,7 @@ class Hypotheses:
     centres: tuple[Centre, ...]
     mean: Floats
     whitening: Whitening
-    basis: Floats
+    basis: Singles
     blocks: tuple[Block, ...]
     order: Ints
     number: Ints
@@ -291,7 +291,7 @@ def make_hypotheses(
         centres=centres,
         mean=np.array([centre.mean[:, np.newaxis] for centre in centres]),
         whitening=whitening or make_whitening(np.array([centre.root for centre in centres])),
-        basis=signatures.basis,
+        basis=signatures.basis.astype(np.float32),
         blocks=tuple(blocks),
         order=order,
         number=number,
@@ -383,7 +383,7 @@ def _weighed(white: Floats, back: Singles, hypotheses: Hypotheses) -> Evidence:
     """
     count, size, throws = white.shape
     projected = hypotheses.basis.T @ back.swapaxes(0, 1).reshape(size, -1)
-    projected = projected.reshape(-1, count, throws).astype(np.float32)
+    projected = projected.reshape(-1, count, throws)
     own = np.square(white).sum(axis=1)
     scale = np.array([[centre.log_scale] for centre in hypotheses.centres])
     sound = scale + log_density(own, size=size)

@@ -26,7 +26,7 @@ from turnout.detection.detector.recorded import (
     recording_fault,
 )
 from turnout.detection.detector.switch_history import Expectation, before_history, observe_all
-from turnout.detection.detector.throw_layout import CLOSING
+from turnout.detection.detector.throw_layout import CLOSING, Layout
 from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.detector.throw_verdict import ADVICE, CANNOT, SOUND, Verdict, verdict_on
 from turnout.errors import FileError, TurnoutError
@@ -176,7 +176,7 @@ class Detector:
             )
             raise TurnoutError(message)
         view, layout = self.view(part), self.knowledge.layout
-        peaks = _peaks(np.abs(features[:, view.features]), layout.drive[view.features])
+        peaks = _peaks(np.abs(features[:, view.features]), layout)
         evidence = evidence_of(view, features)
         found = []
         for number, name in enumerate(names):
@@ -348,6 +348,7 @@ def _cannot_judge(name: str, reason: str) -> Verdict:
     return Verdict(name=name, status=CANNOT, reason=reason, advice=ADVICE[CANNOT])
 
 
-def _peaks(size: Floats, drive: NDArray[np.intp]) -> Floats:
+def _peaks(size: Floats, layout: Layout) -> Floats:
     """Return the largest value of each drive in each throw, shape (n_throws, n_drives)."""
-    return np.stack([size[:, drive == row].max(axis=1) for row in np.unique(drive)], axis=1)
+    # features go drive by drive, in a part of them too
+    return np.asarray(size.reshape(len(size), len(layout.drives), -1).max(axis=2))

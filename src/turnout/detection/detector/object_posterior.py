@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtr
 
-from turnout.detection.detector.judging import View
+from turnout.detection.detector.judging import CAUSE_WEIGHT, View
 from turnout.detection.detector.nearest_samples import Samples, samples_near
 from turnout.detection.detector.object_kinds import TEMPER
 from turnout.detection.likelihood import AMPLITUDE, Evidence, log_sum
@@ -197,16 +197,15 @@ def _likely(
     view: View, evidence: Evidence, number: int, near: Samples | None
 ) -> tuple[Ints, Floats]:
     """Return the components that gaps depend on, and the logarithms of their weights."""
-    hypotheses = evidence.hypotheses
-    before = np.full(view.objects, np.log(OBJECT_WEIGHT / view.objects))
-    weight = np.concatenate([before, view.cause_weight])
     parts = []
-    objects = hypotheses.before(view.objects)
-    for group in (slice(0, objects), slice(objects, None)):
+    objects = evidence.hypotheses.before(view.objects)
+    for group, weight in (
+        (slice(0, objects), OBJECT_WEIGHT / view.objects),
+        (slice(objects, None), CAUSE_WEIGHT),
+    ):
         logs = evidence.component[group, number]
         counted = np.flatnonzero(logs > logs.max(initial=-np.inf) - BELOW)
-        logs, counted = logs[counted], counted + group.start
-        parts.append((counted, _tempered(logs + weight[hypotheses.kind[counted]])))
+        parts.append((counted + group.start, _tempered(logs[counted]) + np.log(weight)))
     if near is not None:
         parts[0] = near.components, log_sum(parts[0][1]) + np.log(near.share)
     kept, logs = (np.concatenate(item) for item in zip(*parts, strict=True))
@@ -261,11 +260,14 @@ def _tempered(logs: Floats) -> Floats:
     >>> np.exp(_tempered(np.log([1.0, 8.0]))).round(6).tolist()
     [2.350835, 6.649165]
     """
-    highest = logs.max(initial=-np.inf)
-    if not np.isfinite(highest):
+    if not logs.size:
         return logs
-    counted = logs[logs > highest - BELOW]
-    return np.asarray(logs / TEMPER - log_sum(counted / TEMPER) + log_sum(counted))
+    highest = logs.max()
+    evener = (logs - highest) / TEMPER
+    weights = np.exp(evener)
+    # squared, not by another exponential
+    change = np.log(np.power(weights, TEMPER).sum() / weights.sum())
+    return np.asarray(evener + (highest + change))
 
 
 def mixture_intervals(means: Floats, deviations: Floats, weights: Floats) -> tuple[Interval, ...]:
@@ -295,11 +297,15 @@ def mixture_intervals(means: Floats, deviations: Floats, weights: Floats) -> tup
     ends = (means - REACH * deviations).min(axis=0), (means + REACH * deviations).max(axis=0)
     low, high, at = _brackets(means, deviations, parts, wanted=wanted, ends=ends)
     narrow = TOLERANCE * (ends[1] - ends[0])
-    steepness = 1.0 / (np.sqrt(2.0 * np.pi) * deviations.T)
+    middles, sharp = means.T, 1.0 / deviations.T
+    steep = np.sqrt(0.5 / np.pi) * sharp * parts[0]
     for _ in range(MOST_STEPS):
-        z = (at[:, :, np.newaxis] - means.T) / deviations.T
+        z = at[:, :, np.newaxis] - middles
+        z *= sharp
         over = (ndtr(z) * parts).sum(axis=2) - wanted
-        density = (steepness * np.exp(-0.5 * z**2) * parts).sum(axis=2)
+        z *= z
+        z *= -0.5
+        density = (np.exp(z, out=z) * steep).sum(axis=2)
         low, high = np.where(over < 0.0, at, low), np.where(over < 0.0, high, at)
         following = at - over / np.maximum(density, 1e-300)
         outside = (following < low) | (following > high)
@@ -357,7 +363,9 @@ def _brackets(
     low, high, between : ndarray, shape (n_wanted, n_mixtures)
     """
     grid = ends[0] + np.linspace(0.0, 1.0, GRID)[:, np.newaxis] * (ends[1] - ends[0])
-    share = (ndtr((grid[:, :, np.newaxis] - means.T) / deviations.T) * parts).sum(axis=2)
+    each = grid[:, :, np.newaxis] - means.T
+    each /= deviations.T
+    share = (ndtr(each, out=each) * parts).sum(axis=2)
     above = (share[np.newaxis, 1:-1] < wanted[:, np.newaxis]).sum(axis=1)
     low, high = (np.take_along_axis(grid, above + at, axis=0) for at in (0, 1))
     first, last = (np.take_along_axis(share, above + at, axis=0) for at in (0, 1))
