@@ -100,7 +100,7 @@ class Centre:
         Logarithm of the share of throws around this level.
     log_scale : float
         Logarithm of the weight of the centre, less half the logarithm of the determinant.
-    basis : ndarray, shape (n_features, r)
+    basis : ndarray of float32, shape (n_features, r)
         Of the signatures, whitened [1/N].
     gap_mean : ndarray, shape (n_gaps,)
         [m]
@@ -117,7 +117,7 @@ class Centre:
     variance: Floats
     log_weight: float
     log_scale: float
-    basis: Floats
+    basis: Singles
     gap_mean: Floats
     gap_gain: Floats
     gap_variance: Floats
@@ -152,7 +152,7 @@ def make_centre(
         variance=np.diag(covariance)[:features].copy(),
         log_weight=log_weight,
         log_scale=float(log_weight - np.log(np.diag(lower)).sum()),
-        basis=basis,
+        basis=basis.astype(np.float32),
         gap_mean=mean[features:],
         gap_gain=cross,
         gap_variance=np.maximum(unexplained, 0.0),
@@ -265,12 +265,13 @@ def make_hypotheses(
     weight = np.maximum(1.0 - np.abs(distance) / REACH, 0.0)
     total = np.array([np.bincount(signatures.kind, weights=row, minlength=kinds) for row in weight])
     first, count = np.argmax(weight > 0.0, axis=0), np.count_nonzero(weight, axis=0)
+    bases = [centre.root @ signatures.basis for centre in centres]
     blocks, parts, end = [], [], 0
     for start, length in sorted({(int(a), int(b)) for a, b in zip(first, count, strict=True) if b}):
         number = np.flatnonzero((first == start) & (count == length))
         span = slice(start, start + length)
         change = _rows(signatures.change, number)
-        metrics = [centre.basis.T @ centre.basis for centre in centres[span]]
+        metrics = [basis.T @ basis for basis in bases[span]]
         square = np.stack([np.einsum("ij,ij->i", change @ m, change) for m in metrics], axis=1)
         kind = signatures.kind[number]
         share = np.log(weight[span, number] / total[span][:, kind]).T

@@ -19,7 +19,7 @@ from scipy.linalg import solve_triangular
 
 from turnout.detection.density import log_density
 from turnout.detection.detector.judging import View
-from turnout.detection.detector.recorded import Recorded, held_at_ends, known_forces
+from turnout.detection.detector.recorded import Recorded, sums_about
 from turnout.detection.detector.throw_layout import Integral, Layout, Part
 from turnout.detection.likelihood import Centre, log_sum
 
@@ -98,6 +98,10 @@ class Aligner:
 
     def align(self, throw: Recorded) -> dict[str, float]:
         """Return the onsets under which sound throws explain the early part best."""
+        return self.aligned(throw)[0]
+
+    def aligned(self, throw: Recorded) -> tuple[dict[str, float], dict[str, Integral]]:
+        """Return the same, and integrals as of `EarlyForces.sums`."""
         found = {name: throw.onsets[name] for name in self.names(throw)}
         early = EarlyForces(self, throw, {name: at + SHIFTS for name, at in found.items()})
 
@@ -119,7 +123,7 @@ class Aligner:
             if not SHIFTS[some][1] < after < SHIFTS[some][-2]:
                 after = shift(name, ALL)
             found[name] = throw.onsets[name] + after
-        return found
+        return found, early.sums
 
     def names(self, throw: Recorded) -> list[str]:
         """Return the movements of a throw that are used."""
@@ -140,22 +144,24 @@ class EarlyForces:
         Without fault.
     tried : mapping of str to ndarray
         Rising instants at which each movement of the aligner may begin [s].
+
+    Attributes
+    ----------
+    sums : dict of str to Integral
+        Of the forces about each movement, until its end, where all of them were recorded: what is
+        held at an end depends on the instants that are tried.
     """
 
     def __init__(self, aligner: Aligner, throw: Recorded, tried: Mapping[str, Floats]) -> None:
         self._aligner, self._movements = aligner, aligner.movements
-        time, force = known_forces(throw, aligner.layout)
-        self._sums, self._windows = {}, {}
-        self._terms: dict[str, tuple[slice, Singles]] = {}
+        parts = {part.name: part for part in aligner.layout.parts}
+        self._sums, self.sums = {}, {}
         for name, instants in tried.items():
-            edges = self._movements[name].part.edges
-            ends = instants[[0, -1]]
-            begin, end = ends + edges[0], ends + edges[-1]
-            first = max(int(np.searchsorted(time, begin[0])) - 1, 0)
-            last = int(np.searchsorted(time, end[-1])) + 1
-            own = held_at_ends(time[first:last], force[:, first:last], begin, end)
-            self._sums[name] = Integral(*own)
-            self._windows[name] = self.windows(name, instants)
+            self._sums[name], held = sums_about(throw, aligner.layout, parts[name], instants)
+            if not held:
+                self.sums[name] = self._sums[name]
+        self._windows = {name: self.windows(name, item) for name, item in tried.items()}
+        self._terms: dict[str, tuple[slice, Singles]] = {}
 
     def windows(self, name: str, instants: Floats) -> Floats:
         """Return the early windows of a movement with its onset at some instants [N].

@@ -197,10 +197,13 @@ class Detector:
         """Return what of a throw can be judged, and its features, shape (n_features,) [N]."""
         layout = self.knowledge.layout
         part = part_of(throw, layout)
-        onsets = dict(throw.onsets) if throw.exact else self._aligner(part).align(throw)
+        if throw.exact:
+            onsets, sums = dict(throw.onsets), None
+        else:
+            onsets, sums = self._aligner(part).aligned(throw)
         if part == CLOSING:
             onsets = {CLOSING: onsets[CLOSING]}
-        found = features_of_recorded(throw, layout, onsets)
+        found = features_of_recorded(throw, layout, onsets, sums)
         if part == CYCLE and self._rest(part, found) == UNLOADED:
             part = CLOSING
             found[layout.part == 0] = np.nan

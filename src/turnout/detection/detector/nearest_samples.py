@@ -123,7 +123,8 @@ def samples_near(view: View, evidence: Evidence, number: int, components: slice)
     share = shares[of]
     share = share / share.sum()
     at = int(hypotheses.place[near[0]])
-    change = signatures.change[of] @ hypotheses.centres[at].basis.T
+    change = signatures.change[of].astype(np.float32) @ hypotheses.centres[at].basis.T
+    change = change.astype(np.float64)
     return Samples(
         components=near[first],
         share=share,

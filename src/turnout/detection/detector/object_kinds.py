@@ -88,11 +88,8 @@ class KindView:
         """Signatures of all kinds at the centres."""
         if self._hypotheses is None:
             signatures = self.known.signatures
-            centres = tuple(
-                replace(centre, basis=centre.root @ signatures.basis) for centre in self.centres
-            )
             self._hypotheses = make_hypotheses(
-                centres,
+                self.centres,
                 signatures,
                 distance=self.distance,
                 kinds=len(self.known.names),

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from turnout.detection.conditions import FORCE, UNITS
 from turnout.detection.detector.judging import CYCLE, View
-from turnout.detection.detector.throw_layout import CLOSING, OPENING, Integral, Layout
+from turnout.detection.detector.throw_layout import CLOSING, OPENING, Integral, Layout, Part
 
 Floats = NDArray[np.float64]
 
@@ -238,7 +238,12 @@ def known_forces(throw: Recorded, layout: Layout) -> tuple[Floats, Floats]:
     return throw.time[known], force[:, known]
 
 
-def features_of_recorded(throw: Recorded, layout: Layout, onsets: Mapping[str, float]) -> Floats:
+def features_of_recorded(
+    throw: Recorded,
+    layout: Layout,
+    onsets: Mapping[str, float],
+    sums: Mapping[str, Integral] | None = None,
+) -> Floats:
     """Return the features of a throw, NaN in movements that were not recorded.
 
     Parameters
@@ -249,13 +254,25 @@ def features_of_recorded(throw: Recorded, layout: Layout, onsets: Mapping[str, f
         Of the detector.
     onsets : mapping of str to float
         Of the movements [s].
+    sums : mapping of str to Integral, optional
+        From `sums_about` for some movements, where nothing was held.
     """
-    several = {name: np.array([at]) for name, at in onsets.items()}
-    return np.asarray(features_at(throw, layout, several)[0])
+    known = sums or {}
+    found = np.full((len(layout.drives), layout.windows), np.nan)
+    end = 0
+    for part in layout.parts:
+        first, end = end, end + part.count
+        if part.name in onsets:
+            onset = np.array([onsets[part.name]])
+            own = known.get(part.name) or sums_about(throw, layout, part, onset)[0]
+            found[:, first:end] = own.means(onset, part)[..., 0]
+    return found.ravel()
 
 
-def features_at(throw: Recorded, layout: Layout, onsets: Mapping[str, Floats]) -> Floats:
-    """Return the features of a throw for several onsets at once, shape (n_onsets, n_features).
+def sums_about(
+    throw: Recorded, layout: Layout, part: Part, onsets: Floats
+) -> tuple[Integral, bool]:
+    """Return the integral of the forces of a throw about one movement, and whether any is held.
 
     Parameters
     ----------
@@ -263,25 +280,19 @@ def features_at(throw: Recorded, layout: Layout, onsets: Mapping[str, Floats]) -
         Without fault.
     layout : Layout
         Of the detector.
-    onsets : mapping of str to ndarray, shape (n_onsets,)
-        Of the movements [s].
+    part : Part
+        The movement.
+    onsets : ndarray
+        Between which it may begin, rising [s].
     """
     time, force = known_forces(throw, layout)
-    count = max(len(item) for item in onsets.values())
-    found = np.full((count, layout.size), np.nan)
-    for number, part in enumerate(layout.parts):
-        if part.name not in onsets:
-            continue
-        tried = onsets[part.name]
-        if np.ptp(tried) == 0.0:  # the others vary
-            tried = tried[:1]
-        begin, end = tried + part.edges[0], tried + part.edges[-1]
-        whole_time, whole = held_at_ends(time, force, begin, end)
-        first = max(int(np.searchsorted(whole_time, begin.min())) - 1, 0)
-        own = slice(first, int(np.searchsorted(whole_time, end.max())) + 1)
-        means = Integral(whole_time[own], whole[:, own]).means(tried, part)
-        found[:, layout.part == number] = means.reshape(-1, len(tried)).T
-    return found
+    ends = onsets[[0, -1]]
+    begin, end = ends + part.edges[0], ends + part.edges[-1]
+    samples = time.size
+    time, force = held_at_ends(time, force, begin, end)
+    first = max(int(np.searchsorted(time, begin[0])) - 1, 0)
+    own = slice(first, int(np.searchsorted(time, end[-1])) + 1)
+    return Integral(time[own], force[:, own]), time.size > samples
 
 
 def held_at_ends(time: Floats, force: Floats, begin: Floats, end: Floats) -> tuple[Floats, Floats]:

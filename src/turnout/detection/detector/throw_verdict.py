@@ -427,7 +427,7 @@ def _changes(
     logs, near = logs[near], near + own.start
     share = np.exp(logs - log_sum(logs)) * evidence.factors(near, 0)
     signature = hypotheses.number[near]
-    change = view.signatures.basis @ (share @ view.signatures.change[signature])
+    change = hypotheses.basis @ (share @ view.signatures.change[signature]).astype(np.float32)
     layout = knowledge.layout
     closing = layout.parts[-1]
     found = []
