@@ -233,7 +233,7 @@ def _changed_gaps(
     variances = (loose + GAP_SHARE**2) * (factor * gaps) ** 2
     if near is not None:
         order = np.argsort(near.components)
-        own = np.isin(kept, near.components)
+        own = kept < hypotheses.before(view.objects)
         rows = order[np.searchsorted(near.components[order], kept[own])]
         known = view.signatures.gap[hypotheses.number[near.components]]
         between, deviation = near.moved(known - view.gap_seen[near.components])
