@@ -233,8 +233,7 @@ class Hypotheses:
 
     def before(self, kind: int) -> int:
         """Return how many components are of kinds of a lower number."""
-        used = int(np.searchsorted(self.used, kind))
-        return int(self.starts[used]) if used < len(self.starts) else len(self.number)
+        return int(np.searchsorted(self.kind, kind))
 
     def of_kind(self, kind: int) -> slice:
         """Return the components of a kind."""
@@ -260,7 +259,7 @@ def make_hypotheses(
     kinds : int
         How many kinds of signature there are.
     whitening : Whitening, optional
-        By the roots of the centres, where it is made already.
+        By the roots of the centres, where it is made.
     """
     weight = np.maximum(1.0 - np.abs(distance) / REACH, 0.0)
     total = np.array([np.bincount(signatures.kind, weights=row, minlength=kinds) for row in weight])
@@ -441,8 +440,8 @@ def _kind_sums(component: Floats, hypotheses: Hypotheses) -> Floats:
     ndarray, shape (kinds, n_throws)
     """
     highest = component.max(axis=0)
-    scaled = component - highest
-    np.exp(np.maximum(scaled, LEAST, out=scaled), out=scaled)
+    scaled = np.maximum(component - highest, LEAST)
+    np.exp(scaled, out=scaled)
     found = np.full((hypotheses.kinds, component.shape[1]), -np.inf)
     found[hypotheses.used] = highest + np.log(np.add.reduceat(scaled, hypotheses.starts, axis=0))
     return found

@@ -222,8 +222,8 @@ class Detector:
                 self._aligners[part] = Aligner(self.view(part), self.knowledge.layout)
         return self._aligners[part]
 
-    def _forget(self) -> None:
-        """Forget what was made for another history."""
+    def _clear_prepared(self) -> None:
+        """Clear what was prepared for another history."""
         for made in (self._views, self._aligners, self._rests):
             made.clear()
 
@@ -269,12 +269,12 @@ class Detector:
         levels = throw_levels(self.view(part), features, levels=model.level)
         with one_blas_thread():
             self.known = observe_all(model, errors, self.known, features, levels=levels)
-        self._forget()
+        self._clear_prepared()
 
     def clear_history(self) -> None:
         """Begin a new history, as after an adjustment."""
         self.__post_init__()
-        self._forget()
+        self._clear_prepared()
 
     # ---- training and judging itself
 

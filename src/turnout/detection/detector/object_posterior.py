@@ -362,20 +362,21 @@ def _brackets(
     -------
     low, high, between : ndarray, shape (n_wanted, n_mixtures)
     """
-    grid = ends[0] + np.linspace(0.0, 1.0, GRID)[:, np.newaxis] * (ends[1] - ends[0])
-    each = grid[:, :, np.newaxis] - means.T
-    each /= deviations.T
-    share = (ndtr(each, out=each) * parts).sum(axis=2)
+    grid = ends[0] + SHARES * (ends[1] - ends[0])
+    z = grid[:, :, np.newaxis] - means.T
+    z /= deviations.T
+    share = (ndtr(z, out=z) * parts).sum(axis=2)
     above = (share[np.newaxis, 1:-1] < wanted[:, np.newaxis]).sum(axis=1)
-    low, high = (np.take_along_axis(grid, above + at, axis=0) for at in (0, 1))
-    first, last = (np.take_along_axis(share, above + at, axis=0) for at in (0, 1))
+    each = np.arange(grid.shape[1])
+    low, high = grid[above, each], grid[above + 1, each]
+    first, last = share[above, each], share[above + 1, each]
     part = np.clip((wanted - first) / np.maximum(last - first, 1e-300), 0.0, 1.0)
     between: Floats = low + part * (high - low)
     return low, high, between
 
 
-GRID = 17
-"""Values between which quantiles are sought."""
+SHARES = np.linspace(0.0, 1.0, 17)[:, np.newaxis]
+"""Of the way from the lowest to the highest value, between which quantiles are sought [-]."""
 REACH = 8.0
 """Quantiles are sought within so many deviations of the outermost parts [-]."""
 TOLERANCE = 1e-6
