@@ -433,11 +433,9 @@ def log_sum(values: Floats) -> Floats:
 
 
 def _kind_sums(component: Floats, hypotheses: Hypotheses) -> Floats:
-    """Return the logarithm of the density of each kind, minus infinity without a component.
+    """Return the logarithm of the density of each kind, shape (kinds, n_throws).
 
-    Returns
-    -------
-    ndarray, shape (kinds, n_throws)
+    Minus infinity without a component.
     """
     highest = component.max(axis=0)
     scaled = np.maximum(component - highest, LEAST)
