@@ -404,7 +404,11 @@ def test_bad_input_is_one_message(folder: Path) -> None:
 
 
 def test_throws_judged_together_get_the_verdicts_of_each_alone() -> None:
-    """Good and bad recordings in any order; the order stays."""
+    """Good and bad recordings in any order; the order stays.
+
+    Products of many throws and of one are summed in another order, in single precision (6e-8 of
+    terms some hundred times the ratio).
+    """
     detector = fresh()
     sound = [toy_throw(seed=61 + number) for number in range(3)]
     held = [toy_throw(seed=71 + number, size=20e-3) for number in range(3)]
@@ -414,7 +418,7 @@ def test_throws_judged_together_get_the_verdicts_of_each_alone() -> None:
     for one, throw in zip(together, throws, strict=True):
         alone = detector.judge(throw)
         assert (one.name, one.status) == (alone.name, alone.status)
-        np.testing.assert_allclose(one.log_ratio, alone.log_ratio, atol=1e-9)
+        np.testing.assert_allclose(one.log_ratio, alone.log_ratio, rtol=1e-5)
         assert one.peaks == alone.peaks
     assert together[1].status == "cannot judge"
 

@@ -38,8 +38,9 @@ def test_one_onset_is_tried_at_the_likelihood_of_all_early_forces(part: str, mov
     if moved not in onsets:
         return
     instants = onsets[moved] + np.array([-0.03, -0.004, 0.0, 0.011, 0.04])
-    early = EarlyForces(Aligner(view, layout), throw, onsets)
-    found = early.scores(onsets, moved, instants)
+    tried = {name: at + np.zeros(1) for name, at in onsets.items()} | {moved: instants}
+    early = EarlyForces(Aligner(view, layout), throw, tried)
+    found = early.scores(onsets, moved)
     wanted = [directly(view, layout, throw, onsets | {moved: float(at)}) for at in instants]
     np.testing.assert_allclose(found, wanted, rtol=1e-7)
 

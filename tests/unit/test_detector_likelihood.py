@@ -14,7 +14,7 @@ from turnout.detection.likelihood import (
     make_hypotheses,
     weigh,
 )
-from turnout.detection.triangular import unwhitened, whitened
+from turnout.detection.triangular import make_whitening
 
 SIZE = 6
 
@@ -175,8 +175,12 @@ def test_sums_of_kinds_do_not_underflow() -> None:
     np.testing.assert_allclose(found.kind[:, 0], found.component[:, 0])
 
 
-def test_a_triangular_root_is_multiplied_in_blocks() -> None:
+def test_triangular_roots_are_multiplied_in_blocks() -> None:
     rng = np.random.default_rng(8)
-    root, off = np.tril(rng.standard_normal((203, 203))), rng.standard_normal((203, 3))
-    assert whitened(root, off) == pytest.approx(root @ off, rel=1e-12, abs=1e-12)
-    assert unwhitened(root, off) == pytest.approx(root.T @ off, rel=1e-12, abs=1e-12)
+    roots, off = np.tril(rng.standard_normal((2, 203, 203))), rng.standard_normal((2, 203, 3))
+    whitening = make_whitening(roots)
+    white, back = whitening.of(off)
+    scale = np.abs(roots @ off).max()
+    assert white == pytest.approx(roots @ off, abs=SINGLE * scale)
+    scale = np.abs(roots.swapaxes(1, 2) @ white).max()
+    assert back == pytest.approx(roots.swapaxes(1, 2) @ white, abs=SINGLE * scale)

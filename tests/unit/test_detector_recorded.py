@@ -14,11 +14,11 @@ from turnout.detection.detector.reading import read_throws
 from turnout.detection.detector.recorded import (
     UNLOADED,
     ZEROED,
+    ForcesAtRest,
     Recorded,
-    features_at,
     features_of_recorded,
     recording_fault,
-    zeroed_rest,
+    sums_about,
 )
 from turnout.detection.detector.throw_layout import Layout, layout_of, throw_features
 from turnout.detection.detector.throw_rows import read_table
@@ -127,19 +127,19 @@ def test_forces_zeroed_at_rest_are_noticed_and_an_unloaded_start_is_not_mistaken
     spread = np.full(size, 200.0)
     view = SimpleNamespace(usual=np.array([usual, spread]), features=np.arange(size))
     own = np.where(before & (LAYOUT.part == 0), rest, usual)
-    assert zeroed_rest(view, LAYOUT, own) == ""
-    assert zeroed_rest(view, LAYOUT, own - rest) == ZEROED
+    assert ForcesAtRest(view, LAYOUT).fault(own) == ""
+    assert ForcesAtRest(view, LAYOUT).fault(own - rest) == ZEROED
     pressed = np.where(before & (LAYOUT.part == 0), 10.0, usual)
-    assert zeroed_rest(view, LAYOUT, pressed) == UNLOADED
+    assert ForcesAtRest(view, LAYOUT).fault(pressed) == UNLOADED
     # one drive at zero is a fault of that drive, not of the recorder
     one = np.where(before & (LAYOUT.part == 0) & (LAYOUT.drive == 0), 0.0, usual)
-    assert zeroed_rest(view, LAYOUT, one) == ""
+    assert ForcesAtRest(view, LAYOUT).fault(one) == ""
     # a recording of the closing alone, zeroed before it
     rows = np.flatnonzero(LAYOUT.part == 1)
     spread = np.full(rows.size, 100.0)
     closing = SimpleNamespace(usual=np.array([usual[rows], spread]), features=rows)
-    assert zeroed_rest(closing, LAYOUT, usual) == ""
-    assert zeroed_rest(closing, LAYOUT, usual + 1000.0) == ZEROED
+    assert ForcesAtRest(closing, LAYOUT).fault(usual) == ""
+    assert ForcesAtRest(closing, LAYOUT).fault(usual + 1000.0) == ZEROED
 
 
 def test_a_table_has_a_row_a_throw(tmp_path: Path) -> None:
@@ -184,18 +184,26 @@ def test_what_is_not_recorded_cannot_be_judged() -> None:
     assert said == "no power of drive 3 is recorded; there are 1, 2: name them as the panel does"
 
 
-@pytest.mark.parametrize("cut", [slice(None), slice(12, None), slice(0, -14)])
-def test_features_for_several_onsets_are_those_for_each(cut: slice) -> None:
+@pytest.mark.parametrize(
+    ("cut", "held"),
+    [(slice(None), []), (slice(12, None), ["opening"]), (slice(0, -14), ["closing"])],
+)
+def test_features_about_several_onsets_are_those_of_each(cut: slice, held: list[str]) -> None:
     whole = throw(100.0)
     own = replace(whole, time=whole.time[cut], force=whole.force[:, cut])
     closing = np.array([4.37, 4.4, 4.43])
-    several = {"opening": np.full(3, 0.2), "closing": closing}
-    expected = [
-        features_of_recorded(own, LAYOUT, {"opening": 0.2, "closing": float(at)}) for at in closing
-    ]
-    found = features_at(own, LAYOUT, several)
-    # what is held after the last sample is reached on another line
-    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=2.0 if cut.stop else 1e-6)
+    tried = {"opening": np.array([0.2]), "closing": closing}
+    sums = {part.name: sums_about(own, LAYOUT, part, tried[part.name]) for part in LAYOUT.parts}
+    assert [name for name, (_, any_held) in sums.items() if any_held] == held
+    for at in closing:
+        onsets = {"opening": 0.2, "closing": float(at)}
+        found = features_of_recorded(
+            own, LAYOUT, onsets, {n: item for n, (item, _) in sums.items()}
+        )
+        # what is held after the last sample is reached on another line
+        apart = 2.0 if "closing" in held else 1e-6
+        expected = features_of_recorded(own, LAYOUT, onsets)
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=apart)
 
 
 def test_means_over_windows_belong_to_their_middle(tmp_path: Path) -> None:

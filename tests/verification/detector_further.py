@@ -3,6 +3,7 @@
 import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from os import getloadavg
 from pathlib import Path
 from time import process_time
 from typing import Any
@@ -381,28 +382,44 @@ def scatters(knowledge: Knowledge, sound: ThrowSet, *, history: int = 20) -> dic
 def verdict_times(
     knowledge: Knowledge, throws: ThrowSet, *, count: int = 200
 ) -> dict[str, dict[str, float]]:
-    """Return processor time of a verdict on a single throw, by its features and recorded [s]."""
+    """Return processor time of a verdict on a single throw, by its features and recorded.
+
+    Parameters
+    ----------
+    knowledge : Knowledge
+        Judged with, without a history.
+    throws : ThrowSet
+        Whose first ones are judged.
+    count : int
+        How many of them.
+
+    Returns
+    -------
+    dict of str to dict
+        Of later throws the median and quantiles, the time of the first of a fresh detector, which
+        prepares what all later ones need [s], and the load of the machine [-].
+    """
     errors = drawn_errors(knowledge, 29)
     own = throws.of(slice(count))
     rows = own.features + errors.of_switches(len(own.level)) + errors.of_throws(own.rates)
-    detector = Detector(knowledge)
     recordings = [recorded_like(row, knowledge.layout, errors.rng) for row in rows]
     return {
-        "features": _times(detector.judge_features, list(rows)),
-        "recorded at 1 kHz": _times(detector.predict, recordings),
+        "features": _times(Detector(knowledge).judge_features, list(rows)),
+        "recorded at 1 kHz": _times(Detector(knowledge).predict, recordings),
     }
 
 
 def _times(judge: Callable[[Any], object], throws: Sequence[Any]) -> dict[str, float]:
-    """Return median and 90 % quantile of the processor time of judging single throws [s]."""
+    """Return what processor time judging single throws takes [s], and the load of the machine."""
     times = []
     with one_blas_thread():
-        judge(throws[0])
-        for throw in throws:
+        for throw in [throws[0], *throws]:
             start = process_time()
             judge(throw)
             times.append(process_time() - start)
-    return {"median": float(np.median(times)), "90 %": float(np.quantile(times, 0.9))}
+    quantiles = {"10 %": 0.1, "median": 0.5, "90 %": 0.9}
+    found = {name: float(np.quantile(times[1:], share)) for name, share in quantiles.items()}
+    return found | {"first": times[0], "load": getloadavg()[0]}
 
 
 def recorded_like(features: Floats, layout: Layout, rng: np.random.Generator) -> Recorded:

@@ -29,4 +29,7 @@ def test_a_recording_has_the_features_it_is_made_of() -> None:
 def test_times_are_given_by_features_and_recorded() -> None:
     found = verdict_times(toy_detector().knowledge, toy_set(5, kind="object"), count=5)
     assert set(found) == {"features", "recorded at 1 kHz"}
-    assert all(0.0 < own["median"] <= own["90 %"] for own in found.values())
+    for own in found.values():
+        assert 0.0 < own["10 %"] <= own["median"] <= own["90 %"]
+        assert own["first"] > 0.0
+        assert own["load"] >= 0.0

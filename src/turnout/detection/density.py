@@ -34,7 +34,13 @@ def log_density(square: Floats, *, size: int) -> Floats:
     usual = size + USUAL * np.sqrt(2.0 * size)
     if not given.size or given.max() <= usual:
         return -0.5 * given
-    farther = np.log(np.maximum(given, usual) / usual)
-    near = np.minimum(farther, np.log(UNKNOWN_FROM))
-    beyond = (usual - min(UNKNOWN_SHAPES, usual)) * near + min(UNKNOWN_SHAPES, usual) * farther
-    return np.asarray(-0.5 * (np.minimum(given, usual) + beyond))
+    farther = np.asarray(np.maximum(given, usual))
+    farther /= usual
+    np.log(farther, out=farther)
+    found = np.asarray(np.minimum(farther, np.log(UNKNOWN_FROM)))
+    found *= usual - min(UNKNOWN_SHAPES, usual)
+    farther *= min(UNKNOWN_SHAPES, usual)
+    found += farther
+    found += np.minimum(given, usual)
+    found *= -0.5
+    return found

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from turnout.detection.density import log_density
-from turnout.detection.triangular import unwhitened, whitened
+from turnout.detection.triangular import Whitening, make_whitening
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
@@ -100,7 +100,7 @@ class Centre:
         Logarithm of the share of throws around this level.
     log_scale : float
         Logarithm of the weight of the centre, less half the logarithm of the determinant.
-    basis : ndarray, shape (n_features, r)
+    basis : ndarray of float32, shape (n_features, r)
         Of the signatures, whitened [1/N].
     gap_mean : ndarray, shape (n_gaps,)
         [m]
@@ -117,7 +117,7 @@ class Centre:
     variance: Floats
     log_weight: float
     log_scale: float
-    basis: Floats
+    basis: Singles
     gap_mean: Floats
     gap_gain: Floats
     gap_variance: Floats
@@ -152,7 +152,7 @@ def make_centre(
         variance=np.diag(covariance)[:features].copy(),
         log_weight=log_weight,
         log_scale=float(log_weight - np.log(np.diag(lower)).sum()),
-        basis=basis,
+        basis=basis.astype(np.float32),
         gap_mean=mean[features:],
         gap_gain=cross,
         gap_variance=np.maximum(unexplained, 0.0),
@@ -170,29 +170,35 @@ class Block:
         Of features, in the basis of the signatures [N]; reading it takes most of the time.
     centres : slice
         Of all centres.
-    components : slice
-        Of all components: those of a signature follow each other.
+    rows : slice
+        Of all components by blocks: those of a signature follow each other.
     """
 
     change: Singles
     centres: slice
-    components: slice
+    rows: slice
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Hypotheses:
     """Sound throws at some centres and signatures there: what throws are weighed by.
 
-    A component is a signature at a centre that it is used at.
+    A component is a signature at a centre that it is used at. Those of a kind follow each other.
 
     Attributes
     ----------
     centres : tuple of Centre
         Friction levels.
-    basis : ndarray, shape (n_features, r)
+    mean : ndarray, shape (k, n_features, 1)
+        Of the centres [N].
+    whitening : Whitening
+        By their roots.
+    basis : ndarray of float32, shape (n_features, r)
         Of the signatures [-].
     blocks : tuple of Block
-        Of the components, in their order.
+        Of the components.
+    order : ndarray of int, shape (n_components,)
+        Which row of the blocks each component is.
     number, place, kind : ndarray of int, shape (n_components,)
         Signature, centre and kind of each component.
     square : ndarray, shape (n_components, 1)
@@ -201,8 +207,6 @@ class Hypotheses:
         Variance of the factor on it when the throw is known [-].
     log_scale : ndarray, shape (n_components, 1)
         Logarithm of its density where nothing is left.
-    order : ndarray of int, shape (n_components,)
-        Of components by kind.
     starts : ndarray of int, shape (n_used,)
         Where the kinds begin that have components.
     used : ndarray of int, shape (n_used,)
@@ -212,22 +216,37 @@ class Hypotheses:
     """
 
     centres: tuple[Centre, ...]
-    basis: Floats
+    mean: Floats
+    whitening: Whitening
+    basis: Singles
     blocks: tuple[Block, ...]
+    order: Ints
     number: Ints
     place: Ints
     kind: Ints
     square: Floats
     tight: Floats
     log_scale: Floats
-    order: Ints
     starts: Ints
     used: Ints
     kinds: int
 
+    def before(self, kind: int) -> int:
+        """Return how many components are of kinds of a lower number."""
+        return int(np.searchsorted(self.kind, kind))
+
+    def of_kind(self, kind: int) -> slice:
+        """Return the components of a kind."""
+        return slice(self.before(kind), self.before(kind + 1))
+
 
 def make_hypotheses(
-    centres: tuple[Centre, ...], signatures: Signatures, *, distance: Floats, kinds: int
+    centres: tuple[Centre, ...],
+    signatures: Signatures,
+    *,
+    distance: Floats,
+    kinds: int,
+    whitening: Whitening | None = None,
 ) -> Hypotheses:
     """Combine centres, by rising level, with the signatures that are used at each.
 
@@ -239,16 +258,19 @@ def make_hypotheses(
         Of their levels from those of the centres, in spacings of centres [-].
     kinds : int
         How many kinds of signature there are.
+    whitening : Whitening, optional
+        By the roots of the centres, where it is made.
     """
     weight = np.maximum(1.0 - np.abs(distance) / REACH, 0.0)
     total = np.array([np.bincount(signatures.kind, weights=row, minlength=kinds) for row in weight])
     first, count = np.argmax(weight > 0.0, axis=0), np.count_nonzero(weight, axis=0)
+    bases = [centre.root @ signatures.basis for centre in centres]
     blocks, parts, end = [], [], 0
     for start, length in sorted({(int(a), int(b)) for a, b in zip(first, count, strict=True) if b}):
         number = np.flatnonzero((first == start) & (count == length))
         span = slice(start, start + length)
         change = _rows(signatures.change, number)
-        metrics = [centre.basis.T @ centre.basis for centre in centres[span]]
+        metrics = [basis.T @ basis for basis in bases[span]]
         square = np.stack([np.einsum("ij,ij->i", change @ m, change) for m in metrics], axis=1)
         kind = signatures.kind[number]
         share = np.log(weight[span, number] / total[span][:, kind]).T
@@ -258,25 +280,26 @@ def make_hypotheses(
         place = np.tile(np.arange(start, start + length), (len(number), 1))
         parts.append((np.tile(number[:, np.newaxis], length), place, square, tight, log_scale))
         rows = slice(end, end + square.size)
-        blocks.append(Block(change=change.astype(np.float32), centres=span, components=rows))
+        blocks.append(Block(change=change.astype(np.float32), centres=span, rows=rows))
         end += square.size
-    number, place, square, tight, log_scale = (
-        np.concatenate([part.ravel() for part in item]) for item in zip(*parts, strict=True)
-    )
+    joined = [np.concatenate([part.ravel() for part in item]) for item in zip(*parts, strict=True)]
+    order = np.argsort(signatures.kind[joined[0]], kind="stable")
+    number, place, square, tight, log_scale = (item[order] for item in joined)
     kind = signatures.kind[number]
-    order = np.argsort(kind, kind="stable")
-    used, starts = np.unique(kind[order], return_index=True)
+    used, starts = np.unique(kind, return_index=True)
     return Hypotheses(
         centres=centres,
-        basis=signatures.basis,
+        mean=np.array([centre.mean[:, np.newaxis] for centre in centres]),
+        whitening=whitening or make_whitening(np.array([centre.root for centre in centres])),
+        basis=signatures.basis.astype(np.float32),
         blocks=tuple(blocks),
+        order=order,
         number=number,
         place=place,
         kind=kind,
         square=square[:, np.newaxis],
         tight=tight[:, np.newaxis],
         log_scale=log_scale[:, np.newaxis],
-        order=order,
         starts=starts,
         used=used,
         kinds=kinds,
@@ -304,8 +327,10 @@ class Evidence:
         Of sound throws at each centre.
     white : ndarray, shape (k, n_features, n_throws)
         Throws less the mean of each centre, whitened [-].
+    back : ndarray of float32, shape (k, n_features, n_throws)
+        These by the transposed roots of the centres [1/N].
     own : ndarray, shape (k, n_throws)
-        Squared lengths of these [-].
+        Squared lengths of the throws, whitened [-].
     component : ndarray, shape (n_components, n_throws)
         Of each component.
     square : ndarray, shape (n_components, n_throws)
@@ -320,6 +345,7 @@ class Evidence:
     kind: Floats
     centre: Floats
     white: Floats
+    back: Singles
     own: Floats
     component: Floats
     square: Floats
@@ -333,51 +359,45 @@ class Evidence:
 
     def of_throw(self, number: int) -> "Evidence":
         """Return that of one throw, without a copy."""
-        names = ("sound", "kind", "centre", "white", "own", "component", "square", "off")
+        names = ("sound", "kind", "centre", "white", "back", "own", "component", "square", "off")
         column = slice(number, number + 1)
         return replace(self, **{name: getattr(self, name)[..., column] for name in names})
 
 
 def weigh(features: Floats, hypotheses: Hypotheses) -> Evidence:
     """Return the likelihood of throws, shape (n_throws, n_features) [N], under every hypothesis."""
-    centres = hypotheses.centres
-    white, back = (np.empty((len(centres), *features.T.shape)) for _ in range(2))
-    for centre, own, other in zip(centres, white, back, strict=True):
-        # one level after the other, so that its root is near when it is read again
-        own[:] = whitened(centre.root, (features - centre.mean).T)
-        other[:] = unwhitened(centre.root, own)
+    white, back = hypotheses.whitening.of(features.T - hypotheses.mean)
     return _weighed(white, back, hypotheses)
 
 
-def weigh_whitened(white: Floats, hypotheses: Hypotheses) -> Evidence:
-    """Return the same for `Evidence.white` of throws, shape (k, n_features, n_throws) [-]."""
-    back = [unwhitened(c.root, own) for c, own in zip(hypotheses.centres, white, strict=True)]
-    return _weighed(white, np.array(back), hypotheses)
+def weigh_again(evidence: Evidence, hypotheses: Hypotheses) -> Evidence:
+    """Return the same for other signatures at the same centres."""
+    return _weighed(evidence.white, evidence.back, hypotheses)
 
 
-def _weighed(white: Floats, back: Floats, hypotheses: Hypotheses) -> Evidence:
+def _weighed(white: Floats, back: Singles, hypotheses: Hypotheses) -> Evidence:
     """Return the likelihood of whitened throws, multiplied by the transposed roots as well.
 
     Signatures are projected on the latter, not on the former by whitened bases of each level:
     reading these would take as long as the roots.
     """
-    centres = hypotheses.centres
-    _, size, throws = white.shape
+    count, size, throws = white.shape
     projected = hypotheses.basis.T @ back.swapaxes(0, 1).reshape(size, -1)
-    projected = projected.reshape(-1, *back.shape[::2]).astype(np.float32)
-    own = np.einsum("kft,kft->kt", white, white)
-    scale = np.array([[centre.log_scale] for centre in centres])
+    projected = projected.reshape(-1, count, throws)
+    own = np.square(white).sum(axis=1)
+    scale = np.array([[centre.log_scale] for centre in hypotheses.centres])
     sound = scale + log_density(own, size=size)
-    square, off = (np.empty((len(hypotheses.number), throws)) for _ in range(2))
+    along = np.empty((len(hypotheses.number), throws), dtype=np.float32)
     for block in hypotheses.blocks:
-        span = block.centres
-        seen = projected[:, span].reshape(len(projected), -1)
-        along = (block.change @ seen).reshape(-1, *own[span].shape)
-        off[block.components] = along.reshape(-1, throws)
-        square[block.components] = np.broadcast_to(own[span], along.shape).reshape(-1, throws)
-    off -= hypotheses.square
+        seen = projected[:, block.centres].reshape(len(projected), -1)
+        np.matmul(block.change, seen, out=along[block.rows].reshape(len(block.change), -1))
+    off = along.take(hypotheses.order, axis=0) - hypotheses.square
+    square = own.take(hypotheses.place, axis=0)
     square -= hypotheses.square
-    square -= (2.0 + hypotheses.tight * off) * off
+    gained = hypotheses.tight * off
+    gained += 2.0
+    gained *= off
+    square -= gained
     np.maximum(square, 0.0, out=square)
     component = log_density(square, size=size)
     component += hypotheses.log_scale
@@ -386,6 +406,7 @@ def _weighed(white: Floats, back: Floats, hypotheses: Hypotheses) -> Evidence:
         kind=_kind_sums(component, hypotheses),
         centre=sound,
         white=white,
+        back=back,
         own=own,
         component=component,
         square=square,
@@ -412,14 +433,13 @@ def log_sum(values: Floats) -> Floats:
 
 
 def _kind_sums(component: Floats, hypotheses: Hypotheses) -> Floats:
-    """Return the logarithm of the density of each kind, minus infinity without a component.
+    """Return the logarithm of the density of each kind, shape (kinds, n_throws).
 
-    Returns
-    -------
-    ndarray, shape (kinds, n_throws)
+    Minus infinity without a component.
     """
     highest = component.max(axis=0)
-    scaled = np.exp(np.maximum(component[hypotheses.order] - highest, LEAST))
+    scaled = np.maximum(component - highest, LEAST)
+    np.exp(scaled, out=scaled)
     found = np.full((hypotheses.kinds, component.shape[1]), -np.inf)
     found[hypotheses.used] = highest + np.log(np.add.reduceat(scaled, hypotheses.starts, axis=0))
     return found

@@ -1,29 +1,30 @@
 r"""Onsets of movements, found again by how well sound throws explain what comes before contact.
 
-The early windows of one movement, :math:`f_V`, move with its onset while those of the other,
-:math:`f_U`, stay. With the local model of sound throws at a friction level,
+The early windows of all movements, those of the first one first, are :math:`f`. With the local
+model of sound throws at a friction level, whose covariance is :math:`C`,
 
-.. math:: Q = |R_U (f_U - m_U)|^2 + |R_V (f_V - m_V - G\,(f_U - m_U))|^2, \qquad
-    G = C_{VU} C_{UU}^{-1}
+.. math:: Q = |R\,(f - m)|^2 = |\sum_M R_M (f_M - m_M)|^2, \qquad R^T R = C^{-1}
 
-:math:`R_U` and :math:`R_V` are inverse roots of :math:`C_{UU}` and of
-:math:`C_{VV} - G\,C_{UV}`, so the first term is computed once for all instants that are tried.
+:math:`R` is lower triangular; :math:`R_M` holds the columns that belong to movement :math:`M`.
+While one onset is tried, the term of the other movement stays, and while that one is tried, the
+terms of this one at all instants are known already: each root is multiplied with each trial once.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from turnout.detection.density import log_density
-from turnout.detection.detector.judging import CYCLE, View
-from turnout.detection.detector.recorded import Recorded, held_at_ends, known_forces
-from turnout.detection.detector.throw_layout import CLOSING, OPENING, Integral, Layout, Part
+from turnout.detection.detector.judging import View
+from turnout.detection.detector.recorded import Recorded, sums_about
+from turnout.detection.detector.throw_layout import Integral, Layout, Part
 from turnout.detection.likelihood import Centre, log_sum
 
 Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
 Ints = NDArray[np.intp]
 
 SHIFTS = np.arange(-40e-3, 41e-3, 4e-3)
@@ -48,29 +49,20 @@ class _Movement:
     ----------
     part : Part
         The movement, early windows alone.
-    own, other : ndarray of int
-        Its early windows among those of all movements, and the rest.
-    mean : ndarray, shape (k, n_own)
-        Of the former in sound throws [N].
-    other_mean : ndarray, shape (k, n_other)
-        Of the latter [N].
-    root, other_root : ndarray, shape (k, n_own, n_own) and (k, n_other, n_other)
-        Inverse roots of the covariances of the former, the latter known, and of the latter [1/N].
-    gain : ndarray, shape (k, n_own, n_other)
-        Of the latter on the former [-].
-    scale : ndarray, shape (k,)
-        Logarithm of the density where nothing is left.
+    first : int
+        Of its early windows among those of all movements.
+    root : ndarray of float32, shape (k, n - first, n_own)
+        Columns of the inverse root of the covariance, without the rows that are zero [1/N].
+        Reading them takes most of the time, so they are of single precision; onsets move by less
+        than a microsecond.
+    mean : ndarray, shape (k, n_own, 1)
+        Of sound throws [N].
     """
 
     part: Part
-    own: Ints
-    other: Ints
+    first: int
+    root: Singles
     mean: Floats
-    other_mean: Floats
-    root: Floats
-    other_root: Floats
-    gain: Floats
-    scale: Floats
 
 
 class Aligner:
@@ -88,51 +80,57 @@ class Aligner:
         part = layout.parts[-1]
         duration = part.edges[-1] - REST_AFTER
         early = layout.time[view.features] - part.start < EARLY * duration
-        kept = np.flatnonzero(early)
-        self.layout, self._part = layout, view.part
-        number = layout.part[view.features[kept]]
-        covariances = [_covariance(centre, kept) for centre in view.centres]
-        means = np.array([centre.mean[kept] for centre in view.centres])
+        number = layout.part[view.features]
+        kept = np.concatenate(
+            [np.flatnonzero(early & (number == at)) for at in range(len(layout.parts))]
+        )
+        self.layout, self.size = layout, len(kept)
+        roots, scales = zip(*(_root(centre, kept) for centre in view.centres), strict=True)
+        self.scale = np.array(scales)
+        root, means = np.array(roots), np.array([centre.mean[kept] for centre in view.centres])
         self.movements = {
             item.name: _movement(
-                item, number == at, means=means, covariances=covariances, drives=len(layout.drives)
+                item, number[kept] == at, means=means, root=root, drives=len(layout.drives)
             )
             for at, item in enumerate(layout.parts)
-            if np.any(number == at)
+            if np.any(number[kept] == at)
         }
 
     def align(self, throw: Recorded) -> dict[str, float]:
         """Return the onsets under which sound throws explain the early part best."""
+        return self.aligned(throw)[0]
+
+    def aligned(self, throw: Recorded) -> tuple[dict[str, float], dict[str, Integral]]:
+        """Return the same, and integrals as of `EarlyForces.sums`."""
         found = {name: throw.onsets[name] for name in self.names(throw)}
-        early = EarlyForces(self, throw, found)
+        early = EarlyForces(self, throw, {name: at + SHIFTS for name, at in found.items()})
 
-        first = next(iter(found))
         # the friction level is that of all movements, whose onsets are right to some milliseconds
-        levels = early.levels(found, first, throw.onsets[first] + SHIFTS, more=1)
+        levels = early.levels(found, next(iter(found)), more=1)
 
-        def shift(name: str, tried: Floats) -> float:
-            scores = early.scores(found, name, throw.onsets[name] + tried, levels=levels)
+        def shift(name: str, which: slice) -> float:
+            tried = SHIFTS[which]
+            scores = early.scores(found, name, which, levels=levels)
             return _peak(tried, scores - 0.5 * (tried / ONSET_DEVIATION) ** 2)
 
         for name in found:
-            found[name] = throw.onsets[name] + shift(name, SHIFTS)
+            found[name] = throw.onsets[name] + shift(name, ALL)
         for name in found if len(found) > 1 else ():
             # the other onset has moved: by little, so that this one is found near where it was
-            before = found[name] - throw.onsets[name]
-            some = SHIFTS[np.abs(SHIFTS - before) < AGAIN]
+            near = np.flatnonzero(np.abs(SHIFTS - (found[name] - throw.onsets[name])) < AGAIN)
+            some = slice(int(near[0]), int(near[-1]) + 1)
             after = shift(name, some)
-            if not some[1] < after < some[-2]:
-                after = shift(name, SHIFTS)
+            if not SHIFTS[some][1] < after < SHIFTS[some][-2]:
+                after = shift(name, ALL)
             found[name] = throw.onsets[name] + after
-        return found
+        return found, early.sums
 
     def names(self, throw: Recorded) -> list[str]:
         """Return the movements of a throw that are used."""
-        return [
-            name
-            for name in throw.onsets
-            if name == CLOSING or (name == OPENING and self._part == CYCLE)
-        ]
+        return [name for name in throw.onsets if name in self.movements]
+
+
+ALL = slice(None)
 
 
 class EarlyForces:
@@ -144,53 +142,47 @@ class EarlyForces:
         Of the switch.
     throw : Recorded
         Without fault.
-    about : mapping of str to float
-        Onsets near which the true ones are sought [s].
-    reach : float
-        How near [s].
+    tried : mapping of str to ndarray
+        Rising instants at which each movement of the aligner may begin [s].
+
+    Attributes
+    ----------
+    sums : dict of str to Integral
+        Of the forces about each movement, until its end, where all of them were recorded: what is
+        held at an end depends on the instants that are tried.
     """
 
-    def __init__(
-        self,
-        aligner: Aligner,
-        throw: Recorded,
-        about: Mapping[str, float],
-        *,
-        reach: float = float(SHIFTS[-1]),
-    ) -> None:
-        self._movements = aligner.movements
-        time, force = known_forces(throw, aligner.layout)
-        self._sums = {}
-        for name, at in about.items():
-            edges = self._movements[name].part.edges
-            begin = at + edges[0] + np.array([-reach, reach])
-            end = at + edges[-1] + np.array([-reach, reach])
-            first = max(int(np.searchsorted(time, begin[0])) - 1, 0)
-            last = int(np.searchsorted(time, end[-1])) + 1
-            own = held_at_ends(time[first:last], force[:, first:last], begin, end)
-            self._sums[name] = Integral(*own)
+    def __init__(self, aligner: Aligner, throw: Recorded, tried: Mapping[str, Floats]) -> None:
+        self._aligner, self._movements = aligner, aligner.movements
+        parts = {part.name: part for part in aligner.layout.parts}
+        self._sums, self.sums = {}, {}
+        for name, instants in tried.items():
+            self._sums[name], held = sums_about(throw, aligner.layout, parts[name], instants)
+            if not held:
+                self.sums[name] = self._sums[name]
+        self._windows = {name: self.windows(name, item) for name, item in tried.items()}
+        self._terms: dict[str, tuple[slice, Singles]] = {}
 
     def windows(self, name: str, instants: Floats) -> Floats:
         """Return the early windows of a movement with its onset at some instants [N].
 
         Returns
         -------
-        ndarray, shape (n_instants, n_own)
+        ndarray, shape (n_own, n_instants)
             Drive by drive; NaN beyond the samples.
         """
         part = self._movements[name].part
-        until = self._sums[name].until(instants[:, np.newaxis] + part.edges)
-        return (np.diff(until, axis=-1) / part.window).swapaxes(0, 1).reshape(len(instants), -1)
+        means = self._sums[name].means(instants, part)
+        return means.reshape(-1, len(instants))
 
-    def levels(
-        self, found: Mapping[str, float], name: str, instants: Floats, *, more: int = 0
-    ) -> slice:
+    def levels(self, found: Mapping[str, float], name: str, *, more: int = 0) -> slice:
         """Return the friction levels that count, and some more on either side.
 
         Other parameters as of `scores`.
         """
-        some = instants[:: max((len(instants) - 1) // 2, 1)]
-        likelihoods = self._likelihoods(found, name, some, slice(None))
+        windows = self._windows[name]
+        some = windows[:, :: max((windows.shape[1] - 1) // 2, 1)]
+        likelihoods = self._likelihoods(found, name, self._term(name, some, ALL), ALL)
         best = np.nanmax(likelihoods, axis=0, initial=-np.inf)
         near = np.flatnonzero(~np.all(likelihoods < best - FAR, axis=1))
         return slice(max(int(near[0]) - more, 0), int(near[-1]) + 1 + more)
@@ -199,11 +191,11 @@ class EarlyForces:
         self,
         found: Mapping[str, float],
         name: str,
-        instants: Floats,
+        which: slice = ALL,
         *,
         levels: slice | None = None,
     ) -> Floats:
-        """Return how well sound throws explain the early part with one onset at some instants.
+        """Return how well sound throws explain the early part with one onset at tried instants.
 
         Parameters
         ----------
@@ -211,8 +203,8 @@ class EarlyForces:
             Onsets of the other movements [s].
         name : str
             Of the movement whose onset is tried.
-        instants : ndarray, shape (n,)
-            [s]
+        which : slice
+            Of the instants tried, n of them.
         levels : slice, optional
             Friction levels that count.
 
@@ -221,71 +213,60 @@ class EarlyForces:
         ndarray, shape (n,)
             Logarithms of the likelihood; NaN beyond the samples.
         """
-        counted = self.levels(found, name, instants) if levels is None else levels
-        return log_sum(self._likelihoods(found, name, instants, counted))
+        counted = self.levels(found, name) if levels is None else levels
+        known, term = self._terms.get(name, (None, None))
+        if term is None or known != counted:
+            term = self._term(name, self._windows[name], counted)
+            self._terms[name] = counted, term
+        return log_sum(self._likelihoods(found, name, term[..., which], counted))
+
+    def _term(self, name: str, windows: Floats, levels: slice) -> Singles:
+        """Return what a movement adds to a whitened throw, shape (n_levels, n - first, n) [-]."""
+        movement = self._movements[name]
+        off = (windows - movement.mean[levels]).astype(np.float32)
+        return np.asarray(movement.root[levels] @ off)
 
     def _likelihoods(
-        self, found: Mapping[str, float], name: str, instants: Floats, levels: slice
+        self, found: Mapping[str, float], name: str, term: Singles, levels: slice
     ) -> Floats:
-        """Return the same at each of some levels, shape (n_levels, n)."""
-        movement = self._movements[name]
-        expected, before = movement.mean[levels], np.zeros(len(movement.mean[levels]))
-        others = [other for other in found if other != name]
-        if others:
-            seen = self.windows(others[0], np.array([found[others[0]]]))[0]
-            rest = (seen - movement.other_mean[levels])[..., np.newaxis]
-            expected = expected + (movement.gain[levels] @ rest)[..., 0]
-            before = np.square(movement.other_root[levels] @ rest).sum(axis=(1, 2))
-        off = self.windows(name, instants) - expected[:, np.newaxis]
-        white = off @ movement.root[levels].swapaxes(1, 2)
-        square = np.einsum("ksv,ksv->ks", white, white) + before[:, np.newaxis]
-        size = len(movement.own) + len(movement.other)
-        return np.asarray(log_density(square, size=size) + movement.scale[levels, np.newaxis])
+        """Return the likelihood at some levels with one movement tried, shape (n_levels, n)."""
+        first, scale = self._movements[name].first, self._aligner.scale[levels, np.newaxis]
+        others = np.zeros((len(scale), self._aligner.size, 1))
+        for other in found:
+            if other != name:
+                there = self.windows(other, np.array([found[other]]))
+                others[:, self._movements[other].first :] += self._term(other, there, levels)
+        white = term + others[:, first:]
+        square = np.einsum("kvs,kvs->ks", white, white)
+        square += np.square(others[:, :first]).sum(axis=1)
+        return np.asarray(log_density(square, size=self._aligner.size) + scale)
 
 
-def _covariance(centre: Centre, kept: Ints) -> Floats:
-    """Return the covariance of some features from the root of that of all."""
+def _root(centre: Centre, kept: Ints) -> tuple[Floats, float]:
+    """Return the inverse root of the covariance of some features, and the log of its determinant.
+
+    Parameters
+    ----------
+    centre : Centre
+        By the root of the covariance of all features.
+    kept : ndarray of int
+        Which of them, in this order.
+    """
     rows = np.linalg.inv(centre.root)[kept]
-    return np.asarray(rows @ rows.T)
+    lower = np.linalg.cholesky(rows @ rows.T)
+    root = solve_triangular(lower, np.eye(len(kept)), lower=True)
+    return np.asarray(root), float(-np.log(np.diag(lower)).sum())
 
 
 def _movement(
-    part: Part,
-    own: NDArray[np.bool_],
-    *,
-    means: Floats,
-    covariances: list[Floats],
-    drives: int,
+    part: Part, own: NDArray[np.bool_], *, means: Floats, root: Floats, drives: int
 ) -> _Movement:
-    """Prepare to move one movement."""
-    mine, rest = np.flatnonzero(own), np.flatnonzero(~own)
-    roots, other_roots, gains, scales = [], [], [], []
-    for covariance in covariances:
-        lower = np.linalg.cholesky(covariance[np.ix_(rest, rest)])
-        half = solve_triangular(lower, covariance[np.ix_(rest, mine)], lower=True)
-        left = np.linalg.cholesky(covariance[np.ix_(mine, mine)] - half.T @ half)
-        roots.append(solve_triangular(left, np.eye(len(mine)), lower=True))
-        other_roots.append(solve_triangular(lower, np.eye(len(rest)), lower=True))
-        gains.append(half.T @ other_roots[-1])
-        scales.append(-np.log(np.diag(left)).sum() - np.log(np.diag(lower)).sum())
-    early = Part(
-        name=part.name,
-        start=part.start,
-        before=part.before,
-        window=part.window,
-        count=len(mine) // drives,
-    )
-    return _Movement(
-        part=early,
-        own=mine,
-        other=rest,
-        mean=means[:, mine],
-        other_mean=means[:, rest],
-        root=np.array(roots),
-        other_root=np.array(other_roots),
-        gain=np.array(gains),
-        scale=np.array(scales),
-    )
+    """Prepare to move one movement, whose windows follow each other."""
+    first, count = int(np.argmax(own)), int(np.count_nonzero(own))
+    mine = slice(first, first + count)
+    early = replace(part, count=count // drives)
+    columns = root[:, first:, mine].astype(np.float32, order="C")
+    return _Movement(early, first, columns, means[:, mine, np.newaxis])
 
 
 def _peak(places: Floats, values: Floats) -> float:

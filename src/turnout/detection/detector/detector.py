@@ -20,14 +20,14 @@ from turnout.detection.detector.knowledge import Knowledge, load, store
 from turnout.detection.detector.recorded import (
     UNLOADED,
     ZEROED,
+    ForcesAtRest,
     Recorded,
     features_of_recorded,
     part_of,
     recording_fault,
-    zeroed_rest,
 )
 from turnout.detection.detector.switch_history import Expectation, before_history, observe_all
-from turnout.detection.detector.throw_layout import CLOSING
+from turnout.detection.detector.throw_layout import CLOSING, Layout
 from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.detector.throw_verdict import Verdict, verdict_on
 from turnout.detection.detector.words_of_verdict import ADVICE, CANNOT, SOUND
@@ -65,6 +65,7 @@ class Detector:
     false_alarm_rate: float = 1e-3
     _views: dict[str, View] = field(init=False, default_factory=dict)
     _aligners: dict[str, Aligner] = field(init=False, default_factory=dict)
+    _rests: dict[str, ForcesAtRest] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         """Begin without a history."""
@@ -169,7 +170,9 @@ class Detector:
         """Return what is unusual in the forces at rest; machines at rest draw no current."""
         if self.quantity != FORCE:
             return ""
-        return zeroed_rest(self.view(part), self.knowledge.layout, features)
+        if part not in self._rests:
+            self._rests[part] = ForcesAtRest(self.view(part), self.knowledge.layout)
+        return self._rests[part].fault(features)
 
     def judge_features(self, features: Floats, *, part: str = CYCLE, name: str = "") -> Verdict:
         """Judge one throw by its features, shape (n_features,) [N]."""
@@ -193,7 +196,7 @@ class Detector:
                 message += "; train it again: turnout detect train"
             raise TurnoutError(message)
         view, layout = self.view(part), self.knowledge.layout
-        peaks = _peaks(np.abs(features[:, view.features]), layout.drive[view.features])
+        peaks = _peaks(np.abs(features[:, view.features]), layout)
         evidence = evidence_of(view, features)
         found = []
         for number, name in enumerate(names):
@@ -214,10 +217,13 @@ class Detector:
         """Return what of a throw can be judged, and its features, shape (n_features,) [N]."""
         layout = self.knowledge.layout
         part = part_of(throw, layout)
-        onsets = dict(throw.onsets) if throw.exact else self._aligner(part).align(throw)
+        if throw.exact:
+            onsets, sums = dict(throw.onsets), None
+        else:
+            onsets, sums = self._aligner(part).aligned(throw)
         if part == CLOSING:
             onsets = {CLOSING: onsets[CLOSING]}
-        found = features_of_recorded(throw, layout, onsets)
+        found = features_of_recorded(throw, layout, onsets, sums)
         if part == CYCLE and self._rest(part, found) == UNLOADED:
             part = CLOSING
             found[layout.part == 0] = np.nan
@@ -235,6 +241,11 @@ class Detector:
             with one_blas_thread():
                 self._aligners[part] = Aligner(self.view(part), self.knowledge.layout)
         return self._aligners[part]
+
+    def _clear_prepared(self) -> None:
+        """Clear what was prepared for another history."""
+        for made in (self._views, self._aligners, self._rests):
+            made.clear()
 
     # ---- what it learns of a switch
 
@@ -278,14 +289,12 @@ class Detector:
         levels = throw_levels(self.view(part), features, levels=model.level)
         with one_blas_thread():
             self.known = observe_all(model, errors, self.known, features, levels=levels)
-        self._views.clear()
-        self._aligners.clear()
+        self._clear_prepared()
 
     def clear_history(self) -> None:
         """Begin a new history, as after an adjustment."""
         self.__post_init__()
-        self._views.clear()
-        self._aligners.clear()
+        self._clear_prepared()
 
     # ---- training and judging itself
 
@@ -362,6 +371,7 @@ def _cannot_judge(name: str, reason: str) -> Verdict:
     return Verdict(name=name, status=CANNOT, reason=reason, advice=ADVICE[CANNOT])
 
 
-def _peaks(size: Floats, drive: NDArray[np.intp]) -> Floats:
+def _peaks(size: Floats, layout: Layout) -> Floats:
     """Return the largest value of each drive in each throw, shape (n_throws, n_drives)."""
-    return np.stack([size[:, drive == row].max(axis=1) for row in np.unique(drive)], axis=1)
+    # features go drive by drive, in a part of them too
+    return np.asarray(size.reshape(len(size), len(layout.drives), -1).max(axis=2))

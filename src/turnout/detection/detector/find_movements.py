@@ -399,13 +399,13 @@ def _most_likely(
     """Return the most likely onsets about those of a match, and why they are in doubt."""
     chosen = aligner(part_of(throw, layout))
     found = {name: throw.onsets[name] for name in chosen.names(throw)}
-    early = EarlyForces(chosen, throw, found, reach=float(FINE[-1]))
+    early = EarlyForces(chosen, throw, {name: at + FINE for name, at in found.items()})
     margin = np.inf
     for _ in range(2 if len(found) > 1 else 1):
         for name in found:
             instants = throw.onsets[name] + FINE
             with np.errstate(invalid="ignore"):  # instants whose windows reach beyond the samples
-                scores = early.scores(found, name, instants)
+                scores = early.scores(found, name)
             scores = np.where(np.isfinite(scores), scores, -np.inf)
             at = int(scores.argmax())
             found[name] = float(instants[at])

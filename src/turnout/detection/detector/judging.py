@@ -176,6 +176,7 @@ def make_view(
         else KindView(
             known=kinds.seen_by(features),
             centres=tuple(centres),
+            whitening=hypotheses.whitening,
             distance=(kinds.signatures.level - model.level[:, np.newaxis]) / model.spacing,
         ),
     )

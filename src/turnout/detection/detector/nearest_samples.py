@@ -15,6 +15,7 @@ the variance of each moved sample.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +36,7 @@ MOST_SAMPLES = 64
 """Signatures that are counted, the likeliest."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Samples:
     """The signatures nearest to a throw.
 
@@ -56,6 +57,22 @@ class Samples:
     change: Floats
     left: Floats
 
+    @cached_property
+    def _directions(self) -> tuple[Floats, Floats]:
+        """Directions in which signatures differ most, and the gain of each sample along them.
+
+        Returns
+        -------
+        directions : ndarray, shape (n_features, d)
+            Not of unit length.
+        gains : ndarray, shape (n, d)
+        """
+        change = np.sqrt(self.share)[:, np.newaxis] * self.change
+        # the others are as many as there are samples
+        squares, among = np.linalg.eigh(change @ change.T)
+        squares, among = squares[-DIRECTIONS:], among[:, -DIRECTIONS:]
+        return change.T @ among, among / (squares + LEFT)
+
     def moved(self, values: Floats) -> tuple[Floats, Floats]:
         """Move what is known of each signature to where the throw lies among them.
 
@@ -71,17 +88,13 @@ class Samples:
         deviation : ndarray, shape (m,)
             What noise adds to each.
         """
-        root = np.sqrt(self.share)[:, np.newaxis]
-        change = root * self.change
-        deviating = root * (values - self.share @ values)
-        # by the directions in which they differ most: the others are as many as there are samples
-        squares, among = np.linalg.eigh(change @ change.T)
-        squares, among = squares[-DIRECTIONS:], among[:, -DIRECTIONS:]
-        gain = change.T @ (among @ (among.T @ deviating / (squares + LEFT)[:, np.newaxis]))
+        directions, gains = self._directions
+        deviating = np.sqrt(self.share)[:, np.newaxis] * (values - self.share @ values)
+        gain = directions @ (gains.T @ deviating)
         return values + self.left @ gain, np.sqrt(LEFT * np.square(gain).sum(axis=0))
 
 
-def samples_near(view: View, evidence: Evidence, number: int, components: Ints) -> Samples:
+def samples_near(view: View, evidence: Evidence, number: int, components: slice) -> Samples:
     """Return the signatures nearest to one of some throws, each once.
 
     Parameters
@@ -92,26 +105,28 @@ def samples_near(view: View, evidence: Evidence, number: int, components: Ints) 
         Of these.
     number : int
         Which one.
-    components : ndarray of int
-        Those whose signatures count.
+    components : slice
+        Those whose signatures count, the first ones.
     """
     hypotheses, signatures = evidence.hypotheses, view.signatures
     logs = evidence.component[components, number]
     near = np.flatnonzero(logs > logs.max() - EVEN * NEAR)
     near = near[np.argsort(-logs[near], kind="stable")]
-    of, first, each = np.unique(
-        hypotheses.number[components[near]], return_index=True, return_inverse=True
-    )
-    share = np.bincount(each, np.exp((logs[near] - logs.max()) / EVEN))
-    if len(share) > MOST_SAMPLES:
-        most = np.argpartition(share, -MOST_SAMPLES)[-MOST_SAMPLES:]
-        of, first, share = of[most], first[most], share[most]
+    signature = hypotheses.number[near]
+    shares = np.bincount(signature, np.exp((logs[near] - logs[near[0]]) / EVEN))
+    positive = shares[shares > 0.0]
+    if len(positive) > MOST_SAMPLES:
+        least = np.partition(positive, -MOST_SAMPLES)[-MOST_SAMPLES]
+        near = near[shares[signature] >= least]
+        signature = hypotheses.number[near]
+    of, first = np.unique(signature, return_index=True)
+    share = shares[of]
     share = share / share.sum()
-    best = components[near]
-    at = int(hypotheses.place[best[0]])
-    change = signatures.change[of] @ hypotheses.centres[at].basis.T
+    at = int(hypotheses.place[near[0]])
+    change = signatures.change[of].astype(np.float32) @ hypotheses.centres[at].basis.T
+    change = change.astype(np.float64)
     return Samples(
-        components=best[first],
+        components=near[first],
         share=share,
         change=change - share @ change,
         left=evidence.white[at, :, number] - change,

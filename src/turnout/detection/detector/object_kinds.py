@@ -26,8 +26,9 @@ from turnout.detection.likelihood import (
     Hypotheses,
     Signatures,
     make_hypotheses,
-    weigh_whitened,
+    weigh_again,
 )
+from turnout.detection.triangular import Whitening
 
 Floats = NDArray[np.float64]
 
@@ -70,12 +71,15 @@ class KindView:
         In the features of the view.
     centres : tuple of Centre
         Of the view.
+    whitening : Whitening
+        By their roots.
     distance : ndarray, shape (k, n_signatures)
         Of the levels of signatures from those of the centres, in spacings of centres [-].
     """
 
     known: KindSignatures
     centres: tuple[Centre, ...]
+    whitening: Whitening
     distance: Floats
     _hypotheses: Hypotheses | None = field(init=False, default=None)
 
@@ -84,17 +88,18 @@ class KindView:
         """Signatures of all kinds at the centres."""
         if self._hypotheses is None:
             signatures = self.known.signatures
-            centres = tuple(
-                replace(centre, basis=centre.root @ signatures.basis) for centre in self.centres
-            )
             self._hypotheses = make_hypotheses(
-                centres, signatures, distance=self.distance, kinds=len(self.known.names)
+                self.centres,
+                signatures,
+                distance=self.distance,
+                kinds=len(self.known.names),
+                whitening=self.whitening,
             )
         return self._hypotheses
 
     def odds(self, evidence: Evidence) -> Floats:
         """Return the odds of each kind against the likeliest, shape (n_kinds, n_throws) [-]."""
-        logs = weigh_whitened(evidence.white, self.hypotheses).kind / TEMPER
+        logs = weigh_again(evidence, self.hypotheses).kind / TEMPER
         return np.asarray(np.exp(logs - logs.max(axis=0)))
 
     def odds_of(self, evidence: Evidence, number: int) -> dict[str, float]:

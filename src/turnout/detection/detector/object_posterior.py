@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtr
 
-from turnout.detection.detector.judging import View
+from turnout.detection.detector.judging import CAUSE_WEIGHT, View
 from turnout.detection.detector.nearest_samples import Samples, samples_near
 from turnout.detection.detector.object_kinds import TEMPER
 from turnout.detection.likelihood import AMPLITUDE, Evidence, log_sum
@@ -78,7 +78,7 @@ class EndGaps:
 
 def objects_near(view: View, evidence: Evidence, number: int) -> Samples:
     """Return the signatures of objects nearest to one of the throws of some evidence."""
-    return samples_near(view, evidence, number, _by_kind(view, evidence)[0])
+    return samples_near(view, evidence, number, slice(evidence.hypotheses.before(view.objects)))
 
 
 def object_of(
@@ -105,11 +105,11 @@ def object_of(
     size_factor, x_factor : float
         By which the intervals of size and place are widened about their medians [-].
     """
-    kinds = evidence.hypotheses.kind
-    objects, _ = _by_kind(view, evidence)
-    logs = evidence.component[objects, number]
-    share = np.exp((logs - logs.max()) / TEMPER)
-    signature = evidence.hypotheses.number[near.components]
+    hypotheses = evidence.hypotheses
+    logs = evidence.component[: hypotheses.before(view.objects), number]
+    counted = np.flatnonzero(logs > logs.max() - TEMPER * BELOW)
+    share = np.exp((logs[counted] - logs.max()) / TEMPER)
+    signature = hypotheses.number[near.components]
     known = np.column_stack([view.signatures.x[signature], view.signatures.size[signature]])
     moved, spread = near.moved(known)
     smooth = np.column_stack(
@@ -121,7 +121,8 @@ def object_of(
     x = replace(x, middle=float(np.clip(middle, x.low, x.high)))
     return TrappedObject(
         place=np.asarray(
-            np.bincount(kinds[objects], share / share.sum(), view.objects), dtype=np.float64
+            np.bincount(hypotheses.kind[counted], share / share.sum(), view.objects),
+            dtype=np.float64,
         ),
         x=_widened(x, x_factor, x_factor),
         size=_widened(size, size_factor, size_factor),
@@ -196,15 +197,15 @@ def _likely(
     view: View, evidence: Evidence, number: int, near: Samples | None
 ) -> tuple[Ints, Floats]:
     """Return the components that gaps depend on, and the logarithms of their weights."""
-    hypotheses = evidence.hypotheses
-    before = np.full(view.objects, np.log(OBJECT_WEIGHT / view.objects))
-    weight = np.concatenate([before, view.cause_weight])
     parts = []
-    for group in _by_kind(view, evidence):
+    objects = evidence.hypotheses.before(view.objects)
+    for group, weight in (
+        (slice(0, objects), OBJECT_WEIGHT / view.objects),
+        (slice(objects, None), CAUSE_WEIGHT),
+    ):
         logs = evidence.component[group, number]
-        group = group[logs > logs.max(initial=-np.inf) - BELOW]
-        logs = evidence.component[group, number] + weight[hypotheses.kind[group]]
-        parts.append((group, _tempered(logs)))
+        counted = np.flatnonzero(logs > logs.max(initial=-np.inf) - BELOW)
+        parts.append((counted + group.start, _tempered(logs[counted]) + np.log(weight)))
     if near is not None:
         parts[0] = near.components, log_sum(parts[0][1]) + np.log(near.share)
     kept, logs = (np.concatenate(item) for item in zip(*parts, strict=True))
@@ -232,21 +233,13 @@ def _changed_gaps(
     variances = (loose + GAP_SHARE**2) * (factor * gaps) ** 2
     if near is not None:
         order = np.argsort(near.components)
-        own = np.isin(kept, near.components)
+        own = kept < hypotheses.before(view.objects)
         rows = order[np.searchsorted(near.components[order], kept[own])]
         known = view.signatures.gap[hypotheses.number[near.components]]
         between, deviation = near.moved(known - view.gap_seen[near.components])
         changes[own] = between[rows]
         variances[own] = deviation**2 + (GAP_SHARE * gaps[own]) ** 2
     return changes, variances
-
-
-def _by_kind(view: View, evidence: Evidence) -> tuple[Ints, Ints]:
-    """Return the components of objects, and those of other causes."""
-    hypotheses = evidence.hypotheses
-    used = int(np.searchsorted(hypotheses.used, view.objects))
-    objects = int(np.append(hypotheses.starts, len(hypotheses.order))[used])
-    return hypotheses.order[:objects], hypotheses.order[objects:]
 
 
 GAP_SHARE = 0.1
@@ -267,11 +260,14 @@ def _tempered(logs: Floats) -> Floats:
     >>> np.exp(_tempered(np.log([1.0, 8.0]))).round(6).tolist()
     [2.350835, 6.649165]
     """
-    highest = logs.max(initial=-np.inf)
-    if not np.isfinite(highest):
+    if not logs.size:
         return logs
-    counted = logs[logs > highest - BELOW]
-    return np.asarray(logs / TEMPER - log_sum(counted / TEMPER) + log_sum(counted))
+    highest = logs.max()
+    evener = (logs - highest) / TEMPER
+    weights = np.exp(evener)
+    # squared, not by another exponential
+    change = np.log(np.power(weights, TEMPER).sum() / weights.sum())
+    return np.asarray(evener + (highest + change))
 
 
 def mixture_intervals(means: Floats, deviations: Floats, weights: Floats) -> tuple[Interval, ...]:
@@ -301,11 +297,15 @@ def mixture_intervals(means: Floats, deviations: Floats, weights: Floats) -> tup
     ends = (means - REACH * deviations).min(axis=0), (means + REACH * deviations).max(axis=0)
     low, high, at = _brackets(means, deviations, parts, wanted=wanted, ends=ends)
     narrow = TOLERANCE * (ends[1] - ends[0])
-    steepness = 1.0 / (np.sqrt(2.0 * np.pi) * deviations.T)
+    middles, sharp = means.T, 1.0 / deviations.T
+    steep = np.sqrt(0.5 / np.pi) * sharp * parts[0]
     for _ in range(MOST_STEPS):
-        z = (at[:, :, np.newaxis] - means.T) / deviations.T
+        z = at[:, :, np.newaxis] - middles
+        z *= sharp
         over = (ndtr(z) * parts).sum(axis=2) - wanted
-        density = (steepness * np.exp(-0.5 * z**2) * parts).sum(axis=2)
+        z *= z
+        z *= -0.5
+        density = (np.exp(z, out=z) * steep).sum(axis=2)
         low, high = np.where(over < 0.0, at, low), np.where(over < 0.0, high, at)
         following = at - over / np.maximum(density, 1e-300)
         outside = (following < low) | (following > high)
@@ -362,18 +362,21 @@ def _brackets(
     -------
     low, high, between : ndarray, shape (n_wanted, n_mixtures)
     """
-    grid = ends[0] + np.linspace(0.0, 1.0, GRID)[:, np.newaxis] * (ends[1] - ends[0])
-    share = (ndtr((grid[:, :, np.newaxis] - means.T) / deviations.T) * parts).sum(axis=2)
+    grid = ends[0] + SHARES * (ends[1] - ends[0])
+    z = grid[:, :, np.newaxis] - means.T
+    z /= deviations.T
+    share = (ndtr(z, out=z) * parts).sum(axis=2)
     above = (share[np.newaxis, 1:-1] < wanted[:, np.newaxis]).sum(axis=1)
-    low, high = (np.take_along_axis(grid, above + at, axis=0) for at in (0, 1))
-    first, last = (np.take_along_axis(share, above + at, axis=0) for at in (0, 1))
+    each = np.arange(grid.shape[1])
+    low, high = grid[above, each], grid[above + 1, each]
+    first, last = share[above, each], share[above + 1, each]
     part = np.clip((wanted - first) / np.maximum(last - first, 1e-300), 0.0, 1.0)
     between: Floats = low + part * (high - low)
     return low, high, between
 
 
-GRID = 49
-"""Values between which quantiles are sought."""
+SHARES = np.linspace(0.0, 1.0, 17)[:, np.newaxis]
+"""Of the way from the lowest to the highest value, between which quantiles are sought [-]."""
 REACH = 8.0
 """Quantiles are sought within so many deviations of the outermost parts [-]."""
 TOLERANCE = 1e-6

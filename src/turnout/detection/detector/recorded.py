@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from turnout.detection.conditions import FORCE, UNITS
 from turnout.detection.detector.judging import CYCLE, View
-from turnout.detection.detector.throw_layout import CLOSING, OPENING, Layout, throw_features
+from turnout.detection.detector.throw_layout import CLOSING, OPENING, Integral, Layout, Part
 
 Floats = NDArray[np.float64]
 
@@ -251,7 +251,12 @@ def known_forces(throw: Recorded, layout: Layout) -> tuple[Floats, Floats]:
     return throw.time[known], force[:, known]
 
 
-def features_of_recorded(throw: Recorded, layout: Layout, onsets: Mapping[str, float]) -> Floats:
+def features_of_recorded(
+    throw: Recorded,
+    layout: Layout,
+    onsets: Mapping[str, float],
+    sums: Mapping[str, Integral] | None = None,
+) -> Floats:
     """Return the features of a throw, NaN in movements that were not recorded.
 
     Parameters
@@ -262,13 +267,25 @@ def features_of_recorded(throw: Recorded, layout: Layout, onsets: Mapping[str, f
         Of the detector.
     onsets : mapping of str to float
         Of the movements [s].
+    sums : mapping of str to Integral, optional
+        From `sums_about` for some movements, where nothing was held.
     """
-    several = {name: np.array([at]) for name, at in onsets.items()}
-    return np.asarray(features_at(throw, layout, several)[0])
+    known = sums or {}
+    found = np.full((len(layout.drives), layout.windows), np.nan)
+    end = 0
+    for part in layout.parts:
+        first, end = end, end + part.count
+        if part.name in onsets:
+            onset = np.array([onsets[part.name]])
+            own = known.get(part.name) or sums_about(throw, layout, part, onset)[0]
+            found[:, first:end] = own.means(onset, part)[..., 0]
+    return found.ravel()
 
 
-def features_at(throw: Recorded, layout: Layout, onsets: Mapping[str, Floats]) -> Floats:
-    """Return the features of a throw for several onsets at once, shape (n_onsets, n_features).
+def sums_about(
+    throw: Recorded, layout: Layout, part: Part, onsets: Floats
+) -> tuple[Integral, bool]:
+    """Return the integral of the forces of a throw about one movement, and whether any is held.
 
     Parameters
     ----------
@@ -276,27 +293,19 @@ def features_at(throw: Recorded, layout: Layout, onsets: Mapping[str, Floats]) -
         Without fault.
     layout : Layout
         Of the detector.
-    onsets : mapping of str to ndarray, shape (n_onsets,)
-        Of the movements [s].
+    part : Part
+        The movement.
+    onsets : ndarray
+        Between which it may begin, rising [s].
     """
     time, force = known_forces(throw, layout)
-    count = max(len(item) for item in onsets.values())
-    found = np.full((count, layout.size), np.nan)
-    for number, part in enumerate(layout.parts):
-        if part.name not in onsets:
-            continue
-        tried = onsets[part.name]
-        if np.ptp(tried) == 0.0:  # the others vary
-            tried = tried[:1]
-        one = Layout(parts=(part,), drives=layout.drives)
-        begin, end = tried + part.edges[0], tried + part.edges[-1]
-        whole_time, whole = held_at_ends(time, force, begin, end)
-        first = max(int(np.searchsorted(whole_time, begin.min())) - 1, 0)
-        own = slice(first, int(np.searchsorted(whole_time, end.max())) + 1)
-        found[:, layout.part == number] = throw_features(
-            whole_time[own], whole[np.newaxis, :, own], layout=one, onsets=tried[:, np.newaxis]
-        )
-    return found
+    ends = onsets[[0, -1]]
+    begin, end = ends + part.edges[0], ends + part.edges[-1]
+    samples = time.size
+    time, force = held_at_ends(time, force, begin, end)
+    first = max(int(np.searchsorted(time, begin[0])) - 1, 0)
+    own = slice(first, int(np.searchsorted(time, end[-1])) + 1)
+    return Integral(time[own], force[:, own]), time.size > samples
 
 
 def held_at_ends(time: Floats, force: Floats, begin: Floats, end: Floats) -> tuple[Floats, Floats]:
@@ -330,8 +339,8 @@ CLEARLY_LOADED = 4.0
 """Deviations from 0 of what sound switches hold at rest, for that to be noticed [-]."""
 
 
-def zeroed_rest(view: View, layout: Layout, features: Floats) -> str:
-    """Return `ZEROED`, `UNLOADED`, or nothing where the forces at rest are as they can be.
+class ForcesAtRest:
+    """The windows before each movement, and what sound switches hold there.
 
     A recorder that is zeroed before each throw takes the preload out of all samples; a switch that
     was not pressed home begins at no force too, but is loaded like others from then on.
@@ -342,33 +351,51 @@ def zeroed_rest(view: View, layout: Layout, features: Floats) -> str:
         That throws of this part are judged with.
     layout : Layout
         Of all features.
-    features : ndarray, shape (n_features,)
-        Of the throw [N].
     """
-    usual, spread = view.usual
-    own = features[view.features]
-    drive, part = layout.drive[view.features], layout.part[view.features]
-    before = layout.before_onset[view.features]
-    zero = []
-    for number in np.unique(part):
-        rest = [before & (part == number) & (drive == row) for row in range(len(layout.drives))]
-        loaded = [
-            rows
-            for rows in rest
-            if rows.any() and np.all(np.abs(usual[rows]) > CLEARLY_LOADED * spread[rows])
-        ]
-        zero.append(
-            bool(loaded) and all(abs(float(own[rows].mean())) < NEARLY_ZERO for rows in loaded)
-        )
-    if zero[-1]:
-        return ZEROED
-    if len(zero) > 1 and zero[0]:
+
+    def __init__(self, view: View, layout: Layout) -> None:
+        usual, spread = view.usual
+        drive, part = layout.drive[view.features], layout.part[view.features]
+        before = layout.before_onset[view.features]
+        self._loaded = []
+        for number in np.unique(part):
+            rest = [
+                np.flatnonzero(before & (part == number) & (drive == row))
+                for row in range(len(layout.drives))
+            ]
+            self._loaded.append(
+                [
+                    view.features[rows]
+                    for rows in rest
+                    if rows.size and np.all(np.abs(usual[rows]) > CLEARLY_LOADED * spread[rows])
+                ]
+            )
         first, last = before & (part == 0), before & (part == part.max())
-        taken = np.array([usual[first & (drive == row)].mean() for row in range(drive.max() + 1)])
-        off = own[last] - usual[last]
-        shifted = np.abs(off + taken[drive[last]]).sum() < np.abs(off).sum()
-        return ZEROED if shifted else UNLOADED
-    return ""
+        self._last, self._usual = view.features[last], usual[last]
+        if len(self._loaded) > 1:
+            rows = range(int(drive.max()) + 1)
+            taken = np.array([usual[first & (drive == row)].mean() for row in rows])
+            self._taken = taken[drive[last]]
+
+    def fault(self, features: Floats) -> str:
+        """Return `ZEROED`, `UNLOADED`, or nothing where the forces at rest are as they can be.
+
+        Parameters
+        ----------
+        features : ndarray, shape (n_features,)
+            Of the throw [N].
+        """
+        zero = [
+            bool(loaded) and all(abs(float(features[rows].mean())) < NEARLY_ZERO for rows in loaded)
+            for loaded in self._loaded
+        ]
+        if zero[-1]:
+            return ZEROED
+        if len(zero) > 1 and zero[0]:
+            off = features[self._last] - self._usual
+            shifted = np.abs(off + self._taken).sum() < np.abs(off).sum()
+            return ZEROED if shifted else UNLOADED
+        return ""
 
 
 def part_of(throw: Recorded, layout: Layout) -> str:

@@ -209,39 +209,60 @@ class Integral:
         area = 0.5 * (self._force[..., 1:] + self._force[..., :-1]) * self._step
         self._total = np.zeros(self._force.shape)
         np.cumsum(area, axis=-1, out=self._total[..., 1:])
+        self._bend = 0.5 * np.diff(self._force) / self._step
 
     def until(self, instants: Floats) -> Floats:
         """Return the integral from the first sample to some instants, NaN beyond the samples [N s].
 
         Parameters
         ----------
-        instants : ndarray, shape (n_rows, n)
-            Of each throw, or several rows of a single one [s].
+        instants : ndarray, shape (n_throws, n), or any shape of one throw
+            [s]
 
         Returns
         -------
-        ndarray, shape (n_rows, n_drives, n); (n_drives, n_rows, n) of forces without n_throws
+        ndarray, shape (n_throws, n_drives, n), or (n_drives, ...) of one throw
         """
         time = self._time
-        inside = (instants >= time[0] - 1e-9) & (instants <= time[-1] + 1e-9)
-        at = np.clip(np.searchsorted(time, instants, side="right") - 1, 0, self._step.size - 1)
-        since, step = instants - time[at], self._step[at]
+        at = np.searchsorted(time, instants, side="right") - 1
+        np.clip(at, 0, self._step.size - 1, out=at)
+        since = instants - time[at]
+        found = self._at(self._bend, at)
         if self._force.ndim > 2:
-            at, inside = at[:, np.newaxis], inside[:, np.newaxis]
-            since, step = since[:, np.newaxis], step[:, np.newaxis]
-        before, here, after = (
-            self._at(values, place)
-            for values, place in ((self._total, at), (self._force, at), (self._force, at + 1))
-        )
-        found = before + here * since + 0.5 * (after - here) / step * since**2
-        return np.where(inside, found, np.nan)
+            since = since[:, np.newaxis]
+        for values in (self._force, self._total):
+            found *= since
+            found += self._at(values, at)
+        outside = (instants < time[0] - 1e-9) | (instants > time[-1] + 1e-9)
+        if outside.any():
+            there = outside[:, np.newaxis] if self._force.ndim > 2 else outside
+            found[np.broadcast_to(there, found.shape)] = np.nan
+        return found
+
+    def means(self, onsets: Floats, part: Part) -> Floats:
+        """Return means of one throw over the windows of a movement for several onsets.
+
+        Parameters
+        ----------
+        onsets : ndarray, shape (n,)
+            Of the movement [s].
+        part : Part
+            Its windows.
+
+        Returns
+        -------
+        ndarray, shape (n_drives, n_windows, n)
+            NaN where a window reaches beyond the samples [N].
+        """
+        until = self.until(part.edges[:, np.newaxis] + onsets)
+        return (until[:, 1:] - until[:, :-1]) / part.window
 
     def _at(self, values: Floats, place: NDArray[np.intp]) -> Floats:
         if values.ndim == 2:
-            return np.asarray(values[:, place])
+            return values.take(place, axis=-1)
         rows, drives = max(len(values), len(place)), values.shape[1]
-        index = np.broadcast_to(place, (rows, drives, place.shape[-1]))
-        return np.asarray(np.take_along_axis(values, index, axis=-1))
+        index = np.broadcast_to(place[:, np.newaxis], (rows, drives, place.shape[-1]))
+        return np.take_along_axis(values, index, axis=-1)
 
 
 def means_on(layout: Layout, *, rate: float) -> tuple[Floats, Floats]:

@@ -370,17 +370,17 @@ def _changes(
     knowledge: Knowledge, view: View, evidence: Evidence, cause: str
 ) -> tuple[Change, ...]:
     """Return the largest change of each drive force that the likeliest cause makes in closing."""
-    kinds = evidence.hypotheses.kind
+    hypotheses = evidence.hypotheses
     if cause == "object":
-        own = np.flatnonzero(kinds < view.objects)
+        own = slice(0, hypotheses.before(view.objects))
     else:
-        own = np.flatnonzero(kinds == view.kinds.index(cause))
+        own = hypotheses.of_kind(view.kinds.index(cause))
     logs = evidence.component[own, 0]
-    near = logs > logs.max() - NEGLIGIBLE
-    own, logs = own[near], logs[near]
-    share = np.exp(logs - log_sum(logs)) * evidence.factors(own, 0)
-    signature = evidence.hypotheses.number[own]
-    change = view.signatures.basis @ (share @ view.signatures.change[signature])
+    near = np.flatnonzero(logs > logs.max() - NEGLIGIBLE)
+    logs, near = logs[near], near + own.start
+    share = np.exp(logs - log_sum(logs)) * evidence.factors(near, 0)
+    signature = hypotheses.number[near]
+    change = hypotheses.basis @ (share @ view.signatures.change[signature]).astype(np.float32)
     layout = knowledge.layout
     closing = layout.parts[-1]
     found = []

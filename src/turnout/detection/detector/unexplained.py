@@ -120,7 +120,7 @@ def irregularities(
             best = np.argmax(density)
             component = best if numbers is None else numbers[best]
             at = int(hypotheses.place[component])
-            change = signatures.change[hypotheses.number[component]]
+            change = signatures.change[hypotheses.number[component]].astype(np.float32)
             moved = hypotheses.centres[at].basis @ change
             (factor,) = evidence.factors(np.array([component]), throw)
             left = evidence.white[at, :, throw] - factor * moved
