@@ -74,6 +74,20 @@ def test_channels_connected_wrongly_are_named(
     assert words in reason
 
 
+@pytest.mark.parametrize("start", ["", "-4.4"])
+@pytest.mark.parametrize("value", [-9999.0, 9999.0, 32767.0])
+@pytest.mark.parametrize("at", [700, 900])
+def test_a_sample_that_was_not_measured_is_no_object(
+    at: int, value: float, start: str, tmp_path: Path
+) -> None:
+    """One -9999 among good samples was called an object at sleeper 11, or dry chairs."""
+    force = toy_throw(seed=3).force
+    force[1, at] = value
+    ((status, reason),) = judged(table(tmp_path, force, start=start))
+    assert status == "cannot judge"
+    assert f"a spike of {value:.0f} N" in reason or "is not clear" in reason
+
+
 def test_right_channels_are_judged(tmp_path: Path) -> None:
     force = toy_throw(seed=3).force
     assert [status for status, _ in judged(table(tmp_path, force))] == ["sound"]

@@ -70,6 +70,17 @@ def test_the_line_that_tells_excel_the_separator_is_no_heading(tmp_path: Path) -
     [
         ("23:59:59.999", "00:00:00.000", "00:00:00.001"),
         ("2025-11-03 23:59:59.999", "2025-11-04 00:00:00.000", "2025-11-04 00:00:00.001"),
+        # zones; the end of summer time; a second without digits behind it
+        ("23:59:59.999-05:00", "00:00:00.000-05:00", "00:00:00.001-05:00"),
+        *(
+            (
+                "2026-10-25T02:59:59.999+02:00",
+                f"2026-10-25T02:00:00{digits}+01:00",
+                "2026-10-25T02:00:00,001+01:00",
+            )
+            for digits in (".000", "")
+        ),
+        ("2026-11-23T09:59:59.999Z", "2026-11-23T10:00:00Z", "2026-11-23T10:00:00.001Z"),
     ],
 )
 def test_clock_times_over_midnight(tmp_path: Path, stamps: tuple[str, ...]) -> None:

@@ -270,7 +270,7 @@ def located(
     found, best = finder.movements(time, force)
     wrong = wrong_forces(found, best[0], force, partial(finder.movements, time), layout.drives)
     if wrong:
-        return _refused(recording, wrong)
+        return _refused(recording, _first_fault(layout, force) or wrong)
     closings = [item for item in found if item.name == CLOSING]
     listed = recording.listed
     if not closings:
@@ -287,12 +287,7 @@ def located(
             )
             if not low / UNLIKELY < size < high * UNLIKELY:
                 reason += "; forces are expected in N"
-        faults = [
-            f"drive {name}: {fault}"
-            for name, row in zip(layout.drives, rows, strict=True)
-            if (fault := value_fault(recording.force[row][known]))
-        ]
-        return _refused(recording, faults[0] if faults else reason)
+        return _refused(recording, _first_fault(layout, force) or reason)
     if listed and len(listed) != len(closings):
         reason = f"{len(closings)} closing movements were found in it, {len(listed)} are listed"
         return _refused(recording, reason)
@@ -307,6 +302,14 @@ def located(
             for number, item in enumerate(throws, 1)
         ]
     return throws
+
+
+def _first_fault(layout: Layout, force: Floats) -> str:
+    """Return what is wrong with the samples of the first faulty drive; empty without one."""
+    for name, row in zip(layout.drives, force, strict=True):
+        if fault := value_fault(row):
+            return f"drive {name}: {fault}"
+    return ""
 
 
 def further_closing(recording: Recorded, layout: Layout, finder: MovementFinder) -> str:

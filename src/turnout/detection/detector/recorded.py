@@ -144,6 +144,10 @@ def _channel_fault(throw: Recorded, row: int, layout: Layout, quantity: str) -> 
         return fault
     first = min(throw.onsets.values()) + min(p.edges[0] for p in layout.parts)
     whole = _between(time, first, end)
+    at = spike(force[whole])
+    if at is not None:
+        since = time[whole][at] - throw.onsets[CLOSING]
+        return f"a spike of {force[whole][at]:.0f} N, {since:.2f} s after the onset of closing"
     since, long = held_run(time[whole], force[whole])
     if long < LONGEST_HELD or since > end - END_MISSING:
         return ""
@@ -153,6 +157,29 @@ def _channel_fault(throw: Recorded, row: int, layout: Layout, quantity: str) -> 
 def _between(time: Floats, first: float, last: float) -> slice:
     """Return which samples lie between two instants, both included."""
     return slice(int(np.searchsorted(time, first)), int(np.searchsorted(time, last, side="right")))
+
+
+SPIKE = 5e3
+"""Change of a force to one sample and back that no switch makes [N]."""
+
+
+def spike(force: Floats) -> int | None:
+    """Return which sample stands far from both its neighbours, shape (n_times,) [N]; None if none.
+
+    Recorders write -9999 or 32767 for what they could not measure; a mean over a window with it
+    looks like a seat that is reached too early or too late.
+
+    Examples
+    --------
+    >>> spike(np.array([100.0, 120.0, -9999.0, 130.0])), spike(np.array([0.0, 4e3, 9e3, 9e3]))
+    (2, None)
+    """
+    steps = np.diff(force)
+    if steps.size < 2 or max(steps.max(), -steps.min()) < SPIKE:  # as nearly always
+        return None
+    back = -steps[1:] * np.sign(steps[:-1])
+    found = np.flatnonzero((np.abs(steps[:-1]) > SPIKE) & (back > SPIKE))
+    return int(found[0]) + 1 if found.size else None
 
 
 LONGEST_HELD = 0.3

@@ -147,11 +147,17 @@ def _is_cut_off(path: Path, layout: TextLayout) -> bool:
         return file.read(size).strip(b"\0") not in (b"\n", b"\r")
 
 
+DATE_LENGTH = 8
+"""Within which a date has a hyphen; in a time of day one stands before its zone only."""
+
+
 def _clock_seconds(cells: "pd.Series[str]", path: Path) -> NDArray[np.float64]:
-    """Return times of day or dates with times as seconds from the first."""
-    texts = cells.astype(str).str.replace(",", ".").str.rstrip("Z")
-    dated = "-" in str(texts.iloc[0])
-    moments = pd.to_datetime(texts if dated else "2000-01-01 " + texts, errors="coerce")
+    """Return times of day or dates with times, also of time zones, as seconds from the first."""
+    texts = cells.astype(str).str.replace(",", ".")
+    dated = "-" in str(texts.iloc[0])[:DATE_LENGTH]
+    moments = pd.to_datetime(
+        texts if dated else "2000-01-01 " + texts, format="ISO8601", errors="coerce", utc=True
+    )
     if moments.isna().any():
         at = int(moments.isna().to_numpy().argmax())
         message = f"{path}: row {at + 1} of the numbers: '{cells.iloc[at]}' is no time"
