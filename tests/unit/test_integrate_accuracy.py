@@ -90,7 +90,7 @@ def test_a_solution_is_corrected_where_columns_are_fresh_and_yet_wrong(made: Set
     rebuild(system, table, state, 0, work.row)
     state.mode_columns[:] *= 1.0 + 1e-6
     state.drift[0] = DRIFTS  # as after the last correction
-    work.changed[0] = 1
+    work.changed[:] = 1
     tolerances, inputs = Tolerances(1e9, 1e12, 10), (state.inputs.copy(), state.inputs.copy())
     state.inputs[:] = [2e-3, -1e-3]
     args = (system, table, state, work, tolerances, given, given.step, factors, inputs, True)

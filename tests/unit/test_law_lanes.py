@@ -11,6 +11,7 @@ from turnout.kernels import lanes
 from turnout.kernels.compiled import compiled
 from turnout.kernels.lanes import LANES
 from turnout.kernels.shared_record import clone_record, shared_record
+from turnout.kernels.vector import sum_weighted_rows
 
 Floats = np.ndarray
 VECTORS = ("a", "b", "places", "found")
@@ -41,6 +42,17 @@ def _combine(given: Given) -> None:
 @compiled
 def _sum(values: Floats) -> float:
     return lanes.horizontal_sum(lanes.load(values, 0))
+
+
+@compiled
+def _gather_neighbours(values: Floats, places: Floats, to: Floats) -> None:
+    for i in range(0, to.size, LANES):
+        lanes.store(lanes.gather_neighbours(values, places, i), to, i)
+
+
+@compiled
+def _sum_rows(start: Floats, weights: Floats, rows: Floats, to: Floats) -> None:
+    sum_weighted_rows(start, weights, rows, to)
 
 
 @compiled
@@ -90,6 +102,38 @@ def test_a_sum_has_one_order() -> None:
     quarters = halves[:2] + halves[2:]
     assert _sum(values) == quarters[0] + quarters[1] == lanes.horizontal_sum(values)
     assert _sum(values) != float(np.sum(np.sort(values)))
+
+
+@pytest.mark.parametrize("kind", [np.int64, np.uint64])
+def test_neighbours_are_gathered_as_any_places_are(kind: type) -> None:
+    values = np.random.default_rng(3).normal(size=40)
+    neighbours = np.arange(5, 5 + LANES)
+    groups = [neighbours, neighbours + 27, neighbours[::-1], np.full(LANES, 7), 2 * neighbours]
+    for lane in range(LANES):  # neighbours but for one
+        changed = neighbours.copy()
+        changed[lane] = 0
+        groups.append(changed)
+    places = np.concatenate(groups).astype(kind)
+    found = np.zeros(places.size)
+    _gather_neighbours(values, places, found)
+    np.testing.assert_array_equal(found, values[places])
+
+
+@pytest.mark.parametrize("width", [0, 8, 40, 48, 56, 104])
+@pytest.mark.parametrize("count", [0, 1, 4, 7, 12])
+def test_a_weighted_sum_of_rows_has_one_order(count: int, width: int) -> None:
+    rng = np.random.default_rng(count)
+    start, weights = rng.normal(size=112), rng.normal(size=count)
+    rows, found = rng.normal(size=(count, 112)), np.full(112, np.nan)
+    _sum_rows(start, weights, rows, found[:width])
+    expected = start[:width].copy()
+    for r in range(0, count - 3, 4):
+        a, b, c, d = weights[r : r + 4, np.newaxis] * rows[r : r + 4, :width]
+        expected += (a + b) + (c + d)
+    for r in range(count - count % 4, count):
+        expected += weights[r] * rows[r, :width]
+    np.testing.assert_array_equal(found[:width], expected)
+    assert np.isnan(found[width:]).all()
 
 
 def test_what_is_streamed_arrives() -> None:

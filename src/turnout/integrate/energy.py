@@ -15,7 +15,7 @@ of the laws, and potential energy in the field of gravity.
 
 import math
 
-from turnout.integrate.scratch import Work
+from turnout.integrate.scratch import LAWS, Work
 from turnout.integrate.solve import mark_law
 from turnout.integrate.state import State, set_segment
 from turnout.integrate.system import Floats, Ints, System
@@ -100,7 +100,7 @@ def account_laws(
             )
             state.ledger[SEGMENTS] += 0.5 * state.jump[law] * displacement
             state.jump[law] = 0.0
-    if work.changed[0]:
+    if work.changed[LAWS]:
         for law in range(argument.size):
             if state.segment[law] != work.saved_segment[law] and state.present[law]:
                 e, old_segment = argument[law] - table.offset[law], work.saved_segment[law]

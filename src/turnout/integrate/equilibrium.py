@@ -150,7 +150,7 @@ def settle(
     rebuild(system, table, state, static, work.row)
     copy(system.load, work.right_side)
     copy(state.q, work.q_start)
-    work.changed[0] = 1
+    work.changed[:] = 1
     save_contact_set(state, work)
     code = iterate_contact_set(system, table, state, work, tolerances)
     if code == NOT_CONVERGED:

@@ -48,7 +48,7 @@ from turnout.integrate.step import Factors, Stepping, correct, predict, step_fac
 from turnout.integrate.system import Floats, Ints, System
 from turnout.integrate.watch import StepRecord, store_seen
 from turnout.kernels.compiled import compiled, compiled_loop, compiled_part
-from turnout.kernels.lanes import LANES, gather, load, store_nontemporal
+from turnout.kernels.lanes import LANES, gather_neighbours, load, store_nontemporal
 from turnout.kernels.vector import copy
 from turnout.law.friction_course import FrictionCourses
 from turnout.law.obstruction import Obstructions
@@ -68,7 +68,7 @@ def switch_level(
     rebuild(system, table, state, level, work.row)
 
 
-@compiled
+@compiled_part
 def _try_step(
     system: System,
     table: LawTable,
@@ -125,7 +125,7 @@ def _try_step(
     return code
 
 
-@compiled
+@compiled_part
 def _advance(
     system: System,
     table: LawTable,
@@ -185,7 +185,7 @@ def _advance(
 @compiled_loop
 def _gather_nontemporal(g: Floats, places: Ints, to: Floats) -> None:
     for i in range(0, places.size, LANES):
-        store_nontemporal(gather(g, places, i), to, i)
+        store_nontemporal(gather_neighbours(g, places, i), to, i)
 
 
 @compiled_loop

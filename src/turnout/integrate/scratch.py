@@ -86,6 +86,10 @@ def _take_fitting(count: int) -> Floats | None:
     return None
 
 
+LAWS, FRICTIONS = range(2)
+"""Places in `Work.changed`."""
+
+
 class Work(NamedTuple):
     """Scratch arrays of the kernels; their content means nothing between calls.
 
@@ -100,7 +104,7 @@ class Work(NamedTuple):
     - ``argument``, ``force``, ``trial``, ``limit``: laws and frictions at the last solution;
     - ``input_force``: force of the inputs on their rows [N], zero on rows without an input;
     - ``unconverged``: flags the rows that still changed when a step was given up;
-    - ``changed``: whether a law has changed since the contact set was saved;
+    - ``changed``: whether `LAWS` and `FRICTIONS` may have changed since the contact set was saved;
     - ``stop``: set by another thread to end the work between two solutions.
     """
 
@@ -188,7 +192,7 @@ def new_work(system: System, table: LawTable) -> Work:
             law_input=np.zeros(table.row.size),
             inputs_start=np.zeros(n_inputs),
             inputs_end=np.zeros(n_inputs),
-            changed=np.ones(1, dtype=np.int64),
+            changed=np.ones(2, dtype=np.int64),
             stop=np.zeros(1, dtype=np.int64),
         )
     )

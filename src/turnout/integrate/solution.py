@@ -5,7 +5,7 @@ from turnout.integrate.scratch import Work
 from turnout.integrate.state import COUNT_JOINING, COUPLED, UNSOLVED, State
 from turnout.integrate.system import Floats, Ints, System
 from turnout.kernels.compiled import compiled, compiled_loop, compiled_part
-from turnout.kernels.lanes import LANES, broadcast, gather, load, store
+from turnout.kernels.lanes import LANES, broadcast, gather, gather_neighbours, load, store
 from turnout.kernels.vector import add_scaled, add_two_scaled, copy, gather_all, sum_weighted_rows
 from turnout.law.table import LawTable
 
@@ -74,7 +74,7 @@ def _expand_followers(g: Floats, leaders: Ints, weights: Floats, following: Floa
 @compiled_loop
 def _sum_joining_ends(g: Floats, ends: Ints, joining: Floats) -> None:
     for i in range(0, ends.shape[1], LANES):
-        store(gather(g, ends[0], i) + gather(g, ends[1], i), joining, i)
+        store(gather(g, ends[0], i) + gather_neighbours(g, ends[1], i), joining, i)
 
 
 @compiled_part

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from turnout.integrate.columns import finish_pending, update_row
-from turnout.integrate.scratch import Work
+from turnout.integrate.scratch import FRICTIONS, LAWS, Work
 from turnout.integrate.solution import gather_modes, solve_displacements
 from turnout.integrate.state import COUNT_ITERATIONS, State, set_segment
 from turnout.integrate.system import Floats, Ints, System
@@ -23,6 +23,7 @@ from turnout.kernels.lanes import (
     any_true,
     broadcast,
     gather,
+    gather_neighbours,
     greater,
     load,
     logical_or,
@@ -52,7 +53,7 @@ class Tolerances(NamedTuple):
 @compiled
 def mark_row(work: Work, count: int, row: int) -> int:
     """Add a row to the list of rows to be updated, once; its laws have changed."""
-    work.changed[0] = 1
+    work.changed[FRICTIONS] = 1  # or laws, as `mark_law` says
     if work.dirty[row]:
         return count
     work.dirty[row] = 1
@@ -65,6 +66,7 @@ def mark_law(
     system: System, table: LawTable, state: State, work: Work, count: int, law: int
 ) -> int:
     """Mark the row of a law and the rows of slipping frictions that it limits."""
+    work.changed[LAWS] = 1
     count = mark_row(work, count, table.row[law])
     for i in range(system.normal_friction_start[law], system.normal_friction_start[law + 1]):
         friction = system.normal_friction_list[i]
@@ -154,7 +156,7 @@ def _evaluate_frictions(
     zero, tolerance_8 = broadcast(0.0), broadcast(tolerance)
     violated = greater(zero, zero)
     for i in range(0, trials.size, LANES):
-        limit = load(coefficient, i) * gather(force, normal, i)
+        limit = load(coefficient, i) * gather_neighbours(force, normal, i)
         trial = load(stiffness, i) * (gather(g, row, i) - load(anchor, i))
         store(limit, limits, i)
         store(trial, trials, i)
@@ -300,10 +302,12 @@ def iterate_contact_set(
 def save_contact_set(state: State, work: Work) -> None:
     """Save the displacements, and the contact set if it has changed since it was saved."""
     copy(state.g, work.g_start)
-    if work.changed[0]:
+    if work.changed[LAWS]:
         copy(state.segment, work.saved_segment)
+        work.changed[LAWS] = 0
+    if work.changed[FRICTIONS]:
         copy(state.friction, work.saved_friction)
-        work.changed[0] = 0
+        work.changed[FRICTIONS] = 0
 
 
 @compiled

@@ -94,6 +94,31 @@ def _build_gather(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
     return found
 
 
+def _build_gather_neighbours(context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
+    values, places, at = args
+    whole = ir.IntType(64)
+    eight = ir.VectorType(whole, LANES)
+    start = builder.bitcast(builder.gep(places.data, [at]), eight.as_pointer())
+    found_places = builder.load(start, align=8)
+    first = builder.extract_element(found_places, ir.Constant(ir.IntType(32), 0))
+    zero = ir.Constant(ir.IntType(32), 0)
+    one = builder.insert_element(ir.Constant(eight, ir.Undefined), first, zero)
+    all_first = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
+    splat = builder.shuffle_vector(one, ir.Constant(eight, ir.Undefined), all_first)
+    expected = builder.add(splat, ir.Constant(eight, list(range(LANES))))
+    same = builder.bitcast(builder.icmp_unsigned("==", found_places, expected), ir.IntType(LANES))
+    neighbours = builder.icmp_unsigned("==", same, ir.Constant(ir.IntType(LANES), 2**LANES - 1))
+    with builder.if_else(neighbours, likely=True) as (then, otherwise):
+        with then:
+            together, after_together = _build_load(context, builder, (values, first)), builder.block
+        with otherwise:
+            apart, after_apart = _build_gather(context, builder, args), builder.block
+    found = builder.phi(_EIGHT)
+    found.add_incoming(together, after_together)
+    found.add_incoming(apart, after_apart)
+    return found
+
+
 def _build_broadcast(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
     zero = ir.Constant(ir.IntType(32), 0)
     one = builder.insert_element(ir.Constant(_EIGHT, ir.Undefined), args[0], zero)
@@ -153,6 +178,9 @@ def _register_lanes() -> None:
     )
     register_intrinsic(lanes.prefetch, types.none, _build_prefetch, _values)
     register_intrinsic(lanes.gather, _LANES, _build_gather, _values, _places, index_kind)
+    register_intrinsic(
+        lanes.gather_neighbours, _LANES, _build_gather_neighbours, _values, _places, index_kind
+    )
     register_intrinsic(lanes.broadcast, _LANES, _build_broadcast, number_kind)
     register_intrinsic(lanes.horizontal_sum, types.float64, _build_horizontal_sum, _eight)
     register_intrinsic(lanes.multiply_add, _LANES, _build_multiply_add, _eight, _eight, _eight)

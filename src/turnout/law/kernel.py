@@ -9,6 +9,15 @@ so that ``-F`` acts on the structure along the law's row.
 import numpy as np
 
 from turnout.kernels.compiled import compiled, compiled_loop
+from turnout.kernels.lanes import (
+    LANES,
+    absolute,
+    broadcast,
+    greater,
+    horizontal_sum,
+    load,
+    select,
+)
 from turnout.law.table import Floats, LawTable
 
 STICK = 0
@@ -81,8 +90,15 @@ def friction_state(trial: float, limit: float, present: float, tolerance: float)
 
 @compiled_loop
 def any_not_finite(values: Floats) -> bool:
-    """Return whether an array holds NaN or infinity."""
-    count = 0
-    for i in range(values.size):
-        count += not abs(values[i]) < np.inf
-    return count > 0
+    """Return whether a vector that fills whole cache lines holds NaN or infinity."""
+    zero, one, infinite = broadcast(0.0), broadcast(1.0), broadcast(np.inf)
+    a, b, c, d = zero, zero, zero, zero  # four counts, since each waits for its last addition
+    whole = values.size - values.size % (4 * LANES)
+    for i in range(0, whole, 4 * LANES):
+        a = a + select(greater(infinite, absolute(load(values, i))), zero, one)
+        b = b + select(greater(infinite, absolute(load(values, i + LANES))), zero, one)
+        c = c + select(greater(infinite, absolute(load(values, i + 2 * LANES))), zero, one)
+        d = d + select(greater(infinite, absolute(load(values, i + 3 * LANES))), zero, one)
+    for i in range(whole, values.size, LANES):
+        a = a + select(greater(infinite, absolute(load(values, i))), zero, one)
+    return horizontal_sum((a + b) + (c + d)) > 0.0
