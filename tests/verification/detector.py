@@ -83,6 +83,10 @@ DETECTOR = (
 """Sources that a detector and its verdicts depend on, beside those of its throws."""
 
 
+OF_THE_STUDY = Allowances(timing=0.0, gain=0.0, zero=0.0)
+"""Errors of the throws that the goals of the detector come from."""
+
+
 def main() -> None:
     """Throw, train, judge and print."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -93,12 +97,18 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=JUDGED_SEED, help="of the switches judged")
     parser.add_argument("--only", nargs="*", help="figures wanted; default all that are missing")
     parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument(
+        "--errors-of-the-study",
+        action="store_true",
+        help="discrepancy and noise alone: onsets, gains and zeros of the sensors are known",
+    )
     given = vars(parser.parse_args())
     folder, wanted = given.pop("folder"), given.pop("only")
     source, workers, seed = given.pop("study"), given.pop("workers"), given.pop("seed")
     study = reference_study() if source is None else load_study(source)
     amplitude = nominal_amplitude(study, friction=NOMINAL_FRICTION)
-    setting = setting_of(study.panel, amplitude=amplitude, allowances=Allowances())
+    allowances = OF_THE_STUDY if given.pop("errors_of_the_study") else Allowances()
+    setting = setting_of(study.panel, amplitude=amplitude, allowances=allowances)
     plans = plans_of(study, Sizes(**given), seed=seed)
     throws = Throws(plans, folder, setting.layout, workers=workers)
     path, made = detector_file(throws, setting, folder)

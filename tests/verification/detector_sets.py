@@ -257,4 +257,4 @@ def narrow_plans(sizes: Sizes, *, seed: int) -> dict[str, Plan]:
 
 
 NARROW = Path(__file__).with_name("detector_narrow.toml")
-NARROW_SWITCHES = 100
+NARROW_SWITCHES = 300
