@@ -50,6 +50,6 @@ def test_onsets_that_are_some_milliseconds_off_are_found_again() -> None:
     detector = toy_detector()
     aligner = Aligner(detector.view("cycle"), detector.knowledge.layout)
     for shift in (-0.03, 0.02):
-        found = aligner.align(toy_throw(level=0.5, seed=5, shift=shift))
+        found = aligner.aligned(toy_throw(level=0.5, seed=5, shift=shift))[0]
         for name, at in (("opening", 0.2), ("closing", 4.4)):
             assert 0.6 < (found[name] - at) / shift < 1.2

@@ -20,7 +20,6 @@ from turnout.cli.json_output import json_text
 
 if TYPE_CHECKING:
     from turnout.detection.detector.detector import Detector
-    from turnout.detection.detector.throw_verdict import Verdict
 
 SETTLED = 2.0
 """A recording is read when it was seen unchanged for so long, whatever its date [s]."""
@@ -85,24 +84,18 @@ def _files(folder: Path) -> list[tuple[Path, tuple[int, int]]]:
 
 
 def _judge_file(found: "Detector", path: Path, channels: Path | None, *, as_json: bool) -> None:
+    from turnout.detection.detector.throw_verdict import cannot_judge
     from turnout.errors import TurnoutError
 
     try:
         verdicts = found.predict(read_recordings([path], channels, found.quantity))
     except (TurnoutError, OSError) as error:
-        verdicts = [_cannot(path, str(error))]
+        verdicts = [cannot_judge(path.name, str(error))]
     except Exception as error:  # noqa: BLE001 - whatever a file holds, the next ones are judged
-        verdicts = [_cannot(path, f"{type(error).__name__} while it was judged: {error}")]
+        verdicts = [cannot_judge(path.name, f"{type(error).__name__} while it was judged: {error}")]
     for item in verdicts:
         if as_json:
             text = json_text("detect watch", {"verdict": asdict(item)}, units=verdict_units(found))
             typer.echo(" ".join(text.split()))
         else:
             typer.echo("\n".join(item.lines()))
-
-
-def _cannot(path: Path, reason: str) -> "Verdict":
-    from turnout.detection.detector.throw_verdict import Verdict
-    from turnout.detection.detector.words_of_verdict import ADVICE, CANNOT
-
-    return Verdict(name=path.name, status=CANNOT, reason=reason, advice=ADVICE[CANNOT])

@@ -7,6 +7,7 @@ from typing import Any
 from turnout.detection.conditions import CURRENT, FORCE, UNITS
 from turnout.detection.detector.object_kinds import kinds_in_words
 from turnout.detection.detector.trends import LEAST_THROWS, staying_causes, trend_of
+from turnout.detection.detector.words_of_verdict import ALARM, CANNOT, CAUSE, SOUND, UNKNOWN
 from turnout.metric.finding import Finding
 from turnout.plot.detection import trend_sheet
 from turnout.report.page import Page, Section, Table
@@ -34,7 +35,7 @@ def detection_page(
     """
     counts = Counter(str(item["status"]) for item in verdicts)
     findings = [_headline(verdicts, counts)]
-    lost = counts.get("cannot judge", 0)
+    lost = counts.get(CANNOT, 0)
     if lost:
         detail = f"{lost} of {len(verdicts)} throws; the table says why"
         findings.append(Finding("bad", "Could every throw be judged?", "No", detail))
@@ -48,7 +49,7 @@ def detection_page(
         name, (since, total) = next(iter(staying.items()))
         detail = f"{name}, since {verdicts[since]['name']} (cumulated log odds {total:.1f})"
         findings.append(Finding("look", "Does a cause stay?", "Yes", detail))
-    called = [item for item in verdicts if item["status"] != "sound"]
+    called = [item for item in verdicts if item["status"] != SOUND]
     sections = [
         Section(
             heading="Throws",
@@ -82,14 +83,14 @@ def detection_page(
 
 def _headline(verdicts: Sequence[Mapping[str, Any]], counts: Mapping[str, int]) -> Finding:
     question, total = "Is something trapped?", len(verdicts)
-    alarms = counts.get("object", 0)
+    alarms = counts.get(ALARM, 0)
     if alarms:
         return Finding("bad", question, "Yes", f"an object is called in {alarms} of {total} throws")
-    others = counts.get("other cause", 0) + counts.get("unknown deviation", 0)
+    others = counts.get(CAUSE, 0) + counts.get(UNKNOWN, 0)
     if others:
         detail = f"but {others} of {total} throws deviate otherwise"
         return Finding("look", question, "Not called", detail)
-    sound, lost = counts.get("sound", 0), counts.get("cannot judge", 0)
+    sound, lost = counts.get(SOUND, 0), counts.get(CANNOT, 0)
     if not sound:
         return Finding("bad", question, "Unknown", f"none of {total} throws could be judged")
     if lost:
@@ -113,7 +114,7 @@ def _table(verdicts: Sequence[Mapping[str, Any]]) -> Table:
                 str(item["reason"]) or _remark(item),
             ]
         )
-    marked = frozenset(i for i, item in enumerate(verdicts) if item["status"] != "sound")
+    marked = frozenset(i for i, item in enumerate(verdicts) if item["status"] != SOUND)
     gap_columns = [f"{name} [mm], limit {MILLI * limit:.0f}" for name, limit in limits.items()]
     columns = ["throw", "verdict", "log odds", "friction", *gap_columns, "remark"]
     return Table("", columns, rows, marked)

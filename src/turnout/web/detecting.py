@@ -101,7 +101,7 @@ def judged_record(detector: Detector, throws: Sequence[Recorded]) -> dict[str, A
     if len(throws) > MOST_THROWS:
         message = f"{len(throws)} throws: at most {MOST_THROWS}; use `turnout detect run` for more"
         raise FileError(message)
-    verdicts = [detector.judge(throw) for throw in throws]
+    verdicts = detector.predict(throws)
     rows = [asdict(item) for item in verdicts]
     trends = trend_sheet(rows) if len(verdicts) > 1 else None
     staying = [

@@ -96,12 +96,16 @@ class Aligner:
             if np.any(number[kept] == at)
         }
 
-    def align(self, throw: Recorded) -> dict[str, float]:
-        """Return the onsets under which sound throws explain the early part best."""
-        return self.aligned(throw)[0]
-
     def aligned(self, throw: Recorded) -> tuple[dict[str, float], dict[str, Integral]]:
-        """Return the same, and integrals as of `EarlyForces.sums`."""
+        """Return the onsets under which sound throws explain the early part best.
+
+        Returns
+        -------
+        onsets : dict of str to float
+            By movement [s].
+        sums : dict of str to Integral
+            As of `EarlyForces.sums`.
+        """
         found = {name: throw.onsets[name] for name in self.names(throw)}
         early = EarlyForces(self, throw, {name: at + SHIFTS for name, at in found.items()})
 

@@ -1,6 +1,6 @@
 """The detector: trained once for a type of switch, taught by each switch's own sound throws."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
@@ -29,8 +29,8 @@ from turnout.detection.detector.recorded import (
 from turnout.detection.detector.switch_history import Expectation, before_history, observe_all
 from turnout.detection.detector.throw_layout import CLOSING, Layout
 from turnout.detection.detector.throw_set import ThrowSet
-from turnout.detection.detector.throw_verdict import Verdict, verdict_on
-from turnout.detection.detector.words_of_verdict import ADVICE, CANNOT, SOUND
+from turnout.detection.detector.throw_verdict import Verdict, cannot_judge, verdict_on
+from turnout.detection.detector.words_of_verdict import CANNOT, SOUND
 from turnout.detection.detector.wrong_channels import wrong_features
 from turnout.errors import FileError, TurnoutError
 
@@ -110,7 +110,7 @@ class Detector:
             finder = MovementFinder(self.view(), layout)
             if recording.marked:
                 fault = further_closing(recording, layout, finder)
-                return [replace(recording, fault=fault)]
+                return [replace(recording, fault=fault, single=False)]
             return located(recording, layout, finder, self._aligner)
 
     def judge(self, throw: Recorded) -> Verdict:
@@ -127,14 +127,9 @@ class Detector:
         rows: dict[str, list[tuple[int, Floats]]] = {}
         with one_blas_thread():
             for number, throw in enumerate(throws):
-                reason = recording_fault(throw, self.knowledge.layout, self.quantity)
+                part, features, reason = self._usable(throw)
                 if reason:
-                    found[number] = _cannot_judge(throw.name, reason)
-                    continue
-                part, features = self.features(throw)
-                reason = self._unusable(part, features) or self._unjudged(part)
-                if reason:
-                    found[number] = _cannot_judge(throw.name, reason)
+                    found[number] = cannot_judge(throw.name, reason)
                 else:
                     rows.setdefault(part, []).append((number, features))
             for part, own in rows.items():
@@ -144,6 +139,14 @@ class Detector:
                     said = self._judge_rows(np.array(measured), part=part, names=names)
                     found |= dict(zip(numbers, said, strict=True))
         return [found[number] for number in range(len(throws))]
+
+    def _usable(self, throw: Recorded) -> tuple[str, Floats, str]:
+        """Return what of a throw can be judged, its features, and why not; empty if it can be."""
+        reason = recording_fault(throw, self.knowledge.layout, self.quantity)
+        if reason:
+            return "", np.zeros(0), reason
+        part, features = self.features(throw)
+        return part, features, self._unusable(part, features) or self._unjudged(part)
 
     def _unjudged(self, part: str) -> str:
         """Return why a detector with some thresholds has none for a part; empty otherwise."""
@@ -174,12 +177,12 @@ class Detector:
             self._rests[part] = ForcesAtRest(self.view(part), self.knowledge.layout)
         return self._rests[part].fault(features)
 
-    def judge_features(self, features: Floats, *, part: str = CYCLE, name: str = "") -> Verdict:
+    def judge_features(self, features: Floats, *, part: str = CYCLE) -> Verdict:
         """Judge one throw by its features, shape (n_features,) [N]."""
         lost = np.count_nonzero(~np.isfinite(features[self.view(part).features]))
         if lost:
-            return _cannot_judge(name, f"{lost} windows hold no samples")
-        return self._judge_rows(np.atleast_2d(features), part=part, names=[name])[0]
+            return cannot_judge("", f"{lost} windows hold no samples")
+        return self._judge_rows(np.atleast_2d(features), part=part, names=[""])[0]
 
     def _judge_rows(self, features: Floats, *, part: str, names: Sequence[str]) -> list[Verdict]:
         """Judge throws without gaps together, shape (n_throws, n_features)."""
@@ -264,23 +267,20 @@ class Detector:
         list of Verdict
             On each throw, before any of them was learned.
         """
-        found, rows = [], []
+        found: list[Verdict] = []
+        rows: dict[str, list[Floats]] = {}
         for throw in [one for item in throws for one in self.located(item)]:
-            if recording_fault(throw, self.knowledge.layout, self.quantity):
-                found.append(self.judge(throw))
-                continue
             with one_blas_thread():
-                part, own = measured = self.features(throw)
-                reason = self._unusable(part, own)
+                part, own, reason = self._usable(throw)
                 if reason:
-                    verdict = _cannot_judge(throw.name, reason)
-                else:
-                    verdict = self.judge_features(own, part=part, name=throw.name)
+                    found.append(cannot_judge(throw.name, reason))
+                    continue
+                (verdict,) = self._judge_rows(own[np.newaxis], part=part, names=[throw.name])
             found.append(verdict)
-            if verdict.status == SOUND or not (check or verdict.status == CANNOT):
-                rows.append(measured)
-        for part in dict.fromkeys(item[0] for item in rows):
-            self.learn_features(np.array([row for own, row in rows if own == part]), part=part)
+            if verdict.status == SOUND or not check:
+                rows.setdefault(part, []).append(own)
+        for part, measured in rows.items():
+            self.learn_features(np.array(measured), part=part)
         return found
 
     def learn_features(self, features: Floats, *, part: str = CYCLE) -> None:
@@ -329,7 +329,7 @@ class Detector:
 
     # ---- one file
 
-    def save(self, path: Path | str, *, report: Callable[[str], None] | None = None) -> None:
+    def save(self, path: Path | str) -> None:
         """Write the detector with the history of its switch to one file."""
         extra = {
             "mean": self.known.mean,
@@ -338,8 +338,6 @@ class Detector:
             "scatter": np.array([self.known.scatter, self.known.information]),
         }
         store(self.knowledge, Path(path), extra=extra if self.known.throws else None)
-        if report is not None:
-            report(str(path))
 
     @classmethod
     def load(cls, path: Path | str, *, false_alarm_rate: float = 1e-3) -> Self:
@@ -365,10 +363,6 @@ class Detector:
                 **dict(zip(("scatter", "information"), extra.get("scatter", ()), strict=False)),
             )
         return found
-
-
-def _cannot_judge(name: str, reason: str) -> Verdict:
-    return Verdict(name=name, status=CANNOT, reason=reason, advice=ADVICE[CANNOT])
 
 
 def _peaks(size: Floats, layout: Layout) -> Floats:

@@ -23,8 +23,11 @@ from turnout.detection.detector.align_onsets import Aligner, EarlyForces
 from turnout.detection.detector.judging import View
 from turnout.detection.detector.recorded import (
     END_MISSING,
+    LEAST_SAMPLES,
     START_MISSING,
+    TOGETHER,
     Recorded,
+    known_forces,
     part_of,
     value_fault,
 )
@@ -41,8 +44,6 @@ AMPLITUDE = (0.35, 3.0)
 """Least and largest size of a movement in sizes of a sound one, by least squares [-]."""
 UNLIKELY = 10.0
 """Times beyond these from which on forces are probably in another unit [-]."""
-LEAST_SAMPLES = 10
-"""Below which nothing is looked for."""
 BLOCK = 1000
 """Instants that are tried together, which bounds memory."""
 SAME = 0.3
@@ -59,8 +60,6 @@ CLEAR = 3.0
 """Logarithm of the likelihood by which the best onset must exceed a different one [-]."""
 AGREE = 0.04
 """Onsets that the forces show by themselves hold where they lie so near to a match [s]."""
-TOGETHER = 30.0
-"""An opening belongs to the closing that begins at most so long after its onset [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -254,19 +253,17 @@ def located(
     aligner : callable
         Returns the aligner of the cycle or the closing.
     """
-    rows = [recording.drives.index(name) for name in layout.drives]
-    known = np.isfinite(recording.force[rows]).all(axis=0)
-    if np.count_nonzero(known) < LEAST_SAMPLES:
+    time, force = known_forces(recording, layout)
+    if time.size < LEAST_SAMPLES:
         empty = [
             name
-            for name, row in zip(layout.drives, rows, strict=True)
-            if not np.isfinite(recording.force[row]).any()
+            for name in layout.drives
+            if not np.isfinite(recording.force[recording.drives.index(name)]).any()
         ]
         reason = "holds no instants at which all drives are recorded"
         if empty:
             reason = f"drive {', '.join(empty)}: holds no numbers"
         return _refused(recording, reason)
-    time, force = recording.time[known], recording.force[rows][:, known]
     found, best = finder.movements(time, force)
     wrong = wrong_forces(found, best[0], force, partial(finder.movements, time), layout.drives)
     if wrong:
@@ -326,11 +323,11 @@ def further_closing(recording: Recorded, layout: Layout, finder: MovementFinder)
     """
     closing = layout.parts[-1]
     stop = recording.onsets[CLOSING] + closing.edges[-1] - REST
-    rows = [recording.drives.index(name) for name in layout.drives]
-    later = (recording.time > stop) & np.isfinite(recording.force[rows]).all(axis=0)
+    time, force = known_forces(recording, layout)
+    later = time > stop
     if recording.time[-1] - stop < closing.edges[-1] or np.count_nonzero(later) < LEAST_SAMPLES:
         return ""
-    found, _ = finder.movements(recording.time[later], recording.force[rows][:, later])
+    found, _ = finder.movements(time[later], force[:, later])
     others = [item.onset for item in found if item.name == CLOSING]
     if not others:
         return ""

@@ -17,6 +17,10 @@ from turnout.detection.detector.throw_layout import CLOSING, OPENING, Integral, 
 
 Floats = NDArray[np.float64]
 
+LEAST_SAMPLES = 10
+"""At which all drives are recorded, below which nothing is looked for or judged."""
+TOGETHER = 30.0
+"""An opening belongs to the closing that begins at most so long after its onset [s]."""
 LEAST_RATE = 20.0
 """Samples a second below which windows of a closing movement stay empty [Hz]."""
 MOST_HOLES = 0.1

@@ -12,7 +12,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.detection.conditions import CURRENT, FORCE, POWER, UNITS
-from turnout.detection.detector.recorded import Recorded
+from turnout.detection.detector.recorded import LEAST_SAMPLES, Recorded
 from turnout.detection.detector.throw_layout import CLOSING, OPENING
 from turnout.detection.detector.throws_of_dataset import faulty, throws_of_dataset
 from turnout.detection.drive_quantities import CHANNELS
@@ -35,7 +35,6 @@ JOINED = "+"
 SHARED = "one channel stands for the motors of drives"
 LONGEST_WINDOW = 0.1
 """A mean over longer smears what a contact changes [s]."""
-LEAST_SAMPLES = 10
 LARGEST_RATE = 1e6
 """Samples a second beyond which a rate is mistyped [Hz]."""
 LONGEST_CELL = 2**31 - 1

@@ -28,6 +28,7 @@ from turnout.detection.detector.throw_layout import CLOSING
 from turnout.detection.detector.words_of_verdict import (
     ADVICE,
     ALARM,
+    CANNOT,
     CAUSE,
     CAUSE_ADVICE,
     OPEN_ADVICE,
@@ -166,10 +167,10 @@ class Verdict:
         """Return the verdict in words, a few lines."""
         return verdict_lines(self)
 
-    @property
-    def causes(self) -> tuple[str, ...]:
-        """Causes other than an object."""
-        return tuple(name for name in self.odds if name != "object")
+
+def cannot_judge(name: str, reason: str) -> Verdict:
+    """Return the verdict on what cannot be judged, and why."""
+    return Verdict(name=name, status=CANNOT, reason=reason, advice=ADVICE[CANNOT])
 
 
 def verdict_on(

@@ -7,15 +7,12 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.detection.conditions import FORCE
-from turnout.detection.detector.recorded import Recorded
+from turnout.detection.detector.recorded import TOGETHER, Recorded
 from turnout.detection.detector.throw_layout import CLOSING, OPENING
 from turnout.detection.drive_quantities import CHANNELS
 from turnout.measurement.campaign.find_throws import FoundThrow, find_throws
 
 Floats = NDArray[np.float64]
-
-APART = 30.0
-"""An opening belongs to the closing that begins at most so long after its onset [s]."""
 
 
 def faulty(name: str, fault: str) -> Recorded:
@@ -104,7 +101,7 @@ def _opening_before(found: tuple[FoundThrow, ...], closing: FoundThrow) -> Found
     if at == 0:
         return None
     before = found[at - 1]
-    near = closing.onset - before.onset < APART
+    near = closing.onset - before.onset < TOGETHER
     return before if before.direction == OPENING and near and not before.cut_start else None
 
 
@@ -151,7 +148,7 @@ def _row_before(columns: dict[str, list[object]], row: int, onset: float) -> int
     same = columns["file"][row - 1] == columns["file"][row]
     opening = columns["direction"][row - 1] == OPENING
     ago = onset - float(str(columns["onset"][row - 1]))
-    return row - 1 if same and opening and 0.0 < ago < APART else None
+    return row - 1 if same and opening and 0.0 < ago < TOGETHER else None
 
 
 def unmarked(dataset: xr.Dataset, *, name: str, shown: Sequence[Mapping[str, float]]) -> Recorded:
