@@ -28,11 +28,11 @@ def detector_file(folder: Path) -> Path:
     return path
 
 
-def table_file(folder: Path, sizes: list[float]) -> Path:
+def table_file(folder: Path, sizes: list[float], *, factor: float = 1.0) -> Path:
     """Write a table with a row a throw, of these object sizes [m]; 0 for none."""
     lines = ["throw,rate [Hz],start [s],force 1 [N],force 2 [N]"]
     for seed, size in enumerate(sizes):
-        rows = toy_throw(seed=seed, size=size).force
+        rows = factor * toy_throw(seed=seed, size=size).force
         cells = [" ".join(f"{value:.1f}" for value in row) for row in rows]
         lines.append(f"t{seed},125,-4.4,{cells[0]},{cells[1]}")
     path = folder / "throws.csv"

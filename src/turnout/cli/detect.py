@@ -231,17 +231,19 @@ def learn_command(
 ) -> None:
     """Add sound throws of one switch to its detector; what is not called sound is left out."""
     check_outputs({"--out": out}, {"--out": (".detector",)})
+    from turnout.detection.detector.another_switch import misfit_remark
     from turnout.detection.detector.detector import Detector
     from turnout.errors import FileError
 
     found = Detector.load(detector)
     if reset:
         found.clear_history()
-    throws = read_recordings(recordings, channels, found.quantity)
+    throws = read_recordings(recordings, channels, found)
     before = found.known.throws
     verdicts = found.learn(throws, check=not unchecked)
     if found.known.throws == before:
-        raise FileError(_nothing_learned(verdicts, out))
+        remark = misfit_remark([item.status for item in verdicts], found.knowledge.about)
+        raise FileError(_nothing_learned(verdicts, out) + (f"; {remark}" if remark else ""))
     found.save(out)
     if as_json:
         known = found.known
@@ -281,17 +283,21 @@ def run_command(
     as_json: JsonOption = False,
 ) -> None:
     """Judge throws: object or not, where, how large, gaps without sensors, other causes."""
+    from turnout.detection.detector.another_switch import misfit_remark
     from turnout.detection.detector.detector import Detector
 
     found = Detector.load(detector, false_alarm_rate=known_rate(far))
-    verdicts = found.predict(read_recordings(recordings, channels, found.quantity))
+    verdicts = found.predict(read_recordings(recordings, channels, found))
+    remark = misfit_remark([item.status for item in verdicts], found.knowledge.about)
     if as_json:
-        record = {"verdicts": [asdict(item) for item in verdicts]}
+        record = {"verdicts": [asdict(item) for item in verdicts], "remark": remark}
         print_json("detect run", record, units=verdict_units(found))
     else:
         for item in verdicts:
             typer.echo("\n".join(item.lines()))
         typer.echo(_summary(verdicts))
+        if remark:
+            typer.echo(remark)
     if strict and any(item.status != "sound" for item in verdicts):
         raise typer.Exit(EXIT_NOT_SOUND)
 
@@ -319,7 +325,7 @@ def report_command(
     from turnout.report.page import page_html
 
     found = Detector.load(detector, false_alarm_rate=known_rate(far))
-    verdicts = found.predict(read_recordings(recordings, channels, found.quantity))
+    verdicts = found.predict(read_recordings(recordings, channels, found))
     about = {
         "detector": str(detector),
         "panel": str(found.knowledge.about.get("panel", "")),

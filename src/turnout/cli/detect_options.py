@@ -51,18 +51,24 @@ def known_rate(far: float) -> float:
 
 
 def read_recordings(
-    recordings: "Sequence[Path]", channels: Path | None, quantity: str
+    recordings: "Sequence[Path]", channels: Path | None, detector: "Detector"
 ) -> "list[Recorded]":
-    """Return the throws of recordings; FileError where one holds none."""
+    """Return the throws of recordings; FileError where one holds none.
+
+    Where one names another panel than the detector's, a note goes to stderr.
+    """
+    from turnout.detection.detector.another_switch import panel_remark
     from turnout.detection.detector.reading import read_throws
     from turnout.errors import FileError
 
     found = []
     for path in recordings:
-        throws = read_throws(path, channels=channels, quantity=quantity)
+        throws = read_throws(path, channels=channels, quantity=detector.quantity)
         if not throws:
             message = f"{path}: holds no closing movement; only these are judged"
             raise FileError(message)
+        if remark := panel_remark(throws, detector.knowledge.about):
+            typer.echo(f"turnout: {path}: {remark}", err=True)
         found += throws
     return found
 

@@ -88,7 +88,7 @@ def _judge_file(found: "Detector", path: Path, channels: Path | None, *, as_json
     from turnout.errors import TurnoutError
 
     try:
-        verdicts = found.predict(read_recordings([path], channels, found.quantity))
+        verdicts = found.predict(read_recordings([path], channels, found))
     except (TurnoutError, OSError) as error:
         verdicts = [cannot_judge(path.name, str(error))]
     except Exception as error:  # noqa: BLE001 - whatever a file holds, the next ones are judged

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from turnout.detection.conditions import CURRENT, FORCE, UNITS
+from turnout.detection.detector.another_switch import misfit_remark
 from turnout.detection.detector.object_kinds import kinds_in_words
 from turnout.detection.detector.trends import LEAST_THROWS, staying_causes, trend_of
 from turnout.detection.detector.words_of_verdict import ALARM, CANNOT, CAUSE, SOUND, UNKNOWN
@@ -43,6 +44,8 @@ def detection_page(
     if wide:
         detail = f"inferred in {len(wide)} of {len(verdicts)} throws, the last {wide[-1]}"
         findings.append(Finding("bad", "Is a gap above its limit?", "Yes", detail))
+    if remark := misfit_remark([str(item["status"]) for item in verdicts], about):
+        findings.append(Finding("look", "Does the detector fit the switch?", "Unclear", remark))
     findings.append(Finding("fact", "May trains rely on it?", "No", SAFETY))
     staying = staying_causes(verdicts)
     if staying:

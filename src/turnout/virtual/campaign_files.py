@@ -136,21 +136,24 @@ class WrittenThrow:
     slipped: bool
 
 
-def sheet_text(thrown: Sequence[WrittenThrow], *, note: str, title: str) -> str:
+def sheet_text(thrown: Sequence[WrittenThrow], *, note: str, title: str, panel: str = "") -> str:
     """Return a run sheet.
 
     Examples
     --------
     >>> case = Case(name="a", direction="closing", size=0.013, place="sleeper 6")
-    >>> print(sheet_text([WrittenThrow(case, "a.csv", False)], note="synthetic: x", title="y"))
+    >>> thrown = [WrittenThrow(case, "a.csv", False)]
+    >>> print(sheet_text(thrown, note="synthetic: x", title="y", panel="sb2"))
     # title: y
+    # panel: sb2
     # synthetic: x
     file,direction,size [mm],place,repeat,slip,remark
     a.csv,closing,13,sleeper 6,1,no,
     <BLANKLINE>
     """
     content = io.StringIO()
-    content.write(f"# title: {title}\n# synthetic: {note.removeprefix('synthetic: ')}\n")
+    content.write(f"# title: {title}\n" + (f"# panel: {panel}\n" if panel else ""))
+    content.write(f"# synthetic: {note.removeprefix('synthetic: ')}\n")
     table = csv.writer(content, lineterminator="\n")
     table.writerow(["file", "direction", "size [mm]", "place", "repeat", "slip", "remark"])
     for item in thrown:

@@ -247,5 +247,5 @@ def _finish(
     }
     save_response(truth.assign_attrs(attributes), folder / TRUTH)
     title = f"virtual campaign of {panel.name}"
-    write_atomic(folder / SHEET, sheet_text(lines, note=note, title=title))
+    write_atomic(folder / SHEET, sheet_text(lines, note=note, title=title, panel=panel.name))
     return VirtualCampaign(tuple(thrown), tuple(mistakes), tuple(failures))

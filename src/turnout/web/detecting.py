@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 from turnout.detection.conditions import FORCE
+from turnout.detection.detector.another_switch import misfit_remark, panel_remark
 from turnout.detection.detector.detector import Detector
 from turnout.detection.detector.recorded import Recorded
 from turnout.detection.detector.switch_history import predict
@@ -93,7 +94,7 @@ def run_throws(dataset: xr.Dataset, *, quantity: str = FORCE) -> list[Recorded]:
 
 
 def judged_record(detector: Detector, throws: Sequence[Recorded]) -> dict[str, Any]:
-    """Return verdicts, each with the throw in its expected band, and trends, as plain data."""
+    """Return verdicts, each with the throw in its expected band, remarks, trends, as plain data."""
     throws = [throw for item in throws for throw in detector.located(item)]
     if not throws:
         message = "it holds no closing movement; only these are judged"
@@ -103,6 +104,8 @@ def judged_record(detector: Detector, throws: Sequence[Recorded]) -> dict[str, A
         raise FileError(message)
     verdicts = detector.predict(throws)
     rows = [asdict(item) for item in verdicts]
+    about = detector.knowledge.about
+    remarks = panel_remark(throws, about), misfit_remark([item.status for item in verdicts], about)
     trends = trend_sheet(rows) if len(verdicts) > 1 else None
     staying = [
         f"{name} stays since {rows[since]['name']} (cumulated log odds {total:.1f})"
@@ -116,6 +119,7 @@ def judged_record(detector: Detector, throws: Sequence[Recorded]) -> dict[str, A
         ],
         "trends": sheet_record(trends) if trends else None,
         "staying": staying,
+        "remark": "; ".join(text for text in remarks if text),
         "history": detector.known.throws,
         "safety": SAFETY,
     }

@@ -23,15 +23,20 @@ from turnout.detection.detector.align_onsets import Aligner, EarlyForces
 from turnout.detection.detector.judging import View
 from turnout.detection.detector.recorded import (
     END_MISSING,
-    LEAST_SAMPLES,
     START_MISSING,
-    TOGETHER,
     Recorded,
     known_forces,
     part_of,
     value_fault,
 )
-from turnout.detection.detector.throw_layout import CLOSING, OPENING, Layout, Part
+from turnout.detection.detector.throw_layout import (
+    CLOSING,
+    LEAST_SAMPLES,
+    OPENING,
+    TOGETHER,
+    Layout,
+    Part,
+)
 from turnout.detection.detector.wrong_channels import wrong_forces
 
 Floats = NDArray[np.float64]

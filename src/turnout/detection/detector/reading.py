@@ -89,7 +89,7 @@ def _of_folder(folder: Path, channels: Path | str | None, quantity: str) -> list
             shown=[found[run.name].onsets for run in runs if not found[run.name].fault],
         )
         listed = {run.name: {"size": run.size, "place": run.place} for run in runs}
-        throws.append(replace(whole, listed=listed))
+        throws.append(replace(whole, listed=listed, panel=(campaign.sheet.panel, "")))
     return throws
 
 

@@ -17,10 +17,6 @@ from turnout.detection.detector.throw_layout import CLOSING, OPENING, Integral, 
 
 Floats = NDArray[np.float64]
 
-LEAST_SAMPLES = 10
-"""At which all drives are recorded, below which nothing is looked for or judged."""
-TOGETHER = 30.0
-"""An opening belongs to the closing that begins at most so long after its onset [s]."""
 LEAST_RATE = 20.0
 """Samples a second below which windows of a closing movement stay empty [Hz]."""
 MOST_HOLES = 0.1
@@ -64,6 +60,8 @@ class Recorded:
         Onsets of each closing, with its opening, that the forces of such a recording show [s].
     listed : mapping of str to mapping
         Names of the closings that a run sheet lists for it, in the order of time, with labels.
+    panel : (str, str)
+        Name and hash of the panel that its file names; empty where it names none.
     """
 
     name: str
@@ -78,6 +76,7 @@ class Recorded:
     single: bool = False
     shown: Sequence[Mapping[str, float]] = ()
     listed: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    panel: tuple[str, str] = ("", "")
 
 
 def recording_fault(throw: Recorded, layout: Layout, quantity: str = FORCE) -> str:
@@ -96,7 +95,9 @@ def recording_fault(throw: Recorded, layout: Layout, quantity: str = FORCE) -> s
         return throw.fault
     lacking = [name for name in layout.drives if name not in throw.drives]
     if lacking:
-        return f"no {quantity} of drive {', '.join(lacking)} is recorded{_named(throw.drives)}"
+        there = f"; there are {', '.join(throw.drives)}: name them as the panel does"
+        fault = f"no {quantity} of drive {', '.join(lacking)} is recorded"
+        return fault + there if throw.drives else fault
     if CLOSING not in throw.onsets:
         return "no closing movement was found in it"
     if throw.time.size < 2 or not np.all(np.diff(throw.time) > 0.0):
@@ -110,11 +111,6 @@ def recording_fault(throw: Recorded, layout: Layout, quantity: str = FORCE) -> s
         if np.array_equal(one, other, equal_nan=True):
             return f"drives {first} and {second} hold the same samples: one channel twice"
     return ""
-
-
-def _named(drives: Sequence[str]) -> str:
-    """Return which drives a recording has instead of those of the panel."""
-    return f"; there are {', '.join(drives)}: name them as the panel does" if drives else ""
 
 
 def _channel_fault(throw: Recorded, row: int, layout: Layout, quantity: str) -> str:

@@ -16,6 +16,10 @@ from turnout.detection.features import CLOSING_WINDOW, OPENING_WINDOW
 Floats = NDArray[np.float64]
 
 OPENING, CLOSING = "opening", "closing"
+LEAST_SAMPLES = 10
+"""At which all drives are recorded, below which nothing is looked for or judged."""
+TOGETHER = 30.0
+"""An opening belongs to the closing that begins at most so long after its onset [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,14 +1,16 @@
 """Throws of a dataset in schema terms: cut out where currents show them, else a whole recording."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.detection.conditions import FORCE
-from turnout.detection.detector.recorded import TOGETHER, Recorded
-from turnout.detection.detector.throw_layout import CLOSING, OPENING
+from turnout.detection.detector.another_switch import panel_named
+from turnout.detection.detector.recorded import Recorded
+from turnout.detection.detector.throw_layout import CLOSING, OPENING, TOGETHER
 from turnout.detection.drive_quantities import CHANNELS
 from turnout.measurement.campaign.find_throws import FoundThrow, find_throws
 
@@ -31,6 +33,12 @@ def throws_of_dataset(
     Where no current shows the movements, the one that is returned is the whole recording:
     `Detector.predict` finds the throws in it.
     """
+    panel = panel_named(dataset.attrs)
+    found = _throws_of_dataset(dataset, name=name, quantity=quantity)
+    return [replace(item, panel=panel) for item in found]
+
+
+def _throws_of_dataset(dataset: xr.Dataset, *, name: str, quantity: str) -> list[Recorded]:
     channel = CHANNELS[quantity]
     if channel not in dataset:
         return [faulty(name, f"no drive {quantity}s are recorded")]
@@ -47,7 +55,7 @@ def throws_of_dataset(
         return [
             item
             for one, at in each
-            for item in throws_of_dataset(one, name=f"{name}#{at}", quantity=quantity)
+            for item in _throws_of_dataset(one, name=f"{name}#{at}", quantity=quantity)
         ]
     whole = dataset.transpose(..., "drive", "time")
     drives = tuple(str(item) for item in whole["drive"].to_numpy())

@@ -416,6 +416,8 @@ def _dataset(
         "filter": "moving average over 0.1 s",
         "excluded": json.dumps(out),
     }
+    if sheet.panel:
+        attributes["sheet_panel"] = sheet.panel
     stated = stated_uncertainties(channel_map)
     if stated:
         attributes["gain_uncertainty"] = json.dumps(stated)

@@ -119,7 +119,7 @@ SHEETS = ("runs.csv", "runs.toml")
 LOAD_CELL_FROM = 0.013
 NEEDED = ("file", "direction", "size", "place")
 OPTIONAL = ("movement", "repeat", "slip", "load_cell", "remark")
-HEADINGS = ("title", "synthetic", "load_cell_from")
+HEADINGS = ("title", "panel", "synthetic", "load_cell_from")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -178,6 +178,8 @@ class RunSheet:
         In the order of the sheet.
     title : str
         Of the campaign.
+    panel : str
+        That describes the switch; empty where the sheet names none.
     synthetic : str
         How the recordings were made where they were not measured; empty where they were.
     source : str
@@ -186,6 +188,7 @@ class RunSheet:
 
     runs: tuple[SheetRow, ...]
     title: str
+    panel: str
     synthetic: str
     source: str
 
@@ -275,8 +278,10 @@ def read_sheet(path: Path | str) -> RunSheet:
     if problems:
         raise MeasurementError(problems, source=str(path))
     title = str(headings.get("title", path.resolve().parent.name))
-    synthetic = str(headings.get("synthetic", ""))
-    return RunSheet(runs=tuple(runs), title=title, synthetic=synthetic, source=str(path))
+    panel, synthetic = (str(headings.get(name, "")) for name in ("panel", "synthetic"))
+    return RunSheet(
+        runs=tuple(runs), title=title, panel=panel, synthetic=synthetic, source=str(path)
+    )
 
 
 def _toml_rows(text: str, path: Path) -> tuple[dict[str, Any], list[tuple[str, Mapping[str, Any]]]]:

@@ -114,6 +114,7 @@ function draw() {
   byId("judged-head").replaceChildren(strong, head.startsWith(strong.textContent) ? head.slice(strong.textContent.length) : ` ${head}`);
   // gaps stand in the table below
   byId("judged-lines").textContent = rest.filter((line) => !line.startsWith("  gap at ")).map((line) => line.trim()).join(" \u00b7 ");
+  byId("judged-remark").textContent = judged.remark;
   const known = verdict.status === "object";
   byId("judged-blade").toggleAttribute("hidden", !known);
   if (known) drawBlade(byId("judged-blade"), [...verdict.blade].sort((a, b) => a.x - b.x).map((place) => ({ ...place, text: place.value ? place.value.toFixed(2) : "", look: place.value ? "missed" : "" })));
