@@ -44,3 +44,40 @@ def log_density(square: Floats, *, size: int) -> Floats:
     found += np.minimum(given, usual)
     found *= -0.5
     return found
+
+
+def sums_of_groups(
+    values: Floats, starts: NDArray[np.intp], *, temper: float
+) -> tuple[Floats, Floats]:
+    """Return the logarithm of the sum of the exponentials of each of some groups, two ways.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n, m)
+        Logarithms; those of a group follow each other.
+    starts : ndarray of int, shape (k,)
+        Where groups begin.
+    temper : float
+        By which logarithms are divided in the second way [-].
+
+    Returns
+    -------
+    whole, tempered : ndarray, shape (k, m)
+
+    Examples
+    --------
+    >>> logs, starts = np.log([[1.0], [4.0], [9.0]]), np.array([0, 2])
+    >>> [np.exp(item[:, 0]).round(6).tolist() for item in sums_of_groups(logs, starts, temper=2.0)]
+    [[5.0, 9.0], [3.0, 3.0]]
+    """
+    highest = values.max(axis=0)
+    scaled = np.maximum(values - highest, LEAST)
+    scaled /= temper
+    np.exp(scaled, out=scaled)
+    tempered = highest / temper + np.log(np.add.reduceat(scaled, starts, axis=0))
+    np.power(scaled, temper, out=scaled)  # faster than another exponential
+    return highest + np.log(np.add.reduceat(scaled, starts, axis=0)), tempered
+
+
+LEAST = -600.0
+"""Logarithms of densities are held at so much below the highest, above the smallest numbers."""

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from turnout.detection.density import log_density
+from turnout.detection.density import log_density, sums_of_groups
 from turnout.detection.triangular import Whitening, make_whitening
 
 Floats = NDArray[np.float64]
@@ -36,6 +36,10 @@ Singles = NDArray[np.float32]
 
 AMPLITUDE = 0.1
 r""":math:`\alpha`, deviation of the factor on a signature [-]."""
+TEMPER = 2.0
+"""By which log likelihoods of signatures are divided for what an object is, how large, and where:
+a throw lies between samples, and the nearest of them is not as much better than the next as its
+likelihood says."""
 REACH = 1.5
 """A signature is used at centres nearer than so many spacings of centres [-]."""
 
@@ -322,7 +326,9 @@ class Evidence:
     sound : ndarray, shape (n_throws,)
         When the switch is sound.
     kind : ndarray, shape (n_kinds, n_throws)
-        For each kind of signature.
+        For each kind of signature; minus infinity without a component.
+    tempered : ndarray, shape (n_kinds, n_throws)
+        The same, where logarithms of densities of components are divided by `TEMPER`.
     centre : ndarray, shape (k, n_throws)
         Of sound throws at each centre.
     white : ndarray, shape (k, n_features, n_throws)
@@ -343,6 +349,7 @@ class Evidence:
 
     sound: Floats
     kind: Floats
+    tempered: Floats
     centre: Floats
     white: Floats
     back: Singles
@@ -359,7 +366,10 @@ class Evidence:
 
     def of_throw(self, number: int) -> "Evidence":
         """Return that of one throw, without a copy."""
-        names = ("sound", "kind", "centre", "white", "back", "own", "component", "square", "off")
+        names = (
+            *("sound", "kind", "tempered", "centre", "white", "back", "own"),
+            *("component", "square", "off"),
+        )
         column = slice(number, number + 1)
         return replace(self, **{name: getattr(self, name)[..., column] for name in names})
 
@@ -401,9 +411,13 @@ def _weighed(white: Floats, back: Singles, hypotheses: Hypotheses) -> Evidence:
     np.maximum(square, 0.0, out=square)
     component = log_density(square, size=size)
     component += hypotheses.log_scale
+    kind, tempered = np.full((2, hypotheses.kinds, throws), -np.inf)
+    found = sums_of_groups(component, hypotheses.starts, temper=TEMPER)
+    kind[hypotheses.used], tempered[hypotheses.used] = found
     return Evidence(
         sound=log_sum(sound),
-        kind=_kind_sums(component, hypotheses),
+        kind=kind,
+        tempered=tempered,
         centre=sound,
         white=white,
         back=back,
@@ -430,20 +444,3 @@ def log_sum(values: Floats) -> Floats:
     """
     highest = values.max(axis=0)
     return np.asarray(highest + np.log(np.exp(values - highest).sum(axis=0)))
-
-
-def _kind_sums(component: Floats, hypotheses: Hypotheses) -> Floats:
-    """Return the logarithm of the density of each kind, shape (kinds, n_throws).
-
-    Minus infinity without a component.
-    """
-    highest = component.max(axis=0)
-    scaled = np.maximum(component - highest, LEAST)
-    np.exp(scaled, out=scaled)
-    found = np.full((hypotheses.kinds, component.shape[1]), -np.inf)
-    found[hypotheses.used] = highest + np.log(np.add.reduceat(scaled, hypotheses.starts, axis=0))
-    return found
-
-
-LEAST = -600.0
-"""Logarithms of densities are held at so much below the highest, above the smallest numbers."""

@@ -6,12 +6,13 @@ model of sound throws at a friction level, whose covariance is :math:`C`,
 .. math:: Q = |R\,(f - m)|^2 = |\sum_M R_M (f_M - m_M)|^2, \qquad R^T R = C^{-1}
 
 :math:`R` is lower triangular; :math:`R_M` holds the columns that belong to movement :math:`M`.
-While one onset is tried, the term of the other movement stays, and while that one is tried, the
-terms of this one at all instants are known already: each root is multiplied with each trial once.
+Both onsets are tried together: with the terms :math:`t_M` of each movement at each instant,
+:math:`Q = |t_1|^2 + |t_2|^2 + 2\,t_1 \cdot t_2`, so each root is multiplied with each trial once.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,16 +30,14 @@ Ints = NDArray[np.intp]
 
 SHIFTS = np.arange(-40e-3, 41e-3, 4e-3)
 """Onsets that are tried about the one that was found [s]."""
-AGAIN = 10e-3
-"""About the onset that was found first, where it is tried once more [s]."""
 ONSET_DEVIATION = 12e-3
 """Standard deviation of onsets that are found in recordings [s]."""
+KNOWN = -0.5 * (SHIFTS / ONSET_DEVIATION) ** 2
+"""Logarithm of how likely each of these shifts is before the forces are looked at."""
 EARLY = 0.6
 """Share of the closing movement by which it is aligned: before small objects are touched [-]."""
 REST_AFTER = 0.7
 """After the movement in a layout, about [s]."""
-FAR = 30.0
-"""Friction levels whose log likelihood lies so far below the best one do not count."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,35 +105,16 @@ class Aligner:
         sums : dict of str to Integral
             As of `EarlyForces.sums`.
         """
-        found = {name: throw.onsets[name] for name in self.names(throw)}
-        early = EarlyForces(self, throw, {name: at + SHIFTS for name, at in found.items()})
-
-        # the friction level is that of all movements, whose onsets are right to some milliseconds
-        levels = early.levels(found, next(iter(found)), more=1)
-
-        def shift(name: str, which: slice) -> float:
-            tried = SHIFTS[which]
-            scores = early.scores(found, name, which, levels=levels)
-            return _peak(tried, scores - 0.5 * (tried / ONSET_DEVIATION) ** 2)
-
-        for name in found:
-            found[name] = throw.onsets[name] + shift(name, ALL)
-        for name in found if len(found) > 1 else ():
-            # the other onset has moved: by little, so that this one is found near where it was
-            near = np.flatnonzero(np.abs(SHIFTS - (found[name] - throw.onsets[name])) < AGAIN)
-            some = slice(int(near[0]), int(near[-1]) + 1)
-            after = shift(name, some)
-            if not SHIFTS[some][1] < after < SHIFTS[some][-2]:
-                after = shift(name, ALL)
-            found[name] = throw.onsets[name] + after
+        given = {name: throw.onsets[name] for name in self.names(throw)}
+        early = EarlyForces(self, throw, {name: at + SHIFTS for name, at in given.items()})
+        values = early.scores() + reduce(np.add.outer, [KNOWN] * len(given))
+        shifts = _peak(SHIFTS, values)
+        found = {name: at + shift for (name, at), shift in zip(given.items(), shifts, strict=True)}
         return found, early.sums
 
     def names(self, throw: Recorded) -> list[str]:
-        """Return the movements of a throw that are used."""
-        return [name for name in throw.onsets if name in self.movements]
-
-
-ALL = slice(None)
+        """Return the movements of a throw that are used, in the order of time."""
+        return [name for name in self.movements if name in throw.onsets]
 
 
 class EarlyForces:
@@ -147,7 +127,7 @@ class EarlyForces:
     throw : Recorded
         Without fault.
     tried : mapping of str to ndarray
-        Rising instants at which each movement of the aligner may begin [s].
+        Rising instants at which each movement may begin, in the order of `Aligner.names` [s].
 
     Attributes
     ----------
@@ -157,93 +137,38 @@ class EarlyForces:
     """
 
     def __init__(self, aligner: Aligner, throw: Recorded, tried: Mapping[str, Floats]) -> None:
-        self._aligner, self._movements = aligner, aligner.movements
+        self._aligner, self._tried = aligner, tried
         parts = {part.name: part for part in aligner.layout.parts}
         self._sums, self.sums = {}, {}
         for name, instants in tried.items():
             self._sums[name], held = sums_about(throw, aligner.layout, parts[name], instants)
             if not held:
                 self.sums[name] = self._sums[name]
-        self._windows = {name: self.windows(name, item) for name, item in tried.items()}
-        self._terms: dict[str, tuple[slice, Singles]] = {}
 
-    def windows(self, name: str, instants: Floats) -> Floats:
-        """Return the early windows of a movement with its onset at some instants [N].
+    def scores(self) -> Floats:
+        """Return how well sound throws explain the early part for all onsets tried together.
 
         Returns
         -------
-        ndarray, shape (n_own, n_instants)
-            Drive by drive; NaN beyond the samples.
-        """
-        part = self._movements[name].part
-        means = self._sums[name].means(instants, part)
-        return means.reshape(-1, len(instants))
-
-    def levels(self, found: Mapping[str, float], name: str, *, more: int = 0) -> slice:
-        """Return the friction levels that count, and some more on either side.
-
-        Other parameters as of `scores`.
-        """
-        windows = self._windows[name]
-        some = windows[:, :: max((windows.shape[1] - 1) // 2, 1)]
-        likelihoods = self._likelihoods(found, name, self._term(name, some, ALL), ALL)
-        best = np.nanmax(likelihoods, axis=0, initial=-np.inf)
-        near = np.flatnonzero(~np.all(likelihoods < best - FAR, axis=1))
-        return slice(max(int(near[0]) - more, 0), int(near[-1]) + 1 + more)
-
-    def scores(
-        self,
-        found: Mapping[str, float],
-        name: str,
-        which: slice = ALL,
-        *,
-        levels: slice | None = None,
-    ) -> Floats:
-        """Return how well sound throws explain the early part with one onset at tried instants.
-
-        Parameters
-        ----------
-        found : mapping of str to float
-            Onsets of the other movements [s].
-        name : str
-            Of the movement whose onset is tried.
-        which : slice
-            Of the instants tried, n of them.
-        levels : slice, optional
-            Friction levels that count.
-
-        Returns
-        -------
-        ndarray, shape (n,)
+        ndarray, shape (n_instants,) or (n_instants of the first, n_instants of the second movement)
             Logarithms of the likelihood; NaN beyond the samples.
         """
-        counted = self.levels(found, name) if levels is None else levels
-        known, term = self._terms.get(name, (None, None))
-        if term is None or known != counted:
-            term = self._term(name, self._windows[name], counted)
-            self._terms[name] = counted, term
-        return log_sum(self._likelihoods(found, name, term[..., which], counted))
+        first, *others = (self._term(name) for name in self._tried)
+        square = np.einsum("kvs,kvs->ks", first, first)
+        for other in others:
+            late = first[:, first.shape[1] - other.shape[1] :]
+            both = 2.0 * (late.swapaxes(1, 2) @ other)
+            both += np.einsum("kvs,kvs->ks", other, other)[:, np.newaxis]
+            square = square[..., np.newaxis] + both
+        scale = self._aligner.scale.reshape(-1, *[1] * len(self._tried))
+        return log_sum(log_density(square, size=self._aligner.size) + scale)
 
-    def _term(self, name: str, windows: Floats, levels: slice) -> Singles:
-        """Return what a movement adds to a whitened throw, shape (n_levels, n - first, n) [-]."""
-        movement = self._movements[name]
-        off = (windows - movement.mean[levels]).astype(np.float32)
-        return np.asarray(movement.root[levels] @ off)
-
-    def _likelihoods(
-        self, found: Mapping[str, float], name: str, term: Singles, levels: slice
-    ) -> Floats:
-        """Return the likelihood at some levels with one movement tried, shape (n_levels, n)."""
-        first, scale = self._movements[name].first, self._aligner.scale[levels, np.newaxis]
-        others = np.zeros((len(scale), self._aligner.size, 1))
-        for other in found:
-            if other != name:
-                there = self.windows(other, np.array([found[other]]))
-                others[:, self._movements[other].first :] += self._term(other, there, levels)
-        white = term + others[:, first:]
-        square = np.einsum("kvs,kvs->ks", white, white)
-        square += np.square(others[:, :first]).sum(axis=1)
-        return np.asarray(log_density(square, size=self._aligner.size) + scale)
+    def _term(self, name: str) -> Floats:
+        """Return what a movement adds to a whitened throw, shape (k, n - first, n_instants) [-]."""
+        movement, instants = self._aligner.movements[name], self._tried[name]
+        windows = self._sums[name].means(instants, movement.part).reshape(-1, len(instants))
+        off = (windows - movement.mean).astype(np.float32)
+        return (movement.root @ off).astype(np.float64)
 
 
 def _root(centre: Centre, kept: Ints) -> tuple[Floats, float]:
@@ -273,17 +198,37 @@ def _movement(
     return _Movement(early, first, columns, means[:, mine, np.newaxis])
 
 
-def _peak(places: Floats, values: Floats) -> float:
-    """Return where values are highest, by the parabola through the highest three.
+def _peak(places: Floats, values: Floats) -> list[float]:
+    """Return where values are highest on each axis, by the parabola through the highest ones.
+
+    Parameters
+    ----------
+    places : ndarray, shape (n,)
+        Evenly spaced, of each axis.
+    values : ndarray, shape (n,) or (n, n)
+        At these.
 
     Examples
     --------
     >>> places = np.arange(5.0)
-    >>> round(_peak(places, -((places - 2.3) ** 2)), 6)
-    2.3
+    >>> first, second = places[:, np.newaxis] - 2.3, places - 1.2
+    >>> values = -(first**2) - second**2 + 0.5 * first * second
+    >>> [round(place, 6) for place in _peak(places, values)]
+    [2.3, 1.2]
     """
-    at = int(np.clip(np.argmax(values), 1, len(values) - 2))
-    left, middle, right = values[at - 1 : at + 2]
-    bend = left - 2.0 * middle + right
-    shift = 0.5 * (left - right) / bend if bend < 0.0 else 0.0
-    return float(places[at] + np.clip(shift, -1.0, 1.0) * (places[1] - places[0]))
+    highest = np.unravel_index(int(values.argmax()), values.shape)
+    at = [min(max(int(place), 1), len(places) - 2) for place in highest]
+    near = values[tuple(slice(place - 1, place + 2) for place in at)]
+    lines = np.array([near] if near.ndim == 1 else [near[:, 1], near[1]])
+    slope = 0.5 * (lines[:, 2] - lines[:, 0])
+    bend = np.diag(lines[:, 0] - 2.0 * lines[:, 1] + lines[:, 2])
+    if near.ndim > 1:
+        bend[0, 1] = bend[1, 0] = 0.25 * (near[0, 0] + near[2, 2] - near[0, 2] - near[2, 0])
+    shift = np.zeros(len(at))
+    # neither holds at an end of the places, nor beyond the samples
+    if np.isfinite(near).all() and np.linalg.eigvalsh(bend)[-1] < 0.0:
+        shift = np.clip(-np.linalg.solve(bend, slope), -1.0, 1.0)
+    return [
+        float(places[own] + step * (places[1] - places[0]))
+        for own, step in zip(at, shift, strict=True)
+    ]

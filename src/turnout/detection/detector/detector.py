@@ -100,9 +100,10 @@ class Detector:
     def located(self, recording: Recorded) -> list[Recorded]:
         """Return the throws of a recording; where no channel marks them, they are found."""
         layout = self.knowledge.layout
-        rising = bool(np.all(np.diff(recording.time) > 0.0))
         looked = not recording.marked or (recording.single and CLOSING in recording.onsets)
-        if not looked or recording.fault or not rising or not recording.time.size:
+        if not looked or recording.fault or not recording.time.size:
+            return [replace(recording, marked=True)]
+        if not np.all(np.diff(recording.time) > 0.0):
             return [replace(recording, marked=True)]
         if any(name not in recording.drives for name in layout.drives):
             return [replace(recording, marked=True)]

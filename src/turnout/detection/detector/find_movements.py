@@ -403,20 +403,15 @@ def _most_likely(
 ) -> tuple[dict[str, float], str]:
     """Return the most likely onsets about those of a match, and why they are in doubt."""
     chosen = aligner(part_of(throw, layout))
-    found = {name: throw.onsets[name] for name in chosen.names(throw)}
-    early = EarlyForces(chosen, throw, {name: at + FINE for name, at in found.items()})
-    margin = np.inf
-    for _ in range(2 if len(found) > 1 else 1):
-        for name in found:
-            instants = throw.onsets[name] + FINE
-            with np.errstate(invalid="ignore"):  # instants whose windows reach beyond the samples
-                scores = early.scores(found, name)
-            scores = np.where(np.isfinite(scores), scores, -np.inf)
-            at = int(scores.argmax())
-            found[name] = float(instants[at])
-            if name == CLOSING:
-                others = scores[np.abs(instants - instants[at]) > APART]
-                margin = float(scores[at] - others.max(initial=-np.inf))
+    tried = {name: throw.onsets[name] + FINE for name in chosen.names(throw)}
+    with np.errstate(invalid="ignore"):  # instants whose windows reach beyond the samples
+        scores = EarlyForces(chosen, throw, tried).scores()
+    scores = np.where(np.isfinite(scores), scores, -np.inf)
+    at = np.unravel_index(int(scores.argmax()), scores.shape)
+    found = {name: float(item[own]) for (name, item), own in zip(tried.items(), at, strict=True)}
+    closing = scores[at[:-1]]
+    others = closing[np.abs(FINE - FINE[at[-1]]) > APART]
+    margin = float(closing[at[-1]] - others.max(initial=-np.inf))
     if margin > CLEAR:
         return found, ""
     doubt = (

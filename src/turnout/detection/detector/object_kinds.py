@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.detection.likelihood import (
+    TEMPER,
     Centre,
     Evidence,
     Hypotheses,
@@ -34,9 +35,6 @@ Floats = NDArray[np.float64]
 
 RIGID = "rigid"
 """An object that stays as it is: steel, or a stone that is not pressed hard enough to break."""
-TEMPER = 2.0
-"""Log likelihoods of signatures are divided by this: a throw lies between samples, and the nearest
-of them is not as much better than the next as its likelihood says."""
 LEAST_ODDS = 0.1
 """Odds against the likeliest kind from which on a kind explains the throw as well [-]."""
 

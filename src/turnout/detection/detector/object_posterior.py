@@ -13,8 +13,7 @@ from scipy.special import ndtr
 
 from turnout.detection.detector.judging import CAUSE_WEIGHT, View
 from turnout.detection.detector.nearest_samples import Samples, samples_near
-from turnout.detection.detector.object_kinds import TEMPER
-from turnout.detection.likelihood import AMPLITUDE, Evidence, log_sum
+from turnout.detection.likelihood import AMPLITUDE, TEMPER, Evidence, log_sum
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
@@ -27,8 +26,6 @@ COVERAGE = 0.95
 MOST_COMPONENTS = 400
 NEGLIGIBLE = 9.0
 """Signatures whose logarithm lies so far below the highest do not count."""
-BELOW = 40.0
-"""Signatures whose logarithm lies so far below the highest weigh nothing in tempered sums."""
 SMOOTHING = 0.3e-3
 """Deviation by which the size of a signature is spread, beside a share of it [m]."""
 SMOOTHING_SHARE = 0.05
@@ -105,11 +102,7 @@ def object_of(
     size_factor, x_factor : float
         By which the intervals of size and place are widened about their medians [-].
     """
-    hypotheses = evidence.hypotheses
-    logs = evidence.component[: hypotheses.before(view.objects), number]
-    counted = np.flatnonzero(logs > logs.max() - TEMPER * BELOW)
-    share = np.exp((logs[counted] - logs.max()) / TEMPER)
-    signature = hypotheses.number[near.components]
+    signature = evidence.hypotheses.number[near.components]
     known = np.column_stack([view.signatures.x[signature], view.signatures.size[signature]])
     moved, spread = near.moved(known)
     smooth = np.column_stack(
@@ -119,11 +112,9 @@ def object_of(
     # the mean lies nearer to the true place than the median: samples of a place are few
     middle = np.clip(near.share @ moved[:, 0], known[:, 0].min(), known[:, 0].max())
     x = replace(x, middle=float(np.clip(middle, x.low, x.high)))
+    tempered = evidence.tempered[: view.objects, number]
     return TrappedObject(
-        place=np.asarray(
-            np.bincount(hypotheses.kind[counted], share / share.sum(), view.objects),
-            dtype=np.float64,
-        ),
+        place=np.asarray(np.exp(tempered - log_sum(tempered))),
         x=_widened(x, x_factor, x_factor),
         size=_widened(size, size_factor, size_factor),
     )
@@ -186,10 +177,12 @@ def _gaps(
     moved, variances = (np.zeros((len(place), view.signatures.gap.shape[1])) for _ in range(2))
     own = np.s_[len(usual) :]
     moved[own], variances[own] = _changed_gaps(view, evidence, kept, number, near)
-    for at in np.unique(place):
-        rows, centre = np.flatnonzero(place == at), view.centres[at]
-        moved[rows] += centre.gap_mean + centre.gap_gain @ evidence.white[at, :, number]
-        variances[rows] += centre.gap_variance
+    used, of = np.unique(place, return_inverse=True)
+    centres = [view.centres[at] for at in used]
+    seen = [evidence.white[at, :, number] for at in used]
+    usually = [item.gap_mean + item.gap_gain @ own for item, own in zip(centres, seen, strict=True)]
+    moved += np.array(usually)[of]
+    variances += np.array([centre.gap_variance for centre in centres])[of]
     return moved, np.maximum(variances, 1e-12), share / share.sum()
 
 
@@ -199,15 +192,21 @@ def _likely(
     """Return the components that gaps depend on, and the logarithms of their weights."""
     parts = []
     objects = evidence.hypotheses.before(view.objects)
-    for group, weight in (
-        (slice(0, objects), OBJECT_WEIGHT / view.objects),
-        (slice(objects, None), CAUSE_WEIGHT),
+    for group, kinds, weight in (
+        (slice(0, objects), slice(0, view.objects), OBJECT_WEIGHT / view.objects),
+        (slice(objects, None), slice(view.objects, None), CAUSE_WEIGHT),
     ):
         logs = evidence.component[group, number]
-        counted = np.flatnonzero(logs > logs.max(initial=-np.inf) - BELOW)
-        parts.append((counted + group.start, _tempered(logs[counted]) + np.log(weight)))
-    if near is not None:
-        parts[0] = near.components, log_sum(parts[0][1]) + np.log(near.share)
+        if not logs.size:
+            continue
+        whole = log_sum(evidence.kind[kinds, number]) + np.log(weight)
+        if near is not None and kinds.start == 0:
+            parts.append((near.components, whole + np.log(near.share)))
+            continue
+        # evener, with the same sum
+        counted = np.flatnonzero(logs > logs.max() - TEMPER * NEGLIGIBLE)
+        evener = logs[counted] / TEMPER - log_sum(evidence.tempered[kinds, number])
+        parts.append((counted + group.start, evener + whole))
     kept, logs = (np.concatenate(item) for item in zip(*parts, strict=True))
     close = logs > max(logs.max(initial=-np.inf), evidence.centre[:, number].max()) - NEGLIGIBLE
     kept, logs = kept[close], logs[close]
@@ -250,24 +249,6 @@ LEAST_WEIGHT = 1e-4
 """Normal parts that weigh less are left out."""
 PLACE_SPREAD = 0.15
 """Deviation by which the place of a signature is spread [m]."""
-
-
-def _tempered(logs: Floats) -> Floats:
-    """Return logarithms of weights that are evener, with the same sum.
-
-    Examples
-    --------
-    >>> np.exp(_tempered(np.log([1.0, 8.0]))).round(6).tolist()
-    [2.350835, 6.649165]
-    """
-    if not logs.size:
-        return logs
-    highest = logs.max()
-    evener = (logs - highest) / TEMPER
-    weights = np.exp(evener)
-    # squared, not by another exponential
-    change = np.log(np.power(weights, TEMPER).sum() / weights.sum())
-    return np.asarray(evener + (highest + change))
 
 
 def mixture_intervals(means: Floats, deviations: Floats, weights: Floats) -> tuple[Interval, ...]:

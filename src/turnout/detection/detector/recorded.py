@@ -108,7 +108,8 @@ def recording_fault(throw: Recorded, layout: Layout, quantity: str = FORCE) -> s
             return f"drive {name}: {fault}"
     for first, second in combinations(layout.drives, 2):
         one, other = (throw.force[throw.drives.index(name)] for name in (first, second))
-        if np.array_equal(one, other, equal_nan=True):
+        some = slice(None, None, max(one.size // 20, 1))  # where nearly all that differ do so
+        if all(np.array_equal(one[i], other[i], equal_nan=True) for i in (some, slice(None))):
             return f"drives {first} and {second} hold the same samples: one channel twice"
     return ""
 
@@ -235,12 +236,13 @@ START_MISSING = 0.1
 def value_fault(values: Floats, *, quantity: str = FORCE) -> str:
     """Return what is wrong with the samples of a channel, shape (n,) [N]; empty if nothing is."""
     unit = UNITS[quantity]
-    largest = float(np.abs(values).max())
+    high, low = float(values.max()), float(values.min())
+    largest = max(high, -low)
     if largest > LARGEST_FORCE:
         return f"up to {largest:.3g} {unit}; is the unit right?"
-    if np.ptp(values) == 0.0:
+    if high == low:
         return "does not change: a dead channel"
-    for limit in (values.max(), values.min()):
+    for limit in (high, low):
         if abs(limit) <= 0.2 * largest or longest_run(values, limit) < CLIPPED:
             continue
         # values that are often equal come from a coarse recorder or a simulation at rest
@@ -270,8 +272,9 @@ def longest_run(values: Floats, limit: float | None = None) -> int:
 
 def known_forces(throw: Recorded, layout: Layout) -> tuple[Floats, Floats]:
     """Return the samples [s, N] at which the forces of all drives of a layout are known."""
-    rows = [throw.drives.index(name) for name in layout.drives]
-    force = throw.force[rows]
+    force = throw.force
+    if throw.drives != layout.drives:
+        force = force[[throw.drives.index(name) for name in layout.drives]]
     known = np.isfinite(force).all(axis=0)
     if known.all():  # as nearly always: that copy takes as long as judging a movement
         return throw.time, force
@@ -435,8 +438,8 @@ def part_of(throw: Recorded, layout: Layout) -> str:
     opening = layout.parts[0]
     begin = throw.onsets[OPENING] + opening.edges[0]
     end = throw.onsets[OPENING] + opening.edges[-1]
-    inside = np.isfinite(throw.force).all(axis=0) & (throw.time >= begin) & (throw.time <= end)
-    found = throw.time[inside]
+    own = _between(throw.time, begin, end)
+    found = throw.time[own][np.isfinite(throw.force[:, own]).all(axis=0)]
     covered = (
         found.size > 2
         and found[0] < begin + START_MISSING

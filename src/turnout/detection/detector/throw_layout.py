@@ -7,6 +7,7 @@ straight lines between samples, exactly.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -49,7 +50,15 @@ class Part:
     @property
     def edges(self) -> Floats:
         """Edges of the windows from the onset on, shape (count + 1,) [s]."""
-        return np.asarray(self.window * np.arange(self.count + 1) - self.before)
+        return _edges(self)
+
+
+@lru_cache(maxsize=64)
+def _edges(part: Part) -> Floats:
+    """Return the edges of a movement, made once: a verdict needs them some twenty times."""
+    found = np.asarray(part.window * np.arange(part.count + 1) - part.before, dtype=np.float64)
+    found.flags.writeable = False
+    return found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

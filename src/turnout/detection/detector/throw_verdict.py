@@ -24,7 +24,6 @@ from turnout.detection.detector.object_posterior import (
     object_of,
     objects_near,
 )
-from turnout.detection.detector.throw_layout import CLOSING
 from turnout.detection.detector.words_of_verdict import (
     ADVICE,
     ALARM,
@@ -384,14 +383,14 @@ def _changes(
     change = hypotheses.basis @ (share @ view.signatures.change[signature]).astype(np.float32)
     layout = knowledge.layout
     closing = layout.parts[-1]
+    in_closing = layout.part[view.features] == len(layout.parts) - 1
+    drives, times = layout.drive[view.features], layout.time[view.features]
     found = []
     for row, drive in enumerate(layout.drives):
-        mine = (layout.drive[view.features] == row) & (
-            layout.part[view.features] == [part.name for part in layout.parts].index(CLOSING)
-        )
-        at = np.flatnonzero(mine)[np.argmax(np.abs(change[mine]))]
+        mine = np.flatnonzero(in_closing & (drives == row))
+        at = mine[np.argmax(np.abs(change[mine]))]
         if abs(change[at]) >= SEEN_SHARE * knowledge.setting.amplitude[row]:
-            time = float(layout.time[view.features][at]) - closing.start
+            time = float(times[at]) - closing.start
             found.append(
                 Change(drive=drive, force=float(change[at]), time=time, unit=knowledge.setting.unit)
             )
