@@ -15,6 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 from time import process_time
 
+import numpy as np
 from tests.verification.detector_cases import SOFT_KINDS
 from tests.verification.detector_figures import (
     Judged,
@@ -35,6 +36,7 @@ from tests.verification.detector_further import (
     price_of,
     rates_alone,
     rates_known,
+    ratios_alone,
     soft_shares,
     unknown_alone,
     verdict_times,
@@ -48,6 +50,7 @@ from tests.verification.detector_unknown import SEVERE, unknown_figures
 from turnout.core.files import write_atomic
 from turnout.core.sources import digest_of_sources
 from turnout.core.threads import one_blas_thread
+from turnout.detection.alarm_threshold import RATES
 from turnout.detection.detector.allowances import Allowances
 from turnout.detection.detector.detector import Detector
 from turnout.detection.detector.judging import ADJUSTED, CYCLE, LEAST_HISTORY
@@ -166,7 +169,9 @@ def figures_of(knowledge: Knowledge, throws: Throws, kept: Path) -> dict[str, Ca
 
     others = [name for name in throws.plans["cases"] if name.startswith("other")]
     return {
-        "rates alone": lambda: rates_alone(knowledge, sound()),
+        "rates alone": lambda: rates_alone(
+            knowledge, sound(), ratios_alone(knowledge, sound(), draws=7)
+        ),
         "known": lambda: known_figures(knowledge, throws.sets("test"), kept),
         "narrow": lambda: narrow_figures(knowledge, throws.sets("narrow"), kept),
         "other": lambda: other_figures(
@@ -204,16 +209,32 @@ def known_figures(knowledge: Knowledge, test: dict[str, ThrowSet], kept: Path) -
 def narrow_figures(
     knowledge: Knowledge, narrow: dict[str, ThrowSet], kept: Path
 ) -> dict[str, object]:
-    """Return a90 and false alarms in the narrow population, by the same detector [m]."""
+    """Return a90 and false alarms in the narrow population [m].
+
+    At the thresholds of the detector, which it has from its own population, and at those that
+    1/1,000 of the sound throws judged here exceed, as in the study that the goals come from.
+    """
     places = knowledge.setting.places
-    alone = judge_alone(knowledge, alone_of(narrow), draws=1)
-    uses = Uses(verdicts=1, sound=0, causes=0, unknown=False)
-    known, _, _ = judge_with_history(knowledge, narrow, kept / "narrow", uses=uses)
-    return {
-        "alone": a90_of_places(alone, places),
-        "known": a90_of_places(known, places),
-        "false alarms known": false_alarms(known),
+    alone = judge_alone(knowledge, alone_of(narrow), draws=NARROW_USES.verdicts)
+    known, ratios, _ = judge_with_history(knowledge, narrow, kept / "narrow", uses=NARROW_USES)
+    first = ratios_alone(knowledge, narrow[HISTORY], draws=3)
+    sound = {"alone": first, "known": np.concatenate([item[SOUND] for item in ratios])}
+    found: dict[str, object] = {
+        "false alarms": rates_alone(knowledge, narrow[HISTORY], first),
+        "false alarms known": rates_known(knowledge, ratios, uses=NARROW_USES),
     }
+    for name, judged in (("alone", alone), ("known", known)):
+        level = float(np.quantile(sound[name], 1.0 - RATES[0]))
+        found |= {
+            name: a90_of_places(judged, places),
+            f"{name}, at 1/1,000 of these": a90_of_places(judged, places, threshold=level),
+            f"{name}, threshold of these": level,
+        }
+    return found
+
+
+NARROW_USES = Uses(verdicts=2, sound=20, causes=0, unknown=False)
+"""How often each throw of the narrow population is used, with other errors each time."""
 
 
 def vars_of(item: object) -> dict[str, float]:

@@ -38,20 +38,22 @@ from turnout.detection.floor import TOUCH_FORCE
 Floats = NDArray[np.float64]
 
 
+def ratios_alone(knowledge: Knowledge, sound: ThrowSet, *, draws: int) -> Floats:
+    """Return log likelihood ratios of sound throws, used several times, shape (draws, n) [-]."""
+    errors, view = drawn_errors(knowledge, 21), make_view(knowledge)
+    return np.array([alarms_of(view, measured_by_switch(sound, errors)) for _ in range(draws)])
+
+
 def rates_alone(
-    knowledge: Knowledge, sound: ThrowSet, *, draws: int = 7
+    knowledge: Knowledge, sound: ThrowSet, ratios: Floats
 ) -> dict[str, dict[str, float]]:
-    """Return false alarms of single sound throws, each used several times, at both thresholds."""
-    errors = drawn_errors(knowledge, 21)
-    view = make_view(knowledge)
-    found = [alarms_of(view, measured_by_switch(sound, errors)) for _ in range(draws)]
-    ratios = np.array(found)
+    """Return false alarms of single sound throws at both thresholds, by `ratios_alone`."""
     calibrated = knowledge.calibration(part=CYCLE, history=0)
     assert calibrated is not None
     return {
         rate: false_alarm_limits(
             [ratios[:, sound.switch == own].ravel() > threshold for own in np.unique(sound.switch)],
-            uses=draws,
+            uses=len(ratios),
         )
         for rate, threshold in calibrated.thresholds.items()
     }

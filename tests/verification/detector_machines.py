@@ -31,7 +31,12 @@ from tests.verification.detector_figures import (
     judge_alone,
     judge_with_history,
 )
-from tests.verification.detector_further import missed_shares, rates_alone, rates_known
+from tests.verification.detector_further import (
+    missed_shares,
+    rates_alone,
+    rates_known,
+    ratios_alone,
+)
 from tests.verification.detector_page import alarms
 from tests.verification.detector_sets import Arrays, Throws, judged_plans
 
@@ -141,7 +146,9 @@ def figures(
     found = {
         "0": {
             "a90": a90_of_places(alone, places),
-            "rates": rates_alone(knowledge, test[HISTORY]),
+            "rates": rates_alone(
+                knowledge, test[HISTORY], ratios_alone(knowledge, test[HISTORY], draws=7)
+            ),
             "missed": missed_shares(alone),
         }
     }

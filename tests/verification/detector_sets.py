@@ -53,7 +53,7 @@ class Sizes:
         """For judging: other switches, each thrown 20 times before what is judged."""
         return Counts(
             sound=0, objects=0, defects=0, switches=self.switches, repeats=23, judged=3,
-            objects_each=3,
+            objects_each=9,
         )  # fmt: skip
 
 

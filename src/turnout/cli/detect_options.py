@@ -40,7 +40,7 @@ RateOption = Annotated[
 
 def known_rate(far: float) -> float:
     """Return a rate of false alarms for which thresholds are known."""
-    from turnout.detection.detector.calibrating import RATES
+    from turnout.detection.alarm_threshold import RATES
     from turnout.errors import FileError
 
     if far not in RATES:

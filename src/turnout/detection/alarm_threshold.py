@@ -17,7 +17,7 @@ J. R. Stat. Soc. B 69, 369), or over groups of switches that share their section
 fitted to each draw again.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 
 import numpy as np
@@ -26,6 +26,12 @@ from scipy.special import betaincinv
 
 Floats = NDArray[np.float64]
 
+RATES = (1e-3, 1e-4)
+"""Of false alarms a sound throw, that thresholds are given for."""
+SAFETY = {1e-3: 0.5, 1e-4: 0.1}
+"""Thresholds are set for so much of each rate, beside their own uncertainty [-]. 30,000 throws of
+other switches show a rate of 1/1,000 where at most 20 are alarms, which come in clusters, and one
+of 1/10,000 where none is: a true rate of 1/100,000 leaves three times in four none."""
 TAIL_SHARE = 0.01
 """Highest share of the ratios that the tail is fitted to [-]."""
 LEAST_IN_TAIL = 10
@@ -36,6 +42,45 @@ r"""Largest :math:`\xi` that is believed [-]."""
 
 RESAMPLES, CONFIDENCE = 200, 0.95
 """Draws of groups, and the share of them in which a threshold keeps its rate [-]."""
+
+
+def thresholds_of(
+    ratios: Floats, *, group: NDArray[np.intp], usual: Mapping[str, float], least: float
+) -> dict[str, float]:
+    """Return from which log likelihood ratio on a throw is an alarm, for each of `RATES`.
+
+    A threshold that too few throws reach is never below the usual one. That without a history rests
+    on thousands of switches, those after one on some dozens; of n switches none may be of a kind
+    that makes up 3 / n of all (rule of three), and one switch in 200 can raise most of the alarms.
+
+    Parameters
+    ----------
+    ratios : ndarray, shape (n_throws,)
+        Of sound throws that the detector did not learn from [-].
+    group : ndarray of int, shape (n_throws,)
+        Which group of alike switches each is of.
+    usual : mapping of str to float
+        What holds without a history; empty for that itself [-].
+    least : float
+        Below which no threshold lies [-].
+
+    Examples
+    --------
+    >>> ratios = np.random.default_rng(0).exponential(size=40_000)
+    >>> group = np.arange(40_000) // 500
+    >>> usual = {"0.001": 20.0, "0.0001": 20.0}
+    >>> found = thresholds_of(ratios, group=group, usual=usual, least=2.0)
+    >>> found["0.001"] < 9.0, found["0.0001"]  # 0.4 of the throws lie above the latter
+    (True, 20.0)
+    """
+    found = {}
+    for rate in RATES:
+        aim = SAFETY[rate] * rate
+        own = confident_threshold(ratios, rate=aim, group=group)
+        if aim * len(ratios) < LEAST_IN_TAIL:
+            own = max(own, usual.get(f"{rate:g}", own))
+        found[f"{rate:g}"] = max(least, own)
+    return found
 
 
 def confident_threshold(

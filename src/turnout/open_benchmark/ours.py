@@ -20,10 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.threads import one_blas_thread
+from turnout.detection.alarm_threshold import RATES
 from turnout.detection.conditions import FORCE
 from turnout.detection.detector.allowances import Allowances
 from turnout.detection.detector.calibrating import (
-    RATES,
     Fold,
     calibrate_alone,
     calibrate_history,

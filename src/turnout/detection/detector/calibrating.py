@@ -3,13 +3,13 @@
 Each throw is used several times, with its own discrepancy, noise and timing.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.detection.alarm_threshold import confident_threshold
+from turnout.detection.alarm_threshold import RATES, thresholds_of
 from turnout.detection.detector.interval_widths import (
     AT_ONCE,
     Misses,
@@ -46,12 +46,6 @@ from turnout.detection.likelihood import Evidence
 
 Floats = NDArray[np.float64]
 
-RATES = (1e-3, 1e-4)
-"""Of false alarms a sound throw, that thresholds are given for."""
-SAFETY = {1e-3: 0.35, 1e-4: 0.1}
-"""Thresholds are set for so much of each rate, beside their own uncertainty [-]. 30,000 throws of
-other switches show a rate of 1/1,000 where at most 20 are alarms, which come in clusters, and one
-of 1/10,000 where none is: a true rate of 1/100,000 leaves three times in four none."""
 LEAST_THRESHOLD = 1.0 - float(np.log(CAUSE_WEIGHT))
 """A cause that explains a throw nearly as well as an object does keeps it below this [-]."""
 INTERVALS, INTERVAL_DRAWS = 800, 2
@@ -284,7 +278,7 @@ def calibrate_history(
     populations = [make_view(fold.knowledge) for fold in folds]
     numbers = np.unique(throws.switch)
     judged: dict[str, list[tuple[Floats, ...]]] = {part: [] for part in alone}
-    tried: dict[str, list[tuple[View, Tried]]] = {part: [] for part in alone}
+    tried: list[tuple[Knowledge, Expectation, list[Tried]]] = []
     switches: list[NDArray[np.intp]] = []
     for done, (switch, draw) in enumerate((s, d) for s in numbers for d in range(draws)):
         turn = int(switch) % len(folds)
@@ -301,10 +295,10 @@ def calibrate_history(
         # the same for every part, so that none depends on which parts there are
         held = [drawn.tried(rows, later) for rows in features[:INTERVAL_DRAWS]]
         held += _with_objects(objects, switch, fixed, drawn)
+        tried.append((knowledge, expected, held))
         for part in alone:
             view = make_view(knowledge, part=part, known=expected)
             judged[part] += [_said_of_sound(view, rows) for rows in features]
-            tried[part] += [(view, item) for item in held]
         if report is not None:
             report(done + 1, len(numbers) * draws)
     return [
@@ -313,11 +307,23 @@ def calibrate_history(
             replace(other, history=history, switches=len(numbers)),
             judged=[np.concatenate(item) for item in zip(*judged[part], strict=True)],
             group=np.concatenate(switches),
-            tried=tried[part],
+            tried=_after_histories(tried, part),
         )
         for part, other in alone.items()
         if judged[part]
     ]
+
+
+def _after_histories(
+    tried: Sequence[tuple[Knowledge, Expectation, list[Tried]]], part: str
+) -> Iterator[tuple[View, Tried]]:
+    """Yield throws after each history with what they are judged by, made when it is needed.
+
+    The views of all histories together would take some 10 GB.
+    """
+    for knowledge, expected, held in tried:
+        view = make_view(knowledge, part=part, known=expected)
+        yield from ((view, item) for item in held)
 
 
 def _with_objects(
@@ -356,22 +362,14 @@ def _calibrated(
     *,
     judged: Sequence[Floats],
     group: NDArray[np.intp],
-    tried: Sequence[tuple[View, Tried]],
+    tried: Iterable[tuple[View, Tried]],
 ) -> Calibrated:
     """Return thresholds and widths; those of `usual` where the throws say too little.
 
     Upper limits count groups of switches: those that share their sections are alike.
-
-    A threshold is never below the usual one. That without a history rests on thousands of switches,
-    those after one on some dozens; of n switches none may be of a kind that makes up 3 / n of all
-    (rule of three), and one switch in 200 can raise most of the false alarms.
     """
     ratios, causes, left, irregular = judged
-    thresholds = {}
-    for rate in RATES:
-        least = usual.thresholds.get(f"{rate:g}", LEAST_THRESHOLD)
-        own = confident_threshold(ratios, rate=SAFETY[rate] * rate, group=group)
-        thresholds[f"{rate:g}"] = max(LEAST_THRESHOLD, least, own)
+    thresholds = thresholds_of(ratios, group=group, usual=usual.thresholds, least=LEAST_THRESHOLD)
     found = misses_of(knowledge, tried, threshold=thresholds[f"{RATES[0]:g}"])
     count = len(knowledge.setting.gaps)
 

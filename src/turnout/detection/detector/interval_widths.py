@@ -1,6 +1,6 @@
 """Widths of intervals and sets of places, from throws whose size, place and gaps are known."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -92,7 +92,7 @@ class OpenGap:
 
 
 def misses_of(
-    knowledge: Knowledge, tried: Sequence[tuple[View, Tried]], *, threshold: float
+    knowledge: Knowledge, tried: Iterable[tuple[View, Tried]], *, threshold: float
 ) -> Missed:
     """Return what throws with known sizes, places and gaps say of the intervals of these.
 
@@ -100,7 +100,7 @@ def misses_of(
     ----------
     knowledge : Knowledge
         That did not see these throws.
-    tried : sequence of (View, Tried)
+    tried : iterable of (View, Tried)
         What throws are judged with, and these throws.
     threshold : float
         From which on a throw is an alarm [-].

@@ -174,7 +174,7 @@ def folds_of(sets: Mapping[str, ThrowSet], setting: Setting, *, count: int = FOL
     A switch with a history is held back from the fold that has its number, and learned by the
     others. Were none of them learned, folds would know the sections of a third fewer switches than
     the detector itself, and thresholds after a history would be those of a worse one. Its throws
-    count for the thresholds without a history too: 0.35 of 1/1,000 is one state in 2,900.
+    count for the thresholds without a history too: 0.5 of 1/1,000 is one state in 2,000.
 
     Parameters
     ----------
