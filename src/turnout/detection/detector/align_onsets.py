@@ -33,7 +33,7 @@ SHIFTS = np.arange(-40e-3, 41e-3, 4e-3)
 ONSET_DEVIATION = 12e-3
 """Standard deviation of onsets that are found in recordings [s]."""
 KNOWN = -0.5 * (SHIFTS / ONSET_DEVIATION) ** 2
-"""Logarithm of how likely each of these shifts is before the forces are looked at."""
+"""Logarithm of how likely each of these shifts is before the forces are known."""
 EARLY = 0.6
 """Share of the closing movement by which it is aligned: before small objects are touched [-]."""
 REST_AFTER = 0.7
