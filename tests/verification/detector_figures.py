@@ -305,6 +305,8 @@ def drawn_errors(knowledge: Knowledge, *seed: int) -> Errors:
 def a90(size: Floats, seen: NDArray[np.bool_]) -> float:
     """Return the size that is seen in nine of ten throws, by logistic regression on its logarithm.
 
+    At least the smallest size that was thrown: below it nothing is known.
+
     Examples
     --------
     >>> sizes = np.linspace(1e-3, 20e-3, 400)
@@ -321,7 +323,7 @@ def a90(size: Floats, seen: NDArray[np.bool_]) -> float:
 
     found = minimize(cost, [float(np.median(z)), 1.0], method="Nelder-Mead")
     gain = np.exp(np.clip(found.x[1], -3.0, 5.0))
-    return 1e-3 * float(np.exp(found.x[0] + np.log(9.0) / gain))
+    return max(float(size.min()), 1e-3 * float(np.exp(found.x[0] + np.log(9.0) / gain)))
 
 
 def weighted_a90(size: Floats, seen: NDArray[np.bool_], weights: NDArray[Any]) -> Floats:
@@ -374,7 +376,7 @@ def weighted_a90(size: Floats, seen: NDArray[np.bool_], weights: NDArray[Any]) -
     found = 1e-3 * np.exp(p + np.log(9.0) / np.exp(q))
     all_seen = (weights[:, ~seen] == 0).all(axis=1)
     smallest = np.where(weights > 0, size, np.inf).min(axis=1)
-    return np.where(all_seen, smallest, found)
+    return np.where(all_seen, smallest, np.maximum(found, smallest))
 
 
 STEPS = 40
