@@ -68,6 +68,12 @@ def test_throws_of_another_panel_are_noticed(attributes: dict[str, str], words: 
     assert not panel_remark(throws, {})
 
 
+def test_a_detector_without_a_hash_goes_by_the_name() -> None:
+    about = {"panel": "own"}
+    assert "of panel other" in panel_remark(throws_of_dataset(dataset(panel="other")), about)
+    assert not panel_remark(throws_of_dataset(dataset(panel="own")), about)
+
+
 def test_the_commands_name_both_panels(detector: Path, tmp_path: Path) -> None:
     path = tmp_path / "other.nc"
     save_response(dataset(panel="other", panel_hash="34cd"), path)

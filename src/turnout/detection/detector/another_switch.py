@@ -50,7 +50,8 @@ def panel_remark(throws: Sequence[Recorded], about: Mapping[str, Any]) -> str:
     """
     panel, digest = str(about.get("panel", "")), str(about.get("panel_hash", ""))
     for name, other in dict.fromkeys(throw.panel for throw in throws):
-        if not (panel and name) or (name == panel and not (other and digest)) or other == digest:
+        known = bool(other and digest)
+        if not (panel and name) or (known and other == digest) or (name == panel and not known):
             continue
         theirs, own = f"panel {name}", f"panel {panel}"
         if name == panel:
@@ -79,17 +80,19 @@ def misfit_remark(statuses: Sequence[str], about: Mapping[str, Any]) -> str:
     Examples
     --------
     >>> misfit_remark(["unknown deviation"] * 3 + ["sound"] * 2, {"panel": "sb1"})[:45]
-    '3 of 5 throws are neither sound nor an object'
+    '3 of 5 throws are unknown or cannot be judged'
     >>> misfit_remark(["other cause"] * 4 + ["sound"], {})
     ''
     """
-    odd = [UNKNOWN, CANNOT] if SOUND in statuses else [UNKNOWN, CANNOT, CAUSE]
+    odd, what = [UNKNOWN, CANNOT], "unknown or cannot be judged"
+    if SOUND not in statuses:
+        odd, what = [*odd, CAUSE], "neither sound nor an object"
     count = sum(item in odd for item in statuses)
     if len(statuses) < LEAST_THROWS or 2 * count <= len(statuses):
         return ""
     panel = f" of panel {about['panel']}" if about.get("panel") else ""
     return (
-        f"{count} of {len(statuses)} throws are neither sound nor an object: the detector{panel} "
+        f"{count} of {len(statuses)} throws are {what}: the detector{panel} "
         "may be of another type of switch, or forces are scaled, zeroed or turned round; check "
-        "its panel, units and sensors, then learn the switch: turnout detect learn"
+        "its panel, units and sensors"
     )
