@@ -26,12 +26,12 @@ from scipy.special import betaincinv
 
 Floats = NDArray[np.float64]
 
-RATES = (1e-3, 1e-4)
-"""Of false alarms a sound throw, that thresholds are given for."""
 SAFETY = {1e-3: 0.5, 1e-4: 0.1}
 """Thresholds are set for so much of each rate, beside their own uncertainty [-]. 30,000 throws of
 other switches show a rate of 1/1,000 where at most 20 are alarms, which come in clusters, and one
 of 1/10,000 where none is: a true rate of 1/100,000 leaves three times in four none."""
+RATES = tuple(SAFETY)
+"""Of false alarms a sound throw, that thresholds are given for."""
 TAIL_SHARE = 0.01
 """Highest share of the ratios that the tail is fitted to [-]."""
 LEAST_IN_TAIL = 10
@@ -74,8 +74,8 @@ def thresholds_of(
     (True, 20.0)
     """
     found = {}
-    for rate in RATES:
-        aim = SAFETY[rate] * rate
+    for rate, share in SAFETY.items():
+        aim = share * rate
         own = confident_threshold(ratios, rate=aim, group=group)
         if aim * len(ratios) < LEAST_IN_TAIL:
             own = max(own, usual.get(f"{rate:g}", own))

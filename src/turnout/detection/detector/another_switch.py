@@ -50,8 +50,8 @@ def panel_remark(throws: Sequence[Recorded], about: Mapping[str, Any]) -> str:
     """
     panel, digest = str(about.get("panel", "")), str(about.get("panel_hash", ""))
     for name, other in dict.fromkeys(throw.panel for throw in throws):
-        known = bool(other and digest)
-        if not (panel and name) or (known and other == digest) or (name == panel and not known):
+        same = other == digest if other and digest else name == panel
+        if not panel or not name or same:
             continue
         theirs, own = f"panel {name}", f"panel {panel}"
         if name == panel:

@@ -101,11 +101,13 @@ class Detector:
         """Return the throws of a recording; where no channel marks them, they are found."""
         layout = self.knowledge.layout
         looked = not recording.marked or (recording.single and CLOSING in recording.onsets)
-        if not looked or recording.fault or not recording.time.size:
-            return [replace(recording, marked=True)]
-        if not np.all(np.diff(recording.time) > 0.0):
-            return [replace(recording, marked=True)]
-        if any(name not in recording.drives for name in layout.drives):
+        if (
+            not looked
+            or recording.fault
+            or not recording.time.size
+            or not np.all(np.diff(recording.time) > 0.0)
+            or any(name not in recording.drives for name in layout.drives)
+        ):
             return [replace(recording, marked=True)]
         with one_blas_thread():
             finder = MovementFinder(self.view(), layout)
