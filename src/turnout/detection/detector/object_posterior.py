@@ -180,8 +180,8 @@ def _gaps(
     used, of = np.unique(place, return_inverse=True)
     centres = [view.centres[at] for at in used]
     seen = [evidence.white[at, :, number] for at in used]
-    usually = [item.gap_mean + item.gap_gain @ own for item, own in zip(centres, seen, strict=True)]
-    moved += np.array(usually)[of]
+    usual_gaps = [c.gap_mean + c.gap_gain @ white for c, white in zip(centres, seen, strict=True)]
+    moved += np.array(usual_gaps)[of]
     variances += np.array([centre.gap_variance for centre in centres])[of]
     return moved, np.maximum(variances, 1e-12), share / share.sum()
 
