@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -362,7 +363,8 @@ def _place_name(panel: Panel, x: float) -> str:
     return f"x = {x:g} m"
 
 
-def movement_records(moved: Sequence[Throw]) -> str:
+@lru_cache(maxsize=MOST_DESCRIBED)
+def movement_records(moved: tuple[Throw, ...]) -> str:
     """Return movements as JSON text, as a dataset names them in its attributes."""
     return json.dumps(
         [
