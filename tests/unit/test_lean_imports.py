@@ -115,3 +115,34 @@ def test_calibration_and_detector_start_without_the_distributions_of_scipy() -> 
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.split() == ["False"]
+
+
+PLUGINS = """
+import os, sys
+from turnout.core.lean_imports import without_plugins
+with without_plugins():
+    import pydantic
+    pydantic.create_model("Record", size=(float, 1.0))
+    from pydantic.plugin._loader import get_plugins
+    print(len(get_plugins()), os.environ.get("PYDANTIC_DISABLE_PLUGINS"))
+print(os.environ.get("PYDANTIC_DISABLE_PLUGINS"))
+"""
+
+
+@pytest.mark.parametrize("chosen", [None, "logfire-plugin"])
+def test_pydantic_looks_for_no_plugins_unless_they_are_wanted(chosen: str | None) -> None:
+    environment = {k: v for k, v in os.environ.items() if k != "PYDANTIC_DISABLE_PLUGINS"}
+    if chosen is not None:
+        environment["PYDANTIC_DISABLE_PLUGINS"] = chosen
+    done = subprocess.run(
+        [sys.executable, "-c", PLUGINS], capture_output=True, text=True, env=environment, check=True
+    )
+    count, meanwhile, after = done.stdout.split()
+    assert (meanwhile, after) == ((chosen, chosen) if chosen else ("__all__", "None"))
+    assert int(count) == 0 or chosen
+
+
+def test_no_step_waits_for_what_makes_datasets() -> None:
+    code = "import sys, turnout.response.simulate; print('turnout.response.dataset' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False"]

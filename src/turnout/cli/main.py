@@ -13,7 +13,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from turnout.cli.options import INTERRUPTED
-from turnout.core.lean_imports import without_blas_threads
+from turnout.core.lean_imports import without_blas_threads, without_plugins
 from turnout.errors import TurnoutError
 
 BAD_INPUT = 2
@@ -148,7 +148,7 @@ def main() -> None:
     colour = False if os.environ.get("NO_COLOR") else None  # None: if it is a terminal
     name = typer.style("turnout:", fg=typer.colors.RED, bold=True)
     try:
-        with without_blas_threads():
+        with without_blas_threads(), without_plugins():
             app()
     except TurnoutError as error:
         typer.echo(f"{name} {error}", err=True, color=colour)

@@ -216,6 +216,7 @@ def preload(*, plots: bool) -> None:
     failure here occurs again, with its message, when the dataset is made.
     """
     with contextlib.suppress(Exception):
+        importlib.import_module("turnout.response.dataset")
         importlib.import_module("xarray")
         if plots:
             importlib.import_module("turnout.plot.throw")

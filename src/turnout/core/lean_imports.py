@@ -18,6 +18,9 @@ when they are named."""
 THREADS = ("OPENBLAS_NUM_THREADS", "GOTO_NUM_THREADS", "OMP_NUM_THREADS")
 """Environment variables that OpenBLAS reads when it is loaded, the first one that is set."""
 
+PLUGINS = "PYDANTIC_DISABLE_PLUGINS"
+"""Environment variable that pydantic reads when it makes the first validator."""
+
 
 def import_scipy() -> None:
     """Import SciPy, which copies every name that NumPy lists and so loads all that is behind them.
@@ -53,6 +56,22 @@ def without_blas_threads() -> Iterator[None]:
     finally:
         # Another thread may have left first.
         os.environ.pop(THREADS[0], None)
+
+
+@contextmanager
+def without_plugins() -> Iterator[None]:
+    """Let pydantic look for no plugins meanwhile, for which it reads what every package declares.
+
+    Users who want theirs set the variable to the names of those that are left out, or to nothing.
+    """
+    if PLUGINS in os.environ:
+        yield
+        return
+    os.environ[PLUGINS] = "__all__"
+    try:
+        yield
+    finally:
+        os.environ.pop(PLUGINS, None)
 
 
 @contextmanager

@@ -26,10 +26,7 @@ from turnout.panel.markers import (
     prior_movement,
     prior_positions,
 )
-from turnout.response.alike import clear_datasets
 from turnout.response.compilation import must_compile
-from turnout.response.dataset import describe_run, response_dataset
-from turnout.response.rows_over_time import Rows, clear_recipes, sums_of_columns, write_rows
 from turnout.response.save import Save
 from turnout.scheme import Mode, Scheme, chosen_scheme
 
@@ -125,6 +122,8 @@ def simulate_placed(
     began = time.perf_counter()
     with one_blas_thread():  # limits in it cost nothing
         solved = solve_placed(panel, objects, scheme=scheme, report=report)
+        from turnout.response.dataset import describe_run, response_dataset  # no step needs it
+
         dataset = response_dataset(panel, solved.mechanism, solved.history, save=save)
     attributes = describe_run(
         panel,
@@ -143,6 +142,9 @@ def simulate_placed(
 
 def release_memory() -> None:
     """Give back what a next run would use again: memory of histories, condensed rails."""
+    from turnout.response.alike import clear_datasets
+    from turnout.response.rows_over_time import clear_recipes
+
     clear_memory()
     clear_recipes()
     clear_datasets()
@@ -339,6 +341,8 @@ def compile_kernels(*, machines: bool = False) -> None:
     machines : bool
         Whether the kernels for drives that are machines are wanted.
     """
+    from turnout.response.rows_over_time import Rows, sums_of_columns, write_rows
+
     moments = {"throw.start": 0.0, "throw.duration": 0.01, "return.start": 0.02}
     changes: dict[str, object] = {f"movement.{key}": value for key, value in moments.items()}
     changes |= {"movement.return.duration": 0.01, "movement.return.extra_time": {"2": 0.0}}
