@@ -17,7 +17,7 @@ from turnout.integrate.accuracy import equilibrium_residual
 from turnout.integrate.arrange import Arrangement, PreparedRun, arrange, prepare
 from turnout.integrate.dense import interpolate_record
 from turnout.integrate.driven import MachineHistory, machine_history, new_rods, start_rods
-from turnout.integrate.energy import energy_balance
+from turnout.integrate.energy import energy_balance, folded_energy
 from turnout.integrate.march import march, march_with_machines, store_instant
 from turnout.integrate.outcome import Code, Outcome, is_closed
 from turnout.integrate.record import trim_record
@@ -277,7 +277,8 @@ def _carry_out(given: RunPlan, report: Callable[[int, int], None] | None) -> His
     if machines is not None:
         balance = machines.with_balance(*balance)
     if code == Code.COMPLETE and not is_closed(*balance):
-        code = Code.INACCURATE
+        folded = folded_energy(run.system, run.table, run.state)
+        code = Code.COMPLETE if is_closed(*balance, folded) else Code.INACCURATE
     residual = equilibrium_residual(run.system, run.table, run.state, run.work)
     outcome = Outcome(
         code=code,
