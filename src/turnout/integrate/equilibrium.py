@@ -128,17 +128,17 @@ def _refine_contact_set(
     Where chairs lie metres below their rails a refinement moves contacts by more than their
     tolerance, which is that of rails in the range of a switch.
     """
-    for _ in range(REFINEMENTS):
+    for attempt in range(REFINEMENTS + 1):
         measure_residual(system, table, state, work, 0.0, 0.0)
         refine(system, state, work)
+        if attempt == REFINEMENTS:
+            return
         count = update_contact_set(system, table, state, work, tolerances, one_at_a_time=False)
         if count == 0:
             return
         update_marked(system, table, state, work, count)
         solve_displacements(system, table, state, work, again=False)
         gather_modes(system, state)
-    measure_residual(system, table, state, work, 0.0, 0.0)
-    refine(system, state, work)
 
 
 @compiled
