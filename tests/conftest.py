@@ -22,6 +22,9 @@ os.environ.setdefault("MPLBACKEND", "Agg")
 # process of a pool would compile them again.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
+# Tests run in as many processes as there are cores: a second thread of linear algebra in each only
+# waits, and takes the processors meanwhile. Set before NumPy is loaded.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # What a shell puts in the background is deaf to Ctrl-C, and so is what it starts in turn.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
