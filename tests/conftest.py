@@ -6,6 +6,7 @@ import signal
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -40,6 +41,20 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             message = f"{item.path}: tests live in one of tests/{{{','.join(sorted(REASONS))}}}"
             raise pytest.UsageError(message)
         item.add_marker(folder)
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        from tests.distribution import ordered
+
+        items[:] = ordered(items)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Share out whole files, long ones first."""
+    if config.getoption("dist") != "loadfile":
+        return None
+    from tests.distribution import LongFirst
+
+    return LongFirst(config, log)
 
 
 def pytest_report_header() -> str:
