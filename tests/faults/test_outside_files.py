@@ -170,6 +170,9 @@ def test_a_pipe_is_refused_at_once(tmp_path: Path, name: str) -> None:
     code, said = turnout("import", *given, folder=tmp_path)
     assert code == 2
     assert f"{name}: is a pipe, not a file" in said
+
+
+def test_a_device_is_refused_at_once(tmp_path: Path) -> None:
     code, said = turnout("import", "/dev/zero", folder=tmp_path)
     assert code == 2
     assert "/dev/zero: is a device, not a file" in said
