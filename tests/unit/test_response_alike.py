@@ -1,10 +1,11 @@
-"""Datasets that are copied from an empty one of their kind are those that xarray makes afresh."""
+"""Datasets that are filled from an empty one of their kind are those that xarray makes afresh."""
 
 import numpy as np
 import pytest
 import xarray as xr
 
 from turnout.errors import ResponseError
+from turnout.response import alike
 from turnout.response.alike import clear_datasets, labelled_dataset
 from turnout.response.signals import Variable
 
@@ -30,7 +31,7 @@ def made(
     return channels, coordinates
 
 
-def test_a_copied_dataset_is_identical_to_one_made_with_all_checks() -> None:
+def test_a_filled_dataset_is_identical_to_one_made_with_all_checks() -> None:
     """Values, also of coordinates, are those of its own throw, attributes those of the schema."""
     cases = [made(1), made(2), made(3, count=7), made(4, step=0.2), made(5, drives=3), made(6)]
     copied = [labelled_dataset(*case) for case in cases]
@@ -74,3 +75,25 @@ def test_what_departs_from_the_schema_is_refused_each_time() -> None:
     for _ in range(2):
         with pytest.raises(ResponseError, match="must be float64"):
             labelled_dataset(channels, coordinates)
+
+
+def test_an_xarray_made_of_other_parts_is_copied_by_its_own_means(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The quick way reaches inside xarray; where that has changed, the dataset stays the same."""
+    clear_datasets()
+    labelled_dataset(*made(1))
+    quick = labelled_dataset(*made(2))
+    assert alike._fills_alike()
+
+    def other_parts(*_: object) -> xr.Dataset:
+        raise AttributeError
+
+    monkeypatch.setattr(alike, "_filled", other_parts)
+    alike._fills_alike.cache_clear()
+    copied = labelled_dataset(*made(2))
+    assert not alike._fills_alike()
+    alike._fills_alike.cache_clear()
+    xr.testing.assert_identical(copied, quick)
+    assert list(copied.variables) == list(quick.variables)
+    assert copied["drive_force"].encoding == quick["drive_force"].encoding == {}

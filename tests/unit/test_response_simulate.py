@@ -50,6 +50,21 @@ def test_two_runs_are_the_same_to_the_last_bit() -> None:
     xr.testing.assert_identical(again.drop_attrs(), sb1_dataset().drop_attrs())
 
 
+def test_what_throws_share_does_not_hide_what_differs() -> None:
+    """Attributes and coordinates are kept for throws that share panel, object and scheme."""
+    stiffer = {"drive.1.stiffness": 7.5e6, "lock.gap_limit": 0.004}
+    panels = [sb1_panel(), sb1_panel().with_overrides(stiffer)]
+    schemes = [Scheme.of("quick"), Scheme.of("quick", force_tolerance=1e-5)]
+    cases = [(panel, scheme) for panel in panels for scheme in schemes]
+    for panel, scheme in (*cases, *reversed(cases)):
+        found = simulate(panel, scheme=scheme)
+        assert found.attrs["panel_hash"] == panel.hash
+        assert found.attrs["lock_gap_limit"] == panel.lock.gap_limit
+        assert found.attrs["force_tolerance"] == scheme.force_tolerance
+        assert found["drive_stiffness"].values[0] == panel.drive["1"].stiffness
+        found.attrs["panel_hash"], found["drive_stiffness"][:] = "changed", 0.0
+
+
 def test_attributes_say_what_made_the_numbers() -> None:
     attributes = sb2_dataset().attrs
     assert attributes["panel_hash"] == sb2_panel().hash

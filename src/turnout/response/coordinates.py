@@ -25,6 +25,14 @@ MOST_KEPT = 64
 """Indexes of names are kept in memory, the latest used: making one takes longer than a channel."""
 _indexes = LRUCache[tuple["Index", "xr.Variable"]](MOST_KEPT)
 
+MOST_PANELS = 8
+"""Panels whose coordinates and stations are kept in memory, the latest used."""
+
+# Throws share what names and places are of. It is named by identity, and kept beside so that
+# nothing else takes its place.
+_of_members = LRUCache[tuple[dict[str, Variable], object]](MOST_PANELS)
+_stations = LRUCache[tuple[Floats, object]](MOST_PANELS)
+
 
 def stations(panel: Panel, mechanism: Mechanism, save: Save) -> Floats:
     """Return the places of `gap` and `lateral_displacement`, rising [m]."""
@@ -33,14 +41,35 @@ def stations(panel: Panel, mechanism: Mechanism, save: Save) -> Floats:
         return next(body.x.copy() for body in mechanism.rails if body.name == first)
     if save.stations is not None:
         return np.array(save.stations, dtype=float)
-    places = [item.x for family in (panel.chair, panel.drive) for item in family.values()]
-    return np.unique(np.round(places, 9))
+    families = (panel.chair, panel.drive)
+    key = tuple(map(id, families))
+    kept = _stations.get(key)
+    if kept is None:
+        places = [item.x for family in families for item in family.values()]
+        kept = _stations.put(key, (np.unique(np.round(places, 9)), families))
+    return kept[0].copy()
 
 
 def coordinates(panel: Panel, mechanism: Mechanism, *, time: Floats) -> dict[str, Variable]:
     """Return every coordinate that some channel may use, but for "x", see `stations`."""
+    families = (
+        *(panel.rail, panel.drive, panel.machine, panel.chair, panel.stop, panel.stud),
+        *(panel.fastening, panel.link, panel.sensor),
+    )
+    key = tuple(map(id, families))
+    kept = _of_members.get(key)
+    if kept is None:
+        kept = _of_members.put(key, (_member_coordinates(panel), families))
+    found: dict[str, Variable] = {"time": (("time",), time)}
+    found |= {name: (dims, values.copy()) for name, (dims, values) in kept[0].items()}
+    if mechanism.index.object_parts:
+        found["object"] = _names("object", mechanism.index.object_parts)
+    return found
+
+
+def _member_coordinates(panel: Panel) -> dict[str, Variable]:
+    """Return names, places and properties of what a panel has."""
     found: dict[str, Variable] = {
-        "time": (("time",), time),
         "rail": _names("rail", panel.rail),
         "drive": _names("drive", panel.drive),
         "drive_x": _numbers("drive", [drive.x for drive in panel.drive.values()]),
@@ -66,8 +95,6 @@ def coordinates(panel: Panel, mechanism: Mechanism, *, time: Floats) -> dict[str
         found["sensor"] = _names("sensor", panel.sensor)
         found["sensor_x"] = _numbers("sensor", [sensor.x for sensor in sensors])
         found["sensor_limit"] = _numbers("sensor", [sensor.limit for sensor in sensors])
-    if mechanism.index.object_parts:
-        found["object"] = _names("object", mechanism.index.object_parts)
     return found
 
 

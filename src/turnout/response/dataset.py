@@ -2,11 +2,13 @@
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.core.lru_cache import LRUCache
 from turnout.core.provenance import provenance
 from turnout.integrate.integration import History
 from turnout.mechanism.drive_machines import blind_currents
@@ -64,6 +66,13 @@ if TYPE_CHECKING:
     import xarray as xr
 
 Floats = NDArray[np.float64]
+Attributes = dict[str, str | int | float | bool]
+
+MOST_DESCRIBED = 8
+"""Panels with their objects whose attributes are kept in memory, the latest used."""
+
+# What throws share is named by identity, and kept beside so that nothing else takes its place.
+_described = LRUCache[tuple[tuple[Attributes, Attributes, str], object]](MOST_DESCRIBED)
 
 # Nothing is computed that is not kept: signals of forces by what they make, then all that needs the
 # motion of the rails, which costs most.
@@ -249,10 +258,42 @@ def describe_run(
     objects: Sequence[PlacedObject],
     wall_time: float,
     solver_time: float,
-) -> dict[str, str | int | float | bool]:
+) -> Attributes:
     """Return what made the numbers, as attributes of a dataset; records as JSON text."""
     outcome, made = history.outcome, duties(history)
     end = float(history.time[-1]) if history.time.size else 0.0
+    described = (id(panel), scheme, *objects, *map(id, mechanism.rails))
+    kept = _described.get(described)
+    if kept is None:
+        texts = _inputs(panel, objects), _rules(panel, scheme), _superelements(mechanism)
+        kept = _described.put(described, (texts, (panel, mechanism.rails)))
+    inputs, rules, superelements = kept[0]
+    return {
+        **inputs,
+        "movements": movement_records(moved_throws(panel, history)),
+        **({"machine_throws": duty_records(panel, made, end)} if made else {}),
+        **rules,
+        "outcome": outcome.code.name.lower().replace("_", " "),
+        "outcome_message": outcome.message(),
+        "complete": outcome.complete,
+        "residual": outcome.residual,
+        "steps": outcome.step,
+        "iterations": history.iterations,
+        "flips": history.flips,
+        "halved_steps": history.halved,
+        "wall_time": wall_time,
+        "solver_time": solver_time,
+        "modes": history.model.eigenvalues.size,
+        "highest_mode_frequency": float(history.model.frequencies[-1]),
+        "superelements": superelements,
+        "energy_scale": outcome.energy_scale
+        if history.machines
+        else energy_scale(history.stored, history.ledger),
+    }
+
+
+def _inputs(panel: LoadedPanel, objects: Sequence[PlacedObject]) -> Attributes:
+    """Return what was simulated, and by what."""
     return {
         "title": f"Throw of {panel.name}",
         "kind": "simulation",
@@ -262,8 +303,12 @@ def describe_run(
         "panel_hash": panel.hash,
         "overrides": json.dumps(dict(panel.overrides), default=_plain),
         "foreign_objects": json.dumps([_object_record(panel, item) for item in objects]),
-        "movements": movement_records(moved_throws(panel, history)),
-        **({"machine_throws": duty_records(panel, made, end)} if made else {}),
+    }
+
+
+def _rules(panel: LoadedPanel, scheme: Scheme) -> Attributes:
+    """Return what feeds the machines of a panel, what it is judged by, and how it was solved."""
+    return {
         **({"machine_supplies": json.dumps(fed)} if (fed := machine_supplies(panel)) else {}),
         **({"blind_currents": json.dumps(blind)} if (blind := blind_currents(panel)) else {}),
         "lock_rule": panel.lock.rule,
@@ -279,22 +324,6 @@ def describe_run(
         "gap_tolerance": scheme.gap_tolerance,
         "force_tolerance": scheme.force_tolerance,
         "output_interval": scheme.output_interval,
-        "outcome": outcome.code.name.lower().replace("_", " "),
-        "outcome_message": outcome.message(),
-        "complete": outcome.complete,
-        "residual": outcome.residual,
-        "steps": outcome.step,
-        "iterations": history.iterations,
-        "flips": history.flips,
-        "halved_steps": history.halved,
-        "wall_time": wall_time,
-        "solver_time": solver_time,
-        "modes": history.model.eigenvalues.size,
-        "highest_mode_frequency": float(history.model.frequencies[-1]),
-        "superelements": json.dumps(_superelement_records(mechanism)),
-        "energy_scale": outcome.energy_scale
-        if history.machines
-        else energy_scale(history.stored, history.ledger),
     }
 
 
@@ -334,7 +363,8 @@ def _place_name(panel: Panel, x: float) -> str:
     return f"x = {x:g} m"
 
 
-def movement_records(moved: Sequence[Throw]) -> str:
+@lru_cache(maxsize=MOST_DESCRIBED)
+def movement_records(moved: tuple[Throw, ...]) -> str:
     """Return movements as JSON text, as a dataset names them in its attributes."""
     return json.dumps(
         [
@@ -344,20 +374,23 @@ def movement_records(moved: Sequence[Throw]) -> str:
     )
 
 
-def _superelement_records(mechanism: Mechanism) -> list[dict[str, object]]:
-    return [
-        {
-            "rail": body.name,
-            "frequency_kept": body.frequency_kept if np.isfinite(body.frequency_kept) else None,
-            "frequency_omitted": body.frequency_omitted
-            if np.isfinite(body.frequency_omitted)
-            else None,
-            "dofs": body.n_full,
-            "dofs_kept": body.count,
-            "dofs_interface": body.n_interface,
-        }
-        for body in mechanism.rails
-    ]
+def _superelements(mechanism: Mechanism) -> str:
+    """Return how the rails were reduced, as JSON text."""
+    return json.dumps(
+        [
+            {
+                "rail": body.name,
+                "frequency_kept": body.frequency_kept if np.isfinite(body.frequency_kept) else None,
+                "frequency_omitted": body.frequency_omitted
+                if np.isfinite(body.frequency_omitted)
+                else None,
+                "dofs": body.n_full,
+                "dofs_kept": body.count,
+                "dofs_interface": body.n_interface,
+            }
+            for body in mechanism.rails
+        ]
+    )
 
 
 def _plain(value: object) -> object:

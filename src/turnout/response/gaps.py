@@ -27,7 +27,7 @@ from turnout.response.recovery import (
     seen_recipe,
     stacked,
 )
-from turnout.response.route import Throw, open_rail, wanted_closed
+from turnout.response.route import Throw, closed_rail, open_rail, wanted_closed
 from turnout.response.rows_over_time import Recipe, Rows, rows_in_lines, write_rows
 
 Floats = NDArray[np.float64]
@@ -44,6 +44,8 @@ MOST_WATCHED = 128
 _rows = LRUCache[tuple[list[Floats], list[object]]](MOST_ROWS)
 _nodes = LRUCache[tuple[Floats, Floats, list[object]]](MOST_ROWS)
 _watched = LRUCache[tuple[tuple[Floats, Floats, Floats], list[object]]](MOST_WATCHED)
+_heights = LRUCache[tuple[list[Floats], list[object]]](MOST_ROWS)
+_places = LRUCache[tuple[list[Place], list[object]]](MOST_ROWS)
 
 
 def _at_nodes(panel: Panel, rail: str, x: Floats) -> tuple[Floats, Floats]:
@@ -62,6 +64,16 @@ def _at_nodes(panel: Panel, rail: str, x: Floats) -> tuple[Floats, Floats]:
         height = contact_height(panel, rail, x)
         kept = _nodes.put(key, (height, np.maximum(beyond, 0.0), named))
     return kept[:2]
+
+
+def _contact_heights(panel: Panel, x: Floats) -> list[Floats]:
+    """Return `contact_height` at some places for each rail, found once for throws that share it."""
+    named = [panel.rail, panel.stop, panel.stud, panel.object_defaults]
+    key = (*map(id, named), x.tobytes())
+    kept = _heights.get(key)
+    if kept is None:
+        kept = _heights.put(key, ([contact_height(panel, name, x) for name in panel.rail], named))
+    return kept[0]
 
 
 def stock_gap(panel: Panel, motion: CondensedShapes, rail: str, x: Floats) -> Floats:
@@ -100,7 +112,7 @@ def displacements_and_gaps(panel: Panel, motion: Motion, x: Floats, out: Floats)
     out : ndarray, shape (n_rails, 2, n_points, n_times)
         Displacements, positive in +y, then distances [m]; NaN beyond a rail.
     """
-    heights = [contact_height(panel, name, x) for name in panel.rail]
+    heights = _contact_heights(panel, x)
 
     def recipes() -> list[Recipe]:
         found = []
@@ -172,11 +184,16 @@ def drive_and_sensor_gaps(panel: Panel, motion: Motion, time: Floats) -> tuple[F
 
 def gap_places(panel: Panel) -> list[Place]:
     """Return where `drive_and_sensor_gaps` looks: at the drives on both rails, then at sensors."""
-    x = np.array([drive.x for drive in panel.drive.values()])
-    z = np.array([drive.height for drive in panel.drive.values()])
-    rails = wanted_closed(panel, np.zeros(1))
-    sensors = [(s.rail, np.array([s.x]), np.array([s.height])) for s in panel.sensor.values()]
-    return [*((rail, x, z) for rail, _ in rails), *sensors]
+    named = [panel.drive, panel.sensor, panel.rail]
+    key = (panel.instrumented_rail, *map(id, named))
+    kept = _places.get(key)
+    if kept is None:
+        x = np.array([drive.x for drive in panel.drive.values()])
+        z = np.array([drive.height for drive in panel.drive.values()])
+        rails = [closed_rail(panel, position) for position in ("closed", "open")]
+        sensors = [(s.rail, np.array([s.x]), np.array([s.height])) for s in panel.sensor.values()]
+        kept = _places.put(key, ([*((rail, x, z) for rail in rails), *sensors], named))
+    return kept[0]
 
 
 def split_gaps(panel: Panel, gaps: Floats, time: Floats) -> tuple[Floats, Floats]:

@@ -106,5 +106,6 @@ def at_rest(panel: Panel, time: Floats, moved: Sequence[Throw] | None = None) ->
     """
     rest = np.ones(time.size, dtype=np.bool_)
     for throw in throws(panel) if moved is None else moved:
-        rest &= (time < throw.start - 1e-9) | (time >= throw.end - 1e-9)
+        first, end = np.searchsorted(time, (throw.start - 1e-9, throw.end - 1e-9))
+        rest[first:end] = False
     return rest

@@ -4,7 +4,7 @@ Histories hold an instant after the other, channels a place after the other. Wha
 is collected here, and written by one kernel (`turnout.kernels.turned_rows`).
 """
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from turnout.core.lru_cache import LRUCache
 from turnout.integrate.scratch import lines_from_buffer
 from turnout.kernels.lanes import LANES, whole_lines
-from turnout.kernels.shared_record import shared_record
+from turnout.kernels.shared_record import clone_record, shared_record
 from turnout.kernels.turned_rows import MINUS, PLAIN, PLUS, TILE, RowSums, write_row_sums
 
 Floats = NDArray[np.float64]
@@ -251,7 +251,7 @@ def write_rows(wanted: Sequence[Rows], histories: Mapping[str, Floats]) -> None:
     _check_arrays(wanted, histories, count)
     sums = _row_sums(wanted, histories)
     lines = lines_from_buffer(sums.column_address.size + 2, TILE)
-    write_row_sums(shared_record(sums), lines, count)
+    write_row_sums(sums, lines, count)
 
 
 def _check_arrays(wanted: Sequence[Rows], histories: Mapping[str, Floats], count: int) -> None:
@@ -272,11 +272,25 @@ def _check_arrays(wanted: Sequence[Rows], histories: Mapping[str, Floats], count
 
 
 class _Layout(NamedTuple):
-    """What the kernel makes of rows but for addresses, which columns are used, and the products."""
+    """What the kernel makes of rows, without the addresses of a run.
+
+    Attributes
+    ----------
+    sums : RowSums
+        A record to be cloned, with addresses of 0.
+    column_offset, row_offset : ndarray of int
+        From the first number of its history to each column, and of its `Rows` to each row [B].
+    part : ndarray of int, shape (n_rows,)
+        The `Rows` that each row belongs to.
+    named : sequence of object
+        Products and starts, by which layouts are known.
+    """
 
     sums: RowSums
-    used: Ints
-    products: list[Sequence[Product]]
+    column_offset: Ints
+    row_offset: Ints
+    part: Ints
+    named: Sequence[object]
 
 
 _layouts = LRUCache[_Layout](MOST_LAYOUTS)
@@ -284,19 +298,26 @@ _layouts = LRUCache[_Layout](MOST_LAYOUTS)
 
 def _row_sums(wanted: Sequence[Rows], histories: Mapping[str, Floats]) -> RowSums:
     """Return what the kernel makes of rows; laid out once for the recipes that throws share."""
-    strides = tuple((name, values.shape[1], values.strides) for name, values in histories.items())
-    key = (tuple((id(rows.products), rows.out.shape[0], _kind(rows)) for rows in wanted), strides)
+    of_rows = tuple([(id(rows.products), id(rows.start), *_shape(rows)) for rows in wanted])
+    key = (
+        of_rows,
+        *((name, values.shape[1], values.strides) for name, values in histories.items()),
+    )
     layout = _layouts.get(key)
     if layout is None:
         layout = _lay_out(wanted, histories)
         if all(isinstance(rows.products, tuple) for rows in wanted):  # else not there to stay
             _layouts.put(key, layout)
-    address = _column_addresses(list(histories.values()))
-    return layout.sums._replace(
-        column_address=address[layout.used],
-        row_address=np.concatenate([_row_addresses(rows.out) for rows in wanted]),
-        row_start=np.concatenate([_starts(rows) for rows in wanted]),
-    )
+    sums = clone_record(layout.sums)
+    columns, rows = _addresses(histories.values()), _addresses([rows.out for rows in wanted])
+    np.add(columns[sums.column_history], layout.column_offset, out=sums.column_address)
+    np.add(rows[layout.part], layout.row_offset, out=sums.row_address)
+    return sums
+
+
+def _shape(rows: Rows) -> tuple[int, int, int]:
+    """Return how many rows there are, how far apart, and how a sum becomes one."""
+    return rows.out.shape[0], rows.out.strides[0], _kind(rows)
 
 
 def _lay_out(wanted: Sequence[Rows], histories: Mapping[str, Floats]) -> _Layout:
@@ -336,22 +357,29 @@ def _lay_out(wanted: Sequence[Rows], histories: Mapping[str, Floats]) -> _Layout
     used, column = np.unique(column[by_row], return_inverse=True)
     step, history = _columns([histories[name] for name in names])
     steps = np.array([values.strides[0] // 8 for values in histories.values()])
-    nothing = np.zeros(0, dtype=np.int64)
+    counts = np.diff(first_row)
     sums = RowSums(
-        column_address=nothing,
+        column_address=np.zeros(used.size, dtype=np.int64),
         column_step=step[used],
         column_history=history[used],
         place=(steps[:, np.newaxis] * np.arange(LANES)).ravel(),
-        row_address=nothing,
-        row_kind=np.repeat([_kind(rows) for rows in wanted], np.diff(first_row)),
-        row_start=np.zeros(0),
+        row_address=np.zeros(first_row[-1], dtype=np.int64),
+        row_kind=np.repeat([_kind(rows) for rows in wanted], counts),
+        row_start=np.concatenate([_starts(rows) for rows in wanted]),
         group_start=np.searchsorted(of_group, np.arange(first_row[-1] + 1)),
         group_weighted=weighted,
         term_start=np.append(place, row.size),
         term_column=column.astype(np.int64),
         term_weight=weight[by_row],
     )
-    return _Layout(sums, used, [rows.products for rows in wanted])
+    offsets = [values.strides[1] * np.arange(values.shape[1]) for values in histories.values()]
+    return _Layout(
+        sums=shared_record(sums),
+        column_offset=np.concatenate(offsets)[used],
+        row_offset=np.concatenate([_row_offsets(rows.out) for rows in wanted]),
+        part=np.repeat(np.arange(counts.size), counts),
+        named=[(rows.products, rows.start) for rows in wanted],
+    )
 
 
 _Terms = tuple[Ints, Ints, Ints, Ints, Floats]
@@ -382,20 +410,14 @@ def _columns(histories: Sequence[Floats]) -> tuple[Ints, Ints]:
     return np.repeat(steps, widths), np.repeat(np.arange(len(histories)), widths)
 
 
-def _column_addresses(histories: Sequence[Floats]) -> Ints:
-    """Return the address of the first instant of all columns."""
-    found: Ints = np.concatenate(
-        [
-            values.__array_interface__["data"][0] + values.strides[1] * np.arange(values.shape[1])
-            for values in histories
-        ]
-    )
-    return found
+def _addresses(arrays: Iterable[Floats]) -> Ints:
+    """Return the address of the first number of each array."""
+    return np.array([values.__array_interface__["data"][0] for values in arrays], dtype=np.int64)
 
 
-def _row_addresses(out: Floats) -> Ints:
-    """Return the address of each row."""
-    found: Ints = out.__array_interface__["data"][0] + out.strides[0] * np.arange(out.shape[0])
+def _row_offsets(out: Floats) -> Ints:
+    """Return how far each row begins from the first one [B]."""
+    found: Ints = out.strides[0] * np.arange(out.shape[0])
     return found
 
 

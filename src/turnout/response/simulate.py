@@ -123,8 +123,8 @@ def simulate_placed(
     if save.interval is not None:
         scheme = replace(scheme, output_interval=save.interval)
     began = time.perf_counter()
-    solved = solve_placed(panel, objects, scheme=scheme, report=report)
-    with one_blas_thread():
+    with one_blas_thread():  # limits in it cost nothing
+        solved = solve_placed(panel, objects, scheme=scheme, report=report)
         dataset = response_dataset(panel, solved.mechanism, solved.history, save=save)
     attributes = describe_run(
         panel,
