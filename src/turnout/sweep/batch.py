@@ -252,10 +252,9 @@ def throw_batch(study: Study, chains: Sequence[Sequence[int]]) -> list[Row]:
         for chain in chains:
             rows += _throw_chain(study, study.rule, chain)
     else:
-        indices = [index for chain in chains for index in chain]
-        for first in range(0, len(indices), THROWS_PER_PASS):
-            few = [study.scenario(index) for index in indices[first : first + THROWS_PER_PASS]]
-            rows += throw_scenarios(study, few)
+        scenarios = study.scenarios_of([index for chain in chains for index in chain])
+        for first in range(0, len(scenarios), THROWS_PER_PASS):
+            rows += throw_scenarios(study, scenarios[first : first + THROWS_PER_PASS])
     return sorted(rows, key=lambda row: row.scenario.index)
 
 
