@@ -262,7 +262,9 @@ def _carry_out(given: RunPlan, report: Callable[[int, int], None] | None) -> His
         filled_in=grid.filled_in,
         watched=given.watched,
     )
-    run = replace(run, rods=new_rods(run, mechanism, scheme, grid.n_stored))
+    rods = new_rods(run, mechanism, scheme, grid.n_stored)
+    if rods is not None:
+        run = replace(run, rods=rods)
     _compile_march(run, after_motion=given.start is not None)
     with one_thread() as thread:
         code, done = find_start(run, arrangement, thread, given.start), 0
@@ -394,10 +396,9 @@ def _compile_march(run: PreparedRun, *, after_motion: bool) -> None:
 
     A motion before the start knows no machines.
     """
-    for given in (run, replace(run, rods=None)) if after_motion else (run,):
-        machines = given.rods is not None
+    for machines in (run.rods is not None, False) if after_motion else (run.rods is not None,):
         if machines not in _at_hand:
-            _march(given, 0, 0)
+            _march(run if machines else replace(run, rods=None), 0, 0)
             _at_hand.add(machines)
 
 
