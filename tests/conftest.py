@@ -3,8 +3,10 @@
 import multiprocessing
 import os
 import signal
+import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -17,6 +19,13 @@ settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")
 # Figures are drawn, never shown.
 os.environ.setdefault("MPLBACKEND", "Agg")
+# Some hundred tests start the program; without what Python keeps of its sources each start and each
+# process of a pool would compile them again.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
+# Tests run in as many processes as there are cores: a second thread of linear algebra in each only
+# waits, and takes the processors meanwhile. Set before NumPy is loaded.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # What a shell puts in the background is deaf to Ctrl-C, and so is what it starts in turn.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -32,6 +41,20 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             message = f"{item.path}: tests live in one of tests/{{{','.join(sorted(REASONS))}}}"
             raise pytest.UsageError(message)
         item.add_marker(folder)
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        from tests.distribution import ordered
+
+        items[:] = ordered(items)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Share out whole files, long ones first."""
+    if config.getoption("dist") != "loadfile":
+        return None
+    from tests.distribution import LongFirst
+
+    return LongFirst(config, log)
 
 
 def pytest_report_header() -> str:

@@ -1,9 +1,15 @@
-"""The program as a user starts it in a terminal, to be ended in all ways."""
+"""The program as a user starts it in a terminal, to be ended in all ways, or in this process."""
 
+import contextlib
+import io
 import os
 import signal
 import subprocess
 import sys
+from pathlib import Path
+from unittest.mock import patch
+
+from turnout.cli.main import main
 
 
 def started_in_terminal(*arguments: str) -> subprocess.Popen[str]:
@@ -19,3 +25,21 @@ def started_in_terminal(*arguments: str) -> subprocess.Popen[str]:
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
         env={**os.environ, "PYTHONPATH": path},
     )
+
+
+def run_here(*arguments: str, folder: Path) -> tuple[int, str]:
+    """Run the program in a folder by this process, which has all loaded; return code and stderr."""
+    before, said = Path.cwd(), io.StringIO()
+    os.chdir(folder)
+    try:
+        with (
+            patch.object(sys, "argv", ["turnout", *arguments]),
+            contextlib.redirect_stdout(io.StringIO()),
+            contextlib.redirect_stderr(said),
+        ):
+            main()
+    except SystemExit as end:
+        return int(end.code or 0), said.getvalue()
+    finally:
+        os.chdir(before)
+    return 0, said.getvalue()

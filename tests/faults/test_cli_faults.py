@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 import xarray as xr
+from tests.faults.terminal import run_here
 from tests.unit.simulated import sb1_dataset
 from tests.unit.test_cli_simulate import QUICK
 
@@ -66,7 +67,7 @@ def test_bad_input_is_one_message(
     tmp_path: Path, arguments: tuple[str, ...], words: tuple[str, ...]
 ) -> None:
     outputs = () if {"--out", "--plot"} & set(arguments) else ("--out", "run.nc")
-    code, message = turnout("simulate", *arguments, *outputs, folder=tmp_path)
+    code, message = run_here("simulate", *arguments, *outputs, folder=tmp_path)
     assert code == 2, message
     assert "Traceback" not in message
     for word in words:
@@ -76,7 +77,7 @@ def test_bad_input_is_one_message(
 
 def test_all_that_is_wrong_with_a_line_is_reported_at_once(tmp_path: Path) -> None:
     line = ("--object", "bad", "--object", "5 mm @", "--set", "bad", "--step", "1", "--cutoff", "3")
-    code, message = turnout("simulate", *line, folder=tmp_path)
+    code, message = run_here("simulate", *line, folder=tmp_path)
     assert code == 2
     assert "Traceback" not in message
     for part in ('"bad" is not SIZE@PLACE', '"5 mm @" is not SIZE@PLACE', '"bad" is not KEY=VALUE'):

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from tests.faults.test_cli_faults import turnout
+from tests.faults.terminal import run_here
 
 
 @pytest.mark.parametrize(
@@ -23,7 +23,7 @@ from tests.faults.test_cli_faults import turnout
     ],
 )
 def test_one_message(tmp_path: Path, arguments: tuple[str, ...], words: tuple[str, ...]) -> None:
-    code, errors = turnout("machine", *arguments, folder=tmp_path)
+    code, errors = run_here("machine", *arguments, folder=tmp_path)
     assert code == 2
     assert "Traceback" not in errors
     for word in words:
@@ -42,7 +42,7 @@ inductance = "0.15 mm"
 inertia = "-1 kg m^2"
 """
     (tmp_path / "bad.toml").write_text(text)
-    code, errors = turnout("machine", "run", "bad.toml", folder=tmp_path)
+    code, errors = run_here("machine", "run", "bad.toml", folder=tmp_path)
     assert code == 2
     for word in (
         "motor.voltage = 220: has no unit",

@@ -69,6 +69,9 @@ def test_a_file_in_place_of_the_folder_is_refused(
     file = tmp_path / "file"
     file.write_text("mine")
     out = ["-o", str(tmp_path / "switch.detector")] if line[0] == "detect" else []
+    # All throws are planned before the folder is needed.
+    few = ["--sound", "420", "--objects", "200", "--defects", "40", "--switches", "10"]
+    out += few if out else []
     folder = file / "throws" if inside else file
     found = CliRunner().invoke(app, [*line, *out, "-q", "--folder", str(folder)])
     assert isinstance(found.exception, TurnoutError)

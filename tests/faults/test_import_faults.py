@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from tests.faults.terminal import run_here
 from tests.faults.test_cli_faults import turnout
 from tests.unit.test_measurement_optional import tdms
 
@@ -42,7 +43,7 @@ def test_bad_files(
         if text is not None:
             (tmp_path / name).write_text(text, encoding="utf-8")
     before = sorted(tmp_path.iterdir())
-    code, message = turnout(
+    code, message = run_here(
         *("import", "throw.csv", "--channels", "map.toml", "--out", "throw.nc"), folder=tmp_path
     )
     assert code == 2, message
@@ -54,14 +55,14 @@ def test_bad_files(
 
 def test_all_wrong_options_at_once(tmp_path: Path) -> None:
     (tmp_path / "throw.csv").write_text(GOOD, encoding="utf-8")
-    code, message = turnout(
+    code, message = run_here(
         *("import", "throw.csv", "--out", "throw.nc", "--smooth", "0.1"), folder=tmp_path
     )
     assert code == 2
     assert "--out: needs --channels MAP" in message
     assert "--smooth: needs --channels MAP" in message
     assert "--smooth 0.1: has no unit" in message
-    code, message = turnout("import", "throw.csv", "--plot", "a.gif", folder=tmp_path)
+    code, message = run_here("import", "throw.csv", "--plot", "a.gif", folder=tmp_path)
     assert code == 2
     assert "must end in .png or .pdf or .svg" in message
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from tests.faults.terminal import run_here
 from tests.faults.test_cli_faults import turnout
 from tests.unit.campaigns import copied, edited
 
@@ -43,13 +44,13 @@ def test_a_recording_outside_the_folder(folder: Path, how: str) -> None:
         (folder / name).symlink_to(outside)
     else:
         edited(folder, name, f"../{name}" if how == ".." else str(outside))
-    code, said = turnout("campaign", "check", "campaign", folder=folder.parent)
+    code, said = run_here("campaign", "check", "campaign", folder=folder.parent)
     assert code == 2
     assert "lies outside" in said
     assert "--allow-outside" in said
     assert "Traceback" not in said
     given = ("campaign", "check", "campaign", "--allow-outside", "--quiet")
-    assert turnout(*given, folder=folder.parent) == (0, "")
+    assert run_here(*given, folder=folder.parent) == (0, "")
 
 
 def test_a_file_outside_is_not_looked_for(folder: Path) -> None:
@@ -114,7 +115,7 @@ def test_a_dataset_is_not_written_through_a_link(
     secret.write_text(SECRET, encoding="utf-8")
     for name in ("campaign.nc", "a.nc"):
         (folder / name).symlink_to(secret)
-    code, said = turnout("campaign", arguments[0], "campaign", *arguments[1:], *allow,
+    code, said = run_here("campaign", arguments[0], "campaign", *arguments[1:], *allow,
                          folder=tmp_path)  # fmt: skip
     assert code == 2
     assert "is not written through" in said
@@ -128,7 +129,7 @@ def test_a_map_is_not_written_through_a_link(tmp_path: Path) -> None:
     received.mkdir()
     (received / "throw.csv").write_text("t,rod\n0,1\n1,2\n2,3\n", encoding="utf-8")
     (received / "channels.toml").symlink_to(secret)
-    code, said = turnout("import", "throw.csv", "--suggest", "channels.toml", folder=received)
+    code, said = run_here("import", "throw.csv", "--suggest", "channels.toml", folder=received)
     assert code == 2
     assert "is not written through" in said
     assert secret.read_text(encoding="utf-8") == SECRET
@@ -169,6 +170,9 @@ def test_a_pipe_is_refused_at_once(tmp_path: Path, name: str) -> None:
     code, said = turnout("import", *given, folder=tmp_path)
     assert code == 2
     assert f"{name}: is a pipe, not a file" in said
+
+
+def test_a_device_is_refused_at_once(tmp_path: Path) -> None:
     code, said = turnout("import", "/dev/zero", folder=tmp_path)
     assert code == 2
     assert "/dev/zero: is a device, not a file" in said

@@ -4,27 +4,17 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
-from tests.unit.detector_toy import toy_set, toy_setting, toy_throw
+from tests.unit.detector_toy import toy_detector, toy_throw
 
-from turnout.detection.detector.detector import Detector
-from turnout.detection.detector.train_detector import knowledge_of_sets
 from turnout.panel.load import load_panel
 from turnout.response.store import save_response
 from turnout.schema.channels import SCHEMA_VERSION
 
 
 def detector_file(folder: Path) -> Path:
-    """Write a detector of the switch of formulas, trained on few throws."""
-    sets = {
-        "sound": toy_set(420),
-        "object": toy_set(260, kind="object"),
-        "dry chairs": toy_set(40, kind="dry chairs"),
-        "adjustment": toy_set(40, kind="adjustment"),
-        "history": toy_set(36, seed=9, sound_seed=9, repeats=12),
-    }
-    known = knowledge_of_sets(sets, toy_setting(), draws=2, history_draws=1, histories=(8,))
+    """Write the detector of the switch of formulas that a session trains once."""
     path = folder / "toy.detector"
-    Detector(known).save(path)
+    toy_detector().save(path)
     return path
 
 

@@ -280,10 +280,10 @@ def test_the_command(tmp_path: Path, documented: dict[str, set[str]]) -> None:
     ],
 )
 def test_bad_options(options: list[str], words: str, tmp_path: Path) -> None:
-    from tests.faults.test_cli_faults import turnout
+    from tests.faults.terminal import run_here
 
     campaign().assign_attrs(schema_version=1).to_netcdf(tmp_path / "campaign.nc", engine="h5netcdf")
-    code, errors = turnout("machine", "fit", "campaign.nc", *options, folder=tmp_path)
+    code, errors = run_here("machine", "fit", "campaign.nc", *options, folder=tmp_path)
     assert code == 2
     assert words in errors
     assert "Traceback" not in errors

@@ -65,13 +65,13 @@ def test_a_perfect_detector_has_the_figures_of_one() -> None:
     assert score.mid_span == pytest.approx(size[size > 0].min(), abs=2e-3)
 
 
-COUNTS = Counts(switches=4, machines=1, known=2, sound=2, objects=3, causes=1)
+COUNTS = Counts(switches=4, machines=1, known=1, sound=1, objects=2, causes=1)
 
 
 def test_the_command_makes_compares_and_scores(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    tiny = Counts(switches=9, machines=0, known=2, sound=3, objects=4, causes=0)
+    tiny = Counts(switches=6, machines=0, known=2, sound=3, objects=3, causes=0)
     monkeypatch.setitem(PRESETS, "small", tiny)
     folder = tmp_path / "bench"
     line = ["benchmark", "detection", str(folder), "--size", "small", "--workers", "1"]

@@ -15,6 +15,7 @@ from turnout.open_benchmark.run_methods import Conditions, methods_for, numbers_
 from turnout.open_benchmark.sides import Benchmark
 
 MACHINES = Counts(switches=8, machines=8, known=3, sound=7, objects=3, causes=1)
+FEW = Counts(switches=6, machines=6, known=3, sound=3, objects=2, causes=1)
 OBVIOUS = Counts(switches=9, machines=0, known=3, sound=10, objects=7, causes=0)
 CONDITIONS = [
     Conditions(track="machines", channels=name, history=3) for name in ("force", "current", "power")
@@ -25,6 +26,14 @@ CONDITIONS = [
 def machines(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("machines") / "bench"
     make_throws(folder, MACHINES)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def few(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return throws that are recorded and judged, however well."""
+    folder = tmp_path_factory.mktemp("few") / "bench"
+    make_throws(folder, FEW)
     return folder
 
 
@@ -96,9 +105,9 @@ def test_machines_are_judged_by_force_current_and_power(
     assert result["setting"] in [dict(item) for item in method.settings]
 
 
-def test_what_machines_record_is_far_above_what_the_recorder_adds(machines: Path) -> None:
+def test_what_machines_record_is_far_above_what_the_recorder_adds(few: Path) -> None:
     for conditions in CONDITIONS:
-        bench = conditions.open(machines)
+        bench = conditions.open(few)
         clean = bench.train.clean
         assert np.isfinite(clean).all()
         assert (
@@ -112,12 +121,12 @@ def test_what_machines_record_is_far_above_what_the_recorder_adds(machines: Path
 
 
 def test_an_interrupted_run_of_methods_goes_on_to_the_same_numbers(
-    machines: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    few: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     names = ("three-features", "pca")
     folders = [tmp_path / name for name in ("whole", "stopped")]
     for folder in folders:
-        shutil.copytree(machines, folder)
+        shutil.copytree(few, folder)
     wanted = CONDITIONS[:2]
     whole = run_methods.run_methods(folders[0], wanted, only=names)
     computed: list[tuple[int, int]] = []

@@ -63,6 +63,15 @@ def test_a_scenario_is_the_same_whatever_was_asked_for_before(method: str) -> No
     assert forwards.digest == backwards.digest
 
 
+@pytest.mark.parametrize("name", ["detection-reference", "plausible-panels", "paper-campaign"])
+def test_scenarios_drawn_together_are_those_drawn_one_by_one(name: str) -> None:
+    given = load_study(name)
+    numbers = [7, *range(20), given.count - 1]
+    assert given.scenarios_of(numbers) == [given.scenario(number) for number in numbers]
+    with pytest.raises(IndexError, match="counted from 0"):
+        given.scenarios_of([0, given.count])
+
+
 def test_a_larger_random_study_begins_like_a_smaller_one() -> None:
     few, many = (study(DRAWN + f"[sampling]\ncount = {count}\n") for count in (5, 50))
     assert [few.scenario(i) for i in range(5)] == [many.scenario(i) for i in range(5)]

@@ -6,7 +6,7 @@ from scipy import stats
 
 from turnout.study.distribution import Choice, Distribution, parameter_faults
 from turnout.study.random_inputs import RandomField, TemperatureLaw, correlation_root
-from turnout.study.sampling import copula_factor, correlate, sample_point
+from turnout.study.sampling import copula_factor, correlate, sample_points
 
 SHARES = np.linspace(0.01, 0.99, 23)
 # Distribution, its parameters, and the same one of scipy.
@@ -38,6 +38,8 @@ def test_quantiles_are_those_of_scipy(kind: str, parameters: dict[str, float], k
     assert parameter_faults(kind, parameters) == []
     law = Distribution(kind=kind, parameters=parameters)
     np.testing.assert_allclose(law.quantile(SHARES), known.ppf(SHARES), rtol=1e-9)
+    shares = np.random.default_rng(1).random(100)
+    assert law.drawn(shares) == [law.value(float(share)) for share in shares]  # to the last bit
 
 
 def test_a_truncated_lognormal_keeps_between_its_bounds_and_its_shape() -> None:
@@ -62,18 +64,16 @@ def test_choices_come_by_their_weights() -> None:
 def test_points_fill_the_cube(method: str, most: float) -> None:
     """The largest distance of the marginal from uniform: even designs are closer than chance."""
     count = 256
-    points = np.array(
-        [sample_point(method, count=count, dimensions=3, seed=4, state=n) for n in range(count)]
-    )
+    given = {"count": count, "dimensions": 3, "seed": 4}
+    points = np.array([sample_points(method, **given, states=[n])[0] for n in range(count)])
+    np.testing.assert_array_equal(sample_points(method, **given, states=range(count)), points)
     for column in points.T:
         assert stats.kstest(column, "uniform").statistic < most
     assert np.abs(np.corrcoef(points.T) - np.eye(3)).max() < 0.15
 
 
 def test_a_saltelli_block_changes_one_column_at_a_time() -> None:
-    block = np.array(
-        [sample_point("saltelli", count=8, dimensions=3, seed=4, state=5 * 2 + n) for n in range(5)]
-    )
+    block = sample_points("saltelli", count=8, dimensions=3, seed=4, states=range(10, 15))
     first, last = block[0], block[-1]
     assert (first != last).all()
     for column in range(3):

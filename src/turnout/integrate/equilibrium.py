@@ -14,6 +14,7 @@ from turnout.integrate.compliance import assemble_level
 from turnout.integrate.energy import account_friction, account_laws, set_energy_reference
 from turnout.integrate.follow import follow_path
 from turnout.integrate.scratch import Work
+from turnout.integrate.solution import gather_modes, solve_displacements
 from turnout.integrate.solve import (
     CONVERGED,
     NOT_CONVERGED,
@@ -22,6 +23,8 @@ from turnout.integrate.solve import (
     iterate_contact_set,
     restore_contact_set,
     save_contact_set,
+    update_contact_set,
+    update_marked,
 )
 from turnout.integrate.state import State
 from turnout.integrate.system import Floats, Ints, System
@@ -33,6 +36,8 @@ from turnout.mechanism.mechanism import Mechanism
 
 ITERATIONS = 300
 """Most Newton steps."""
+REFINEMENTS = 8
+"""Most refinements of a static solution that change its contact set."""
 
 
 def equilibrium_segments(mechanism: Mechanism, *, inputs: Floats, present: Ints) -> Ints:
@@ -102,7 +107,7 @@ def equilibrium(
     """Find the static equilibrium for the present inputs by iterating the contact set.
 
     The columns are those of a level without inertia and viscosity, the last one. The solution is
-    refined once, so that a rail at rest does not move in its first step.
+    refined, so that a rail at rest does not move in its first step.
     """
     static = state.level_ready.size - 1
     assemble_level(system, state, static, 0.0, 0.0)
@@ -110,9 +115,30 @@ def equilibrium(
     copy(system.load, work.right_side)
     code = iterate_contact_set(system, table, state, work, tolerances)
     if code == CONVERGED:
+        _refine_contact_set(system, table, state, work, tolerances)
+    return code
+
+
+@compiled
+def _refine_contact_set(
+    system: System, table: LawTable, state: State, work: Work, tolerances: Tolerances
+) -> None:
+    """Refine the static solution, and the contact set where the refined solution violates it.
+
+    Where chairs lie metres below their rails a refinement moves contacts by more than their
+    tolerance, which is that of rails in the range of a switch.
+    """
+    for attempt in range(REFINEMENTS + 1):
         measure_residual(system, table, state, work, 0.0, 0.0)
         refine(system, state, work)
-    return code
+        if attempt == REFINEMENTS:
+            return
+        count = update_contact_set(system, table, state, work, tolerances, one_at_a_time=False)
+        if count == 0:
+            return
+        update_marked(system, table, state, work, count)
+        solve_displacements(system, table, state, work, again=False)
+        gather_modes(system, state)
 
 
 @compiled
@@ -164,6 +190,5 @@ def settle(
         inputs = (work.inputs_start, work.inputs_end)
         code = follow_path(system, table, state, work, tolerances, inputs, 0.0, 0.0)
     if code == CONVERGED:
-        measure_residual(system, table, state, work, 0.0, 0.0)
-        refine(system, state, work)
+        _refine_contact_set(system, table, state, work, tolerances)
     return code

@@ -17,7 +17,7 @@ from turnout.integrate.accuracy import equilibrium_residual
 from turnout.integrate.arrange import Arrangement, PreparedRun, arrange, prepare
 from turnout.integrate.dense import interpolate_record
 from turnout.integrate.driven import MachineHistory, machine_history, new_rods, start_rods
-from turnout.integrate.energy import energy_balance
+from turnout.integrate.energy import energy_balance, folded_energy
 from turnout.integrate.march import march, march_with_machines, store_instant
 from turnout.integrate.outcome import Code, Outcome, is_closed
 from turnout.integrate.record import trim_record
@@ -262,7 +262,9 @@ def _carry_out(given: RunPlan, report: Callable[[int, int], None] | None) -> His
         filled_in=grid.filled_in,
         watched=given.watched,
     )
-    run = replace(run, rods=new_rods(run, mechanism, scheme, grid.n_stored))
+    rods = new_rods(run, mechanism, scheme, grid.n_stored)
+    if rods is not None:
+        run = replace(run, rods=rods)
     _compile_march(run, after_motion=given.start is not None)
     with one_thread() as thread:
         code, done = find_start(run, arrangement, thread, given.start), 0
@@ -277,7 +279,8 @@ def _carry_out(given: RunPlan, report: Callable[[int, int], None] | None) -> His
     if machines is not None:
         balance = machines.with_balance(*balance)
     if code == Code.COMPLETE and not is_closed(*balance):
-        code = Code.INACCURATE
+        folded = folded_energy(run.system, run.table, run.state)
+        code = Code.COMPLETE if is_closed(*balance, folded) else Code.INACCURATE
     residual = equilibrium_residual(run.system, run.table, run.state, run.work)
     outcome = Outcome(
         code=code,
@@ -393,10 +396,9 @@ def _compile_march(run: PreparedRun, *, after_motion: bool) -> None:
 
     A motion before the start knows no machines.
     """
-    for given in (run, replace(run, rods=None)) if after_motion else (run,):
-        machines = given.rods is not None
+    for machines in (run.rods is not None, False) if after_motion else (run.rods is not None,):
         if machines not in _at_hand:
-            _march(given, 0, 0)
+            _march(run if machines else replace(run, rods=None), 0, 0)
             _at_hand.add(machines)
 
 

@@ -10,6 +10,10 @@ CLOSES = 1e-6
 """Largest residual of the energy balance of a complete run, as a share of its scale [-]."""
 LEAST_SCALE = 0.1
 """Smallest scale of the energy balance [J]; forces of 10 kN times 1e-12 m are 1e-7 of it."""
+ROUNDING = 1e-14
+"""Rounding allowed besides, as a share of the energy of the folded linear system [-]."""
+MOST_ROUNDING = 1e-6
+"""Most rounding allowed [J]: rails at rest with chairs metres below them have some 5e-7 J."""
 
 
 class Code(IntEnum):
@@ -55,20 +59,25 @@ ADVICE = {
 }
 
 
-def is_closed(residual: float, scale: float) -> bool:
+def is_closed(residual: float, scale: float, folded: float = 0.0) -> bool:
     """Return whether the energy balance of a run closes.
 
     Parameters
     ----------
     residual, scale : float
         From `turnout.integrate.energy.energy_balance` [J].
+    folded : float
+        From `turnout.integrate.energy.folded_energy` [J]; 0 allows no rounding.
 
     Examples
     --------
     >>> is_closed(1e-4, 700.0), is_closed(1e-3, 700.0), is_closed(float("nan"), 700.0)
     (True, False, False)
+    >>> is_closed(5e-7, 5e-7), is_closed(5e-7, 5e-7, 1e8), is_closed(2e-6, 2e-6, 1e12)
+    (False, True, False)
     """
-    return residual <= CLOSES * max(scale, LEAST_SCALE)
+    rounding = min(ROUNDING * folded, MOST_ROUNDING)
+    return residual <= CLOSES * max(scale, LEAST_SCALE) + rounding
 
 
 @dataclass(frozen=True, slots=True)

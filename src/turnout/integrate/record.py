@@ -43,10 +43,11 @@ def empty_record(
         Which instants are stored whole and kept, and what is seen of these; default all of them.
     """
     plan = None if watched is None else watched[0]
-    n_modes = system.load.size
-    vectors = np.array([n_modes, system.row_place.size, laws.friction_row.size, laws.row.size])
     widths = {
-        **dict(zip(("q", "g", "friction", "law"), whole_lines(vectors).tolist(), strict=True)),
+        "q": whole_lines(system.load.size),
+        "g": whole_lines(system.row_place.size),
+        "friction": whole_lines(laws.friction_row.size),
+        "law": whole_lines(laws.row.size),
         "stored": 4,
         "ledger": LEDGER,
     }

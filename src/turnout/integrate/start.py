@@ -10,6 +10,7 @@ they allow, with an energy balance of its own.
 from collections.abc import Callable, Hashable
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,7 +107,7 @@ class StartPlan:
 
 def plan_start(arrangement: Arrangement, scheme: Scheme, prior: PriorMotion) -> StartPlan:
     """Prepare a motion before the start of a run with a scheme; what is trapped comes later."""
-    scheme = _prior_scheme(scheme, prior)
+    scheme = _prior_scheme(scheme, prior.duration)
     count = round(scheme.output_interval / scheme.step)
     times = np.minimum(scheme.step * np.arange(count + 1), prior.duration)
     positions = np.ascontiguousarray(prior.inputs(times).T)
@@ -178,11 +179,12 @@ def clear_starts() -> None:
     _cache.clear()
 
 
-def _prior_scheme(scheme: Scheme, prior: PriorMotion) -> Scheme:
+@lru_cache(maxsize=MOST_KEPT)
+def _prior_scheme(scheme: Scheme, duration: float) -> Scheme:
     """Return the scheme of a prior motion, which stores its last instant alone."""
     step = max(scheme.step, PRIOR_STEP) if scheme.inertia else scheme.step
     rest = PRIOR_REST if scheme.inertia else 0.0
-    count = max(1, int(np.ceil((prior.duration + rest) / step - 1e-9)))
+    count = max(1, int(np.ceil((duration + rest) / step - 1e-9)))
     return replace(scheme, step=step, output_interval=count * step)
 
 

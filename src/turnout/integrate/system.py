@@ -327,11 +327,11 @@ def check_normals(table: LawTable) -> None:
         If the normal law of a friction is driven or can pull.
     """
     normals = table.friction_normal
-    if np.any(table.input_index[normals] >= 0):
+    if (table.input_index[normals] >= 0).any():
         msg = "the normal law of a friction row cannot be driven by a marker"
         raise MechanicsError(msg)
     lowest = table.segment_start[normals]
-    if np.any(table.slope[lowest] != 0) or np.any(table.intercept[lowest] != 0):
+    if table.slope[lowest].any() or table.intercept[lowest].any():
         msg = "the normal law of a friction row must be a contact, which never pulls"
         raise MechanicsError(msg)
 

@@ -9,6 +9,7 @@ what is in them can. What reading one is in machine code is in `turnout.kernels.
 
 import itertools
 from collections.abc import Mapping
+from ctypes import addressof, c_char
 from functools import cache, lru_cache
 from typing import Any, NamedTuple, TypeVar, cast
 
@@ -117,40 +118,51 @@ def shared_record(arrays: T, **beyond: float) -> T:
     >>> shared_record(builder.table()).offset.tolist()
     [0.5]
     """
+    shapes = []
     for name, array in zip(arrays._fields, arrays, strict=True):
         if not (isinstance(array, np.ndarray) and array.flags.c_contiguous and array.itemsize == 8):
             msg = f"{type(arrays).__name__}.{name} must be an array of 8-byte numbers without gaps"
             raise TypeError(msg)
-    shapes = tuple([(array.dtype, array.shape) for array in arrays])
-    layout = _layout(type(arrays), shapes, tuple(beyond.items()))
+        shapes.append((array.dtype, array.shape))
+    layout = _layout(type(arrays), tuple(shapes), tuple(beyond.items()))
     memory = empty_in_lines(layout.size)
     pieces: list[NDArray[np.float64]] = []
-    for array, padding in zip(arrays, layout.padding, strict=True):
-        if array.ndim == 1:
-            pieces += (array.view(np.float64), padding)
+    for at, padding in layout.pieces:
+        array = arrays[at]
+        pieces.append(array if array.dtype == np.float64 else array.view(np.float64))
+        if padding is not None:
+            pieces.append(padding)
     if pieces:
         np.concatenate(pieces, out=memory)
     record = Shared(layout.kind, memory, layout.vectors, layout.words.copy())
-    record.words[layout.of_vectors] += memory.ctypes.data
-    for name, array in zip(arrays._fields, arrays, strict=True):
-        if array.ndim != 1:
-            record.arrays[name] = array
-            record.words[layout.kind.word_of[name]] = array.ctypes.data
+    record.words[layout.of_vectors] += _address(memory)
+    for at, name, word in layout.matrices:
+        array = record.arrays[name] = arrays[at]
+        record.words[word] = _address(array)
     return cast("T", record)
+
+
+def _address(array: NDArray[Any]) -> int:
+    """Return where the first number of a contiguous array lies; ``ctypes.data`` takes 1 us more."""
+    if array.size and array.flags.writeable:
+        return addressof(c_char.from_buffer(array.data))
+    return int(array.ctypes.data)
 
 
 class _Layout(NamedTuple):
     """Where the vectors of a record lie in its memory.
 
     `words` have the place of each vector in bytes, at `of_vectors`, in place of its address;
-    `padding` is what follows each array in memory, `size` that of all.
+    `pieces` are the number of each vector that is not empty and what follows it in memory, None for
+    nothing; `matrices` number, name and word of each array of more dimensions; `size` that of all.
     """
 
     kind: RecordKind
     vectors: Mapping[str, tuple[int, int, np.dtype[Any]]]
     words: NDArray[np.int64]
     of_vectors: NDArray[np.int64]
-    padding: tuple[NDArray[np.float64], ...]
+    pieces: tuple[tuple[int, NDArray[np.float64] | None], ...]
+    matrices: tuple[tuple[int, str, int], ...]
     size: int
 
 
@@ -163,18 +175,21 @@ def _layout(
     """Lay out a record of arrays of these kinds and shapes; records of throws are mostly alike."""
     kind = _shared_type(record, tuple([(dtype.str, len(shape)) for dtype, shape in shapes]))
     vectors: dict[str, tuple[int, int, np.dtype[Any]]] = {}
-    words, padding, at, fills = list[int](), [], 0, dict(beyond)
-    for name, (dtype, shape) in zip(record._fields, shapes, strict=True):
+    words, pieces, matrices, at, fills = list[int](), [], [], 0, dict(beyond)
+    for number, (name, (dtype, shape)) in enumerate(zip(record._fields, shapes, strict=True)):
         words += [8 * at if len(shape) == 1 else 0, *shape]
-        count = 0
-        if len(shape) == 1:
-            vectors[name] = (at, shape[0], dtype)
-            count = whole_lines(shape[0]) - shape[0]
-            at += shape[0] + count
-        padding.append(np.full(count, fills.get(name, 0.0)))
+        if len(shape) != 1:
+            matrices.append((number, name, kind.word_of[name]))
+            continue
+        vectors[name] = (at, shape[0], dtype)
+        count = whole_lines(shape[0]) - shape[0]
+        at += shape[0] + count
+        if shape[0]:
+            padding = np.full(count, fills.get(name, 0.0)) if count else None
+            pieces.append((number, padding))
     of_vectors = np.array([kind.word_of[name] for name in vectors], dtype=np.int64)
     found = np.array(words, dtype=np.int64)
-    return _Layout(kind, vectors, found, of_vectors, tuple(padding), at)
+    return _Layout(kind, vectors, found, of_vectors, tuple(pieces), tuple(matrices), at)
 
 
 def clone_record(record: T, **matrices: NDArray[Any]) -> T:
@@ -212,11 +227,11 @@ def clone_record(record: T, **matrices: NDArray[Any]) -> T:
     words = given.words.copy()
     found = Shared(given.kind, empty_in_lines(given.memory.size), given.vectors, words)
     found.memory[:] = given.memory
-    moved = found.memory.ctypes.data - given.memory.ctypes.data
+    moved = _address(found.memory) - _address(given.memory)
     words[[given.kind.word_of[name] for name in given.vectors]] += moved
     for name, array in matrices.items():
         found.arrays[name] = array
-        words[given.kind.word_of[name]] = array.ctypes.data
+        words[given.kind.word_of[name]] = _address(array)
     return cast("T", found)
 
 

@@ -269,7 +269,9 @@ def _filled(panel: Panel, item: ForeignObject) -> ForeignObject:
     """Take what the object leaves out from the panel's defaults."""
     defaults = panel.object_defaults
     missing = {
-        name: getattr(defaults, name) for name in PANEL_DEFAULTS if getattr(item, name) is None
+        name: value
+        for name in PANEL_DEFAULTS
+        if getattr(item, name) is None and (value := getattr(defaults, name)) is not None
     }
     return replace(item, **missing) if missing else item
 

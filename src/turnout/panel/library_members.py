@@ -111,6 +111,8 @@ def _with_machines(document: Document) -> Document:
         return document
     named = [drive.get("machine") for drive in drives.values() if isinstance(drive, dict)]
     wanted = dict.fromkeys(name.strip() for name in named if isinstance(name, str))
+    if not wanted:
+        return document
     members, origins = dict(own), dict(document.origins)
     for name in wanted:
         if name not in names_in_library(MACHINES):

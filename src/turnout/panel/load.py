@@ -29,7 +29,7 @@ from turnout.panel.override import (
     supersede,
 )
 from turnout.panel.records import RailMatrices
-from turnout.panel.validate import Known
+from turnout.panel.validate import Known, with_values
 
 # Neither changes what the panel is: the text about it, and where a schedule's numbers were read.
 _NOT_HASHED: dict[str, Any] = {
@@ -166,12 +166,10 @@ class LoadedPanel(Panel):
             known=Known(self._document.tree, self, self._asked),
         )
         refuse([*problems, *found, *checked.problems], heading="overrides")
-        return self.from_checked(
-            checked,
-            source=self._source,
-            folder=self._folder,
-            overrides=supersede(self._overrides, applied),
-        )
+        panel = with_values(self, dict(checked.records))
+        panel._document, panel._asked, panel._hash = checked.document, checked.asked, ""
+        panel._overrides = supersede(self._overrides, applied)
+        return panel
 
     @classmethod
     def from_checked(

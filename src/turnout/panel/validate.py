@@ -5,7 +5,7 @@ from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, TypeAdapter, ValidationError, create_model
 
@@ -18,6 +18,9 @@ MOST_PROBLEMS = 50
 """Problems that are reported of one table; finding the nearest names takes long."""
 
 _VARIANT_TAGS = ("length", "profile")
+
+
+AnyRecord = TypeVar("AnyRecord", bound=BaseModel)
 
 
 class Unknown(Exception):
@@ -50,21 +53,27 @@ def until_unknown(problems: Iterator[Problem]) -> Iterator[Problem]:
 
 
 class AccessTracker(dict[str, Any]):
-    """Values by field name of `Panel` that record which of them were read."""
+    """Values by field name of `Panel` that record which of them were read, as `note` names them."""
 
-    def __init__(self) -> None:
+    def __init__(self, note: Callable[[str], str] = str) -> None:
         super().__init__()
         self.asked: set[str] = set()
+        self._note = note
 
     def __getitem__(self, name: str) -> Any:
         """Return a value and note its name."""
-        self.asked.add(name)
+        self.asked.add(self._note(name))
         return super().__getitem__(name)
 
     def get(self, name: str, default: Any = None) -> Any:
         """Return a value, or what stands for it, and note its name."""
-        self.asked.add(name)
+        self.asked.add(self._note(name))
         return super().get(name, default)
+
+
+def members_of(family: str) -> str:
+    """Return what stands for the names of a family's members among what checks read."""
+    return f"members of {family}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,13 +110,14 @@ class Draft:
     given : mapping of str to object
         What overrides have set, by dotted place.
     changed : set of str
-        Fields of `Panel` that are not those of the known panel.
+        Fields of `Panel` that are not those of the known panel; `members_of` a family as well where
+        there are others.
     asked : dict of str to frozenset
-        Fields that each check read, by its name.
+        Fields, and families of which it takes the names alone, that each check read, by its name.
     """
 
     records: AccessTracker = field(default_factory=AccessTracker)
-    names: AccessTracker = field(default_factory=AccessTracker)
+    names: AccessTracker = field(default_factory=lambda: AccessTracker(members_of))
     problems: list[Problem] = field(default_factory=list)
     shared: frozenset[Path] = frozenset()
     given: Mapping[str, object] = field(default_factory=dict)
@@ -146,10 +156,10 @@ def validate(document: Document, *, known: Known | None = None) -> Draft:
         draft.problems.append(Problem((name,), text))
     draft.problems += _rest((), len(unknown))
     for name in fields:
-        if known is not None and name in tree and tree[name] is known.tree.get(name):
+        if known is not None and tree.get(name, _ABSENT) is known.tree.get(name, _ABSENT):
             draft.records[name] = getattr(known.panel, name)
             if name in FAMILIES:
-                draft.names[name] = tuple(tree[name])
+                draft.names[name] = tuple(tree.get(name, ()))
             continue
         if name in FAMILIES:
             _family(name, document, draft, known)
@@ -159,6 +169,9 @@ def validate(document: Document, *, known: Known | None = None) -> Draft:
             draft.changed.add(name)
     return draft
 
+
+_ABSENT = object()
+"""Stands for a table that a document does not have."""
 
 UNASKED = {"chair": frozenset(("friction_coefficient", "normal_stiffness", "stick_stiffness"))}
 """Fields of families that no check between records asks for."""
@@ -230,10 +243,13 @@ def _family(name: str, document: Document, draft: Draft, known: Known | None) ->
     found: dict[Problem, list[str]] = {}
     before, made = known.of(name) if known is not None else ({}, {})
     read: dict[tuple[str, int], Any] = {}
+    unasked = UNASKED.get(name, frozenset())
     same = known is not None and list(members) == list(made)
+    if not same:
+        draft.changed.add(members_of(name))
     for member, values in members.items():
         changed = _changed(before.get(member), values)
-        same = same and changed is not None and changed <= UNASKED.get(name, frozenset())
+        same = same and changed is not None and unasked.issuperset(changed)
         try:
             again = _taken_over(made.get(member), changed, values, read)
             if again is not None:
@@ -259,20 +275,18 @@ def _family(name: str, document: Document, draft: Draft, known: Known | None) ->
     _check_count(name, info.metadata, len(members), broken, draft)
 
 
-def _changed(before: object, values: object) -> set[str] | None:
+def _changed(before: object, values: object) -> list[str] | None:
     """Return the keys of a member with other values than before; None where keys changed too."""
     if before is values:
-        return set()
-    if (
-        not (isinstance(before, dict) and isinstance(values, dict))
-        or before.keys() != values.keys()
-    ):
+        return []
+    if not (isinstance(before, dict) and isinstance(values, dict)) or [*before] != [*values]:
         return None
-    return {key for key, value in values.items() if value is not before[key]}
+    pairs = zip(values.items(), before.values(), strict=True)
+    return [key for (key, value), own in pairs if value is not own]
 
 
 def _taken_over(
-    made: BaseModel | None, changed: set[str] | None, values: Any, read: dict[tuple[str, int], Any]
+    made: BaseModel | None, changed: list[str] | None, values: Any, read: dict[tuple[str, int], Any]
 ) -> BaseModel | None:
     """Return a known record, or a copy of it with changed values, read once for all members.
 
@@ -296,10 +310,10 @@ def _taken_over(
             except ValidationError:
                 return None  # the whole record says where it is wrong
         new[key] = read[place]
-    return _with_values(made, new)
+    return with_values(made, new)
 
 
-def _with_values(made: BaseModel, values: dict[str, Any]) -> BaseModel:
+def with_values(made: AnyRecord, values: dict[str, Any]) -> AnyRecord:
     """Return a record like another one with all its values given: `copy` takes far longer.
 
     Records do not change, so that two can share what says which of their fields were set.
@@ -308,9 +322,9 @@ def _with_values(made: BaseModel, values: dict[str, Any]) -> BaseModel:
     put = object.__setattr__
     put(again, "__dict__", values)
     put(again, "__pydantic_fields_set__", made.__pydantic_fields_set__)
-    for name in ("__pydantic_extra__", "__pydantic_private__"):
-        value = getattr(made, name)
-        put(again, name, value if value is None else copy(value))
+    extra, private = made.__pydantic_extra__, made.__pydantic_private__
+    put(again, "__pydantic_extra__", None if extra is None else dict(extra))
+    put(again, "__pydantic_private__", None if private is None else dict(private))
     return again
 
 

@@ -1,6 +1,6 @@
 """Named distributions by their quantiles: a number between 0 and 1 becomes a value."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,6 +66,11 @@ class Distribution:
         """Return one value."""
         return float(self.quantile(share))
 
+    def drawn(self, shares: FloatArray) -> Sequence[Value]:
+        """Return the value of each share, as `value` gives them."""
+        found: list[Value] = self.quantile(shares).tolist()
+        return found
+
     @property
     def bounds(self) -> tuple[float, float]:
         """Least and largest value that can be drawn.
@@ -104,9 +109,14 @@ class Choice:
         >>> coin.value(0.2), coin.value(0.3)
         ('sleeper 1', 'sleeper 6')
         """
+        return self.drawn(np.array([share]))[0]
+
+    def drawn(self, shares: FloatArray) -> Sequence[Value]:
+        """Return the value at each of some shares, as `value` gives them."""
         edges = np.cumsum(self.weights) / np.sum(self.weights)
-        found = int(np.searchsorted(edges, share, side="right"))
-        return self.values[min(found, len(self.values) - 1)]
+        found = np.searchsorted(edges, shares, side="right").tolist()
+        last = len(self.values) - 1
+        return [self.values[min(number, last)] for number in found]
 
 
 def normal_share(score: FloatArray) -> FloatArray:

@@ -5,6 +5,7 @@ temperature law multiplies values of the panel, as a rule the friction of the ch
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -63,6 +64,12 @@ class RandomField:
     correlation: str = "exponential"
     factor: bool = False
 
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Full key of each member in the panel, such as "chair.5.friction_coefficient"."""
+        family, _, below = self.key.partition(".")
+        return tuple([f"{family}.{member}.{below}" for member in self.members])
+
     def values(self, rng: np.random.Generator) -> dict[str, float]:
         """Draw a value for each member, in SI or as a factor [-].
 
@@ -76,12 +83,17 @@ class RandomField:
         >>> list(field.values(np.random.default_rng(1)))
         ['1', '2']
         """
+        return dict(zip(self.members, self.drawn([rng])[0].tolist(), strict=True))
+
+    def drawn(self, generators: Sequence[np.random.Generator]) -> FloatArray:
+        """Return the `values` of some generators, shape (n_generators, n_members)."""
         root = _root_at(tuple(self.x), self.correlation_length, self.correlation)
-        shares = normal_share(root @ rng.standard_normal(len(self.x)))
-        drawn = self.distribution.quantile(
+        # One product each, so that a draw is the same to the last bit whatever it is drawn with.
+        scores = [root @ rng.standard_normal(len(self.x)) for rng in generators]
+        shares = normal_share(np.array(scores).reshape(-1, len(self.x)))
+        return self.distribution.quantile(
             np.clip(shares, PROBABILITY_MARGIN, 1.0 - PROBABILITY_MARGIN)
         )
-        return dict(zip(self.members, drawn.tolist(), strict=True))
 
 
 @lru_cache(maxsize=16)

@@ -42,10 +42,16 @@ def count_states(method: str, *, count: int, dimensions: int) -> int:
     return count * (dimensions + 2) if method == "saltelli" else count
 
 
-def sample_point(
-    method: str, *, count: int, dimensions: int, seed: int, state: int, attempt: int = 0
+def sample_points(
+    method: str,
+    *,
+    count: int,
+    dimensions: int,
+    seed: int,
+    states: Sequence[int],
+    attempt: int = 0,
 ) -> FloatArray:
-    """Return the coordinates of one state.
+    """Return the coordinates of some states.
 
     Parameters
     ----------
@@ -53,26 +59,28 @@ def sample_point(
         One of `METHODS`.
     count, dimensions, seed : int
         Of the design.
-    state : int
-        Number of the state, from 0 to count - 1.
+    states : sequence of int
+        Their numbers, from 0 to count - 1.
     attempt : int
-        How often the state was drawn before; of "random" alone.
+        How often these states were drawn before; of "random" alone.
 
     Returns
     -------
-    ndarray, shape (dimensions,)
+    ndarray, shape (n_states, dimensions)
         Each between 0 and 1, without either.
 
     Examples
     --------
-    >>> sample_point("random", count=1, dimensions=2, seed=1, state=5).shape
-    (2,)
+    >>> sample_points("random", count=1, dimensions=2, seed=1, states=[5]).shape
+    (1, 2)
     """
     if method == "random":
         again = [attempt] if attempt else []
-        drawn = np.random.default_rng([seed, POINTS, state, *again]).random(dimensions)
+        drawn = np.empty((len(states), dimensions))
+        for row, state in zip(drawn, states, strict=True):
+            np.random.default_rng([seed, POINTS, state, *again]).random(out=row)
         return np.clip(drawn, PROBABILITY_MARGIN, 1.0 - PROBABILITY_MARGIN)
-    found: FloatArray = _points(method, count, dimensions, seed)[state]
+    found: FloatArray = _points(method, count, dimensions, seed)[list(states)]
     return found
 
 

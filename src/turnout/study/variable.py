@@ -7,8 +7,7 @@ A variable is a key of the panel, of the foreign object (`OBJECT_KEYS`), of the 
 import types
 import typing
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import lru_cache
+from dataclasses import dataclass
 from typing import Any
 
 from turnout.core.lru_cache import LRUCache
@@ -294,9 +293,9 @@ def apply_factors(
     known = _known_values(panel, tuple([key for key, _ in changing]))
     for key, factor in changing:
         changed = {}
-        for full, own in known[key].items():
-            broad = result.get(_of_family(full), own)
-            changed[full] = _scaled(result.get(full, broad), factor)
+        for full, (broad, own) in known[key].items():
+            before = result[full] if full in result else result.get(broad, own)
+            changed[full] = _scaled(before, factor)
         # One value for a whole family is written as one, unless a member has an own one already.
         alike = key not in changed and len(set(changed.values())) == 1
         if alike and not any(full in result for full in changed):
@@ -305,20 +304,23 @@ def apply_factors(
     return result
 
 
-_values = LRUCache[tuple[LoadedPanel, dict[str, dict[str, Any]]]](64)
+_Values = dict[str, dict[str, tuple[str, Any]]]
+_values = LRUCache[tuple[LoadedPanel, _Values]](64)
 """Values of panels by identity and keys; scenarios of a study ask for the same ones."""
 
 
-def _known_values(panel: LoadedPanel, keys: tuple[str, ...]) -> dict[str, dict[str, Any]]:
-    """Return `values_at` of each key, found once."""
+def _known_values(panel: LoadedPanel, keys: tuple[str, ...]) -> _Values:
+    """Return `values_at` of each key, found once, beside the key of the family of each."""
     kept = _values.get((id(panel), keys))
     if kept is None:
-        found = {key: values_at(panel, key) for key in keys}
+        found = {
+            key: {full: (_of_family(full), own) for full, own in values_at(panel, key).items()}
+            for key in keys
+        }
         kept = _values.put((id(panel), keys), (panel, found))
     return kept[1]
 
 
-@lru_cache(maxsize=4096)
 def _of_family(full: str) -> str:
     """Return the key that sets for a whole family what a key sets for one member."""
     family, _, *below = full.split(".")
@@ -351,8 +353,7 @@ def foreign_objects(by_key: Mapping[str, Value]) -> tuple[ForeignObject, ...]:
     if size == 0.0 or not by_key.get("object.present", True):
         return ()
     at = f"x = {by_key['object.x']:.9g} m" if "object.x" in by_key else str(by_key["object.at"])
-    item = ForeignObject(size, at)
-    kind = str(by_key.get("object.kind", item.kind))
+    kind = str(by_key.get("object.kind", ForeignObject.__dataclass_fields__["kind"].default))
     # what is drawn for other kinds does not matter
     own = [name for name in PARAMETERS if kind not in KINDS or name in KINDS[kind]]
     chosen = {
@@ -360,7 +361,7 @@ def foreign_objects(by_key: Mapping[str, Value]) -> tuple[ForeignObject, ...]:
         for name in (*_OBJECT_FIELDS, *own)
         if f"object.{name}" in by_key
     }
-    return (replace(item, **chosen),)  # type: ignore[arg-type]
+    return (ForeignObject(size, at, **chosen),)  # type: ignore[arg-type]
 
 
 def recorder_of(by_key: Mapping[str, Value]) -> Recorder:

@@ -28,6 +28,7 @@ from turnout.response.signals import Variable
 from turnout.schema.channels import AXES, CONVENTIONS, known_channel
 from turnout.study.scenario import Rule
 from turnout.study.study import Study
+from turnout.sweep.deflate import deflate_chunk
 from turnout.sweep.labels import LABELS
 from turnout.sweep.row import (
     COMPLETE,
@@ -38,8 +39,8 @@ from turnout.sweep.row import (
     throw_scenarios,
 )
 
-LARGEST_CHUNK = 1_000_000
-"""Of a variable in a file, before compression [bytes]."""
+LARGEST_CHUNK = 2_000_000
+"""Of a variable in a file, before compression, but for the rest of a row [bytes]."""
 
 LARGEST_CONTIGUOUS = 2048
 """A variable up to this size is stored as it is: chunks and compression would take more [bytes]."""
@@ -146,11 +147,12 @@ def _write_variable(file: h5py.File, name: str, variable: StoredVariable) -> h5d
     values = np.ascontiguousarray(variable.values)
     properties = h5p.create(h5p.DATASET_CREATE)
     properties.set_obj_track_times(False)
+    rows = 0
     if values.dtype.kind not in "fibS":
         values = values.astype(_TEXT)
     elif values.nbytes > LARGEST_CONTIGUOUS:
-        rows = max(1, LARGEST_CHUNK * values.shape[0] // values.nbytes)
-        properties.set_chunk((min(values.shape[0], rows), *values.shape[1:]))
+        rows = math.ceil(values.shape[0] / math.ceil(values.nbytes / LARGEST_CHUNK))
+        properties.set_chunk((rows, *values.shape[1:]))
         properties.set_shuffle()
         properties.set_deflate(1)
     text = values.dtype.kind == "S"
@@ -158,8 +160,21 @@ def _write_variable(file: h5py.File, name: str, variable: StoredVariable) -> h5d
     kind = h5t.py_create(of_file, logical=True)
     space = h5s.create_simple(variable.values.shape)
     made = h5d.create(file.id, name.encode(), kind, space, properties)
-    made.write(h5s.ALL, h5s.ALL, values, kind if text else None)
+    if rows and values.dtype.kind in "fi":
+        _write_chunks(made, values, rows=rows)
+    else:
+        made.write(h5s.ALL, h5s.ALL, values, kind if text else None)
     return made
+
+
+def _write_chunks(stored: h5d.DatasetID, values: NDArray[Any], *, rows: int) -> None:
+    """Store values in chunks of some rows; what the last one lacks is zero, as in any file."""
+    for first in range(0, values.shape[0], rows):
+        chunk = values[first : first + rows]
+        if chunk.shape[0] < rows:
+            rest = np.zeros((rows - chunk.shape[0], *chunk.shape[1:]), dtype=chunk.dtype)
+            chunk = np.concatenate((chunk, rest))
+        stored.write_direct_chunk((first, *[0] * (chunk.ndim - 1)), deflate_chunk(chunk))
 
 
 def _write_attribute(stored: h5d.DatasetID | h5f.FileID, key: str, value: str) -> None:
@@ -237,10 +252,9 @@ def throw_batch(study: Study, chains: Sequence[Sequence[int]]) -> list[Row]:
         for chain in chains:
             rows += _throw_chain(study, study.rule, chain)
     else:
-        indices = [index for chain in chains for index in chain]
-        for first in range(0, len(indices), THROWS_PER_PASS):
-            few = [study.scenario(index) for index in indices[first : first + THROWS_PER_PASS]]
-            rows += throw_scenarios(study, few)
+        scenarios = study.scenarios_of([index for chain in chains for index in chain])
+        for first in range(0, len(scenarios), THROWS_PER_PASS):
+            rows += throw_scenarios(study, scenarios[first : first + THROWS_PER_PASS])
     return sorted(rows, key=lambda row: row.scenario.index)
 
 

@@ -1,0 +1,55 @@
+"""Chunks of a sweep's files: any reader finds the numbers that were given."""
+
+import io
+import zlib
+
+import h5py
+import numpy as np
+import pytest
+
+from turnout.sweep.batch import LARGEST_CHUNK, StoredVariable, file_bytes
+from turnout.sweep.deflate import SMALL, deflate_chunk
+
+
+def _measured(rows: int, count: int) -> np.ndarray:
+    """Return noise, silence and what repeats itself, a third of each row."""
+    rng = np.random.default_rng(1)
+    values = np.zeros((rows, count), dtype=np.float32)
+    values[:, : count // 3] = rng.standard_normal((rows, count // 3))
+    values[:, -(count // 3) :] = np.sin(np.arange(count // 3))
+    values[0, 0] = np.nan
+    return values
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64, np.int64, np.int8])
+@pytest.mark.parametrize("rows", [1, 40])
+def test_chunk_is_a_stream_of_shuffled_bytes(dtype: type, rows: int) -> None:
+    values = np.nan_to_num(_measured(rows, 2000) * 50).astype(dtype)
+    wanted = np.ascontiguousarray(values.reshape(-1).view(np.uint8).reshape(values.size, -1).T)
+    assert zlib.decompress(deflate_chunk(values)) == wanted.tobytes()
+
+
+def test_noise_takes_no_more_than_itself() -> None:
+    noise = np.random.default_rng(2).integers(0, 256, size=4 * SMALL, dtype=np.uint8)
+    assert len(deflate_chunk(noise.view(np.float32))) < 1.01 * noise.nbytes
+
+
+@pytest.mark.parametrize("extra", [0, 7])
+def test_file_has_the_values_in_one_chunk_or_several(extra: int) -> None:
+    count = 1000
+    rows = 2 * LARGEST_CHUNK // (4 * count) + extra
+    values = _measured(rows, count)
+    variables = {
+        "x": StoredVariable(("x",), np.arange(rows), {}, coordinate=True),
+        "y": StoredVariable(("y",), np.arange(count), {}, coordinate=True),
+        "signal": StoredVariable(("x", "y"), values, {}, coordinate=False),
+    }
+    content = file_bytes(variables)
+    assert content == file_bytes(variables)
+    assert len(content) < 0.6 * values.nbytes
+    with h5py.File(io.BytesIO(content)) as file:
+        np.testing.assert_array_equal(file["signal"][...], values)
+        np.testing.assert_array_equal(file["x"][...], np.arange(rows))
+        chunk = file["signal"].chunks
+        assert chunk is not None
+        assert values.itemsize * np.prod(chunk) <= LARGEST_CHUNK
