@@ -25,6 +25,8 @@ def friction_courses(panel: Panel, index: LawIndex, travel: Travel) -> FrictionC
     travel : Travel
         Ways of the rails from closed to open.
     """
+    if all(chair.friction_factor is None for chair in panel.chair.values()):
+        return no_courses()
     rows: list[tuple[int, float, float, float]] = []
     courses: list[tuple[tuple[float, ...], list[float]]] = []
     for (rail, name), frictions in index.chair_friction.items():

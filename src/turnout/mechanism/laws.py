@@ -6,6 +6,7 @@ each. Chairs and stops, of which there are most, come first in it and are filled
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -219,27 +220,30 @@ def _stops_by_rail(panel: Panel, index: LawIndex) -> tuple[RailStops, ...]:
     return tuple(found)
 
 
+VALUES = ("clearance", "normal_stiffness", "friction_coefficient", "stick_stiffness")
+"""Of a chair, in its laws."""
+_VALUES = itemgetter(*VALUES)
+
+
 def _standing(layout: Layout, panel: Panel, travel: Travel) -> LawTable:
     """Return the laws of chairs and stops with their values.
 
     A stop's clearance counts from the rail's stress-free shape.
     """
-    chairs = panel.chair.values()
-
-    def of_feet(name: str) -> NDArray[np.float64]:
-        return np.array([getattr(chair, name) for chair in chairs], dtype=float)[layout.chairs]
-
+    of_chairs = [_VALUES(vars(chair)) for chair in panel.chair.values()]
+    of_feet = np.array(of_chairs, dtype=float).reshape(-1, len(VALUES))[layout.chairs].T
+    clearance, normal_stiffness, friction_coefficient, stick_stiffness = of_feet
     table = layout.standing
     offset, slope = table.offset.copy(), table.slope.copy()
-    offset[layout.contacts] = of_feet("clearance")
+    offset[layout.contacts] = clearance
     for stops in layout.stops:
         offset[stops.laws] = _gap(panel, travel, stops.rail, stops.x) + stops.clearance
-    slope[table.segment_start[layout.contacts] + 1] = of_feet("normal_stiffness")
+    slope[table.segment_start[layout.contacts] + 1] = normal_stiffness
     return table._replace(
         offset=offset,
         slope=slope,
-        friction_coefficient=of_feet("friction_coefficient"),
-        stick_stiffness=of_feet("stick_stiffness"),
+        friction_coefficient=friction_coefficient.copy(),
+        stick_stiffness=stick_stiffness.copy(),
     )
 
 

@@ -220,7 +220,7 @@ def _features(
     if elapsed.size < 3 or not some.any():
         return found
     rows = np.arange(effort.shape[0])
-    at = np.argmax(np.where(known, effort, -np.inf), axis=1)
+    at = np.argmax(effort if known.all() else np.where(known, effort, -np.inf), axis=1)
     slips = effort >= limits[:, np.newaxis]
     held = max(1, round(WINDOW * (elapsed.size - 1) / (elapsed[-1] - elapsed[0])))
     duration = _durations(elapsed, travel, current, lengths=np.full(rows.size, length))

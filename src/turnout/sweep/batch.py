@@ -313,8 +313,9 @@ def _stacked_variables(study: Study, rows: Sequence[Row]) -> dict[str, StoredVar
             else:
                 varying.setdefault(name, (dims, values))
         varying |= {name: v for name, v in row.variables.items() if name not in varying}
+    of_rows = [row.variables | row.coordinates for row in rows]
     for name, like in varying.items():
-        found = [(row.variables | row.coordinates).get(name) for row in rows]
+        found = [own.get(name) for own in of_rows]
         variables[name] = _stack(name, found, like, coordinate=name in coordinates)
     over_time = [v.values.shape[-1] for v in variables.values() if v.dims[-1] == "time"]
     if over_time:
@@ -395,19 +396,20 @@ def _stack(
     name: str, found: Sequence[Variable | None], like: Variable, *, coordinate: bool
 ) -> StoredVariable:
     """Return the variables of scenarios stacked, the shorter ones filled up along time."""
-    shape = [0] * len(like[0])
-    for variable in found:
-        if variable is not None:
-            shape = [max(n, m) for n, m in zip(shape, variable[1].shape, strict=True)]
     kind = like[1].dtype
     logical = kind.kind == "b"
     whole = kind.kind in "bi"  # states of machines are -1 without a machine too
     dtype, empty = (np.dtype(np.int8), UNKNOWN_LOGICAL) if whole else (kind, np.nan)
-    values = np.full((len(found), *shape), empty, dtype=dtype)
-    for number, variable in enumerate(found):
-        if variable is not None:
-            place: tuple[int | slice, ...] = (number, *(slice(n) for n in variable[1].shape))
-            values[place] = variable[1]
+    known = [variable[1] for variable in found if variable is not None]
+    shapes = {array.shape for array in known}
+    if len(known) == len(found) and len(shapes) == 1:
+        values = np.array(known, dtype=dtype)
+    else:
+        values = np.full((len(found), *np.max(list(shapes), axis=0)), empty, dtype=dtype)
+        for number, variable in enumerate(found):
+            if variable is not None:
+                place: tuple[int | slice, ...] = (number, *map(slice, variable[1].shape))
+                values[place] = variable[1]
     attributes = variable_attributes(name)
     if logical:
         attributes = attributes | {

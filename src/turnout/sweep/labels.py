@@ -113,9 +113,7 @@ def _drive_features(runs: Sequence[ThrowSignals], spans: tuple[Span, ...]) -> li
         limits=np.array(
             [slip_force(item.panel, name) for item in runs for name in item.panel.drive]
         ),
-        travel=np.concatenate([item.signals["drive_displacement"][1] for item in runs]).astype(
-            np.float64
-        ),
+        travel=np.concatenate([float_values(item.signals["drive_displacement"]) for item in runs]),
     )
     dims = ("drive", "direction")
     parts = np.split(found, len(runs), axis=1)
