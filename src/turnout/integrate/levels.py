@@ -23,7 +23,7 @@ from turnout.integrate.step import Stepping
 from turnout.integrate.system import Ints, System
 from turnout.integrate.watch import StepRecord
 
-MOST_KEPT = 12
+MOST_KEPT = 24
 """Sets of memory, the latest used; three megabytes each in quick mode."""
 
 
