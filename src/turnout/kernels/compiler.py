@@ -185,9 +185,9 @@ def inner_dispatcher(kernel: "Kernel") -> CPUDispatcher:
         "error_model": "numpy",
         "_nrt": False,
         "no_cfunc_wrapper": True,  # no kernel is passed to another one
+        # Left out where it is false, a kernel would take it over from the one that calls it first.
+        "forceinline": kernel.loop or kernel.part,
     }
-    if kernel.loop or kernel.part:
-        options["forceinline"] = True
     compiler = _InnerLoop if kernel.loop else _Inner
     inner = _InnerKernel(kernel.py_func, targetoptions=options, pipeline_class=compiler)
     if CACHE_FOLDER:
