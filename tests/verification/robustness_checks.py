@@ -22,7 +22,7 @@ from tests.verification.robustness_scenarios import Scenario
 import turnout.response.simulate as simulate_module
 from turnout.condense.condense import base_stiffness
 from turnout.integrate.integration import History, RunPlan, carry_out
-from turnout.integrate.outcome import ADVICE, LEAST_SCALE, MOST_ROUNDING, Code
+from turnout.integrate.outcome import ADVICE, LEAST_SCALE, Code
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.load import LoadedPanel
@@ -33,11 +33,12 @@ BOOKS = 1e-6
 WEAK = ("weakref", "_weakrefset")
 """Modules whose functions the end of an object may call."""
 ROUNDING = 5e-13
-"""What the balance may be off besides, as a share of the energy of the folded linear system.
+"""What a run that is not complete may be off besides, as a share of the energy of the folded linear
+system.
 
 Closed chairs and drives are part of that system; chairs lifted by metres, or rails that never move,
-leave their balance as small differences of its large terms. A complete run may be off by 1e-6 J
-for it at most.
+leave their balance as small differences of its large terms. Of a complete run that is 1e-14, and
+1e-6 J at most.
 """
 PULL = 1e-3
 """Force that a contact may pull with, or friction exceed its limit [N]."""
@@ -246,8 +247,8 @@ def _largest_slopes(table: LawTable) -> np.ndarray:
 def _book_faults(run: Run) -> Iterator[str]:
     scale = float(run.dataset.attrs["energy_scale"])
     allowed = BOOKS * max(scale, LEAST_SCALE)
-    rounding = ROUNDING * folded_energy(run)
-    allowed += min(rounding, MOST_ROUNDING) if run.history.outcome.complete else rounding
+    folded = folded_energy(run)
+    allowed += min(1e-14 * folded, 1e-6) if run.history.outcome.complete else ROUNDING * folded
     residual = float(np.abs(run.dataset["energy_residual"]).max())
     if residual > allowed and run.history.outcome.code is not Code.INACCURATE:
         yield f"energy residual {residual:.1e} J, allowed are {allowed:.1e} J of {scale:.1e} J"

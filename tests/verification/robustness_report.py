@@ -28,9 +28,9 @@ its energy balance to 1e-6 of its scale, and keep every law: no contact pulls by
 limit, no force is off its law, friction in sum takes energy. A run that comes to its end with an
 open balance must say so itself (`inaccurate`). Where the balance is a small difference of large
 terms, as under chairs lifted by metres, rounding is allowed for: 5e-13 of the energy in the linear
-system with all closed chairs folded in, and of a whole run 1e-6 J at most. A run that stops early
-is repeated with steps of 0.1 ms; if that one comes to its end, the first counts as a defect. Every
-tenth run, and all that take more than 3 s, are repeated and ended by Ctrl-C at a random time.
+system with all closed chairs folded in, of a whole run 1e-14 and 1e-6 J at most. A run that stops
+early is repeated with steps of 0.1 ms; if that one comes to its end, the first counts as a defect.
+Every tenth run, and all that take more than 3 s, are repeated and ended by Ctrl-C at a random time.
 
     python -m tests.verification.robustness run --count 2000 --out DIR
     python -m tests.verification.robustness report DIR

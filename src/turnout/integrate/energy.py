@@ -73,7 +73,7 @@ def energy_balance(stored: Floats, ledger: Floats) -> tuple[float, float]:
 
 
 def folded_energy(system: System, table: LawTable, state: State) -> float:
-    """Return the energy of the linear system with all laws on their base segments [J].
+    """Return the present energy of the linear system with all laws on their base segments [J].
 
     The stored energy of an instant is a small difference of such energies where chairs that are
     closed in the linear system lie metres below their rails.

@@ -126,7 +126,8 @@ def _refine_contact_set(
     """Refine the static solution, and the contact set where the refined solution violates it.
 
     Where chairs lie metres below their rails a refinement moves contacts by more than their
-    tolerance, which is that of rails in the range of a switch.
+    tolerance, which is that of rails in the range of a switch. If rounding undoes every change, the
+    last solution stays, which violates its laws by that rounding.
     """
     for attempt in range(REFINEMENTS + 1):
         measure_residual(system, table, state, work, 0.0, 0.0)

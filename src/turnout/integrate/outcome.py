@@ -125,7 +125,8 @@ class Outcome:
         if self.code is Code.INACCURATE:
             return (
                 f"{text}; energy residual {self.energy_residual:.1e} J of {self.energy_scale:.3g} J"
-                f", allowed is {CLOSES:g} of it or of {LEAST_SCALE:g} J"
+                f", allowed is {CLOSES:g} of it or of {LEAST_SCALE:g} J, and rounding of "
+                f"{MOST_ROUNDING:g} J at most"
             )
         if self.contacts:
             shown = ", ".join(self.contacts[:6])

@@ -292,6 +292,11 @@ def describe_run(
     }
 
 
+def clear_descriptions() -> None:
+    """Clear the cache of attributes that runs of a panel share."""
+    _described.clear()
+
+
 def _inputs(panel: LoadedPanel, objects: Sequence[PlacedObject]) -> Attributes:
     """Return what was simulated, and by what."""
     return {

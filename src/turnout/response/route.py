@@ -100,7 +100,7 @@ def rail_closes(panel: Panel, time: Floats) -> Flags:
 
 
 def at_rest(panel: Panel, time: Floats, moved: Sequence[Throw] | None = None) -> Flags:
-    """Return whether no movement is under way, shape (n_times,).
+    """Return whether no movement is under way at times that rise, shape (n_times,).
 
     Movements are those of the schedule, or as they were made.
     """

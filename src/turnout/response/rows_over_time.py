@@ -278,18 +278,18 @@ class _Layout(NamedTuple):
     ----------
     sums : RowSums
         A record to be cloned, with addresses of 0.
-    column_offset, row_offset : ndarray of int
-        From the first number of its history to each column, and of its `Rows` to each row [B].
-    part : ndarray of int, shape (n_rows,)
-        The `Rows` that each row belongs to.
+    column_offset : ndarray of int
+        From the first number of its history to each column [B].
+    part, number : ndarray of int, shape (n_rows,)
+        The `Rows` that each row belongs to, and its number in them.
     named : sequence of object
         Products and starts, by which layouts are known.
     """
 
     sums: RowSums
     column_offset: Ints
-    row_offset: Ints
     part: Ints
+    number: Ints
     named: Sequence[object]
 
 
@@ -311,13 +311,14 @@ def _row_sums(wanted: Sequence[Rows], histories: Mapping[str, Floats]) -> RowSum
     sums = clone_record(layout.sums)
     columns, rows = _addresses(histories.values()), _addresses([rows.out for rows in wanted])
     np.add(columns[sums.column_history], layout.column_offset, out=sums.column_address)
-    np.add(rows[layout.part], layout.row_offset, out=sums.row_address)
+    apart = np.array([rows.out.strides[0] for rows in wanted], dtype=np.int64)
+    np.add(rows[layout.part], apart[layout.part] * layout.number, out=sums.row_address)
     return sums
 
 
-def _shape(rows: Rows) -> tuple[int, int, int]:
-    """Return how many rows there are, how far apart, and how a sum becomes one."""
-    return rows.out.shape[0], rows.out.strides[0], _kind(rows)
+def _shape(rows: Rows) -> tuple[int, int]:
+    """Return how many rows there are, and how a sum becomes one."""
+    return rows.out.shape[0], _kind(rows)
 
 
 def _lay_out(wanted: Sequence[Rows], histories: Mapping[str, Floats]) -> _Layout:
@@ -376,8 +377,8 @@ def _lay_out(wanted: Sequence[Rows], histories: Mapping[str, Floats]) -> _Layout
     return _Layout(
         sums=shared_record(sums),
         column_offset=np.concatenate(offsets)[used],
-        row_offset=np.concatenate([_row_offsets(rows.out) for rows in wanted]),
         part=np.repeat(np.arange(counts.size), counts),
+        number=np.concatenate([np.arange(count) for count in counts]),
         named=[(rows.products, rows.start) for rows in wanted],
     )
 
@@ -413,12 +414,6 @@ def _columns(histories: Sequence[Floats]) -> tuple[Ints, Ints]:
 def _addresses(arrays: Iterable[Floats]) -> Ints:
     """Return the address of the first number of each array."""
     return np.array([values.__array_interface__["data"][0] for values in arrays], dtype=np.int64)
-
-
-def _row_offsets(out: Floats) -> Ints:
-    """Return how far each row begins from the first one [B]."""
-    found: Ints = out.strides[0] * np.arange(out.shape[0])
-    return found
 
 
 def _kind(rows: Rows) -> int:

@@ -120,9 +120,9 @@ def simulate_placed(
     if save.interval is not None:
         scheme = replace(scheme, output_interval=save.interval)
     began = time.perf_counter()
-    with one_blas_thread():  # limits in it cost nothing
+    with one_blas_thread():  # nested limits are free
         solved = solve_placed(panel, objects, scheme=scheme, report=report)
-        from turnout.response.dataset import describe_run, response_dataset  # no step needs it
+        from turnout.response.dataset import describe_run, response_dataset  # the solver needs none
 
         dataset = response_dataset(panel, solved.mechanism, solved.history, save=save)
     attributes = describe_run(
@@ -143,11 +143,13 @@ def simulate_placed(
 def release_memory() -> None:
     """Give back what a next run would use again: memory of histories, condensed rails."""
     from turnout.response.alike import clear_datasets
+    from turnout.response.dataset import clear_descriptions
     from turnout.response.rows_over_time import clear_recipes
 
     clear_memory()
     clear_recipes()
     clear_datasets()
+    clear_descriptions()
 
 
 def prepare(

@@ -245,7 +245,8 @@ class Design:
             attempt=attempt,
         )
         if self.copula is not None:
-            shares = np.array([correlate(row, factor=self.copula) for row in shares])
+            rows = [correlate(row, factor=self.copula) for row in shares]
+            shares = np.array(rows).reshape(shares.shape)
         columns = [item.law.drawn(row) for item, row in zip(self.drawn, shares.T, strict=True)]
         names = [item.name for item in self.drawn]
         return [dict(zip(names, values, strict=True)) for values in zip(*columns, strict=True)]

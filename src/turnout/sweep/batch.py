@@ -40,7 +40,7 @@ from turnout.sweep.row import (
 )
 
 LARGEST_CHUNK = 2_000_000
-"""Of a variable in a file, before compression, but for the rest of a row [bytes]."""
+"""Of a variable in a file, before compression, rounded up to whole rows [bytes]."""
 
 LARGEST_CONTIGUOUS = 2048
 """A variable up to this size is stored as it is: chunks and compression would take more [bytes]."""
