@@ -136,7 +136,8 @@ def summary(case: str, lines: list[tuple[str, Found]]) -> str:
 def draw(raced: dict[str, list[tuple[str, Found]]]) -> Figure:
     """Draw everyone's cheapest run that agrees, one axis a case."""
     drawing = Figure(figsize=(8.5, 2.8), layout="constrained")
-    for ax, (case, lines) in zip(drawing.subplots(1, 2, sharey=True), raced.items(), strict=True):
+    halves, drawn = drawing.subplots(1, 2, sharex=True, sharey=True), list[float]()
+    for ax, (case, lines) in zip(halves, raced.items(), strict=True):
         shown = {}
         for name in dict.fromkeys(name for name, _ in lines if name not in MODE_LINES):
             agreeing = [found for other, found in lines if other == name and found["agrees"]]
@@ -153,11 +154,12 @@ def draw(raced: dict[str, list[tuple[str, Found]]]) -> Figure:
             )  # fmt: skip
         ax.grid(alpha=0.3)
         ax.set_xscale("log")
-        label_times(ax, min(seconds) / 2, 10 * max(seconds))
+        drawn += seconds
         ax.set_xlabel("processor time [s]")
         ax.set_title(f"SB1, case {case}: cheapest run that agrees", fontsize=10)
         ax.spines[["top", "right"]].set_visible(False)
     ax.invert_yaxis()
+    label_times(ax, min(drawn) / 2, 10 * max(drawn))
     return drawing
 
 

@@ -8,11 +8,21 @@ import pytest
 from turnout.core import threads
 
 
+class Library:
+    """Stands for BLAS."""
+
+    user_api = "blas"
+
+    def __init__(self, num_threads: int) -> None:
+        self.num_threads = num_threads
+
+
 class Libraries:
     """Stands for the controller of the libraries; records what was asked of it."""
 
     def __init__(self) -> None:
         self.asked: list[str] = []
+        self.lib_controllers = [Library(1), Library(2)]
 
     @contextmanager
     def limit(self, *, limits: int, user_api: str):
@@ -36,6 +46,13 @@ def test_within_a_limit_nothing_is_asked(libraries):
             pass
         assert libraries.asked == ["1 blas"]
     assert libraries.asked == ["1 blas", "back"]
+
+
+def test_one_thread_is_left_as_it_is(libraries):
+    libraries.lib_controllers = [Library(1), Library(1)]
+    with threads.one_blas_thread():
+        pass
+    assert libraries.asked == []
 
 
 def test_an_error_takes_the_limit_back(libraries):

@@ -2,7 +2,7 @@
 
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from functools import cache
 
 from threadpoolctl import ThreadpoolController
@@ -22,6 +22,12 @@ def _controller() -> ThreadpoolController:
     return ThreadpoolController()
 
 
+def _has_one() -> bool:
+    """Return whether BLAS has one thread as it is, as in a worker of a sweep."""
+    libraries = _controller().lib_controllers
+    return all(one.num_threads == 1 for one in libraries if one.user_api == "blas")
+
+
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
     """Limit BLAS and LAPACK to one thread for a while, whatever the environment says.
@@ -33,7 +39,7 @@ def one_blas_thread() -> Iterator[None]:
     if _limit.holds:
         yield
         return
-    with _controller().limit(limits=1, user_api="blas"):
+    with nullcontext() if _has_one() else _controller().limit(limits=1, user_api="blas"):
         _limit.holds = True
         try:
             yield

@@ -46,9 +46,9 @@ from turnout.scheme import Scheme
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-# Progress is reported after so many seconds [s], the first time after so many steps; with nothing
-# to report the first chunk is as long as most quick throws.
-INTERRUPT_INTERVAL, FIRST_REPORT, FIRST_CHUNK = 0.1, 100, 2200
+# Progress is reported after so many seconds [s], the first time after so many steps. Ctrl-C ends a
+# run within a step.
+REPORT_INTERVAL, FIRST_REPORT = 0.1, 100
 # Most memory of a history [bytes], and most steps.
 MOST_MEMORY = 2e9
 MOST_STEPS = 2_000_000
@@ -405,9 +405,9 @@ def _compile_march(run: PreparedRun, *, after_motion: bool) -> None:
 def _march_in_chunks(
     run: PreparedRun, report: Callable[[int, int], None] | None, thread: Executor | None
 ) -> tuple[Code, int]:
-    """March in chunks of about `INTERRUPT_INTERVAL`, and report the progress after each."""
+    """March in chunks of about `REPORT_INTERVAL`, and report after each; in one without reports."""
     n_steps = run.positions.shape[0] - 1
-    done, chunk = 0, FIRST_CHUNK if report is None else FIRST_REPORT
+    done, chunk = 0, n_steps if report is None else FIRST_REPORT
     try:
         while done < n_steps:
             began = time.perf_counter()
@@ -416,7 +416,7 @@ def _march_in_chunks(
             if number != Code.COMPLETE:
                 return Code(number), done
             took = max(time.perf_counter() - began, 1e-3)
-            chunk = max(1, round(chunk * min(INTERRUPT_INTERVAL / took, 4.0)))
+            chunk = max(1, round(chunk * min(REPORT_INTERVAL / took, 4.0)))
             if report is not None:
                 report(done, n_steps)
     except KeyboardInterrupt:  # between two kernels
@@ -427,8 +427,8 @@ def _march_in_chunks(
 
 def _name_unconverged(mechanism: Mechanism, run: PreparedRun) -> tuple[str, ...]:
     """Return the names of the laws on rows that still changed when the last attempt ended."""
-    rows, table = run.work.unconverged.astype(bool), run.table
-    if not rows.any():
+    rows, table = run.work.unconverged, run.table
+    if not np.count_nonzero(rows):
         return ()
     names = [name for name, row in zip(mechanism.law_names, table.row, strict=True) if rows[row]]
     names += [
