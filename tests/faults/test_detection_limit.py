@@ -7,6 +7,7 @@ from typer.testing import CliRunner
 
 from turnout.cli.limit import conditions_of_options
 from turnout.cli.main import app
+from turnout.detection.detector import train_detector
 from turnout.errors import TurnoutError
 
 
@@ -63,15 +64,13 @@ def test_a_panel_that_no_detector_judges_is_refused_before_it_is_thrown(tmp_path
 
 @pytest.mark.parametrize("line", [["limit"], ["limit", "--over-travel"], ["detect", "train"]])
 @pytest.mark.parametrize("inside", [False, True])
-def test_a_file_in_place_of_the_folder_is_refused(
-    line: list[str], inside: bool, tmp_path: Path
+def test_a_file_in_place_of_the_folder_is_refused_before_throws_are_planned(
+    line: list[str], inside: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(train_detector, "training_plans", pytest.fail)
     file = tmp_path / "file"
     file.write_text("mine")
     out = ["-o", str(tmp_path / "switch.detector")] if line[0] == "detect" else []
-    # All throws are planned before the folder is needed.
-    few = ["--sound", "420", "--objects", "200", "--defects", "40", "--switches", "10"]
-    out += few if out else []
     folder = file / "throws" if inside else file
     found = CliRunner().invoke(app, [*line, *out, "-q", "--folder", str(folder)])
     assert isinstance(found.exception, TurnoutError)

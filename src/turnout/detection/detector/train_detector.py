@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.core.files import make_folder
 from turnout.core.threads import one_blas_thread
 from turnout.detection.conditions import FORCE
 from turnout.detection.detector.allowances import Allowances
@@ -107,6 +108,7 @@ def train_detector(
         allowances=allowances or Allowances(),
         quantity=quantity,
     )
+    make_folder(folder)  # refused where it is none, before throws are planned
     plans = {
         name: plan
         for name, plan in training_plans(population, chosen).items()

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from turnout.core.files import make_folder
 from turnout.detection.detector.training_plan import (
     ADJUSTED,
     DEFECTS,
@@ -222,7 +221,6 @@ def throw_plans(
     report: Callable[[str], Report] | None = None,
 ) -> dict[str, xr.Dataset]:
     """Throw what is missing of some sweeps, and open them."""
-    make_folder(folder)
     found = {}
     for name, plan in plans.items():
         watch = report(name) if report is not None else None

@@ -12,10 +12,8 @@ from turnout.measurement.formats.assemble import RATE_NAME, UNIT_TEXTS, split_un
 # So much of a file is read to recognise its layout [bytes].
 SAMPLE_SIZE = 200_000
 # Separator and decimal mark, in the order in which they are preferred where several would do.
-CANDIDATES = (
-    *(("\t", "."), ("\t", ","), (";", "."), (";", ",")),
-    *((",", "."), ("|", "."), ("|", ","), (" ", "."), (" ", ",")),
-)
+DECIMAL_MARKS = {"\t": ".,", ";": ".,", ",": ".", "|": ".,", " ": ".,"}
+"""Decimal marks that go with each separator."""
 EMPTY = frozenset(("", "nan", "na", "n/a", "null", "-nan", "inf", "-inf"))
 _BOMS = (
     (codecs.BOM_UTF8, "utf-8-sig"),
@@ -149,18 +147,20 @@ def layout_of(sample: bytes, *, source: str) -> TextLayout:
 def _best(lines: Sequence[str]) -> tuple[tuple[str, str] | None, int]:
     """Return the separator and decimal mark that read most rows as numbers, and the first row."""
     best, best_score, best_row = None, (0, 0), 0
-    for separator, decimal in CANDIDATES:
-        widths = [_width(_cells(line, separator), decimal) for line in lines]
-        counted = [width for width in widths if width]
-        if not counted:
-            continue
-        width = max(set(counted), key=counted.count)
-        row = widths.index(width)
-        heading = [cells for line in lines[:row] if (cells := _cells(line, separator))]
-        fits = not heading or len(heading[-1]) == width
-        score = (counted.count(width) * (2 if fits else 1), width)
-        if score > best_score:
-            best, best_score, best_row = (separator, decimal), score, row
+    for separator, marks in DECIMAL_MARKS.items():
+        rows = [_cells(line, separator) for line in lines]
+        for decimal in marks:
+            widths = [_width(cells, decimal) for cells in rows]
+            counted = [width for width in widths if width]
+            if not counted:
+                continue
+            width = max(set(counted), key=counted.count)
+            row = widths.index(width)
+            heading = [cells for cells in rows[:row] if cells]
+            fits = not heading or len(heading[-1]) == width
+            score = (counted.count(width) * (2 if fits else 1), width)
+            if score > best_score:
+                best, best_score, best_row = (separator, decimal), score, row
     return best, best_row
 
 
