@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from tests.unit.benchmark_toy import toy_benchmark
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
-from turnout.open_benchmark import run_methods
+from turnout.open_benchmark import ours, run_methods
 from turnout.open_benchmark.definition import PRESETS, Counts
 from turnout.open_benchmark.make_throws import make_throws
 from turnout.open_benchmark.method import Method
@@ -190,3 +191,16 @@ def test_every_fold_holds_back_as_many_switches_of_each_kind() -> None:
     assert np.array_equal(found[::2], found[1::2])
     for name in np.unique(machine):
         assert sorted(found[machine == name]) == [0, 0, 1, 1, 2, 2]
+
+
+def test_few_switches_have_fewer_components(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ours, "window_features", lambda clean, _: clean)
+    groups, rng = np.repeat(["a", "b", "c"], 20), np.random.default_rng(1)
+    labels = {"role": np.full(60, "sound"), "level": rng.uniform(0.1, 0.4, 60)}
+    clean = np.repeat(rng.standard_normal((3, 12)), 20, axis=0)
+    side = SimpleNamespace(labels=labels, clean=clean, groups=groups)
+    found = ours.switch_components(side, None, count=6)
+    assert found.shape == (60, 2)
+    np.testing.assert_allclose(found.std(axis=0), 1.0)
+    one = SimpleNamespace(labels=labels, clean=clean, groups=np.full(60, "a"))
+    assert ours.switch_components(one, None, count=6).shape == (60, 0)

@@ -61,6 +61,8 @@ CALIBRATED, AGAIN = 200, 4
 """Throws of a kind that widths without a history are taken from, and uses of later ones."""
 LEVEL_DEGREE = 3
 """Of the friction level in what all switches have in common."""
+LEAST_COMPONENT = 1e-9
+"""Size of a component that is more than rounding, as a share of the largest one [-]."""
 
 
 def throw_set_of(
@@ -92,7 +94,9 @@ def throw_set_of(
 
 
 def switch_components(side: Side, layout: Layout, *, count: int) -> Floats:
-    """Return what is fixed for the switch of each throw, shape (n_throws, count) [-].
+    """Return what is fixed for the switch of each throw, shape (n_throws, count or fewer) [-].
+
+    Few switches have fewer components: n of them differ in n - 1.
 
     Parameters
     ----------
@@ -112,7 +116,8 @@ def switch_components(side: Side, layout: Layout, *, count: int) -> Floats:
     switches, own = np.unique(side.groups, return_inverse=True)
     means = np.array([rest[side.groups[sound] == number].mean(axis=0) for number in switches])
     left, sizes, _ = np.linalg.svd(means - means.mean(axis=0), full_matrices=False)
-    scores = left[:, :count] * sizes[:count]
+    kept = np.flatnonzero(sizes > LEAST_COMPONENT * sizes[0])[:count]
+    scores = left[:, kept] * sizes[kept]
     return np.asarray(scores[own] / scores.std(axis=0))
 
 
