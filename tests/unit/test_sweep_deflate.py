@@ -53,3 +53,25 @@ def test_file_has_the_values_in_one_chunk_or_several(extra: int) -> None:
         chunk = file["signal"].chunks
         assert chunk is not None
         assert values.itemsize * np.prod(chunk) <= LARGEST_CHUNK
+
+
+@pytest.mark.parametrize("dtype", ["<f4", "<f8", ">f4", ">f8", "i1", "<i8", ">i4", "S700"])
+@pytest.mark.parametrize("shape", [(130, 900), (130, 9, 100), (3, 2, 45_000)])
+def test_file_has_values_of_every_kind_and_shape(dtype: str, shape: tuple[int, ...]) -> None:
+    values = (100 * _measured(1, int(np.prod(shape)))).reshape(shape)
+    if dtype.startswith("S"):
+        values = np.char.encode(values[..., :9].astype(str)).astype(dtype)
+    elif np.dtype(dtype).kind == "i":
+        values = np.nan_to_num(values).clip(-128, 127)
+    values = values.astype(dtype)
+    dims = ("x", "y", "z")[: values.ndim]
+    variables = {
+        name: StoredVariable((name,), np.arange(size), {}, coordinate=True)
+        for name, size in zip(dims, values.shape, strict=True)
+    }
+    variables["signal"] = StoredVariable(dims, values, {}, coordinate=False)
+    with h5py.File(io.BytesIO(file_bytes(variables))) as file:
+        found = file["signal"]
+        assert found.chunks is not None
+        np.testing.assert_array_equal(found[...], values)
+        assert found.dtype == values.dtype

@@ -220,9 +220,9 @@ def _stops_by_rail(panel: Panel, index: LawIndex) -> tuple[RailStops, ...]:
     return tuple(found)
 
 
-VALUES = ("clearance", "normal_stiffness", "friction_coefficient", "stick_stiffness")
-"""Of a chair, in its laws."""
-_VALUES = itemgetter(*VALUES)
+CHAIR_VALUES = ("clearance", "normal_stiffness", "friction_coefficient", "stick_stiffness")
+"""Values of a chair that its laws have."""
+_values_of = itemgetter(*CHAIR_VALUES)
 
 
 def _standing(layout: Layout, panel: Panel, travel: Travel) -> LawTable:
@@ -230,8 +230,8 @@ def _standing(layout: Layout, panel: Panel, travel: Travel) -> LawTable:
 
     A stop's clearance counts from the rail's stress-free shape.
     """
-    of_chairs = [_VALUES(vars(chair)) for chair in panel.chair.values()]
-    of_feet = np.array(of_chairs, dtype=float).reshape(-1, len(VALUES))[layout.chairs].T
+    of_chairs = [_values_of(vars(chair)) for chair in panel.chair.values()]
+    of_feet = np.array(of_chairs, dtype=float).reshape(-1, len(CHAIR_VALUES))[layout.chairs].T
     clearance, normal_stiffness, friction_coefficient, stick_stiffness = of_feet
     table = layout.standing
     offset, slope = table.offset.copy(), table.slope.copy()

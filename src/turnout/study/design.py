@@ -218,9 +218,9 @@ class Design:
 
     def drawn_values(self, state: int) -> dict[str, Value]:
         """Return the values that are drawn for a state, by variable."""
-        return self.drawn_together([state])[0]
+        return self.drawn_states([state])[0]
 
-    def drawn_together(self, states: Sequence[int]) -> list[dict[str, Value]]:
+    def drawn_states(self, states: Sequence[int]) -> list[dict[str, Value]]:
         """Return what `drawn_values` gives for each of some states, in a tenth of the time."""
         found = self._drawn_values(states, attempt=0)
         refused = list(range(len(states))) if self.holdings else []

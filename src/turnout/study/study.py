@@ -139,7 +139,7 @@ class Study:
                 message = f"scenario {index}: the study has {count}, counted from 0"
                 raise IndexError(message)
         states = list(dict.fromkeys(map(self.design.state_index, indices)))
-        drawn = dict(zip(states, self.design.drawn_together(states), strict=True))
+        drawn = dict(zip(states, self.design.drawn_states(states), strict=True))
         fields = dict(zip(states, self._drawn_fields(states), strict=True))
         return [
             self._scenario(index, state, drawn[state], fields[state])

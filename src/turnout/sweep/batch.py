@@ -172,8 +172,8 @@ def _write_chunks(stored: h5d.DatasetID, values: NDArray[Any], *, rows: int) -> 
     for first in range(0, values.shape[0], rows):
         chunk = values[first : first + rows]
         if chunk.shape[0] < rows:
-            rest = np.zeros((rows - chunk.shape[0], *chunk.shape[1:]), dtype=chunk.dtype)
-            chunk = np.concatenate((chunk, rest))
+            chunk = np.zeros((rows, *chunk.shape[1:]), dtype=chunk.dtype)
+            chunk[: values.shape[0] - first] = values[first:]
         stored.write_direct_chunk((first, *[0] * (chunk.ndim - 1)), deflate_chunk(chunk))
 
 

@@ -1,9 +1,9 @@
 """Chunks of a file as HDF5's filters "shuffle" and "deflate" leave them, in half of their time.
 
-The bytes of numbers are sorted by their place in a number: first all first bytes, then all second
-ones. What comes last in a measured number hardly ever occurs again, and looking for it is most of
-the work of the filter "deflate". Of such bytes only runs are shortened. What reads the file finds
-one stream of RFC 1950 for each chunk, as the filter writes it.
+The bytes of numbers are sorted into byte planes: first all first bytes, then all second ones. What
+comes last in a measured number hardly ever occurs again, and looking for it is most of the work of
+the filter "deflate". Of such bytes only runs are shortened. What reads the file finds one stream of
+RFC 1950 for each chunk, as the filter writes it.
 """
 
 import zlib
@@ -18,7 +18,7 @@ SMALL = 1 << 16
 """A chunk up to this size is compressed in one go [bytes]."""
 
 SAMPLE = 1 << 12
-"""So many bytes of a place show whether they occur again."""
+"""So many bytes of a plane show whether they occur again."""
 
 LEAST_GAIN = 0.4
 """Share of a sample by which it must become smaller for what occurs again to be looked for."""
@@ -43,24 +43,24 @@ def deflate_chunk(values: NDArray[np.generic]) -> bytes:
     [0, 1, 2, 0, 0, 0]
     """
     size = values.dtype.itemsize
-    places = np.ascontiguousarray(values.reshape(-1).view(np.uint8).reshape(-1, size).T)
-    if places.nbytes <= SMALL:
-        return zlib.compress(places.data, LEVEL)
+    planes = np.ascontiguousarray(values.reshape(-1).view(np.uint8).reshape(-1, size).T)
+    if planes.nbytes <= SMALL:
+        return zlib.compress(planes.data, LEVEL)
     pieces = [_HEADER]
-    for number, place in enumerate(places, 1):
-        stream = zlib.compressobj(LEVEL, zlib.DEFLATED, _RAW, _MEMORY, _strategy(place))
+    for number, plane in enumerate(planes, 1):
+        stream = zlib.compressobj(LEVEL, zlib.DEFLATED, _RAW, _MEMORY, _strategy(plane))
         last = number == size
         pieces += (
-            stream.compress(place.data),
+            stream.compress(plane.data),
             stream.flush(zlib.Z_FINISH if last else zlib.Z_SYNC_FLUSH),
         )
-    pieces.append(zlib.adler32(places.data).to_bytes(4, "big"))
+    pieces.append(zlib.adler32(planes.data).to_bytes(4, "big"))
     return b"".join(pieces)
 
 
-def _strategy(place: NDArray[np.uint8]) -> int:
+def _strategy(plane: NDArray[np.uint8]) -> int:
     """Return whether to look for all that occurs again, or for runs alone."""
-    first = (place.size - SAMPLE) // 2
-    sample = place[first : first + SAMPLE]
+    first = (plane.size - SAMPLE) // 2
+    sample = plane[first : first + SAMPLE]
     again = len(zlib.compress(sample.data, LEVEL)) < (1.0 - LEAST_GAIN) * sample.size
     return zlib.Z_DEFAULT_STRATEGY if again else zlib.Z_RLE
