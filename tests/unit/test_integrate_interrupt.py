@@ -2,7 +2,9 @@
 
 import os
 import signal
+import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -33,7 +35,9 @@ def test_what_a_kernel_returns_or_raises_comes_back() -> None:
 
 
 @pytest.mark.skipif(os.name != "posix", reason="an alarm is sent in place of Ctrl-C")
-def test_ctrl_c_reaches_a_kernel_at_work() -> None:
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGALRM])
+def test_ctrl_c_reaches_a_kernel_at_work(sent: int) -> None:
+    """By Python's handler, which is held back, and by one of the program, which is not."""
     stop = np.zeros(1, dtype=np.int64)
 
     def endless() -> str:
@@ -43,13 +47,35 @@ def test_ctrl_c_reaches_a_kernel_at_work() -> None:
 
     before = signal.signal(signal.SIGALRM, signal.default_int_handler)
     began = time.perf_counter()
-    signal.setitimer(signal.ITIMER_REAL, 0.05)
+    press = threading.Timer(0.05, os.kill, (os.getpid(), sent))
+    press.start()
     try:
         with one_thread() as thread:
             assert call_interruptible(thread, stop, endless) == "stopped"
     finally:
+        press.join()
         signal.signal(signal.SIGALRM, before)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     assert time.perf_counter() - began < 5.0
+
+
+def test_ctrl_c_at_any_instant_leaves_no_lock_and_is_heard() -> None:
+    """Where the thread is handed its kernel and gives its result, it raises nothing."""
+    stop = np.zeros(1, dtype=np.int64)
+
+    def pressed(*_: object) -> None:
+        signal.raise_signal(signal.SIGINT)
+
+    class Thread(ThreadPoolExecutor):
+        def submit(self, *given, **named):
+            pressed()
+            future = super().submit(*given, **named)
+            pressed()
+            return future
+
+    with Thread(1) as thread:
+        assert call_interruptible(thread, stop, abs, -1) == 1
+    assert stop[0] == 1
 
 
 def test_a_step_ends_where_it_is_and_the_state_is_that_of_the_last_instant() -> None:

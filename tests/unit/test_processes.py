@@ -5,10 +5,19 @@ import os
 import signal
 import subprocess
 import sys
+import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from turnout.core.processes import FreshProcesses, closing_pool, end_pool, worker_processes
+from turnout.core.processes import (
+    FreshProcesses,
+    Tasks,
+    closing_pool,
+    end_pool,
+    held_interrupt,
+    worker_processes,
+)
 from turnout.errors import FileError
 from turnout.sweep import worker as sweep_work
 from turnout.sweep.run import local_pool
@@ -65,3 +74,53 @@ def test_a_result_cut_off_half_way_holds_up_no_end() -> None:
     results._writer._send(b"\0\0\0\x10")
     end_pool(pool)
     assert not manager.is_alive()
+
+
+def test_ctrl_c_waits_until_a_task_has_been_handed_over() -> None:
+    handed: list[int] = []
+
+    class Pool(ThreadPoolExecutor):
+        def submit(self, *given, **named):
+            signal.raise_signal(signal.SIGINT)
+            handed.append(1)
+            return super().submit(*given, **named)
+
+    with Pool(1) as pool:
+        tasks = Tasks[int](pool)
+        with pytest.raises(KeyboardInterrupt):
+            tasks.submit(abs, -1)
+        assert handed == [1]
+        assert [done.result() for done in tasks.all_done()] == [1]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_ctrl_c_ends_a_wait_for_tasks() -> None:
+    with ThreadPoolExecutor(1) as pool:
+        tasks, go_on = Tasks[bool](pool), threading.Event()
+        tasks.submit(go_on.wait, 60.0)
+        press = threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGINT))
+        press.start()
+        with pytest.raises(KeyboardInterrupt):
+            next(tasks.all_done())
+        press.join()
+        go_on.set()
+        assert next(tasks.all_done()).result()
+
+
+def test_a_program_that_ignores_ctrl_c_goes_on_ignoring_it() -> None:
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with held_interrupt():
+            signal.raise_signal(signal.SIGINT)
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def test_other_threads_hold_nothing() -> None:
+    def held() -> object:
+        with held_interrupt():
+            return signal.getsignal(signal.SIGINT)
+
+    with ThreadPoolExecutor(1) as pool:
+        assert pool.submit(held).result() is signal.getsignal(signal.SIGINT)

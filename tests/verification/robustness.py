@@ -11,15 +11,13 @@ docs/robustness.md. `show INDEX` prints a scenario with what is wrong with it.
 
 import argparse
 import faulthandler
+import gc
 import json
-import multiprocessing
 import os
 import platform
-import signal
 import sys
 import time
 from collections.abc import Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
@@ -29,6 +27,7 @@ from tests.verification.robustness_checks import Run, faults, run_scenario, seco
 from tests.verification.robustness_report import write_page
 from tests.verification.robustness_scenarios import SEED, Scenario, numbered_scenario
 
+from turnout.core.processes import Tasks, end_pool, worker_processes
 from turnout.errors import TurnoutError
 from turnout.kernels.compiled import kernel_cache_folder
 from turnout.metric.summary import numerical_share, residual_share
@@ -188,23 +187,20 @@ def _alone(index: int) -> Record:
 def _pooled(indices: list[int], workers: int, under_way: set[int]) -> Iterator[Record]:
     """Keep the workers busy without handing out more than they can start."""
     rest = iter(list(indices))
-    pool = ProcessPoolExecutor(
-        workers, mp_context=multiprocessing.get_context("spawn"), initializer=_begin_worker
-    )
+    pool = worker_processes(workers, _begin_worker)
     try:
-        futures: dict[Future[Record], int] = {}
+        tasks: Tasks[Record] = Tasks(pool)
         while True:
-            for index in _first(rest, workers - len(futures)):
+            for index in _first(rest, workers - tasks.waiting):
                 under_way.add(index)
-                futures[pool.submit(result_of, index)] = index
-            if not futures:
+                tasks.submit(result_of, index)
+            if not tasks.waiting:
                 return
-            for done in wait(futures, return_when=FIRST_COMPLETED).done:
-                record = done.result()
-                under_way.discard(futures.pop(done))
-                yield record
+            record = next(tasks.all_done()).result()
+            under_way.discard(record["index"])
+            yield record
     finally:
-        pool.shutdown(wait=True, cancel_futures=True)
+        end_pool(pool)
 
 
 def _first(rest: Iterator[int], count: int) -> Iterator[int]:
@@ -212,8 +208,8 @@ def _first(rest: Iterator[int], count: int) -> Iterator[int]:
 
 
 def _begin_worker() -> None:
-    """Leave Ctrl-C to the parent; get compilation done before any run is timed."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """Get compilation done before any run is timed."""
+    gc.enable()
     run_scenario(numbered_scenario(0))
 
 
@@ -263,4 +259,6 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    from tests.verification import robustness  # whose functions worker processes find by its name
+
+    sys.exit(robustness.main())

@@ -91,7 +91,7 @@ def run_scenario(scenario: Scenario, *, step: float | None = None) -> Run:
 def seconds_deaf(scenario: Scenario, *, after: float) -> float:
     """Press Ctrl-C so many seconds into a scenario; return how long it goes on after that [s].
 
-    Zero if it ended before. An alarm raises what Ctrl-C raises, in the main thread, between any two
+    Zero if it ended before. An alarm sends what Ctrl-C sends, to the main thread, between any two
     instructions. Those of a finaliser are among them, and Python drops what a finaliser raises: the
     interrupt would be lost, and the warning about it fail whichever test runs. So what waits for
     the garbage collector, also of other tests, is finalised before, and nothing on the way; and
@@ -101,6 +101,7 @@ def seconds_deaf(scenario: Scenario, *, after: float) -> float:
     gc.collect()
     gc.disable()
     before = signal.signal(signal.SIGALRM, interrupt_or_wait)
+    ctrl_c = signal.signal(signal.SIGINT, signal.default_int_handler)  # which workers ignore
     began = time.perf_counter()
     signal.setitimer(signal.ITIMER_REAL, after)
     try:
@@ -114,18 +115,19 @@ def seconds_deaf(scenario: Scenario, *, after: float) -> float:
     except KeyboardInterrupt:  # before the first step or after the last
         pass
     signal.signal(signal.SIGALRM, before)
+    signal.signal(signal.SIGINT, ctrl_c)
     return max(time.perf_counter() - began - after, 0.0)
 
 
 def interrupt_or_wait(number: int, frame: FrameType | None) -> None:
-    """Raise what Ctrl-C raises, but in a millisecond where a finaliser may be running."""
+    """Send what Ctrl-C sends, but in a millisecond where a finaliser may be running."""
     inner = frame
     while inner is not None:
         if inner.f_code.co_name == "__del__" or inner.f_globals.get("__name__") in WEAK:
             signal.setitimer(signal.ITIMER_REAL, 1e-3)
             return
         inner = inner.f_back
-    signal.default_int_handler(number, frame)
+    signal.raise_signal(signal.SIGINT)
 
 
 def digest(dataset: xr.Dataset) -> str:

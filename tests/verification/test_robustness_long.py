@@ -71,6 +71,7 @@ def test_ctrl_c_keeps_what_there_is(tmp_path: Path) -> None:
             path = tmp_path / "runs.jsonl"
             while not (path.exists() and path.read_bytes().count(b"\n") > 2):
                 assert program.poll() is None
+                time.sleep(0.01)
             program.send_signal(signal.SIGINT)
             _, text = program.communicate(timeout=30)
         finally:

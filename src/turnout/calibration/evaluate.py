@@ -3,7 +3,7 @@
 import gc
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.files import make_folder, write_atomic
-from turnout.core.processes import end_pool, no_broken_pool, worker_processes
+from turnout.core.processes import Tasks, end_pool, no_broken_pool, worker_processes
 from turnout.core.provenance import content_hash, version
 from turnout.core.stored_arrays import arrays_from_bytes, arrays_to_bytes
 from turnout.core.threads import one_blas_thread
@@ -204,8 +204,10 @@ class Evaluator:
         if pool is None:
             pool = self._pool = worker_processes(self.workers, _begin_worker, self.panel)
         with no_broken_pool():
-            futures = [pool.submit(_simulate_in_worker, some) for some in _messages(jobs)]
-            for future in as_completed(futures):
+            tasks: Tasks[list[tuple[str, Response]]] = Tasks(pool)
+            for some in _messages(jobs):
+                tasks.submit(_simulate_in_worker, some)
+            for future in tasks.all_done():
                 yield from future.result()
 
     def _scheme_of(self, throw: ThrowInputs) -> Scheme:
@@ -279,8 +281,7 @@ def _messages(jobs: Sequence[Job]) -> list[list[Job]]:
     Those of a place whose elements are halved go together, as the process that made their matrices
     has them; first, as they take longest, and single throws then keep all processes busy.
     """
-    places: dict[str, list[Job]] = {}
-    single = []
+    places, single = dict[str, list[Job]](), list[list[Job]]()
     for job in jobs:
         if job[1].halved or job[1].fine:
             places.setdefault(job[1].place, []).append(job)

@@ -10,13 +10,20 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from functools import partial
 from multiprocessing.context import SpawnContext, SpawnProcess
 from multiprocessing.process import BaseProcess
+from queue import Empty, SimpleQueue
 from types import ModuleType
-from typing import Any
+from typing import Any, Generic, ParamSpec, TypeVar
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+# On some platforms a wait without a timeout does not react to Ctrl-C [s].
+POLL_INTERVAL = 0.5
 
 
 class _Process(SpawnProcess):
@@ -82,6 +89,69 @@ def worker_processes(
     """
     start = partial(_start_worker, prepare, *given)
     return ProcessPoolExecutor(workers, mp_context=FreshProcesses(), initializer=start)
+
+
+class Tasks(Generic[T]):
+    """Tasks handed to a pool, given back as they are done.
+
+    `concurrent.futures` locks each task in Python. Ctrl-C in the midst of that leaves it locked,
+    and the pool then waits for it without end. So Ctrl-C waits until a task has been handed over,
+    and what is done comes through a queue that it may interrupt.
+
+    Parameters
+    ----------
+    pool : Executor
+        Where they are done.
+
+    Attributes
+    ----------
+    waiting : int
+        Tasks that have not been given back.
+    """
+
+    def __init__(self, pool: Executor) -> None:
+        self._pool, self._done = pool, SimpleQueue[Future[T]]()
+        self.waiting = 0
+
+    def submit(self, task: Callable[P, T], /, *given: P.args, **named: P.kwargs) -> Future[T]:
+        """Hand a task over."""
+        with held_interrupt():
+            future = self._pool.submit(task, *given, **named)
+            future.add_done_callback(self._done.put)
+            self.waiting += 1
+        return future
+
+    def next_done(self, *, timeout: float) -> Future[T] | None:
+        """Return a task that is done, or None if there is none within a time [s]."""
+        try:
+            future = self._done.get(timeout=timeout)
+        except Empty:
+            return None
+        self.waiting -= 1
+        return future
+
+    def all_done(self) -> Iterator[Future[T]]:
+        """Yield all tasks as they are done."""
+        while self.waiting:
+            if (future := self.next_done(timeout=POLL_INTERVAL)) is not None:
+                yield future
+
+
+@contextmanager
+def held_interrupt() -> Iterator[None]:
+    """Let Ctrl-C wait until the end, where it comes to the program."""
+    main = threading.current_thread() is threading.main_thread()
+    if not main or signal.getsignal(signal.SIGINT) is None:  # not Python's to hold
+        yield
+        return
+    came: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _: came.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+        if came:
+            signal.raise_signal(signal.SIGINT)
 
 
 @contextmanager

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cache
+from types import FrameType
 from typing import ParamSpec, TypeVar
 
 import numpy as np
@@ -73,11 +74,34 @@ def call_interruptible(
     """
     if thread is None:
         return kernel(*given, **named)
-    future = thread.submit(kernel, *given, **named)
-    while True:
-        try:
-            return future.result(timeout=POLL_INTERVAL)
-        except TimeoutError:
-            continue
-        except KeyboardInterrupt:
-            stop[0] = 1
+    with _ctrl_c_sets(stop):
+        future = thread.submit(kernel, *given, **named)
+        while True:
+            try:
+                return future.result(timeout=POLL_INTERVAL)
+            except TimeoutError:
+                continue
+            except KeyboardInterrupt:  # by a handler of others
+                stop[0] = 1
+
+
+@contextmanager
+def _ctrl_c_sets(stop: Ints) -> Iterator[None]:
+    """Let Ctrl-C set a flag, unless the program handles it in its own way.
+
+    An exception between two instructions of `concurrent.futures` could leave a lock locked, which
+    the thread would wait for at its end.
+    """
+    before = signal.getsignal(signal.SIGINT)
+    if before is not signal.default_int_handler:
+        yield
+        return
+
+    def set_flag(_number: int, _frame: FrameType | None) -> None:
+        stop[0] = 1
+
+    signal.signal(signal.SIGINT, set_flag)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)

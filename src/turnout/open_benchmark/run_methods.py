@@ -8,7 +8,6 @@ import io
 import json
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import as_completed
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from pickle import dumps  # its length is the size of a model; nothing is read that way
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 
 from turnout.core.files import write_atomic
 from turnout.core.json_files import to_plain
-from turnout.core.processes import closing_pool, worker_processes
+from turnout.core.processes import Tasks, closing_pool, worker_processes
 from turnout.core.provenance import content_hash
 from turnout.core.sources import digest_of_sources
 from turnout.core.threads import one_blas_thread
@@ -226,11 +225,12 @@ def _results(
         return
     fault: BaseException | None = None
     with closing_pool(worker_processes(min(workers, len(missing)))) as pool:
+        tasks: Tasks[dict[str, Any]] = Tasks(pool)
         futures = {
-            pool.submit(_run_piece, folder, own, name, data[own.track]): (own, name)
+            tasks.submit(_run_piece, folder, own, name, data[own.track]): (own, name)
             for own, name in missing
         }
-        for future in as_completed(futures):
+        for future in tasks.all_done():
             if future.exception() is None:
                 yield futures[future], future.result()
             fault = fault or future.exception()

@@ -9,21 +9,14 @@ import json
 import sys
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import (
-    FIRST_COMPLETED,
-    BrokenExecutor,
-    CancelledError,
-    Executor,
-    Future,
-    wait,
-)
+from concurrent.futures import BrokenExecutor, CancelledError, Executor
 from contextlib import closing
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 
 from turnout.core.files import write_fault
-from turnout.core.processes import closing_pool, worker_processes
+from turnout.core.processes import Tasks, closing_pool, worker_processes
 from turnout.core.sources import THROWS, digest_of_sources
 from turnout.errors import FileError
 from turnout.response.compilation import must_compile
@@ -269,20 +262,18 @@ def submit_batches(
     log: ProgressLog,
 ) -> Iterator[BatchDone]:
     """Hand out batches, a few more than there are workers, and yield what is done."""
-    waiting: set[Future[BatchDone]] = set()
+    tasks: Tasks[BatchDone] = Tasks(pool)
     rest = iter(list(todo))
     while True:
-        while len(waiting) < ahead and (number := next(rest, None)) is not None:
-            waiting.add(
-                pool.submit(make_batch, str(folder), digest, digest_of_sources(THROWS), number)
-            )
-        if not waiting:
+        while tasks.waiting < ahead and (number := next(rest, None)) is not None:
+            tasks.submit(make_batch, str(folder), digest, digest_of_sources(THROWS), number)
+        if not tasks.waiting:
             return
-        done, waiting = wait(waiting, timeout=REPORT_INTERVAL, return_when=FIRST_COMPLETED)
-        for future in done:
-            yield future.result()
-        if not done:
+        done = tasks.next_done(timeout=REPORT_INTERVAL)
+        if done is None:
             log.emit()
+        else:
+            yield done.result()
 
 
 def local_pool(workers: int) -> Executor:

@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, wait
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from turnout.core.files import write_atomic
-from turnout.core.processes import closing_pool, worker_processes
+from turnout.core.processes import Tasks, closing_pool, worker_processes
 from turnout.core.running_current import running_time
 from turnout.core.stored_arrays import arrays_from_bytes, arrays_to_bytes
 from turnout.measurement.campaign.find_throws import FoundThrow
@@ -100,11 +99,13 @@ def run_jobs(
             make_series(job, report=report_one)
         return
     with closing_pool(worker_processes(min(workers, len(jobs)))) as pool:
-        waiting = {pool.submit(make_series, job) for job in jobs}
-        while waiting:
-            done, waiting = wait(waiting, timeout=POLL, return_when=FIRST_COMPLETED)
-            for future in done:
-                future.result()
+        tasks: Tasks[None] = Tasks(pool)
+        for job in jobs:
+            tasks.submit(make_series, job)
+        while tasks.waiting:
+            done = tasks.next_done(timeout=POLL)
+            if done is not None:
+                done.result()
             report_one()
 
 
