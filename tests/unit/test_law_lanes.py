@@ -61,6 +61,11 @@ def _stream(values: Floats, to: Floats) -> None:
         lanes.store_nontemporal(lanes.load(values, i), to, i)
 
 
+@compiled
+def _turn(values: Floats, step: int, to: Floats, to_step: int) -> None:
+    lanes.turn(values[1:], step, to[2:], to_step)
+
+
 def given(count: int, seed: int, kind: type = np.uint64) -> Given:
     rng = np.random.default_rng(seed)
     return Given(
@@ -191,3 +196,14 @@ def test_a_record_cannot_be_sent_elsewhere() -> None:
 def test_other_arrays_than_vectors_of_numbers_are_refused(values: Floats) -> None:
     with pytest.raises(TypingError):
         _sum(values)
+
+
+@pytest.mark.parametrize(("step", "to_step"), [(8, 8), (11, 9), (40, 72)])
+def test_rows_become_columns(step: int, to_step: int) -> None:
+    values = np.random.default_rng(step).normal(size=8 * step + 9)
+    found, expected = np.zeros((2, 8 * to_step + 10))
+    _turn(values, step, found, to_step)
+    lanes.turn(values[1:], step, expected[2:], to_step)
+    np.testing.assert_array_equal(found, expected)
+    eight = [values[1 + i * step + 5] for i in range(LANES)]
+    np.testing.assert_array_equal(found[2 + 5 * to_step :][:LANES], eight)

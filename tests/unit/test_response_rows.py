@@ -122,7 +122,7 @@ def test_rows_are_written_over_all_blocks_of_instants() -> None:
         np.testing.assert_allclose(out, expected, atol=1e-13)
 
 
-@pytest.mark.parametrize("count", [1, 7, 64, 131])
+@pytest.mark.parametrize("count", [1, 7, 32, 64, 131])
 def test_rows_are_sums_in_the_order_of_their_products(count: int) -> None:
     generator = np.random.default_rng(count)
     # Histories are pieces of wider memory, and rows begin at any address.
@@ -143,6 +143,23 @@ def test_rows_are_sums_in_the_order_of_their_products(count: int) -> None:
         memory[:] = np.nan
         write_rows([Rows(products, memory, start, minus=True)], {"g": g, "q": q})
         np.testing.assert_array_equal(memory, start[:, np.newaxis] - expected)
+
+
+@pytest.mark.parametrize("count", [3, 70])
+def test_histories_with_few_columns_or_columns_apart_are_read_as_they_are(count: int) -> None:
+    generator = np.random.default_rng(count)
+    few, apart = generator.normal(size=(count, 3)), generator.normal(size=(count, 40))[:, ::4]
+    backwards = generator.normal(size=(count, 12))[::-1]
+    products = [
+        *sums_of_columns("few", np.array([[2], [0]]), rows=np.array([0, 1])),
+        *sums_of_columns("apart", np.array([[9], [4]]), rows=np.array([2, 3])),
+        *sums_of_columns("backwards", np.array([[11, 3]]), rows=np.array([4])),
+    ]
+    out = np.full((5, count), np.nan)
+    write_rows([Rows(products, out)], {"few": few, "apart": apart, "backwards": backwards})
+    last = backwards[:, 11] + backwards[:, 3]
+    expected = np.stack([few[:, 2], few[:, 0], apart[:, 9], apart[:, 4], last])
+    np.testing.assert_array_equal(out, expected)
 
 
 def fused(weights: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -119,6 +119,36 @@ def _build_gather_neighbours(context: Any, builder: Any, args: tuple[Any, ...]) 
     return found
 
 
+def _build_turn(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
+    values, step, to, to_step = args
+
+    def place(array: Any, row: int, width: Any) -> Any:
+        return _eight_at(builder, array, builder.mul(width, ir.Constant(ir.IntType(64), row)))
+
+    rows = [builder.load(place(values, row, step), align=8) for row in range(LANES)]
+    apart = 1
+    while apart < LANES:  # rows and columns change places in blocks of 1, then 2, then 4
+        rows = _exchange_blocks(builder, rows, apart)
+        apart *= 2
+    for row, eight in enumerate(rows):
+        builder.store(eight, place(to, row, to_step), align=8)
+
+
+def _exchange_blocks(builder: Any, rows: list[Any], size: int) -> list[Any]:
+    """Exchange the blocks beside the diagonal, of all blocks of twice the size."""
+    found = list(rows)
+    lanes_of = [lane for lane in range(LANES) if not lane & size]
+    first = [lane - (lane & size) + (LANES if lane & size else 0) for lane in range(LANES)]
+    masks = [
+        ir.Constant(ir.VectorType(ir.IntType(32), LANES), [lane + more for lane in first])
+        for more in (0, size)
+    ]
+    for row in lanes_of:
+        pair = rows[row], rows[row + size]
+        found[row], found[row + size] = (builder.shuffle_vector(*pair, mask) for mask in masks)
+    return found
+
+
 def _build_broadcast(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
     zero = ir.Constant(ir.IntType(32), 0)
     one = builder.insert_element(ir.Constant(_EIGHT, ir.Undefined), args[0], zero)
@@ -180,6 +210,9 @@ def _register_lanes() -> None:
     register_intrinsic(lanes.gather, _LANES, _build_gather, _values, _places, index_kind)
     register_intrinsic(
         lanes.gather_neighbours, _LANES, _build_gather_neighbours, _values, _places, index_kind
+    )
+    register_intrinsic(
+        lanes.turn, types.none, _build_turn, _values, index_kind, _values, index_kind
     )
     register_intrinsic(lanes.broadcast, _LANES, _build_broadcast, number_kind)
     register_intrinsic(lanes.horizontal_sum, types.float64, _build_horizontal_sum, _eight)

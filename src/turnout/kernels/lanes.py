@@ -99,6 +99,27 @@ def gather_neighbours(values: Floats, places: Indices, at: int) -> Floats:
     return gather(values, places, at)
 
 
+def turn(values: Floats, step: int, to: Floats, to_step: int) -> None:
+    """Write eight rows of eight neighbours as eight columns.
+
+    Parameters
+    ----------
+    values : ndarray, shape (7 step + 8,) or more
+        Row i begins at ``i step``.
+    to : ndarray, shape (7 to_step + 8,) or more
+        What comes k-th in its row is written from ``k to_step`` on.
+
+    Examples
+    --------
+    >>> found = np.empty((8, 10))
+    >>> turn(np.arange(100.0), 12, found.ravel(), 10)
+    >>> found[0, :8].tolist(), found[7, :4].tolist()
+    ([0.0, 12.0, 24.0, 36.0, 48.0, 60.0, 72.0, 84.0], [7.0, 19.0, 31.0, 43.0])
+    """
+    for k in range(LANES):
+        to[k * to_step :][:LANES] = values[k:][: 7 * step + 1 : step]
+
+
 def broadcast(value: float) -> Floats:
     """Return eight floats of one value."""
     return np.full(LANES, float(value))

@@ -1,6 +1,6 @@
 """Rows over time from histories: a stored instant lies in one piece there, a row here.
 
-Columns of a tile of instants are turned, eight neighbours of a cache line at a time, into lines
+Columns of a tile of instants are turned, eight neighbours at eight instants at a time, into lines
 that stay in the processor's caches; rows are sums of such lines. Histories are read once and rows
 written once.
 """
@@ -10,16 +10,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.kernels.compiled import compiled
+from turnout.kernels.compiled import compiled, compiled_part
 from turnout.kernels.lanes import (
     LANES,
     broadcast,
-    gather,
     load,
     multiply_add,
     prefetch,
     store,
     store_nontemporal,
+    turn,
 )
 from turnout.kernels.memory import vector_at
 
@@ -28,6 +28,10 @@ Ints = NDArray[np.int64]
 
 TILE = 64
 """Instants of a tile."""
+LINE = TILE + LANES
+"""Floats from one line to the next; lines as long as a power of two meet in the same cache sets."""
+PASS = 4 * LANES
+"""Instants that are summed at once: four sums keep the processor busy."""
 PLAIN, PLUS, MINUS = 0, 1, 2
 """A row is its sum, its start plus the sum, or its start minus the sum."""
 
@@ -35,13 +39,13 @@ PLAIN, PLUS, MINUS = 0, 1, 2
 class RowSums(NamedTuple):
     """Which columns come to which rows.
 
+    Columns are turned in windows of eight neighbours, which may overlap.
+
     Attributes
     ----------
-    column_address, column_step, column_history : ndarray of int, shape (n_columns,)
-        Address of the first instant of a column, floats from one instant to the next, and the
+    window_address, window_step, window_history : ndarray of int, shape (n_windows,)
+        Address of the first instant of a window, floats from one instant to the next, and the
         number of its history.
-    place : ndarray of int, shape (8 n_histories,)
-        Where eight instants of a history lie, in floats.
     row_address, row_kind : ndarray of int, shape (n_rows,)
         Address of the first instant of a row, and `PLAIN`, `PLUS` or `MINUS`.
     row_start : ndarray, shape (n_rows,)
@@ -52,23 +56,22 @@ class RowSums(NamedTuple):
         Whether its columns have weights; their products are added without being rounded before.
     term_start : ndarray of int, shape (n_groups + 1,)
         First term of each group.
-    term_column : ndarray of int, shape (n_terms,)
-        Column of each term.
+    term_line : ndarray of int, shape (n_terms,)
+        Line of the column of each term: eight for each window.
     term_weight : ndarray, shape (n_terms,)
         Its weight.
     """
 
-    column_address: Ints
-    column_step: Ints
-    column_history: Ints
-    place: Ints
+    window_address: Ints
+    window_step: Ints
+    window_history: Ints
     row_address: Ints
     row_kind: Ints
     row_start: Floats
     group_start: Ints
     group_weighted: Ints
     term_start: Ints
-    term_column: Ints
+    term_line: Ints
     term_weight: Floats
 
 
@@ -80,84 +83,98 @@ def write_row_sums(sums: RowSums, lines: Floats, count: int) -> None:
     ----------
     sums : RowSums
         A record of `turnout.kernels.shared_record`.
-    lines : ndarray, shape (n_columns + 2, TILE)
-        Memory for the turned columns, and for two sums.
+    lines : ndarray, shape ((8 n_windows + 1) LINE,)
+        Memory for the turned columns, and for a sum.
     count : int
         Number of instants.
     """
-    n_columns = sums.column_address.size
-    total, part = lines[n_columns], lines[n_columns + 1]
+    total = lines[LANES * sums.window_address.size * LINE :]
     for first in range(0, count, TILE):
         size = min(TILE, count - first)
-        _turn(sums, first, size, lines)
+        _turn_tile(sums, first, size, lines)
         for row in range(sums.row_address.size):
-            begin, end = sums.group_start[row], sums.group_start[row + 1]
-            if begin == end:  # nothing is known of it
+            if sums.group_start[row] == sums.group_start[row + 1]:  # nothing is known of it
                 continue
-            for group in range(begin, end):
-                _sum_group(sums, group, lines, total if group == begin else part)
-                if group > begin:
-                    for i in range(0, TILE, LANES):
-                        store(load(total, i) + load(part, i), total, i)
-            out = vector_at(sums.row_address[row] + 8 * first, size)
-            past = sums.row_address[row] % (8 * LANES) == 0
-            _write_row(sums.row_kind[row], sums.row_start[row], total, out, past)
+            for i in range(0, size, PASS):
+                out = vector_at(sums.row_address[row] + 8 * (first + i), min(PASS, size - i))
+                part = out.size < PASS
+                past = not part and sums.row_address[row] % (8 * LANES) == 0
+                _write_pass(sums, row, lines, i, total if part else out, past)
+                if part:
+                    for k in range(out.size):
+                        out[k] = total[k]
 
 
-@compiled
-def _turn(sums: RowSums, first: int, size: int, lines: Floats) -> None:
-    """Write some instants of all columns to lines, eight at a time: these are eight streams."""
+@compiled_part
+def _turn_tile(sums: RowSums, first: int, size: int, lines: Floats) -> None:
+    """Write some instants of all windows to lines, eight at a time: these are eight streams."""
     whole = size - size % LANES
     for t in range(0, whole, LANES):
-        for c in range(sums.column_address.size):
-            step = sums.column_step[c]
-            address = sums.column_address[c] + 8 * step * (first + t)
+        for w in range(sums.window_address.size):
+            step = sums.window_step[w]
+            address = sums.window_address[w] + 8 * step * (first + t)
             # The processor foresees lines of one instant, but not those of the next eight.
-            prefetch(vector_at(address + 8 * step * (LANES + c % LANES), 1))
-            column = vector_at(address, 7 * step + 1)
-            store(gather(column, sums.place, LANES * sums.column_history[c]), lines[c], t)
+            for k in range(LANES, 2 * LANES):
+                prefetch(vector_at(address + 8 * step * k, 1))
+            turn(vector_at(address, 7 * step + LANES), step, lines[LANES * w * LINE + t :], LINE)
     for t in range(whole, size):
-        for c in range(sums.column_address.size):
-            step = sums.column_step[c]
-            lines[c, t] = vector_at(sums.column_address[c] + 8 * step * (first + t), 1)[0]
+        for w in range(sums.window_address.size):
+            step = sums.window_step[w]
+            eight = vector_at(sums.window_address[w] + 8 * step * (first + t), LANES)
+            for k in range(LANES):
+                lines[(LANES * w + k) * LINE + t] = eight[k]
 
 
-@compiled
-def _sum_group(sums: RowSums, group: int, lines: Floats, to: Floats) -> None:
-    """Write the sum of the columns of a group to a line."""
+@compiled_part
+def _write_pass(sums: RowSums, row: int, lines: Floats, i: int, out: Floats, past: bool) -> None:
+    """Write a row over the instants of a pass; past the caches where it begins at a line of them.
+
+    `i` is the first of these instants in the lines.
+    """
+    begin, end = sums.group_start[row], sums.group_start[row + 1]
+    a, b, c, d = _sum_group(sums, begin, lines, i)
+    for group in range(begin + 1, end):
+        e, f, g, h = _sum_group(sums, group, lines, i)
+        a, b, c, d = a + e, b + f, c + g, d + h
+    start = broadcast(sums.row_start[row])
+    if sums.row_kind[row] == MINUS:
+        a, b, c, d = start - a, start - b, start - c, start - d
+    elif sums.row_kind[row] == PLUS:
+        a, b, c, d = a + start, b + start, c + start, d + start
+    if past:
+        store_nontemporal(a, out, 0)
+        store_nontemporal(b, out, LANES)
+        store_nontemporal(c, out, 2 * LANES)
+        store_nontemporal(d, out, 3 * LANES)
+    else:
+        store(a, out, 0)
+        store(b, out, LANES)
+        store(c, out, 2 * LANES)
+        store(d, out, 3 * LANES)
+
+
+@compiled_part
+def _sum_group(
+    sums: RowSums, group: int, lines: Floats, i: int
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return the sum of the columns of a group over a pass."""
     begin, end = sums.term_start[group], sums.term_start[group + 1]
     if sums.group_weighted[group]:
-        for i in range(0, TILE, LANES):
-            store(broadcast(0.0), to, i)
+        a, b, c, d = broadcast(0.0), broadcast(0.0), broadcast(0.0), broadcast(0.0)
         for term in range(begin, end):
-            line, weight = lines[sums.term_column[term]], broadcast(sums.term_weight[term])
-            for i in range(0, TILE, LANES):
-                store(multiply_add(weight, load(line, i), load(to, i)), to, i)
-        return
-    line = lines[sums.term_column[begin]]
-    for i in range(0, TILE, LANES):
-        store(load(line, i), to, i)
+            at, weight = sums.term_line[term] * LINE + i, broadcast(sums.term_weight[term])
+            a = multiply_add(weight, load(lines, at), a)
+            b = multiply_add(weight, load(lines, at + LANES), b)
+            c = multiply_add(weight, load(lines, at + 2 * LANES), c)
+            d = multiply_add(weight, load(lines, at + 3 * LANES), d)
+        return a, b, c, d
+    at = sums.term_line[begin] * LINE + i
+    a, b = load(lines, at), load(lines, at + LANES)
+    c, d = load(lines, at + 2 * LANES), load(lines, at + 3 * LANES)
     for term in range(begin + 1, end):
-        line = lines[sums.term_column[term]]
-        for i in range(0, TILE, LANES):
-            store(load(to, i) + load(line, i), to, i)
-
-
-@compiled
-def _write_row(kind: int, start: float, total: Floats, out: Floats, past: bool) -> None:
-    """Write a line to a row, from where it starts; past the caches where it begins at a line."""
-    if kind == MINUS:
-        for i in range(0, TILE, LANES):
-            store(broadcast(start) - load(total, i), total, i)
-    elif kind == PLUS:
-        for i in range(0, TILE, LANES):
-            store(load(total, i) + broadcast(start), total, i)
-    whole = out.size - out.size % LANES
-    if past:
-        for i in range(0, whole, LANES):
-            store_nontemporal(load(total, i), out, i)
-    else:
-        for i in range(0, whole, LANES):
-            store(load(total, i), out, i)
-    for i in range(whole, out.size):
-        out[i] = total[i]
+        at = sums.term_line[term] * LINE + i
+        a = a + load(lines, at)
+        b = b + load(lines, at + LANES)
+        c = c + load(lines, at + 2 * LANES)
+        d = d + load(lines, at + 3 * LANES)
+    return a, b, c, d

@@ -15,7 +15,7 @@ from turnout.core.lru_cache import LRUCache
 from turnout.integrate.scratch import lines_from_buffer
 from turnout.kernels.lanes import LANES, whole_lines
 from turnout.kernels.shared_record import clone_record, shared_record
-from turnout.kernels.turned_rows import MINUS, PLAIN, PLUS, TILE, RowSums, write_row_sums
+from turnout.kernels.turned_rows import LINE, MINUS, PLAIN, PLUS, RowSums, write_row_sums
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -249,9 +249,17 @@ def write_rows(wanted: Sequence[Rows], histories: Mapping[str, Floats]) -> None:
     if count == 0 or not any(rows.out.size for rows in wanted):
         return
     _check_arrays(wanted, histories, count)
-    sums = _row_sums(wanted, histories)
-    lines = lines_from_buffer(sums.column_address.size + 2, TILE)
+    turned = {name: _with_a_window(values) for name, values in histories.items()}
+    sums = _row_sums(wanted, histories, turned)
+    lines = lines_from_buffer((LANES * sums.window_address.size + 1) * LINE)
     write_row_sums(sums, lines, count)
+
+
+def _with_a_window(values: Floats) -> Floats:
+    """Return a history of eight columns or more whose neighbours are neighbours in memory."""
+    if values.shape[1] >= LANES and values.strides[1] == 8:
+        return values
+    return np.pad(values, ((0, 0), (0, max(LANES - values.shape[1], 0))))
 
 
 def _check_arrays(wanted: Sequence[Rows], histories: Mapping[str, Floats], count: int) -> None:
@@ -278,8 +286,8 @@ class _Layout(NamedTuple):
     ----------
     sums : RowSums
         A record to be cloned, with addresses of 0.
-    column_offset : ndarray of int
-        From the first number of its history to each column [B].
+    window_offset : ndarray of int
+        From the first number of its history to each window [B].
     part, number : ndarray of int, shape (n_rows,)
         The `Rows` that each row belongs to, and its number in them.
     named : sequence of object
@@ -287,7 +295,7 @@ class _Layout(NamedTuple):
     """
 
     sums: RowSums
-    column_offset: Ints
+    window_offset: Ints
     part: Ints
     number: Ints
     named: Sequence[object]
@@ -296,21 +304,26 @@ class _Layout(NamedTuple):
 _layouts = LRUCache[_Layout](MOST_LAYOUTS)
 
 
-def _row_sums(wanted: Sequence[Rows], histories: Mapping[str, Floats]) -> RowSums:
-    """Return what the kernel makes of rows; laid out once for the recipes that throws share."""
+def _row_sums(
+    wanted: Sequence[Rows], histories: Mapping[str, Floats], turned: Mapping[str, Floats]
+) -> RowSums:
+    """Return what the kernel makes of rows; laid out once for the recipes that throws share.
+
+    `turned` are the histories with a window at least.
+    """
     of_rows = tuple([(id(rows.products), id(rows.start), *_shape(rows)) for rows in wanted])
     key = (
         of_rows,
-        *((name, values.shape[1], values.strides) for name, values in histories.items()),
+        *((name, values.shape[1], turned[name].strides) for name, values in histories.items()),
     )
     layout = _layouts.get(key)
     if layout is None:
-        layout = _lay_out(wanted, histories)
+        layout = _lay_out(wanted, histories, turned)
         if all(isinstance(rows.products, tuple) for rows in wanted):  # else not there to stay
             _layouts.put(key, layout)
     sums = clone_record(layout.sums)
-    columns, rows = _addresses(histories.values()), _addresses([rows.out for rows in wanted])
-    np.add(columns[sums.column_history], layout.column_offset, out=sums.column_address)
+    first, rows = _addresses(turned.values()), _addresses([rows.out for rows in wanted])
+    np.add(first[sums.window_history], layout.window_offset, out=sums.window_address)
     apart = np.array([rows.out.strides[0] for rows in wanted], dtype=np.int64)
     np.add(rows[layout.part], apart[layout.part] * layout.number, out=sums.row_address)
     return sums
@@ -321,7 +334,9 @@ def _shape(rows: Rows) -> tuple[int, int]:
     return rows.out.shape[0], _kind(rows)
 
 
-def _lay_out(wanted: Sequence[Rows], histories: Mapping[str, Floats]) -> _Layout:
+def _lay_out(
+    wanted: Sequence[Rows], histories: Mapping[str, Floats], turned: Mapping[str, Floats]
+) -> _Layout:
     """Return the terms of all products, by row and product."""
     names = list(histories)
     first_column = np.cumsum([0, *(histories[name].shape[1] for name in names)])
@@ -355,32 +370,42 @@ def _lay_out(wanted: Sequence[Rows], histories: Mapping[str, Floats]) -> _Layout
     # Groups in the order of rows and products have one number that rises.
     span = number + 1
     place = np.searchsorted(row * span + group, of_group * span + in_order)
-    used, column = np.unique(column[by_row], return_inverse=True)
-    step, history = _columns([histories[name] for name in names])
-    steps = np.array([values.strides[0] // 8 for values in histories.values()])
+    history = np.searchsorted(first_column, column[by_row], side="right") - 1
+    own = column[by_row] - first_column[history]
+    window_history, window_column, line = _windows(history, own, list(turned.values()))
+    steps = np.array([values.strides[0] // 8 for values in turned.values()])
     counts = np.diff(first_row)
     sums = RowSums(
-        column_address=np.zeros(used.size, dtype=np.int64),
-        column_step=step[used],
-        column_history=history[used],
-        place=(steps[:, np.newaxis] * np.arange(LANES)).ravel(),
+        window_address=np.zeros(window_history.size, dtype=np.int64),
+        window_step=steps[window_history],
+        window_history=window_history,
         row_address=np.zeros(first_row[-1], dtype=np.int64),
         row_kind=np.repeat([_kind(rows) for rows in wanted], counts),
         row_start=np.concatenate([_starts(rows) for rows in wanted]),
         group_start=np.searchsorted(of_group, np.arange(first_row[-1] + 1)),
         group_weighted=weighted,
         term_start=np.append(place, row.size),
-        term_column=column.astype(np.int64),
+        term_line=line,
         term_weight=weight[by_row],
     )
-    offsets = [values.strides[1] * np.arange(values.shape[1]) for values in histories.values()]
     return _Layout(
         sums=shared_record(sums),
-        column_offset=np.concatenate(offsets)[used],
+        window_offset=8 * window_column,
         part=np.repeat(np.arange(counts.size), counts),
         number=np.concatenate([np.arange(count) for count in counts]),
         named=[(rows.products, rows.start) for rows in wanted],
     )
+
+
+def _windows(history: Ints, column: Ints, turned: Sequence[Floats]) -> tuple[Ints, Ints, Ints]:
+    """Return history and first column of the windows of some columns, and the line of each column.
+
+    The last window of a history ends with it, so that nothing beyond it is read.
+    """
+    widths = np.array([values.shape[1] for values in turned])
+    first, span = np.minimum(column // LANES * LANES, widths[history] - LANES), widths.max()
+    used, number = np.unique(history * span + first, return_inverse=True)
+    return used // span, used % span, LANES * number + column - first
 
 
 _Terms = tuple[Ints, Ints, Ints, Ints, Floats]
@@ -402,13 +427,6 @@ def _terms_of(product: Product, own: Ints, columns: Sequence[Ints], number: int)
 def _numbers(places: slice | Ints, size: int) -> Ints:
     """Return places as indices; like NumPy refuse those beyond the end."""
     return np.arange(size)[places]
-
-
-def _columns(histories: Sequence[Floats]) -> tuple[Ints, Ints]:
-    """Return step and number of the history of all columns."""
-    widths = [values.shape[1] for values in histories]
-    steps = [values.strides[0] // 8 for values in histories]
-    return np.repeat(steps, widths), np.repeat(np.arange(len(histories)), widths)
 
 
 def _addresses(arrays: Iterable[Floats]) -> Ints:
