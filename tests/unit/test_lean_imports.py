@@ -31,6 +31,26 @@ def test_unused_parts_are_left_out_and_there_when_they_are_used() -> None:
     assert done.stdout.split() == ["False", "True", "True", "False", "curved", "numpy.f2py"]
 
 
+MASKED = """
+import sys
+from turnout.core.lean_imports import import_scipy
+import_scipy()
+from numpy import ma, unique
+print(unique([3, 1, 3]).tolist() == [1, 3], "numpy.ma" in sys.modules)
+masked = ma.masked_array([3, 1, 3], [False, True, False])
+import numpy.ma
+print(numpy.ma is not ma, ma.is_masked(masked), numpy.ma.is_masked(masked))
+print(numpy.unique(masked).tolist() == [3, None])
+"""
+
+
+def test_masked_arrays_are_loaded_when_they_are_wanted() -> None:
+    command = [sys.executable, "-c", MASKED]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == ["True", "False", "True", "True", "True", "True"]
+
+
 THREADS = """
 import os
 from threadpoolctl import threadpool_info

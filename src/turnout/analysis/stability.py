@@ -168,7 +168,7 @@ def _decays(case: SlidingCase) -> bool:
     return case.settled and case.growth_rate < 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class SlidingPlace:
     """Where the markers stand, and which way the rails slide."""
 

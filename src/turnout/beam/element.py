@@ -185,7 +185,7 @@ def element_gravity_load(
     return element_matrices(length, sections, material, gravity=gravity)[2]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class _Flexure:
     """How elements bend: their shear force, which is constant along each, and what follows.
 
@@ -201,7 +201,7 @@ class _Flexure:
     shear: FloatArray
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class _Shape:
     """Shape functions at a point of integration, as rows over the section DOFs.
 

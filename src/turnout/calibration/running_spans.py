@@ -26,7 +26,7 @@ SLIP_BAND, LEAST_SLIP = 0.02, 0.5
 """A slipping span stays within this share of its last value, for so long at least [-, s]."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Ran:
     """A motor that ran: samples of one drive in one movement at every `STEP`."""
 

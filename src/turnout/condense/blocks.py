@@ -22,7 +22,7 @@ MOST_KEPT = 32
 """Mechanisms in the cache of touched rails, the latest used."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Block:
     """A group of rails of a mechanism that is solved on its own.
 

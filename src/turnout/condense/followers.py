@@ -23,7 +23,7 @@ MOST_KEPT = 48
 """Choices in the cache, the latest used; stiffnesses do not change them."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Leading:
     """Which rows lead, and how all rows follow from them.
 

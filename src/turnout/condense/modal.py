@@ -29,7 +29,7 @@ NEGATIVE = 1e-10
 """A damping below minus this share of the largest is more than rounding [-]."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class ModalModel:
     """Kept modes and residual flexibility of one linear system.
 

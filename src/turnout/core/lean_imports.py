@@ -9,6 +9,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from importlib import import_module
+from types import ModuleType
 from typing import Any
 
 UNUSED_OF_NUMPY = frozenset({"f2py", "ma", "polynomial", "testing"})
@@ -25,11 +26,13 @@ PLUGINS = "PYDANTIC_DISABLE_PLUGINS"
 def import_scipy() -> None:
     """Import SciPy, which copies every name that NumPy lists and so loads all that is behind them.
 
-    Both lists are as before when it returns.
+    Both lists are as before when it returns, and masked arrays are loaded when they are wanted.
     """
     if "scipy" in sys.modules:
         return
     np: Any = import_module("numpy")
+    if "ma" not in vars(np):
+        np.ma = _MaskedArrays("numpy.ma")
     names, listed = np.__all__, np.__dir__
     try:
         np.__all__ = [name for name in names if name not in UNUSED_OF_NUMPY]
@@ -38,6 +41,18 @@ def import_scipy() -> None:
         import scipy.sparse  # noqa: F401 - loaded here, for all that import it later
     finally:
         np.__all__, np.__dir__ = names, listed
+
+
+class _MaskedArrays(ModuleType):
+    """Stands for `numpy.ma`, which `numpy.unique` loads to ask whether its argument is masked.
+
+    No array is before that module is loaded. All else that is wanted of it loads it.
+    """
+
+    def __getattr__(self, name: str) -> Any:
+        if name == "is_masked" and self.__name__ not in sys.modules:
+            return lambda _: False
+        return getattr(import_module(self.__name__), name)
 
 
 @contextmanager

@@ -287,7 +287,7 @@ def _with_objects(
     return tuple(found), tuple(joined)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class PreparedRun:
     """All data of one run; `positions` are the inputs at the ends of the steps [m].
 

@@ -56,7 +56,7 @@ MOST_STEPS = 2_000_000
 WITHOUT_START = (Code.NO_EQUILIBRIUM, Code.NO_LOADED_START)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class History:
     """Stored instants and outcome of a run; n is the number of stored instants.
 
@@ -174,7 +174,7 @@ class Grid:
     last: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class RunPlan:
     """A run that can be carried out, with all that it needs but the memory of its state.
 

@@ -27,7 +27,7 @@ MOST_KEPT = 24
 """Sets of memory, the latest used; three megabytes each in quick mode."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class RunMemory:
     """Memory of a run that has ended.
 

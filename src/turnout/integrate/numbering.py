@@ -32,7 +32,7 @@ def as_unsigned(indices: Ints) -> Ints:
     return cast("Ints", indices.astype(np.uint64))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Places:
     """Places of ends, modes and rows, as numbers.
 

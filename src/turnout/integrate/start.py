@@ -48,7 +48,7 @@ MOST_KEPT = 64
 """States left by prior motions in the cache, the latest used."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class PriorMotion:
     """The motion of the markers that ends where a run starts.
 
@@ -65,7 +65,7 @@ class PriorMotion:
     inputs: Callable[[Floats], Floats]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class _StateLeft:
     """What a prior motion leaves; `templates` are held so that their identity stays their own."""
 
@@ -82,7 +82,7 @@ class _StateLeft:
 _cache = LRUCache[_StateLeft](MOST_KEPT)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class StartPlan:
     """A motion before the start, ready to be integrated.
 

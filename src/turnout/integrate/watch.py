@@ -83,7 +83,7 @@ class StepRecord(NamedTuple):
     balanced: Ints = np.zeros(0, dtype=np.int64)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Watch:
     """What is wanted of a run.
 
@@ -133,7 +133,7 @@ class Instants(Protocol):
         """Return the forces of some laws, shape (n, n_laws) [N]."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Watched:
     """What a watched run leaves of instants that are not stored whole; n is the number of them all.
 
@@ -172,7 +172,7 @@ class Watched:
         return self.effort[:, [self.laws.index(law) for law in laws]]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class WatchPlan:
     """Which stored instants have which place in a record.
 

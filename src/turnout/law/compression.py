@@ -40,7 +40,7 @@ LEAST_PIECE = 1e-3
 """A smaller piece of stone falls out [m]."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Compression:
     """A curve of force over compression, and what becomes of it.
 

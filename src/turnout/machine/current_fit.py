@@ -82,7 +82,7 @@ class Estimate:
         return cls(value, math.hypot(deviation, common), value - reach, value + reach, count)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RunningSpan:
     """One drive in one movement while its motor runs steadily, at every `STEP`.
 
@@ -287,7 +287,7 @@ def _steady(span: RunningSpan, most: float) -> Flags:
     )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class _Sums:
     """Normal equations for each lag: X'X, X'y, y'y, and the number of samples."""
 

@@ -93,7 +93,7 @@ UNITS = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MachineThrow:
     """Histories of a throw: `throw["rod_force"]`, with what happened and how it ended.
 

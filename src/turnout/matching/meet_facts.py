@@ -31,7 +31,7 @@ SAVE = Save(
 """What measures need of a throw."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Evaluation:
     """What a panel does with the facts.
 

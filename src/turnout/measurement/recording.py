@@ -231,7 +231,7 @@ def _check_rising(time: NDArray[np.float64]) -> None:
         raise ValueError(message)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class ChannelOverview:
     """Figures of one channel.
 

@@ -187,7 +187,7 @@ def object_parts(objects: Sequence[PlacedObject]) -> dict[str, tuple[str, ...]]:
     return found
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class _Linear:
     """What a mechanism is without its laws."""
 
@@ -219,7 +219,7 @@ class _Frame:
         return [with_scale(d, panel) if d.name in panel.rail else d for d in self.rails]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class _Kept:
     """What panels have in common that differ in values of laws and motion alone.
 
@@ -237,7 +237,7 @@ class _Kept:
         return self.frame.layout
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class _Between:
     """What objects between the nodes add to what is kept without them.
 

@@ -67,7 +67,7 @@ class RailStops:
     clearance: Floats
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Layout:
     """Where every law acts: what stays while values of laws change.
 

@@ -22,7 +22,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class RailBody:
     """One reduced rail within a mechanism.
 
@@ -59,7 +59,7 @@ class RailBody:
     with_supports: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Mechanism:
     """Linear bodies, the rows where laws act, and the laws.
 
@@ -130,7 +130,7 @@ class RailShape:
         return self.travel(np.clip(x, knots[0], knots[-1]))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class DriveMachines:
     """The machines of drives as the kernels take them, one row each; see `drive_machines`.
 
@@ -212,7 +212,7 @@ class Support:
     damping: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class RailData:
     """All that shapes one rail, free of any file format.
 
@@ -241,7 +241,7 @@ class RailData:
     plan: Floats | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class ReducedRail:
     """Matrices of one rail in reduced coordinates, and its points as rows."""
 

@@ -128,7 +128,7 @@ def _sides(panel: Panel, item: PlacedObject) -> list[tuple[str, float, float]]:
     return sides
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class _Inside:
     """A rail with the factors of its stiffness where the interface is held."""
 

@@ -37,7 +37,7 @@ SAME_PLACE = 1e-6
 """What is nearer than this stands at one place [m]."""
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class RailRows:
     """Rows of one reduced rail at which it is held.
 

@@ -20,7 +20,7 @@ NORMAL_QUANTILE = 1.959964
 OUTPUTS = ("peak_force", "object_force_peak", "end_gap")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class NumericOutput:
     """One number of each throw: its name with drive or sensor, its unit, and its values."""
 
@@ -50,7 +50,7 @@ class SobolIndex:
     total_confidence: float = float("nan")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Effect:
     """The mean of an output over one input.
 

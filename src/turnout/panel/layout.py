@@ -178,7 +178,7 @@ def _unit_shapes(knots: tuple[float, ...], held: float) -> Spline:
 SIDE = {"+y": 1.0, "-y": -1.0}
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class RailLine:
     """A switch rail and its stock rail in plan.
 

@@ -32,7 +32,7 @@ ENDS = ("not-a-knot", "natural", "clamped")
 """Third derivative continuous at the next knot; no curvature; no slope."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Spline:
     """A cubic spline.
 

@@ -59,7 +59,7 @@ MOST_POINTS = 1600
 DECIMALS = 4
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Line:
     """One line, set of marks or set of bars.
 

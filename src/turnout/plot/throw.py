@@ -32,7 +32,7 @@ KILO, MILLI = 1e-3, 1e3
 MEAN = 0.1  # of currents, as published [s]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Curve:
     """One line: values in the units of its axes, its label and its place among the colours."""
 

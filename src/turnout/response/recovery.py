@@ -53,7 +53,7 @@ MOST_PRODUCTS = 256
 """Products of rows with blocks in memory, the latest used."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class CondensedShapes:
     """What shapes are recovered from, but for the run.
 
@@ -75,7 +75,7 @@ class CondensedShapes:
     rows: Floats
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Motion(CondensedShapes):
     """All that shapes are recovered from.
 
@@ -228,7 +228,7 @@ def row_motion(motion: Motion, parts: Parts, *, at: Ints | None = None) -> Float
     return found
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Seen:
     """Rows in terms of what a run has kept.
 

@@ -57,7 +57,7 @@ def evenly_spaced(places: Ints) -> slice | Ints:
     return slice(int(places[0]), int(places[-1]) + 1, step)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Product:
     """Rows as weighted sums of columns of a history.
 
@@ -85,7 +85,7 @@ class Product:
     added: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Rows:
     """Rows over time that are wanted: where they start, plus or minus some products.
 

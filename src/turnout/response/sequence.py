@@ -122,7 +122,7 @@ def simulate_sequence(
     return dataset
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class _Series:
     """Throws as they are made: what is kept of each."""
 

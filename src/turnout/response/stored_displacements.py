@@ -36,7 +36,7 @@ LARGEST_WEIGHT = 100.0
 MOST_KEPT = 32
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class StoredRows:
     """Rows whose displacements a run stores, by the coordinates that they share.
 

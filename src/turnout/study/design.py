@@ -123,7 +123,7 @@ class DesignSummary:
     axes: tuple[tuple[str, ...], ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Design:
     """Every state that is drawn, thrown with every combination of the values on the axes.
 

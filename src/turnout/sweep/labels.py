@@ -34,7 +34,7 @@ LABELS = {
 """Unit and meaning of the labels that only a sweep has."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class ThrowSignals:
     """What is taken from a run while its history is there.
 

@@ -77,7 +77,7 @@ class SolverTime:
     build: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Row:
     """What is stored of one scenario.
 

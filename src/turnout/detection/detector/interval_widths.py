@@ -45,7 +45,7 @@ class Tried:
     gaps: Floats
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class Missed:
     """By how many half-intervals throws with known sizes and gaps missed these.
 

@@ -29,7 +29,7 @@ EXCESS = 16.0
 """:math:`a`, further variance of a throw that varies more than sound ones [-]."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Weights:
     """Of the squares of what is left, at one centre.
 

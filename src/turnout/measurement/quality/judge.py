@@ -20,7 +20,7 @@ from turnout.measurement.quality.throw_faults import (
 LOAD_CELL = "object_force"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Expected:
     """What is known of a throw before its samples are examined.
 
