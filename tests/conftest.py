@@ -87,6 +87,14 @@ def worker_processes() -> None:
         pytest.skip(f"no worker processes here: locks need a writable /dev/shm ({error})")
 
 
+@pytest.fixture
+def python_ctrl_c() -> Iterator[None]:
+    """Let Ctrl-C raise KeyboardInterrupt; a cluster that ran before handles it in its own way."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 @pytest.fixture(scope="session")
 def reference_dir(pytestconfig: pytest.Config) -> Path:
     """Return the folder with answers of independent programs, kept beside the checkout."""

@@ -34,6 +34,7 @@ def test_what_a_kernel_returns_or_raises_comes_back() -> None:
     assert stop[0] == 0
 
 
+@pytest.mark.usefixtures("python_ctrl_c")
 @pytest.mark.skipif(os.name != "posix", reason="an alarm is sent in place of Ctrl-C")
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGALRM])
 def test_ctrl_c_reaches_a_kernel_at_work(sent: int) -> None:
@@ -59,6 +60,7 @@ def test_ctrl_c_reaches_a_kernel_at_work(sent: int) -> None:
     assert time.perf_counter() - began < 5.0
 
 
+@pytest.mark.usefixtures("python_ctrl_c")
 def test_ctrl_c_at_any_instant_leaves_no_lock_and_is_heard() -> None:
     """Where the thread is handed its kernel and gives its result, it raises nothing."""
     stop = np.zeros(1, dtype=np.int64)

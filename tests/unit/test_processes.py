@@ -76,6 +76,7 @@ def test_a_result_cut_off_half_way_holds_up_no_end() -> None:
     assert not manager.is_alive()
 
 
+@pytest.mark.usefixtures("python_ctrl_c")
 def test_ctrl_c_waits_until_a_task_has_been_handed_over() -> None:
     handed: list[int] = []
 
@@ -94,6 +95,7 @@ def test_ctrl_c_waits_until_a_task_has_been_handed_over() -> None:
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
+@pytest.mark.usefixtures("python_ctrl_c")
 def test_ctrl_c_ends_a_wait_for_tasks() -> None:
     with ThreadPoolExecutor(1) as pool:
         tasks, go_on = Tasks[bool](pool), threading.Event()
