@@ -12,7 +12,7 @@ from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
 from turnout.panel.profile import contact_height
 from turnout.response.coordinates import coordinates, indexed
-from turnout.response.gaps import gap_rows
+from turnout.response.gaps import gap_places, gap_rows
 from turnout.response.recovery import histories_of, recover_motion, seen_by, seen_rows
 from turnout.response.rows_over_time import (
     Product,
@@ -253,3 +253,12 @@ def test_recipes_are_made_once_for_rails_that_throws_share(solved: Solved) -> No
     clear_recipes()
     again = simulate(panel, foreign_object=ForeignObject(0.05, "sleeper 6"), mode="quick")
     xr.testing.assert_identical(kept.drop_attrs(), again.drop_attrs())
+
+
+def test_places_of_gaps_that_throws_share_cannot_be_changed() -> None:
+    panel = load_panel(DEFAULT)
+    assert gap_places(panel) is gap_places(panel)
+    for _, x, z in gap_places(panel):
+        for shared in (x, z):
+            with pytest.raises(ValueError, match="read-only"):
+                shared[0] = 1.0

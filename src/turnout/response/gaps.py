@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from turnout.condense.condense import CondensedRails
 from turnout.core.lru_cache import LRUCache
@@ -48,6 +48,13 @@ _heights = LRUCache[tuple[list[Floats], list[object]]](MOST_ROWS)
 _places = LRUCache[tuple[list[Place], list[object]]](MOST_ROWS)
 
 
+def _frozen(values: ArrayLike) -> Floats:
+    """Return an array that many share and none may change."""
+    array = np.asarray(values, dtype=np.float64)
+    array.flags.writeable = False
+    return array
+
+
 def _at_nodes(panel: Panel, rail: str, x: Floats) -> tuple[Floats, Floats]:
     """Return `contact_height` at the nodes of a rail, and how far its running edge is clear there.
 
@@ -61,8 +68,8 @@ def _at_nodes(panel: Panel, rail: str, x: Floats) -> tuple[Floats, Floats]:
         beyond = np.zeros(x.shape)
         if record.running_edge is not None and record.head_width is not None:
             beyond = running_edge_distance(record.running_edge, x) - record.head_width
-        height = contact_height(panel, rail, x)
-        kept = _nodes.put(key, (height, np.maximum(beyond, 0.0), named))
+        height = _frozen(contact_height(panel, rail, x))
+        kept = _nodes.put(key, (height, _frozen(np.maximum(beyond, 0.0)), named))
     return kept[:2]
 
 
@@ -72,7 +79,8 @@ def _contact_heights(panel: Panel, x: Floats) -> list[Floats]:
     key = (*map(id, named), x.tobytes())
     kept = _heights.get(key)
     if kept is None:
-        kept = _heights.put(key, ([contact_height(panel, name, x) for name in panel.rail], named))
+        heights = [_frozen(contact_height(panel, name, x)) for name in panel.rail]
+        kept = _heights.put(key, (heights, named))
     return kept[0]
 
 
@@ -158,9 +166,7 @@ def gap_rows(
         for (_, stock), body in zip(faced, involved[1:], strict=True):
             inside = np.clip(x, stock.start, stock.end)  # beyond its ends it is held
             rows.append(-side * lateral_rows(body, inside, z - stock.foot_height))
-        for array in rows:
-            array.flags.writeable = False
-        found = _rows.put(key, (rows, named))
+        found = _rows.put(key, ([_frozen(row) for row in rows], named))
     return stock_gap(panel, motion, rail, x), list(zip(involved, found[0], strict=True))
 
 
@@ -188,10 +194,10 @@ def gap_places(panel: Panel) -> list[Place]:
     key = (panel.instrumented_rail, *map(id, named))
     kept = _places.get(key)
     if kept is None:
-        x = np.array([drive.x for drive in panel.drive.values()])
-        z = np.array([drive.height for drive in panel.drive.values()])
+        x = _frozen([drive.x for drive in panel.drive.values()])
+        z = _frozen([drive.height for drive in panel.drive.values()])
         rails = [closed_rail(panel, position) for position in ("closed", "open")]
-        sensors = [(s.rail, np.array([s.x]), np.array([s.height])) for s in panel.sensor.values()]
+        sensors = [(s.rail, _frozen([s.x]), _frozen([s.height])) for s in panel.sensor.values()]
         kept = _places.put(key, ([*((rail, x, z) for rail in rails), *sensors], named))
     return kept[0]
 
@@ -234,9 +240,7 @@ def watched_gaps(
         if kept is None:
             shapes = condensed_shapes(mechanism, condensed)
             start, less = _seen_together(panel, shapes, places, with_stored=False)
-            made = -less.modes, -less.shapes, start - less.load
-            for array in made:
-                array.flags.writeable = False
+            made = _frozen(-less.modes), _frozen(-less.shapes), _frozen(start - less.load)
             kept = _watched.put(key, (made, [condensed, *named]))
         return kept[0]
 
