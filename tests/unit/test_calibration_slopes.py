@@ -1,7 +1,7 @@
 """Slopes that are shared by repeats, and taken at their word."""
 
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -139,13 +139,14 @@ def test_work_counts_what_each_kind_of_throw_takes() -> None:
 
 
 class _Pool:
-    """Stands for processes: does at once what it is given."""
+    """Stands for processes: keeps what it is given."""
 
     def __init__(self) -> None:
         self.given: list[object] = []
 
-    def submit(self, what: object, *_: object) -> None:
+    def submit(self, what: object, *_: object) -> Future[None]:
         self.given.append(what)
+        return Future()
 
 
 def test_processes_begin_before_there_is_anything_to_throw(

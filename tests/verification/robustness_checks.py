@@ -114,8 +114,9 @@ def seconds_deaf(scenario: Scenario, *, after: float) -> float:
             gc.enable()
     except KeyboardInterrupt:  # before the first step or after the last
         pass
-    signal.signal(signal.SIGALRM, before)
-    signal.signal(signal.SIGINT, ctrl_c)
+    finally:
+        signal.signal(signal.SIGALRM, before)
+        signal.signal(signal.SIGINT, ctrl_c)
     return max(time.perf_counter() - began - after, 0.0)
 
 

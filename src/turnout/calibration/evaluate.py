@@ -227,7 +227,10 @@ class Evaluator:
         return content_hash(
             {
                 "by": self._by(throw),
-                "overrides": {key: _plain(value) for key, value in throw.overrides.items()},
+                "overrides": {  # as plain data, whose text is unique to its value
+                    key: value if isinstance(value, str | int | float | bool) else repr(value)
+                    for key, value in throw.overrides.items()
+                },
                 "object": [throw.place, throw.size],
             }
         )
@@ -265,11 +268,6 @@ class Evaluator:
 def throws_done(evaluator: Evaluator) -> int:
     """Return how many throws were made, or taken from those kept, so far."""
     return evaluator.made + evaluator.reused
-
-
-def _plain(value: object) -> object:
-    """Return an override as plain data, whose text is unique to its value."""
-    return value if isinstance(value, str | int | float | bool) else repr(value)
 
 
 Job = tuple[str, ThrowInputs, Scheme]
@@ -311,8 +309,9 @@ def throw_processes(
         return
     pool = worker_processes(workers, _begin_worker, panel)
     try:
+        tasks: Tasks[None] = Tasks(pool)
         for _ in range(workers):  # each starts one
-            pool.submit(_throw_once)
+            tasks.submit(_throw_once)
         yield pool
     finally:
         end_pool(pool)

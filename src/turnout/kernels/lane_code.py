@@ -137,15 +137,14 @@ def _build_turn(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
 def _exchange_blocks(builder: Any, rows: list[Any], size: int) -> list[Any]:
     """Exchange the blocks beside the diagonal, of all blocks of twice the size."""
     found = list(rows)
-    lanes_of = [lane for lane in range(LANES) if not lane & size]
-    first = [lane - (lane & size) + (LANES if lane & size else 0) for lane in range(LANES)]
-    masks = [
-        ir.Constant(ir.VectorType(ir.IntType(32), LANES), [lane + more for lane in first])
-        for more in (0, size)
-    ]
-    for row in lanes_of:
-        pair = rows[row], rows[row + size]
-        found[row], found[row + size] = (builder.shuffle_vector(*pair, mask) for mask in masks)
+    kind, beside = ir.VectorType(ir.IntType(32), LANES), LANES - size
+    left = [lane + beside if lane & size else lane for lane in range(LANES)]
+    right = [lane + size for lane in left]
+    for row in range(LANES):
+        if not row & size:
+            pair = rows[row], rows[row + size]
+            found[row] = builder.shuffle_vector(*pair, ir.Constant(kind, left))
+            found[row + size] = builder.shuffle_vector(*pair, ir.Constant(kind, right))
     return found
 
 

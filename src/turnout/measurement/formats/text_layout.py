@@ -11,9 +11,8 @@ from turnout.measurement.formats.assemble import RATE_NAME, UNIT_TEXTS, split_un
 
 # So much of a file is read to recognise its layout [bytes].
 SAMPLE_SIZE = 200_000
-# Separator and decimal mark, in the order in which they are preferred where several would do.
 DECIMAL_MARKS = {"\t": ".,", ";": ".,", ",": ".", "|": ".,", " ": ".,"}
-"""Decimal marks that go with each separator."""
+"""Decimal marks by separator, in the order in which they are preferred where several would do."""
 EMPTY = frozenset(("", "nan", "na", "n/a", "null", "-nan", "inf", "-inf"))
 _BOMS = (
     (codecs.BOM_UTF8, "utf-8-sig"),
