@@ -338,7 +338,7 @@ def test_a_column_dropped_from_the_middle_leaves_the_others_as_they_are() -> Non
     system, state = made.system, made.state
     idle = made.rows[IDLE_ROW]
     assert state.slot_of_end[idle] == -1
-    slot = activate(system, state, idle, idle)
+    slot = activate(system, state, idle, idle, made.scratch)
     assert state.row_of_slot[slot] == idle
     check_against_dense(made)
     ends = state.end_of_slot[: state.slots[0]].tolist()

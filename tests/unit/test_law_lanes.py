@@ -133,8 +133,13 @@ def test_a_weighted_sum_of_rows_has_one_order(count: int, width: int) -> None:
     _sum_rows(start, weights, rows, found[:width])
     expected = start[:width].copy()
     for r in range(0, count - 3, 4):
-        a, b, c, d = weights[r : r + 4, np.newaxis] * rows[r : r + 4, :width]
-        expected += (a + b) + (c + d)
+        pairs = [
+            lanes.multiply_add(
+                np.full(width, weights[k + 1]), rows[k + 1, :width], weights[k] * rows[k, :width]
+            )
+            for k in (r, r + 2)
+        ]
+        expected += pairs[0] + pairs[1]
     for r in range(count - count % 4, count):
         expected += weights[r] * rows[r, :width]
     np.testing.assert_array_equal(found[:width], expected)

@@ -47,11 +47,18 @@ from turnout.integrate.state import (
 )
 from turnout.integrate.system import Floats, Ints, System
 from turnout.kernels.compiled import compiled
-from turnout.kernels.vector import add_scaled, copy, update_rank_one, update_rank_two
+from turnout.kernels.vector import (
+    add_multiple,
+    add_scaled,
+    add_weighted_rows,
+    copy,
+    update_rank_one,
+    update_rank_two,
+)
 from turnout.law.kernel import STICK
 from turnout.law.table import LawTable
 
-REBUILD_AFTER = 500
+REBUILD_AFTER = 2000
 """Flips after which the columns are rebuilt at the end of the step in any case."""
 
 
@@ -86,8 +93,11 @@ def evaluate_deviation(
 
 
 @compiled
-def activate(system: System, state: State, end: int, row: int) -> int:
-    """Assemble the column of an end that becomes active; return its slot."""
+def activate(system: System, state: State, end: int, row: int, weights: Floats) -> int:
+    """Assemble the column of an end that becomes active; return its slot.
+
+    `weights` is scratch memory with room for the slots of a block.
+    """
     block = system.block_of_end[end]
     start = system.end_start[block]
     width = system.end_start[block + 1] - start
@@ -97,14 +107,12 @@ def activate(system: System, state: State, end: int, row: int) -> int:
     base = state.compliance[state.counters[LEVEL], end, :width]
     copy(base, column)
     for other in range(first, slot):
-        other_row = state.row_of_slot[other]
-        if system.row_ends[other_row, 1] >= 0:
-            continue
-        weight = 0.0
-        for k in range(system.pattern_start[other_row], system.pattern_start[other_row + 1]):
-            weight += state.entries[k] * base[system.pattern_at[k]]
-        if weight != 0.0:
-            add_scaled(weight, state.columns[other], column)
+        other_row, weight = state.row_of_slot[other], 0.0
+        if system.row_ends[other_row, 1] < 0:
+            for k in range(system.pattern_start[other_row], system.pattern_start[other_row + 1]):
+                weight += state.entries[k] * base[system.pattern_at[k]]
+        weights[other - first] = weight
+    add_weighted_rows(weights[: slot - first], state.columns[first:slot], column)
     state.end_of_slot[slot] = end
     state.row_of_slot[slot] = row
     state.slot_of_end[end] = slot
@@ -160,17 +168,17 @@ def update_row(
     if system.row_ends[row, 1] >= 0:
         finish_pending(system, state)
         state.entries[start] = entries[0]
-        _update_joining_row(system, state, row, not vanished)
+        _update_joining_row(system, state, row, not vanished, scratch[n_terms + stop - start :])
         return
     end = system.row_ends[row, 0]
+    rest = scratch[n_terms + stop - start :]
     if state.slot_of_end[end] < 0:
         finish_pending(system, state)
-        activate(system, state, end, row)
+        activate(system, state, end, row, rest)
     for k in range(stop - start):
         delta = entries[k] - state.entries[start + k]
         state.entries[start + k] = entries[k]
         entries[k] = delta
-    rest = scratch[n_terms + stop - start :]
     if changed:
         _update_columns(system, state, row, entries, rest, shift_change, defer)
     else:
@@ -230,13 +238,14 @@ def _update_columns(
         slot_before = state.slot_of_end[system.row_ends[before, 0]]
         change_before, at_before = _pending_change(system, state, before)
         moved = state.columns[slot_before, :width]
-        add_scaled(_dot_pattern(change_before, at_before, pivot), moved, pivot)
+        add_multiple(_dot_pattern(change_before, at_before, pivot), moved, pivot)
     denominator = 1.0
     for k in range(change.size):
         denominator -= change[k] * pivot[at[k]]
     constant = state.constant_column[first : first + width]
+    inverse = 1.0 / denominator
     for i in range(width):
-        scaled[i] = pivot[i] / denominator
+        scaled[i] = pivot[i] * inverse
     add_scaled(shift_change + _dot_pattern(change, at, constant), scaled, constant)
     state.counters[UNSOLVED] |= 1 << block
     state.drift[0] *= max(abs(denominator), 1.0 / abs(denominator))
@@ -252,7 +261,7 @@ def _update_columns(
         update_rank_two(one, other, state.columns[high + 1 : slots + state.slots[block]])
         modes = system.mode_start[block], system.mode_start[block + 1]
         update_rank_two(one, other, state.mode_columns[modes[0] : modes[1]])
-        add_scaled(_dot_pattern(change, at, moved), scaled, moved)
+        add_multiple(_dot_pattern(change, at, moved), scaled, moved)
         state.counters[PENDING] = 0
         return
     copy(change, state.pending)
@@ -287,14 +296,16 @@ def finish_pending(system: System, state: State) -> None:
 
 
 @compiled
-def _update_joining_row(system: System, state: State, row: int, active: bool) -> None:
+def _update_joining_row(
+    system: System, state: State, row: int, active: bool, scratch: Floats
+) -> None:
     """Activate or deactivate both ends of a row that joins blocks, and list the row or not."""
     state.counters[COUPLED] = 0
     for side in range(2):
         end = system.row_ends[row, side]
         has_column = state.slot_of_end[end] >= 0
         if active and not has_column:
-            activate(system, state, end, row)
+            activate(system, state, end, row, scratch)
         if has_column and not active:
             deactivate(system, state, end)
     count = state.counters[COUNT_JOINING]
@@ -337,9 +348,9 @@ def rebuild(system: System, table: LawTable, state: State, level: int, scratch: 
         if system.row_ends[row, 0] < 0:  # no row has this place
             continue
         if system.pinned[row] and system.row_ends[row, 1] < 0:
-            activate(system, state, system.row_ends[row, 0], row)
+            activate(system, state, system.row_ends[row, 0], row, scratch)
         elif system.pinned[row]:
-            _update_joining_row(system, state, row, active=True)
+            _update_joining_row(system, state, row, True, scratch)
         update_row(system, table, state, row, scratch, defer=False)
     state.counters[COUNT_RECENT] = 0
     state.counters[COUNT_REBUILDS] += 1

@@ -79,7 +79,10 @@ def value_at_end(system: System, column: Floats, end: int) -> float:
 
 @compiled
 def _factorise(matrix: Floats, exchange: Ints, count: int) -> None:
-    """Factorise a matrix in place; a singular one becomes NaN or infinite."""
+    """Factorise a matrix in place, with reciprocals of the pivots on the diagonal.
+
+    A singular one becomes NaN or infinite.
+    """
     for k in range(count):
         pivot = k
         for i in range(k + 1, count):
@@ -91,8 +94,9 @@ def _factorise(matrix: Floats, exchange: Ints, count: int) -> None:
                 saved = matrix[k, j]
                 matrix[k, j] = matrix[pivot, j]
                 matrix[pivot, j] = saved
+        matrix[k, k] = 1.0 / matrix[k, k]
         for i in range(k + 1, count):
-            factor = matrix[i, k] / matrix[k, k]
+            factor = matrix[i, k] * matrix[k, k]
             matrix[i, k] = factor
             if factor != 0.0:
                 for j in range(k + 1, count):
@@ -118,4 +122,4 @@ def solve_coupling(matrix: Floats, exchange: Ints, force: Floats) -> None:
         total = force[i]
         for j in range(i + 1, count):
             total -= matrix[i, j] * force[j]
-        force[i] = total / matrix[i, i]
+        force[i] = total * matrix[i, i]

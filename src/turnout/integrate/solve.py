@@ -22,6 +22,7 @@ from turnout.kernels.lanes import (
     absolute,
     any_true,
     broadcast,
+    exceeds,
     gather,
     gather_neighbours,
     greater,
@@ -40,6 +41,16 @@ from turnout.law.kernel import (
 from turnout.law.table import LawTable
 
 CONVERGED, NOT_CONVERGED, NOT_FINITE, STOPPED = 0, 1, 2, 4
+
+NO_NUMBERS = -1
+"""In place of a number of rows: displacements are NaN or infinite."""
+
+ALL_AT_ONCE = 5
+"""Iterations of a step in which every violated law changes; later ones change a law each.
+
+Nearly all sets settle within four. What has not done so goes in a cycle, in which several laws undo
+each other.
+"""
 
 
 class Tolerances(NamedTuple):
@@ -90,7 +101,8 @@ def evaluate_laws(table: LawTable, state: State, work: Work, gap: float) -> bool
     """Evaluate argument [m] (row displacement less input) and force [N] of every law.
 
     The force is that of the present segment, as in the solution: a contact that ends within the
-    tolerance pulls slightly. Returns whether any law has left its segment by more than `gap`.
+    tolerance pulls slightly. Returns whether any law has left its segment by more than `gap`, or
+    has no number as its argument.
     """
     line = (state.slope, state.constant)
     bounds = (state.lower, state.upper)
@@ -118,9 +130,9 @@ def _evaluate_laws(
         argument = gather(g, row, i) - load(inputs, i)
         store(argument, arguments, i)
         store(load(slope, i) * argument + load(constant, i), forces, i)
-        above = greater(argument, load(upper, i) + tolerance)
+        above = exceeds(argument, load(upper, i) + tolerance)
         outside = logical_or(
-            outside, logical_or(above, greater(load(lower, i) - tolerance, argument))
+            outside, logical_or(above, exceeds(load(lower, i) - tolerance, argument))
         )
     return any_true(outside)
 
@@ -130,7 +142,7 @@ def evaluate_frictions(table: LawTable, state: State, work: Work, force: float) 
     """Evaluate the trial force of every friction and its limit from the normal law [N].
 
     ``work.force`` is that of the solution. Returns whether any friction violates its branch by more
-    than `force` [N].
+    than `force` [N], or has no number as its force.
     """
     of_normals = (work.force, table.friction_normal, table.friction_coefficient)
     springs = (state.anchor, table.stick_stiffness)
@@ -177,10 +189,12 @@ def update_segments(
 ) -> int:
     """Move laws whose argument has left its segment; return how many rows are marked.
 
-    Their forces become those of the new segment.
+    Their forces become those of the new segment. Returns `NO_NUMBERS` where there is no solution.
     """
     if not evaluate_laws(table, state, work, gap):
         return 0
+    if any_not_finite(state.g):
+        return NO_NUMBERS
     argument, lower, upper = work.argument, state.lower, state.upper
     count = 0
     for first in range(0, argument.size, LANES):
@@ -213,9 +227,14 @@ def _any_outside(argument: Floats, lower: Floats, upper: Floats, gap: float, at:
 def update_branches(
     table: LawTable, state: State, work: Work, count: int, force: float, one_at_a_time: bool
 ) -> int:
-    """Move frictions between stick and slip; return how many rows are marked in all."""
+    """Move frictions between stick and slip; return how many rows are marked in all.
+
+    Returns `NO_NUMBERS` where there is no solution.
+    """
     if not evaluate_frictions(table, state, work, force):
         return count
+    if count == 0 and any_not_finite(state.g):
+        return NO_NUMBERS
     trial, limit, branches = work.trial, work.limit, state.friction
     for first in range(0, trial.size, LANES):
         if not _any_violated(trial, limit, branches, force, first):
@@ -252,7 +271,7 @@ def _violated(trial: Floats, limit: Floats, branch: Floats, tolerance: Floats) -
     positive_limit = select(closed, limit, zero)
     lowest = select(closed, positive_limit - tolerance, broadcast(-np.inf))
     larger = select(slips, lowest, absolute(trial))
-    return greater(larger, select(slips, branch * trial, positive_limit + tolerance))
+    return exceeds(larger, select(slips, branch * trial, positive_limit + tolerance))
 
 
 @compiled_part
@@ -264,9 +283,12 @@ def update_contact_set(
     tolerances: Tolerances,
     one_at_a_time: bool,
 ) -> int:
-    """Move every law (or the first) that the solution violates; return how many rows are marked."""
+    """Move every law (or the first) that the solution violates; return how many rows are marked.
+
+    Returns `NO_NUMBERS` where there is no solution.
+    """
     count = update_segments(system, table, state, work, tolerances.gap, one_at_a_time)
-    if one_at_a_time and count > 0:
+    if count < 0 or (one_at_a_time and count > 0):
         return count
     return update_branches(table, state, work, count, tolerances.force, one_at_a_time)
 
@@ -277,21 +299,20 @@ def iterate_contact_set(
 ) -> int:
     """Iterate the contact set of one step; return CONVERGED or what prevented it.
 
-    After half of the iterations laws change one at a time, which breaks cycles in which several
-    laws undo each other.
+    After `ALL_AT_ONCE` iterations laws change one at a time, which breaks cycles.
     """
     for iteration in range(tolerances.iterations):
         solve_displacements(system, table, state, work, iteration > 0)
         state.counters[COUNT_ITERATIONS] += 1
-        if any_not_finite(state.g):
-            return NOT_FINITE
         if work.stop[0]:
             return STOPPED
-        one_at_a_time = 2 * iteration > tolerances.iterations
+        one_at_a_time = iteration >= ALL_AT_ONCE
         count = update_contact_set(system, table, state, work, tolerances, one_at_a_time)
         if count == 0:
             gather_modes(system, state)
             return CONVERGED
+        if count == NO_NUMBERS:
+            return NOT_FINITE
         if iteration == tolerances.iterations - 1:
             copy(work.dirty, work.unconverged)
         update_marked(system, table, state, work, count)

@@ -182,8 +182,17 @@ def _build_multiply_add(_context: Any, builder: Any, args: tuple[Any, ...]) -> A
     return builder.call(fma, args)
 
 
+def _build_multiply_add_one(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
+    kind = ir.FunctionType(ir.DoubleType(), [ir.DoubleType()] * 3)
+    return builder.call(get_or_insert_function(builder.module, kind, "llvm.fma.f64"), args)
+
+
 def _build_greater(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
     return builder.fcmp_ordered(">", *args)
+
+
+def _build_exceeds(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
+    return builder.fcmp_unordered(">", *args)
 
 
 def _build_logical_or(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
@@ -216,8 +225,11 @@ def _register_lanes() -> None:
     register_intrinsic(lanes.broadcast, _LANES, _build_broadcast, number_kind)
     register_intrinsic(lanes.horizontal_sum, types.float64, _build_horizontal_sum, _eight)
     register_intrinsic(lanes.multiply_add, _LANES, _build_multiply_add, _eight, _eight, _eight)
+    one = (number_kind, number_kind, number_kind)
+    register_intrinsic(lanes.multiply_add_one, types.float64, _build_multiply_add_one, *one)
     register_intrinsic(lanes.absolute, _LANES, _build_absolute, _eight)
     register_intrinsic(lanes.greater, _FLAGGED, _build_greater, _eight, _eight)
+    register_intrinsic(lanes.exceeds, _FLAGGED, _build_exceeds, _eight, _eight)
     register_intrinsic(lanes.logical_or, _FLAGGED, _build_logical_or, _flags, _flags)
     register_intrinsic(lanes.select, _LANES, _build_select, _flags, _eight, _eight)
     register_intrinsic(lanes.any_true, types.boolean, _build_any_true, _flags)

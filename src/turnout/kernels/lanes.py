@@ -148,11 +148,19 @@ def multiply_add(a: Floats, b: Floats, c: Floats) -> Floats:
     >>> float(multiply_add(a, b, np.full(8, -1.0))[0]) == -(2.0**-60)  # a product rounds to 1
     True
     """
-    rounded = [
-        float(Fraction(x) * Fraction(y) + Fraction(z)) if math.isfinite(x * y + z) else x * y + z
-        for x, y, z in zip(a.tolist(), b.tolist(), c.tolist(), strict=True)
-    ]
-    return np.array(rounded)
+    return np.array(list(map(multiply_add_one, a.tolist(), b.tolist(), c.tolist())))
+
+
+def multiply_add_one(a: float, b: float, c: float) -> float:
+    """Return ``a b + c`` of three floats as `multiply_add` does of eight.
+
+    Examples
+    --------
+    >>> multiply_add_one(2.0, 3.0, 1.0)
+    7.0
+    """
+    rounded = a * b + c
+    return float(Fraction(a) * Fraction(b) + Fraction(c)) if math.isfinite(rounded) else rounded
 
 
 def absolute(eight: Floats) -> Floats:
@@ -163,6 +171,11 @@ def absolute(eight: Floats) -> Floats:
 def greater(a: Floats, b: Floats) -> Bools:
     """Compare eight by eight floats, ``a > b``; false where one is NaN."""
     return a > b
+
+
+def exceeds(a: Floats, b: Floats) -> Bools:
+    """Compare eight by eight floats, ``a > b``; true where one is NaN."""
+    return ~(a <= b)
 
 
 def logical_or(one: Bools, other: Bools) -> Bools:

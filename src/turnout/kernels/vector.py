@@ -8,7 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.kernels.compiled import compiled_loop
-from turnout.kernels.lanes import LANES, broadcast, gather, horizontal_sum, load, store
+from turnout.kernels.lanes import (
+    LANES,
+    broadcast,
+    gather,
+    horizontal_sum,
+    load,
+    multiply_add,
+    multiply_add_one,
+    store,
+)
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -48,6 +57,23 @@ def add_scaled(weight: float, a: Floats, to: Floats) -> None:
     """
     for i in range(to.size):
         to[i] += weight * a[i]
+
+
+@compiled_loop
+def add_multiple(weight: float, a: Floats, to: Floats) -> None:
+    """Add a multiple of a vector to one that fills whole cache lines, rounded once.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> total = np.ones(8)
+    >>> add_multiple(2.0, np.arange(8.0), total)
+    >>> total[:3].tolist()
+    [1.0, 3.0, 5.0]
+    """
+    eight = broadcast(weight)
+    for i in range(0, to.size, LANES):
+        store(multiply_add(eight, load(a, i), load(to, i)), to, i)
 
 
 @compiled_loop
@@ -179,8 +205,8 @@ def _sum_of_four(
 ) -> Floats:
     a, b, c, d = weights
     first, second, third, fourth = rows
-    pair = a * load(first, at) + b * load(second, at)
-    return pair + (c * load(third, at) + d * load(fourth, at))
+    pair = multiply_add(b, load(second, at), a * load(first, at))
+    return pair + multiply_add(d, load(fourth, at), c * load(third, at))
 
 
 @compiled_loop
@@ -209,14 +235,14 @@ def update_rank_one(change: Floats, at: Ints, pivot: Floats, rows: Floats) -> No
             a8, b8 = broadcast(a), broadcast(b)
             for i in range(0, width, LANES):
                 moved = load(pivot, i)
-                store(load(first, i) + a8 * moved, first, i)
-                store(load(second, i) + b8 * moved, second, i)
+                store(multiply_add(a8, moved, load(first, i)), first, i)
+                store(multiply_add(b8, moved, load(second, i)), second, i)
         r += 2
     if r < n:
         a = 0.0
         for k in range(change.size):
             a += change[k] * rows[r, at[k]]
-        add_scaled(a, pivot, rows[r][:width])
+        add_multiple(a, pivot, rows[r][:width])
 
 
 @compiled_loop
@@ -249,18 +275,18 @@ def update_rank_two(
             b += change[k] * second[at[k]]
         for k in range(next_change.size):
             place = next_at[k]
-            c += next_change[k] * (first[place] + a * pivot[place])
-            d += next_change[k] * (second[place] + b * pivot[place])
+            c += next_change[k] * multiply_add_one(a, pivot[place], first[place])
+            d += next_change[k] * multiply_add_one(b, pivot[place], second[place])
         a8, b8, c8, d8 = broadcast(a), broadcast(b), broadcast(c), broadcast(d)
         if r + 1 < n:
             for i in range(0, width, LANES):
                 moved, more = load(pivot, i), load(next_pivot, i)
-                store((load(first, i) + a8 * moved) + c8 * more, first, i)
-                store((load(second, i) + b8 * moved) + d8 * more, second, i)
+                store(multiply_add(c8, more, multiply_add(a8, moved, load(first, i))), first, i)
+                store(multiply_add(d8, more, multiply_add(b8, moved, load(second, i))), second, i)
         else:
             for i in range(0, width, LANES):
-                moved = (load(first, i) + a8 * load(pivot, i)) + c8 * load(next_pivot, i)
-                store(moved, first, i)
+                moved = multiply_add(a8, load(pivot, i), load(first, i))
+                store(multiply_add(c8, load(next_pivot, i), moved), first, i)
 
 
 @compiled_loop
