@@ -10,7 +10,7 @@ LEAST_OUTPUT_INTERVAL = 1e-3
 Mode = Literal["waveform", "quick", "quasi-static"]
 MODES: dict[str, dict[str, Any]] = {
     "waveform": {"step": 1e-3, "cutoff_frequency": 300.0},
-    "quick": {"step": 4e-3, "cutoff_frequency": 100.0},
+    "quick": {"step": 4e-3, "cutoff_frequency": 100.0, "spectral_radius": 0.3},
     "quasi-static": {"step": 1e-2, "cutoff_frequency": 1.0, "inertia": False},
 }
 """What the ways of looking at a throw take by themselves: `waveform` shows impacts and single

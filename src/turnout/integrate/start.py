@@ -1,10 +1,10 @@
 """Where a run starts: static equilibrium without friction, or the state that a motion leaves.
 
 Friction at rest is history: any force between the limits of its foot holds. Without a prior motion
-the feet are free of it. A prior motion is integrated with the laws, modes and dissipation of the
-run, from an equilibrium without friction, in steps of its own; nothing of it is stored. Contact
-set, friction branches and anchors are kept, and the run starts from the static equilibrium that
-they allow, with an energy balance of its own.
+the feet are free of it. A prior motion is integrated with the laws and modes of the run, from an
+equilibrium without friction, with steps and dissipation of its own; nothing of it is stored.
+Contact set, friction branches and anchors are kept, and the run starts from the static equilibrium
+that they allow, with an energy balance of its own.
 """
 
 from collections.abc import Callable, Hashable
@@ -42,6 +42,8 @@ Ints = NDArray[np.int64]
 
 PRIOR_STEP = 6e-3
 """Step of a prior motion, or that of the run where it is longer or without inertia [s]."""
+PRIOR_RADIUS = 0.0
+"""Spectral radius of its scheme: what its steps cannot resolve is damped at once [-]."""
 PRIOR_REST = 0.25
 """Time at rest after a prior motion, a period of the rails' lowest mode [s]."""
 MOST_KEPT = 64
@@ -185,7 +187,8 @@ def _prior_scheme(scheme: Scheme, duration: float) -> Scheme:
     step = max(scheme.step, PRIOR_STEP) if scheme.inertia else scheme.step
     rest = PRIOR_REST if scheme.inertia else 0.0
     count = max(1, int(np.ceil((duration + rest) / step - 1e-9)))
-    return replace(scheme, step=step, output_interval=count * step)
+    end = count * step
+    return replace(scheme, step=step, output_interval=end, spectral_radius=PRIOR_RADIUS)
 
 
 def _freeze_timed_laws(laws: LawTable) -> LawTable:
