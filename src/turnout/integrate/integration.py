@@ -229,7 +229,8 @@ def plan_run(
         watched = None
         if watch is not None and mechanism.machines is None and not grid.filled_in:
             interval = scheme.step * grid.stride
-            weights = seen_weights(watch, arrangement.condensed, arrangement.laws)
+            places, laws = arrangement.system.row_place, arrangement.laws
+            weights = seen_weights(watch, arrangement.condensed, laws, places)
             watched = (plan_watch(watch, interval, grid.n_stored), weights)
         return RunPlan(
             mechanism=mechanism,

@@ -210,7 +210,7 @@ def store_instant(
     kept = record.kept[at] if record.kept.size > 0 else at
     if kept >= 0 and record.seen.shape[1] > 0:
         forces = (work.force, state.friction_force)
-        store_seen(system, table.row, (state.q, state.g), forces, record, kept)
+        store_seen(system, (state.q, state.g), forces, record, kept)
     balanced = record.balanced[at] if record.balanced.size > 0 else at
     if balanced >= 0:
         store_energy(system, table, state, work, record.stored[balanced])

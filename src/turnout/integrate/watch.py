@@ -5,13 +5,14 @@ points at some; a whole instant is fifty times as much, and most of it would go 
 for nothing. A record may therefore hold whole instants at some times alone, and beside them forces
 of *watched* laws at all stored instants and *seen* displacements at those that are *kept*.
 
-A seen displacement is, with the modes and static shapes of its row
+A seen displacement is, with the displacements of rows g and the modes and static shapes of its own
 (`turnout.response.recovery`),
 
-.. math:: s = \Phi_s q + R_s \lambda + r_s
+.. math:: s = A g + \Phi_s q + R_s \lambda + r_s
 
 where the forces beyond the linear system are those of laws, less their stiffness in that system
-times their displacement, and those of frictions, both with the other sign.
+times their displacement, and those of frictions, both with the other sign. Where a few rows give it
+the rest is zero; what no seen displacement depends on has no weight.
 """
 
 from collections.abc import Callable, Sequence
@@ -23,19 +24,20 @@ import numpy as np
 
 from turnout.condense.condense import CondensedRails
 from turnout.core.lru_cache import LRUCache
+from turnout.integrate.numbering import as_unsigned
 from turnout.integrate.system import Floats, Ints, System
 from turnout.kernels.compiled import compiled_loop, compiled_part
 from turnout.kernels.lanes import (
     LANES,
     broadcast,
     empty_in_lines,
-    gather,
+    gather_neighbours,
     load,
     store,
     whole_lines,
     zeros_in_lines,
 )
-from turnout.kernels.vector import copy
+from turnout.kernels.vector import copy, gather_all
 from turnout.law.table import LawTable
 
 TIME_TOLERANCE = 1e-9
@@ -56,10 +58,9 @@ class StepRecord(NamedTuple):
     Of a watched run `whole` is the row of `q`, `g`, `friction` and `law` in which a stored instant
     has its place, `kept` that of `seen` and `balanced` that of `stored` and `ledger`, -1 for none;
     without entries every instant has its own. `effort` are the forces of the laws `watched` at all
-    instants [N];
-    `seen` displacements [m], for which `seen_modes`, `seen_laws` and `seen_frictions` hold a row of
-    weights for each mode, law and friction, and `seen_load` their values under the constant load.
-    `deviation` is scratch.
+    instants [N]; `seen` displacements [m] are `seen_load` under the constant load and the sum over
+    the places, modes, laws and frictions of ``..._list`` with a row of weights in ``..._rows`` for
+    each. The lists fill whole cache lines; `picked` is scratch for the longest.
     """
 
     q: Floats
@@ -75,12 +76,40 @@ class StepRecord(NamedTuple):
     watched: Ints = np.zeros(0, dtype=np.int64)
     effort: Floats = np.zeros((0, 0))
     seen: Floats = np.zeros((0, 0))
-    seen_modes: Floats = np.zeros((0, 0))
-    seen_laws: Floats = np.zeros((0, 0))
-    seen_frictions: Floats = np.zeros((0, 0))
     seen_load: Floats = np.zeros(0)
-    deviation: Floats = np.zeros(0)
+    stored_list: Ints = np.zeros(0, dtype=np.int64)
+    stored_rows: Floats = np.zeros((0, 0))
+    mode_list: Ints = np.zeros(0, dtype=np.int64)
+    mode_rows: Floats = np.zeros((0, 0))
+    law_list: Ints = np.zeros(0, dtype=np.int64)
+    law_places: Ints = np.zeros(0, dtype=np.int64)
+    law_rows: Floats = np.zeros((0, 0))
+    friction_list: Ints = np.zeros(0, dtype=np.int64)
+    friction_rows: Floats = np.zeros((0, 0))
+    picked: Floats = np.zeros(0)
     balanced: Ints = np.zeros(0, dtype=np.int64)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SeenRows:
+    """Weights of displacements that are to be seen.
+
+    Attributes
+    ----------
+    stored : ndarray, shape (n_seen, n_rows)
+        Of the displacements of the rows of the mechanism [-].
+    modes : ndarray, shape (n_seen, n_modes)
+        Of modal coordinates.
+    shapes : ndarray, shape (n_seen, n_rows)
+        Of forces along the rows beyond the linear system [m/N].
+    load : ndarray, shape (n_seen,)
+        Displacements under the constant load alone [m].
+    """
+
+    stored: Floats
+    modes: Floats
+    shapes: Floats
+    load: Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,15 +128,14 @@ class Watch:
     count : int
         Number of rows that are to be seen.
     seen : callable
-        Takes the condensed rails and returns modes, static shapes and constant displacements of the
-        these rows, shapes (n_seen, n_modes), (n_seen, n_rows) and (n_seen,).
+        Takes the condensed rails and returns the weights of these rows.
     """
 
     laws: Sequence[int]
     stride: int
     whole: Sequence[float]
     count: int
-    seen: Callable[[CondensedRails], tuple[Floats, Floats, Floats]]
+    seen: Callable[[CondensedRails], "SeenRows"]
 
 
 class Instants(Protocol):
@@ -206,7 +234,7 @@ def plan_watch(watch: Watch, interval: float, count: int) -> WatchPlan:
 
     Examples
     --------
-    >>> watch = Watch([0], 2, [0.3], 0, lambda rails: (np.zeros((0, 0)),) * 3)
+    >>> watch = Watch([0], 2, [0.3], 0, lambda rails: SeenRows(*[np.zeros((0, 0))] * 4))
     >>> plan = plan_watch(watch, 0.1, 7)
     >>> plan.whole.tolist(), plan.kept.tolist()
     ([-1, -1, -1, 0, -1, -1, 1], [0, -1, 1, 2, 3, -1, 4])
@@ -240,45 +268,78 @@ def _numbered(chosen: Ints, count: int) -> Ints:
 
 
 class SeenWeights(NamedTuple):
-    """Weights of seen displacements, a column each, padded to whole cache lines.
+    """Weights of seen displacements as the kernel takes them, see `StepRecord`."""
 
-    `modes`, `laws` and `frictions` have a row for each mode, law and friction, as the kernel takes
-    them; `load` are the displacements under the constant load [m].
-    """
-
-    modes: Floats
-    laws: Floats
-    frictions: Floats
-    load: Floats
+    seen_load: Floats
+    stored_list: Ints
+    stored_rows: Floats
+    mode_list: Ints
+    mode_rows: Floats
+    law_list: Ints
+    law_places: Ints
+    law_rows: Floats
+    friction_list: Ints
+    friction_rows: Floats
 
 
 # Rails with their objects and rows of laws are shared by many throws.
 _weights = LRUCache[tuple[SeenWeights, object]](MOST_WEIGHTS)
 
 
-def seen_weights(watch: Watch, rails: CondensedRails, laws: LawTable) -> SeenWeights:
-    """Return the weights of what is seen; found once where what they are made of is the same."""
-    modes, shapes, load = watch.seen(rails)
-    width = int(whole_lines(watch.count))
-    key = (id(modes), id(shapes), id(load), laws.row.tobytes(), laws.friction_row.tobytes())
+def seen_weights(
+    watch: Watch, rails: CondensedRails, laws: LawTable, row_place: Ints
+) -> SeenWeights:
+    """Return the weights of what is seen; found once where what they are made of is the same.
+
+    Parameters
+    ----------
+    watch : Watch
+        What is wanted.
+    rails : CondensedRails
+        Of the run.
+    laws : LawTable
+        By rows of the mechanism.
+    row_place : ndarray of int, shape (n_rows,)
+        Place of each row in the vector of displacements.
+    """
+    seen = watch.seen(rails)
+    parts, places = (seen.stored, seen.modes, seen.shapes, seen.load), row_place.tobytes()
+    key = (*map(id, parts), laws.row.tobytes(), laws.friction_row.tobytes(), places)
     kept = _weights.get(key)
     if kept is not None:
         return kept[0]
-
-    def padded(weights: Floats) -> Floats:
-        found = zeros_in_lines(weights.shape[1], width)
-        found[:, : watch.count] = weights.T
-        return found
-
-    made = SeenWeights(
-        modes=padded(modes),
-        laws=padded(-shapes[:, laws.row]),
-        frictions=padded(-shapes[:, laws.friction_row]),
-        load=np.pad(load, (0, width - watch.count)),
+    width = int(whole_lines(watch.count))
+    stored, mode, law, friction = (
+        _listed(weights, width)
+        for weights in (
+            seen.stored,
+            seen.modes,
+            -seen.shapes[:, laws.row],
+            -seen.shapes[:, laws.friction_row],
+        )
     )
-    if not (modes.flags.writeable or shapes.flags.writeable or load.flags.writeable):
-        _weights.put(key, (made, (modes, shapes, load)))
+    made = SeenWeights(
+        np.pad(seen.load, (0, width - watch.count)),
+        as_unsigned(row_place[stored[0]].astype(np.int64)),
+        stored[1],
+        *mode,
+        law[0],
+        as_unsigned(row_place[laws.row[law[0]]].astype(np.int64)),
+        law[1],
+        *friction,
+    )
+    if not any(part.flags.writeable for part in parts):
+        _weights.put(key, (made, parts))
     return made
+
+
+def _listed(weights: Floats, width: int) -> tuple[Ints, Floats]:
+    """Return which columns have a weight, and these as padded rows; both fill whole cache lines."""
+    used = np.flatnonzero(weights.any(axis=0))
+    count = int(whole_lines(used.size))
+    rows = zeros_in_lines(count, width)
+    rows[: used.size, : weights.shape[0]] = weights[:, used].T
+    return as_unsigned(np.pad(used, (0, count - used.size))), rows
 
 
 def watch_record(record: StepRecord, plan: WatchPlan, weights: SeenWeights) -> StepRecord:
@@ -289,12 +350,9 @@ def watch_record(record: StepRecord, plan: WatchPlan, weights: SeenWeights) -> S
         balanced=plan.balanced,
         watched=np.asarray(plan.watch.laws, dtype=np.int64),
         effort=np.empty((plan.whole.size, len(plan.watch.laws))),
-        seen=empty_in_lines(int(plan.kept[-1]) + 1, weights.load.size),
-        seen_modes=weights.modes,
-        seen_laws=weights.laws,
-        seen_frictions=weights.frictions,
-        seen_load=weights.load,
-        deviation=np.zeros(weights.laws.shape[0]),
+        seen=empty_in_lines(int(plan.kept[-1]) + 1, weights.seen_load.size),
+        picked=np.zeros(max(part.size for part in weights if part.ndim == 1)),
+        **weights._asdict(),
     )
 
 
@@ -315,9 +373,13 @@ def trim_watched(record: StepRecord, plan: WatchPlan, history: "Instants") -> Wa
 
 
 @compiled_loop
-def _deviate(g: Floats, row: Ints, slope: Floats, forces: Floats, to: Floats) -> None:
-    for i in range(0, forces.size, LANES):
-        store(load(forces, i) - load(slope, i) * gather(g, row, i), to, i)
+def _pick_deviations(
+    g: Floats, slope: Floats, forces: Floats, laws: Ints, places: Ints, to: Floats
+) -> None:
+    """Write by how much the forces of some laws differ from those in the linear system [N]."""
+    for i in range(0, to.size, LANES):
+        held = gather_neighbours(slope, laws, i) * gather_neighbours(g, places, i)
+        store(gather_neighbours(forces, laws, i) - held, to, i)
 
 
 @compiled_loop
@@ -342,7 +404,6 @@ def _add_rows(weights: Floats, rows: Floats, to: Floats) -> None:
 @compiled_part
 def store_seen(
     system: System,
-    row: Ints,
     motion: tuple[Floats, Floats],
     forces: tuple[Floats, Floats],
     record: StepRecord,
@@ -352,15 +413,22 @@ def store_seen(
 
     Parameters
     ----------
-    row : ndarray of int
-        Place of the row of each law.
     motion, forces : tuple of ndarray
         Modal coordinates and displacements; forces of laws and of frictions.
     """
     q, g = motion
-    _deviate(g, row, system.base_slope, forces[0], record.deviation)
     to = record.seen[kept]
     copy(record.seen_load, to)
-    _add_rows(q, record.seen_modes, to)
-    _add_rows(record.deviation, record.seen_laws, to)
-    _add_rows(forces[1], record.seen_frictions, to)
+    picked = record.picked[: record.stored_list.size]
+    gather_all(g, record.stored_list, picked)
+    _add_rows(picked, record.stored_rows, to)
+    picked = record.picked[: record.mode_list.size]
+    gather_all(q, record.mode_list, picked)
+    _add_rows(picked, record.mode_rows, to)
+    picked = record.picked[: record.law_list.size]
+    slope, laws = system.base_slope, (record.law_list, record.law_places)
+    _pick_deviations(g, slope, forces[0], laws[0], laws[1], picked)
+    _add_rows(picked, record.law_rows, to)
+    picked = record.picked[: record.friction_list.size]
+    gather_all(forces[1], record.friction_list, picked)
+    _add_rows(picked, record.friction_rows, to)

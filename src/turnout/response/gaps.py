@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from turnout.condense.condense import CondensedRails
 from turnout.core.lru_cache import LRUCache
+from turnout.integrate.watch import SeenRows
 from turnout.mechanism.mechanism import Mechanism
 from turnout.mechanism.travel import unloaded_gap
 from turnout.panel.layout import SIDE
@@ -43,7 +44,7 @@ MOST_WATCHED = 128
 # that nothing else takes its place.
 _rows = LRUCache[tuple[list[Floats], list[object]]](MOST_ROWS)
 _nodes = LRUCache[tuple[Floats, Floats, list[object]]](MOST_ROWS)
-_watched = LRUCache[tuple[tuple[Floats, Floats, Floats], list[object]]](MOST_WATCHED)
+_watched = LRUCache[tuple[SeenRows, list[object]]](MOST_WATCHED)
 _heights = LRUCache[tuple[list[Floats], list[object]]](MOST_ROWS)
 _places = LRUCache[tuple[list[Place], list[object]]](MOST_ROWS)
 
@@ -216,7 +217,7 @@ def gap_rows_over_time(panel: Panel, motion: Motion) -> Rows:
     places = gap_places(panel)
 
     def recipes() -> list[Recipe]:
-        start, less = _seen_together(panel, motion, places, with_stored=True)
+        start, less = _seen_together(panel, motion, places)
         return [seen_recipe(motion, less, start=start, minus=True)]
 
     at = ("gaps", *((rail, x.tobytes(), z.tobytes()) for rail, x, z in places))
@@ -225,22 +226,22 @@ def gap_rows_over_time(panel: Panel, motion: Motion) -> Rows:
     return recipe.into(rows_in_lines(count, motion.history.time.size))
 
 
-def watched_gaps(
-    panel: Panel, mechanism: Mechanism
-) -> Callable[[CondensedRails], tuple[Floats, Floats, Floats]]:
+def watched_gaps(panel: Panel, mechanism: Mechanism) -> Callable[[CondensedRails], SeenRows]:
     """Return what `Watch` takes to see the gaps at the `gap_places` of a mechanism."""
     places = gap_places(panel)
 
     named = [mechanism.shapes, mechanism.rows, panel.rail, panel.stock_rail]
     at = tuple((rail, x.tobytes(), z.tobytes()) for rail, x, z in places)
 
-    def seen(condensed: CondensedRails) -> tuple[Floats, Floats, Floats]:
+    def seen(condensed: CondensedRails) -> SeenRows:
         key = (*at, *map(id, named), id(condensed))
         kept = _watched.get(key)
         if kept is None:
             shapes = condensed_shapes(mechanism, condensed)
-            start, less = _seen_together(panel, shapes, places, with_stored=False)
-            made = _frozen(-less.modes), _frozen(-less.shapes), _frozen(start - less.load)
+            start, less = _seen_together(panel, shapes, places)
+            stored = np.zeros(less.shapes.shape) if less.stored is None else less.stored
+            parts = (-stored, -less.modes, -less.shapes, start - less.load)
+            made = SeenRows(*(_frozen(part) for part in parts))
             kept = _watched.put(key, (made, [condensed, *named]))
         return kept[0]
 
@@ -248,7 +249,7 @@ def watched_gaps(
 
 
 def _seen_together(
-    panel: Panel, motion: CondensedShapes, places: Sequence[Place], *, with_stored: bool
+    panel: Panel, motion: CondensedShapes, places: Sequence[Place]
 ) -> tuple[Floats, Seen]:
     """Return unloaded distances of some points of several rails, and rows that lessen them."""
     found: dict[int, tuple[Floats, Seen]] = {}
@@ -256,7 +257,7 @@ def _seen_together(
         mine = [number for number, place in enumerate(places) if place[0] == rail]
         x, z = (np.concatenate([places[number][axis] for number in mine]) for axis in (1, 2))
         start, parts = gap_rows(panel, motion, rail, x, z)
-        seen, first = seen_by(motion, parts, with_stored=with_stored), 0
+        seen, first = seen_by(motion, parts), 0
         for number in mine:
             own = slice(first, first := first + places[number][1].size)
             found[number] = start[own], seen.of(own)
