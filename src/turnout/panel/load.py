@@ -29,6 +29,7 @@ from turnout.panel.override import (
     supersede,
 )
 from turnout.panel.records import RailMatrices
+from turnout.panel.same_keys import PendingDocument, note_keys, remake
 from turnout.panel.validate import Known, with_values
 
 # Neither changes what the panel is: the text about it, and where a schedule's numbers were read.
@@ -49,7 +50,7 @@ class LoadedPanel(Panel):
     It can be pickled, and written as plain data (`turnout.panel.stored`).
     """
 
-    _document: Document = PrivateAttr()
+    _document: Document | PendingDocument = PrivateAttr()
     _overrides: dict[str, object] = PrivateAttr(default_factory=dict)
     _source: str = PrivateAttr(default="panel")
     _folder: Path | None = PrivateAttr(default=None)
@@ -59,7 +60,7 @@ class LoadedPanel(Panel):
     @property
     def origins(self) -> Mapping[str, Origin]:
         """Where each value comes from, by key; an override has the kind "override"."""
-        return MappingProxyType(restated(self._document))
+        return MappingProxyType(restated(self.document))
 
     @property
     def overrides(self) -> Mapping[str, object]:
@@ -89,6 +90,8 @@ class LoadedPanel(Panel):
     @property
     def document(self) -> Document:
         """The tables that the panel was made of."""
+        if isinstance(self._document, PendingDocument):
+            self._document = self._document.made()
         return self._document
 
     @property
@@ -159,17 +162,27 @@ class LoadedPanel(Panel):
         return self._changed(overrides, problems)
 
     def _changed(self, overrides: Mapping[str, object], problems: list[Problem]) -> Self:
-        document, found, applied = apply_overrides(self._document, overrides)
-        checked = check_document(
-            document,
-            folder=self._folder,
-            known=Known(self._document.tree, self, self._asked),
-        )
-        refuse([*problems, *found, *checked.problems], heading="overrides")
-        panel = with_values(self, dict(checked.records))
-        panel._document, panel._asked, panel._hash = checked.document, checked.asked, ""
-        panel._overrides = supersede(self._overrides, applied)
+        before = self.document
+        made = None if problems else remake(self, before, overrides)
+        if made is not None:
+            panel = with_values(self, made.records)
+            panel._document, panel._asked = made.document, made.asked
+            applied = made.applied
+        else:
+            document, found, applied = apply_overrides(before, overrides)
+            known = Known(before.tree, self, self._asked)
+            checked = check_document(document, folder=self._folder, known=known)
+            refuse([*problems, *found, *checked.problems], heading="overrides")
+            panel = with_values(self, dict(checked.records))
+            panel._document, panel._asked = checked.document, checked.asked
+            note_keys(self, before, overrides, Known(document.tree, panel, panel._asked))
+        panel._hash, panel._overrides = "", supersede(self._overrides, applied)
         return panel
+
+    def __getstate__(self) -> dict[Any, Any]:
+        """Return what is pickled or copied, with the tables."""
+        self._document = self.document
+        return super().__getstate__()
 
     @classmethod
     def from_checked(
