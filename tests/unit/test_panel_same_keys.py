@@ -104,3 +104,20 @@ def test_only_the_checks_of_members_themselves_ask_for_what_is_asked_for_alone()
         assert check(draft) == []
     with pytest.raises(AttributeError, match="stiffness"):
         check(draft)
+
+
+def test_panels_that_differ_in_fields_that_do_not_matter_are_alike() -> None:
+    panel = load_panel("uic60-760-1-15")
+    panel.with_overrides(FIRST)
+    second, third = panel.with_overrides(SECOND), panel.with_overrides(SECOND)
+    fields = {tuple(name.split(".")[:: len(name.split(".")) - 1]) for name in FIRST}
+    assert second.alike(fields) is third.alike(fields)
+    assert second.alike(fields).drive["1"].stiffness == FIRST["drive.1.stiffness"]
+    assert second.alike(fields - {("drive", "stiffness")}) is second
+    assert panel.alike(fields) is panel
+    further = second.with_overrides({"gravity": 9.8})
+    assert further.alike(fields) is further
+    copied = second.model_copy(update={"gravity": 9.8})
+    assert copied.alike(fields) is copied
+    again = pickle.loads(pickle.dumps(second))
+    assert again.alike(fields) is again

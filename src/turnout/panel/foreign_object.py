@@ -289,7 +289,7 @@ def _place(panel: Panel, name: str, item: ForeignObject, x: float) -> PlacedObje
         appears=_onset(panel, rail) if item.appears is None else float(item.appears),
         disappears=math.inf if item.disappears is None else float(item.disappears),
         kind=item.kind,
-        **filled_parameters(item.kind, item.parameters, size=size),
+        **filled_parameters(item.kind, item.parameters, size=size),  # type: ignore[arg-type]
     )
 
 

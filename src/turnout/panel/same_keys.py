@@ -50,6 +50,8 @@ class Remade:
     ----------
     first : Panel
         The panel whose keys it shares.
+    fields : frozenset of (str, str)
+        Families and fields in which it may differ from that one.
     records : dict of str to object
         Value by field name of `Panel`, valid.
     document : PendingDocument
@@ -61,6 +63,7 @@ class Remade:
     """
 
     first: Panel
+    fields: frozenset[tuple[str, str]]
     records: dict[str, Any]
     document: PendingDocument
     asked: Mapping[str, frozenset[str]]
@@ -75,7 +78,7 @@ _Members = dict[str, list[tuple[str, BaseModel, tuple[tuple[str, int], ...]]]]
 class _SameKeys:
     """What the keys reach in the first panel that was made with them.
 
-    `panel` is what was changed, kept since it is known by its identity. `numbers` are the fields
+    `panel` is what was changed, kept since it is known by its identity. `numbers` are the values
     that are set, with the key that does it and what validates its value; `members` are the records
     that have any, by family, with the number of the value of each field.
     """
@@ -83,6 +86,7 @@ class _SameKeys:
     panel: Panel
     way: Way
     known: Known
+    fields: frozenset[tuple[str, str]]
     changed: set[str]
     given: Mapping[str, object]
     names: Mapping[str, tuple[str, ...]]
@@ -137,7 +141,14 @@ def remake(panel: Panel, document: Document, overrides: Mapping[str, object]) ->
     if check(draft, known=same.known) or any(check_matrices(records, document.matrices)):
         return None
     applied = {key: overrides[key] for key in way.targets}
-    return Remade(same.known.panel, records, PendingDocument(way, overrides), draft.asked, applied)
+    return Remade(
+        first=same.known.panel,
+        fields=same.fields,
+        records=records,
+        document=PendingDocument(way, overrides),
+        asked=draft.asked,
+        applied=applied,
+    )
 
 
 def note_keys(
@@ -173,6 +184,7 @@ def note_keys(
         panel=panel,
         way=way,
         known=made,
+        fields=frozenset((family, field) for (family, _, field), _ in way.places),
         changed=changed,
         given=dict.fromkeys((*way.given, *(".".join(place) for place, _ in way.places))),
         names={name: tuple(getattr(made.panel, name)) for name in FAMILIES},
