@@ -271,3 +271,38 @@ def test_a_blow_up_is_seen() -> None:
             for blown_up in (np.nan, np.inf, -np.inf):
                 values[at] = blown_up
                 assert kernel(values)
+
+
+def test_laws_that_come_after_a_table_share_its_indices() -> None:
+    """Values are their own, and those that laws added to the first ones one by one have."""
+
+    def add_standing(laws: LawTableBuilder) -> None:
+        normal = laws.add_contact(0, stiffness=2e7, clearance=1e-3, base_closed=True)
+        laws.add_friction(1, normal=normal, friction_coefficient=0.2, stick_stiffness=1e6)
+        laws.add_contact(2, stiffness=1e8, clearance=2e-3)
+
+    def add_further(laws: LawTableBuilder, scale: float) -> None:
+        slopes = [0.0, scale * 1e5, 0.0]
+        laws.add_piecewise(3, breakpoints=[-0.01, 0.01], slopes=slopes, input_index=0)
+        laws.add_contact(4, stiffness=scale * 1e6, clearance=scale * 0.02, appears=1.5, waits=True)
+
+    first = LawTableBuilder()
+    add_standing(first)
+    standing = first.table()
+    found = []
+    for scale in (1.0, 1.25):
+        further, whole = LawTableBuilder(), LawTableBuilder()
+        add_further(further, scale)
+        add_standing(whole)
+        add_further(whole, scale)
+        found.append(further.after(standing))
+        for name, array in whole.table()._asdict().items():
+            np.testing.assert_array_equal(getattr(found[-1], name), array, strict=True)
+    assert found[0].row is found[1].row
+    assert not found[0].row.flags.writeable
+    assert not np.shares_memory(found[0].offset, found[1].offset)
+    found[1].offset[0] = 5.0
+    assert standing.offset[0] == 1e-3
+    alone = LawTableBuilder().after(standing)
+    for name, array in standing._asdict().items():
+        np.testing.assert_array_equal(getattr(alone, name), array, strict=True)

@@ -256,3 +256,23 @@ def test_a_linear_part_is_kept_for_what_only_laws_know() -> None:
     dry = build_mechanism(PANEL.with_overrides({"chair.friction_coefficient": 0.5}))
     assert dry.stiffness is first.stiffness
     assert not dry.stiffness.flags.writeable
+
+
+def test_panels_of_the_same_keys_share_what_shapes_them(fresh: Path) -> None:
+    """Values of laws do not count, strokes do; the mechanism is the one made from the start."""
+    keys = ("chair.friction_coefficient", "drive.1.stiffness", "drive.2.over_travel_closed")
+    for more in ({}, {"drive.1.stroke": 0.11}):
+        panels = [
+            PANEL.with_overrides(dict(zip(keys, values, strict=True)) | more)
+            for values in ((0.2, 7e5, 3e-3), (0.21, 7.1e5, 3.1e-3), (0.22, 7.2e5, 3.2e-3))
+        ]
+        objects = [resolve_objects(panel, [ForeignObject(0.01, "sleeper 6")]) for panel in panels]
+        made = [build_mechanism(*pair) for pair in zip(panels, objects, strict=True)]
+        assert made[1].rows is made[2].rows
+        build.clear_memory()
+        again = build_mechanism(panels[2], objects[2])
+        for name, array in again.laws._asdict().items():
+            np.testing.assert_array_equal(getattr(made[2].laws, name), array, strict=True)
+        np.testing.assert_array_equal(made[2].stiffness, again.stiffness)
+        elsewhere = resolve_objects(panels[2], [ForeignObject(0.01, "sleeper 7")])
+        assert build_mechanism(panels[2], elsewhere).rows is not again.rows

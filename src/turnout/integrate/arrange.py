@@ -132,6 +132,7 @@ class _Structure:
 
 
 _rails_cache = LRUCache[_Rails](MOST_KEPT)
+_indices = LRUCache[tuple[tuple[bytes, ...], tuple[Ints, ...]]](MOST_PLACED)
 _layouts = LRUCache[_SystemLayout](MOST_LAYOUTS)
 
 
@@ -158,6 +159,7 @@ def arrange(mechanism: Mechanism, scheme: Scheme) -> Arrangement:
 def clear_memory() -> None:
     """Clear the cache of condensed mechanisms, and release the buffers of histories."""
     _rails_cache.clear()
+    _indices.clear()
     _layouts.clear()
     clear_levels()
     release_buffers()
@@ -175,32 +177,41 @@ def _structure(mechanism: Mechanism, scheme: Scheme) -> _Structure | None:
     if any(matrix.flags.writeable for matrix in matrices):
         return None
     laws = mechanism.laws
-    structure = (
-        laws.row,
-        laws.input_index,
-        laws.base_segment,
-        laws.segment_start,
+    values = (
         folded_stiffness(laws),
         np.isfinite(laws.appears) | np.isfinite(laws.disappears) | (laws.waits == 1),
-        laws.friction_row,
-        laws.friction_normal,
         laws.stick_stiffness,
     )
-    same = tuple(id(matrix) for matrix in matrices[:-1])
-    rails = tuple((rail.first, rail.count) for rail in mechanism.rails)
-    of_laws = (rails, scheme.cutoff_frequency, *(part.tobytes() for part in structure))
-    return _Structure(same, of_laws)
+    same = tuple([id(matrix) for matrix in matrices[:-1]])
+    rails = tuple([(rail.first, rail.count) for rail in mechanism.rails])
+    of_values = [part.tobytes() for part in values]
+    return _Structure(same, (rails, scheme.cutoff_frequency, _index_bytes(laws), *of_values))
+
+
+def _index_bytes(laws: LawTable) -> tuple[bytes, ...]:
+    """Return where laws act; of arrays that throws share the same bytes, whose hash is known."""
+    arrays = (
+        *(laws.row, laws.input_index, laws.base_segment, laws.segment_start),
+        *(laws.friction_row, laws.friction_normal),
+    )
+    key = tuple(map(id, arrays))
+    known = _indices.get(key)
+    if known is not None:
+        return known[0]
+    found = tuple([array.tobytes() for array in arrays])
+    if not any(array.flags.writeable for array in arrays):
+        _indices.put(key, (found, arrays))
+    return found
 
 
 def _find_rails(mechanism: Mechanism, scheme: Scheme, structure: _Structure | None) -> _Rails:
     """Condense the rails without objects, or find them."""
-    core = _without_objects(mechanism)
-    if structure is None:
-        return _condense_rails(core, scheme.cutoff_frequency)
-    key = (id(core.rows), structure)
-    rails = _rails_cache.get(key)
+    key = (id(mechanism.rows if mechanism.core is None else mechanism.core), structure)
+    rails = None if structure is None else _rails_cache.get(key)
     if rails is None:
-        rails = _rails_cache.put(key, _condense_rails(core, scheme.cutoff_frequency))
+        rails = _condense_rails(_without_objects(mechanism), scheme.cutoff_frequency)
+        if structure is not None:
+            _rails_cache.put(key, rails)
     return rails
 
 

@@ -11,6 +11,7 @@ from collections.abc import Callable, Hashable
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,12 +27,11 @@ from turnout.integrate.equilibrium import (
     start_energy_balance,
 )
 from turnout.integrate.march import march
-from turnout.integrate.numbering import place_laws
 from turnout.integrate.obstruct import freeze
 from turnout.integrate.outcome import Code
 from turnout.integrate.state import LEVEL, set_segments
 from turnout.kernels.interrupt import call_interruptible
-from turnout.kernels.shared_record import shared_record
+from turnout.kernels.shared_record import Shared, clone_record
 from turnout.law.kernel import SLIP_FORWARD
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
@@ -95,7 +95,7 @@ class StartPlan:
     positions : ndarray, shape (n_steps + 1, n_inputs)
         Marker positions at the ends of its steps [m].
     laws, table : LawTable
-        What acts in it; the table is None where the state that it leaves is known.
+        What acts in it, and the same for the kernels.
     key : hashable
         What that state depends on.
     """
@@ -103,7 +103,7 @@ class StartPlan:
     scheme: Scheme
     positions: Floats
     laws: LawTable
-    table: LawTable | None
+    table: LawTable
     key: Hashable
 
 
@@ -113,12 +113,13 @@ def plan_start(arrangement: Arrangement, scheme: Scheme, prior: PriorMotion) -> 
     count = round(scheme.output_interval / scheme.step)
     times = np.minimum(scheme.step * np.arange(count + 1), prior.duration)
     positions = np.ascontiguousarray(prior.inputs(times).T)
-    laws = _freeze_timed_laws(arrangement.laws)
+    table = _without_timed_laws(arrangement)
+    laws = arrangement.laws._replace(**{name: getattr(table, name) for name in _FROZEN})
     # Objects that are absent move nothing: their places share the motion as they share templates.
-    values = (part.tobytes() for part in (*laws, *arrangement.mechanism.courses))
-    key = (id(arrangement.templates), scheme, positions.tobytes(), *values)
-    known = _cache.get(key) is not None
-    table = None if known else _placed_table(laws, arrangement)
+    courses = arrangement.mechanism.courses
+    values = [part.tobytes() for part in courses] if courses.friction.size else []
+    of_laws = cast("Shared", table).memory.tobytes()
+    key = (id(arrangement.templates), scheme, positions.tobytes(), of_laws, *values)
     return StartPlan(scheme, positions, laws, table, key)
 
 
@@ -160,8 +161,7 @@ def _start_after(
     """Start from where a prior motion leaves the rails; what is trapped or frozen comes later."""
     left = _cache.get(plan.key)
     if left is None:
-        table = plan.table or _placed_table(plan.laws, arrangement)
-        given = replace(arrangement, laws=plan.laws, table=table)
+        given = replace(arrangement, laws=plan.laws, table=plan.table)
         motion = prepare(given, plan.scheme, plan.positions, 2, filled_in=False)
         code = _move(motion, arrangement.mechanism, thread)
         if code != Code.COMPLETE:
@@ -170,10 +170,6 @@ def _start_after(
         left = _cache.put(plan.key, _state_left(motion, arrangement.templates))
         motion.give_back(record=True)  # what it left has been copied
     return _start_from(run, left)
-
-
-def _placed_table(laws: LawTable, arrangement: Arrangement) -> LawTable:
-    return shared_record(place_laws(laws, arrangement.system.row_place))
 
 
 def clear_starts() -> None:
@@ -191,20 +187,23 @@ def _prior_scheme(scheme: Scheme, duration: float) -> Scheme:
     return replace(scheme, step=step, output_interval=end, spectral_radius=PRIOR_RADIUS)
 
 
-def _freeze_timed_laws(laws: LawTable) -> LawTable:
+_FROZEN = ("appears", "disappears", "offset", "slope", "intercept", "potential")
+"""What differs in laws that are absent at the start or appear later."""
+
+
+def _without_timed_laws(arrangement: Arrangement) -> LawTable:
     """Return laws of which those that are absent at the start never appear; they have no values."""
-    present = _present_at_start(laws)
-    absent = ~present
-    of_absent = np.repeat(absent, np.diff(laws.segment_start))
-    never, always = np.inf, -np.inf
-    return laws._replace(
-        appears=np.where(present, always, never),
-        disappears=np.full(laws.row.size, never),
-        offset=np.where(absent, 0.0, laws.offset),
-        slope=np.where(of_absent, 0.0, laws.slope),
-        intercept=np.where(of_absent, 0.0, laws.intercept),
-        potential=np.where(of_absent, 0.0, laws.potential),
-    )
+    table = clone_record(arrangement.table)
+    absent = np.flatnonzero(~_present_at_start(arrangement.laws))
+    table.appears[:] = -np.inf
+    table.appears[absent] = np.inf
+    table.disappears[:] = np.inf
+    table.offset[absent] = 0.0
+    start = table.segment_start
+    for law in absent:
+        segments = slice(start[law], start[law + 1])
+        table.slope[segments] = table.intercept[segments] = table.potential[segments] = 0.0
+    return table
 
 
 def _present_at_start(laws: LawTable) -> NDArray[np.bool_]:

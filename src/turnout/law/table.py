@@ -9,17 +9,21 @@ objects differ in their numbers only. A friction law acts along its own row and 
 
 import math
 from bisect import bisect_left
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.core.lru_cache import LRUCache
 from turnout.errors import MechanicsError
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Segment = tuple[float, float, float, float, float]
 
 
 class LawTable(NamedTuple):
@@ -52,20 +56,44 @@ class LawTable(NamedTuple):
     stick_stiffness: Floats
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Alike:
+    """What tables share whose laws differ in values alone.
+
+    `table` has the arrays of indices, read-only; `of_laws` are offsets, appearances and
+    disappearances, `of_segments` bounds, slopes, intercepts and potentials, a row each. `first` is
+    the table that the laws come after, known by its identity.
+    """
+
+    table: LawTable
+    of_laws: Floats
+    of_segments: Floats
+    first: LawTable
+
+
+MOST_ALIKE = 128
+"""Tables in memory of which others share the indices, the latest used."""
+_alike = LRUCache[_Alike](MOST_ALIKE)
+
+_OF_LAWS = ("offset", "appears", "disappears")
+_OF_SEGMENTS = ("segment_lower", "segment_upper", "slope", "intercept", "potential")
+
+
 @dataclass(slots=True)
 class LawTableBuilder:
     """Collect laws one by one; `table` returns all of them."""
 
-    laws: list[tuple[int, float, int, int, float, float, bool]] = field(default_factory=list)
-    segments: list[list[tuple[float, float, float, float, float]]] = field(default_factory=list)
+    indices: list[tuple[int, int, int, bool, int]] = field(default_factory=list)
+    values: list[tuple[float, float, float]] = field(default_factory=list)
+    segments: list[Segment] = field(default_factory=list)
     frictions: list[tuple[int, int, float, float]] = field(default_factory=list)
 
     def add_piecewise(
         self,
         row: int,
         *,
-        breakpoints: Floats,
-        slopes: Floats,
+        breakpoints: Sequence[float] | Floats,
+        slopes: Sequence[float] | Floats,
         offset: float = 0.0,
         input_index: int = -1,
         base_segment: int = -1,
@@ -79,9 +107,9 @@ class LawTableBuilder:
         ----------
         row : int
             Row whose displacement it reads and along which it acts.
-        breakpoints : ndarray, shape (n,)
+        breakpoints : sequence of float, length n
             Rising arguments between the segments [m].
-        slopes : ndarray, shape (n + 1,)
+        slopes : sequence of float, length n + 1
             Stiffness of each segment [N/m].
         offset : float
             Constant subtracted from the row [m].
@@ -99,24 +127,14 @@ class LawTableBuilder:
         int
             Index of the law.
         """
-        ends = [float(value) for value in breakpoints]  # so few that lists are quicker than arrays
-        inner = [float(value) for value in slopes]
-        rising = all(before < after for before, after in pairwise(ends))
-        if len(inner) != len(ends) + 1 or not rising:
+        found = _segments(tuple(map(float, breakpoints)), tuple(map(float, slopes)))
+        if found is None:
             msg = f"law on row {row}: breakpoints must rise, one slope more than they"
             raise MechanicsError(msg)
-        lower, upper = [-math.inf, *ends], [*ends, math.inf]
-        zero_segment = bisect_left(ends, 0.0)
-        intercept, potential = [0.0] * len(inner), [0.0] * len(inner)
-        for s in range(zero_segment + 1, len(inner)):
-            _continue(intercept, potential, inner, s, s - 1, lower[s])
-        for s in range(zero_segment - 1, -1, -1):
-            _continue(intercept, potential, inner, s, s + 1, upper[s])
-        self.laws.append((row, offset, input_index, base_segment, appears, disappears, waits))
-        self.segments.append(
-            list(zip(lower, upper, inner, intercept, potential, strict=True)),
-        )
-        return len(self.laws) - 1
+        self.indices.append((row, input_index, base_segment, waits, len(found)))
+        self.values.append((offset, appears, disappears))
+        self.segments += found
+        return len(self.indices) - 1
 
     def add_contact(
         self,
@@ -132,8 +150,8 @@ class LawTableBuilder:
         """Add a unilateral spring that acts once the row exceeds `clearance` (segment 1)."""
         return self.add_piecewise(
             row,
-            breakpoints=np.array([0.0]),
-            slopes=np.array([0.0, stiffness]),
+            breakpoints=(0.0,),
+            slopes=(0.0, stiffness),
             offset=clearance,
             base_segment=1 if base_closed else -1,
             appears=appears,
@@ -150,36 +168,92 @@ class LawTableBuilder:
 
     def table(self) -> LawTable:
         """Return the table of all laws and frictions added so far."""
-        laws = np.array(self.laws, dtype=float).reshape(-1, 7)
-        flat = np.array([s for law in self.segments for s in law], dtype=float).reshape(-1, 5)
-        counts = [len(law) for law in self.segments]
-        frictions = np.array(self.frictions, dtype=float).reshape(-1, 4)
-        columns = [np.ascontiguousarray(c) for c in flat.T]
+        indices = np.array(self.indices, dtype=np.int64).reshape(-1, 5).T
+        values = np.array(self.values, dtype=float).reshape(-1, len(_OF_LAWS)).T
+        segments = np.array(self.segments, dtype=float).reshape(-1, len(_OF_SEGMENTS)).T
+        frictions = np.array(self.frictions, dtype=float).reshape(-1, 4).T
         return LawTable(
-            row=laws[:, 0].astype(np.int64),
-            offset=laws[:, 1].copy(),
-            input_index=laws[:, 2].astype(np.int64),
-            segment_start=np.concatenate(([0], np.cumsum(counts))).astype(np.int64),
-            segment_lower=columns[0],
-            segment_upper=columns[1],
-            slope=columns[2],
-            intercept=columns[3],
-            potential=columns[4],
-            base_segment=laws[:, 3].astype(np.int64),
-            appears=laws[:, 4].copy(),
-            disappears=laws[:, 5].copy(),
-            waits=laws[:, 6].astype(np.int64),
-            friction_row=frictions[:, 0].astype(np.int64),
-            friction_normal=frictions[:, 1].astype(np.int64),
-            friction_coefficient=frictions[:, 2].copy(),
-            stick_stiffness=frictions[:, 3].copy(),
+            row=indices[0].copy(),
+            input_index=indices[1].copy(),
+            segment_start=np.concatenate(([0], np.cumsum(indices[4]))).astype(np.int64),
+            base_segment=indices[2].copy(),
+            waits=indices[3].copy(),
+            **dict(zip(_OF_LAWS, values.copy(), strict=True)),
+            **dict(zip(_OF_SEGMENTS, segments.copy(), strict=True)),
+            friction_row=frictions[0].astype(np.int64),
+            friction_normal=frictions[1].astype(np.int64),
+            friction_coefficient=frictions[2].copy(),
+            stick_stiffness=frictions[3].copy(),
         )
+
+    def after(self, first: LawTable) -> LawTable:
+        """Return the laws of a table and after them those added so far, without their frictions.
+
+        Parameters
+        ----------
+        first : LawTable
+            Known by its identity, so it must not change.
+
+        Returns
+        -------
+        LawTable
+            Values of laws and segments are its own; other arrays are shared by all tables that are
+            laid out alike.
+        """
+        key = (id(first), *self.indices)
+        alike = _alike.get(key)
+        if alike is None:
+            alike = _alike.put(key, _joined(first, self.table()))
+        of_laws, of_segments = alike.of_laws.copy(), alike.of_segments.copy()
+        if self.indices:
+            of_laws[:, -len(self.values) :] = np.array(self.values).T
+            of_segments[:, -len(self.segments) :] = np.array(self.segments).T
+        return alike.table._replace(
+            **dict(zip(_OF_LAWS, of_laws, strict=True)),
+            **dict(zip(_OF_SEGMENTS, of_segments, strict=True)),
+        )
+
+
+def _joined(first: LawTable, second: LawTable) -> _Alike:
+    """Return what a table and another one after it share with tables of other values."""
+    starts = (first.segment_start, second.segment_start[1:] + first.segment_start[-1])
+    table = LawTable(*(np.concatenate(pair) for pair in zip(first, second, strict=True)))._replace(
+        segment_start=np.concatenate(starts),
+        friction_row=first.friction_row.copy(),
+        friction_normal=first.friction_normal.copy(),
+        friction_coefficient=first.friction_coefficient.copy(),
+        stick_stiffness=first.stick_stiffness.copy(),
+    )
+    for array in table:
+        array.flags.writeable = False
+    of_laws = np.array([getattr(table, name) for name in _OF_LAWS])
+    of_segments = np.array([getattr(table, name) for name in _OF_SEGMENTS])
+    return _Alike(table, of_laws, of_segments, first)
+
+
+@lru_cache(maxsize=256)
+def _segments(ends: tuple[float, ...], slopes: tuple[float, ...]) -> list[Segment] | None:
+    """Return bounds, slope, intercept and potential of each segment; None if the ends do not rise.
+
+    Laws of links and objects are mostly those of the throw before.
+    """
+    rising = all(before < after for before, after in pairwise(ends))
+    if len(slopes) != len(ends) + 1 or not rising:
+        return None
+    lower, upper = [-math.inf, *ends], [*ends, math.inf]
+    zero_segment = bisect_left(ends, 0.0)
+    intercept, potential = [0.0] * len(slopes), [0.0] * len(slopes)
+    for s in range(zero_segment + 1, len(slopes)):
+        _continue(intercept, potential, slopes, s, s - 1, lower[s])
+    for s in range(zero_segment - 1, -1, -1):
+        _continue(intercept, potential, slopes, s, s + 1, upper[s])
+    return list(zip(lower, upper, slopes, intercept, potential, strict=True))
 
 
 def _continue(
     intercept: list[float],
     potential: list[float],
-    slopes: list[float],
+    slopes: Sequence[float],
     s: int,
     neighbour: int,
     at: float,

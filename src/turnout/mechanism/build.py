@@ -1,19 +1,12 @@
 """From panel records to a mechanism, kept in memory by what shapes it.
 
-What of a panel shapes rails and rows of its mechanism, as a key to keep these by.
-
-Friction, contact and drive parameters and the motion are no part of it. Whatever is not known to
-be without influence counts, so that a new field of a panel can cost time but never a result.
-
-From panel records to a mechanism; see `build_rails` for the rails, `laws` for what acts on them.
+See `build_rails` for the rails, `laws` for what acts on them, `shape_key` for what shapes it.
 
 These files alone see both definition and mechanics.
 """
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
-from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,100 +21,11 @@ from turnout.mechanism.mechanism import Mechanism, RailBody, RailData, ReducedRa
 from turnout.mechanism.object_laws import obstructions_of
 from turnout.mechanism.offnode_objects import approach_row, is_off_node, local_flexibility
 from turnout.mechanism.reduce import reduce_rail
+from turnout.mechanism.shape_key import LAWS_ALONE, shape_of
 from turnout.mechanism.travel import RailRows, Travel, rail_travel
 from turnout.panel.foreign_object import PlacedObject, divided
 from turnout.panel.load import LoadedPanel
 from turnout.panel.model import Panel
-from turnout.panel.records import Chair, Drive, Rail, Record
-
-_NO_SHAPE = frozenset(
-    ("schema_version", "name", "description", "instrumented_rail", "schedule", "movement")
-    + ("object_defaults", "object", "lock", "flangeway", "chair", "drive", "machine", "rail")
-)
-_LAW_ALONE: dict[type[Record], frozenset[str]] = {
-    Chair: frozenset(
-        (
-            *("friction_coefficient", "normal_stiffness", "stick_stiffness", "clearance"),
-            *("friction_opening", "friction_factor"),
-        )
-    ),
-    Drive: frozenset(
-        ("stiffness", "saturation_force", "saturated_stiffness", "extension", "force", "machine")
-        + ("over_travel_open", "over_travel_closed", "gap_limit")
-    ),
-    Rail: frozenset(("stress_free", "fit_gap", "stock_rail_gap", "running_edge", "head_width")),
-}
-"""Fields that end up in laws, markers or gaps, of which neither rows nor matrices depend."""
-_SCALES = ("section_scale", "lateral_inertia_scale")
-"""Fields of a switch rail that scale its sections: rows and meshes do not depend on them."""
-
-
-def shape_of(
-    panel: LoadedPanel, objects: Sequence[PlacedObject]
-) -> tuple[tuple[Hashable, Hashable], tuple[object, ...]]:
-    """Return a key of all that shapes rails and rows, and the records that it names.
-
-    Its second part are the scales of sections, of which rows and meshes do not depend.
-
-    Records are named by identity: those that an override leaves alone stay the same. Who keeps
-    something by the key must keep the records too, so that no other takes their place.
-
-    Parameters
-    ----------
-    panel : LoadedPanel
-        The panel.
-    objects : sequence of PlacedObject
-        Foreign objects, of which names and places count.
-
-    Examples
-    --------
-    >>> from turnout.panel.load import load_panel
-    >>> panel = load_panel("sb1")
-    >>> dry = panel.with_overrides({"chair.friction_coefficient": 0.5})
-    >>> shape_of(dry, ()) [0] == shape_of(panel, ())[0]
-    True
-    >>> damped = panel.with_overrides({"chair.damping": 7.0})
-    >>> shape_of(damped, ()) [0] == shape_of(panel, ())[0]
-    False
-    """
-    key: list[Hashable] = [given.digest for given in panel.matrices.values()]
-    named: list[object] = []
-    for field in _shaping(type(panel)):
-        value = getattr(panel, field)
-        records = list(value.values()) if isinstance(value, dict) else [value]
-        names = tuple(value) if isinstance(value, dict) else ()
-        key.append((field, names, tuple(map(id, records))))
-        named += records
-    key += [(name, rail.fit_gap is None) for name, rail in panel.rail.items()]
-    for family, record in ((panel.chair, Chair), (panel.drive, Drive), (panel.rail, Rail)):
-        values = _geometry(record)
-        for name, member in family.items():
-            found = values(vars(member))
-            key.append((name, *(map(_plain, found) if list in map(type, found) else found)))
-    key += [(item.name, item.rail, item.x, item.height) for item in objects]
-    scales = tuple(getattr(rail, name) for rail in panel.rail.values() for name in _SCALES)
-    return (tuple(key), scales), tuple(named)
-
-
-def _plain(value: object) -> Hashable:
-    return tuple(value) if isinstance(value, list) else value
-
-
-@cache
-def _shaping(panel: type[Record]) -> tuple[str, ...]:
-    return tuple(name for name in panel.model_fields if name not in _NO_SHAPE)
-
-
-@cache
-def _geometry(record: type[Record]) -> Callable[[Mapping[str, object]], tuple[object, ...]]:
-    """Return what takes the values of the geometry from those of a record; far quicker than asking.
-
-    The record has more than one such field.
-    """
-    left_out = _LAW_ALONE[record] | frozenset(_SCALES)
-    fields = (name for name in record.model_fields if name not in left_out)
-    return itemgetter(*fields)
-
 
 Floats = NDArray[np.float64]
 
@@ -258,6 +162,7 @@ class _Between:
 
 
 _frames = LRUCache[_Frame](MOST_FRAMES)
+_alike = LRUCache[tuple[_Kept, Panel]](MOST_FRAMES)
 _objects = LRUCache[_Between](MOST_PLACES)
 
 
@@ -265,6 +170,11 @@ def _kept(panel: Panel, objects: Sequence[PlacedObject]) -> _Kept:
     """Return layout and linear part, or those of a panel that differs in laws and motion alone."""
     if not isinstance(panel, LoadedPanel) or not all(m.digest for m in panel.matrices.values()):
         return _made(panel, objects, _made_frame(panel, objects, records=None))
+    first = panel.alike(LAWS_ALONE)
+    known = (id(first), tuple([(item.name, item.rail, item.x, item.height) for item in objects]))
+    found = None if first is panel else _alike.get(known)
+    if found is not None:
+        return found[0]
     (key, scales), records = shape_of(panel, objects)
     frame = _frames.get(key)
     if frame is None:
@@ -275,12 +185,15 @@ def _kept(panel: Panel, objects: Sequence[PlacedObject]) -> _Kept:
         for name in (*_MATRICES, "rows"):
             getattr(made.linear, name).flags.writeable = False
         frame.kept.put(scales, made)
+    if first is not panel:  # others will be alike
+        _alike.put(known, (made, first))
     return made
 
 
 def clear_memory() -> None:
     """Empty the memory of layouts and linear parts."""
     _frames.clear()
+    _alike.clear()
     _objects.clear()
 
 

@@ -4,6 +4,8 @@ Places are found once for all panels that differ in values of laws alone; the ta
 each. Chairs and stops, of which there are most, come first in it and are filled all at once.
 """
 
+import math
+import operator
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from operator import itemgetter
@@ -85,6 +87,8 @@ class Layout:
         Those with stops.
     contacts, chairs : ndarray of int, shape (n_contacts,)
         Laws of the feet on chairs, and the number of the chair of each; frictions have this order.
+    closed : ndarray of int, shape (n_contacts,)
+        Segments in which these laws have a force.
     further : tuple of int
         Rows of drives, links, back drives and objects, whose laws follow.
     """
@@ -97,6 +101,7 @@ class Layout:
     stops: tuple[RailStops, ...]
     contacts: Ints
     chairs: Ints
+    closed: Ints
     further: tuple[int, ...]
 
 
@@ -163,6 +168,7 @@ def lay_out(panel: Panel, objects: Sequence[PlacedObject]) -> Layout:
         stops=_stops_by_rail(panel, index),
         contacts=contacts_and_chairs[:, 0],
         chairs=contacts_and_chairs[:, 1],
+        closed=standing.segment_start[contacts_and_chairs[:, 0]] + 1,
         further=tuple(further),
     )
 
@@ -200,7 +206,7 @@ def law_table(
     for item in objects:
         gap = float(_gap(panel, travel, item.rail, np.array([item.x]))[0])
         add_object(laws, next(further), item, clearance=gap - item.size)
-    return _joined(_standing(layout, panel, travel), laws.table())
+    return _with_standing(laws.after(layout.standing), layout, panel, travel)
 
 
 def _bonded(layout: Layout) -> list[tuple[int, ...]]:
@@ -225,34 +231,22 @@ CHAIR_VALUES = ("clearance", "normal_stiffness", "friction_coefficient", "stick_
 _values_of = itemgetter(*CHAIR_VALUES)
 
 
-def _standing(layout: Layout, panel: Panel, travel: Travel) -> LawTable:
-    """Return the laws of chairs and stops with their values.
+def _with_standing(table: LawTable, layout: Layout, panel: Panel, travel: Travel) -> LawTable:
+    """Fill the laws of chairs and stops, which come first in a new table, with their values.
 
     A stop's clearance counts from the rail's stress-free shape.
     """
     of_chairs = [_values_of(vars(chair)) for chair in panel.chair.values()]
-    of_feet = np.array(of_chairs, dtype=float).reshape(-1, len(CHAIR_VALUES))[layout.chairs].T
+    by_value = np.array(of_chairs, dtype=float).reshape(-1, len(CHAIR_VALUES)).T
+    of_feet = by_value.take(layout.chairs, axis=1)  # unlike an index it leaves no gaps
     clearance, normal_stiffness, friction_coefficient, stick_stiffness = of_feet
-    table = layout.standing
-    offset, slope = table.offset.copy(), table.slope.copy()
-    offset[layout.contacts] = clearance
+    table.offset[layout.contacts] = clearance
     for stops in layout.stops:
-        offset[stops.laws] = _gap(panel, travel, stops.rail, stops.x) + stops.clearance
-    slope[table.segment_start[layout.contacts] + 1] = normal_stiffness
+        table.offset[stops.laws] = _gap(panel, travel, stops.rail, stops.x) + stops.clearance
+    table.slope[layout.closed] = normal_stiffness
     return table._replace(
-        offset=offset,
-        slope=slope,
-        friction_coefficient=friction_coefficient.copy(),
-        stick_stiffness=stick_stiffness.copy(),
+        friction_coefficient=friction_coefficient, stick_stiffness=stick_stiffness
     )
-
-
-def _joined(first: LawTable, second: LawTable) -> LawTable:
-    """Return two tables as one; the second has no friction."""
-    segments = second.segment_start[1:] + first.segment_start[-1]
-    pairs = zip(LawTable._fields, first, second, strict=True)
-    joined = LawTable(**{name: np.concatenate(pair) for name, *pair in pairs})
-    return joined._replace(segment_start=np.concatenate((first.segment_start, segments)))
 
 
 def _stops(panel: Panel) -> list[tuple[str, Stop, str]]:
@@ -299,14 +293,14 @@ def _add_stop(rows: Rows, laws: LawTableBuilder, panel: Panel, name: str, stop: 
 
 def _add_drive(laws: LawTableBuilder, row: int, drive: Drive, number: int) -> None:
     if drive.extension is not None and drive.force is not None:
-        extension, force = np.array(drive.extension), np.array(drive.force)
-        inner = np.diff(force) / np.diff(extension)
-        slopes = np.concatenate((inner[:1], inner, inner[-1:]))
+        extension: Sequence[float] = drive.extension
+        inner = (np.diff(drive.force) / np.diff(extension)).tolist()
+        slopes = [*inner[:1], *inner, *inner[-1:]]
         base = int(np.searchsorted(extension, 0.0))
     else:
         reach = drive.saturation_force / drive.stiffness
-        extension, base = np.array([-reach, reach]), 1
-        slopes = np.array([drive.saturated_stiffness, drive.stiffness, drive.saturated_stiffness])
+        extension, base = [-reach, reach], 1
+        slopes = [drive.saturated_stiffness, drive.stiffness, drive.saturated_stiffness]
     laws.add_piecewise(
         row, breakpoints=extension, slopes=slopes, input_index=number, base_segment=base
     )
@@ -318,8 +312,8 @@ def _add_rod(laws: LawTableBuilder, row: int, panel: Panel, drive: Drive, number
     ends, slopes = ([-play, play], [k, 0.0, k]) if play > 0.0 else ([], [k])
     laws.add_piecewise(
         row,
-        breakpoints=np.array(ends, dtype=float),
-        slopes=np.array(slopes),
+        breakpoints=ends,
+        slopes=slopes,
         input_index=number,
         base_segment=len(ends) // 2,
     )
@@ -354,12 +348,12 @@ def _back_drive_ends(panel: Panel) -> dict[tuple[str, str], list[tuple[str, Poin
 def _add_linkage(laws: LawTableBuilder, row: int, linkage: Linkage, free: float) -> None:
     """Add a linear spring that is free of force at a value of its row, or around it with play."""
     play = 0.5 * linkage.lost_motion
-    breakpoints = np.array([-play, play]) if play > 0 else np.empty(0)
+    breakpoints = [-play, play] if play > 0 else []
     slopes = [linkage.stiffness, 0.0, linkage.stiffness] if play > 0 else [linkage.stiffness]
     laws.add_piecewise(
         row,
         breakpoints=breakpoints,
-        slopes=np.array(slopes),
+        slopes=slopes,
         offset=free,
         base_segment=-1 if play > 0 else 0,
     )
@@ -377,14 +371,15 @@ def free_length(panel: Panel, name: str, travel: Travel) -> float:
     ways = {
         rail: travel.link_ends[name, rail] if drive is None else drive.stroke for rail in link.rails
     }
-    if not all(np.isfinite(way) for way in ways.values()):
+    if not all(map(math.isfinite, ways.values())):
         msg = (
             f"link.{name}.x = {link.x:g} m: its length follows from how far both rails move "
             "there, and no drive or other link moves one of them; move the link to a drive"
         )
         raise MechanicsError(msg)
     signs = [SIGN[panel.rail[rail].closes] for rail in link.rails]
-    return float(np.dot(signs, [offset_at(panel, rail, ways[rail]) for rail in link.rails]))
+    ends = [offset_at(panel, rail, ways[rail]) for rail in link.rails]
+    return float(sum(map(operator.mul, signs, ends)))
 
 
 def _gap(panel: Panel, travel: Travel, name: str, x: Floats) -> Floats:

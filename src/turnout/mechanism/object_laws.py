@@ -109,8 +109,8 @@ def add_bond(laws: LawTableBuilder, row: int, chair: Chair, *, feet: int) -> Non
     reach = chair.frozen_force / stiffness
     laws.add_piecewise(
         row,
-        breakpoints=np.array([-reach, reach]),
-        slopes=np.array([0.0, stiffness, 0.0]),
+        breakpoints=(-reach, reach),
+        slopes=(0.0, stiffness, 0.0),
         appears=AT_ONCE,
     )
 

@@ -42,7 +42,7 @@ from turnout.panel.check_shape import (
 from turnout.panel.foreign_object import from_record, object_faults
 from turnout.panel.model import Panel
 from turnout.panel.records import Movement, ScaledSection
-from turnout.panel.validate import Draft, Known, Partial, until_unknown
+from turnout.panel.validate import Draft, Known, Partial, until_unknown, values_of
 
 _SAME_TIME = 1e-9
 _TABLE_KEYS = ("table_time", "table_fraction", "table_file")
@@ -142,8 +142,7 @@ def _end(draft: Draft, drives: tuple[str, ...]) -> Iterator[Problem]:
 _HAVE_PLACES = ("chair", "fastening", "stop", "stud", "drive", "link", "back_drive")
 _OPENING_NEEDS = {"rail", "drive", "link", "fastening", "schedule", "movement", "object_defaults"}
 _SAME_PLACE = 1e-6
-_MOST_ELEMENTS = 5000
-_MOST_FEET = 8
+_MOST_ELEMENTS, _MOST_FEET = 5000, 8
 
 
 def check(draft: Draft, *, known: Known | None = None) -> list[Problem]:
@@ -161,9 +160,9 @@ def check(draft: Draft, *, known: Known | None = None) -> list[Problem]:
     list of Problem
         Empty for a valid panel.
     """
-    found: list[Problem] = []
-    for name, look in _all_checks().items():
-        found += draft.checked(name, look, known)
+    checks = _all_checks()
+    names = draft.unspared(checks, known)
+    found = [problem for name in names for problem in draft.checked(name, checks[name])]
     found += until_unknown(slips_at_rest(draft))
     if objects := draft.records["object"]:
         blocked = {problem.path[0] for problem in (*draft.problems, *found) if problem.path}
@@ -193,6 +192,7 @@ def _all_checks() -> dict[str, Callable[[Draft], Iterable[Problem]]]:
 def _each(draft: Draft, family: str) -> Iterator[Problem]:
     """Check the members of a family one by one."""
     check_one = _CHECKS[family]
+    draft.records.asked.add(values_of(family))
     for name, record in draft.records[family].items():
         yield from until_unknown(check_one(draft, (family, name), record))
 

@@ -237,10 +237,10 @@ def resolve_objects(
     placed, problems = [], []
     for name, item in given:
         item = _filled(panel, item)
-        faults = object_faults(panel, item)
+        x, faults = _examined(panel, item, sized=True)
         problems += [f"object {name}: {key}{text}" for key, text in faults]
-        if not faults:
-            placed.append(_place(panel, name, item))
+        if x is not None and not faults:
+            placed.append(_place(panel, name, item, x))
     if problems:
         raise PanelError(problems, source="foreign object")
     return tuple(placed)
@@ -276,22 +276,21 @@ def _filled(panel: Panel, item: ForeignObject) -> ForeignObject:
     return replace(item, **missing) if missing else item
 
 
-def _place(panel: Panel, name: str, item: ForeignObject) -> PlacedObject:
-    """Place an object that leaves out no more than times."""
-    rail = str(item.rail)
-    placed = PlacedObject(
+def _place(panel: Panel, name: str, item: ForeignObject, x: float) -> PlacedObject:
+    """Place an object that leaves out no more than times at a place [m]."""
+    rail, size = str(item.rail), float(item.size)
+    return PlacedObject(
         name=name,
-        size=float(item.size),
-        x=find_place(_families(panel), item.at).x,
+        size=size,
+        x=x,
         rail=rail,
         height=float(item.height or 0.0),
         stiffness=float(item.stiffness or 0.0),
         appears=_onset(panel, rail) if item.appears is None else float(item.appears),
         disappears=math.inf if item.disappears is None else float(item.disappears),
         kind=item.kind,
+        **filled_parameters(item.kind, item.parameters, size=size),  # type: ignore[arg-type]
     )
-    values = filled_parameters(item.kind, item.parameters, size=placed.size)
-    return replace(placed, **values)  # type: ignore[arg-type]
 
 
 def _onset(panel: Panel, rail: str) -> float:
@@ -315,7 +314,13 @@ def object_faults(
     sized : bool
         Whether the panel is sound enough to compare the size with the opening.
     """
-    whole = _filled(panel, item)
+    return _examined(panel, _filled(panel, item), sized=sized)[1]
+
+
+def _examined(
+    panel: Panel, whole: ForeignObject, *, sized: bool
+) -> tuple[float | None, list[tuple[str, str]]]:
+    """Return the place of an object that leaves out no more than times, and what is wrong."""
     faults = []
     if whole.rail not in panel.rail:
         text = f"; there are {choices(panel.rail)}{nearest(str(whole.rail), panel.rail)}"
@@ -327,7 +332,7 @@ def object_faults(
         faults.append(("at", f" = {show_value(whole.at)}: {error}"))
     if sized and x is not None and whole.rail in panel.rail:
         faults += _opening_faults(panel, whole, str(whole.rail), x)
-    return faults + (_time_faults(panel, whole) if sized else [])
+    return x, faults + (_time_faults(panel, whole) if sized else [])
 
 
 def _opening_faults(

@@ -3,7 +3,7 @@
 One direction: file, document, overrides, records, checks, panel.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
@@ -29,6 +29,7 @@ from turnout.panel.override import (
     supersede,
 )
 from turnout.panel.records import RailMatrices
+from turnout.panel.same_keys import PendingDocument, note_keys, remake
 from turnout.panel.validate import Known, with_values
 
 # Neither changes what the panel is: the text about it, and where a schedule's numbers were read.
@@ -49,17 +50,19 @@ class LoadedPanel(Panel):
     It can be pickled, and written as plain data (`turnout.panel.stored`).
     """
 
-    _document: Document = PrivateAttr()
+    _document: Document | PendingDocument = PrivateAttr()
     _overrides: dict[str, object] = PrivateAttr(default_factory=dict)
     _source: str = PrivateAttr(default="panel")
     _folder: Path | None = PrivateAttr(default=None)
     _hash: str = PrivateAttr(default="")
     _asked: Mapping[str, frozenset[str]] = PrivateAttr(default_factory=dict)
+    _first: Panel | None = PrivateAttr(default=None)
+    _differs: frozenset[tuple[str, str]] = PrivateAttr(default=frozenset())
 
     @property
     def origins(self) -> Mapping[str, Origin]:
         """Where each value comes from, by key; an override has the kind "override"."""
-        return MappingProxyType(restated(self._document))
+        return MappingProxyType(restated(self.document))
 
     @property
     def overrides(self) -> Mapping[str, object]:
@@ -89,6 +92,8 @@ class LoadedPanel(Panel):
     @property
     def document(self) -> Document:
         """The tables that the panel was made of."""
+        if isinstance(self._document, PendingDocument):
+            self._document = self._document.made()
         return self._document
 
     @property
@@ -159,17 +164,53 @@ class LoadedPanel(Panel):
         return self._changed(overrides, problems)
 
     def _changed(self, overrides: Mapping[str, object], problems: list[Problem]) -> Self:
-        document, found, applied = apply_overrides(self._document, overrides)
-        checked = check_document(
-            document,
-            folder=self._folder,
-            known=Known(self._document.tree, self, self._asked),
-        )
-        refuse([*problems, *found, *checked.problems], heading="overrides")
-        panel = with_values(self, dict(checked.records))
-        panel._document, panel._asked, panel._hash = checked.document, checked.asked, ""
-        panel._overrides = supersede(self._overrides, applied)
+        before = self.document
+        made = None if problems else remake(self, before, overrides)
+        if made is not None:
+            panel = with_values(self, made.records)
+            panel._document, panel._asked = made.document, made.asked
+            panel._first, panel._differs = made.first, made.fields
+            applied = made.applied
+        else:
+            document, found, applied = apply_overrides(before, overrides)
+            known = Known(before.tree, self, self._asked)
+            checked = check_document(document, folder=self._folder, known=known)
+            refuse([*problems, *found, *checked.problems], heading="overrides")
+            panel = with_values(self, dict(checked.records))
+            panel._document, panel._asked = checked.document, checked.asked
+            panel._first, panel._differs = None, frozenset()
+            note_keys(self, before, overrides, Known(document.tree, panel, panel._asked))
+        panel._hash, panel._overrides = "", supersede(self._overrides, applied)
         return panel
+
+    def alike(self, fields: Container[tuple[str, str]]) -> Panel:
+        """Return a panel that differs from this one at most in some fields of its members.
+
+        Parameters
+        ----------
+        fields : container of (str, str)
+            Families, and fields of theirs that do not matter.
+
+        Returns
+        -------
+        Panel
+            The same one for all panels that were made with the same keys, where no other field was
+            changed by them; else this one.
+        """
+        if self._first is None or not all(field in fields for field in self._differs):
+            return self
+        return self._first
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """Return a copy, which is no longer known to be alike another panel."""
+        copied = super().model_copy(update=update, deep=deep)
+        copied._first, copied._differs = None, frozenset()
+        return copied
+
+    def __getstate__(self) -> dict[Any, Any]:
+        """Return what is pickled or copied: with the tables, without the panel that is alike."""
+        self._document, self._first, self._differs = self.document, None, frozenset()
+        return super().__getstate__()
 
     @classmethod
     def from_checked(

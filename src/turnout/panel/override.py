@@ -104,7 +104,7 @@ def apply_overrides(
     values = overrides.values()  # numbers first: to find that one is no mapping takes longer
     plain = all(isinstance(value, float) or not isinstance(value, Mapping) for value in values)
     names = (id(document), *overrides)
-    known = _ways.get(names) if plain else None
+    known = known_way(document, overrides) if plain else None
     if known is not None:
         return known.apply(overrides)
     tree = dict(document.tree)
@@ -158,7 +158,7 @@ def apply_overrides(
 
 
 @dataclass(frozen=True, slots=True)
-class _Way:
+class Way:
     """How values for certain keys change a document, where all of them are fields of members.
 
     Attributes
@@ -173,7 +173,7 @@ class _Way:
         As of the changed document.
     given : dict
         The former values that nothing covers.
-    places : list of (str, str)
+    places : list of (key path, str)
         Every place that is set, and the key that does it last, in the order of the values given.
     """
 
@@ -182,7 +182,7 @@ class _Way:
     members: dict[str, list[str]]
     shared: frozenset[Path]
     given: dict[str, object]
-    places: list[tuple[str, str]]
+    places: list[tuple[Path, str]]
 
     def apply(
         self, overrides: Mapping[str, object]
@@ -198,17 +198,22 @@ class _Way:
             for target in targets:
                 family, name, field = target.place
                 tree[family][name][field] = value
-        given = self.given | {place: overrides[key] for place, key in self.places}
+        given = self.given | {".".join(place): overrides[key] for place, key in self.places}
         changed = replace(self.document, tree=tree, shared=self.shared, given=given)
         return changed, [], {key: overrides[key] for key in self.targets}
 
 
-_ways = LRUCache[_Way](MOST_WAYS)
+_ways = LRUCache[Way](MOST_WAYS)
 
 
-def _way(document: Document, changed: Document, targets: dict[str, list[_Target]]) -> _Way | None:
+def known_way(document: Document, overrides: Mapping[str, object]) -> Way | None:
+    """Return how the keys of overrides have changed a document before; None if they have not."""
+    return _ways.get((id(document), *overrides))
+
+
+def _way(document: Document, changed: Document, targets: dict[str, list[_Target]]) -> Way | None:
     """Return how the same keys change a document again; None where a table comes or goes."""
-    last: dict[str, str] = {}
+    last: dict[Path, str] = {}
     members: dict[str, dict[str, None]] = {}
     for key, found in targets.items():
         for target in found:
@@ -218,11 +223,12 @@ def _way(document: Document, changed: Document, targets: dict[str, list[_Target]
             member = document.tree.get(family, {}).get(name)
             if not isinstance(member, dict) or isinstance(member.get(field), dict):
                 return None
-            last[".".join(target.place)] = key
+            last[target.place] = key
             members.setdefault(family, {})[name] = None
-    kept = {name: value for name, value in changed.given.items() if name not in last}
+    set_here = {".".join(place) for place in last}
+    kept = {name: value for name, value in changed.given.items() if name not in set_here}
     of_families = {family: list(names) for family, names in members.items()}
-    return _Way(document, targets, of_families, changed.shared, kept, list(last.items()))
+    return Way(document, targets, of_families, changed.shared, kept, list(last.items()))
 
 
 def supersede(before: Mapping[str, object], applied: Mapping[str, object]) -> dict[str, object]:

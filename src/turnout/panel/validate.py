@@ -76,6 +76,11 @@ def members_of(family: str) -> str:
     return f"members of {family}"
 
 
+def values_of(family: str) -> str:
+    """Return what stands for values that are read by the check of each member itself alone."""
+    return f"values of {family}"
+
+
 @dataclass(frozen=True, slots=True)
 class Known:
     """Tables of a valid panel, the records that were made of them, and what its checks read.
@@ -111,7 +116,7 @@ class Draft:
         What overrides have set, by dotted place.
     changed : set of str
         Fields of `Panel` that are not those of the known panel; `members_of` a family as well where
-        there are others.
+        there are others; `values_of` a family alone where no more than `ASKED_ALONE` has changed.
     asked : dict of str to frozenset
         Fields, and families of which it takes the names alone, that each check read, by its name.
     """
@@ -124,13 +129,16 @@ class Draft:
     changed: set[str] = field(default_factory=set)
     asked: dict[str, frozenset[str]] = field(default_factory=dict)
 
-    def checked(
-        self, name: str, check: Callable[["Draft"], Iterable[Problem]], known: Known | None
-    ) -> list[Problem]:
-        """Return what a check finds; skip it where a known panel shows that it finds nothing."""
-        if known is not None and known.asked[name].isdisjoint(self.changed):
-            self.asked[name] = known.asked[name]
-            return []
+    def unspared(self, checks: Iterable[str], known: Known | None) -> list[str]:
+        """Return the names of the checks that may find something where a known panel is valid."""
+        if known is None:
+            return list(checks)
+        self.asked = dict(known.asked)
+        asked, changed = known.asked, self.changed
+        return [name for name in checks if not asked[name].isdisjoint(changed)]
+
+    def checked(self, name: str, check: Callable[["Draft"], Iterable[Problem]]) -> list[Problem]:
+        """Return what a check finds, and note what it reads."""
         self.records.asked, self.names.asked = asked = set[str](), set[str]()
         found = list(check(self))
         self.asked[name] = frozenset(asked[0] | asked[1])
@@ -175,6 +183,25 @@ _ABSENT = object()
 
 UNASKED = {"chair": frozenset(("friction_coefficient", "normal_stiffness", "stick_stiffness"))}
 """Fields of families that no check between records asks for."""
+
+ASKED_ALONE = {"drive": frozenset(("stiffness", "saturated_stiffness", "saturation_force"))}
+"""Fields of families that the check of each member asks for, and none that can be spared."""
+
+
+def read_by(family: str, fields: Iterable[str]) -> set[str]:
+    """Return what stands for some fields of a family's members among what checks read.
+
+    Examples
+    --------
+    >>> read_by("chair", ["friction_coefficient"]), read_by("drive", ["stiffness"])
+    (set(), {'values of drive'})
+    >>> read_by("drive", ["stiffness", "x"])
+    {'drive'}
+    """
+    asked = set(fields) - UNASKED.get(family, frozenset())
+    if not asked:
+        return set()
+    return {values_of(family) if asked <= ASKED_ALONE.get(family, frozenset()) else family}
 
 
 @cache
@@ -243,13 +270,14 @@ def _family(name: str, document: Document, draft: Draft, known: Known | None) ->
     found: dict[Problem, list[str]] = {}
     before, made = known.of(name) if known is not None else ({}, {})
     read: dict[tuple[str, int], Any] = {}
-    unasked = UNASKED.get(name, frozenset())
+    fields: set[str] = set()
     same = known is not None and list(members) == list(made)
     if not same:
         draft.changed.add(members_of(name))
     for member, values in members.items():
         changed = _changed(before.get(member), values)
-        same = same and changed is not None and unasked.issuperset(changed)
+        same = same and changed is not None
+        fields.update(changed or ())
         try:
             again = _taken_over(made.get(member), changed, values, read)
             if again is not None:
@@ -269,8 +297,7 @@ def _family(name: str, document: Document, draft: Draft, known: Known | None) ->
                 found.setdefault(problem, []).append(member)
     draft.records[name] = records
     draft.names[name] = tuple(members)
-    if not same:
-        draft.changed.add(name)
+    draft.changed |= read_by(name, fields) if same else {name}
     draft.problems += _merged(name, found, document)
     _check_count(name, info.metadata, len(members), broken, draft)
 
@@ -302,7 +329,7 @@ def _taken_over(
         value = values[key]
         place = (key, id(value))
         if place not in read:
-            check = _field_check(record, key)
+            check = field_check(record, key)
             if check is None:
                 return None
             try:
@@ -329,7 +356,7 @@ def with_values(made: AnyRecord, values: dict[str, Any]) -> AnyRecord:
 
 
 @cache
-def _field_check(record: type[BaseModel], name: str) -> Callable[[object], Any] | None:
+def field_check(record: type[BaseModel], name: str) -> Callable[[object], Any] | None:
     """Give what validates one field of a record with the record's strictness; None for no field."""
     if name not in record.model_fields:
         return None

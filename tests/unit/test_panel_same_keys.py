@@ -1,0 +1,123 @@
+"""A panel of other numbers for known keys is the one that its whole document would give."""
+
+import pickle
+from types import SimpleNamespace
+
+import pytest
+
+from turnout.errors import PanelError
+from turnout.panel import load
+from turnout.panel.check import check
+from turnout.panel.load import LoadedPanel, load_panel
+from turnout.panel.same_keys import PendingDocument
+from turnout.panel.validate import ASKED_ALONE, validate
+
+FIRST = {
+    "chair.friction_coefficient": 0.2,
+    "drive.1.stiffness": 8e5,
+    "drive.2.saturation_force": 6e3,
+    "drive.2.over_travel_closed": 3e-3,
+    "rail.straight.section_scale": 0.97,
+    "chair.7.friction_coefficient": 0.3,
+}
+SECOND = {key: 1.01 * value for key, value in FIRST.items()}
+
+
+def whole(panel: LoadedPanel, changes: dict[str, float]) -> LoadedPanel:
+    """Return a changed panel whose whole document was read."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(load, "remake", lambda *given: None)
+        return panel.with_overrides(changes)
+
+
+def test_it_has_the_records_tables_and_overrides_of_its_whole_document() -> None:
+    panel = load_panel("uic60-760-1-15").with_overrides({"drive.1.stiffness": 7e5})
+    panel.with_overrides(FIRST)
+    made, expected = panel.with_overrides(SECOND), whole(panel, SECOND)
+    assert isinstance(made._document, PendingDocument)
+    assert dict(made) == dict(expected)
+    assert made.matrices == expected.matrices
+    assert made.document == expected.document
+    assert list(made.document.given) == list(expected.document.given)
+    assert list(made.overrides.items()) == list(expected.overrides.items())
+    assert made._asked == expected._asked
+    assert made.hash == expected.hash
+    assert dict(made.origins) == dict(expected.origins)
+    again = made.with_overrides({"gravity": 9.8})
+    assert again.hash == whole(expected, {"gravity": 9.8}).hash
+
+
+def test_its_tables_are_pickled_with_it() -> None:
+    panel = load_panel("uic60-760-1-15")
+    panel.with_overrides(FIRST)
+    made = panel.with_overrides(SECOND)
+    again = pickle.loads(pickle.dumps(made))
+    assert again.document == made.document
+    assert again.hash == made.hash
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"drive.1.stiffness": -1.0},
+        {"drive.1.stiffness": float("nan")},
+        {"drive.1.stiffness": 1.0},
+        {"drive.2.over_travel_closed": -10.0},
+        {"drive.2.over_travel_closed": 0.02},
+        {"chair.friction_coefficient": -0.1, "chair.7.friction_coefficient": 40.0},
+        {"rail.straight.section_scale": 0.0},
+    ],
+    ids=str,
+)
+def test_it_is_refused_for_the_same(wrong: dict[str, float]) -> None:
+    panel = load_panel("uic60-760-1-15")
+    panel.with_overrides(FIRST)
+    with pytest.raises(PanelError) as quick:
+        panel.with_overrides(SECOND | wrong)
+    with pytest.raises(PanelError) as thorough:
+        whole(panel, SECOND | wrong)
+    assert quick.value.problems == thorough.value.problems
+    assert quick.value.problems
+
+
+def test_texts_and_lists_are_read_as_ever() -> None:
+    panel = load_panel("uic60-760-1-15")
+    changes = {"drive.1.stiffness": "80 kN/m", "chair.5.friction_coefficient": 0.3}
+    panel.with_overrides(changes)
+    made = panel.with_overrides(changes | {"drive.1.stiffness": "81 kN/m"})
+    assert not isinstance(made._document, PendingDocument)
+    assert made.drive["1"].stiffness == 81e3
+
+
+def test_only_the_checks_of_members_themselves_ask_for_what_is_asked_for_alone() -> None:
+    """All others pass on records without these fields."""
+    draft = validate(load_panel("uic60-760-1-15").document)
+    for family, alone in ASKED_ALONE.items():
+        draft.records[family] = {
+            name: SimpleNamespace(**{k: v for k, v in dict(record).items() if k not in alone})
+            for name, record in draft.records[family].items()
+        }
+    with pytest.MonkeyPatch.context() as patch:
+        for family in ASKED_ALONE:
+            patch.setitem(check.__globals__["_CHECKS"], family, lambda *given: iter(()))
+        patch.setitem(check.__globals__, "slips_at_rest", lambda draft: iter(()))
+        assert check(draft) == []
+    with pytest.raises(AttributeError, match="stiffness"):
+        check(draft)
+
+
+def test_panels_that_differ_in_fields_that_do_not_matter_are_alike() -> None:
+    panel = load_panel("uic60-760-1-15")
+    panel.with_overrides(FIRST)
+    second, third = panel.with_overrides(SECOND), panel.with_overrides(SECOND)
+    fields = {tuple(name.split(".")[:: len(name.split(".")) - 1]) for name in FIRST}
+    assert second.alike(fields) is third.alike(fields)
+    assert second.alike(fields).drive["1"].stiffness == FIRST["drive.1.stiffness"]
+    assert second.alike(fields - {("drive", "stiffness")}) is second
+    assert panel.alike(fields) is panel
+    further = second.with_overrides({"gravity": 9.8})
+    assert further.alike(fields) is further
+    copied = second.model_copy(update={"gravity": 9.8})
+    assert copied.alike(fields) is copied
+    again = pickle.loads(pickle.dumps(second))
+    assert again.alike(fields) is again
