@@ -116,7 +116,7 @@ def test_an_object_elsewhere_finds_rails_and_prior_motion_and_gives_the_same_bit
     panel = load_panel("uic60-760-1-15").with_overrides({"schedule.end": 8.0})
     moved: list[object] = []
 
-    def move(*given: object) -> Code:
+    def move(*given: object) -> tuple[Code, bool]:
         moved.append(given)
         return moving(*given)
 

@@ -31,6 +31,22 @@ def dry(friction: float, **more: object) -> LoadedPanel:
     return load_panel(DEFAULT).with_overrides(overrides | more)
 
 
+def test_a_return_is_whole_where_some_foot_would_not_slide(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    panel = dry(0.4)
+    found = []
+    for share in (1.0, 0.05, 0.75):
+        monkeypatch.setattr(start, "PRIOR_SHARE", share)
+        start.clear_starts()
+        found.append(at(simulate(panel, mode="quick"), "drive_force", 0.0))
+    start.clear_starts()
+    whole, short, usual = found
+    np.testing.assert_array_equal(short, whole)
+    assert (usual != whole).any()
+    np.testing.assert_allclose(usual, whole, rtol=0.01)
+
+
 AGAIN = """
 [movement.again]
 start = "10.2 s"

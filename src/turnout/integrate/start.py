@@ -2,7 +2,8 @@
 
 Friction at rest is history: any force between the limits of its foot holds. Without a prior motion
 the feet are free of it. A prior motion is integrated with the laws and modes of the run, from an
-equilibrium without friction, with steps and dissipation of its own; nothing of it is stored.
+equilibrium without friction, with steps and dissipation of its own; nothing of it is stored. What a
+foot has done before it slides is of no effect, so the last part of the motion serves for all of it.
 Contact set, friction branches and anchors are kept, and the run starts from the static equilibrium
 that they allow, with an energy balance of its own.
 """
@@ -42,6 +43,8 @@ Ints = NDArray[np.int64]
 
 PRIOR_STEP = 6e-3
 """Step of a prior motion, or that of the run where it is longer or without inertia [s]."""
+PRIOR_SHARE = 0.75
+"""Of its way in time the last part that is integrated, where each foot slides in it [-]."""
 PRIOR_RADIUS = 0.0
 """Spectral radius of its scheme: what its steps cannot resolve is damped at once [-]."""
 PRIOR_REST = 0.25
@@ -162,8 +165,12 @@ def _start_after(
     left = _cache.get(plan.key)
     if left is None:
         given = replace(arrangement, laws=plan.laws, table=plan.table)
-        motion = prepare(given, plan.scheme, plan.positions, 2, filled_in=False)
-        code = _move(motion, arrangement.mechanism, thread)
+        part = int((1.0 - PRIOR_SHARE) * plan.positions.shape[0])
+        for positions in (plan.positions[part:], plan.positions):
+            motion = prepare(given, plan.scheme, positions, 2, filled_in=False)
+            code, slid = _move(motion, arrangement.mechanism, thread)
+            if slid:
+                break
         if code != Code.COMPLETE:
             run.work.unconverged[:] = motion.work.unconverged
             return code
@@ -211,15 +218,20 @@ def _present_at_start(laws: LawTable) -> NDArray[np.bool_]:
     return np.asarray(present & (laws.waits == 0))
 
 
-def _move(motion: PreparedRun, mechanism: Mechanism, thread: Executor | None) -> Code:
-    """Move the rails as before a start, from equilibrium without friction."""
+def _move(motion: PreparedRun, mechanism: Mechanism, thread: Executor | None) -> tuple[Code, bool]:
+    """Move the rails as before a start, from equilibrium without friction.
+
+    Returns also whether every foot has slid.
+    """
     if start_at_rest(motion, mechanism) != Code.COMPLETE:
-        return Code.NO_EQUILIBRIUM
+        return Code.NO_EQUILIBRIUM, False
+    anchors = motion.state.anchor.copy()
     last = motion.positions.shape[0] - 1
     code, _ = call_interruptible(thread, motion.work.stop, _call_march, motion, last)
     if code == Code.INTERRUPTED:
         raise KeyboardInterrupt
-    return Code.COMPLETE if code == Code.COMPLETE else Code.NO_LOADED_START
+    slid = bool(np.all(motion.state.anchor != anchors))
+    return (Code.COMPLETE, slid) if code == Code.COMPLETE else (Code.NO_LOADED_START, False)
 
 
 def _call_march(motion: PreparedRun, last: int) -> tuple[int, int]:
