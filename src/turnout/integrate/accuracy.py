@@ -27,11 +27,10 @@ from turnout.kernels.compiled import compiled, compiled_part
 from turnout.kernels.vector import add_scaled, add_two_scaled, add_weighted_rows, copy, dot
 from turnout.law.table import LawTable
 
-DRIFTS = 1e4
+DRIFTS = 1e5
 """Growth of rounding errors beyond which the residual is measured [-].
 
-Displacements are a tenth of a metre at most, so what is not measured is below 1e-13 m, a tenth of
-what is accepted.
+Displacements are a tenth of a metre at most, so what is not measured is below what is accepted.
 """
 LARGEST_ERROR = 1e-12
 """Largest accepted error of an end [m]."""
