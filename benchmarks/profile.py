@@ -20,8 +20,9 @@ from benchmarks.page import write_section
 from benchmarks.schemes import MODES
 from turnout.core.threads import one_blas_thread
 from turnout.integrate import energy, march, solution, solve, step
-from turnout.integrate.arrange import PreparedRun, arrange, prepare
+from turnout.integrate.arrange import arrange
 from turnout.integrate.columns import update_row
+from turnout.integrate.prepared_run import PreparedRun, prepare, set_up_run
 from turnout.integrate.start import start_at_rest
 from turnout.integrate.state import COUNT_FLIPS, COUNT_ITERATIONS
 from turnout.kernels import compiler  # noqa: F401 - for the types of records
@@ -72,7 +73,7 @@ def marched(
     positions = marker_positions(panel, times) + marker_offsets(panel)[:, np.newaxis]
     with one_blas_thread():
         positions = positions.T.copy()
-        made = prepare(arrange(mechanism, scheme), scheme, positions, times.size, filled_in=False)
+        made = prepare(set_up_run(arrange(mechanism, scheme), scheme, positions, times.size))
         start_at_rest(made, mechanism)
         began = time.perf_counter()
         march.march(

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from turnout.integrate import levels
-from turnout.integrate.arrange import PreparedRun, arrange, clear_memory, prepare
+from turnout.integrate.arrange import arrange, clear_memory
 from turnout.integrate.compliance import READY, STALE
 from turnout.integrate.march import switch_level
+from turnout.integrate.prepared_run import PreparedRun, prepare, set_up_run
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import load_panel
@@ -22,7 +23,7 @@ def prepared(place: str, *, scheme: Scheme = QUICK, instants: int = 3) -> Prepar
     objects = resolve_objects(PANEL, (ForeignObject("13 mm", place),))
     mechanism = build_mechanism(PANEL, objects)
     positions = np.zeros((3, 2))
-    return prepare(arrange(mechanism, scheme), scheme, positions, instants, filled_in=False)
+    return prepare(set_up_run(arrange(mechanism, scheme), scheme, positions, instants))
 
 
 def assembled(run: PreparedRun) -> np.ndarray:

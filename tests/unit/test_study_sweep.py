@@ -247,15 +247,42 @@ def test_throws_that_differ_in_time_and_movement_are_looked_at_like_each_alone(
             np.testing.assert_array_equal(values, alone.variables[name][1], err_msg=name)
 
 
-def test_long_throws_are_planned_a_few_at_a_time(study: Study) -> None:
-    def planned(**changed: object) -> int:
+def test_long_throws_are_thrown_a_few_at_a_time(study: Study) -> None:
+    def thrown(**changed: object) -> int:
         scenario = replace(study.scenario(0), overrides=changed)
         ready = [sweep_row.prepare_scenario(study, scenario)]
-        return sweep_row.planned_at_once(study, ready)
+        return sweep_row.thrown_at_once(study, ready)
 
-    assert planned() == sweep_row.PLANNED_AT_ONCE
-    assert planned(**{"schedule.end": 40.0}) == 3
-    assert planned(**{"schedule.end": 1000.0}) == 1
+    assert thrown() == sweep_row.THROWN_AT_ONCE
+    assert thrown(**{"schedule.end": 40.0}) == 3
+    assert thrown(**{"schedule.end": 1000.0}) == 1
+
+
+def test_throws_with_the_same_rails_are_planned_together(
+    study: Study, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Others as many at a time as are thrown; those that cannot be thrown have no rails."""
+    order: list[str] = []
+    for name in ("plan_scenario", "throw_scenario"):
+        made = getattr(sweep_row, name)
+
+        def noted(*given: Any, made: Any = made, name: str = name) -> Any:
+            order.append(name.partition("_")[0])
+            return made(*given)
+
+        monkeypatch.setattr(sweep_row, name, noted)
+    monkeypatch.setattr(sweep_row, "THROWN_AT_ONCE", 2)
+
+    def throw(key: str, values: list[float]) -> list[str]:
+        order.clear()
+        scenarios = [replace(study.scenario(0), overrides={key: value}) for value in values]
+        sweep_row.throw_scenarios(study, scenarios)
+        return order
+
+    alike = throw("chair.friction_coefficient", [0.2, 0.21, -1.0, 0.22])
+    assert alike == ["plan"] * 4 + ["throw"] * 4
+    others = throw("chair.damping", [1e3, 2e3, 3e3])
+    assert others == ["plan"] * 2 + ["throw"] * 2 + ["plan", "throw"]
 
 
 def test_a_scenario_that_cannot_be_says_why(study: Study) -> None:

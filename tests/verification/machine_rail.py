@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.threads import one_blas_thread
-from turnout.integrate.arrange import arrange, prepare
+from turnout.integrate.arrange import arrange
 from turnout.integrate.integration import History, integrate
 from turnout.integrate.march import march, store_instant
+from turnout.integrate.prepared_run import prepare, set_up_run
 from turnout.integrate.start import start_at_rest
 from turnout.machine.components import Machine
 from turnout.machine.compute import places as at
@@ -152,9 +153,8 @@ def throw_staggered(*, step: float) -> tuple[Floats, Floats]:
     mechanism, pairs, count = rail_mechanism(), machines(), round(HORIZON / step)
     mode = "waveform" if step <= 1e-3 else "quick"
     scheme = Scheme.of(mode, step=step, output_interval=step)
-    run = prepare(
-        arrange(mechanism, scheme), scheme, np.zeros((count + 1, 2)), count + 1, filled_in=False
-    )
+    positions = np.zeros((count + 1, 2))
+    run = prepare(set_up_run(arrange(mechanism, scheme), scheme, positions, count + 1))
     rows = [mechanism.laws.row[mechanism.index.drive[name]] for name in RODS]
     ends = [int(run.system.row_place[row]) for row in rows]
     rods, group, none = np.array(list(RODS.values())), group_of(pairs), np.zeros((2, 2))

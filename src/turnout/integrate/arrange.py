@@ -1,4 +1,4 @@
-"""Condense a mechanism for the kernels, and prepare a run of it.
+"""Condense a mechanism for the kernels.
 
 Runs that differ only in values of laws (friction, clearances, saturation forces, times) or in the
 motion share modes and structure, which are therefore condensed once and cached. Mechanisms built
@@ -9,7 +9,6 @@ object in another place costs its own displacements and flexibilities, and no mo
 
 from collections.abc import Hashable
 from dataclasses import dataclass, replace
-from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,22 +24,15 @@ from turnout.condense.followers import Leading
 from turnout.condense.modal import ModalModel
 from turnout.core.lru_cache import LRUCache
 from turnout.errors import MechanicsError
-from turnout.integrate.levels import clear_levels, give_back_memory, take_memory
+from turnout.integrate.levels import clear_levels
 from turnout.integrate.numbering import Places, number_places, place_laws
-from turnout.integrate.record import empty_record
-from turnout.integrate.rods import Rods
-from turnout.integrate.scratch import Work, new_work, release_buffers
-from turnout.integrate.solve import Tolerances
-from turnout.integrate.state import State, fresh_copy, fresh_state, refill_state
-from turnout.integrate.step import Stepping
+from turnout.integrate.scratch import Work, release_buffers
+from turnout.integrate.state import State
 from turnout.integrate.system import System, check_normals, condensed_system, refill_system
-from turnout.integrate.watch import SeenWeights, StepRecord, WatchPlan
-from turnout.kernels.shared_record import clone_record, copy_vectors, shared_record
-from turnout.law.friction_course import FrictionCourses, no_courses
-from turnout.law.obstruction import Obstructions, no_obstructions, remember
+from turnout.kernels.shared_record import shared_record
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
-from turnout.scheme import AlphaCoefficients, Scheme
+from turnout.scheme import Scheme
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -296,144 +288,3 @@ def _with_objects(
         found.append(added)
         joined.append(tuple(reaching.tolist()))
     return tuple(found), tuple(joined)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PreparedRun:
-    """All data of one run; `positions` are the inputs at the ends of the steps [m].
-
-    `templates` are those of its arrangement, whose rails may be `known` from other runs.
-    """
-
-    system: System
-    laws: LawTable
-    table: LawTable
-    state: State
-    work: Work
-    tolerances: Tolerances
-    stepping: Stepping
-    positions: Floats
-    record: StepRecord
-    obstructions: Obstructions
-    courses: FrictionCourses
-    templates: Templates
-    known: bool
-    rods: Rods | None = None
-
-    def give_back(self, *, record: bool = False) -> None:
-        """Give back, at its end, what another run of these rails can use; maybe its record too."""
-        if self.known:
-            memory = (self.state, self.work, self.record if record else None)
-            give_back_memory(self.templates, self.system, self.stepping, *memory)
-
-
-def prepare(
-    arrangement: Arrangement,
-    scheme: Scheme,
-    positions: Floats,
-    n_stored: int,
-    *,
-    filled_in: bool,
-    watched: tuple[WatchPlan, SeenWeights] | None = None,
-) -> PreparedRun:
-    """Allocate state, scratch arrays and record of one run; nothing has moved yet.
-
-    Parameters
-    ----------
-    arrangement : Arrangement
-        From `arrange`.
-    scheme : Scheme
-        Step [s], spectral radius, tolerances and halvings.
-    positions : ndarray, shape (n_steps + 1, n_inputs)
-        Marker positions at the ends of the steps [m].
-    n_stored : int
-        Instants of the record.
-    filled_in : bool
-        Whether instants between the steps are wanted, which needs velocities.
-    watched : tuple of WatchPlan and SeenWeights, optional
-        Which instants are stored whole and kept, and what is seen of these; default all of them.
-    """
-    system, laws, table = arrangement.system, arrangement.laws, arrangement.table
-    alpha = AlphaCoefficients.from_spectral_radius(scheme.spectral_radius)
-    stepping = Stepping(
-        float(scheme.step),
-        alpha.alpha_m,
-        alpha.alpha_f,
-        alpha.beta,
-        alpha.gamma,
-        scheme.halvings,
-        scheme.follow_path,
-        max(scheme.stride, 1),
-        scheme.inertia,
-    )
-    state, work, record = _copy_templates(arrangement, stepping, n_inputs=positions.shape[1])
-    state.inputs[:] = positions[0]
-    if record is None or record.q.shape[0] != n_stored or filled_in or watched is not None:
-        velocity = filled_in and scheme.inertia
-        record = empty_record(system, laws, n_stored, velocity=velocity, watched=watched)
-    record.residual[:] = 0.0
-    return PreparedRun(
-        system=system,
-        laws=laws,
-        table=table,
-        state=state,
-        work=work,
-        tolerances=Tolerances(
-            float(scheme.gap_tolerance), float(scheme.force_tolerance), scheme.iterations
-        ),
-        stepping=stepping,
-        positions=positions,
-        record=record,
-        obstructions=_set_up_obstructions(arrangement),
-        courses=_set_up_courses(arrangement.mechanism.courses),
-        templates=arrangement.templates,
-        known=arrangement.known,
-    )
-
-
-def _set_up_obstructions(arrangement: Arrangement) -> Obstructions:
-    """Return the obstructions of a run; their laws get the dents that they have already."""
-    if arrangement.mechanism.obstructions.law.size == 0:
-        return _without_obstructions()
-    obstructions = shared_record(arrangement.mechanism.obstructions)
-    remember(arrangement.table, obstructions)
-    return obstructions
-
-
-@cache
-def _without_obstructions() -> Obstructions:
-    return shared_record(no_obstructions())
-
-
-def _set_up_courses(courses: FrictionCourses) -> FrictionCourses:
-    """Return the courses of a run; where there are none, all runs share them."""
-    return shared_record(courses) if courses.friction.size else _without_courses()
-
-
-@cache
-def _without_courses() -> FrictionCourses:
-    return shared_record(no_courses())
-
-
-def _copy_templates(
-    arrangement: Arrangement, stepping: Stepping, *, n_inputs: int
-) -> tuple[State, Work, StepRecord | None]:
-    """Return a state at rest and scratch arrays, copied from the templates.
-
-    Their memory is that of a run before, where there is one, and the record that one left.
-    """
-    levels = stepping.halvings + 2  # one for each halving, and one without inertia
-    template = arrangement.templates.get((n_inputs, levels))
-    if template is None:
-        state = fresh_state(arrangement.system, arrangement.table, n_inputs=n_inputs, levels=levels)
-        template = arrangement.templates[n_inputs, levels] = (
-            state,
-            new_work(arrangement.system, arrangement.table),
-        )
-    state, work = template
-    memory = take_memory(arrangement.templates, stepping, (n_inputs, levels))
-    if memory is None:
-        return fresh_copy(state, arrangement.table), clone_record(work), None
-    refill_state(memory.state, state, arrangement.table, memory.ready_for(arrangement.system))
-    copy_vectors(work, memory.work)
-    return memory.state, memory.work, memory.record

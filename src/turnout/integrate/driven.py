@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.errors import SolverError
-from turnout.integrate.arrange import PreparedRun
 from turnout.integrate.duty import Duty, machine_duties
+from turnout.integrate.prepared_run import PreparedRun
 from turnout.integrate.rods import Rods
 from turnout.integrate.scratch import acquire_buffer
 from turnout.kernels.shared_record import shared_record

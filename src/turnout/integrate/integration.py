@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +15,13 @@ from turnout.condense.modal import ModalModel
 from turnout.core.threads import one_blas_thread
 from turnout.errors import SolverError
 from turnout.integrate.accuracy import equilibrium_residual
-from turnout.integrate.arrange import Arrangement, PreparedRun, arrange, prepare
+from turnout.integrate.arrange import arrange
 from turnout.integrate.dense import interpolate_record
 from turnout.integrate.driven import MachineHistory, machine_history, new_rods, start_rods
 from turnout.integrate.energy import energy_balance, folded_energy
 from turnout.integrate.march import march, march_with_machines, store_instant
 from turnout.integrate.outcome import Code, Outcome, is_closed
+from turnout.integrate.prepared_run import PreparedRun, RunSetup, prepare, set_up_run
 from turnout.integrate.record import trim_record
 from turnout.integrate.start import PriorMotion, StartPlan, find_start, plan_start
 from turnout.integrate.state import (
@@ -28,7 +30,6 @@ from turnout.integrate.state import (
     COUNT_ITERATIONS,
 )
 from turnout.integrate.watch import (
-    SeenWeights,
     StepRecord,
     Watch,
     Watched,
@@ -188,24 +189,21 @@ class RunPlan:
         Marker positions by time, as `integrate` takes them.
     grid : Grid
         Its steps and stored instants.
-    arrangement : Arrangement
-        The condensed mechanism.
-    positions : ndarray, shape (n_steps + 1, n_inputs)
-        Marker positions at the ends of the steps [m].
+    setup : RunSetup
+        The condensed mechanism, its laws, and numbers of the run.
     start : StartPlan, optional
         The motion before the start.
-    watched : tuple of WatchPlan and SeenWeights, optional
-        What alone is kept, where, and of what it is the sum.
+    watched : WatchPlan, optional
+        What alone is kept, and where.
     """
 
     mechanism: Mechanism
     scheme: Scheme
     inputs: Callable[[Floats], Floats]
     grid: Grid
-    arrangement: Arrangement
-    positions: Floats
+    setup: RunSetup
     start: StartPlan | None
-    watched: tuple[WatchPlan, SeenWeights] | None
+    watched: WatchPlan | None
 
 
 def plan_run(
@@ -225,23 +223,42 @@ def plan_run(
     with one_blas_thread():
         grid = _choose_grid(mechanism, scheme, end)
         arrangement = arrange(mechanism, scheme)
-        times = scheme.step * np.arange(grid.n_steps + 1, dtype=np.float64)
         watched = None
         if watch is not None and mechanism.machines is None and not grid.filled_in:
             interval = scheme.step * grid.stride
             places, laws = arrangement.system.row_place, arrangement.laws
             weights = seen_weights(watch, arrangement.condensed, laws, places)
             watched = (plan_watch(watch, interval, grid.n_stored), weights)
+        positions = np.ascontiguousarray(inputs(_step_times(scheme.step, grid.n_steps)).T)
+        if mechanism.machines is not None:
+            positions = positions.copy()  # machines write to them, and throws may share them
+        # before the table gets the dents that objects have already
+        start = None if prior is None else plan_start(arrangement, scheme, prior)
+        setup = set_up_run(
+            arrangement,
+            scheme,
+            positions,
+            grid.n_stored,
+            filled_in=grid.filled_in,
+            watched=watched,
+        )
         return RunPlan(
             mechanism=mechanism,
             scheme=scheme,
             inputs=inputs,
             grid=grid,
-            arrangement=arrangement,
-            positions=np.ascontiguousarray(inputs(times).T),
-            start=None if prior is None else plan_start(arrangement, scheme, prior),
-            watched=watched,
+            setup=setup,
+            start=start,
+            watched=None if watched is None else watched[0],
         )
+
+
+@lru_cache(maxsize=16)
+def _step_times(step: float, count: int) -> Floats:
+    """Return the ends of steps, read-only, as throws share them [s]."""
+    times = step * np.arange(count + 1, dtype=np.float64)
+    times.flags.writeable = False
+    return times
 
 
 def carry_out(given: RunPlan, *, report: Callable[[int, int], None] | None = None) -> History:
@@ -252,17 +269,9 @@ def carry_out(given: RunPlan, *, report: Callable[[int, int], None] | None = Non
 
 def _carry_out(given: RunPlan, report: Callable[[int, int], None] | None) -> History:
     mechanism, scheme, inputs = given.mechanism, given.scheme, given.inputs
-    plan = None if given.watched is None else given.watched[0]
-    grid, arrangement, positions = given.grid, given.arrangement, given.positions
-    stride = grid.stride
-    run = prepare(
-        arrangement,
-        scheme,
-        positions,
-        grid.n_stored,
-        filled_in=grid.filled_in,
-        watched=given.watched,
-    )
+    grid, plan, arrangement = given.grid, given.watched, given.setup.arrangement
+    positions, stride = given.setup.positions, grid.stride
+    run = prepare(given.setup)
     rods = new_rods(run, mechanism, scheme, grid.n_stored)
     if rods is not None:
         run = replace(run, rods=rods)
@@ -300,6 +309,7 @@ def _carry_out(given: RunPlan, report: Callable[[int, int], None] | None) -> His
         instants = scheme.output_interval * np.arange(count, dtype=np.float64)
         positions = np.ascontiguousarray(inputs(instants).T)
         if machines is not None:
+            positions = positions.copy()
             machines = machines.at(instants, positions)
         between = {"instants": instants, "inputs": positions, "modes": arrangement.model.row_modes}
         record = interpolate_record(record, step=scheme.step, laws=arrangement.laws, **between)

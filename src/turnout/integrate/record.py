@@ -5,9 +5,9 @@ from numpy.typing import NDArray
 
 from turnout.integrate.energy import LEDGER
 from turnout.integrate.scratch import acquire_buffer
-from turnout.integrate.system import System
+from turnout.integrate.system import Floats, System
 from turnout.integrate.watch import SeenWeights, StepRecord, WatchPlan, watch_record
-from turnout.kernels.lanes import LANES, whole_lines
+from turnout.kernels.lanes import empty_in_lines, whole_lines
 from turnout.kernels.shared_record import shared_record
 from turnout.law.table import LawTable
 
@@ -55,9 +55,9 @@ def empty_record(
     if plan is not None:
         counts |= dict.fromkeys(("q", "g", "friction", "law"), plan.whole_instants.size)
         counts |= dict.fromkeys(("stored", "ledger"), plan.balanced_instants.size)
-    page = LARGE_PAGE // 8 if plan is None else LANES
-    memory = acquire_buffer(sum(counts[name] * width for name, width in widths.items()) + page)
-    at, arrays = (-(memory.ctypes.data // 8)) % page, {}
+    total = sum(counts[name] * width for name, width in widths.items())
+    memory = _at_a_large_page(total) if plan is None else empty_in_lines(total)
+    at, arrays = 0, {}
     for name, width in widths.items():
         size = counts[name] * width
         arrays[name] = memory[at : at + size].reshape(counts[name], width)
@@ -76,6 +76,13 @@ def empty_record(
     if watched is not None:
         record = watch_record(record, *watched)
     return shared_record(record)
+
+
+def _at_a_large_page(count: int) -> Floats:
+    """Return an uninitialised array from `acquire_buffer` that begins at a large page."""
+    page = LARGE_PAGE // 8
+    memory = acquire_buffer(count + page)
+    return memory[(-(memory.ctypes.data // 8)) % page :]
 
 
 def trim_record(

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.lru_cache import LRUCache
-from turnout.integrate.arrange import Arrangement, PreparedRun, Templates, prepare
+from turnout.integrate.arrange import Arrangement, Templates
 from turnout.integrate.columns import rebuild
 from turnout.integrate.equilibrium import (
     anchor_at_rest,
@@ -30,6 +30,7 @@ from turnout.integrate.equilibrium import (
 from turnout.integrate.march import march
 from turnout.integrate.obstruct import freeze
 from turnout.integrate.outcome import Code
+from turnout.integrate.prepared_run import PreparedRun, RunSetup, prepare, set_up_run
 from turnout.integrate.state import LEVEL, set_segments
 from turnout.kernels.interrupt import call_interruptible
 from turnout.kernels.shared_record import Shared, clone_record
@@ -93,28 +94,20 @@ class StartPlan:
 
     Attributes
     ----------
-    scheme : Scheme
-        Numerical choices of the motion.
-    positions : ndarray, shape (n_steps + 1, n_inputs)
-        Marker positions at the ends of its steps [m].
-    laws, table : LawTable
-        What acts in it, and the same for the kernels.
+    setup : RunSetup
+        The motion.
     key : hashable
-        What that state depends on.
+        What the state depends on that it leaves.
     """
 
-    scheme: Scheme
-    positions: Floats
-    laws: LawTable
-    table: LawTable
+    setup: RunSetup
     key: Hashable
 
 
 def plan_start(arrangement: Arrangement, scheme: Scheme, prior: PriorMotion) -> StartPlan:
     """Prepare a motion before the start of a run with a scheme; what is trapped comes later."""
     scheme = _prior_scheme(scheme, prior.duration)
-    count = round(scheme.output_interval / scheme.step)
-    times = np.minimum(scheme.step * np.arange(count + 1), prior.duration)
+    times = _prior_times(scheme, prior.duration)
     positions = np.ascontiguousarray(prior.inputs(times).T)
     table = _without_timed_laws(arrangement)
     laws = arrangement.laws._replace(**{name: getattr(table, name) for name in _FROZEN})
@@ -123,7 +116,8 @@ def plan_start(arrangement: Arrangement, scheme: Scheme, prior: PriorMotion) -> 
     values = [part.tobytes() for part in courses] if courses.friction.size else []
     of_laws = cast("Shared", table).memory.tobytes()
     key = (id(arrangement.templates), scheme, positions.tobytes(), of_laws, *values)
-    return StartPlan(scheme, positions, laws, table, key)
+    setup = set_up_run(arrangement, scheme, positions, 2, laws=(laws, table))
+    return StartPlan(setup, key)
 
 
 def find_start(
@@ -164,10 +158,10 @@ def _start_after(
     """Start from where a prior motion leaves the rails; what is trapped or frozen comes later."""
     left = _cache.get(plan.key)
     if left is None:
-        given = replace(arrangement, laws=plan.laws, table=plan.table)
-        part = int((1.0 - PRIOR_SHARE) * plan.positions.shape[0])
-        for positions in (plan.positions[part:], plan.positions):
-            motion = prepare(given, plan.scheme, positions, 2, filled_in=False)
+        whole = plan.setup.positions
+        part = int((1.0 - PRIOR_SHARE) * whole.shape[0])
+        for positions in (whole[part:], whole):
+            motion = prepare(replace(plan.setup, positions=positions))
             code, slid = _move(motion, arrangement.mechanism, thread)
             if slid:
                 break
@@ -192,6 +186,15 @@ def _prior_scheme(scheme: Scheme, duration: float) -> Scheme:
     count = max(1, int(np.ceil((duration + rest) / step - 1e-9)))
     end = count * step
     return replace(scheme, step=step, output_interval=end, spectral_radius=PRIOR_RADIUS)
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def _prior_times(scheme: Scheme, duration: float) -> Floats:
+    """Return the ends of the steps of a prior motion, read-only, as throws share them [s]."""
+    count = round(scheme.output_interval / scheme.step)
+    times: Floats = np.minimum(scheme.step * np.arange(count + 1), duration)
+    times.flags.writeable = False
+    return times
 
 
 _FROZEN = ("appears", "disappears", "offset", "slope", "intercept", "potential")

@@ -10,7 +10,7 @@ Schedules recorded elsewhere: a CSV file with the columns time and fraction.
 """
 
 import csv
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -112,19 +112,39 @@ _positions: LRUCache[tuple[FloatArray, tuple[object, ...]]] = LRUCache(8)
 """Positions of markers, with the records that they follow from: throws mostly move alike."""
 
 
+def motion_key(
+    panel: Panel, prior: Movement | None
+) -> tuple[tuple[Hashable, ...], tuple[object, ...]]:
+    """Return a key of all that positions of markers follow from, and the records that it names.
+
+    Parameters
+    ----------
+    panel : Panel
+        Drives, schedule and movements.
+    prior : Movement, optional
+        Of positions before a loaded start.
+
+    Returns
+    -------
+    key : tuple
+        Schedule and movements by identity, strokes and over-travels of the drives.
+    held : tuple
+        Who keeps something by the key must keep these too.
+    """
+    held = (panel.schedule, prior, *panel.movement.values())
+    ways = [
+        (name, drive.stroke, drive.over_travel_open, drive.over_travel_closed)
+        for name, drive in panel.drive.items()
+    ]
+    return (*map(id, held), *ways), held
+
+
 def _remembered(
     panel: Panel, instants: FloatArray, prior: Movement | None, made: Callable[[], FloatArray]
 ) -> FloatArray:
-    """Return positions, those of the same drives, schedule and instants from memory.
-
-    Schedule and movements are known by their identity, which the cache keeps alive.
-    """
-    held = (panel.schedule, prior, *panel.movement.values())
-    ways = tuple(
-        (name, drive.stroke, drive.over_travel_open, drive.over_travel_closed)
-        for name, drive in panel.drive.items()
-    )
-    key = (tuple(id(record) for record in held), ways, instants.tobytes())
+    """Return positions, those of the same drives, schedule and instants from memory."""
+    key, held = motion_key(panel, prior)
+    key = (*key, instants.tobytes())
     known = _positions.get(key)
     if known is None:
         known = _positions.put(key, (made(), held))

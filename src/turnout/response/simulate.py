@@ -1,12 +1,14 @@
 """Simulate a throw: panel, objects in their places, mechanism, history, dataset."""
 
+import functools
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from turnout.core.lru_cache import LRUCache
 from turnout.core.threads import one_blas_thread
 from turnout.errors import ResponseError
 from turnout.integrate.arrange import clear_memory
@@ -22,10 +24,12 @@ from turnout.panel.load import LoadedPanel, load_panel
 from turnout.panel.markers import (
     marker_offsets,
     marker_positions,
+    motion_key,
     movement_time,
     prior_movement,
     prior_positions,
 )
+from turnout.panel.records import Movement
 from turnout.response.compilation import must_compile
 from turnout.response.save import Save
 from turnout.scheme import Mode, Scheme, chosen_scheme
@@ -364,9 +368,15 @@ def compile_kernels(*, machines: bool = False) -> None:
     write_rows([Rows(products, np.zeros((1, 1)))], {"g": np.zeros((1, 1))})
 
 
+MOST_MOTIONS = 8
+"""Positions of markers that throws share, the latest used."""
+_motions = LRUCache[tuple[Floats, tuple[object, ...]]](MOST_MOTIONS)
+
+
 def _markers(panel: LoadedPanel, instants: Floats) -> Floats:
     """Return marker positions from the stress-free position of the rails [m]."""
-    return marker_positions(panel, instants) + marker_offsets(panel)[:, np.newaxis]
+    made = functools.partial(marker_positions, panel, instants)
+    return _shared_motion(panel, instants, None, made)
 
 
 def _prior_motion(panel: LoadedPanel) -> PriorMotion | None:
@@ -374,11 +384,35 @@ def _prior_motion(panel: LoadedPanel) -> PriorMotion | None:
     movement = prior_movement(panel)
     if movement is None:
         return None
-    offsets = marker_offsets(panel)[:, np.newaxis]
-    return PriorMotion(
-        max(movement_time(movement, drive) for drive in panel.drive),
-        lambda instants: prior_positions(panel, movement, instants) + offsets,
-    )
+
+    def positions(instants: Floats) -> Floats:
+        made = functools.partial(prior_positions, panel, movement, instants)
+        return _shared_motion(panel, instants, movement, made)
+
+    return PriorMotion(max(movement_time(movement, drive) for drive in panel.drive), positions)
+
+
+def _shared_motion(
+    panel: LoadedPanel,
+    instants: Floats,
+    prior: Movement | None,
+    made: Callable[[], Floats],
+) -> Floats:
+    """Return positions of markers from the stress-free position, which throws share [m].
+
+    Shape (n_inputs, n); each instant lies in one piece, as the kernels take it. Nobody may change
+    them. Instants that cannot change are known by their identity.
+    """
+    offsets = marker_offsets(panel)
+    key, held = motion_key(panel, prior)
+    times: Hashable = instants.tobytes() if instants.flags.writeable else id(instants)
+    key = (*key, *offsets.tolist(), times)
+    known = _motions.get(key)
+    if known is None:
+        # not frozen: kernels are compiled for arrays that can be written to
+        positions = np.ascontiguousarray((made() + offsets[:, np.newaxis]).T)
+        known = _motions.put(key, (positions, (*held, instants)))
+    return known[0].T
 
 
 def as_objects(

@@ -32,7 +32,7 @@ from turnout.sweep.deflate import deflate_chunk
 from turnout.sweep.labels import LABELS
 from turnout.sweep.row import (
     COMPLETE,
-    THROWS_PER_PASS,
+    PLANNED_ALIKE,
     Row,
     rule_inputs,
     skipped_row,
@@ -253,8 +253,8 @@ def throw_batch(study: Study, chains: Sequence[Sequence[int]]) -> list[Row]:
             rows += _throw_chain(study, study.rule, chain)
     else:
         scenarios = study.scenarios_of([index for chain in chains for index in chain])
-        for first in range(0, len(scenarios), THROWS_PER_PASS):
-            rows += throw_scenarios(study, scenarios[first : first + THROWS_PER_PASS])
+        for first in range(0, len(scenarios), PLANNED_ALIKE):
+            rows += throw_scenarios(study, scenarios[first : first + PLANNED_ALIKE])
     return sorted(rows, key=lambda row: row.scenario.index)
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from turnout.core.threads import one_blas_thread
 from turnout.errors import PanelError, TurnoutError
 from turnout.integrate.outcome import Code
+from turnout.mechanism.shape_key import LAWS_ALONE
 from turnout.panel.foreign_object import PlacedObject, resolve_objects
 from turnout.panel.load import LoadedPanel
 from turnout.response.dataset import coordinates_of
@@ -41,8 +42,13 @@ UNUSABLE = (FAILED, INVALID, INACCURATE)
 THROWS_PER_PASS = 16
 """So many throws are evaluated together; more would not fit the processor's caches."""
 
-PLANNED_AT_ONCE = 8
-"""Of these so many are planned, then thrown, then reduced; each may have rails of its own."""
+PLANNED_ALIKE = 64
+"""So many are planned at once where rails are shared: each time Python has to find its own objects
+in the processor's caches again."""
+
+THROWN_AT_ONCE = 8
+"""Of these so many are thrown, then reduced; where each may have rails of its own, no more than
+these are planned at once either."""
 
 STEPS_AT_ONCE = 2**17
 """Fewer are, if they have more steps together: what a long throw leaves takes much memory."""
@@ -181,18 +187,28 @@ def throw_scenarios(study: Study, scenarios: Sequence[Scenario]) -> list[Row]:
     ready = [prepare_scenario(study, scenario) for scenario in scenarios]
     throws: list[ThrowResult] = []
     with one_blas_thread():
-        count = planned_at_once(study, ready)
+        count = thrown_at_once(study, ready)
+        at_once = PLANNED_ALIKE if share_rails(ready) else count
+        planned: list[PreparedScenario] = []
         for first in range(0, len(ready), count):
-            planned = [plan_scenario(study, item) for item in ready[first : first + count]]
-            thrown = [throw_scenario(study, item) for item in planned]
+            if not planned:
+                planned = [plan_scenario(study, item) for item in ready[first : first + at_once]]
+            thrown = [throw_scenario(study, item) for item in planned[:count]]
+            del planned[:count]
             throws += [extract_scenario(study, item) for item in thrown]
         return make_rows(throws)
 
 
-def planned_at_once(study: Study, ready: Sequence[PreparedScenario]) -> int:
-    """Return how many of some throws are planned together."""
+def thrown_at_once(study: Study, ready: Sequence[PreparedScenario]) -> int:
+    """Return how many of some throws are thrown before they are reduced."""
     longest = max((item.panel.schedule.end for item in ready), default=0.0)
-    return max(1, min(PLANNED_AT_ONCE, int(STEPS_AT_ONCE * study.scheme.step / max(longest, 1.0))))
+    return max(1, min(THROWN_AT_ONCE, int(STEPS_AT_ONCE * study.scheme.step / max(longest, 1.0))))
+
+
+def share_rails(ready: Sequence[PreparedScenario]) -> bool:
+    """Return whether the panels of some throws are known to have the same rails."""
+    alike = {id(item.panel.alike(LAWS_ALONE)) for item in ready if not item.fault}
+    return len(alike) <= 1
 
 
 def prepare_scenario(study: Study, scenario: Scenario) -> PreparedScenario:
