@@ -25,7 +25,8 @@ from turnout.study.load_study import load_study
 from turnout.study.study import Study
 from turnout.sweep import folder as sweep_folder
 from turnout.sweep import row as sweep_row
-from turnout.sweep.batch import batch_variables, file_bytes, plan_batches, throw_batch
+from turnout.sweep.batch import batch_variables, plan_batches, throw_batch
+from turnout.sweep.batch_file import file_bytes
 from turnout.sweep.folder import check_folder, lock_folder
 from turnout.sweep.labels import object_labels
 from turnout.sweep.read import label_arrays, open_sweep, read_index, read_labels
@@ -376,7 +377,7 @@ def test_a_worker_loads_only_what_it_needs(study: Study, whole: Path) -> None:
     """Each worker waits for what it imports, so what only others need would cost every sweep."""
     script = f"""
 import sys
-from turnout.sweep.batch import file_bytes
+from turnout.sweep.batch_file import file_bytes
 from turnout.sweep.batch import batch_variables, throw_batch
 from turnout.sweep.stored_study import load_stored_study
 from turnout.sweep.worker import make_batch
