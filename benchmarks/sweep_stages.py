@@ -39,6 +39,8 @@ STAGES = {
         "plan_throw": "markers",
         "solve_planned": "outcome, history",
         "extract_signals": "signals, gaps, flangeway",
+        "lay_together": "signals, gaps, flangeway",
+        "kept_histories": "signals, gaps, flangeway",
         "compute_labels": "labels and features",
         "make_rows": "rows",
     },

@@ -168,8 +168,15 @@ class Watched:
     effort: Floats
 
     def forces(self, laws: Sequence[int]) -> Floats:
-        """Return the forces of some of the watched laws, shape (n, n_laws) [N]."""
-        return self.effort[:, [self.laws.index(law) for law in laws]]
+        """Return the forces of some of the watched laws, shape (n, n_laws) [N].
+
+        Neighbours in their order are not copied.
+        """
+        columns = [self.laws.index(law) for law in laws]
+        first = columns[0] if columns else 0
+        if columns == [*range(first, first + len(columns))]:
+            return self.effort[:, first : first + len(columns)]
+        return self.effort[:, columns]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
