@@ -27,7 +27,8 @@ from turnout.response.simulate import compile_kernels
 from turnout.study.load_study import load_study
 from turnout.study.read_study import scheme_for
 from turnout.study.study import Study
-from turnout.sweep.batch import batch_variables, file_bytes, throw_batch
+from turnout.sweep.batch import batch_variables, throw_batch
+from turnout.sweep.batch_file import file_bytes
 from turnout.sweep.folder import JOURNAL
 from turnout.sweep.read import open_sweep, read_labels
 from turnout.sweep.run import SweepProgress, run_sweep

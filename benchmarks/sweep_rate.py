@@ -39,7 +39,8 @@ import json, signal, sys, time
 from dataclasses import replace
 try:
     from turnout.study.load_study import load_study
-    from turnout.sweep.batch import LARGEST_BATCH, batch_variables, file_bytes, throw_batch
+    from turnout.sweep.batch import LARGEST_BATCH, batch_variables, throw_batch
+    from turnout.sweep.batch_file import file_bytes
     from turnout.sweep.worker import initialize_worker
 except ImportError:  # the parent says that this code is too old
     sys.exit(1)

@@ -22,7 +22,7 @@ from benchmarks.page import write_section
 from turnout.integrate.start import clear_starts
 from turnout.study.load_study import load_study
 from turnout.study.study import Study
-from turnout.sweep import batch
+from turnout.sweep import batch, batch_file
 from turnout.sweep.worker import initialize_worker
 
 STUDY = Path(__file__).with_name("million.toml")
@@ -31,14 +31,16 @@ STAGES = {
     "turnout.sweep.batch": {
         "throw_batch": "scenario drawn",
         "batch_variables": "rows stacked",
-        "file_bytes": "file made and compressed",
     },
+    "turnout.sweep.batch_file": {"file_bytes": "file made and compressed"},
     "turnout.sweep.row": {
         "prepare_scenario": "panel of the scenario",
         "resolve_objects": "objects placed and checked",
         "plan_throw": "markers",
         "solve_planned": "outcome, history",
         "extract_signals": "signals, gaps, flangeway",
+        "lay_together": "signals, gaps, flangeway",
+        "kept_histories": "signals, gaps, flangeway",
         "compute_labels": "labels and features",
         "make_rows": "rows",
     },
@@ -90,7 +92,7 @@ class Clock:
 def throw(study: Study, first: int) -> None:
     """Throw a batch of scenarios and make its file."""
     rows = batch.throw_batch(study, [range(first, first + BATCH)])
-    batch.file_bytes(batch.batch_variables(study, rows))
+    batch_file.file_bytes(batch.batch_variables(study, rows))
 
 
 def measured(study: Study, *, count: int, repeats: int) -> dict[str, float]:

@@ -191,7 +191,8 @@ def test_slices_take_what_indices_take(places: list[int]) -> None:
 def test_kept_indexes_make_the_same_coordinates(solved: Solved) -> None:
     """And attributes of one dataset do not show in the next one."""
     panel = load_panel(DEFAULT)
-    made = coordinates(panel, solved.mechanism, time=solved.history.time)
+    used = ("rail", "drive", "chair", "sensor")
+    made = coordinates(panel, solved.mechanism, time=solved.history.time, used=used)
     first, second = xr.Dataset(coords=indexed(made)), xr.Dataset(coords=indexed(made))
     assert first.identical(xr.Dataset(coords=made))
     assert first["rail"].dtype == made["rail"][1].dtype
@@ -199,6 +200,18 @@ def test_kept_indexes_make_the_same_coordinates(solved: Solved) -> None:
     first["drive_x"][:] = 0.0
     assert second.identical(xr.Dataset(coords=made))
     assert "units" not in xr.Dataset(coords=indexed(made))["rail"].attrs
+
+
+@pytest.mark.parametrize("used", [(), ("drive",), ("fastening", "axis", "link", "stop", "object")])
+def test_coordinates_are_those_of_the_dimensions_that_are_used(
+    solved: Solved, used: tuple[str, ...]
+) -> None:
+    panel = load_panel(DEFAULT)
+    made = coordinates(panel, solved.mechanism, time=solved.history.time, used=used)
+    there = {dim for dim in used if dim in ("axis", "object") or len(getattr(panel, dim))}
+    assert {dim for dims, _ in made.values() for dim in dims} <= {"time", *used}
+    assert there - {"object"} <= made.keys()
+    assert ("drive_stiffness" in made) == ("drive" in used)
 
 
 def test_a_run_without_all_channels_has_those_that_it_keeps(solved: Solved) -> None:

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,8 @@ from turnout.study.load_study import load_study
 from turnout.study.study import Study
 from turnout.sweep import folder as sweep_folder
 from turnout.sweep import row as sweep_row
-from turnout.sweep.batch import batch_variables, file_bytes, plan_batches, throw_batch
+from turnout.sweep.batch import batch_variables, plan_batches, throw_batch
+from turnout.sweep.batch_file import file_bytes
 from turnout.sweep.folder import check_folder, lock_folder
 from turnout.sweep.labels import object_labels
 from turnout.sweep.read import label_arrays, open_sweep, read_index, read_labels
@@ -388,22 +390,25 @@ def test_slips_with_and_without_an_object(
         at = opening + when if when < 1 else closing + when
         force[np.searchsorted(time, at)] = value
     later = contact if np.isnan(contact) else closing + contact
-    every = {
-        "object_force": (("time",), np.zeros(time.size)),
-        "drive_force": (("drive", "time"), force[np.newaxis]),
-        "drive_slipping": (("drive", "time"), (np.abs(force) >= 9.0)[np.newaxis]),
-        "contact_time": ((), np.array(later)),
-    }
     spans = [Span("a", "open", opening, opening + 2.0), Span("b", "closed", closing, closing + 2.0)]
-    labels = object_labels(time, every, spans=spans)
-    assert (bool(labels["slipped"][1]), bool(labels["slipped_free"][1])) == found
+    together = SimpleNamespace(  # of three throws, the first and last without slips
+        runs=[SimpleNamespace(labels={"contact_time": ((), np.array(t))}) for t in (2, later, 2)],
+        spans=spans,
+        time=time,
+        force=np.stack([0 * force, force, 0 * force])[:, np.newaxis],
+        slipping=np.stack([0 * force, np.abs(force), 0 * force])[:, np.newaxis] >= 9.0,
+        on_objects={"object_force": (("time",), np.zeros((3, time.size)))},
+    )
+    labels = object_labels(together)  # type: ignore[arg-type]
+    for name, expected in zip(("slipped", "slipped_free"), found, strict=True):
+        assert labels[name][1].tolist() == [False, expected, False]
 
 
 def test_a_worker_loads_only_what_it_needs(study: Study, whole: Path) -> None:
     """Each worker waits for what it imports, so what only others need would cost every sweep."""
     script = f"""
 import sys
-from turnout.sweep.batch import file_bytes
+from turnout.sweep.batch_file import file_bytes
 from turnout.sweep.batch import batch_variables, throw_batch
 from turnout.sweep.stored_study import load_stored_study
 from turnout.sweep.worker import make_batch

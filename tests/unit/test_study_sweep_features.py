@@ -11,10 +11,10 @@ from turnout.study.load_study import load_study
 from turnout.sweep.batch import (
     LARGEST_WITHOUT_HISTORIES,
     batch_variables,
-    file_bytes,
     plan_batches,
     throw_batch,
 )
+from turnout.sweep.batch_file import file_bytes
 from turnout.sweep.export import sweep_table
 from turnout.sweep.read import open_sweep, read_labels
 from turnout.sweep.run import run_sweep

@@ -7,7 +7,8 @@ import h5py
 import numpy as np
 import pytest
 
-from turnout.sweep.batch import LARGEST_CHUNK, StoredVariable, file_bytes
+from turnout.sweep.batch import StoredVariable
+from turnout.sweep.batch_file import LARGEST_CHUNK, file_bytes
 from turnout.sweep.deflate import SMALL, deflate_chunk
 
 

@@ -22,7 +22,7 @@ from turnout.integrate.energy import energy_balance, folded_energy
 from turnout.integrate.march import march, march_with_machines, store_instant
 from turnout.integrate.outcome import Code, Outcome, is_closed
 from turnout.integrate.prepared_run import PreparedRun, RunSetup, prepare, set_up_run
-from turnout.integrate.record import trim_record
+from turnout.integrate.record import kept_obstructions, trim_record
 from turnout.integrate.start import PriorMotion, StartPlan, find_start, plan_start
 from turnout.integrate.state import (
     COUNT_FLIPS,
@@ -314,18 +314,10 @@ def _carry_out(given: RunPlan, report: Callable[[int, int], None] | None) -> His
         between = {"instants": instants, "inputs": positions, "modes": arrangement.model.row_modes}
         record = interpolate_record(record, step=scheme.step, laws=arrangement.laws, **between)
     history = _assemble_history(
-        run, record, arrangement.condensed, outcome, instants, positions, machines
+        run, record, arrangement.condensed, outcome, instants, positions, machines, plan
     )
     run.give_back()
-    return history if plan is None else _without_fine(history, run, plan)
-
-
-def _without_fine(history: History, run: PreparedRun, plan: WatchPlan) -> History:
-    """Return a history of the whole instants alone, with what was watched of a complete run."""
-    whole = plan.whole_instants
-    whole = whole[whole < history.time.size]
-    watched = trim_watched(run.record, plan, history) if history.outcome.complete else None
-    return replace(history, time=history.time[whole], inputs=history.inputs[whole], watched=watched)
+    return history
 
 
 def _choose_grid(mechanism: Mechanism, scheme: Scheme, end: float) -> Grid:
@@ -364,8 +356,18 @@ def _assemble_history(
     instants: Floats,
     positions: Floats,
     machines: MachineHistory | None,
+    plan: WatchPlan | None,
 ) -> History:
-    state = run.state
+    """Return a history, of a watched run one of its whole instants with what was watched."""
+    state, watched = run.state, None
+    placed = state.law_placed.copy()
+    first = np.where(np.isinf(state.law_first), np.nan, state.law_first)
+    if plan is not None:
+        if outcome.complete:
+            every = {"time": instants, "inputs": positions, "law_first": first}
+            watched = trim_watched(run.record, plan, **every, law_placed=placed)
+        whole = plan.whole_instants[: plan.whole_before(instants.size)]
+        instants, positions = instants[whole], positions[whole]
     return History(
         time=instants,
         inputs=positions,
@@ -375,8 +377,8 @@ def _assemble_history(
         friction_force=record.friction,
         stored=record.stored,
         ledger=record.ledger,
-        law_placed=state.law_placed.copy(),
-        law_first=np.where(np.isinf(state.law_first), np.nan, state.law_first),
+        law_placed=placed,
+        law_first=first,
         condensed=condensed,
         laws=run.laws,
         machines=machines,
@@ -384,9 +386,8 @@ def _assemble_history(
         iterations=int(state.counters[COUNT_ITERATIONS]),
         flips=int(state.counters[COUNT_FLIPS]),
         halved=int(state.counters[COUNT_HALVED]),
-        obstructions=Obstructions(
-            **{name: getattr(run.obstructions, name).copy() for name in Obstructions._fields}
-        ),
+        obstructions=kept_obstructions(run.obstructions),
+        watched=watched,
     )
 
 

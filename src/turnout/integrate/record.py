@@ -9,6 +9,7 @@ from turnout.integrate.system import Floats, System
 from turnout.integrate.watch import SeenWeights, StepRecord, WatchPlan, watch_record
 from turnout.kernels.lanes import empty_in_lines, whole_lines
 from turnout.kernels.shared_record import shared_record
+from turnout.law.obstruction import Obstructions, no_obstructions
 from turnout.law.table import LawTable
 
 Ints = NDArray[np.int64]
@@ -92,9 +93,8 @@ def trim_record(
     n_modes = system.load.size
     energies: slice | Ints = slice(count)
     if plan is not None:
-        whole = plan.whole_instants
-        energies = plan.balanced[whole[whole < count]]
-        count = energies.size
+        count = plan.whole_before(count)
+        energies = plan.whole_balanced[:count]
     return StepRecord(
         q=record.q[:count, :n_modes],
         g=record.g[:count, : system.row_place.size],
@@ -105,3 +105,13 @@ def trim_record(
         residual=record.residual,
         v=record.v[:count, :n_modes],
     )
+
+
+_NO_OBSTRUCTIONS = no_obstructions()
+
+
+def kept_obstructions(found: Obstructions) -> Obstructions:
+    """Return obstructions apart from the memory of their run; all runs share those of none."""
+    if found.law.size == 0:
+        return _NO_OBSTRUCTIONS
+    return Obstructions(**{name: getattr(found, name).copy() for name in Obstructions._fields})

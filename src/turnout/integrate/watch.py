@@ -196,8 +196,15 @@ class Watched:
     effort: Floats
 
     def forces(self, laws: Sequence[int]) -> Floats:
-        """Return the forces of some of the watched laws, shape (n, n_laws) [N]."""
-        return self.effort[:, [self.laws.index(law) for law in laws]]
+        """Return the forces of some of the watched laws, shape (n, n_laws) [N].
+
+        Neighbours in their order are not copied.
+        """
+        columns = [self.laws.index(law) for law in laws]
+        first = columns[0] if columns else 0
+        if columns == [*range(first, first + len(columns))]:
+            return self.effort[:, first : first + len(columns)]
+        return self.effort[:, columns]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -206,6 +213,8 @@ class WatchPlan:
 
     `whole`, `kept` and `balanced` have the place of each instant, -1 for none; `whole_instants` and
     `balanced_instants` are the numbers of the instants that have one. The last one has all.
+    `regular` are the places in `kept` of every so many instants as are wanted, `whole_balanced` the
+    places of energies of whole instants.
     """
 
     watch: Watch
@@ -214,6 +223,12 @@ class WatchPlan:
     balanced: Ints
     whole_instants: Ints
     balanced_instants: Ints
+    regular: Ints
+    whole_balanced: Ints
+
+    def whole_before(self, count: int) -> int:
+        """Return how many of the first `count` stored instants are stored whole."""
+        return int(self.whole_instants.searchsorted(count))
 
     def balanced_before(self, count: int) -> int:
         """Return of how many of the first `count` stored instants the energies are stored."""
@@ -247,7 +262,7 @@ def plan_watch(watch: Watch, interval: float, count: int) -> WatchPlan:
 @lru_cache(maxsize=16)
 def _places(
     wanted: tuple[float, ...], stride: int, interval: float, count: int
-) -> tuple[Ints, Ints, Ints, Ints, Ints]:
+) -> tuple[Ints, ...]:
     """Return all of a `WatchPlan` but what is wanted."""
     times = interval * np.arange(count, dtype=np.float64)
     first = np.searchsorted(times, np.array(wanted, dtype=np.float64) - TIME_TOLERANCE)
@@ -255,7 +270,7 @@ def _places(
     kept = np.union1d(np.arange(0, count, stride), whole)
     balanced = np.union1d(np.arange(0, count, stride * BALANCE_EVERY), whole)
     of_instant = _numbered(whole, count), _numbered(kept, count), _numbered(balanced, count)
-    places = (*of_instant, whole, balanced)
+    places = (*of_instant, whole, balanced, of_instant[1][::stride].copy(), of_instant[2][whole])
     for found in places:
         found.flags.writeable = False
     return places
@@ -356,16 +371,24 @@ def watch_record(record: StepRecord, plan: WatchPlan, weights: SeenWeights) -> S
     )
 
 
-def trim_watched(record: StepRecord, plan: WatchPlan, history: "Instants") -> Watched:
-    """Return what a run to its last instant left; `history` holds all its instants."""
+def trim_watched(
+    record: StepRecord,
+    plan: WatchPlan,
+    *,
+    time: Floats,
+    inputs: Floats,
+    law_first: Floats,
+    law_placed: Floats,
+) -> Watched:
+    """Return what a run to its last instant left; of all its instants, as of `Watched`."""
     count = plan.watch.count
     return Watched(
-        time=history.time,
-        inputs=history.inputs,
-        law_first=history.law_first,
-        law_placed=history.law_placed,
+        time=time,
+        inputs=inputs,
+        law_first=law_first,
+        law_placed=law_placed,
         stride=plan.watch.stride,
-        seen=record.seen[plan.kept[:: plan.watch.stride], :count],
+        seen=record.seen.take(plan.regular, axis=0)[:, :count],
         seen_last=record.seen[plan.kept[-1] :][:1, :count],
         laws=tuple(plan.watch.laws),
         effort=record.effort,

@@ -1,6 +1,6 @@
 """Names and places of the members of a panel as coordinates of a dataset."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Container, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +10,7 @@ from turnout.core.lru_cache import LRUCache
 from turnout.mechanism.drive_machines import slip_force
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.model import Panel
-from turnout.panel.records import Drive
+from turnout.panel.records import Drive, Placed
 from turnout.response.labels import DIRECTIONS
 from turnout.response.save import Save
 from turnout.response.signals import AXES, Variable, stop_names
@@ -26,11 +26,13 @@ MOST_KEPT = 64
 _indexes = LRUCache[tuple["Index", "xr.Variable"]](MOST_KEPT)
 
 MOST_PANELS = 8
-"""Panels whose coordinates and stations are kept in memory, the latest used."""
+"""Panels whose stations are kept in memory, the latest used."""
+MOST_FAMILIES = 64
+"""Families of members whose coordinates are kept likewise."""
 
 # Throws share what names and places are of. It is named by identity, and kept beside so that
 # nothing else takes its place.
-_of_members = LRUCache[tuple[dict[str, Variable], object]](MOST_PANELS)
+_of_members = LRUCache[tuple[dict[str, Variable], object]](MOST_FAMILIES)
 _stations = LRUCache[tuple[Floats, object]](MOST_PANELS)
 
 
@@ -50,52 +52,68 @@ def stations(panel: Panel, mechanism: Mechanism, save: Save) -> Floats:
     return kept[0].copy()
 
 
-def coordinates(panel: Panel, mechanism: Mechanism, *, time: Floats) -> dict[str, Variable]:
-    """Return every coordinate that some channel may use, but for "x", see `stations`."""
-    families = (
-        *(panel.rail, panel.drive, panel.machine, panel.chair, panel.stop, panel.stud),
-        *(panel.fastening, panel.link, panel.sensor),
-    )
-    key = tuple(map(id, families))
-    kept = _of_members.get(key)
-    if kept is None:
-        kept = _of_members.put(key, (_member_coordinates(panel), families))
+def coordinates(
+    panel: Panel, mechanism: Mechanism, *, time: Floats, used: Container[str]
+) -> dict[str, Variable]:
+    """Return the coordinates of the dimensions that are used, but for "x", see `stations`.
+
+    Time is among them in any case.
+    """
     found: dict[str, Variable] = {"time": (("time",), time)}
-    found |= {name: (dims, values.copy()) for name, (dims, values) in kept[0].items()}
-    if mechanism.index.object_parts:
+    for dimension, (families, make) in _MAKERS.items():
+        if dimension in used:
+            named = [getattr(panel, family) for family in families]
+            key = (dimension, *map(id, named))
+            kept = _of_members.get(key)
+            if kept is None:
+                kept = _of_members.put(key, (make(panel), named))
+            found |= {name: (dims, values.copy()) for name, (dims, values) in kept[0].items()}
+    if "object" in used and mechanism.index.object_parts:
         found["object"] = _names("object", mechanism.index.object_parts)
     return found
 
 
-def _member_coordinates(panel: Panel) -> dict[str, Variable]:
-    """Return names, places and properties of what a panel has."""
-    found: dict[str, Variable] = {
-        "rail": _names("rail", panel.rail),
+def _of_drives(panel: Panel) -> dict[str, Variable]:
+    drives = panel.drive.values()
+    return {
         "drive": _names("drive", panel.drive),
-        "drive_x": _numbers("drive", [drive.x for drive in panel.drive.values()]),
+        "drive_x": _places("drive", panel.drive),
         "saturation_force": _numbers("drive", [slip_force(panel, name) for name in panel.drive]),
-        "drive_stiffness": _numbers("drive", [_stiffness(drive) for drive in panel.drive.values()]),
-        "direction": _names("direction", DIRECTIONS),
+        "drive_stiffness": _numbers("drive", [_stiffness(drive) for drive in drives]),
     }
-    if panel.chair:
-        found["chair"] = _names("chair", panel.chair)
-        found["chair_x"] = _numbers("chair", [chair.x for chair in panel.chair.values()])
-    if stops := [*panel.stop.values(), *panel.stud.values()]:
-        found["stop"] = _names("stop", stop_names(panel))
-        found["stop_x"] = _numbers("stop", [stop.x for stop in stops])
-    if panel.fastening:
-        found["fastening"] = _names("fastening", panel.fastening)
-        found["fastening_x"] = _numbers("fastening", [f.x for f in panel.fastening.values()])
-        found["axis"] = _names("axis", AXES)
-    if panel.link:
-        found["link"] = _names("link", panel.link)
-        found["link_x"] = _numbers("link", [link.x for link in panel.link.values()])
-    if panel.sensor:
-        sensors = panel.sensor.values()
-        found["sensor"] = _names("sensor", panel.sensor)
-        found["sensor_x"] = _numbers("sensor", [sensor.x for sensor in sensors])
-        found["sensor_limit"] = _numbers("sensor", [sensor.limit for sensor in sensors])
-    return found
+
+
+def _of_stops(panel: Panel) -> dict[str, Variable]:
+    both = {**panel.stop, **{f"stud {name}": stud for name, stud in panel.stud.items()}}
+    return {"stop": _names("stop", stop_names(panel)), "stop_x": _places("stop", both)}
+
+
+def _of_sensors(panel: Panel) -> dict[str, Variable]:
+    limits = [sensor.limit for sensor in panel.sensor.values()]
+    return {
+        "sensor": _names("sensor", panel.sensor),
+        "sensor_x": _places("sensor", panel.sensor),
+        "sensor_limit": _numbers("sensor", limits),
+    }
+
+
+_MAKERS: Mapping[str, tuple[tuple[str, ...], Callable[[Panel], dict[str, Variable]]]] = {
+    "rail": (("rail",), lambda panel: {"rail": _names("rail", panel.rail)}),
+    "drive": (("drive", "machine"), _of_drives),
+    "direction": ((), lambda _: {"direction": _names("direction", DIRECTIONS)}),
+    "chair": (("chair",), lambda panel: _members("chair", panel.chair)),
+    "stop": (("stop", "stud"), _of_stops),
+    "fastening": (("fastening",), lambda panel: _members("fastening", panel.fastening)),
+    "axis": ((), lambda _: {"axis": _names("axis", AXES)}),
+    "link": (("link",), lambda panel: _members("link", panel.link)),
+    "sensor": (("sensor",), _of_sensors),
+}
+"""By dimension the families of a panel from which its coordinates are made, and how."""
+
+
+def _members(dimension: str, family: Mapping[str, Placed]) -> dict[str, Variable]:
+    """Return names and places of some members."""
+    return {dimension: _names(dimension, family), f"{dimension}_x": _places(dimension, family)}
 
 
 def indexed(coordinates: Mapping[str, Variable]) -> "xr.Coordinates":
@@ -142,6 +160,10 @@ def _stiffness(drive: Drive) -> float:
 
 def _names(dimension: str, names: object) -> Variable:
     return (dimension,), np.array(list(names), dtype=np.str_)  # type: ignore[call-overload]
+
+
+def _places(dimension: str, family: Mapping[str, Placed]) -> Variable:
+    return _numbers(dimension, [item.x for item in family.values()])
 
 
 def _numbers(dimension: str, values: list[float]) -> Variable:

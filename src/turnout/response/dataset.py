@@ -189,7 +189,7 @@ def coordinates_of(
         With the places of `gap` and `lateral_displacement`.
     """
     used = {dim for dims, _ in channels.values() for dim in dims} | {"time"}
-    named = coordinates(panel, mechanism, time=time)
+    named = coordinates(panel, mechanism, time=time, used=used)
     if "x" in used:
         named["x"] = (("x",), stations(panel, mechanism, save))
     return {name: value for name, value in named.items() if set(value[0]) <= used}

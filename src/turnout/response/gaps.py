@@ -171,26 +171,8 @@ def gap_rows(
     return stock_gap(panel, motion, rail, x), list(zip(involved, found[0], strict=True))
 
 
-def drive_and_sensor_gaps(panel: Panel, motion: Motion, time: Floats) -> tuple[Floats, Floats]:
-    """Return the gap at each drive's rod, of the rail that should be closed, and at each sensor.
-
-    That rail is the one which the present or last movement closes; before the first movement, the
-    one that is closed where the schedule starts. A panel with one rail has no choice.
-
-    Returns
-    -------
-    at_drives : ndarray, shape (n_drives, n_times)
-        [m]
-    at_sensors : ndarray, shape (n_sensors, n_times)
-        [m]
-    """
-    rows = gap_rows_over_time(panel, motion)
-    write_rows([rows], histories_of(motion.history))
-    return split_gaps(panel, rows.out, time)
-
-
 def gap_places(panel: Panel) -> list[Place]:
-    """Return where `drive_and_sensor_gaps` looks: at the drives on both rails, then at sensors."""
+    """Return where `split_gaps` needs gaps: at the drives on both rails, then at sensors."""
     named = [panel.drive, panel.sensor, panel.rail]
     key = (panel.instrumented_rail, *map(id, named))
     kept = _places.get(key)
@@ -204,9 +186,30 @@ def gap_places(panel: Panel) -> list[Place]:
 
 
 def split_gaps(panel: Panel, gaps: Floats, time: Floats) -> tuple[Floats, Floats]:
-    """Return gaps at drives and at sensors of open distances at the `gap_places` one by one."""
+    """Return gaps at drives and at sensors of open distances at the `gap_places` one by one.
+
+    The gap at a drive's rod is that of the rail that should be closed: the one which the present or
+    last movement closes, before the first movement the one that is closed where the schedule
+    starts. A panel with one rail has no choice.
+
+    Parameters
+    ----------
+    panel : Panel
+    gaps : ndarray, shape (..., n_places, n_times)
+        Also of many throws of the same movements [m].
+    time : ndarray, shape (n_times,)
+        [s]
+
+    Returns
+    -------
+    at_drives : ndarray, shape (..., n_drives, n_times)
+        [m]
+    at_sensors : ndarray, shape (..., n_sensors, n_times)
+        [m]
+    """
     count = len(panel.drive)
-    first, second, at_sensors = gaps[:count], gaps[count : 2 * count], gaps[2 * count :]
+    first, second = gaps[..., :count, :], gaps[..., count : 2 * count, :]
+    at_sensors = gaps[..., 2 * count :, :]
     # at any instant one of the two is wanted closed
     at_drives = np.where(wanted_closed(panel, time)[0][1], first, second)
     return at_drives, at_sensors
@@ -224,6 +227,13 @@ def gap_rows_over_time(panel: Panel, motion: Motion) -> Rows:
     (recipe,) = recipes_of(motion, (panel.rail, panel.stock_rail), at, recipes)
     count = sum(x.size for _, x, _ in places)
     return recipe.into(rows_in_lines(count, motion.history.time.size))
+
+
+def gaps_over_time(panel: Panel, motion: Motion) -> Floats:
+    """Return the open distances at all `gap_places`, shape (n_places, n_times) [m]."""
+    rows = gap_rows_over_time(panel, motion)
+    write_rows([rows], histories_of(motion.history))
+    return rows.out
 
 
 def watched_gaps(panel: Panel, mechanism: Mechanism) -> Callable[[CondensedRails], SeenRows]:

@@ -39,7 +39,9 @@ def contact_labels(mechanism: Mechanism, history: Instants) -> dict[str, Variabl
     return labels
 
 
-def force_margins(panel: Panel, *, time: Floats, drive_force: Floats) -> Floats:
+def force_margins(
+    panel: Panel, *, time: Floats, drive_force: Floats, limits: Floats | None = None
+) -> Floats:
     """Return what is left below the saturation force in opening and in closing movements.
 
     Only force in the direction of the movement counts. At the onset of a movement a drive still
@@ -51,27 +53,30 @@ def force_margins(panel: Panel, *, time: Floats, drive_force: Floats) -> Floats:
         For saturation forces and movements.
     time : ndarray, shape (n_times,)
         [s]
-    drive_force : ndarray, shape (n_drives, n_times)
-        [N]
+    drive_force : ndarray, shape (..., n_drives, n_times)
+        Also of many throws [N].
+    limits : ndarray, shape (..., n_drives), optional
+        Saturation forces; default those of the panel [N].
 
     Returns
     -------
-    ndarray, shape (n_drives, 2)
+    ndarray, shape (..., n_drives, 2)
         Saturation force less the largest force in the direction of a movement, from its onset to
         that of the next one; opening first [N]. NaN where there is no such movement.
     """
-    limits = np.array([slip_force(panel, name) for name in panel.drive])
-    margins = np.full((limits.size, len(DIRECTIONS)), np.nan)
+    if limits is None:
+        limits = np.array([slip_force(panel, name) for name in panel.drive])
+    margins = np.full((*limits.shape, len(DIRECTIONS)), np.nan)
     for throw in throws(panel):
         bounds = (throw.start - TIME_TOLERANCE, throw.until - TIME_TOLERANCE)
         first, last = np.searchsorted(time, bounds)
         if first == last:
             continue
-        during = drive_force[:, first:last]
-        effort = during.max(axis=1) if throw.to == "closed" else -during.min(axis=1)
+        during = drive_force[..., first:last]
+        effort = during.max(axis=-1) if throw.to == "closed" else -during.min(axis=-1)
         margin = limits - np.maximum(effort, 0.0)
         column = DIRECTIONS.index(throw.direction)
-        margins[:, column] = np.fmin(margins[:, column], margin)
+        margins[..., column] = np.fmin(margins[..., column], margin)
     return margins
 
 
@@ -83,6 +88,7 @@ def control_states(
     drive_gap: Floats,
     sensor_gap: Floats | None,
     moved: Sequence[Throw] | None = None,
+    limits: tuple[Floats, Floats] | None = None,
 ) -> dict[str, Variable]:
     """Return `in_control` of every sensor and `locked` by the panel's rule.
 
@@ -97,28 +103,37 @@ def control_states(
         For the rule and the limits.
     time : ndarray, shape (n_times,)
         [s]
-    slipping : ndarray of bool, shape (n_drives, n_times)
-        Whether a drive is at its saturation force.
-    drive_gap : ndarray, shape (n_drives, n_times)
+    slipping : ndarray of bool, shape (..., n_drives, n_times)
+        Whether a drive is at its saturation force; like the others also of many throws.
+    drive_gap : ndarray, shape (..., n_drives, n_times)
         Raw gap at the rods [m].
-    sensor_gap : ndarray, shape (n_sensors, n_times), optional
+    sensor_gap : ndarray, shape (..., n_sensors, n_times), optional
         [m]
     moved : sequence of Throw, optional
         The movements as they were made; default those of the schedule.
+    limits : tuple of ndarray, optional
+        Of gaps at drives and at sensors, shapes (..., n_drives) and (..., n_sensors); default those
+        of the panel [m].
     """
-    held = ~slipping.any(axis=0)
-    limits = np.array(list(panel.gap_limits().values()))[:, np.newaxis]
+    at_drives, at_sensors = state_limits(panel) if limits is None else limits
+    held = ~slipping.any(axis=-2)
     if panel.lock.rule == "raw gap":
-        small = (drive_gap < limits).all(axis=0)
+        small = (drive_gap < at_drives[..., np.newaxis]).all(axis=-2)
         held = np.where(rail_closes(panel, time), small, held)
     elif panel.lock.rule == "slip or gap":
-        wide = (drive_gap >= limits).any(axis=0)  # a gap that is not known is never wide
+        # a gap that is not known is never wide
+        wide = (drive_gap >= at_drives[..., np.newaxis]).any(axis=-2)
         held &= ~(wide & rail_closes(panel, time))
     states: dict[str, Variable] = {"locked": (("time",), held & at_rest(panel, time, moved))}
     if sensor_gap is not None:
-        limits = np.array([sensor.limit for sensor in panel.sensor.values()])
-        states["in_control"] = (("sensor", "time"), sensor_gap < limits[:, np.newaxis])
+        states["in_control"] = (("sensor", "time"), sensor_gap < at_sensors[..., np.newaxis])
     return states
+
+
+def state_limits(panel: Panel) -> tuple[Floats, Floats]:
+    """Return the gaps from which drives refuse lock, and sensors control [m]."""
+    at_sensors = [sensor.limit for sensor in panel.sensor.values()]
+    return np.array(list(panel.gap_limits().values())), np.array(at_sensors)
 
 
 def flangeway_labels(

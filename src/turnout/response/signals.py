@@ -54,21 +54,46 @@ from turnout.response.rows_over_time import (
 from turnout.response.save import Save
 
 Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 Variable = tuple[tuple[str, ...], NDArray[np.generic]]
 
 
 def drive_signals(panel: Panel, mechanism: Mechanism, history: Instants) -> dict[str, Variable]:
     """Return force on the rail (closing positive), marker position and slip of every drive."""
-    columns = [mechanism.index.drive[name] for name in panel.drive]
-    # 0.0 - F: no negative zeros where a drive is free
-    force = 0.0 - history.forces(columns).T
-    limits = np.array([slip_force(panel, name) for name in panel.drive])
+    force, displacement = both = np.empty((2, len(panel.drive), history.time.size))
+    write_drives(panel, mechanism, history, both)
     dims = ("drive", "time")
     return {
         "drive_force": (dims, force),
-        "drive_displacement": (dims, history.inputs.T - marker_offsets(panel)[:, np.newaxis]),
-        "drive_slipping": (dims, np.abs(force) >= limits[:, np.newaxis]),
+        "drive_displacement": (dims, displacement),
+        "drive_slipping": (dims, slips(force, slip_forces(panel))),
     }
+
+
+def write_drives(panel: Panel, mechanism: Mechanism, history: Instants, out: Floats) -> None:
+    """Write force and marker position of every drive, shape (2, n_drives, n_times) [N, m]."""
+    columns = [mechanism.index.drive[name] for name in panel.drive]
+    # 0.0 - F: no negative zeros where a drive is free
+    np.subtract(0.0, history.forces(columns).T, out=out[0])
+    np.subtract(history.inputs.T, marker_offsets(panel)[:, np.newaxis], out=out[1])
+
+
+def slip_forces(panel: Panel) -> Floats:
+    """Return the force at which each drive slips, shape (n_drives,) [N]."""
+    return np.array([slip_force(panel, name) for name in panel.drive])
+
+
+def slips(force: Floats, limits: Floats) -> Flags:
+    """Return whether drives are at the force at which they slip.
+
+    Parameters
+    ----------
+    force : ndarray, shape (..., n_times)
+        [N]
+    limits : ndarray, shape (...)
+        [N]
+    """
+    return np.abs(force) >= limits[..., np.newaxis]
 
 
 def object_signals(mechanism: Mechanism, history: Instants) -> dict[str, Variable]:

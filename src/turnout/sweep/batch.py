@@ -1,14 +1,12 @@
-"""Batches of scenarios: which ones each holds, their stacked variables, and the file of each.
+"""Batches of scenarios: which ones each holds, their stacked variables, and where each is stored.
 
 Which scenarios are in which batch depends on the study alone, so that it does not matter who
-throws them, when, and after which interruptions. The file is netCDF-4, written whole or not at all.
-Its name carries a digest of its content, which every reader verifies; an attribute says which
-study, which sources and which batch it comes from. It is written with the functions of the HDF5
-library themselves: for fifty small variables any layer above them takes far more time than they do.
+throws them, when, and after which interruptions. The file of a batch (`turnout.sweep.batch_file`)
+is written whole or not at all. Its name carries a digest of its content, which every reader
+verifies; an attribute says which study, which sources and which batch it comes from.
 """
 
 import hashlib
-import io
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -17,18 +15,15 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
-from h5py import h5a, h5d, h5ds, h5f, h5p, h5s, h5t
 from numpy.typing import NDArray
 
 from turnout.core.files import write_atomic
 from turnout.metric.features import FEATURES
 from turnout.response.signals import Variable
-from turnout.schema.channels import AXES, CONVENTIONS, known_channel
+from turnout.schema.channels import AXES, known_channel
 from turnout.study.scenario import Rule
 from turnout.study.study import Study
-from turnout.sweep.deflate import deflate_chunk
 from turnout.sweep.labels import LABELS
 from turnout.sweep.row import (
     COMPLETE,
@@ -39,12 +34,6 @@ from turnout.sweep.row import (
     throw_scenarios,
 )
 
-LARGEST_CHUNK = 2_000_000
-"""Of a variable in a file, before compression, rounded up to whole rows [bytes]."""
-
-LARGEST_CONTIGUOUS = 2048
-"""A variable up to this size is stored as it is: chunks and compression would take more [bytes]."""
-
 DIGITS = 32
 """Of the SHA-256 of a file's content that stand in its name [hexadecimal]."""
 
@@ -52,8 +41,6 @@ ORIGIN = b"origin"
 """Attribute of a file that says where it comes from."""
 
 BATCH_NAME = re.compile(r"(\d{6,})-([0-9a-f]{32})\.nc")
-_TEXT = h5py.string_dtype()
-_TEXT_KIND, _SINGLE = h5t.py_create(_TEXT, logical=True), h5s.create(h5s.SCALAR)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,87 +87,6 @@ class BatchOrigin:
     def __str__(self) -> str:
         """Return all of it in one line, which is quicker to read than an attribute each."""
         return " ".join(astuple(self))
-
-
-def file_bytes(
-    variables: Mapping[str, StoredVariable], *, origin: BatchOrigin | None = None
-) -> bytes:
-    """Return the netCDF-4 file of some variables; the same ones always give the same bytes.
-
-    Parameters
-    ----------
-    variables : mapping of str to Stored
-        By their names.
-    origin : BatchOrigin, optional
-        Written as an attribute of the file; a batch of a sweep needs it.
-    """
-    content = io.BytesIO()
-    with h5py.File(content, "w", libver="latest") as file:
-        _write_attribute(file.id, "Conventions", CONVENTIONS)
-        if origin is not None:
-            _write_attribute(file.id, ORIGIN.decode(), str(origin))
-        stored: dict[str, h5d.DatasetID] = {}
-        for name in sorted(variables, key=lambda name: variables[name].dims != (name,)):
-            variable = variables[name]
-            stored[name] = _write_variable(file, name, variable)
-            if variable.dims == (name,):
-                h5ds.set_scale(stored[name], name.encode())
-            else:
-                for axis, dim in enumerate(variable.dims):
-                    h5ds.attach_scale(stored[name], stored[dim], axis)
-            for key, value in variable.attributes.items():
-                _write_attribute(stored[name], key, value)
-        named = {
-            name: set(variable.dims)
-            for name, variable in variables.items()
-            if variable.coordinate and variable.dims != (name,)
-        }
-        for name, variable in variables.items():
-            if not variable.coordinate:
-                mine = [at for at, dims in named.items() if dims <= set(variable.dims)]
-                _write_attribute(stored[name], "coordinates", " ".join(mine))
-    return content.getvalue()
-
-
-def _write_variable(file: h5py.File, name: str, variable: StoredVariable) -> h5d.DatasetID:
-    """Store the values of a variable."""
-    values = np.ascontiguousarray(variable.values)
-    properties = h5p.create(h5p.DATASET_CREATE)
-    properties.set_obj_track_times(False)
-    rows = 0
-    if values.dtype.kind not in "fibS":
-        values = values.astype(_TEXT)
-    elif values.nbytes > LARGEST_CONTIGUOUS:
-        rows = math.ceil(values.shape[0] / math.ceil(values.nbytes / LARGEST_CHUNK))
-        properties.set_chunk((rows, *values.shape[1:]))
-        properties.set_shuffle()
-        properties.set_deflate(1)
-    text = values.dtype.kind == "S"
-    of_file = h5py.string_dtype(length=values.dtype.itemsize) if text else values.dtype
-    kind = h5t.py_create(of_file, logical=True)
-    space = h5s.create_simple(variable.values.shape)
-    made = h5d.create(file.id, name.encode(), kind, space, properties)
-    if rows and values.dtype.kind in "fi":
-        _write_chunks(made, values, rows=rows)
-    else:
-        made.write(h5s.ALL, h5s.ALL, values, kind if text else None)
-    return made
-
-
-def _write_chunks(stored: h5d.DatasetID, values: NDArray[Any], *, rows: int) -> None:
-    """Store values in chunks of some rows; what the last one lacks is zero, as in any file."""
-    for first in range(0, values.shape[0], rows):
-        chunk = values[first : first + rows]
-        if chunk.shape[0] < rows:
-            chunk = np.zeros((rows, *chunk.shape[1:]), dtype=chunk.dtype)
-            chunk[: values.shape[0] - first] = values[first:]
-        stored.write_direct_chunk((first, *[0] * (chunk.ndim - 1)), deflate_chunk(chunk))
-
-
-def _write_attribute(stored: h5d.DatasetID | h5f.FileID, key: str, value: str) -> None:
-    """Give a variable, or the file, an attribute."""
-    attribute = h5a.create(stored, key.encode(), _TEXT_KIND, _SINGLE)
-    attribute.write(np.array(value, dtype=_TEXT))
 
 
 def write_batch(folder: Path, number: int, content: bytes) -> Path:

@@ -6,7 +6,7 @@ the movements whole. Other channels need the whole history.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from dataclasses import replace
 
 import numpy as np
@@ -15,25 +15,25 @@ from numpy.typing import NDArray
 from turnout.errors import FileError
 from turnout.integrate.integration import History
 from turnout.integrate.watch import Watch, Watched
-from turnout.measurement.chain.recorder import Recorder, clocked, recorded_force
+from turnout.measurement.chain.recorder import Recorder, clocked
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.load import LoadedPanel
 from turnout.response.dataset import response_channels
 from turnout.response.drives import machine_signals, machine_slips, moved_throws
-from turnout.response.gaps import drive_and_sensor_gaps, split_gaps, watched_gaps
+from turnout.response.gaps import gaps_over_time, watched_gaps
 from turnout.response.labels import contact_labels, flangeway_labels
 from turnout.response.recovery import Motion, recover_motion
 from turnout.response.route import throws
 from turnout.response.save import Save
-from turnout.response.signals import Variable, drive_signals, object_memory, object_signals
+from turnout.response.signals import Variable, object_memory
 from turnout.response.simulate import Solved
 from turnout.study.study import Study
-from turnout.sweep.labels import ThrowSignals, float_values
+from turnout.sweep.signals import GAPS, LAID_TOGETHER, ThrowSignals, single_precision
 
 Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 Variables = dict[str, Variable]
 
-GAPS = ("drive_gap", "sensor_gap")
 WATCHED = ("drive_force", "drive_displacement", "drive_slipping", "object_force", *GAPS)
 """Channels that a watched throw gives."""
 
@@ -46,17 +46,22 @@ def watch_of(study: Study, panel: LoadedPanel) -> Callable[[Mechanism], Watch] |
     count = 2 * len(panel.drive) + len(panel.sensor)
 
     def watch(mechanism: Mechanism) -> Watch:
-        index = mechanism.index
-        laws = [*(index.drive[name] for name in panel.drive), *index.object.values()]
-        return Watch(laws, output_stride(study), ends, count, watched_gaps(panel, mechanism))
+        laws, seen = watched_laws(panel, mechanism), watched_gaps(panel, mechanism)
+        return Watch(laws, output_stride(study), ends, count, seen)
 
     return watch
+
+
+def watched_laws(panel: LoadedPanel, mechanism: Mechanism) -> list[int]:
+    """Return the laws of drives, then those of objects."""
+    index = mechanism.index
+    return [*(index.drive[name] for name in panel.drive), *index.object.values()]
 
 
 def extract_signals(
     study: Study, panel: LoadedPanel, solved: Solved, *, recorder: Recorder
 ) -> ThrowSignals:
-    """Return what is stored of a complete throw and what its labels are made of.
+    """Return what is stored of a complete throw, and what its labels are made of.
 
     Parameters
     ----------
@@ -69,79 +74,92 @@ def extract_signals(
     recorder : Recorder
         Of what is kept of forces and currents over time, and of their features.
     """
-    given, history, stride = (panel, solved.mechanism), solved.history, output_stride(study)
-    every = history if history.watched is None else history.watched
-    signals = drive_signals(*given, every) | object_signals(solved.mechanism, every)
-    signals |= contact_labels(solved.mechanism, every) | object_memory(solved.mechanism, history)
-    machine_slips(history, np.asarray(signals["drive_slipping"][1]))
-    signals |= machine_signals(panel, history)
-    recorded = _recorded(signals, every.time, recorder)
-    moved = moved_throws(panel, history)
-    wanted = study.output.channels
-    kept = {
-        name: (dims, values[..., ::stride])
-        for name, (dims, values) in (signals | recorded).items()
-        if name in wanted and "time" in dims
-    }
-    motion = recover_motion(solved.mechanism, history)
-    signals |= flangeway_labels(panel, motion, history.time, moved)
-    if history.watched is None:
-        gaps, last = _recovered_gaps(study, panel, motion)
-    else:
-        gaps, last = _watched_gaps(panel, history.watched)
-    kept |= {name: gaps[name] for name in GAPS if name in wanted and gaps[name][1].size}
-    further = tuple(name for name in wanted if name not in {*signals, *GAPS})
-    if further:
-        sparse = select_instants(history, slice(None, None, stride))
-        kept |= response_channels(*given, sparse, save=Save(fields=further))
-    ends = float_values(last["drive_gap"]), float_values(last["sensor_gap"])
-    small = {name: (dims, _to_single_precision(values)) for name, (dims, values) in kept.items()}
-    force = float_values(recorded["drive_force"])
-    return ThrowSignals(panel, solved.mechanism, every.time, signals, force, small, ends, moved)
+    mechanism, history = solved.mechanism, solved.history
+    motion, moved = recover_motion(mechanism, history), moved_throws(panel, history)
+    labels = contact_labels(mechanism, history) | object_memory(mechanism, history)
+    labels |= flangeway_labels(panel, motion, history.time, moved)
+    watched, kept = history.watched, Variables()
+    if watched is None:
+        watched = _watched_of(study, panel, motion, mechanism)
+        of_machines = machine_signals(panel, history)
+        labels |= {name: value for name, value in of_machines.items() if "time" not in value[0]}
+        kept = _kept_of_machines(study, of_machines, history.time, recorder)
+        kept |= _further_channels(study, panel, solved, known={*of_machines, *LAID_TOGETHER})
+    return ThrowSignals(
+        panel=panel,
+        mechanism=mechanism,
+        watched=watched,
+        labels=labels,
+        clutches=_clutches(panel, history),
+        recorder=recorder,
+        kept=kept,
+        moved=moved,
+    )
 
 
-def _recorded(signals: Variables, time: Floats, recorder: Recorder) -> Variables:
-    """Return drive forces and motor currents as a recorder gives them."""
-    dims, force = signals["drive_force"]
-    found: Variables = {"drive_force": (dims, recorded_force(np.asarray(force), time, recorder))}
-    if "drive_current" in signals:
-        dims, current = signals["drive_current"]
-        found["drive_current"] = (dims, clocked(np.asarray(current), time, recorder))
+def _clutches(panel: LoadedPanel, history: History) -> tuple[list[int], Flags] | None:
+    """Return the drives that are machines, and when their clutches slip; None without machines."""
+    if history.machines is None:
+        return None
+    flags = np.zeros((len(panel.drive), history.time.size), dtype=np.bool_)
+    machine_slips(history, flags)
+    drives = list(history.machines.inputs)
+    return drives, flags[drives]
+
+
+def _kept_of_machines(
+    study: Study, signals: Variables, time: Floats, recorder: Recorder
+) -> Variables:
+    """Return what is kept of the channels of machines, currents as a recorder gives them."""
+    found, stride = Variables(), output_stride(study)
+    for name, (dims, values) in signals.items():
+        if name in study.output.channels and "time" in dims:
+            is_current = name == "drive_current"
+            seen = clocked(np.asarray(values), time, recorder) if is_current else values
+            found[name] = (dims, single_precision(seen[..., ::stride]))
     return found
 
 
-def _watched_gaps(panel: LoadedPanel, watched: Watched) -> tuple[Variables, Variables]:
-    """Return gaps at the instants that were kept, and at the last instant."""
-    kept = split_gaps(panel, watched.seen.T, watched.time[:: watched.stride])
-    return _named(*kept), _named(*split_gaps(panel, watched.seen_last.T, watched.time[-1:]))
+def _further_channels(
+    study: Study, panel: LoadedPanel, solved: Solved, *, known: Container[str]
+) -> Variables:
+    """Return what is kept of channels that come from the whole history alone."""
+    further = tuple(name for name in study.output.channels if name not in known)
+    if not further:
+        return {}
+    sparse = select_instants(solved.history, slice(None, None, output_stride(study)))
+    made = response_channels(panel, solved.mechanism, sparse, save=Save(fields=further))
+    return {name: (dims, single_precision(values)) for name, (dims, values) in made.items()}
 
 
-def _recovered_gaps(
-    study: Study, panel: LoadedPanel, motion: Motion
-) -> tuple[Variables, Variables]:
-    """Return gaps at the instants that are kept, if they are wanted, and at the last instant."""
-    stride, gaps = output_stride(study), None
-    if {*study.output.channels} & {*GAPS}:
-        sparse = select_instants(motion.history, slice(None, None, stride))
-        gaps = _gap_signals(panel, replace(motion, history=sparse))
-    if gaps is not None and (motion.history.time.size - 1) % stride == 0:
-        last = {name: (dims, values[:, -1:]) for name, (dims, values) in gaps.items()}
-    else:
-        end = select_instants(motion.history, slice(-1, None))
-        last = _gap_signals(panel, replace(motion, history=end))
-    return last if gaps is None else gaps, last
+def _watched_of(study: Study, panel: LoadedPanel, motion: Motion, mechanism: Mechanism) -> Watched:
+    """Return of a whole history what a watched throw leaves, but gaps only if they are wanted."""
+    history, laws = motion.history, watched_laws(panel, mechanism)
+    gaps, last = _recovered_gaps(study, panel, motion)
+    return Watched(
+        time=history.time,
+        inputs=history.inputs,
+        law_first=history.law_first,
+        law_placed=history.law_placed,
+        stride=output_stride(study),
+        seen=gaps.T,
+        seen_last=last.T,
+        laws=laws,
+        effort=history.forces(laws),
+    )
 
 
-def _gap_signals(panel: LoadedPanel, motion: Motion) -> Variables:
-    """Return gaps at drives and sensors at all instants of a history."""
-    return _named(*drive_and_sensor_gaps(panel, motion, motion.history.time))
-
-
-def _named(at_drives: Floats, at_sensors: Floats) -> Variables:
-    return {
-        "drive_gap": (("drive", "time"), at_drives),
-        "sensor_gap": (("sensor", "time"), at_sensors),
-    }
+def _recovered_gaps(study: Study, panel: LoadedPanel, motion: Motion) -> tuple[Floats, Floats]:
+    """Return open distances at the instants that are kept, if wanted, and at the last instant."""
+    stride, history = output_stride(study), motion.history
+    end = replace(motion, history=select_instants(history, slice(-1, None)))
+    if not {*study.output.channels} & {*GAPS}:
+        last = gaps_over_time(panel, end)
+        return last[:, :0], last
+    sparse = replace(motion, history=select_instants(history, slice(None, None, stride)))
+    gaps = gaps_over_time(panel, sparse)
+    evenly = (history.time.size - 1) % stride == 0
+    return gaps, gaps[:, -1:] if evenly else gaps_over_time(panel, end)
 
 
 def select_instants(history: History, index: NDArray[np.int64] | slice) -> History:
@@ -172,8 +190,3 @@ def output_stride(study: Study) -> int:
         )
         raise FileError(message)
     return stride
-
-
-def _to_single_precision(values: NDArray[np.generic]) -> NDArray[np.generic]:
-    """Return numbers in single precision; logical values stay."""
-    return values.astype(np.float32) if values.dtype.kind == "f" else values

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from turnout.study.study import Study
-from turnout.sweep.batch import batch_variables, file_bytes, plan_batches
+from turnout.sweep.batch import batch_variables, plan_batches
+from turnout.sweep.batch_file import file_bytes
 from turnout.sweep.row import COMPLETE, throw_scenarios
 
 TRIALS = 3

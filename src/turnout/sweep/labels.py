@@ -3,24 +3,19 @@
 They need every instant of a few channels, which are small; the history of a throw is gone by then.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.mechanism.drive_machines import slip_force
-from turnout.mechanism.mechanism import Mechanism
 from turnout.metric.features import FEATURES, run_features
-from turnout.metric.slip import Span
 from turnout.metric.trapped import is_trapped
-from turnout.panel.load import LoadedPanel
 from turnout.response.labels import control_states, force_margins
-from turnout.response.route import Throw
 from turnout.response.signals import Variable
+from turnout.sweep.signals import AlikeThrows, ThrowSignals
 
 Floats = NDArray[np.float64]
-Variables = dict[str, Variable]
+Flags = NDArray[np.bool_]
+Values = dict[str, tuple[tuple[str, ...], NDArray[np.generic]]]
+"""Of many throws: the dimensions of one, and values with throws first."""
 
 LABELS = {
     "object_force_peak": ("N", "largest force on foreign objects"),
@@ -34,160 +29,87 @@ LABELS = {
 """Unit and meaning of the labels that only a sweep has."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ThrowSignals:
-    """What is taken from a run while its history is there.
-
-    Attributes
-    ----------
-    panel : LoadedPanel
-        What was thrown.
-    mechanism : Mechanism
-        Of it.
-    time : ndarray, shape (n_times,)
-        Every instant that the solver kept [s].
-    signals : dict
-        Forces of drives and objects at these, what was touched when and what is left of it, and
-        flangeways.
-    recorded_force : ndarray, shape (n_drives, n_times)
-        Drive forces as they were recorded, of which features are made [N].
-    kept : dict
-        Histories at the rate of the study.
-    end_gaps : tuple of ndarray
-        At drives and sensors at the end, shapes (n_drives, 1) and (n_sensors, 1) [m].
-    moved : tuple of Throw
-        The movements as they were made.
-    """
-
-    panel: LoadedPanel
-    mechanism: Mechanism
-    time: Floats
-    signals: Variables
-    recorded_force: Floats
-    kept: Variables
-    end_gaps: tuple[Floats, Floats]
-    moved: tuple[Throw, ...]
+def compute_labels(throws: AlikeThrows) -> list[dict[str, Variable]]:
+    """Return labels and features of each of some throws."""
+    found = _drive_features(throws) | object_labels(throws) | _state_labels(throws)
+    found["object_trapped"] = ((), _trapped(throws))
+    return [
+        {name: (dims, np.asarray(values[number])) for name, (dims, values) in found.items()}
+        for number in range(len(throws.runs))
+    ]
 
 
-def compute_labels(runs: Sequence[ThrowSignals]) -> list[Variables]:
-    """Return labels and features of some throws.
-
-    Those with the same instants, movements and number of drives, which most studies have, are
-    evaluated together.
-
-    Parameters
-    ----------
-    runs : sequence of ThrowSignals
-        Of any throws of one panel, of changed ones too.
-
-    Returns
-    -------
-    list of dict
-        In the same order.
-    """
-    spans = [_movement_spans(item.moved) for item in runs]
-    alike: dict[tuple[object, ...], list[int]] = {}
-    for number, item in enumerate(runs):
-        key = (spans[number], item.time.size, float(item.time[-1]), len(item.panel.drive))
-        alike.setdefault(key, []).append(number)
-    found: list[Variables] = [{}] * len(runs)
-    for numbers in alike.values():
-        together = [runs[number] for number in numbers]
-        features = _drive_features(together, spans[numbers[0]])
-        for number, item, values in zip(numbers, together, features, strict=True):
-            labels = values | object_labels(item.time, item.signals, spans=spans[number])
-            found[number] = labels | _state_labels(item) | _trapped_label(item)
-    return found
-
-
-def _movement_spans(moved: Sequence[Throw]) -> tuple[Span, ...]:
-    return tuple(Span(item.name, item.to, item.start, item.end) for item in moved)
-
-
-def _drive_features(runs: Sequence[ThrowSignals], spans: tuple[Span, ...]) -> list[Variables]:
+def _drive_features(throws: AlikeThrows) -> Values:
     """Return the features of each drive and movement, the drives of all throws at once."""
+    count = len(throws.runs)
     found = run_features(
-        runs[0].time,
-        np.concatenate([item.recorded_force for item in runs]),
-        spans=spans,
-        limits=np.array(
-            [slip_force(item.panel, name) for item in runs for name in item.panel.drive]
-        ),
-        travel=np.concatenate([float_values(item.signals["drive_displacement"]) for item in runs]),
+        throws.time,
+        throws.recorded_force.reshape(-1, throws.time.size),
+        spans=throws.spans,
+        limits=throws.slip_limits.ravel(),
+        travel=throws.displacement.reshape(-1, throws.time.size),
     )
     dims = ("drive", "direction")
-    parts = np.split(found, len(runs), axis=1)
-    return [{name: (dims, row) for name, row in zip(FEATURES, part, strict=True)} for part in parts]
+    by_throw = found.reshape(found.shape[0], count, -1, found.shape[-1])
+    return {name: (dims, row) for name, row in zip(FEATURES, by_throw, strict=True)}
 
 
-def _state_labels(item: ThrowSignals) -> Variables:
+def _state_labels(throws: AlikeThrows) -> Values:
     """Return margins, and gaps and states at the end."""
-    panel, (drive_gap, sensor_gap) = item.panel, item.end_gaps
+    first, (drive_gap, sensor_gap) = throws.runs[0], throws.end_gaps
     margins = force_margins(
-        panel, time=item.time, drive_force=float_values(item.signals["drive_force"])
+        first.panel, time=throws.time, drive_force=throws.force, limits=throws.slip_limits
     )
     states = control_states(
-        panel,
-        time=item.time[-1:],
-        slipping=item.signals["drive_slipping"][1][:, -1:].astype(np.bool_),
+        first.panel,
+        time=throws.time[-1:],
+        slipping=throws.slipping[..., -1:],
         drive_gap=drive_gap,
         sensor_gap=sensor_gap if sensor_gap.size else None,
-        moved=item.moved,
+        moved=first.moved,
+        limits=throws.gap_limits,
     )
-    found: Variables = {
+    found: Values = {
         "force_margin": (("drive", "direction"), margins),
-        "end_gap": (("drive",), drive_gap[:, -1].copy()),
+        "end_gap": (("drive",), drive_gap[..., -1]),
     }
     return found | {
-        f"end_{name}": (dims[:-1], np.asarray(values[..., -1]))
-        for name, (dims, values) in states.items()
+        f"end_{name}": (dims[:-1], values[..., -1]) for name, (dims, values) in states.items()
     }
 
 
-def _trapped_label(item: ThrowSignals) -> Variables:
-    """Return whether an object that was touched is still there at the end."""
-    groups = item.mechanism.index.object_laws.values()
-    contact = item.signals.get("object_contact_time", item.signals["contact_time"])
-    taken = np.array([item.mechanism.laws.disappears[own[0]] for own in groups])
-    left = item.signals.get("object_left", (("object",), np.full(taken.size, np.nan)))
-    trapped = is_trapped(
-        np.broadcast_to(float_values(contact), taken.shape),
-        np.where(taken > item.time[-1], np.inf, taken),
-        float_values(left),
-    )
-    return {"object_trapped": ((), np.asarray(trapped.any()))}
+def _trapped(throws: AlikeThrows) -> Flags:
+    """Return whether an object that was touched is still there at the end, for each throw."""
+    contact, taken, left = np.array([_objects(run) for run in throws.runs]).swapaxes(0, 1)
+    taken = np.where(taken > throws.time[-1], np.inf, taken)
+    return np.asarray(is_trapped(contact, taken, left).any(axis=-1))
 
 
-def object_labels(time: Floats, every: Variables, *, spans: Sequence[Span]) -> Variables:
-    """Return the largest and last force on the objects, and whether drives slipped.
+def _objects(run: ThrowSignals) -> tuple[Floats, Floats, Floats]:
+    """Return contact and end of each object [s], and the size that is left of it [m]."""
+    groups = run.mechanism.index.object_laws.values()
+    _, contact = run.labels.get("object_contact_time", run.labels["contact_time"])
+    taken = run.mechanism.laws.disappears[[own[0] for own in groups]]
+    _, left = run.labels.get("object_left", ((), np.array(np.nan)))
+    return np.broadcast_to(contact, taken.shape), taken, np.broadcast_to(left, taken.shape)
 
-    Parameters
-    ----------
-    time : ndarray, shape (n_times,)
-        [s]
-    every : dict
-        `object_force`, `drive_force`, `drive_slipping` and `contact_time` as bare arrays.
-    spans : sequence of Span
-        The movements.
-    """
-    force = float_values(every["object_force"])
-    sense, onset = np.zeros(time.size), 0
-    for span in spans:
-        onset = int(np.searchsorted(time, span.start - 1e-9))
-        sense[onset:] = 1.0 if span.to == "closed" else -1.0
-    # At the onset of a movement a drive may still hold with the force of the one before.
-    working = sense * float_values(every["drive_force"]) > 0
-    slipping = np.any(every["drive_slipping"][1].astype(np.bool_) & working, axis=0)
-    contact = float(float_values(every["contact_time"]))
-    alone = np.searchsorted(time, contact if np.isfinite(contact) else np.inf)
+
+def object_labels(throws: AlikeThrows) -> Values:
+    """Return the largest and last force on the objects, and whether drives slipped."""
+    force = throws.on_objects["object_force"][1].astype(np.float64, copy=False)
+    slipped, onset = np.zeros(force.shape, dtype=np.bool_), 0
+    for span in throws.spans:
+        onset = int(np.searchsorted(throws.time, span.start - 1e-9))
+        effort = throws.force[..., onset:]
+        # At the onset of a movement a drive may still hold with the force of the one before.
+        working = effort > 0 if span.to == "closed" else effort < 0
+        slipped[:, onset:] = (throws.slipping[..., onset:] & working).any(axis=1)
+    contact = np.array([float(run.labels["contact_time"][1]) for run in throws.runs])
+    alone = np.searchsorted(throws.time, np.where(np.isfinite(contact), contact, np.inf))
+    first = np.where(slipped.any(axis=1), slipped.argmax(axis=1), throws.time.size)
     return {
-        "object_force_peak": ((), np.asarray(np.max(force, initial=0.0))),
-        "object_force_end": ((), np.asarray(force[-1])),
-        "slipped": ((), np.asarray(slipping[onset:].any())),
-        "slipped_free": ((), np.asarray(slipping[:alone].any())),
+        "object_force_peak": ((), np.max(force, axis=1, initial=0.0)),
+        "object_force_end": ((), force[:, -1]),
+        "slipped": ((), np.asarray(slipped[:, onset:].any(axis=1))),
+        "slipped_free": ((), first < alone),
     }
-
-
-def float_values(variable: Variable) -> Floats:
-    """Return the values of a channel in double precision."""
-    return np.asarray(variable[1], dtype=np.float64)

@@ -26,7 +26,8 @@ from turnout.scheme import Scheme
 from turnout.study.scenario import Scenario
 from turnout.study.study import Study
 from turnout.sweep.extract import extract_signals, watch_of
-from turnout.sweep.labels import ThrowSignals, compute_labels
+from turnout.sweep.labels import compute_labels
+from turnout.sweep.signals import ThrowSignals, alike, kept_histories, lay_together
 
 Floats = NDArray[np.float64]
 Variables = dict[str, Variable]
@@ -196,7 +197,7 @@ def throw_scenarios(study: Study, scenarios: Sequence[Scenario]) -> list[Row]:
             thrown = [throw_scenario(study, item) for item in planned[:count]]
             del planned[:count]
             throws += [extract_scenario(study, item) for item in thrown]
-        return make_rows(throws)
+        return make_rows(study, throws)
 
 
 def thrown_at_once(study: Study, ready: Sequence[PreparedScenario]) -> int:
@@ -293,31 +294,42 @@ def _fault(error: TurnoutError) -> str:
     return "; ".join(error.problems) if isinstance(error, PanelError) else str(error)
 
 
-def make_rows(throws: Sequence[ThrowResult]) -> list[Row]:
+def make_rows(study: Study, throws: Sequence[ThrowResult]) -> list[Row]:
     """Return what is stored of some throws."""
     complete = [item.extracted for item in throws if item.extracted is not None]
-    labels: list[Variables] = []
+    stored: list[Variables] = []
     for first in range(0, len(complete), THROWS_PER_PASS):
-        labels += compute_labels(complete[first : first + THROWS_PER_PASS])
-    rows, made = [], iter(labels)
+        stored += reduce_signals(study, complete[first : first + THROWS_PER_PASS])
+    rows, made = [], iter(stored)
     for item in throws:
         about = (item.ready.scenario, item.outcome, item.reason, item.attempts)
-        if item.extracted is None:
+        extracted = item.extracted
+        if extracted is None:
             rows.append(Row(*about, {}, {}, item.solver))
             continue
-        extracted = item.extracted
-        variables = {
-            **extracted.kept,
-            **{name: extracted.signals[name] for name in UNCHANGED_LABELS},
-            **{name: v for name in MACHINE_LABELS if (v := extracted.signals.get(name))},
-            **next(made),
-        }
-        coordinates = coordinates_of(
-            variables, extracted.panel, extracted.mechanism, time=extracted.time, save=Save()
-        )
+        variables, panel, time = next(made), extracted.panel, extracted.watched.time
+        coordinates = coordinates_of(variables, panel, extracted.mechanism, time=time, save=Save())
         del coordinates["time"]  # of the solver, not of what is kept
         rows.append(Row(*about, variables, coordinates, item.solver))
     return rows
+
+
+def reduce_signals(study: Study, runs: Sequence[ThrowSignals]) -> list[Variables]:
+    """Return histories, labels and features of some throws, those that are alike at once."""
+    found: list[Variables] = [{}] * len(runs)
+    for numbers in alike(runs):
+        together = lay_together([runs[number] for number in numbers])
+        histories = kept_histories(together, study.output.channels)
+        labels = compute_labels(together)
+        for number, kept, more in zip(numbers, histories, labels, strict=True):
+            own = runs[number].labels
+            found[number] = {
+                **kept,
+                **{name: own[name] for name in UNCHANGED_LABELS},
+                **{name: own[name] for name in MACHINE_LABELS if name in own},
+                **more,
+            }
+    return found
 
 
 def skipped_row(scenario: Scenario, *, reason: str) -> Row:

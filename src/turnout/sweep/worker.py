@@ -17,11 +17,11 @@ from turnout.response.simulate import compile_kernels
 from turnout.sweep.batch import (
     BatchOrigin,
     batch_variables,
-    file_bytes,
     plan_batches,
     throw_batch,
     write_batch,
 )
+from turnout.sweep.batch_file import file_bytes
 from turnout.sweep.folder import BATCHES
 from turnout.sweep.row import OUTCOMES
 from turnout.sweep.stored_study import load_stored_study

@@ -1,0 +1,167 @@
+"""The netCDF-4 file of a batch, made in memory.
+
+It is written with the functions of the HDF5 library themselves: for fifty small variables any layer
+above them takes far more time than they do. Still, what a file says of its variables (names,
+shapes, dimensions, attributes) takes five times as long to write as their values. Batches of a
+study are alike in it, so that it is written once, to a *template* without values, and every file is
+a copy of its template that is filled in.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import h5py
+import numpy as np
+from h5py import h5a, h5d, h5ds, h5f, h5p, h5s, h5t
+from numpy.typing import NDArray
+
+from turnout.core.lru_cache import LRUCache
+from turnout.schema.channels import CONVENTIONS
+from turnout.sweep.batch import ORIGIN, BatchOrigin, StoredVariable
+from turnout.sweep.deflate import deflate_chunk
+
+LARGEST_CHUNK = 2_000_000
+"""Of a variable in a file, before compression, rounded up to whole rows [bytes]."""
+
+LARGEST_CONTIGUOUS = 2048
+"""A variable up to this size is stored as it is: chunks and compression would take more [bytes]."""
+
+MOST_TEMPLATES = 16
+"""Files without values in memory, the latest used; some 100 kB each."""
+
+MEMORY_STEP = 1 << 21
+"""The memory of a file grows by so much [bytes]."""
+
+_TEXT = h5py.string_dtype()
+_TEXT_KIND, _SINGLE = h5t.py_create(_TEXT, logical=True), h5s.create(h5s.SCALAR)
+_templates = LRUCache[bytes](MOST_TEMPLATES)
+
+
+def file_bytes(
+    variables: Mapping[str, StoredVariable], *, origin: BatchOrigin | None = None
+) -> bytes:
+    """Return the netCDF-4 file of some variables; the same ones always give the same bytes.
+
+    Parameters
+    ----------
+    variables : mapping of str to StoredVariable
+        By their names.
+    origin : BatchOrigin, optional
+        Written as an attribute of the file; a batch of a sweep needs it.
+    """
+    file = h5f.open(b"batch", h5f.ACC_RDWR, fapl=_in_memory(_template(variables)))
+    if origin is not None:
+        _write_attribute(file, ORIGIN.decode(), str(origin))
+    for name, variable in variables.items():
+        _write_values(h5d.open(file, name.encode()), np.ascontiguousarray(variable.values))
+    return _closed(file)
+
+
+def _template(variables: Mapping[str, StoredVariable]) -> bytes:
+    """Return a file with variables like these that have no values yet, made once for all alike."""
+    key = tuple(
+        (name, item.dims, item.coordinate, _kind_of(item.values), item.values.shape)
+        + tuple(item.attributes.items())
+        for name, item in variables.items()
+    )
+    kept = _templates.get(key)
+    return _templates.put(key, _made_template(variables)) if kept is None else kept
+
+
+def _made_template(variables: Mapping[str, StoredVariable]) -> bytes:
+    timeless = h5p.create(h5p.FILE_CREATE)
+    timeless.set_obj_track_times(False)
+    file = h5f.create(b"batch", h5f.ACC_TRUNC, timeless, _in_memory())
+    _write_attribute(file, "Conventions", CONVENTIONS)
+    stored: dict[str, h5d.DatasetID] = {}
+    for name in sorted(variables, key=lambda name: variables[name].dims != (name,)):
+        variable = variables[name]
+        stored[name] = _create_variable(file, name, variable.values)
+        if variable.dims == (name,):
+            h5ds.set_scale(stored[name], name.encode())
+        else:
+            for axis, dim in enumerate(variable.dims):
+                h5ds.attach_scale(stored[name], stored[dim], axis)
+        for key, value in variable.attributes.items():
+            _write_attribute(stored[name], key, value)
+    named = {
+        name: set(variable.dims)
+        for name, variable in variables.items()
+        if variable.coordinate and variable.dims != (name,)
+    }
+    for name, variable in variables.items():
+        if not variable.coordinate:
+            mine = [at for at, dims in named.items() if dims <= set(variable.dims)]
+            _write_attribute(stored[name], "coordinates", " ".join(mine))
+    stored.clear()
+    return _closed(file)
+
+
+def _in_memory(content: bytes | None = None) -> h5p.PropFAID:
+    """Return how a file is opened that is in memory alone, and begins with some content."""
+    access = h5p.create(h5p.FILE_ACCESS)
+    access.set_fapl_core(MEMORY_STEP, False)
+    access.set_libver_bounds(h5f.LIBVER_LATEST, h5f.LIBVER_LATEST)
+    access.set_fclose_degree(h5f.CLOSE_STRONG)
+    if content is not None:
+        access.set_file_image(content)
+    return access
+
+
+def _closed(file: h5f.FileID) -> bytes:
+    """Close a file in memory and return its content."""
+    h5f.flush(file)
+    content: bytes = file.get_file_image()
+    file.close()
+    return content
+
+
+def _kind_of(values: NDArray[Any]) -> str:
+    """Return the kind of numbers or texts that a file holds; texts of any length are of one."""
+    return values.dtype.str if values.dtype.kind in "fibS" else "text"
+
+
+def _create_variable(file: h5f.FileID, name: str, values: NDArray[Any]) -> h5d.DatasetID:
+    """Add a variable for values like these."""
+    properties = h5p.create(h5p.DATASET_CREATE)
+    properties.set_obj_track_times(False)
+    kind = _TEXT_KIND
+    if _kind_of(values) != "text":
+        text = values.dtype.kind == "S"
+        of_file = h5py.string_dtype(length=values.dtype.itemsize) if text else values.dtype
+        kind = h5t.py_create(of_file, logical=True)
+        if values.nbytes > LARGEST_CONTIGUOUS:
+            rows = math.ceil(values.shape[0] / math.ceil(values.nbytes / LARGEST_CHUNK))
+            properties.set_chunk((rows, *values.shape[1:]))
+            properties.set_shuffle()
+            properties.set_deflate(1)
+    return h5d.create(file, name.encode(), kind, h5s.create_simple(values.shape), properties)
+
+
+def _write_values(stored: h5d.DatasetID, values: NDArray[Any]) -> None:
+    """Store the values of a variable."""
+    if _kind_of(values) == "text":
+        stored.write(h5s.ALL, h5s.ALL, values.astype(_TEXT))
+    elif values.dtype.kind == "S":
+        stored.write(h5s.ALL, h5s.ALL, values, stored.get_type())
+    elif values.nbytes > LARGEST_CONTIGUOUS:
+        _write_chunks(stored, values, rows=stored.get_create_plist().get_chunk()[0])
+    else:
+        stored.write(h5s.ALL, h5s.ALL, values)
+
+
+def _write_chunks(stored: h5d.DatasetID, values: NDArray[Any], *, rows: int) -> None:
+    """Store values in chunks of some rows; what the last one lacks is zero, as in any file."""
+    for first in range(0, values.shape[0], rows):
+        chunk = values[first : first + rows]
+        if chunk.shape[0] < rows:
+            chunk = np.zeros((rows, *chunk.shape[1:]), dtype=chunk.dtype)
+            chunk[: values.shape[0] - first] = values[first:]
+        stored.write_direct_chunk((first, *[0] * (chunk.ndim - 1)), deflate_chunk(chunk))
+
+
+def _write_attribute(stored: h5d.DatasetID | h5f.FileID, key: str, value: str) -> None:
+    """Give a variable, or the file, an attribute."""
+    attribute = h5a.create(stored, key.encode(), _TEXT_KIND, _SINGLE)
+    attribute.write(np.array(value, dtype=_TEXT))

@@ -1,0 +1,215 @@
+"""Signals of many throws at once: forces, markers, slips and gaps over time.
+
+Arrays of a single throw are so small that calling NumPy takes longer than what it does, so signals
+of throws that have their instants and movements in common lie in one array, a throw after another.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.integrate.watch import Watched
+from turnout.measurement.chain.recorder import Recorder, recorded_force
+from turnout.mechanism.mechanism import Mechanism
+from turnout.metric.slip import Span
+from turnout.panel.load import LoadedPanel
+from turnout.response.gaps import split_gaps
+from turnout.response.labels import state_limits
+from turnout.response.route import Throw
+from turnout.response.signals import Variable, object_signals, slip_forces, slips, write_drives
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Variables = dict[str, Variable]
+
+GAPS = ("drive_gap", "sensor_gap")
+OF_DRIVES = ("drive_force", "drive_displacement", "drive_slipping")
+OF_OBJECTS = ("object_force", "single_object_force")
+LAID_TOGETHER = (*OF_DRIVES, *OF_OBJECTS, *GAPS)
+"""Channels that are made for many throws at once."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ThrowSignals:
+    """What is taken of a complete throw while its rails and its history are there.
+
+    Attributes
+    ----------
+    panel : LoadedPanel
+        What was thrown.
+    mechanism : Mechanism
+        Of it.
+    watched : Watched
+        Forces of drives and objects and marker positions at every instant that the solver kept,
+        and open distances at the rate of the study.
+    labels : dict
+        What was touched when and what is left of it, flangeways, and labels of machines.
+    clutches : tuple of list and ndarray, optional
+        The drives that are machines, and when their clutches slip, shape (n_machines, n_times).
+    recorder : Recorder
+        Of forces.
+    kept : dict
+        Further histories at the rate of the study.
+    moved : tuple of Throw
+        The movements as they were made.
+    """
+
+    panel: LoadedPanel
+    mechanism: Mechanism
+    watched: Watched
+    labels: Variables
+    clutches: tuple[list[int], Flags] | None
+    recorder: Recorder
+    kept: Variables
+    moved: tuple[Throw, ...]
+
+    @property
+    def spans(self) -> tuple[Span, ...]:
+        """The movements with their directions."""
+        return tuple(Span(item.name, item.to, item.start, item.end) for item in self.moved)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AlikeThrows:
+    """Signals of n throws with the same instants, movements, and numbers of drives and sensors.
+
+    Attributes
+    ----------
+    runs : sequence of ThrowSignals
+        The throws.
+    spans : tuple of Span
+        Their movements.
+    time : ndarray, shape (n_times,)
+        Every instant that the solver kept [s].
+    force, recorded_force, displacement : ndarray, shape (n, n_drives, n_times)
+        Of the drives, true and as recorded [N], and of their markers [m].
+    slipping : ndarray of bool, shape (n, n_drives, n_times)
+        Whether drives slip.
+    slip_limits : ndarray, shape (n, n_drives)
+        Forces at which they do [N].
+    on_objects : dict
+        Forces on the objects: their dimensions, and values with throws first.
+    drive_gap, sensor_gap : ndarray, shape (n, n_drives, n_kept), (n, n_sensors, n_kept)
+        At the rate of the study; without instants where that is not wanted [m].
+    end_gaps, gap_limits : tuple of ndarray, shapes (n, n_drives, 1) and (n, n_sensors, 1)
+        Gaps at drives and sensors at the end, and their limits without the last axis [m].
+    """
+
+    runs: Sequence[ThrowSignals]
+    spans: tuple[Span, ...]
+    time: Floats
+    force: Floats
+    recorded_force: Floats
+    displacement: Floats
+    slipping: Flags
+    slip_limits: Floats
+    on_objects: Variables
+    drive_gap: Floats
+    sensor_gap: Floats
+    end_gaps: tuple[Floats, Floats]
+    gap_limits: tuple[Floats, Floats]
+
+
+def alike(runs: Sequence[ThrowSignals]) -> list[list[int]]:
+    """Return the numbers of throws whose signals fit in one array, group by group."""
+    found: dict[tuple[object, ...], list[int]] = {}
+    for number, run in enumerate(runs):
+        panel, time, seen = run.panel, run.watched.time, run.watched.seen
+        lock = (panel.lock.rule, panel.schedule.starts, panel.instrumented_rail, *panel.rail)
+        counts = (len(panel.drive), len(panel.sensor), len(run.mechanism.index.object_laws))
+        key = (run.moved, time.size, float(time[-1]), seen.shape, run.watched.stride, counts, lock)
+        found.setdefault(key, []).append(number)
+    return list(found.values())
+
+
+def lay_together(runs: Sequence[ThrowSignals]) -> AlikeThrows:
+    """Return the signals of throws that are alike."""
+    panel, time, stride = runs[0].panel, runs[0].watched.time, runs[0].watched.stride
+    motion = np.empty((2, len(runs), len(panel.drive), time.size))
+    for number, run in enumerate(runs):
+        write_drives(run.panel, run.mechanism, run.watched, motion[:, number])
+    force, displacement = motion
+    slip_limits = np.array([slip_forces(run.panel) for run in runs])
+    slipping = slips(force, slip_limits)
+    for flags, run in zip(slipping, runs, strict=True):
+        if run.clutches is not None:
+            drives, slip = run.clutches
+            flags[drives] = slip
+    recorded = force
+    if any(run.recorder != Recorder() for run in runs):
+        recorded = np.array(
+            [recorded_force(one, time, run.recorder) for one, run in zip(force, runs, strict=True)]
+        )
+    seen = _turned([run.watched.seen for run in runs])
+    gaps = split_gaps(panel, seen, time[::stride][: seen.shape[-1]])
+    end_gaps = split_gaps(panel, _turned([run.watched.seen_last for run in runs]), time[-1:])
+    limits = [state_limits(run.panel) for run in runs]
+    return AlikeThrows(
+        runs=runs,
+        spans=runs[0].spans,
+        time=time,
+        force=force,
+        recorded_force=recorded,
+        displacement=displacement,
+        slipping=slipping,
+        slip_limits=slip_limits,
+        on_objects=_on_objects(runs),
+        drive_gap=gaps[0],
+        sensor_gap=gaps[1],
+        end_gaps=end_gaps,
+        gap_limits=(np.array([one for one, _ in limits]), np.array([one for _, one in limits])),
+    )
+
+
+def _on_objects(runs: Sequence[ThrowSignals]) -> Variables:
+    """Return the forces on the objects, with throws first."""
+    made = [object_signals(run.mechanism, run.watched) for run in runs]
+    return {
+        name: (dims, np.array([signals[name][1] for signals in made]))
+        for name, (dims, _) in made[0].items()
+    }
+
+
+def _turned(seen: Sequence[Floats]) -> Floats:
+    """Return what is seen of some throws, shape (n, n_seen, n_times), from the turned of each."""
+    found = np.empty((len(seen), *seen[0].shape[::-1]))
+    for values, to in zip(seen, found, strict=True):
+        to[...] = values.T
+    return found
+
+
+def kept_histories(throws: AlikeThrows, wanted: Sequence[str]) -> list[Variables]:
+    """Return the histories that are stored of each throw, in single precision.
+
+    Parameters
+    ----------
+    throws : AlikeThrows
+        The throws.
+    wanted : sequence of str
+        Names of channels.
+    """
+    drive, stride = ("drive", "time"), throws.runs[0].watched.stride
+    made: dict[str, tuple[tuple[str, ...], NDArray[np.generic], int]] = {
+        "drive_force": (drive, throws.recorded_force, stride),
+        "drive_displacement": (drive, throws.displacement, stride),
+        "drive_slipping": (drive, throws.slipping, stride),
+        **{name: (dims, values, stride) for name, (dims, values) in throws.on_objects.items()},
+        "drive_gap": (drive, throws.drive_gap, 1),
+        "sensor_gap": (("sensor", "time"), throws.sensor_gap, 1),
+    }
+    stored = {
+        name: (dims, single_precision(values[..., ::step]))
+        for name, (dims, values, step) in made.items()
+        if name in wanted and values.size
+    }
+    return [
+        {name: (dims, values[number]) for name, (dims, values) in stored.items()} | run.kept
+        for number, run in enumerate(throws.runs)
+    ]
+
+
+def single_precision(values: NDArray[np.generic]) -> NDArray[np.generic]:
+    """Return numbers in single precision; states and logical values stay."""
+    return values.astype(np.float32, order="C") if values.dtype.kind == "f" else values.copy()
