@@ -24,7 +24,14 @@ from turnout.integrate.solve import evaluate_row_forces
 from turnout.integrate.state import COUNT_JOINING, State
 from turnout.integrate.system import Floats, System
 from turnout.kernels.compiled import compiled, compiled_part
-from turnout.kernels.vector import add_scaled, add_two_scaled, add_weighted_rows, copy, dot
+from turnout.kernels.vector import (
+    add_multiple,
+    add_scaled,
+    add_two_multiples,
+    add_weighted_rows,
+    copy,
+    dot,
+)
 from turnout.law.table import LawTable
 
 DRIFTS = 1e5
@@ -49,7 +56,7 @@ def _end_errors(system: System, state: State, force: Floats, error: Floats) -> f
             error[end] = system.end_load[end] - state.g[end]
         start, stop = system.mode_start[block], system.mode_start[block + 1]
         add_weighted_rows(state.q[start:stop], system.mode_ends[start:stop], of_block)
-        waiting = -1  # rows are added in pairs
+        waiting = -1  # rows are added in pairs; beyond the ends they are zero
         for end in range(first, last):
             if force[end] == 0.0:
                 continue
@@ -57,10 +64,10 @@ def _end_errors(system: System, state: State, force: Floats, error: Floats) -> f
                 waiting = end
                 continue
             rows = system.flexibility[waiting], system.flexibility[end]
-            add_two_scaled(force[waiting], rows[0], force[end], rows[1], of_block)
+            add_two_multiples(force[waiting], rows[0], force[end], rows[1], of_block)
             waiting = -1
         if waiting >= 0:
-            add_scaled(force[waiting], system.flexibility[waiting], of_block)
+            add_multiple(force[waiting], system.flexibility[waiting], of_block)
         for end in range(first, last):
             worst = max(worst, abs(error[end]))
     return worst

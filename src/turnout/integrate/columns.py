@@ -49,9 +49,9 @@ from turnout.integrate.system import Floats, Ints, System
 from turnout.kernels.compiled import compiled
 from turnout.kernels.vector import (
     add_multiple,
-    add_scaled,
-    add_weighted_rows,
     copy,
+    scale,
+    sum_weighted_rows,
     update_rank_one,
     update_rank_two,
 )
@@ -105,14 +105,13 @@ def activate(system: System, state: State, end: int, row: int, weights: Floats) 
     slot: int = first + state.slots[block]
     column = state.columns[slot, :width]
     base = state.compliance[state.counters[LEVEL], end, :width]
-    copy(base, column)
     for other in range(first, slot):
         other_row, weight = state.row_of_slot[other], 0.0
         if system.row_ends[other_row, 1] < 0:
             for k in range(system.pattern_start[other_row], system.pattern_start[other_row + 1]):
                 weight += state.entries[k] * base[system.pattern_at[k]]
         weights[other - first] = weight
-    add_weighted_rows(weights[: slot - first], state.columns[first:slot], column)
+    sum_weighted_rows(base, weights[: slot - first], state.columns[first:slot], column)
     state.end_of_slot[slot] = end
     state.row_of_slot[slot] = row
     state.slot_of_end[end] = slot
@@ -204,7 +203,7 @@ def _shift_constant(system: System, state: State, end: int, shift_change: float)
     block = system.block_of_end[end]
     first, stop = system.end_start[block], system.end_start[block + 1]
     state.counters[UNSOLVED] |= 1 << block
-    add_scaled(
+    add_multiple(
         shift_change, state.columns[state.slot_of_end[end]], state.constant_column[first:stop]
     )
 
@@ -243,10 +242,8 @@ def _update_columns(
     for k in range(change.size):
         denominator -= change[k] * pivot[at[k]]
     constant = state.constant_column[first : first + width]
-    inverse = 1.0 / denominator
-    for i in range(width):
-        scaled[i] = pivot[i] * inverse
-    add_scaled(shift_change + _dot_pattern(change, at, constant), scaled, constant)
+    scale(1.0 / denominator, pivot, scaled)
+    add_multiple(shift_change + _dot_pattern(change, at, constant), scaled, constant)
     state.counters[UNSOLVED] |= 1 << block
     state.drift[0] *= max(abs(denominator), 1.0 / abs(denominator))
     if state.counters[COUPLED] != 0:

@@ -6,7 +6,13 @@ from turnout.integrate.state import COUNT_JOINING, COUPLED, UNSOLVED, State
 from turnout.integrate.system import Floats, Ints, System
 from turnout.kernels.compiled import compiled, compiled_loop, compiled_part
 from turnout.kernels.lanes import LANES, broadcast, gather, gather_neighbours, load, store
-from turnout.kernels.vector import add_scaled, add_two_scaled, copy, gather_all, sum_weighted_rows
+from turnout.kernels.vector import (
+    add_multiple,
+    add_two_multiples,
+    copy,
+    gather_all,
+    sum_weighted_rows,
+)
 from turnout.law.table import LawTable
 
 
@@ -89,10 +95,10 @@ def _apply_end_forces(system: System, state: State, ends: Ints, force: Floats) -
         column = columns[slot[end]]
         if k + 1 < count and system.block_of_end[ends[k + 1]] == block:
             next_end = ends[k + 1]
-            add_two_scaled(force[k], column, force[k + 1], columns[slot[next_end]], block_g)
+            add_two_multiples(force[k], column, force[k + 1], columns[slot[next_end]], block_g)
             k += 2
         else:
-            add_scaled(force[k], column, block_g)
+            add_multiple(force[k], column, block_g)
             k += 1
 
 

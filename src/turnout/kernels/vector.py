@@ -77,19 +77,38 @@ def add_multiple(weight: float, a: Floats, to: Floats) -> None:
 
 
 @compiled_loop
-def add_two_scaled(one: float, a: Floats, other: float, b: Floats, to: Floats) -> None:
-    """Add multiples of two vectors to a third; the added ones may be longer.
+def add_two_multiples(one: float, a: Floats, other: float, b: Floats, to: Floats) -> None:
+    """Add multiples of two vectors to one that fills whole cache lines, each rounded once.
 
     Examples
     --------
     >>> import numpy as np
-    >>> total = np.ones(2)
-    >>> add_two_scaled(2.0, np.array([1.0, 3.0, 5.0]), 1.0, np.ones(2), total)
-    >>> total.tolist()
-    [4.0, 8.0]
+    >>> total = np.ones(8)
+    >>> add_two_multiples(2.0, np.arange(8.0), 1.0, np.ones(8), total)
+    >>> total[:2].tolist()
+    [2.0, 4.0]
     """
-    for i in range(to.size):
-        to[i] += one * a[i] + other * b[i]
+    first, second = broadcast(one), broadcast(other)
+    for i in range(0, to.size, LANES):
+        moved = multiply_add(first, load(a, i), load(to, i))
+        store(multiply_add(second, load(b, i), moved), to, i)
+
+
+@compiled_loop
+def scale(factor: float, a: Floats, to: Floats) -> None:
+    """Write a multiple of a vector to one that fills whole cache lines.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> twice = np.zeros(8)
+    >>> scale(2.0, np.arange(8.0), twice)
+    >>> twice[:3].tolist()
+    [0.0, 2.0, 4.0]
+    """
+    eight = broadcast(factor)
+    for i in range(0, to.size, LANES):
+        store(eight * load(a, i), to, i)
 
 
 @compiled_loop
