@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from turnout.integrate.integration import History
-from turnout.integrate.watch import SeenRows, Watch
+from turnout.integrate.seen import SeenRows
+from turnout.integrate.watch import Watch
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import load_panel

@@ -105,7 +105,7 @@ def test_rails_rest_until_the_first_movement(mode: Mode) -> None:
     run = simulate(dry(0.4, **{"schedule.end": 8.0}), mode=mode).sel(time=slice(0.0, BEFORE))
     moved = run["lateral_displacement"] - run["lateral_displacement"].isel(time=0)
     assert float(np.abs(moved).max()) < 1e-9
-    assert float(run["energy_friction"].max()) == 0.0
+    assert float(run["energy_friction"].max()) < 1e-9  # rounding, of feet at their limit
     assert float(np.abs(run["work_markers"]).max()) < 1e-9
 
 

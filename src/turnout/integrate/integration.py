@@ -23,6 +23,7 @@ from turnout.integrate.march import march, march_with_machines, store_instant
 from turnout.integrate.outcome import Code, Outcome, is_closed
 from turnout.integrate.prepared_run import PreparedRun, RunSetup, prepare, set_up_run
 from turnout.integrate.record import kept_obstructions, trim_record
+from turnout.integrate.seen import seen_weights
 from turnout.integrate.start import PriorMotion, StartPlan, find_start, plan_start
 from turnout.integrate.state import (
     COUNT_FLIPS,
@@ -35,7 +36,6 @@ from turnout.integrate.watch import (
     Watched,
     WatchPlan,
     plan_watch,
-    seen_weights,
     trim_watched,
 )
 from turnout.kernels.interrupt import call_interruptible, one_thread
@@ -227,7 +227,7 @@ def plan_run(
         if watch is not None and mechanism.machines is None and not grid.filled_in:
             interval = scheme.step * grid.stride
             places, laws = arrangement.system.row_place, arrangement.laws
-            weights = seen_weights(watch, arrangement.condensed, laws, places)
+            weights = seen_weights(watch.seen(arrangement.condensed), laws, places)
             watched = (plan_watch(watch, interval, grid.n_stored), weights)
         positions = np.ascontiguousarray(inputs(_step_times(scheme.step, grid.n_steps)).T)
         if mechanism.machines is not None:

@@ -32,6 +32,7 @@ from turnout.integrate.rods import (
     store_rods,
 )
 from turnout.integrate.scratch import Work
+from turnout.integrate.seen import store_seen
 from turnout.integrate.solve import (
     CONVERGED,
     NOT_CONVERGED,
@@ -46,7 +47,7 @@ from turnout.integrate.solve import (
 from turnout.integrate.state import COUNT_HALVED, COUNT_RECENT, LEVEL, State
 from turnout.integrate.step import Factors, Stepping, correct, predict, step_factors
 from turnout.integrate.system import Floats, Ints, System
-from turnout.integrate.watch import StepRecord, store_seen
+from turnout.integrate.watch import StepRecord
 from turnout.kernels.compiled import compiled, compiled_loop, compiled_part
 from turnout.kernels.lanes import LANES, gather_neighbours, load, store_nontemporal
 from turnout.kernels.vector import copy

@@ -75,7 +75,11 @@ class Places:
 
 
 def number_places(parts: Sequence[BlockModel]) -> Places:
-    """Assign a place to every end, mode and row of the blocks."""
+    """Assign a place to every end, mode and row of the blocks.
+
+    Leading ends that others follow come first: those of the first terms of these, then those of the
+    second, and so on, so that eight terms side by side are neighbours.
+    """
     leading = np.array([part.leading.leaders.size for part in parts])
     ends = np.array([part.block.rows.size for part in parts])
     mode_start = _cumulate([part.model.eigenvalues.size for part in parts])
@@ -86,13 +90,10 @@ def number_places(parts: Sequence[BlockModel]) -> Places:
     for block, part in enumerate(parts):
         follows = np.ones(part.block.rows.size, dtype=bool)
         follows[part.leading.leaders] = False
-        of_end.append(
-            np.where(
-                follows,
-                follower_start[block] + np.cumsum(follows) - 1,
-                end_start[block] + np.cumsum(~follows) - 1,
-            )
-        )
+        places = follower_start[block] + np.cumsum(follows) - 1
+        ordered = part.leading.leaders[_order_by_terms(part.leading.weights[follows])]
+        places[ordered] = end_start[block] + np.arange(leading[block])
+        of_end.append(places)
     n_rows = 1 + max((int(part.block.rows.max(initial=-1)) for part in parts), default=-1)
     row_ends = np.full((n_rows, 2), -1, dtype=np.int64)
     for part, places in zip(parts, of_end, strict=True):
@@ -113,6 +114,15 @@ def number_places(parts: Sequence[BlockModel]) -> Places:
         of_end=tuple(of_end),
         terms=_assemble_terms(parts, of_end, int(end_start[-1]), int(follower_start[-1])),
     )
+
+
+def _order_by_terms(weights: Floats) -> Ints:
+    """Return the columns of a matrix: those of first entries of rows, of second ones, and so on."""
+    terms = [np.flatnonzero(row) for row in weights]
+    most = max((row.size for row in terms), default=0)
+    listed = [row[k] for k in range(most) for row in terms if k < row.size]
+    order = dict.fromkeys([*listed, *range(weights.shape[1])])
+    return np.array(list(order), dtype=np.int64)
 
 
 def place_laws(laws: LawTable, of_row: Ints) -> LawTable:

@@ -15,11 +15,12 @@ from turnout.integrate.levels import give_back_memory, take_memory
 from turnout.integrate.record import empty_record
 from turnout.integrate.rods import Rods
 from turnout.integrate.scratch import Work, new_work
+from turnout.integrate.seen import SeenWeights
 from turnout.integrate.solve import Tolerances
 from turnout.integrate.state import State, fresh_copy, fresh_state, refill_state
 from turnout.integrate.step import Stepping
 from turnout.integrate.system import System
-from turnout.integrate.watch import SeenWeights, StepRecord, WatchPlan
+from turnout.integrate.watch import StepRecord, WatchPlan
 from turnout.kernels.shared_record import clone_record, copy_vectors, shared_record
 from turnout.law.friction_course import FrictionCourses, no_courses
 from turnout.law.obstruction import Obstructions, no_obstructions, remember

@@ -5,8 +5,9 @@ from numpy.typing import NDArray
 
 from turnout.integrate.energy import LEDGER
 from turnout.integrate.scratch import acquire_buffer
+from turnout.integrate.seen import SeenWeights
 from turnout.integrate.system import Floats, System
-from turnout.integrate.watch import SeenWeights, StepRecord, WatchPlan, watch_record
+from turnout.integrate.watch import StepRecord, WatchPlan, watch_record
 from turnout.kernels.lanes import empty_in_lines, whole_lines
 from turnout.kernels.shared_record import shared_record
 from turnout.law.obstruction import Obstructions, no_obstructions

@@ -73,7 +73,7 @@ def _expand_followers(g: Floats, leaders: Ints, weights: Floats, following: Floa
     for i in range(0, leaders.shape[1], LANES):
         sums = broadcast(0.0)
         for term in range(leaders.shape[0]):
-            sums = sums + load(weights[term], i) * gather(g, leaders[term], i)
+            sums = sums + load(weights[term], i) * gather_neighbours(g, leaders[term], i)
         store(sums, following, i)
 
 

@@ -233,7 +233,8 @@ def _assemble_ends(parts: Sequence[BlockModel], places: Places) -> dict[str, Any
         "flexibility": zeros_in_lines(places.row_ends.shape[0], widest),
     }
     for block, part in enumerate(parts):
-        at, model, leaders = places.of_end[block], part.model, part.leading.leaders
+        at, model = places.of_end[block], part.model
+        leaders = np.argsort(at)[: part.leading.leaders.size]  # by place; others come after them
         modes = slice(places.mode_start[block], places.mode_start[block + 1])
         found["end_load"][at] = model.row_load
         found["end_modes"][at, : n_modes[block]] = model.row_modes

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from turnout.condense.condense import CondensedRails
 from turnout.core.lru_cache import LRUCache
-from turnout.integrate.watch import SeenRows
+from turnout.integrate.seen import SeenRows
 from turnout.mechanism.mechanism import Mechanism
 from turnout.mechanism.travel import unloaded_gap
 from turnout.panel.layout import SIDE
