@@ -54,6 +54,8 @@ class RunSetup:
         Laws with memory.
     courses : FrictionCourses
         Friction along the stroke.
+    present : ndarray of bool, shape (n_laws,)
+        Whether each law acts at the start.
     record : StepRecord, optional
         Of a watched run, which is small; others get theirs when they begin.
     """
@@ -68,6 +70,7 @@ class RunSetup:
     velocity: bool
     obstructions: Obstructions
     courses: FrictionCourses
+    present: NDArray[np.bool_]
     record: StepRecord | None
 
 
@@ -75,6 +78,7 @@ class RunSetup:
 class PreparedRun:
     """All data of one run; `positions` are the inputs at the ends of the steps [m].
 
+    `present` are the laws that act at the start.
     `templates` are those of its arrangement, whose rails may be `known` from other runs.
     """
 
@@ -89,6 +93,7 @@ class PreparedRun:
     record: StepRecord
     obstructions: Obstructions
     courses: FrictionCourses
+    present: NDArray[np.bool_]
     templates: Templates
     known: bool
     rods: Rods | None = None
@@ -148,8 +153,15 @@ def set_up_run(
         velocity=velocity,
         obstructions=_set_up_obstructions(mechanism.obstructions, table),
         courses=_set_up_courses(mechanism.courses),
+        present=present_at_start(of_run),
         record=record,
     )
+
+
+def present_at_start(laws: LawTable) -> NDArray[np.bool_]:
+    """Return whether each law acts at the start, shape (n_laws,)."""
+    present: NDArray[np.bool_] = (laws.appears <= 1e-9) & (laws.disappears >= -1e-9)
+    return np.asarray(present & (laws.waits == 0))
 
 
 @lru_cache(maxsize=16)
@@ -191,6 +203,7 @@ def prepare(setup: RunSetup) -> PreparedRun:
         record=record,
         obstructions=setup.obstructions,
         courses=setup.courses,
+        present=setup.present,
         templates=arrangement.templates,
         known=arrangement.known,
     )

@@ -30,7 +30,13 @@ from turnout.integrate.equilibrium import (
 from turnout.integrate.march import march
 from turnout.integrate.obstruct import freeze
 from turnout.integrate.outcome import Code
-from turnout.integrate.prepared_run import PreparedRun, RunSetup, prepare, set_up_run
+from turnout.integrate.prepared_run import (
+    PreparedRun,
+    RunSetup,
+    prepare,
+    present_at_start,
+    set_up_run,
+)
 from turnout.integrate.state import LEVEL, set_segments
 from turnout.kernels.interrupt import call_interruptible
 from turnout.kernels.shared_record import Shared, clone_record
@@ -204,7 +210,7 @@ _FROZEN = ("appears", "disappears", "offset", "slope", "intercept", "potential")
 def _without_timed_laws(arrangement: Arrangement) -> LawTable:
     """Return laws of which those that are absent at the start never appear; they have no values."""
     table = clone_record(arrangement.table)
-    absent = np.flatnonzero(~_present_at_start(arrangement.laws))
+    absent = np.flatnonzero(~present_at_start(arrangement.laws))
     table.appears[:] = -np.inf
     table.appears[absent] = np.inf
     table.disappears[:] = np.inf
@@ -214,11 +220,6 @@ def _without_timed_laws(arrangement: Arrangement) -> LawTable:
         segments = slice(start[law], start[law + 1])
         table.slope[segments] = table.intercept[segments] = table.potential[segments] = 0.0
     return table
-
-
-def _present_at_start(laws: LawTable) -> NDArray[np.bool_]:
-    present: NDArray[np.bool_] = (laws.appears <= 1e-9) & (laws.disappears >= -1e-9)
-    return np.asarray(present & (laws.waits == 0))
 
 
 def _move(motion: PreparedRun, mechanism: Mechanism, thread: Executor | None) -> tuple[Code, bool]:
@@ -311,8 +312,8 @@ def start_at_rest(run: PreparedRun, mechanism: Mechanism) -> Code:
 
 
 def _set_present(run: PreparedRun) -> None:
-    run.state.present[:] = _present_at_start(run.laws)
-    run.state.law_placed[run.state.present == 1] = 0.0
+    run.state.present[:] = run.present
+    run.state.law_placed[run.present] = 0.0
 
 
 def _find_equilibrium(run: PreparedRun) -> bool:

@@ -9,7 +9,7 @@ objects differ in their numbers only. A friction law acts along its own row and 
 
 import math
 from bisect import bisect_left
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import pairwise
@@ -18,7 +18,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.core.lru_cache import LRUCache
 from turnout.errors import MechanicsError
 
 Floats = NDArray[np.float64]
@@ -57,23 +56,23 @@ class LawTable(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Alike:
+class AlikeTables:
     """What tables share whose laws differ in values alone.
 
-    `table` has the arrays of indices, read-only; `of_laws` are offsets, appearances and
-    disappearances, `of_segments` bounds, slopes, intercepts and potentials, a row each. `first` is
-    the table that the laws come after, known by its identity.
+    Attributes
+    ----------
+    table : LawTable
+        With the arrays of indices, read-only.
+    of_laws : ndarray, shape (3, n_laws)
+        Offsets, appearances and disappearances.
+    of_segments : ndarray, shape (5, n_segments)
+        Bounds, slopes, intercepts and potentials.
     """
 
     table: LawTable
     of_laws: Floats
     of_segments: Floats
-    first: LawTable
 
-
-MOST_ALIKE = 128
-"""Tables in memory of which others share the indices, the latest used."""
-_alike = LRUCache[_Alike](MOST_ALIKE)
 
 _OF_LAWS = ("offset", "appears", "disappears")
 _OF_SEGMENTS = ("segment_lower", "segment_upper", "slope", "intercept", "potential")
@@ -186,13 +185,15 @@ class LawTableBuilder:
             stick_stiffness=frictions[3].copy(),
         )
 
-    def after(self, first: LawTable) -> LawTable:
+    def after(self, first: LawTable, known: dict[Hashable, AlikeTables]) -> LawTable:
         """Return the laws of a table and after them those added so far, without their frictions.
 
         Parameters
         ----------
         first : LawTable
-            Known by its identity, so it must not change.
+            Laws that never change.
+        known : dict
+            What tables share in which laws were put after these; what is missing is added.
 
         Returns
         -------
@@ -200,10 +201,10 @@ class LawTableBuilder:
             Values of laws and segments are its own; other arrays are shared by all tables that are
             laid out alike.
         """
-        key = (id(first), *self.indices)
-        alike = _alike.get(key)
+        key = tuple(self.indices)
+        alike = known.get(key)
         if alike is None:
-            alike = _alike.put(key, _joined(first, self.table()))
+            alike = known[key] = _joined(first, self.table())
         of_laws, of_segments = alike.of_laws.copy(), alike.of_segments.copy()
         if self.indices:
             of_laws[:, -len(self.values) :] = np.array(self.values).T
@@ -214,7 +215,7 @@ class LawTableBuilder:
         )
 
 
-def _joined(first: LawTable, second: LawTable) -> _Alike:
+def _joined(first: LawTable, second: LawTable) -> AlikeTables:
     """Return what a table and another one after it share with tables of other values."""
     starts = (first.segment_start, second.segment_start[1:] + first.segment_start[-1])
     table = LawTable(*(np.concatenate(pair) for pair in zip(first, second, strict=True)))._replace(
@@ -228,7 +229,7 @@ def _joined(first: LawTable, second: LawTable) -> _Alike:
         array.flags.writeable = False
     of_laws = np.array([getattr(table, name) for name in _OF_LAWS])
     of_segments = np.array([getattr(table, name) for name in _OF_SEGMENTS])
-    return _Alike(table, of_laws, of_segments, first)
+    return AlikeTables(table, of_laws, of_segments)
 
 
 @lru_cache(maxsize=256)

@@ -6,7 +6,7 @@ each. Chairs and stops, of which there are most, come first in it and are filled
 
 import math
 import operator
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field, replace
 from operator import itemgetter
 
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.errors import MechanicsError
-from turnout.law.table import LawTable, LawTableBuilder
+from turnout.law.table import AlikeTables, LawTable, LawTableBuilder
 from turnout.mechanism.build_rails import SIGN, rail_feet, stands_on, stock_body
 from turnout.mechanism.mechanism import LawIndex, Point
 from turnout.mechanism.object_laws import add_bond, add_object
@@ -91,6 +91,8 @@ class Layout:
         Segments in which these laws have a force.
     further : tuple of int
         Rows of drives, links, back drives and objects, whose laws follow.
+    tables : dict
+        What tables of these laws share, by how the further ones are laid out.
     """
 
     rows: Rows
@@ -103,6 +105,7 @@ class Layout:
     chairs: Ints
     closed: Ints
     further: tuple[int, ...]
+    tables: dict[Hashable, AlikeTables] = field(default_factory=dict)
 
 
 def lay_out(panel: Panel, objects: Sequence[PlacedObject]) -> Layout:
@@ -206,7 +209,7 @@ def law_table(
     for item in objects:
         gap = float(_gap(panel, travel, item.rail, np.array([item.x]))[0])
         add_object(laws, next(further), item, clearance=gap - item.size)
-    return _with_standing(laws.after(layout.standing), layout, panel, travel)
+    return _with_standing(laws.after(layout.standing, layout.tables), layout, panel, travel)
 
 
 def _bonded(layout: Layout) -> list[tuple[int, ...]]:

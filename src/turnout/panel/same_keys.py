@@ -27,7 +27,7 @@ MOST_FIRST = 16
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PendingDocument:
-    """The document of a panel whose tables nobody has asked for yet."""
+    """The document of a panel whose tables have not been needed yet."""
 
     way: Way
     overrides: Mapping[str, object]

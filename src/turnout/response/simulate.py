@@ -400,8 +400,8 @@ def _shared_motion(
 ) -> Floats:
     """Return positions of markers from the stress-free position, which throws share [m].
 
-    Shape (n_inputs, n); each instant lies in one piece, as the kernels take it. Nobody may change
-    them. Instants that cannot change are known by their identity.
+    Shape (n_inputs, n); each instant lies in one piece, as the kernels take it. They must not be
+    changed. Instants that cannot change are known by their identity.
     """
     offsets = marker_offsets(panel)
     key, held = motion_key(panel, prior)
