@@ -242,8 +242,17 @@ def _plateaus(elapsed: Floats, effort: Floats, duration: Floats) -> Floats:
     for low, high in np.unique(ends, axis=0):
         if high > low:
             alike = (ends == (low, high)).all(axis=1)
-            found[alike] = np.median(effort[alike, low:high], axis=1)
+            found[alike] = _medians(effort[alike, low:high])
     return found
+
+
+def _medians(values: Floats) -> Floats:
+    """Return what `numpy.median` gives of each row, in a third of its time for short rows."""
+    rising, half = np.sort(values, axis=1), values.shape[1] // 2
+    middle = rising[:, half]
+    if values.shape[1] % 2 == 0:
+        middle = 0.5 * (rising[:, half - 1] + middle)
+    return np.where(np.isnan(rising[:, -1]), np.nan, middle)  # NaN comes last
 
 
 def _build_ups(elapsed: Floats, effort: Floats, plateau: Floats) -> tuple[Floats, Floats]:
