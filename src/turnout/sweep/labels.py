@@ -12,7 +12,7 @@ from turnout.metric.features import FEATURES, run_features
 from turnout.metric.trapped import is_trapped
 from turnout.response.labels import control_states, force_margins
 from turnout.response.signals import Variable
-from turnout.sweep.signals import AlikeThrows, ThrowSignals
+from turnout.sweep.alike_throws import AlikeThrows, ThrowSignals
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
