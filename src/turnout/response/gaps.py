@@ -1,6 +1,7 @@
 """Open distances between switch rails and stock rails, and the flangeway behind them."""
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -8,14 +9,14 @@ from numpy.typing import ArrayLike, NDArray
 from turnout.condense.condense import CondensedRails
 from turnout.core.lru_cache import LRUCache
 from turnout.integrate.seen import SeenRows
-from turnout.mechanism.mechanism import Mechanism
+from turnout.mechanism.mechanism import Mechanism, RailBody
 from turnout.mechanism.travel import unloaded_gap
 from turnout.panel.layout import SIDE
 from turnout.panel.model import Panel
 from turnout.panel.profile import contact_height, running_edge_distance
+from turnout.panel.records import StockRail
 from turnout.response.recovery import (
     CondensedShapes,
-    Ints,
     Motion,
     Parts,
     Seen,
@@ -43,7 +44,7 @@ MOST_WATCHED = 128
 # Rails are shared by many throws. What rows depend on is named by identity, and kept beside them so
 # that nothing else takes its place.
 _rows = LRUCache[tuple[list[Floats], list[object]]](MOST_ROWS)
-_nodes = LRUCache[tuple[Floats, Floats, list[object]]](MOST_ROWS)
+_flangeways = LRUCache[tuple["_Flangeway", list[object]]](MOST_ROWS)
 _watched = LRUCache[tuple[SeenRows, list[object]]](MOST_WATCHED)
 _heights = LRUCache[tuple[list[Floats], list[object]]](MOST_ROWS)
 _places = LRUCache[tuple[list[Place], list[object]]](MOST_ROWS)
@@ -54,24 +55,6 @@ def _frozen(values: ArrayLike) -> Floats:
     array = np.asarray(values, dtype=np.float64)
     array.flags.writeable = False
     return array
-
-
-def _at_nodes(panel: Panel, rail: str, x: Floats) -> tuple[Floats, Floats]:
-    """Return `contact_height` at the nodes of a rail, and how far its running edge is clear there.
-
-    Found once for all throws that share them.
-    """
-    record = panel.rail[rail]
-    named = [panel.stop, panel.stud, panel.object_defaults, record, x]
-    key = tuple(map(id, named))
-    kept = _nodes.get(key)
-    if kept is None:
-        beyond = np.zeros(x.shape)
-        if record.running_edge is not None and record.head_width is not None:
-            beyond = running_edge_distance(record.running_edge, x) - record.head_width
-        height = _frozen(contact_height(panel, rail, x))
-        kept = _nodes.put(key, (height, _frozen(np.maximum(beyond, 0.0)), named))
-    return kept[:2]
 
 
 def _contact_heights(panel: Panel, x: Floats) -> list[Floats]:
@@ -89,24 +72,6 @@ def stock_gap(panel: Panel, motion: CondensedShapes, rail: str, x: Floats) -> Fl
     """Return the gap of the unloaded rail, shape (n,) [m]; NaN without a stock rail."""
     gap = unloaded_gap(panel, motion.shapes.get(rail), rail, x)
     return np.full(np.shape(x), np.nan) if gap is None else gap
-
-
-def rail_gap(
-    panel: Panel,
-    motion: Motion,
-    rail: str,
-    *,
-    x: Floats,
-    z: Floats,
-    at: Ints | None = None,
-) -> Floats:
-    """Return the open distance to the stock rail, shape (n_points, n_times) [m].
-
-    A flexible stock rail takes part with its own displacement at the same height.
-    """
-    start, parts = gap_rows(panel, motion, rail, x, z)
-    gap: Floats = start[:, np.newaxis] - row_motion(motion, parts, at=at)
-    return gap
 
 
 def displacements_and_gaps(panel: Panel, motion: Motion, x: Floats, out: Floats) -> list[Rows]:
@@ -155,16 +120,15 @@ def gap_rows(
         Rows, shape (n_points, body.count), over the coordinates of the rail and of stock rails that
         bend with it; shared and therefore not writeable.
     """
-    record, bodies = panel.rail[rail], motion.rails
-    faced = [(name, stock) for name, stock in panel.stock_rail.items() if stock.faces == rail]
-    involved = [bodies[rail], *(bodies[f"stock rail {name}"] for name, _ in faced)]
-    named = [*(stock for _, stock in faced), *(body.recovery for body in involved)]
+    record = panel.rail[rail]
+    faced, involved = _involved(panel, motion, rail)
+    named = [*faced, *(body.recovery for body in involved)]
     key = (record.closes, *map(id, named), x.tobytes(), z.tobytes())
     found = _rows.get(key)
     if found is None:
         side = SIDE[record.closes]
-        rows = [side * lateral_rows(bodies[rail], x, z)]
-        for (_, stock), body in zip(faced, involved[1:], strict=True):
+        rows = [side * lateral_rows(involved[0], x, z)]
+        for stock, body in zip(faced, involved[1:], strict=True):
             inside = np.clip(x, stock.start, stock.end)  # beyond its ends it is held
             rows.append(-side * lateral_rows(body, inside, z - stock.foot_height))
         found = _rows.put(key, ([_frozen(row) for row in rows], named))
@@ -301,11 +265,54 @@ def least_flangeway(
     name = open_rail(panel, throw.to)
     if name is None:
         return None
-    rail = panel.rail[name]
+    rail, x = panel.rail[name], motion.rails[name].x
     if rail.running_edge is None or rail.head_width is None or not rail.has_stock_rail:
         return None
-    x = motion.rails[name].x
-    z, clear = _at_nodes(panel, name, x)
-    flangeway = rail_gap(panel, motion, name, x=x, z=z, at=np.array([at]))[:, 0] + clear
+    bodies, found = _flangeway(panel, motion, name)
+    parts = list(zip(bodies, found.rows, strict=True))
+    gap = found.start - row_motion(motion, parts, at=np.array([at]))[:, 0]
+    flangeway = gap + found.clear
     place = int(np.argmin(flangeway))
     return float(flangeway[place]), float(x[place]), name
+
+
+class _Flangeway(NamedTuple):
+    """What the flangeway at the nodes of a rail is made of.
+
+    `start` and `rows` are those of `gap_rows` at contact height; `clear` is how far the running
+    edges lie further apart than a full head is wide [m].
+    """
+
+    start: Floats
+    rows: list[Floats]
+    clear: Floats
+
+
+def _flangeway(panel: Panel, motion: Motion, rail: str) -> tuple[list[RailBody], _Flangeway]:
+    """Return the rails that bound a flangeway, and what it is made of, found once for all throws.
+
+    It depends on what `gap_rows`, `stock_gap` and `contact_height` depend on.
+    """
+    record, x = panel.rail[rail], motion.rails[rail].x
+    faced, involved = _involved(panel, motion, rail)
+    named = [panel.stop, panel.stud, panel.object_defaults, record, motion.shapes.get(rail), x]
+    named += [*faced, *(body.recovery for body in involved)]
+    key = tuple(map(id, named))
+    kept = _flangeways.get(key)
+    if kept is None:
+        beyond = np.zeros(x.shape)
+        if record.running_edge is not None and record.head_width is not None:
+            beyond = running_edge_distance(record.running_edge, x) - record.head_width
+        start, parts = gap_rows(panel, motion, rail, x, contact_height(panel, rail, x))
+        rows, clear = [rows for _, rows in parts], _frozen(np.maximum(beyond, 0.0))
+        kept = _flangeways.put(key, (_Flangeway(_frozen(start), rows, clear), named))
+    return involved, kept[0]
+
+
+def _involved(
+    panel: Panel, motion: CondensedShapes, rail: str
+) -> tuple[list[StockRail], list[RailBody]]:
+    """Return the stock rails that bend beside a rail, and all that take part in its gap."""
+    faced = [(name, stock) for name, stock in panel.stock_rail.items() if stock.faces == rail]
+    bodies = [motion.rails[rail], *(motion.rails[f"stock rail {name}"] for name, _ in faced)]
+    return [stock for _, stock in faced], bodies

@@ -1,5 +1,6 @@
 """Single numbers and states of a run: contact, margins, control, lock, least flangeway."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -24,13 +25,14 @@ TIME_TOLERANCE = 1e-9
 def contact_labels(mechanism: Mechanism, history: Instants) -> dict[str, Variable]:
     """Return whether foreign objects had room and were touched, and when, from every step."""
     laws = list(mechanism.index.object.values())
-    first = history.law_first[laws]
-    touched = ~np.isnan(first)
-    earliest = float(np.min(first[touched])) if touched.any() else np.nan
+    touched = [first for first in history.law_first[laws].tolist() if not math.isnan(first)]
     labels: dict[str, Variable] = {
-        "object_placed": ((), np.array(not np.isnan(history.law_placed[laws]).any())),
-        "object_touched": ((), np.array(bool(touched.any()))),
-        "contact_time": ((), np.array(earliest)),
+        "object_placed": (
+            (),
+            np.array(not any(map(math.isnan, history.law_placed[laws].tolist()))),
+        ),
+        "object_touched": ((), np.array(bool(touched))),
+        "contact_time": ((), np.array(min(touched, default=math.nan))),
     }
     if len(mechanism.index.object_parts) > 1:
         groups = mechanism.index.object_laws.values()

@@ -28,7 +28,7 @@ from turnout.response.save import Save
 from turnout.response.signals import Variable, object_memory
 from turnout.response.simulate import Solved
 from turnout.study.study import Study
-from turnout.sweep.signals import GAPS, LAID_TOGETHER, ThrowSignals, single_precision
+from turnout.sweep.alike_throws import GAPS, LAID_TOGETHER, ThrowSignals, single_precision
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]

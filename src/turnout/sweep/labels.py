@@ -3,6 +3,8 @@
 They need every instant of a few channels, which are small; the history of a throw is gone by then.
 """
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,7 +12,7 @@ from turnout.metric.features import FEATURES, run_features
 from turnout.metric.trapped import is_trapped
 from turnout.response.labels import control_states, force_margins
 from turnout.response.signals import Variable
-from turnout.sweep.signals import AlikeThrows, ThrowSignals
+from turnout.sweep.alike_throws import AlikeThrows, ThrowSignals
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -85,13 +87,16 @@ def _trapped(throws: AlikeThrows) -> Flags:
     return np.asarray(is_trapped(contact, taken, left).any(axis=-1))
 
 
-def _objects(run: ThrowSignals) -> tuple[Floats, Floats, Floats]:
+def _objects(run: ThrowSignals) -> tuple[list[float], list[float], list[float]]:
     """Return contact and end of each object [s], and the size that is left of it [m]."""
     groups = run.mechanism.index.object_laws.values()
-    _, contact = run.labels.get("object_contact_time", run.labels["contact_time"])
-    taken = run.mechanism.laws.disappears[[own[0] for own in groups]]
-    _, left = run.labels.get("object_left", ((), np.array(np.nan)))
-    return np.broadcast_to(contact, taken.shape), taken, np.broadcast_to(left, taken.shape)
+    taken = [float(run.mechanism.laws.disappears[own[0]]) for own in groups]
+    contact, left = [float(run.labels["contact_time"][1])] * len(taken), [math.nan] * len(taken)
+    if "object_contact_time" in run.labels:
+        contact = run.labels["object_contact_time"][1].tolist()
+    if "object_left" in run.labels:
+        left = run.labels["object_left"][1].tolist()
+    return contact, taken, left
 
 
 def object_labels(throws: AlikeThrows) -> Values:

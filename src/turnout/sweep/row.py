@@ -25,9 +25,9 @@ from turnout.response.simulate import PlannedThrow, Solved, plan_throw, solve_pl
 from turnout.scheme import Scheme
 from turnout.study.scenario import Scenario
 from turnout.study.study import Study
+from turnout.sweep.alike_throws import ThrowSignals, alike, kept_histories, lay_together
 from turnout.sweep.extract import extract_signals, watch_of
 from turnout.sweep.labels import compute_labels
-from turnout.sweep.signals import ThrowSignals, alike, kept_histories, lay_together
 
 Floats = NDArray[np.float64]
 Variables = dict[str, Variable]

@@ -11,8 +11,8 @@ from turnout.measurement.chain.recorder import Recorder
 from turnout.panel.foreign_object import ForeignObject
 from turnout.study.scenario import Scenario
 from turnout.study.study import Study
+from turnout.sweep import alike_throws
 from turnout.sweep import row as sweep_row
-from turnout.sweep import signals
 
 FURTHER = ("drive_force", "drive_slipping", "object_force", "drive_gap", "stop_force")
 
@@ -62,9 +62,9 @@ def test_throws_of_other_movements_do_not_lie_in_one_array(
 ) -> None:
     study, groups = small_study(tmp_path, count=4), list[list[int]]()
 
-    def grouped(runs: list[signals.ThrowSignals]) -> list[list[int]]:
-        groups.extend(signals.alike(runs))
-        return signals.alike(runs)
+    def grouped(runs: list[alike_throws.ThrowSignals]) -> list[list[int]]:
+        groups.extend(alike_throws.alike(runs))
+        return alike_throws.alike(runs)
 
     monkeypatch.setattr(sweep_row, "alike", grouped)
     changes = ({}, {"movement.return.start": 0.5}, {"chair.friction_coefficient": 0.3}, {})
@@ -76,10 +76,10 @@ def test_throws_of_other_movements_do_not_lie_in_one_array(
 
 def test_numbers_are_stored_in_single_precision_and_flags_as_they_are() -> None:
     turned = np.arange(6.0).reshape(2, 3).T
-    found = signals.single_precision(turned)
+    found = alike_throws.single_precision(turned)
     assert (found.dtype, found.flags.c_contiguous) == (np.float32, True)
     np.testing.assert_array_equal(found, turned)
     flags = np.array([True, False])
-    kept = signals.single_precision(flags)
+    kept = alike_throws.single_precision(flags)
     assert kept.dtype == np.bool_
     assert not np.shares_memory(kept, flags), "views would hold all instants in memory"
