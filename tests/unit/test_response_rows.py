@@ -13,19 +13,16 @@ from turnout.panel.load import load_panel
 from turnout.panel.profile import contact_height
 from turnout.response.coordinates import coordinates, indexed
 from turnout.response.gaps import gap_places, gap_rows
-from turnout.response.recovery import histories_of, recover_motion, seen_by, seen_rows
-from turnout.response.rows_over_time import (
-    Product,
+from turnout.response.recipes import (
     Recipe,
-    Rows,
     clear_recipes,
     evenly_spaced,
     kept_recipes,
     products_of,
-    rows_in_lines,
     sums_of_columns,
-    write_rows,
 )
+from turnout.response.recovery import histories_of, recover_motion, seen_by, seen_rows
+from turnout.response.rows_over_time import Product, Rows, rows_in_lines, write_rows
 from turnout.response.save import Save
 from turnout.response.simulate import Solved, simulate, solve
 from turnout.response.stored_displacements import stored_rows, stored_share, stored_weights
