@@ -13,10 +13,26 @@ Floats = NDArray[np.float64]
 
 MOST_PRODUCTS = 256
 """Products of rows with blocks in memory, the latest used."""
+MOST_PLACES = 32
+"""Rails whose places in their blocks are kept in memory, the latest used."""
+
+# Blocks are shared by many throws; they are named by identity and kept beside.
+_places = LRUCache[tuple[tuple[int, int], object]](MOST_PLACES)
 
 
 def block_of(blocks: Sequence[BlockModel], body: RailBody) -> tuple[int, int]:
     """Return the number of the block of a rail, and where in it its coordinates begin."""
+    key = (id(blocks), body.first)
+    kept = _places.get(key)
+    if kept is not None:
+        return kept[0]
+    found = _find_block(blocks, body)
+    if isinstance(blocks, tuple):  # else not there to stay
+        _places.put(key, (found, blocks))
+    return found
+
+
+def _find_block(blocks: Sequence[BlockModel], body: RailBody) -> tuple[int, int]:
     for number, part in enumerate(blocks):
         first = int(np.searchsorted(part.block.coordinates, body.first))
         if first < part.block.coordinates.size and part.block.coordinates[first] == body.first:

@@ -1,6 +1,6 @@
 """Names and places of the members of a panel as coordinates of a dataset."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -50,8 +50,13 @@ def stations(panel: Panel, mechanism: Mechanism, save: Save) -> Floats:
     return kept[0].copy()
 
 
-def coordinates(panel: Panel, mechanism: Mechanism, *, time: Floats) -> dict[str, Variable]:
-    """Return every coordinate that some channel may use, but for "x", see `stations`."""
+def coordinates(
+    panel: Panel, mechanism: Mechanism, *, time: Floats, used: Collection[str] | None = None
+) -> dict[str, Variable]:
+    """Return every coordinate that some channel may use, but for "x", see `stations`.
+
+    Those of other dimensions than the `used` ones are left out.
+    """
     families = (
         *(panel.rail, panel.drive, panel.machine, panel.chair, panel.stop, panel.stud),
         *(panel.fastening, panel.link, panel.sensor),
@@ -61,8 +66,10 @@ def coordinates(panel: Panel, mechanism: Mechanism, *, time: Floats) -> dict[str
     if kept is None:
         kept = _of_members.put(key, (_member_coordinates(panel), families))
     found: dict[str, Variable] = {"time": (("time",), time)}
-    found |= {name: (dims, values.copy()) for name, (dims, values) in kept[0].items()}
-    if mechanism.index.object_parts:
+    for name, (dims, values) in kept[0].items():
+        if used is None or dims[0] in used:
+            found[name] = dims, values.copy()
+    if mechanism.index.object_parts and (used is None or "object" in used):
         found["object"] = _names("object", mechanism.index.object_parts)
     return found
 

@@ -166,10 +166,10 @@ def coordinates_of(
         With the places of `gap` and `lateral_displacement`.
     """
     used = {dim for dims, _ in channels.values() for dim in dims} | {"time"}
-    named = coordinates(panel, mechanism, time=time)
+    named = coordinates(panel, mechanism, time=time, used=used)
     if "x" in used:
         named["x"] = (("x",), stations(panel, mechanism, save))
-    return {name: value for name, value in named.items() if set(value[0]) <= used}
+    return named
 
 
 def _gaps(panel: Panel, places: Floats, time: Floats) -> dict[str, Variable]:
@@ -251,7 +251,7 @@ def describe_run(
         "highest_mode_frequency": float(history.model.frequencies[-1]),
         "superelements": superelements,
         "energy_scale": outcome.energy_scale
-        if history.machines
+        if history.machines or scheme.stride  # else the run had other instants than its history
         else energy_scale(history.stored, history.ledger),
     }
 

@@ -1,5 +1,6 @@
 """Single numbers and states of a run: contact, margins, control, lock, least flangeway."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -24,13 +25,13 @@ TIME_TOLERANCE = 1e-9
 def contact_labels(mechanism: Mechanism, history: Instants) -> dict[str, Variable]:
     """Return whether foreign objects had room and were touched, and when, from every step."""
     laws = list(mechanism.index.object.values())
-    first = history.law_first[laws]
-    touched = ~np.isnan(first)
-    earliest = float(np.min(first[touched])) if touched.any() else np.nan
+    # There are few of them: Python's own numbers are quicker than arrays.
+    touched = [time for time in history.law_first[laws].tolist() if not math.isnan(time)]
+    missing = any(math.isnan(time) for time in history.law_placed[laws].tolist())
     labels: dict[str, Variable] = {
-        "object_placed": ((), np.array(not np.isnan(history.law_placed[laws]).any())),
-        "object_touched": ((), np.array(bool(touched.any()))),
-        "contact_time": ((), np.array(earliest)),
+        "object_placed": ((), np.array(not missing)),
+        "object_touched": ((), np.array(bool(touched))),
+        "contact_time": ((), np.array(min(touched, default=np.nan))),
     }
     if len(mechanism.index.object_parts) > 1:
         groups = mechanism.index.object_laws.values()
@@ -64,11 +65,12 @@ def force_margins(panel: Panel, *, time: Floats, drive_force: Floats) -> Floats:
     margins = np.full((limits.size, len(DIRECTIONS)), np.nan)
     for throw in throws(panel):
         bounds = (throw.start - TIME_TOLERANCE, throw.until - TIME_TOLERANCE)
-        first, last = np.searchsorted(time, bounds)
+        first, last = time.searchsorted(bounds).tolist()
         if first == last:
             continue
         during = drive_force[:, first:last]
-        effort = during.max(axis=1) if throw.to == "closed" else -during.min(axis=1)
+        closes = throw.to == "closed"
+        effort = np.maximum.reduce(during, axis=1) if closes else -np.minimum.reduce(during, axis=1)
         margin = limits - np.maximum(effort, 0.0)
         column = DIRECTIONS.index(throw.direction)
         margins[:, column] = np.fmin(margins[:, column], margin)
@@ -106,13 +108,14 @@ def control_states(
     moved : sequence of Throw, optional
         The movements as they were made; default those of the schedule.
     """
-    held = ~slipping.any(axis=0)
+    held = ~np.logical_or.reduce(slipping, axis=0)
     limits = np.array(list(panel.gap_limits().values()))[:, np.newaxis]
     if panel.lock.rule == "raw gap":
         small = (drive_gap < limits).all(axis=0)
         held = np.where(rail_closes(panel, time), small, held)
     elif panel.lock.rule == "slip or gap":
-        wide = (drive_gap >= limits).any(axis=0)  # a gap that is not known is never wide
+        # a gap that is not known is never wide
+        wide = np.logical_or.reduce(drive_gap >= limits, axis=0)
         held &= ~(wide & rail_closes(panel, time))
     states: dict[str, Variable] = {"locked": (("time",), held & at_rest(panel, time, moved))}
     if sensor_gap is not None:
@@ -143,5 +146,5 @@ def flangeway_labels(
 
 def _end_index(throw: Throw, time: Floats) -> int | None:
     """Return the first stored instant at which a movement is over, None where the run is not."""
-    at = int(np.searchsorted(time, throw.end - TIME_TOLERANCE))
+    at = int(time.searchsorted(throw.end - TIME_TOLERANCE))
     return at if at < time.size else None

@@ -89,7 +89,7 @@ def closed_spans(panel: Panel, time: Floats) -> list[tuple[int, int, bool]]:
     """
     found, begin, closed = list[tuple[int, int, bool]](), 0, panel.schedule.starts == "closed"
     moved = throws(panel)
-    onsets = np.searchsorted(time, [throw.start - 1e-9 for throw in moved]).tolist()
+    onsets = time.searchsorted([throw.start - 1e-9 for throw in moved]).tolist()
     for throw, onset in zip(moved, onsets, strict=True):
         found.append((begin, onset, closed))
         begin, closed = onset, throw.to == "closed"
@@ -121,6 +121,6 @@ def at_rest(panel: Panel, time: Floats, moved: Sequence[Throw] | None = None) ->
     """
     rest = np.ones(time.size, dtype=np.bool_)
     for throw in throws(panel) if moved is None else moved:
-        first, end = np.searchsorted(time, (throw.start - 1e-9, throw.end - 1e-9))
+        first, end = time.searchsorted((throw.start - 1e-9, throw.end - 1e-9)).tolist()
         rest[first:end] = False
     return rest
