@@ -107,7 +107,7 @@ def write_rows(wanted: Sequence[Rows], histories: Mapping[str, Floats]) -> None:
 
     Examples
     --------
-    >>> products = sums_of_columns("g", np.array([[0, 1], [2, 3]]), rows=np.arange(2))
+    >>> products = [Product("g", slice(0, 3, 2), slice(0, 2), beside=(slice(1, 4, 2),))]
     >>> found = np.empty((2, 3))
     >>> write_rows([Rows(products, found)], {"g": np.arange(12.0).reshape(3, 4)})
     >>> found.tolist()
