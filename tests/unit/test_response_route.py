@@ -1,7 +1,9 @@
 """Movements are found once for panels that share them, and again where they differ."""
 
+import numpy as np
+
 from turnout.panel.load import load_panel
-from turnout.response.route import throws
+from turnout.response.route import closed_spans, throws, wanted_closed
 
 
 def test_changed_movements_and_drives_are_seen() -> None:
@@ -18,3 +20,17 @@ def test_a_movement_lasts_until_the_next_one() -> None:
     first, last = throws(load_panel("sb1"))
     assert (first.until, last.until) == (last.start, float("inf"))
     assert first.end < last.start
+
+
+def test_spans_between_onsets_are_all_instants() -> None:
+    panel = load_panel("sb1")
+    first, second = throws(panel)
+    time = np.array([first.start - 0.5, first.start, first.end, second.start, second.end])
+    starts, closes, opens = closed_spans(panel, time)
+    assert (starts[:2], closes[:2], opens[:2]) == ((0, 1), (1, 3), (3, 5))
+    assert (starts[2], closes[2], opens[2]) == (False, True, False)
+    (_, closed), (_, opened) = wanted_closed(panel, time)
+    assert closed.tolist() == [False, True, True, False, False]
+    assert opened.tolist() == (~closed).tolist()
+    early = closed_spans(panel, time[:1])
+    assert [span for span in early if span[1] > span[0]] == [(0, 1, False)]

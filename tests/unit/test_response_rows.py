@@ -13,19 +13,16 @@ from turnout.panel.load import load_panel
 from turnout.panel.profile import contact_height
 from turnout.response.coordinates import coordinates, indexed
 from turnout.response.gaps import gap_places, gap_rows
-from turnout.response.recovery import histories_of, recover_motion, seen_by, seen_rows
-from turnout.response.rows_over_time import (
-    Product,
+from turnout.response.recipes import (
     Recipe,
-    Rows,
     clear_recipes,
     evenly_spaced,
     kept_recipes,
     products_of,
-    rows_in_lines,
     sums_of_columns,
-    write_rows,
 )
+from turnout.response.recovery import histories_of, recover_motion, seen_by, seen_rows
+from turnout.response.rows_over_time import Product, Rows, rows_in_lines, write_rows
 from turnout.response.save import Save
 from turnout.response.simulate import Solved, simulate, solve
 from turnout.response.stored_displacements import stored_rows, stored_share, stored_weights
@@ -275,3 +272,35 @@ def test_places_of_gaps_that_throws_share_cannot_be_changed() -> None:
         for shared in (x, z):
             with pytest.raises(ValueError, match="read-only"):
                 shared[0] = 1.0
+
+
+def test_rows_of_which_nothing_is_known_are_nan_and_near_rows_are_like_others() -> None:
+    history = np.random.default_rng(3).normal(size=(70, 9))
+    products = tuple(sums_of_columns("g", np.array([[8], [1]]), rows=np.array([0, 2])))
+    found = []
+    for near in (False, True):
+        out = rows_in_lines(3, 70)
+        out[:] = 0.0
+        write_rows([Recipe(products, near=near, unknown=(1,)).into(out)], {"g": history})
+        found.append(out)
+    np.testing.assert_array_equal(found[0], found[1])
+    np.testing.assert_array_equal(found[0][[0, 2]], history[:, [8, 1]].T)
+    assert np.isnan(found[0][1]).all()
+
+
+def test_rows_without_any_product_are_left_as_they_are() -> None:
+    out = np.full((2, 4), 7.0)
+    write_rows([Recipe((), unknown=(1,)).into(out)], {"g": np.zeros((4, 9))})
+    np.testing.assert_array_equal(out, [[7.0] * 4, [np.nan] * 4])
+
+
+def test_coordinates_of_other_dimensions_are_left_out(solved: Solved) -> None:
+    panel = load_panel(DEFAULT)
+    given = (panel, solved.mechanism)
+    every = coordinates(*given, time=solved.history.time)
+    some = coordinates(*given, time=solved.history.time, used={"drive", "time"})
+    assert set(some) == {name for name, (dims, _) in every.items() if dims[0] in ("drive", "time")}
+    assert "object" in every
+    for name, (dims, values) in some.items():
+        assert dims == every[name][0]
+        np.testing.assert_array_equal(values, every[name][1])

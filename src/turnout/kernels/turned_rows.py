@@ -43,11 +43,10 @@ class RowSums(NamedTuple):
 
     Attributes
     ----------
-    window_address, window_step, window_history : ndarray of int, shape (n_windows,)
-        Address of the first instant of a window, floats from one instant to the next, and the
-        number of its history.
-    row_address, row_kind : ndarray of int, shape (n_rows,)
-        Address of the first instant of a row, and `PLAIN`, `PLUS` or `MINUS`.
+    window_step, window_history : ndarray of int, shape (n_windows,)
+        Floats from one instant of a window to the next, and the number of its history.
+    row_kind, row_near : ndarray of int, shape (n_rows,)
+        `PLAIN`, `PLUS` or `MINUS`, and whether a row is soon read and stays in the caches.
     row_start : ndarray, shape (n_rows,)
         Where rows start.
     group_start : ndarray of int, shape (n_rows + 1,)
@@ -62,11 +61,10 @@ class RowSums(NamedTuple):
         Its weight.
     """
 
-    window_address: Ints
     window_step: Ints
     window_history: Ints
-    row_address: Ints
     row_kind: Ints
+    row_near: Ints
     row_start: Floats
     group_start: Ints
     group_weighted: Ints
@@ -76,29 +74,34 @@ class RowSums(NamedTuple):
 
 
 @compiled
-def write_row_sums(sums: RowSums, lines: Floats, count: int) -> None:
+def write_row_sums(sums: RowSums, windows: Ints, rows: Ints, lines: Floats, count: int) -> None:
     """Write rows over `count` instants.
 
     Parameters
     ----------
     sums : RowSums
         A record of `turnout.kernels.shared_record`.
+    windows : ndarray of int, shape (n_windows,)
+        Addresses of the first instant of each window.
+    rows : ndarray of int, shape (n_rows,)
+        Addresses of the first instant of each row.
     lines : ndarray, shape ((8 n_windows + 1) LINE,)
         Memory for the turned columns, and for a sum.
     count : int
         Number of instants.
     """
-    total = lines[LANES * sums.window_address.size * LINE :]
+    total = lines[LANES * windows.size * LINE :]
     for first in range(0, count, TILE):
         size = min(TILE, count - first)
-        _turn_tile(sums, first, size, lines)
-        for row in range(sums.row_address.size):
+        _turn_tile(sums, windows, first, size, lines)
+        for row in range(rows.size):
             if sums.group_start[row] == sums.group_start[row + 1]:  # nothing is known of it
                 continue
             for i in range(0, size, PASS):
-                out = vector_at(sums.row_address[row] + 8 * (first + i), min(PASS, size - i))
+                address = rows[row] + 8 * (first + i)
+                out = vector_at(address, min(PASS, size - i))
                 part = out.size < PASS
-                past = not part and sums.row_address[row] % (8 * LANES) == 0
+                past = not part and sums.row_near[row] == 0 and address % (8 * LANES) == 0
                 _write_pass(sums, row, lines, i, total if part else out, past)
                 if part:
                     for k in range(out.size):
@@ -106,21 +109,21 @@ def write_row_sums(sums: RowSums, lines: Floats, count: int) -> None:
 
 
 @compiled_part
-def _turn_tile(sums: RowSums, first: int, size: int, lines: Floats) -> None:
+def _turn_tile(sums: RowSums, windows: Ints, first: int, size: int, lines: Floats) -> None:
     """Write some instants of all windows to lines, eight at a time: these are eight streams."""
     whole = size - size % LANES
     for t in range(0, whole, LANES):
-        for w in range(sums.window_address.size):
+        for w in range(windows.size):
             step = sums.window_step[w]
-            address = sums.window_address[w] + 8 * step * (first + t)
+            address = windows[w] + 8 * step * (first + t)
             # The processor foresees lines of one instant, but not those of the next eight.
             for k in range(LANES, 2 * LANES):
                 prefetch(vector_at(address + 8 * step * k, 1))
             turn(vector_at(address, 7 * step + LANES), step, lines[LANES * w * LINE + t :], LINE)
     for t in range(whole, size):
-        for w in range(sums.window_address.size):
+        for w in range(windows.size):
             step = sums.window_step[w]
-            eight = vector_at(sums.window_address[w] + 8 * step * (first + t), LANES)
+            eight = vector_at(windows[w] + 8 * step * (first + t), LANES)
             for k in range(LANES):
                 lines[(LANES * w + k) * LINE + t] = eight[k]
 

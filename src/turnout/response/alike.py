@@ -6,9 +6,9 @@ the same for all throws of a panel, so an empty dataset of each kind is kept and
 values of a throw.
 """
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Mapping, Sequence
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 MOST_KEPT = 8
 """Kinds of datasets in memory, the latest used; of each its time and names, no channel."""
-_empty = LRUCache["xr.Dataset"](MOST_KEPT)
+_empty = LRUCache["_Kind"](MOST_KEPT)
 
 
 def labelled_dataset(
@@ -56,16 +56,17 @@ def labelled_dataset(
         _kinds(coordinates),
         tuple([coordinates[name][1].tobytes() for name in index]),
     )
-    empty = _empty.get(key)
-    if empty is None:
+    kind = _empty.get(key)
+    if kind is None:
         made = check_schema(add_labels(xr.Dataset(channels, indexed(coordinates))))
         nothing = {name: _without_values(variable) for name, variable in channels.items()}
-        _empty.put(key, made.copy(data=nothing))
+        _empty.put(key, _Kind.of(made.copy(data=nothing)))
         return made
     values = {name: values for name, (_, values) in (*channels.items(), *coordinates.items())}
     for name in index:
         del values[name]
-    return _filled(empty, values) if _fills_alike() else _copied(empty, values)
+    quick = kind.parts and _fills_alike()
+    return _filled(kind, values) if quick else _copied(kind.empty, values)
 
 
 def clear_datasets() -> None:
@@ -73,18 +74,40 @@ def clear_datasets() -> None:
     _empty.clear()
 
 
-def _filled(empty: "xr.Dataset", values: Mapping[str, NDArray[np.generic]]) -> "xr.Dataset":
+class _Kind(NamedTuple):
+    """An empty dataset, and what its variables are made of: name, class, dims, data, attributes."""
+
+    empty: "xr.Dataset"
+    parts: Sequence[tuple[str, type["xr.Variable"], tuple[Hashable, ...], Any, dict[Any, Any]]]
+
+    @classmethod
+    def of(cls, empty: "xr.Dataset") -> "_Kind":
+        """Read the variables of an empty dataset, in their order."""
+        if not _fills_alike():
+            return cls(empty, ())
+        return cls(empty, _parts(empty))
+
+
+def _parts(empty: "xr.Dataset") -> list[tuple[str, Any, Any, Any, dict[Any, Any]]]:
+    return [
+        (str(name), type(like), like._dims, like._data, dict(like.attrs))
+        for name, like in empty._variables.items()
+    ]
+
+
+def _filled(kind: _Kind, values: Mapping[str, NDArray[np.generic]]) -> "xr.Dataset":
     """Return what `_copied` does, in a fraction of its time: variables are not checked again.
 
     Only indexes are shared, which cannot be changed. `_fills_alike` knows whether the installed
     xarray is made of these parts.
     """
     variables: dict[Hashable, xr.Variable] = {}
-    for name, like in empty._variables.items():
-        made = variables[name] = object.__new__(type(like))
-        made._dims, made._encoding = like._dims, None
-        made._data = values.get(str(name), like._data)
-        made._attrs = dict(like.attrs)
+    for name, variable, dims, data, attributes in kind.parts:
+        made = variables[name] = object.__new__(variable)
+        made._dims, made._encoding = dims, None
+        made._data = values.get(name, data)
+        made._attrs = attributes.copy()
+    empty = kind.empty
     return empty._construct_direct(
         variables,
         set(empty._coord_names),
@@ -112,7 +135,7 @@ def _fills_alike() -> bool:
     empty = xr.Dataset({"f": ("x", np.zeros(2), {"units": "N"})}, own, {"kind": "trial"})
     values = {"f": numbers, "y": numbers + 1.0}
     try:
-        found, copied = _filled(empty, values), _copied(empty, values)
+        found, copied = _filled(_Kind(empty, _parts(empty)), values), _copied(empty, values)
         alike = found.identical(copied) and set(found.xindexes) == set(copied.xindexes)
         return alike and found.sizes == copied.sizes and found["f"].encoding == {}
     except Exception:  # noqa: BLE001 - whatever another xarray makes of it

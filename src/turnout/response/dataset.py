@@ -1,7 +1,7 @@
 """A run as a dataset in the terms of the schema."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -19,6 +19,7 @@ from turnout.panel.model import Panel
 from turnout.panel.object_kind import KINDS
 from turnout.panel.records import Placed
 from turnout.response.alike import labelled_dataset
+from turnout.response.channel_rows import FLANGEWAYS, channel_rows
 from turnout.response.coordinates import coordinates, stations
 from turnout.response.drives import (
     duties,
@@ -29,36 +30,27 @@ from turnout.response.drives import (
     machine_supplies,
     moved_throws,
 )
-from turnout.response.gaps import displacements_and_gaps, gap_rows_over_time, split_gaps
+from turnout.response.gaps import split_gaps
 from turnout.response.labels import (
     contact_labels,
     control_states,
     flangeway_labels,
     force_margins,
 )
-from turnout.response.recovery import (
-    PLACE_TOLERANCE,
-    Motion,
-    histories_of,
-    recover_motion,
-)
+from turnout.response.recovery import PLACE_TOLERANCE, recover_motion
 from turnout.response.route import Throw
-from turnout.response.rows_over_time import Rows, rows_in_lines, write_rows
 from turnout.response.save import Save
 from turnout.response.signals import (
     ENERGIES,
+    FASTENINGS,
     Variable,
-    chair_signals,
-    drive_signals,
+    drive_channels,
     energy_channels,
     energy_scale,
     fastening_signals,
-    link_signals,
+    object_channels,
     object_memory,
-    object_signals,
-    stop_signals,
 )
-from turnout.response.signals import NAMES as FASTENINGS
 from turnout.schema.channels import SCHEMA_VERSION
 from turnout.scheme import Scheme
 
@@ -71,23 +63,18 @@ Attributes = dict[str, str | int | float | bool]
 MOST_DESCRIBED = 8
 """Panels with their objects whose attributes are kept in memory, the latest used."""
 
+_AS_WRITTEN = {
+    "link_force": ("link", "time"),
+    "chair_normal_force": ("rail", "chair", "time"),
+    "chair_friction_force": ("rail", "chair", "time"),
+    "stop_force": ("rail", "stop", "time"),
+    "gap": ("rail", "x", "time"),
+    "lateral_displacement": ("rail", "x", "time"),
+}
+"""Dimensions of the channels that are rows over time, as they are."""
+
 # What throws share is named by identity, and kept beside so that nothing else takes its place.
 _described = LRUCache[tuple[tuple[Attributes, Attributes, str], object]](MOST_DESCRIBED)
-
-# Nothing is computed that is not kept: signals of forces by what they make, then all that needs the
-# motion of the rails, which costs most.
-_FORCES: Mapping[tuple[str, ...], Callable[[Panel, Mechanism, History], dict[str, Variable]]] = {
-    ("object_force", "single_object_force"): lambda _, *made: object_signals(*made),
-    ("link_force",): link_signals,
-}
-_MANY_FORCES = {
-    ("chair_normal_force", "chair_friction_force"): chair_signals,
-    ("stop_force",): stop_signals,
-}
-_SHAPES = ("gap", "lateral_displacement")
-_DRIVE_GAPS = ("drive_gap", "end_gap", "locked")
-_SENSOR_GAPS = ("sensor_gap", "in_control")
-_FLANGEWAYS = ("least_flangeway", "least_flangeway_x", "least_flangeway_rail")
 
 
 def response_dataset(
@@ -134,37 +121,27 @@ def response_channels(
     dict of str to (dims, ndarray)
         By the names of the schema, in SI.
     """
-    channels = drive_signals(panel, mechanism, history)
+    motion = recover_motion(mechanism, history)
+    arrays = channel_rows(panel, mechanism, motion, save)
+    channels = drive_channels(panel, arrays["drive_force"], history.inputs)
     machine_slips(history, np.asarray(channels["drive_slipping"][1]))
     channels |= machine_signals(panel, history)
     moved = moved_throws(panel, history)
-    for names, signals in _FORCES.items():
-        if save.keeps(*names):
-            channels |= signals(panel, mechanism, history)
-    wanted: list[Rows] = []  # written together, so that histories are read once
-    for names, many in _MANY_FORCES.items():
-        if save.keeps(*names):
-            made, rows = many(panel, mechanism, history)
-            channels, wanted = channels | made, wanted + rows
-    if save.keeps(*_SHAPES, *FASTENINGS, *_DRIVE_GAPS, *_SENSOR_GAPS, *_FLANGEWAYS):
-        motion = recover_motion(mechanism, history)
-        if save.keeps(*_SHAPES):
-            made, rows = _shapes(panel, motion, stations(panel, mechanism, save))
-            channels, wanted = channels | made, wanted + rows
-        channels |= fastening_signals(panel, motion, save)
-        gaps = gap_rows_over_time(panel, motion)
-        if save.keeps(*_DRIVE_GAPS, *_SENSOR_GAPS):
-            wanted.append(gaps)
-        write_rows(wanted, histories_of(history))
-        channels |= _gaps(panel, motion, gaps.out, save, moved)
-    else:
-        write_rows(wanted, histories_of(history))
+    if "object" in arrays:
+        channels |= object_channels(mechanism, arrays["object"])
+    channels |= {name: (dims, arrays[name]) for name, dims in _AS_WRITTEN.items() if name in arrays}
+    if panel.fastening and save.keeps(*FASTENINGS):
+        channels |= fastening_signals(panel, motion)
+    if "places" in arrays:
+        channels |= _gaps(panel, arrays["places"], history.time)
+    if save.keeps(*FLANGEWAYS):
+        channels |= flangeway_labels(panel, motion, history.time, moved)
     channels |= contact_labels(mechanism, history) | object_memory(mechanism, history)
     if save.keeps(*ENERGIES):
         channels |= energy_channels(history.stored, history.ledger)
         channels |= machine_energies(history, channels)
     channels |= _states(panel, history.time, channels, save, moved)
-    return {name: value for name, value in channels.items() if save.keeps(name)}
+    return save.kept(channels)
 
 
 def coordinates_of(
@@ -192,32 +169,19 @@ def coordinates_of(
     named = coordinates(panel, mechanism, time=time, used=used)
     if "x" in used:
         named["x"] = (("x",), stations(panel, mechanism, save))
-    return {name: value for name, value in named.items() if set(value[0]) <= used}
+    return named
 
 
-def _shapes(panel: Panel, motion: Motion, x: Floats) -> tuple[dict[str, Variable], list[Rows]]:
-    """Return gap and lateral displacement of all rails at contact height, still to be written."""
-    # One block of memory: the larger it is, the fewer pages it takes.
-    both = rows_in_lines(len(panel.rail), 2, x.size, motion.history.time.size)
-    rows = displacements_and_gaps(panel, motion, x, both)
-    dims = ("rail", "x", "time")
-    return {"gap": (dims, both[:, 1]), "lateral_displacement": (dims, both[:, 0])}, rows
-
-
-def _gaps(
-    panel: Panel, motion: Motion, gaps: Floats, save: Save, moved: Sequence[Throw]
-) -> dict[str, Variable]:
-    """Return gaps at drives and sensors from those at all places, and the least flangeway."""
-    found, time = dict[str, Variable](), motion.history.time
-    if save.keeps(*_DRIVE_GAPS, *_SENSOR_GAPS):
-        gap, at_sensors = split_gaps(panel, gaps, time)
-        last = gap[:, -1] if time.size else np.full(gap.shape[0], np.nan)
-        found["drive_gap"] = (("drive", "time"), gap)
-        found["end_gap"] = (("drive",), last.copy())
-        if panel.sensor:
-            found["sensor_gap"] = (("sensor", "time"), at_sensors)
-    if save.keeps(*_FLANGEWAYS):
-        found |= flangeway_labels(panel, motion, time, moved)
+def _gaps(panel: Panel, places: Floats, time: Floats) -> dict[str, Variable]:
+    """Return gaps at drives and sensors from those at all places."""
+    gap, at_sensors = split_gaps(panel, places, time)
+    last = gap[:, -1] if time.size else np.full(gap.shape[0], np.nan)
+    found: dict[str, Variable] = {
+        "drive_gap": (("drive", "time"), gap),
+        "end_gap": (("drive",), last.copy()),
+    }
+    if panel.sensor:
+        found["sensor_gap"] = (("sensor", "time"), at_sensors)
     return found
 
 
@@ -287,7 +251,7 @@ def describe_run(
         "highest_mode_frequency": float(history.model.frequencies[-1]),
         "superelements": superelements,
         "energy_scale": outcome.energy_scale
-        if history.machines
+        if history.machines or scheme.stride  # else the run had other instants than its history
         else energy_scale(history.stored, history.ledger),
     }
 

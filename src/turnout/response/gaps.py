@@ -15,6 +15,7 @@ from turnout.panel.layout import SIDE
 from turnout.panel.model import Panel
 from turnout.panel.profile import contact_height, running_edge_distance
 from turnout.panel.records import StockRail
+from turnout.response.recipes import Recipe
 from turnout.response.recovery import (
     CondensedShapes,
     Motion,
@@ -29,8 +30,8 @@ from turnout.response.recovery import (
     seen_recipe,
     stacked,
 )
-from turnout.response.route import Throw, closed_rail, open_rail, wanted_closed
-from turnout.response.rows_over_time import Recipe, Rows, rows_in_lines, write_rows
+from turnout.response.route import Throw, closed_rail, closed_spans, open_rail
+from turnout.response.rows_over_time import Rows, rows_in_lines, write_rows
 
 Floats = NDArray[np.float64]
 Place = tuple[str, Floats, Floats]
@@ -99,8 +100,8 @@ def displacements_and_gaps(panel: Panel, motion: Motion, x: Floats, out: Floats)
             found.append(seen_recipe(motion, less, start=start, minus=True))
         return found
 
-    places = ("shapes", x.tobytes(), *(height.tobytes() for height in heights))
-    kept = recipes_of(motion, (panel.rail, panel.stock_rail), places, recipes)
+    named = (heights, panel.rail, panel.stock_rail)
+    kept = recipes_of(motion, named, ("shapes", x.tobytes()), recipes)
     return [
         recipe.into(to)
         for recipe, to in zip(kept, (rows for both in out for rows in both), strict=True)
@@ -175,7 +176,9 @@ def split_gaps(panel: Panel, gaps: Floats, time: Floats) -> tuple[Floats, Floats
     first, second = gaps[..., :count, :], gaps[..., count : 2 * count, :]
     at_sensors = gaps[..., 2 * count :, :]
     # at any instant one of the two is wanted closed
-    at_drives = np.where(wanted_closed(panel, time)[0][1], first, second)
+    at_drives = np.empty(first.shape)
+    for begin, end, closed in closed_spans(panel, time):
+        at_drives[:, begin:end] = (first if closed else second)[:, begin:end]
     return at_drives, at_sensors
 
 
@@ -185,10 +188,9 @@ def gap_rows_over_time(panel: Panel, motion: Motion) -> Rows:
 
     def recipes() -> list[Recipe]:
         start, less = _seen_together(panel, motion, places)
-        return [seen_recipe(motion, less, start=start, minus=True)]
+        return [seen_recipe(motion, less, start=start, minus=True, near=True)]
 
-    at = ("gaps", *((rail, x.tobytes(), z.tobytes()) for rail, x, z in places))
-    (recipe,) = recipes_of(motion, (panel.rail, panel.stock_rail), at, recipes)
+    (recipe,) = recipes_of(motion, (places, panel.rail, panel.stock_rail), ("gaps",), recipes)
     count = sum(x.size for _, x, _ in places)
     return recipe.into(rows_in_lines(count, motion.history.time.size))
 

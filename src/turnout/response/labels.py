@@ -71,11 +71,14 @@ def force_margins(
     margins = np.full((*limits.shape, len(DIRECTIONS)), np.nan)
     for throw in throws(panel):
         bounds = (throw.start - TIME_TOLERANCE, throw.until - TIME_TOLERANCE)
-        first, last = np.searchsorted(time, bounds)
+        first, last = time.searchsorted(bounds).tolist()
         if first == last:
             continue
         during = drive_force[..., first:last]
-        effort = during.max(axis=-1) if throw.to == "closed" else -during.min(axis=-1)
+        if throw.to == "closed":
+            effort = np.maximum.reduce(during, axis=-1)
+        else:
+            effort = -np.minimum.reduce(during, axis=-1)
         margin = limits - np.maximum(effort, 0.0)
         column = DIRECTIONS.index(throw.direction)
         margins[..., column] = np.fmin(margins[..., column], margin)
@@ -118,13 +121,13 @@ def control_states(
         of the panel [m].
     """
     at_drives, at_sensors = state_limits(panel) if limits is None else limits
-    held = ~slipping.any(axis=-2)
+    held = ~np.logical_or.reduce(slipping, axis=-2)
     if panel.lock.rule == "raw gap":
         small = (drive_gap < at_drives[..., np.newaxis]).all(axis=-2)
         held = np.where(rail_closes(panel, time), small, held)
     elif panel.lock.rule == "slip or gap":
         # a gap that is not known is never wide
-        wide = (drive_gap >= at_drives[..., np.newaxis]).any(axis=-2)
+        wide = np.logical_or.reduce(drive_gap >= at_drives[..., np.newaxis], axis=-2)
         held &= ~(wide & rail_closes(panel, time))
     states: dict[str, Variable] = {"locked": (("time",), held & at_rest(panel, time, moved))}
     if sensor_gap is not None:
@@ -160,5 +163,5 @@ def flangeway_labels(
 
 def _end_index(throw: Throw, time: Floats) -> int | None:
     """Return the first stored instant at which a movement is over, None where the run is not."""
-    at = int(np.searchsorted(time, throw.end - TIME_TOLERANCE))
+    at = int(time.searchsorted(throw.end - TIME_TOLERANCE))
     return at if at < time.size else None

@@ -12,7 +12,7 @@ used instead (`turnout.response.stored_displacements`), which is ten times as fa
 """
 
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import accumulate
 
 import numpy as np
@@ -27,17 +27,15 @@ from turnout.condense.condense import (
 from turnout.core.lru_cache import LRUCache
 from turnout.integrate.integration import History
 from turnout.mechanism.mechanism import Mechanism, RailBody, RailShape
-from turnout.response.rows_over_time import (
-    Product,
+from turnout.response.block_products import block_of, in_block
+from turnout.response.recipes import (
     Recipe,
-    Rows,
     evenly_spaced,
     kept_recipes,
     products_of,
     products_with,
-    rows_in_lines,
-    write_rows,
 )
+from turnout.response.rows_over_time import Product, Rows, rows_in_lines, write_rows
 from turnout.response.stored_displacements import stored_rows, stored_share
 
 Floats = NDArray[np.float64]
@@ -50,8 +48,8 @@ UY, RX, PER_NODE = 1, 3, 6
 PLACE_TOLERANCE = 1e-6
 MOST_SEEN = 64
 """Sets of rows in terms of blocks in memory, the latest used."""
-MOST_PRODUCTS = 256
-"""Products of rows with blocks in memory, the latest used."""
+MOST_SLOPES = 16
+"""Stiffnesses at the rows of laws in memory, the latest used."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,13 +84,10 @@ class Motion(CondensedShapes):
         The run.
     slope : ndarray, shape (n_rows,)
         Stiffness at each row that the linear system holds already [N/m].
-    seen : dict
-        Rows that were recovered before, of this run at these or at other instants.
     """
 
     history: History
     slope: Floats
-    seen: dict[Hashable, "tuple[Floats, Seen]"] = field(default_factory=dict)
 
 
 def condensed_shapes(mechanism: Mechanism, condensed: CondensedRails) -> CondensedShapes:
@@ -101,12 +96,22 @@ def condensed_shapes(mechanism: Mechanism, condensed: CondensedRails) -> Condens
     return CondensedShapes(rails, mechanism.shapes, condensed, mechanism.rows)
 
 
+# Throws that differ in friction or in their motion have the same.
+_slopes = LRUCache[Floats](MOST_SLOPES)
+
+
 def recover_motion(mechanism: Mechanism, history: History) -> Motion:
     """Collect what the recovery of shapes needs from a run."""
     laws, before = history.laws, condensed_shapes(mechanism, history.condensed)
-    slope = sum_at_rows(laws, folded_stiffness(laws), before.rows.shape[0])
-    of_rails = before.rails, before.shapes, before.condensed, before.rows
-    return Motion(*of_rails, history, slope)
+    n_rows = before.rows.shape[0]
+    parts = (laws.row, laws.input_index, laws.base_segment, laws.segment_start, laws.slope)
+    key = (n_rows, *(part.tobytes() for part in parts))
+    slope = _slopes.get(key)
+    if slope is None:
+        slope = sum_at_rows(laws, folded_stiffness(laws), n_rows)
+        slope.flags.writeable = False
+        _slopes.put(key, slope)
+    return Motion(before.rails, before.shapes, before.condensed, before.rows, history, slope)
 
 
 def force_motion(motion: Motion, shapes: Floats, *, at: Ints | None = None) -> Floats:
@@ -313,9 +318,9 @@ def _seen_without_objects(blocks: Sequence[BlockModel], parts: Parts, *, n_rows:
     count = parts[0][1].shape[0]
     modes, load, shapes = np.zeros((count, ends[-1])), np.zeros(count), np.zeros((count, n_rows))
     for body, rows in parts:
-        number, first = _block_of(blocks, body)
+        number, first = block_of(blocks, body)
         part, own = blocks[number], slice(first, first + body.count)
-        of_modes, of_shapes, of_load = _in_block(part, rows, own)
+        of_modes, of_shapes, of_load = in_block(part, rows, own)
         modes[:, ends[number] : ends[number + 1]] += of_modes
         shapes[:, part.block.rows] += of_shapes
         load += of_load
@@ -326,7 +331,7 @@ def _with_objects(blocks: Sequence[BlockModel], parts: Parts, shapes: Floats) ->
     """Return static shapes with those of the ends that were added to the blocks."""
     found = shapes
     for body, rows in parts:
-        number, first = _block_of(blocks, body)
+        number, first = block_of(blocks, body)
         part = blocks[number]
         if part.before is None:
             continue
@@ -336,37 +341,6 @@ def _with_objects(blocks: Sequence[BlockModel], parts: Parts, shapes: Floats) ->
         further = part.model.residual_shapes[first : first + body.count, known:]
         found[:, part.block.rows[known:]] += rows @ further
     return found
-
-
-def _block_of(blocks: Sequence[BlockModel], body: RailBody) -> tuple[int, int]:
-    """Return the number of the block of a rail, and where in it its coordinates begin."""
-    for number, part in enumerate(blocks):
-        first = int(part.block.coordinates.searchsorted(body.first))
-        if first < part.block.coordinates.size and part.block.coordinates[first] == body.first:
-            return number, first
-    message = f"rail {body.name} is in no block"
-    raise KeyError(message)
-
-
-# Blocks and rows are shared by many throws; both are named by identity and kept beside.
-_products = LRUCache[tuple[tuple[Floats, Floats, Floats], object]](MOST_PRODUCTS)
-
-
-def _in_block(part: BlockModel, rows: Floats, own: slice) -> tuple[Floats, Floats, Floats]:
-    """Return what rows of a rail come to for the modes, row forces and load of its block."""
-    key = (id(part), id(rows), own.start)
-    found = _products.get(key)
-    if found is not None:
-        return found[0]
-    model = part.model
-    made = (
-        rows @ model.modes[own],
-        rows @ model.residual_shapes[own],
-        rows @ model.residual_load[own],
-    )
-    if not rows.flags.writeable:
-        _products.put(key, (made, (part, rows)))
-    return made
 
 
 def stacked(seen: Sequence[Seen]) -> Seen:
@@ -386,7 +360,12 @@ def seen_rows(motion: Motion, seen: Seen, out: Floats) -> Rows:
 
 
 def seen_recipe(
-    motion: Motion, seen: Seen, *, start: Floats | None = None, minus: bool = False
+    motion: Motion,
+    seen: Seen,
+    *,
+    start: Floats | None = None,
+    minus: bool = False,
+    near: bool = False,
 ) -> Recipe:
     """Return how such rows are made, beyond where they start, shape (n_rows,)."""
     products = list(_stored_products(seen.stored, seen.load.size))
@@ -398,7 +377,7 @@ def seen_recipe(
     begun = seen.load
     if minus or start is not None:
         begun = (0.0 if start is None else start) + (-seen.load if minus else seen.load)
-    return Recipe(tuple(products), begun if begun.any() else None, minus)
+    return Recipe(tuple(products), begun if begun.any() else None, minus, near)
 
 
 def recipes_of(
@@ -438,7 +417,7 @@ def _motion_at(motion: Motion, parts: Parts, at: Ints) -> Floats:
     ends = list(accumulate((part.model.eigenvalues.size for part in blocks), initial=0))
     moved = np.zeros((parts[0][1].shape[0], at.size))
     for body, rows in parts:
-        number, first = _block_of(blocks, body)
+        number, first = block_of(blocks, body)
         part, own = blocks[number], slice(first, first + body.count)
         coordinates = part.model.modes[own] @ modal[ends[number] : ends[number + 1]]
         coordinates += part.model.residual_shapes[own] @ on_rows[part.block.rows]

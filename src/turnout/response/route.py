@@ -81,11 +81,26 @@ def open_rail(panel: Panel, position: str) -> str | None:
     return closed if position == "open" else None
 
 
+def closed_spans(panel: Panel, time: Floats) -> list[tuple[int, int, bool]]:
+    """Return spans of instants, each with whether the instrumented rail should be closed there.
+
+    Movements want it so from their onset on. A span has its first instant and the one after its
+    last; together they are all instants, in order.
+    """
+    found, begin, closed = list[tuple[int, int, bool]](), 0, panel.schedule.starts == "closed"
+    moved = throws(panel)
+    onsets = time.searchsorted([throw.start - 1e-9 for throw in moved]).tolist()
+    for throw, onset in zip(moved, onsets, strict=True):
+        found.append((begin, onset, closed))
+        begin, closed = onset, throw.to == "closed"
+    return [*found, (begin, time.size, closed)]
+
+
 def wanted_closed(panel: Panel, time: Floats) -> list[tuple[str, Flags]]:
     """Return rails with the instants at which the present or last movement wants each closed."""
-    position = np.full(time.size, panel.schedule.starts == "closed")
-    for throw in throws(panel):
-        position[np.searchsorted(time, throw.start - 1e-9) :] = throw.to == "closed"
+    position = np.empty(time.size, dtype=np.bool_)
+    for begin, end, closed in closed_spans(panel, time):
+        position[begin:end] = closed
     return [
         (closed_rail(panel, "closed"), position),
         (closed_rail(panel, "open"), ~position),
@@ -106,6 +121,6 @@ def at_rest(panel: Panel, time: Floats, moved: Sequence[Throw] | None = None) ->
     """
     rest = np.ones(time.size, dtype=np.bool_)
     for throw in throws(panel) if moved is None else moved:
-        first, end = np.searchsorted(time, (throw.start - 1e-9, throw.end - 1e-9))
+        first, end = time.searchsorted((throw.start - 1e-9, throw.end - 1e-9)).tolist()
         rest[first:end] = False
     return rest

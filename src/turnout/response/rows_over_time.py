@@ -4,7 +4,7 @@ Histories hold an instant after the other, channels a place after the other. Wha
 is collected here, and written by one kernel (`turnout.kernels.turned_rows`).
 """
 
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -14,17 +14,14 @@ from numpy.typing import NDArray
 from turnout.core.lru_cache import LRUCache
 from turnout.integrate.scratch import lines_from_buffer
 from turnout.kernels.lanes import LANES, whole_lines
-from turnout.kernels.shared_record import clone_record, shared_record
+from turnout.kernels.shared_record import shared_record
 from turnout.kernels.turned_rows import LINE, MINUS, PLAIN, PLUS, RowSums, write_row_sums
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-APART = 24
-"""Columns without a weight between others, above which a product is made in parts."""
-
-MOST_RECIPES, MOST_LAYOUTS = 32, 8
-"""Recipes of rows, and layouts of rows that are written together, in memory, the latest used."""
+MOST_LAYOUTS = 8
+"""Layouts of rows that are written together, in memory, the latest used."""
 
 
 def rows_in_lines(*shape: int) -> Floats:
@@ -37,24 +34,6 @@ def rows_in_lines(*shape: int) -> Floats:
     """
     *before, count = shape
     return lines_from_buffer(*before, whole_lines(count))[..., :count]
-
-
-def evenly_spaced(places: Ints) -> slice | Ints:
-    """Return indices as a slice, which copies nothing, where they rise evenly.
-
-    Examples
-    --------
-    >>> evenly_spaced(np.array([3, 5, 7]))
-    slice(3, 8, 2)
-    >>> evenly_spaced(np.array([3, 5, 6])).tolist()
-    [3, 5, 6]
-    """
-    if places.size < 2:
-        return slice(int(places[0]), int(places[0]) + 1) if places.size else slice(0, 0)
-    step = int(places[1] - places[0])
-    if step < 1 or np.any(np.diff(places) != step):
-        return places
-    return slice(int(places[0]), int(places[-1]) + 1, step)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,126 +78,15 @@ class Rows:
         Default 0.
     minus : bool
         Whether the products are subtracted.
+    near : bool
+        Whether the rows are read soon, and therefore stay in the processor's caches.
     """
 
     products: Sequence[Product]
     out: Floats
     start: Floats | None = None
     minus: bool = False
-
-
-class Recipe(NamedTuple):
-    """How rows are made, as `Rows` has it, without where they are written."""
-
-    products: tuple[Product, ...]
-    start: Floats | None = None
-    minus: bool = False
-
-    def into(self, out: Floats) -> Rows:
-        """Return the rows, to be written somewhere."""
-        return Rows(self.products, out, self.start, self.minus)
-
-
-# What recipes depend on is named by identity, and kept beside them so that nothing else takes its
-# place.
-_recipes = LRUCache[tuple[tuple[Recipe, ...], Sequence[object]]](MOST_RECIPES)
-
-
-def kept_recipes(
-    named: Sequence[object], values: Sequence[Hashable], make: Callable[[], Sequence[Recipe]]
-) -> tuple[Recipe, ...]:
-    """Return recipes of rows, made once for the same objects and values.
-
-    Parameters
-    ----------
-    named : sequence of object
-        What they depend on and throws share; known by identity, and not changed any more.
-    values : sequence of hashable
-        What else they depend on.
-    make : callable
-        Makes them.
-    """
-    key = (*map(id, named), *values)
-    kept = _recipes.get(key)
-    if kept is None:
-        kept = _recipes.put(key, (tuple(make()), named))
-    return kept[0]
-
-
-def clear_recipes() -> None:
-    """Forget all recipes, and the rails that they keep in memory."""
-    _recipes.clear()
-    _layouts.clear()
-
-
-def sums_of_columns(history: str, columns: Ints, *, rows: Ints) -> list[Product]:
-    """Return rows as sums of columns.
-
-    Parameters
-    ----------
-    history : str
-        Of the columns.
-    columns : ndarray of int, shape (n, n_summed)
-        For each row the columns that are added, in this order.
-    rows : ndarray of int, shape (n,)
-        Where the sums are written.
-    """
-    if not columns.size:
-        return []
-    first, *others = (evenly_spaced(column) for column in columns.T)
-    return [Product(history, first, evenly_spaced(rows), beside=tuple(others))]
-
-
-def products_of(weights: Floats, history: str) -> list[Product]:
-    """Return rows as products with few columns each.
-
-    Parameters
-    ----------
-    weights : ndarray, shape (n_rows, n_columns)
-        Nearly all of them 0, those of neighbouring rows in neighbouring columns.
-    history : str
-        Of the columns.
-    """
-    used, number = np.nonzero(weights)
-    single = np.bincount(used, minlength=weights.shape[0]) == 1
-    single[single] = weights[single].sum(axis=1) == 1.0
-    several, found = np.flatnonzero(~single), list[Product]()
-    first_column = (weights != 0.0).argmax(axis=1)[several] if weights.size else several * 0
-    apart = (np.diff(several) > 2) | (np.abs(np.diff(first_column)) > APART)
-    others = np.where(single[:, np.newaxis], 0.0, weights)
-    for group in np.split(several, np.flatnonzero(apart) + 1):
-        if group.size:  # single rows between them are written twice
-            rows = slice(int(group[0]), int(group[-1]) + 1)
-            found += products_with(others[rows], history, rows=rows, begun=False)
-    own = number[single[used]][:, np.newaxis]
-    return found + sums_of_columns(history, own, rows=np.flatnonzero(single))
-
-
-def products_with(
-    weights: Floats, history: str, *, rows: slice | Ints, begun: bool = True
-) -> list[Product]:
-    """Return rows as products with the columns whose weights are not 0.
-
-    Parameters
-    ----------
-    weights : ndarray, shape (n_rows, n_columns)
-    history : str
-        Of the columns.
-    rows : slice or ndarray of int, shape (n_rows,)
-        Where they are written.
-    begun : bool
-        Whether they hold something to which the products are added.
-    """
-    used = np.flatnonzero(weights.any(axis=0))
-    if not used.size:
-        nothing = Product(history, slice(0, 0), rows, weights[:, :0])
-        return [] if begun else [nothing]
-    ends = np.flatnonzero(np.diff(used) > APART) + 1
-    runs = [slice(int(run[0]), int(run[-1]) + 1) for run in np.split(used, ends)]
-    return [
-        Product(history, run, rows, weights[:, run].copy(), added=begun or number > 0)
-        for number, run in enumerate(runs)
-    ]
+    near: bool = False
 
 
 def write_rows(wanted: Sequence[Rows], histories: Mapping[str, Floats]) -> None:
@@ -239,20 +107,26 @@ def write_rows(wanted: Sequence[Rows], histories: Mapping[str, Floats]) -> None:
 
     Examples
     --------
-    >>> products = sums_of_columns("g", np.array([[0, 1], [2, 3]]), rows=np.arange(2))
+    >>> products = [Product("g", slice(0, 3, 2), slice(0, 2), beside=(slice(1, 4, 2),))]
     >>> found = np.empty((2, 3))
     >>> write_rows([Rows(products, found)], {"g": np.arange(12.0).reshape(3, 4)})
     >>> found.tolist()
     [[1.0, 9.0, 17.0], [5.0, 13.0, 21.0]]
     """
     count = max((rows.out.shape[1] for rows in wanted), default=0)
-    if count == 0 or not any(rows.out.size for rows in wanted):
-        return
     _check_arrays(wanted, histories, count)
+    wanted = [rows for rows in wanted if rows.products and rows.out.size]
+    if not wanted:
+        return
     turned = {name: _with_a_window(values) for name, values in histories.items()}
-    sums = _row_sums(wanted, histories, turned)
-    lines = lines_from_buffer((LANES * sums.window_address.size + 1) * LINE)
-    write_row_sums(sums, lines, count)
+    layout = _layout(wanted, histories, turned)
+    sums = layout.sums
+    first, place = _addresses(turned.values()), _addresses([rows.out for rows in wanted])
+    apart = np.array([rows.out.strides[0] for rows in wanted], dtype=np.int64)
+    windows = first[sums.window_history] + layout.window_offset
+    lines = lines_from_buffer((LANES * windows.size + 1) * LINE)
+    rows_at = place[layout.part] + apart[layout.part] * layout.number
+    write_row_sums(sums, windows, rows_at, lines, count)
 
 
 def _with_a_window(values: Floats) -> Floats:
@@ -285,7 +159,7 @@ class _Layout(NamedTuple):
     Attributes
     ----------
     sums : RowSums
-        A record to be cloned, with addresses of 0.
+        A record of `turnout.kernels.shared_record`.
     window_offset : ndarray of int
         From the first number of its history to each window [B].
     part, number : ndarray of int, shape (n_rows,)
@@ -304,9 +178,14 @@ class _Layout(NamedTuple):
 _layouts = LRUCache[_Layout](MOST_LAYOUTS)
 
 
-def _row_sums(
+def clear_layouts() -> None:
+    """Forget all layouts."""
+    _layouts.clear()
+
+
+def _layout(
     wanted: Sequence[Rows], histories: Mapping[str, Floats], turned: Mapping[str, Floats]
-) -> RowSums:
+) -> _Layout:
     """Return what the kernel makes of rows; laid out once for the recipes that throws share.
 
     `turned` are the histories with a window at least.
@@ -321,17 +200,12 @@ def _row_sums(
         layout = _lay_out(wanted, histories, turned)
         if all(isinstance(rows.products, tuple) for rows in wanted):  # else not there to stay
             _layouts.put(key, layout)
-    sums = clone_record(layout.sums)
-    first, rows = _addresses(turned.values()), _addresses([rows.out for rows in wanted])
-    np.add(first[sums.window_history], layout.window_offset, out=sums.window_address)
-    apart = np.array([rows.out.strides[0] for rows in wanted], dtype=np.int64)
-    np.add(rows[layout.part], apart[layout.part] * layout.number, out=sums.row_address)
-    return sums
+    return layout
 
 
-def _shape(rows: Rows) -> tuple[int, int]:
-    """Return how many rows there are, and how a sum becomes one."""
-    return rows.out.shape[0], _kind(rows)
+def _shape(rows: Rows) -> tuple[int, int, bool]:
+    """Return how many rows there are, how a sum becomes one, and whether they stay near."""
+    return rows.out.shape[0], _kind(rows), rows.near
 
 
 def _lay_out(
@@ -376,11 +250,10 @@ def _lay_out(
     steps = np.array([values.strides[0] // 8 for values in turned.values()])
     counts = np.diff(first_row)
     sums = RowSums(
-        window_address=np.zeros(window_history.size, dtype=np.int64),
         window_step=steps[window_history],
         window_history=window_history,
-        row_address=np.zeros(first_row[-1], dtype=np.int64),
         row_kind=np.repeat([_kind(rows) for rows in wanted], counts),
+        row_near=np.repeat([int(rows.near) for rows in wanted], counts),
         row_start=np.concatenate([_starts(rows) for rows in wanted]),
         group_start=np.searchsorted(of_group, np.arange(first_row[-1] + 1)),
         group_weighted=weighted,

@@ -1,10 +1,13 @@
 """What a response keeps."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeVar
 
 from turnout.errors import ResponseError
 from turnout.schema.channels import ON_REQUEST, unknown_channels
+
+V = TypeVar("V")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,3 +69,10 @@ class Save:
         if self.fields is None and not ON_REQUEST.issuperset(names):
             return True
         return not set(names).isdisjoint((*(self.fields or ()), *self.also))
+
+    def kept(self, channels: Mapping[str, V]) -> dict[str, V]:
+        """Return those of some channels that are kept."""
+        if self.fields is None:
+            left_out = ON_REQUEST.difference(self.also)
+            return {name: value for name, value in channels.items() if name not in left_out}
+        return {name: value for name, value in channels.items() if self.keeps(name)}

@@ -42,16 +42,9 @@ from turnout.mechanism.object_laws import named_obstructions
 from turnout.panel.markers import marker_offsets
 from turnout.panel.model import Panel
 from turnout.panel.records import Fastening
+from turnout.response.recipes import Recipe, kept_recipes, sums_of_columns
 from turnout.response.recovery import Motion, row_motion
-from turnout.response.rows_over_time import (
-    Product,
-    Recipe,
-    Rows,
-    kept_recipes,
-    rows_in_lines,
-    sums_of_columns,
-)
-from turnout.response.save import Save
+from turnout.response.rows_over_time import Product, Rows, rows_in_lines
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -62,6 +55,18 @@ def drive_signals(panel: Panel, mechanism: Mechanism, history: Instants) -> dict
     """Return force on the rail (closing positive), marker position and slip of every drive."""
     force, displacement = both = np.empty((2, len(panel.drive), history.time.size))
     write_drives(panel, mechanism, history, both)
+    return _named_drives(panel, force, displacement)
+
+
+def drive_channels(panel: Panel, force: Floats, inputs: Floats) -> dict[str, Variable]:
+    """Return `drive_signals` from forces on the rail, shape (n_drives, n_times) [N].
+
+    `inputs` are the marker positions, shape (n_times, n_drives) [m].
+    """
+    return _named_drives(panel, force, inputs.T - marker_offsets(panel)[:, np.newaxis])
+
+
+def _named_drives(panel: Panel, force: Floats, displacement: Floats) -> dict[str, Variable]:
     dims = ("drive", "time")
     return {
         "drive_force": (dims, force),
@@ -98,13 +103,57 @@ def slips(force: Floats, limits: Floats) -> Flags:
 
 def object_signals(mechanism: Mechanism, history: Instants) -> dict[str, Variable]:
     """Return the force on the foreign objects: their sum, and each where there are several."""
+    laws = list(mechanism.index.object.values())
+    return object_channels(mechanism, history.forces(laws).T)
+
+
+def object_channels(mechanism: Mechanism, force: Floats) -> dict[str, Variable]:
+    """Return `object_signals` from the forces of the laws of all objects, shape (n_laws, n_times).
+
+    Laws come in the order of the index, forces in [N].
+    """
     index = mechanism.index
-    force = history.forces(list(index.object.values())).T
     signals: dict[str, Variable] = {"object_force": (("time",), np.sum(force, axis=0))}
     if len(index.object_parts) > 1:
-        single = [history.forces(laws).sum(axis=1) for laws in index.object_laws.values()]
+        row = {law: number for number, law in enumerate(index.object.values())}
+        single = [
+            force[[row[law] for law in laws]].sum(axis=0) for laws in index.object_laws.values()
+        ]
         signals["single_object_force"] = (("object", "time"), np.array(single))
     return signals
+
+
+def force_rows(
+    panel: Panel, mechanism: Mechanism, count: int, *, objects: bool, links: bool
+) -> tuple[dict[str, Floats], list[Rows]]:
+    """Return forces of drives, and of all laws of objects and of links where these are wanted.
+
+    They are still to be written over `count` instants, as the second item says: on the rail those
+    of drives, on objects and in links those of their laws [N].
+    """
+    index = mechanism.index
+    drives = tuple([index.drive[name] for name in panel.drive])
+    of_objects = tuple(index.object.values()) if objects else ()
+    of_links = tuple([index.link[name] for name in panel.link]) if links else ()
+
+    def sums(laws: Sequence[int], *, minus: bool) -> Recipe:
+        columns = np.array(laws, dtype=np.int64)[:, np.newaxis]
+        products = sums_of_columns("law_force", columns, rows=np.arange(len(laws)))
+        return Recipe(tuple(products), minus=minus, near=True)
+
+    others = of_objects + of_links
+    recipes = kept_recipes(
+        (),
+        ("forces", drives, others),
+        lambda: [sums(drives, minus=True), sums(others, minus=False)],
+    )
+    forces, first = rows_in_lines(len(drives) + len(others), count), len(drives)
+    made = {"drive_force": forces[:first]}
+    if objects:
+        made["object"] = forces[first : first + len(of_objects)]
+    if links and panel.link:
+        made["link_force"] = forces[first + len(of_objects) :]
+    return made, [recipes[0].into(forces[:first]), recipes[1].into(forces[first:])]
 
 
 def object_memory(mechanism: Mechanism, history: History) -> dict[str, Variable]:
@@ -140,76 +189,71 @@ def lasting_dents(mechanism: Mechanism, history: History) -> Floats:
     return found
 
 
-def chair_signals(
-    panel: Panel, mechanism: Mechanism, history: History
-) -> tuple[dict[str, Variable], list[Rows]]:
+def chair_rows(
+    panel: Panel, mechanism: Mechanism, count: int
+) -> tuple[dict[str, Floats], list[Rows]]:
     """Return normal force and friction on the rail at every chair, summed over its foot points.
 
-    They are still to be written, as the second item says.
+    They are still to be written over `count` instants, as the second item says.
     """
     if not panel.chair:
         return {}, []
-    index, chairs = mechanism.index, list(itertools.product(panel.rail, panel.chair))
+    index = mechanism.index
+    n_chairs = len(panel.rail) * len(panel.chair)
+
+    def recipes() -> list[Recipe]:
+        chairs = list(itertools.product(panel.rail, panel.chair))
+        # 0.0 - F: no negative zeros of friction
+        kinds = (("law_force", index.chair, False), ("friction_force", index.chair_friction, True))
+        return [_sums_at(history, chairs, laws, minus=minus) for history, laws, minus in kinds]
+
+    named = (index.chair, index.chair_friction, panel.rail, panel.chair)
     # One block of memory: the larger it is, the fewer pages it takes.
-    both = rows_in_lines(2, len(chairs), history.time.size)
-    both[:, [number for number, chair in enumerate(chairs) if chair not in index.chair]] = np.nan
-
-    def sums(
-        name: str, places: Mapping[tuple[str, str], Sequence[int]], *, minus: bool = False
-    ) -> Recipe:
-        found: list[Product] = []
-        for count in {len(laws) for laws in places.values()}:
-            own = [n for n, chair in enumerate(chairs) if len(places.get(chair, ())) == count]
-            columns = np.array([places[chairs[n]] for n in own], dtype=np.int64)
-            found += sums_of_columns(name, columns, rows=np.array(own))
-        return Recipe(tuple(found), minus=minus)
-
-    recipes = kept_recipes(
-        (index.chair, index.chair_friction),
-        ("chairs", *chairs),
-        lambda: [
-            sums("law_force", index.chair),
-            # 0.0 - F: no negative zeros
-            sums("friction_force", index.chair_friction, minus=True),
-        ],
-    )
-    rows = [recipe.into(out) for recipe, out in zip(recipes, both, strict=True)]
-    normal, friction = both.reshape(2, len(panel.rail), len(panel.chair), -1)
-    dims = ("rail", "chair", "time")
-    return {"chair_normal_force": (dims, normal), "chair_friction_force": (dims, friction)}, rows
+    both = rows_in_lines(2, n_chairs, count)
+    kept = kept_recipes(named, ("chairs",), recipes)
+    rows = [recipe.into(out) for recipe, out in zip(kept, both, strict=True)]
+    normal, friction = both.reshape(2, len(panel.rail), len(panel.chair), count)
+    return {"chair_normal_force": normal, "chair_friction_force": friction}, rows
 
 
-def stop_signals(
-    panel: Panel, mechanism: Mechanism, history: History
-) -> tuple[dict[str, Variable], list[Rows]]:
+def _sums_at(
+    history: str,
+    places: Sequence[tuple[str, str]],
+    laws: Mapping[tuple[str, str], Sequence[int]],
+    *,
+    minus: bool = False,
+) -> Recipe:
+    """Return the sum of the forces of all laws at each place; of places without any it is NaN."""
+    found: list[Product] = []
+    for count in {len(own) for own in laws.values()}:
+        rows = [n for n, place in enumerate(places) if len(laws.get(place, ())) == count]
+        columns = np.array([laws[places[n]] for n in rows], dtype=np.int64)
+        found += sums_of_columns(history, columns, rows=np.array(rows))
+    unknown = tuple(number for number, place in enumerate(places) if not laws.get(place))
+    return Recipe(tuple(found), minus=minus, unknown=unknown)
+
+
+def stop_rows(
+    panel: Panel, mechanism: Mechanism, count: int
+) -> tuple[dict[str, Floats], list[Rows]]:
     """Return the force at every stop and stud, positive in compression.
 
-    They are still to be written, as the second item says.
+    They are still to be written over `count` instants, as the second item says.
     """
-    names = stop_names(panel)
-    if not names:
+    n_stops = len(panel.stop) + len(panel.stud)
+    if not n_stops:
         return {}, []
-    laws = mechanism.index.stop
-    places = list(itertools.product(panel.rail, names))
-    force = rows_in_lines(len(places), history.time.size)
-    force[[number for number, place in enumerate(places) if place not in laws]] = np.nan
 
-    def sums() -> list[Recipe]:
-        own = np.array([n for n, place in enumerate(places) if place in laws], dtype=np.int64)
-        columns = np.array([[laws[places[n]]] for n in own], dtype=np.int64)
-        return [Recipe(tuple(sums_of_columns("law_force", columns, rows=own)))]
+    def recipes() -> list[Recipe]:
+        places = list(itertools.product(panel.rail, stop_names(panel)))
+        laws = {place: (law,) for place, law in mechanism.index.stop.items()}
+        return [_sums_at("law_force", places, laws)]
 
-    (recipe,) = kept_recipes((laws,), ("stops", *places), sums)
-    shaped = force.reshape(len(panel.rail), len(names), -1)
-    return {"stop_force": (("rail", "stop", "time"), shaped)}, [recipe.into(force)]
-
-
-def link_signals(panel: Panel, mechanism: Mechanism, history: History) -> dict[str, Variable]:
-    """Return the force in every link, positive in tension."""
-    if not panel.link:
-        return {}
-    columns = [mechanism.index.link[name] for name in panel.link]
-    return {"link_force": (("link", "time"), history.law_force[:, columns].T.copy())}
+    named = (mechanism.index.stop, panel.rail, panel.stop, panel.stud)
+    (recipe,) = kept_recipes(named, ("stops",), recipes)
+    force = rows_in_lines(len(panel.rail) * n_stops, count)
+    shaped = force.reshape(len(panel.rail), n_stops, count)
+    return {"stop_force": shaped}, [recipe.into(force)]
 
 
 def stop_names(panel: Panel) -> list[str]:
@@ -276,16 +320,14 @@ def energy_scale(stored: Floats, ledger: Floats) -> float:
 
 
 AXES = ("x", "y", "z")
-NAMES = ("fastening_force", "fastening_moment")
+FASTENINGS = ("fastening_force", "fastening_moment")
 
 
-def fastening_signals(panel: Panel, motion: Motion, save: Save) -> dict[str, Variable]:
-    """Return force and moment of every fastening on the switch rails, where they are requested.
+def fastening_signals(panel: Panel, motion: Motion) -> dict[str, Variable]:
+    """Return force and moment of every fastening on the switch rails.
 
     NaN where a fastening does not hold a rail, or is part of matrices of another program.
     """
-    if not panel.fastening or not save.keeps(*NAMES):
-        return {}
     shape = (len(panel.rail), len(panel.fastening), len(AXES), motion.history.time.size)
     force, moment = np.full(shape, np.nan), np.full(shape, np.nan)
     for r, rail in enumerate(panel.rail):

@@ -148,7 +148,7 @@ def release_memory() -> None:
     """Give back what a next run would use again: memory of histories, condensed rails."""
     from turnout.response.alike import clear_datasets
     from turnout.response.dataset import clear_descriptions
-    from turnout.response.rows_over_time import clear_recipes
+    from turnout.response.recipes import clear_recipes
 
     clear_memory()
     clear_recipes()
@@ -347,7 +347,8 @@ def compile_kernels(*, machines: bool = False) -> None:
     machines : bool
         Whether the kernels for drives that are machines are wanted.
     """
-    from turnout.response.rows_over_time import Rows, sums_of_columns, write_rows
+    from turnout.response.recipes import sums_of_columns
+    from turnout.response.rows_over_time import Rows, write_rows
 
     moments = {"throw.start": 0.0, "throw.duration": 0.01, "return.start": 0.02}
     changes: dict[str, object] = {f"movement.{key}": value for key, value in moments.items()}

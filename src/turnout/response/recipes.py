@@ -1,0 +1,159 @@
+"""How rows over time are made of histories: as sums and products of their columns.
+
+Throws of the same rails share recipes, which are made once (`turnout.response.rows_over_time`
+writes the rows).
+"""
+
+from collections.abc import Callable, Hashable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.core.lru_cache import LRUCache
+from turnout.response.rows_over_time import Product, Rows, clear_layouts
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+APART = 24
+"""Columns without a weight between others, above which a product is made in parts."""
+
+MOST_RECIPES = 32
+"""Recipes in memory, the latest used."""
+
+
+def evenly_spaced(places: Ints) -> slice | Ints:
+    """Return indices as a slice, which copies nothing, where they rise evenly.
+
+    Examples
+    --------
+    >>> evenly_spaced(np.array([3, 5, 7]))
+    slice(3, 8, 2)
+    >>> evenly_spaced(np.array([3, 5, 6])).tolist()
+    [3, 5, 6]
+    """
+    if places.size < 2:
+        return slice(int(places[0]), int(places[0]) + 1) if places.size else slice(0, 0)
+    step = int(places[1] - places[0])
+    if step < 1 or np.any(np.diff(places) != step):
+        return places
+    return slice(int(places[0]), int(places[-1]) + 1, step)
+
+
+class Recipe(NamedTuple):
+    """How rows are made, as `Rows` has it, without where they are written."""
+
+    products: tuple[Product, ...]
+    start: Floats | None = None
+    minus: bool = False
+    near: bool = False
+    unknown: Sequence[int] = ()
+
+    def into(self, out: Floats) -> Rows:
+        """Return the rows, to be written somewhere; the `unknown` ones are NaN from now on."""
+        if self.unknown:
+            out[list(self.unknown)] = np.nan
+        return Rows(self.products, out, self.start, self.minus, self.near)
+
+
+# What recipes depend on is named by identity, and kept beside them so that nothing else takes its
+# place.
+_recipes = LRUCache[tuple[tuple[Recipe, ...], Sequence[object]]](MOST_RECIPES)
+
+
+def kept_recipes(
+    named: Sequence[object], values: Sequence[Hashable], make: Callable[[], Sequence[Recipe]]
+) -> tuple[Recipe, ...]:
+    """Return recipes of rows, made once for the same objects and values.
+
+    Parameters
+    ----------
+    named : sequence of object
+        What they depend on and throws share; known by identity, and not changed any more.
+    values : sequence of hashable
+        What else they depend on.
+    make : callable
+        Makes them.
+    """
+    key = (*map(id, named), *values)
+    kept = _recipes.get(key)
+    if kept is None:
+        kept = _recipes.put(key, (tuple(make()), named))
+    return kept[0]
+
+
+def clear_recipes() -> None:
+    """Forget all recipes, and the rails that they keep in memory."""
+    _recipes.clear()
+    clear_layouts()
+
+
+def sums_of_columns(history: str, columns: Ints, *, rows: Ints) -> list[Product]:
+    """Return rows as sums of columns.
+
+    Parameters
+    ----------
+    history : str
+        Of the columns.
+    columns : ndarray of int, shape (n, n_summed)
+        For each row the columns that are added, in this order.
+    rows : ndarray of int, shape (n,)
+        Where the sums are written.
+    """
+    if not columns.size:
+        return []
+    first, *others = (evenly_spaced(column) for column in columns.T)
+    return [Product(history, first, evenly_spaced(rows), beside=tuple(others))]
+
+
+def products_of(weights: Floats, history: str) -> list[Product]:
+    """Return rows as products with few columns each.
+
+    Parameters
+    ----------
+    weights : ndarray, shape (n_rows, n_columns)
+        Nearly all of them 0, those of neighbouring rows in neighbouring columns.
+    history : str
+        Of the columns.
+    """
+    used, number = np.nonzero(weights)
+    single = np.bincount(used, minlength=weights.shape[0]) == 1
+    single[single] = weights[single].sum(axis=1) == 1.0
+    several, found = np.flatnonzero(~single), list[Product]()
+    first_column = (weights != 0.0).argmax(axis=1)[several] if weights.size else several * 0
+    apart = (np.diff(several) > 2) | (np.abs(np.diff(first_column)) > APART)
+    others = np.where(single[:, np.newaxis], 0.0, weights)
+    for group in np.split(several, np.flatnonzero(apart) + 1):
+        if group.size:  # single rows between them are written twice
+            rows = slice(int(group[0]), int(group[-1]) + 1)
+            found += products_with(others[rows], history, rows=rows, begun=False)
+    own = number[single[used]][:, np.newaxis]
+    return found + sums_of_columns(history, own, rows=np.flatnonzero(single))
+
+
+def products_with(
+    weights: Floats, history: str, *, rows: slice | Ints, begun: bool = True
+) -> list[Product]:
+    """Return rows as products with the columns whose weights are not 0.
+
+    Parameters
+    ----------
+    weights : ndarray, shape (n_rows, n_columns)
+    history : str
+        Of the columns.
+    rows : slice or ndarray of int, shape (n_rows,)
+        Where they are written.
+    begun : bool
+        Whether they hold something to which the products are added.
+    """
+    used = np.flatnonzero(weights.any(axis=0))
+    if not used.size:
+        nothing = Product(history, slice(0, 0), rows, weights[:, :0])
+        return [] if begun else [nothing]
+    ends = np.flatnonzero(np.diff(used) > APART) + 1
+    runs = [slice(int(run[0]), int(run[-1]) + 1) for run in np.split(used, ends)]
+    return [
+        Product(history, run, rows, weights[:, run].copy(), added=begun or number > 0)
+        for number, run in enumerate(runs)
+    ]
