@@ -25,11 +25,7 @@ from turnout.integrate.prepared_run import PreparedRun, RunSetup, prepare, set_u
 from turnout.integrate.record import kept_obstructions, trim_record
 from turnout.integrate.seen import seen_weights
 from turnout.integrate.start import PriorMotion, StartPlan, find_start, plan_start
-from turnout.integrate.state import (
-    COUNT_FLIPS,
-    COUNT_HALVED,
-    COUNT_ITERATIONS,
-)
+from turnout.integrate.state import COUNT_FLIPS, COUNT_HALVED, COUNT_ITERATIONS
 from turnout.integrate.watch import (
     StepRecord,
     Watch,
