@@ -250,14 +250,17 @@ def test_throws_that_differ_in_time_and_movement_are_looked_at_like_each_alone(
 
 
 def test_long_throws_are_thrown_a_few_at_a_time(study: Study) -> None:
-    def thrown(**changed: object) -> int:
+    def thrown(**changed: object) -> tuple[int, int]:
         scenario = replace(study.scenario(0), overrides=changed)
         ready = [sweep_row.prepare_scenario(study, scenario)]
-        return sweep_row.thrown_at_once(study, ready)
+        return sweep_row.throws_at_once(study, ready)
 
-    assert thrown() == sweep_row.THROWN_AT_ONCE
-    assert thrown(**{"schedule.end": 40.0}) == 3
-    assert thrown(**{"schedule.end": 1000.0}) == 1
+    assert thrown()[0] == sweep_row.THROWN_AT_ONCE
+    assert thrown(**{"schedule.end": 40.0}) == (3, 3)
+    assert thrown(**{"schedule.end": 1000.0}) == (1, 1)
+    quick = replace(study, scheme=Scheme.of("quick"))
+    ready = [sweep_row.prepare_scenario(quick, quick.scenario(0))]
+    assert sweep_row.throws_at_once(quick, ready)[1] == sweep_row.PLANNED_ALIKE
 
 
 def test_throws_with_the_same_rails_are_planned_together(

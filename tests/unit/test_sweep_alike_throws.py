@@ -9,6 +9,10 @@ from tests.unit.sweeps import small_study
 
 from turnout.measurement.chain.recorder import Recorder
 from turnout.panel.foreign_object import ForeignObject
+from turnout.panel.load import load_panel
+from turnout.response.gaps import split_gaps
+from turnout.response.simulate import simulate
+from turnout.study.load_study import load_study
 from turnout.study.scenario import Scenario
 from turnout.study.study import Study
 from turnout.sweep import alike_throws
@@ -63,10 +67,10 @@ def test_throws_of_other_movements_do_not_lie_in_one_array(
     study, groups = small_study(tmp_path, count=4), list[list[int]]()
 
     def grouped(runs: list[alike_throws.ThrowSignals]) -> list[list[int]]:
-        groups.extend(alike_throws.alike(runs))
-        return alike_throws.alike(runs)
+        groups.extend(alike_throws.group_by_layout(runs))
+        return alike_throws.group_by_layout(runs)
 
-    monkeypatch.setattr(sweep_row, "alike", grouped)
+    monkeypatch.setattr(sweep_row, "group_by_layout", grouped)
     changes = ({}, {"movement.return.start": 0.5}, {"chair.friction_coefficient": 0.3}, {})
     sweep_row.throw_scenarios(
         study, [replace(study.scenario(0), overrides=changed) for changed in changes]
@@ -83,3 +87,53 @@ def test_numbers_are_stored_in_single_precision_and_flags_as_they_are() -> None:
     kept = alike_throws.single_precision(flags)
     assert kept.dtype == np.bool_
     assert not np.shares_memory(kept, flags), "views would hold all instants in memory"
+
+
+STUDY = """\
+schema_version = 1
+name = "two"
+panel = "uic60-760-1-15"
+[scheme]
+mode = "quick"
+[sampling]
+count = 2
+[[variable]]
+key = "chair.friction_coefficient"
+distribution = "uniform"
+minimum = 0.2
+maximum = 0.4
+[[variable]]
+key = "object.size"
+values = ["13 mm", "28 mm"]
+[[variable]]
+key = "object.at"
+values = ["drive 2"]
+"""
+
+
+def test_a_sweep_stores_what_a_dataset_of_the_throw_has(tmp_path: Path) -> None:
+    path = tmp_path / "two.toml"
+    path.write_text(STUDY, encoding="utf-8")
+    study = load_study(path)
+    scenarios = [study.scenario(number) for number in range(2)]
+    for row, scenario in zip(sweep_row.throw_scenarios(study, scenarios), scenarios, strict=True):
+        panel = study.panel.with_overrides(dict(scenario.overrides))
+        objects = list(scenario.foreign_objects)
+        throw = simulate(panel, foreign_object=objects, mode="quick")
+        for name in ("drive_gap", "sensor_gap", "drive_force"):
+            values = throw[name].to_numpy()[:, ::2]
+            np.testing.assert_allclose(row.variables[name][1], values, rtol=1e-6, atol=1e-9)
+        for name in ("end_gap", "force_margin", "least_flangeway"):
+            np.testing.assert_allclose(row.variables[name][1], throw[name], rtol=1e-9, atol=1e-12)
+        assert bool(row.variables["end_locked"][1]) == bool(throw["locked"][-1])
+
+
+def test_gaps_of_many_throws_are_split_as_those_of_each() -> None:
+    panel = load_panel("uic60-760-1-15")
+    time = np.linspace(0.0, panel.schedule.end, 30)
+    gaps = np.random.default_rng(4).random((3, 2 * len(panel.drive) + len(panel.sensor), 30))
+    together = split_gaps(panel, gaps, time)
+    for number, own in enumerate(gaps):
+        for found, alone in zip(together, split_gaps(panel, own, time), strict=True):
+            np.testing.assert_array_equal(found[number], alone)
+    assert not np.array_equal(together[0], gaps[:, :2])

@@ -18,7 +18,7 @@ from turnout.integrate import start
 from turnout.integrate.outcome import NotConverged
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel, load_panel
-from turnout.response.simulate import simulate
+from turnout.response.simulate import simulate, solve
 from turnout.scheme import Mode, Scheme
 
 DEFAULT = "uic60-760-1-15"
@@ -31,10 +31,14 @@ def dry(friction: float, **more: object) -> LoadedPanel:
     return load_panel(DEFAULT).with_overrides(overrides | more)
 
 
+COURSE = {"chair.friction_opening": [0.0, 0.05], "chair.friction_factor": [1.6, 1.0]}
+
+
+@pytest.mark.parametrize("more", [{}, COURSE])
 def test_a_return_is_whole_where_some_foot_would_not_slide(
-    monkeypatch: pytest.MonkeyPatch,
+    more: dict[str, object], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    panel = dry(0.4)
+    panel = dry(0.4, **more)
     found = []
     for share in (1.0, 0.05, 0.75):
         monkeypatch.setattr(start, "PRIOR_SHARE", share)
@@ -45,6 +49,13 @@ def test_a_return_is_whole_where_some_foot_would_not_slide(
     np.testing.assert_array_equal(short, whole)
     assert (usual != whole).any()
     np.testing.assert_allclose(usual, whole, rtol=0.01)
+
+
+def test_inputs_of_a_run_cannot_be_changed_for_the_next() -> None:
+    panel = dry(0.4)
+    history = solve(panel, scheme=Scheme.of("quick")).history
+    with pytest.raises(ValueError, match="read-only"):
+        history.inputs[:] = 0.0
 
 
 AGAIN = """

@@ -299,16 +299,17 @@ def _carry_out(given: RunPlan, report: Callable[[int, int], None] | None) -> His
     )
     record = trim_record(run.record, run.system, run.laws, kept, plan)
     instants = scheme.step * stride * np.arange(kept, dtype=np.float64)
-    positions = positions[::stride][:kept]
+    positions = positions[::stride][:kept].view()
     if grid.filled_in and kept > 1:
         count = int((min(grid.last, instants[-1]) + 1e-9) / scheme.output_interval) + 1
         instants = scheme.output_interval * np.arange(count, dtype=np.float64)
-        positions = np.ascontiguousarray(inputs(instants).T)
+        positions = np.ascontiguousarray(inputs(instants).T).view()
         if machines is not None:
             positions = positions.copy()
             machines = machines.at(instants, positions)
         between = {"instants": instants, "inputs": positions, "modes": arrangement.model.row_modes}
         record = interpolate_record(record, step=scheme.step, laws=arrangement.laws, **between)
+    positions.flags.writeable = False  # throws may share them
     history = _assemble_history(
         run, record, arrangement.condensed, outcome, instants, positions, machines, plan
     )

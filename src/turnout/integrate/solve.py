@@ -22,10 +22,10 @@ from turnout.kernels.lanes import (
     absolute,
     any_true,
     broadcast,
-    exceeds,
     gather,
     gather_neighbours,
     greater,
+    greater_or_nan,
     load,
     logical_or,
     select,
@@ -130,9 +130,9 @@ def _evaluate_laws(
         argument = gather(g, row, i) - load(inputs, i)
         store(argument, arguments, i)
         store(load(slope, i) * argument + load(constant, i), forces, i)
-        above = exceeds(argument, load(upper, i) + tolerance)
+        above = greater_or_nan(argument, load(upper, i) + tolerance)
         outside = logical_or(
-            outside, logical_or(above, exceeds(load(lower, i) - tolerance, argument))
+            outside, logical_or(above, greater_or_nan(load(lower, i) - tolerance, argument))
         )
     return any_true(outside)
 
@@ -271,7 +271,7 @@ def _violated(trial: Floats, limit: Floats, branch: Floats, tolerance: Floats) -
     positive_limit = select(closed, limit, zero)
     lowest = select(closed, positive_limit - tolerance, broadcast(-np.inf))
     larger = select(slips, lowest, absolute(trial))
-    return exceeds(larger, select(slips, branch * trial, positive_limit + tolerance))
+    return greater_or_nan(larger, select(slips, branch * trial, positive_limit + tolerance))
 
 
 @compiled_part

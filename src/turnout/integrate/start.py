@@ -101,12 +101,21 @@ class StartPlan:
     Attributes
     ----------
     setup : RunSetup
-        The motion.
+        Its last part.
+    scheme : Scheme
+        Numerical choices of the motion.
+    positions : ndarray, shape (n_steps + 1, n_inputs)
+        Marker positions at the ends of all its steps [m].
+    of_laws : bytes
+        What is in the table of laws before anything moves.
     key : hashable
         What the state depends on that it leaves.
     """
 
     setup: RunSetup
+    scheme: Scheme
+    positions: Floats
+    of_laws: bytes
     key: Hashable
 
 
@@ -122,8 +131,9 @@ def plan_start(arrangement: Arrangement, scheme: Scheme, prior: PriorMotion) -> 
     values = [part.tobytes() for part in courses] if courses.friction.size else []
     of_laws = cast("Shared", table).memory.tobytes()
     key = (id(arrangement.templates), scheme, positions.tobytes(), of_laws, *values)
-    setup = set_up_run(arrangement, scheme, positions, 2, laws=(laws, table))
-    return StartPlan(setup, key)
+    part = positions[int((1.0 - PRIOR_SHARE) * positions.shape[0]) :]
+    setup = set_up_run(arrangement, scheme, part, 2, laws=(laws, table))
+    return StartPlan(setup, scheme, positions, of_laws, key)
 
 
 def find_start(
@@ -164,19 +174,27 @@ def _start_after(
     """Start from where a prior motion leaves the rails; what is trapped or frozen comes later."""
     left = _cache.get(plan.key)
     if left is None:
-        whole = plan.setup.positions
-        part = int((1.0 - PRIOR_SHARE) * whole.shape[0])
-        for positions in (whole[part:], whole):
-            motion = prepare(replace(plan.setup, positions=positions))
-            code, slid = _move(motion, arrangement.mechanism, thread)
-            if slid:
-                break
+        motion = prepare(plan.setup)
+        code, slid = _move(motion, arrangement.mechanism, thread)
+        if not slid:
+            motion.give_back(record=True)
+            motion = prepare(_set_up_whole(arrangement, plan))
+            code, _ = _move(motion, arrangement.mechanism, thread)
         if code != Code.COMPLETE:
             run.work.unconverged[:] = motion.work.unconverged
             return code
         left = _cache.put(plan.key, _state_left(motion, arrangement.templates))
         motion.give_back(record=True)  # what it left has been copied
     return _start_from(run, left)
+
+
+def _set_up_whole(arrangement: Arrangement, plan: StartPlan) -> RunSetup:
+    """Set up the whole motion, whose last part has changed laws, courses and obstructions."""
+    table = plan.setup.table
+    memory = cast("Shared", table).memory
+    memory[:] = np.frombuffer(plan.of_laws, dtype=memory.dtype)
+    laws = (plan.setup.laws, table)
+    return set_up_run(arrangement, plan.scheme, plan.positions, 2, laws=laws)
 
 
 def clear_starts() -> None:

@@ -191,7 +191,7 @@ def _build_greater(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
     return builder.fcmp_ordered(">", *args)
 
 
-def _build_exceeds(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
+def _build_greater_or_nan(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
     return builder.fcmp_unordered(">", *args)
 
 
@@ -229,7 +229,7 @@ def _register_lanes() -> None:
     register_intrinsic(lanes.multiply_add_one, types.float64, _build_multiply_add_one, *one)
     register_intrinsic(lanes.absolute, _LANES, _build_absolute, _eight)
     register_intrinsic(lanes.greater, _FLAGGED, _build_greater, _eight, _eight)
-    register_intrinsic(lanes.exceeds, _FLAGGED, _build_exceeds, _eight, _eight)
+    register_intrinsic(lanes.greater_or_nan, _FLAGGED, _build_greater_or_nan, _eight, _eight)
     register_intrinsic(lanes.logical_or, _FLAGGED, _build_logical_or, _flags, _flags)
     register_intrinsic(lanes.select, _LANES, _build_select, _flags, _eight, _eight)
     register_intrinsic(lanes.any_true, types.boolean, _build_any_true, _flags)

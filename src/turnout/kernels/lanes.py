@@ -173,7 +173,7 @@ def greater(a: Floats, b: Floats) -> Bools:
     return a > b
 
 
-def exceeds(a: Floats, b: Floats) -> Bools:
+def greater_or_nan(a: Floats, b: Floats) -> Bools:
     """Compare eight by eight floats, ``a > b``; true where one is NaN."""
     return ~(a <= b)
 

@@ -55,8 +55,12 @@ class LawTable(NamedTuple):
     stick_stiffness: Floats
 
 
+MOST_JOINED = 32
+"""Layouts of objects and links behind the same other laws that are kept."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
-class AlikeTables:
+class SharedTableParts:
     """What tables share whose laws differ in values alone.
 
     Attributes
@@ -185,7 +189,7 @@ class LawTableBuilder:
             stick_stiffness=frictions[3].copy(),
         )
 
-    def after(self, first: LawTable, known: dict[Hashable, AlikeTables]) -> LawTable:
+    def after(self, first: LawTable, known: dict[Hashable, SharedTableParts]) -> LawTable:
         """Return the laws of a table and after them those added so far, without their frictions.
 
         Parameters
@@ -202,20 +206,22 @@ class LawTableBuilder:
             laid out alike.
         """
         key = tuple(self.indices)
-        alike = known.get(key)
-        if alike is None:
-            alike = known[key] = _joined(first, self.table())
-        of_laws, of_segments = alike.of_laws.copy(), alike.of_segments.copy()
+        shared = known.get(key)
+        if shared is None:
+            if len(known) >= MOST_JOINED:
+                known.clear()
+            shared = known[key] = _joined(first, self.table())
+        of_laws, of_segments = shared.of_laws.copy(), shared.of_segments.copy()
         if self.indices:
             of_laws[:, -len(self.values) :] = np.array(self.values).T
             of_segments[:, -len(self.segments) :] = np.array(self.segments).T
-        return alike.table._replace(
+        return shared.table._replace(
             **dict(zip(_OF_LAWS, of_laws, strict=True)),
             **dict(zip(_OF_SEGMENTS, of_segments, strict=True)),
         )
 
 
-def _joined(first: LawTable, second: LawTable) -> AlikeTables:
+def _joined(first: LawTable, second: LawTable) -> SharedTableParts:
     """Return what a table and another one after it share with tables of other values."""
     starts = (first.segment_start, second.segment_start[1:] + first.segment_start[-1])
     table = LawTable(*(np.concatenate(pair) for pair in zip(first, second, strict=True)))._replace(
@@ -229,7 +235,7 @@ def _joined(first: LawTable, second: LawTable) -> AlikeTables:
         array.flags.writeable = False
     of_laws = np.array([getattr(table, name) for name in _OF_LAWS])
     of_segments = np.array([getattr(table, name) for name in _OF_SEGMENTS])
-    return AlikeTables(table, of_laws, of_segments)
+    return SharedTableParts(table, of_laws, of_segments)
 
 
 @lru_cache(maxsize=256)

@@ -162,7 +162,7 @@ class _Between:
 
 
 _frames = LRUCache[_Frame](MOST_FRAMES)
-_alike = LRUCache[tuple[_Kept, Panel]](MOST_FRAMES)
+_by_reference = LRUCache[tuple[_Kept, Panel]](MOST_FRAMES)
 _objects = LRUCache[_Between](MOST_PLACES)
 
 
@@ -170,9 +170,9 @@ def _kept(panel: Panel, objects: Sequence[PlacedObject]) -> _Kept:
     """Return layout and linear part, or those of a panel that differs in laws and motion alone."""
     if not isinstance(panel, LoadedPanel) or not all(m.digest for m in panel.matrices.values()):
         return _made(panel, objects, _made_frame(panel, objects, records=None))
-    first = panel.alike(LAWS_ALONE)
+    first = panel.reference_panel(LAWS_ALONE)
     known = (id(first), tuple([(item.name, item.rail, item.x, item.height) for item in objects]))
-    found = None if first is panel else _alike.get(known)
+    found = None if first is panel else _by_reference.get(known)
     if found is not None:
         return found[0]
     (key, scales), records = shape_of(panel, objects)
@@ -185,15 +185,15 @@ def _kept(panel: Panel, objects: Sequence[PlacedObject]) -> _Kept:
         for name in (*_MATRICES, "rows"):
             getattr(made.linear, name).flags.writeable = False
         frame.kept.put(scales, made)
-    if first is not panel:  # others will be alike
-        _alike.put(known, (made, first))
+    if first is not panel:  # others will have it too
+        _by_reference.put(known, (made, first))
     return made
 
 
 def clear_memory() -> None:
     """Empty the memory of layouts and linear parts."""
     _frames.clear()
-    _alike.clear()
+    _by_reference.clear()
     _objects.clear()
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.errors import MechanicsError
-from turnout.law.table import AlikeTables, LawTable, LawTableBuilder
+from turnout.law.table import LawTable, LawTableBuilder, SharedTableParts
 from turnout.mechanism.build_rails import SIGN, rail_feet, stands_on, stock_body
 from turnout.mechanism.mechanism import LawIndex, Point
 from turnout.mechanism.object_laws import add_bond, add_object
@@ -105,7 +105,7 @@ class Layout:
     chairs: Ints
     closed: Ints
     further: tuple[int, ...]
-    tables: dict[Hashable, AlikeTables] = field(default_factory=dict)
+    tables: dict[Hashable, SharedTableParts] = field(default_factory=dict)
 
 
 def lay_out(panel: Panel, objects: Sequence[PlacedObject]) -> Layout:
@@ -209,7 +209,7 @@ def law_table(
     for item in objects:
         gap = float(_gap(panel, travel, item.rail, np.array([item.x]))[0])
         add_object(laws, next(further), item, clearance=gap - item.size)
-    return _with_standing(laws.after(layout.standing, layout.tables), layout, panel, travel)
+    return _fill_chairs_and_stops(laws.after(layout.standing, layout.tables), layout, panel, travel)
 
 
 def _bonded(layout: Layout) -> list[tuple[int, ...]]:
@@ -234,7 +234,9 @@ CHAIR_VALUES = ("clearance", "normal_stiffness", "friction_coefficient", "stick_
 _values_of = itemgetter(*CHAIR_VALUES)
 
 
-def _with_standing(table: LawTable, layout: Layout, panel: Panel, travel: Travel) -> LawTable:
+def _fill_chairs_and_stops(
+    table: LawTable, layout: Layout, panel: Panel, travel: Travel
+) -> LawTable:
     """Fill the laws of chairs and stops, which come first in a new table, with their values.
 
     A stop's clearance counts from the rail's stress-free shape.

@@ -161,7 +161,7 @@ def check(draft: Draft, *, known: Known | None = None) -> list[Problem]:
         Empty for a valid panel.
     """
     checks = _all_checks()
-    names = draft.unspared(checks, known)
+    names = draft.checks_to_repeat(checks, known)
     found = [problem for name in names for problem in draft.checked(name, checks[name])]
     found += until_unknown(slips_at_rest(draft))
     if objects := draft.records["object"]:

@@ -29,7 +29,7 @@ from turnout.panel.override import (
     supersede,
 )
 from turnout.panel.records import RailMatrices
-from turnout.panel.same_keys import PendingDocument, note_keys, remake
+from turnout.panel.same_keys import PendingDocument, derive_panel, note_keys
 from turnout.panel.validate import Known, with_values
 
 # Neither changes what the panel is: the text about it, and where a schedule's numbers were read.
@@ -165,7 +165,7 @@ class LoadedPanel(Panel):
 
     def _changed(self, overrides: Mapping[str, object], problems: list[Problem]) -> Self:
         before = self.document
-        made = None if problems else remake(self, before, overrides)
+        made = None if problems else derive_panel(self, before, overrides)
         if made is not None:
             panel = with_values(self, made.records)
             panel._document, panel._asked = made.document, made.asked
@@ -183,8 +183,8 @@ class LoadedPanel(Panel):
         panel._hash, panel._overrides = "", supersede(self._overrides, applied)
         return panel
 
-    def alike(self, fields: Container[tuple[str, str]]) -> Panel:
-        """Return a panel that differs from this one at most in some fields of its members.
+    def reference_panel(self, fields: Container[tuple[str, str]]) -> Panel:
+        """Return the reference of all panels that differ from it in some fields of members alone.
 
         Parameters
         ----------
@@ -197,20 +197,35 @@ class LoadedPanel(Panel):
             The same one for all panels that were made with the same keys, where no other field was
             changed by them; else this one.
         """
-        if self._first is None or not all(field in fields for field in self._differs):
+        first = self._first
+        if first is None or not all(field in fields for field in self._differs):
             return self
-        return self._first
+        return first
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """Return a copy, which is no longer known to be alike another panel."""
+        """Return a copy, which has no other reference panel than itself."""
         copied = super().model_copy(update=update, deep=deep)
         copied._first, copied._differs = None, frozenset()
         return copied
 
     def __getstate__(self) -> dict[Any, Any]:
-        """Return what is pickled or copied: with the tables, without the panel that is alike."""
-        self._document, self._first, self._differs = self.document, None, frozenset()
-        return super().__getstate__()
+        """Return what is pickled or copied: with the tables, without the reference panel."""
+        state = super().__getstate__()
+        own: dict[str, object] = {"_document": self.document, "_first": None}
+        own["_differs"] = frozenset()
+        return state | {"__pydantic_private__": (state["__pydantic_private__"] or {}) | own}
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether another panel has the same values, wherever they come from."""
+        if not isinstance(other, LoadedPanel):
+            return NotImplemented
+        own, others = (
+            {name: given.digest for name, given in panel.matrices.items()}
+            for panel in (self, other)
+        )
+        return self.__dict__ == other.__dict__ and own == others
+
+    __hash__ = None  # type: ignore[assignment]  # as of other panels, whose tables have none
 
     @classmethod
     def from_checked(

@@ -10,7 +10,7 @@ Schedules recorded elsewhere: a CSV file with the columns time and fraction.
 """
 
 import csv
-from collections.abc import Callable, Hashable
+from collections.abc import Hashable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,6 @@ import numpy as np
 import numpy.typing as npt
 
 from turnout.core.files import user_path
-from turnout.core.lru_cache import LRUCache
 from turnout.core.problems import Problem, shortened, show_value
 from turnout.core.toml import decode, read_bytes
 from turnout.core.units import MOST_VALUES, SI
@@ -105,11 +104,14 @@ def prior_positions(panel: Panel, movement: Movement, time: npt.ArrayLike) -> Fl
         [m], as `marker_positions` does; the last are those with which the schedule starts.
     """
     instants = np.atleast_1d(np.asarray(time, dtype=np.float64))
-    return _remembered(panel, instants, movement, lambda: _prior(panel, movement, instants))
-
-
-_positions: LRUCache[tuple[FloatArray, tuple[object, ...]]] = LRUCache(8)
-"""Positions of markers, with the records that they follow from: throws mostly move alike."""
+    starts = panel.schedule.starts
+    begins = "open" if starts == "closed" else "closed"
+    positions = np.zeros((len(panel.drive), instants.size))
+    for row, (name, drive) in enumerate(panel.drive.items()):
+        level, target = marker_level(drive, begins, starts=starts), start_level(panel, drive)
+        share = movement_fraction(movement, instants, drive=name)
+        positions[row] = np.where(share < 1.0, level + share * (target - level), target)
+    return positions
 
 
 def motion_key(
@@ -139,29 +141,6 @@ def motion_key(
     return (*map(id, held), *ways), held
 
 
-def _remembered(
-    panel: Panel, instants: FloatArray, prior: Movement | None, made: Callable[[], FloatArray]
-) -> FloatArray:
-    """Return positions, those of the same drives, schedule and instants from memory."""
-    key, held = motion_key(panel, prior)
-    key = (*key, instants.tobytes())
-    known = _positions.get(key)
-    if known is None:
-        known = _positions.put(key, (made(), held))
-    return known[0].copy()
-
-
-def _prior(panel: Panel, movement: Movement, instants: FloatArray) -> FloatArray:
-    starts = panel.schedule.starts
-    begins = "open" if starts == "closed" else "closed"
-    positions = np.zeros((len(panel.drive), instants.size))
-    for row, (name, drive) in enumerate(panel.drive.items()):
-        level, target = marker_level(drive, begins, starts=starts), start_level(panel, drive)
-        share = movement_fraction(movement, instants, drive=name)
-        positions[row] = np.where(share < 1.0, level + share * (target - level), target)
-    return positions
-
-
 def marker_positions(panel: Panel, time: npt.ArrayLike) -> FloatArray:
     """Give the position of every drive's marker.
 
@@ -180,10 +159,6 @@ def marker_positions(panel: Panel, time: npt.ArrayLike) -> FloatArray:
         Marker positions [m] in the order of `panel.drive`, positive closing.
     """
     instants = np.atleast_1d(np.asarray(time, dtype=np.float64))
-    return _remembered(panel, instants, None, lambda: _scheduled(panel, instants))
-
-
-def _scheduled(panel: Panel, instants: FloatArray) -> FloatArray:
     positions = np.zeros((len(panel.drive), instants.size))
     rising = bool(np.all(instants[1:] >= instants[:-1]))
     for row, (name, drive) in enumerate(panel.drive.items()):

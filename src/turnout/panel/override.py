@@ -104,7 +104,7 @@ def apply_overrides(
     values = overrides.values()  # numbers first: to find that one is no mapping takes longer
     plain = all(isinstance(value, float) or not isinstance(value, Mapping) for value in values)
     names = (id(document), *overrides)
-    known = known_way(document, overrides) if plain else None
+    known = known_plan(document, overrides) if plain else None
     if known is not None:
         return known.apply(overrides)
     tree = dict(document.tree)
@@ -158,7 +158,7 @@ def apply_overrides(
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class OverridePlan:
     """How values for certain keys change a document, where all of them are fields of members.
 
     Attributes
@@ -203,15 +203,17 @@ class Way:
         return changed, [], {key: overrides[key] for key in self.targets}
 
 
-_ways = LRUCache[Way](MOST_WAYS)
+_ways = LRUCache[OverridePlan](MOST_WAYS)
 
 
-def known_way(document: Document, overrides: Mapping[str, object]) -> Way | None:
+def known_plan(document: Document, overrides: Mapping[str, object]) -> OverridePlan | None:
     """Return how the keys of overrides have changed a document before; None if they have not."""
     return _ways.get((id(document), *overrides))
 
 
-def _way(document: Document, changed: Document, targets: dict[str, list[_Target]]) -> Way | None:
+def _way(
+    document: Document, changed: Document, targets: dict[str, list[_Target]]
+) -> OverridePlan | None:
     """Return how the same keys change a document again; None where a table comes or goes."""
     last: dict[Path, str] = {}
     members: dict[str, dict[str, None]] = {}
@@ -228,7 +230,7 @@ def _way(document: Document, changed: Document, targets: dict[str, list[_Target]
     set_here = {".".join(place) for place in last}
     kept = {name: value for name, value in changed.given.items() if name not in set_here}
     of_families = {family: list(names) for family, names in members.items()}
-    return Way(document, targets, of_families, changed.shared, kept, list(last.items()))
+    return OverridePlan(document, targets, of_families, changed.shared, kept, list(last.items()))
 
 
 def supersede(before: Mapping[str, object], applied: Mapping[str, object]) -> dict[str, object]:

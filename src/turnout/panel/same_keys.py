@@ -17,7 +17,7 @@ from turnout.panel.check import check
 from turnout.panel.document import FAMILIES, Document
 from turnout.panel.matrices import check_matrices
 from turnout.panel.model import Panel
-from turnout.panel.override import Way, known_way
+from turnout.panel.override import OverridePlan, known_plan
 from turnout.panel.records import RailMatrices
 from turnout.panel.validate import Draft, Known, field_check, read_by, with_values
 
@@ -29,7 +29,7 @@ MOST_FIRST = 16
 class PendingDocument:
     """The document of a panel whose tables have not been needed yet."""
 
-    way: Way
+    way: OverridePlan
     overrides: Mapping[str, object]
 
     @property
@@ -43,7 +43,7 @@ class PendingDocument:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Remade:
+class DerivedPanel:
     """What a panel of other numbers is made of.
 
     Attributes
@@ -84,7 +84,7 @@ class _SameKeys:
     """
 
     panel: Panel
-    way: Way
+    way: OverridePlan
     known: Known
     fields: frozenset[tuple[str, str]]
     changed: set[str]
@@ -110,7 +110,9 @@ class _SameKeys:
 _first = LRUCache[_SameKeys](MOST_FIRST)
 
 
-def remake(panel: Panel, document: Document, overrides: Mapping[str, object]) -> Remade | None:
+def derive_panel(
+    panel: Panel, document: Document, overrides: Mapping[str, object]
+) -> DerivedPanel | None:
     """Return what a valid panel becomes by other numbers for keys that it was changed by before.
 
     Parameters
@@ -124,11 +126,11 @@ def remake(panel: Panel, document: Document, overrides: Mapping[str, object]) ->
 
     Returns
     -------
-    Remade or None
+    DerivedPanel or None
         None where anything is wrong, something is no number, or the keys are new.
     """
     same = _first.get((id(panel), *overrides))
-    way = known_way(document, overrides)
+    way = known_plan(document, overrides)
     if same is None or same.way is not way or not _are_numbers(overrides):
         return None
     try:
@@ -141,7 +143,7 @@ def remake(panel: Panel, document: Document, overrides: Mapping[str, object]) ->
     if check(draft, known=same.known) or any(check_matrices(records, document.matrices)):
         return None
     applied = {key: overrides[key] for key in way.targets}
-    return Remade(
+    return DerivedPanel(
         first=same.known.panel,
         fields=same.fields,
         records=records,
@@ -159,11 +161,11 @@ def note_keys(
     Parameters
     ----------
     panel, document, overrides
-        As of `remake`.
+        As of `derive_panel`.
     made : Known
         The first panel, with what its checks read.
     """
-    way = known_way(document, overrides)
+    way = known_plan(document, overrides)
     if way is None or not _are_numbers(overrides):
         return
     numbers: dict[tuple[str, str, str], tuple[int, tuple[str, Reader]]] = {}

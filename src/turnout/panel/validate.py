@@ -129,7 +129,7 @@ class Draft:
     changed: set[str] = field(default_factory=set)
     asked: dict[str, frozenset[str]] = field(default_factory=dict)
 
-    def unspared(self, checks: Iterable[str], known: Known | None) -> list[str]:
+    def checks_to_repeat(self, checks: Iterable[str], known: Known | None) -> list[str]:
         """Return the names of the checks that may find something where a known panel is valid."""
         if known is None:
             return list(checks)

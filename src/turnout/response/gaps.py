@@ -178,7 +178,7 @@ def split_gaps(panel: Panel, gaps: Floats, time: Floats) -> tuple[Floats, Floats
     # at any instant one of the two is wanted closed
     at_drives = np.empty(first.shape)
     for begin, end, closed in closed_spans(panel, time):
-        at_drives[:, begin:end] = (first if closed else second)[:, begin:end]
+        at_drives[..., begin:end] = (first if closed else second)[..., begin:end]
     return at_drives, at_sensors
 
 

@@ -63,7 +63,9 @@ def drive_channels(panel: Panel, force: Floats, inputs: Floats) -> dict[str, Var
 
     `inputs` are the marker positions, shape (n_times, n_drives) [m].
     """
-    return _named_drives(panel, force, inputs.T - marker_offsets(panel)[:, np.newaxis])
+    displacement = np.empty(force.shape)  # a drive in a piece, as features sum it
+    np.subtract(inputs.T, marker_offsets(panel)[:, np.newaxis], out=displacement)
+    return _named_drives(panel, force, displacement)
 
 
 def _named_drives(panel: Panel, force: Floats, displacement: Floats) -> dict[str, Variable]:

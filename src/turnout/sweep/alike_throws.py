@@ -112,7 +112,7 @@ class AlikeThrows:
     gap_limits: tuple[Floats, Floats]
 
 
-def alike(runs: Sequence[ThrowSignals]) -> list[list[int]]:
+def group_by_layout(runs: Sequence[ThrowSignals]) -> list[list[int]]:
     """Return the numbers of throws whose signals fit in one array, group by group."""
     found: dict[tuple[object, ...], list[int]] = {}
     for number, run in enumerate(runs):

@@ -25,7 +25,7 @@ from turnout.response.simulate import PlannedThrow, Solved, plan_throw, solve_pl
 from turnout.scheme import Scheme
 from turnout.study.scenario import Scenario
 from turnout.study.study import Study
-from turnout.sweep.alike_throws import ThrowSignals, alike, kept_histories, lay_together
+from turnout.sweep.alike_throws import ThrowSignals, group_by_layout, kept_histories, lay_together
 from turnout.sweep.extract import extract_signals, watch_of
 from turnout.sweep.labels import compute_labels
 
@@ -51,7 +51,7 @@ THROWN_AT_ONCE = 8
 """Of these so many are thrown, then reduced; where each may have rails of its own, no more than
 these are planned at once either."""
 
-STEPS_AT_ONCE = 2**17
+STEPS_AT_ONCE = 136_000
 """Fewer are, if they have more steps together: what a long throw leaves takes much memory."""
 
 UNCHANGED_LABELS = (
@@ -188,28 +188,27 @@ def throw_scenarios(study: Study, scenarios: Sequence[Scenario]) -> list[Row]:
     ready = [prepare_scenario(study, scenario) for scenario in scenarios]
     throws: list[ThrowResult] = []
     with one_blas_thread():
-        count = thrown_at_once(study, ready)
-        at_once = PLANNED_ALIKE if share_rails(ready) else count
-        planned: list[PreparedScenario] = []
-        for first in range(0, len(ready), count):
-            if not planned:
-                planned = [plan_scenario(study, item) for item in ready[first : first + at_once]]
-            thrown = [throw_scenario(study, item) for item in planned[:count]]
-            del planned[:count]
-            throws += [extract_scenario(study, item) for item in thrown]
+        few, many = throws_at_once(study, ready)
+        at_once = many if share_rails(ready) else few
+        for first in range(0, len(ready), at_once):
+            planned = [plan_scenario(study, item) for item in ready[first : first + at_once]]
+            while planned:
+                thrown = [throw_scenario(study, planned.pop(0)) for _ in planned[:few]]
+                throws += [extract_scenario(study, item) for item in thrown]
         return make_rows(study, throws)
 
 
-def thrown_at_once(study: Study, ready: Sequence[PreparedScenario]) -> int:
-    """Return how many of some throws are thrown before they are reduced."""
+def throws_at_once(study: Study, ready: Sequence[PreparedScenario]) -> tuple[int, int]:
+    """Return how many of some throws are thrown before they are reduced, and how many planned."""
     longest = max((item.panel.schedule.end for item in ready), default=0.0)
-    return max(1, min(THROWN_AT_ONCE, int(STEPS_AT_ONCE * study.scheme.step / max(longest, 1.0))))
+    most = max(1, int(STEPS_AT_ONCE * study.scheme.step / max(longest, 1.0)))
+    return min(THROWN_AT_ONCE, most), min(PLANNED_ALIKE, most)
 
 
 def share_rails(ready: Sequence[PreparedScenario]) -> bool:
     """Return whether the panels of some throws are known to have the same rails."""
-    alike = {id(item.panel.alike(LAWS_ALONE)) for item in ready if not item.fault}
-    return len(alike) <= 1
+    references = {id(item.panel.reference_panel(LAWS_ALONE)) for item in ready if not item.fault}
+    return len(references) <= 1
 
 
 def prepare_scenario(study: Study, scenario: Scenario) -> PreparedScenario:
@@ -317,7 +316,7 @@ def make_rows(study: Study, throws: Sequence[ThrowResult]) -> list[Row]:
 def reduce_signals(study: Study, runs: Sequence[ThrowSignals]) -> list[Variables]:
     """Return histories, labels and features of some throws, those that are alike at once."""
     found: list[Variables] = [{}] * len(runs)
-    for numbers in alike(runs):
+    for numbers in group_by_layout(runs):
         together = lay_together([runs[number] for number in numbers])
         histories = kept_histories(together, study.output.channels)
         labels = compute_labels(together)
