@@ -297,7 +297,8 @@ def test_rows_without_any_product_are_left_as_they_are() -> None:
 def test_coordinates_of_other_dimensions_are_left_out(solved: Solved) -> None:
     panel = load_panel(DEFAULT)
     given = (panel, solved.mechanism)
-    every = coordinates(*given, time=solved.history.time)
+    families = {"rail", "drive", "chair", "stop", "link", "sensor", "object", "time"}
+    every = coordinates(*given, time=solved.history.time, used=families)
     some = coordinates(*given, time=solved.history.time, used={"drive", "time"})
     assert set(some) == {name for name, (dims, _) in every.items() if dims[0] in ("drive", "time")}
     assert "object" in every
