@@ -37,6 +37,8 @@ MOST_IN_MEMORY = 4000
 # modes to 300 Hz only on the default panel. So many times as high they go. Elements of half the
 # length cost nothing once their matrices are made.
 FINE, FINE_MODES, FINE_MESH = 0.5, 4.0, 0.5
+# Quick throws stand in for plain ones near by, so they dissipate as much at high frequencies.
+QUICK = Scheme.of("quick", spectral_radius=Scheme().spectral_radius)
 # What each kind takes of processor time, in quick throws.
 LEAN_WORK, PLAIN_WORK, HALVED_WORK, FINE_WORK = 2.0, 3.5, 10.0, 18.0
 
@@ -134,7 +136,7 @@ class Evaluator:
     folder: Path | None = None
     workers: int = 1
     scheme: Scheme = field(default_factory=Scheme)
-    quick: Scheme = field(default_factory=lambda: Scheme.of("quick"))
+    quick: Scheme = field(default_factory=lambda: QUICK)
     on_throw: Callable[[], None] | None = None
     pool: ProcessPoolExecutor | None = None
     made: int = 0
@@ -329,7 +331,7 @@ def _begin_worker(panel: LoadedPanel) -> None:
 
 def _throw_once() -> None:
     """Load what the first throw of a process needs."""
-    simulate_throw(_panels[0], ThrowInputs(overrides={}), Scheme.of("quick"))
+    simulate_throw(_panels[0], ThrowInputs(overrides={}), QUICK)
 
 
 def _simulate_in_worker(jobs: Sequence[Job]) -> list[tuple[str, Response]]:

@@ -18,6 +18,7 @@ from turnout.integrate.solution import gather_modes, solve_displacements
 from turnout.integrate.solve import (
     CONVERGED,
     NOT_CONVERGED,
+    NOT_FINITE,
     Tolerances,
     evaluate,
     iterate_contact_set,
@@ -30,7 +31,7 @@ from turnout.integrate.state import State
 from turnout.integrate.system import Floats, Ints, System
 from turnout.kernels.compiled import compiled
 from turnout.kernels.vector import copy
-from turnout.law.kernel import STICK
+from turnout.law.kernel import STICK, any_not_finite
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
 
@@ -116,6 +117,8 @@ def equilibrium(
     code = iterate_contact_set(system, table, state, work, tolerances)
     if code == CONVERGED:
         _refine_contact_set(system, table, state, work, tolerances)
+        if any_not_finite(state.g):  # an infinite one may lie in the last segment of its law
+            return NOT_FINITE
     return code
 
 
