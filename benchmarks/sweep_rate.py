@@ -1,6 +1,6 @@
 """Measure throws of quick sweeps against older checkouts; write docs/performance-rate.md.
 
-    python -m benchmarks.sweep_rate OLDER ... [--batches 6] [--only million] [--note TEXT]
+    python -m benchmarks.sweep_rate OLDER ... [--batches 4] [--only million] [--note TEXT]
 
 OLDER is the folder of another checkout, such as one made by `git worktree add --detach OLDER main`.
 Each code runs in a process of one thread that stays; all throw the same scenarios, a batch each in
@@ -197,7 +197,7 @@ def main() -> None:
     """Measure all checkouts in turn and write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("older", type=Path, nargs="+")
-    parser.add_argument("--batches", type=int, default=6)
+    parser.add_argument("--batches", type=int, default=4)
     parser.add_argument("--only", default="", help="measure the study of this name alone")
     parser.add_argument("--note", default="", help="what else differs between the codes")
     chosen = parser.parse_args()

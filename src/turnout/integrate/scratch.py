@@ -25,7 +25,7 @@ MOST_KEPT = 16 * 2**20
 
 LARGE = 2**20
 """Buffers of fewer numbers than this are kept apart, at most `MOST_SMALL` of them."""
-MOST_SMALL = 6
+MOST_SMALL = 8
 
 _free_buffers: deque[Floats] = deque(maxlen=2)
 _free_small: deque[Floats] = deque(maxlen=MOST_SMALL)
