@@ -185,7 +185,7 @@ UNASKED = {"chair": frozenset(("friction_coefficient", "normal_stiffness", "stic
 """Fields of families that no check between records asks for."""
 
 ASKED_ALONE = {"drive": frozenset(("stiffness", "saturated_stiffness", "saturation_force"))}
-"""Fields of families that are read by the check of each member alone, or by checks that always run."""
+"""Fields of families that the check of each member alone reads, or checks that always run."""
 
 
 def read_by(family: str, fields: Iterable[str]) -> set[str]:
