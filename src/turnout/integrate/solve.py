@@ -45,11 +45,11 @@ CONVERGED, NOT_CONVERGED, NOT_FINITE, STOPPED = 0, 1, 2, 4
 NO_NUMBERS = -1
 """In place of a number of rows: displacements are NaN or infinite."""
 
-ALL_AT_ONCE = 5
-"""Iterations of a step in which every violated law changes; later ones change a law each.
+ALL_AT_ONCE = 8
+"""Share of the iterations, one in so many, in which every violated law changes; then one law does.
 
-Nearly all sets settle within four. What has not done so goes in a cycle, in which several laws undo
-each other.
+Of the 40 of a step these are the first five, and nearly all sets settle within four. What has not
+done so goes in a cycle, in which several laws undo each other.
 """
 
 
@@ -299,14 +299,14 @@ def iterate_contact_set(
 ) -> int:
     """Iterate the contact set of one step; return CONVERGED or what prevented it.
 
-    After `ALL_AT_ONCE` iterations laws change one at a time, which breaks cycles.
+    After the first of them laws change one at a time, which breaks cycles, see `ALL_AT_ONCE`.
     """
     for iteration in range(tolerances.iterations):
         solve_displacements(system, table, state, work, iteration > 0)
         state.counters[COUNT_ITERATIONS] += 1
         if work.stop[0]:
             return STOPPED
-        one_at_a_time = iteration >= ALL_AT_ONCE
+        one_at_a_time = ALL_AT_ONCE * iteration >= tolerances.iterations
         count = update_contact_set(system, table, state, work, tolerances, one_at_a_time)
         if count == 0:
             gather_modes(system, state)

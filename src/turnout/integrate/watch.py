@@ -14,6 +14,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from turnout.condense.condense import CondensedRails
+from turnout.integrate.numbering import as_unsigned
 from turnout.integrate.seen import SeenRows, SeenWeights
 from turnout.integrate.system import Floats, Ints
 from turnout.kernels.lanes import empty_in_lines
@@ -21,6 +22,10 @@ from turnout.kernels.lanes import empty_in_lines
 TIME_TOLERANCE = 1e-9
 BALANCE_EVERY = 8
 """Kept instants of a watched run from one check of its energy balance to the next."""
+
+
+# Unsigned as those of watched runs: other kinds of arrays are other kernels.
+_NO_PLACES = as_unsigned(np.zeros(0, dtype=np.int64))
 
 
 class StepRecord(NamedTuple):
@@ -53,14 +58,14 @@ class StepRecord(NamedTuple):
     effort: Floats = np.zeros((0, 0))
     seen: Floats = np.zeros((0, 0))
     seen_load: Floats = np.zeros(0)
-    stored_list: Ints = np.zeros(0, dtype=np.int64)
+    stored_list: Ints = _NO_PLACES
     stored_rows: Floats = np.zeros((0, 0))
-    mode_list: Ints = np.zeros(0, dtype=np.int64)
+    mode_list: Ints = _NO_PLACES
     mode_rows: Floats = np.zeros((0, 0))
-    law_list: Ints = np.zeros(0, dtype=np.int64)
-    law_places: Ints = np.zeros(0, dtype=np.int64)
+    law_list: Ints = _NO_PLACES
+    law_places: Ints = _NO_PLACES
     law_rows: Floats = np.zeros((0, 0))
-    friction_list: Ints = np.zeros(0, dtype=np.int64)
+    friction_list: Ints = _NO_PLACES
     friction_rows: Floats = np.zeros((0, 0))
     picked: Floats = np.zeros(0)
     balanced: Ints = np.zeros(0, dtype=np.int64)
