@@ -33,8 +33,8 @@ CELL = 4e-3
 STORED_VERSION = 4
 MOST_IN_MEMORY = 4000
 # Step of a fine throw, as a share of the one of the scheme: after an impact steps of 1 ms bias
-# stiffnesses by 0.1 to 0.2 %, as do modes to 300 Hz on the default panel. So many times as high they
-# go. Elements of half the length cost nothing once their matrices are made.
+# stiffnesses by 0.1 to 0.2 %, as do modes to 300 Hz on the default panel. So many times as high
+# they go. Elements of half the length cost nothing once their matrices are made.
 FINE, FINE_MODES, FINE_MESH = 0.5, 4.0, 0.5
 # Quick throws stand in for plain ones near by, so they dissipate as much at high frequencies.
 QUICK = Scheme.of("quick", spectral_radius=Scheme().spectral_radius)
