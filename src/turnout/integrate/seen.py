@@ -185,8 +185,7 @@ def store_seen(
     gather_all(q, record.mode_list, picked)
     _add_rows(picked, record.mode_rows, to)
     picked = record.picked[: record.law_list.size]
-    slope, laws = system.base_slope, (record.law_list, record.law_places)
-    _pick_deviations(g, slope, forces[0], laws[0], laws[1], picked)
+    _pick_deviations(g, system.base_slope, forces[0], record.law_list, record.law_places, picked)
     _add_rows(picked, record.law_rows, to)
     picked = record.picked[: record.friction_list.size]
     gather_all(forces[1], record.friction_list, picked)
