@@ -132,16 +132,8 @@ def test_a_weighted_sum_of_rows_has_one_order(count: int, width: int) -> None:
     rows, found = rng.normal(size=(count, 112)), np.full(112, np.nan)
     _sum_rows(start, weights, rows, found[:width])
     expected = start[:width].copy()
-    for r in range(0, count - 3, 4):
-        pairs = [
-            lanes.multiply_add(
-                np.full(width, weights[k + 1]), rows[k + 1, :width], weights[k] * rows[k, :width]
-            )
-            for k in (r, r + 2)
-        ]
-        expected += pairs[0] + pairs[1]
-    for r in range(count - count % 4, count):
-        expected += weights[r] * rows[r, :width]
+    for weight, row in zip(weights, rows, strict=True):
+        expected = lanes.multiply_add(np.full(width, weight), row[:width], expected)
     np.testing.assert_array_equal(found[:width], expected)
     assert np.isnan(found[width:]).all()
 
