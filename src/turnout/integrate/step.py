@@ -24,7 +24,17 @@ from turnout.integrate.scratch import Work
 from turnout.integrate.state import State
 from turnout.integrate.system import Floats, System
 from turnout.kernels.compiled import compiled, compiled_loop, compiled_part
-from turnout.kernels.lanes import LANES, broadcast, horizontal_sum, load, store
+from turnout.kernels.lanes import (
+    LANES,
+    absolute,
+    any_true,
+    broadcast,
+    greater_or_nan,
+    horizontal_sum,
+    load,
+    logical_or,
+    store,
+)
 
 
 class Stepping(NamedTuple):
@@ -174,3 +184,24 @@ def _correct_modes(
         store(v_new, v, i)
         store(acceleration_new, acceleration, i)
     return horizontal_sum(damped), horizontal_sum(dissipated)
+
+
+@compiled_part
+def is_at_rest(state: State, h: float, gap: float) -> bool:
+    """Return whether no mode moves further in a step of length `h` [s] than the tolerance of gaps.
+
+    `gap` is taken as that of modal coordinates too, which move their rails by less: a mode of unit
+    mass displaces a rail of 600 kg by some 0.06 of its coordinate.
+    """
+    return not _moves(state.v, state.a, state.acceleration, h, gap)
+
+
+@compiled_loop
+def _moves(v: Floats, a: Floats, acceleration: Floats, h: float, gap: float) -> bool:
+    h_1, h_2, tolerance = broadcast(h), broadcast(h * h), broadcast(gap)
+    moves = greater_or_nan(tolerance, tolerance)
+    for i in range(0, v.size, LANES):
+        moves = logical_or(moves, greater_or_nan(h_1 * absolute(load(v, i)), tolerance))
+        moves = logical_or(moves, greater_or_nan(h_2 * absolute(load(a, i)), tolerance))
+        moves = logical_or(moves, greater_or_nan(h_2 * absolute(load(acceleration, i)), tolerance))
+    return any_true(moves)
