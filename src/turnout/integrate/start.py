@@ -50,7 +50,7 @@ Ints = NDArray[np.int64]
 
 PRIOR_STEP = 6e-3
 """Step of a prior motion, or that of the run where it is longer or without inertia [s]."""
-PRIOR_SHARE = 0.75
+PRIOR_SHARE = 0.6
 """Of its way in time the last part that is integrated, where each foot slides in it [-]."""
 PRIOR_RADIUS = 0.0
 """Spectral radius of its scheme: what its steps cannot resolve is damped at once [-]."""
