@@ -11,7 +11,8 @@ from turnout.integrate.march import march
 from turnout.integrate.outcome import Code
 from turnout.integrate.prepared_run import PreparedRun, prepare, set_up_run
 from turnout.integrate.start import start_at_rest
-from turnout.integrate.state import AT_REST, COUNT_ITERATIONS
+from turnout.integrate.state import COUNT_ITERATIONS, UNSOLVED
+from turnout.integrate.step import STILL, predict, step_factors
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.load import load_panel
 from turnout.panel.markers import marker_offsets, marker_positions
@@ -54,7 +55,6 @@ def test_only_moving_rails_are_solved_for() -> None:
     assert moving <= run.state.counters[COUNT_ITERATIONS] < 2.5 * moving
     still = round(0.9 * BEGINS / SCHEME.step)
     np.testing.assert_array_equal(run.record.law[2:still], run.record.law[1 : still - 1])
-    assert not run.state.counters[AT_REST]
 
 
 def test_the_motion_after_rest_is_that_of_rails_that_were_solved_for() -> None:
@@ -71,7 +71,6 @@ def test_rest_is_interrupted_too() -> None:
     run, _ = thrown()
     half = round(0.5 * BEGINS / SCHEME.step)
     assert marched(run, 0, half) == [Code.COMPLETE, half]
-    run.state.counters[AT_REST] = 1
     run.work.stop[0] = 1
     assert marched(run, half, half + 5) == [Code.INTERRUPTED, half]
 
@@ -84,3 +83,20 @@ def test_rest_does_not_depend_on_how_a_march_is_split(chunk: int) -> None:
     for first in range(0, last, chunk):
         marched(run, first, min(first + chunk, last))
     np.testing.assert_array_equal(run.record.g[1:], whole.record.g[1:])
+
+
+def test_a_rail_that_hardly_moves_is_stopped_and_no_other() -> None:
+    run = ready()
+    system, state, work = run.system, run.state, run.work
+    first, last = int(system.mode_start[0]), int(system.mode_start[1])
+    for motion in (state.v, state.a, state.acceleration):
+        for share, moves in ((0.9, False), (1.1, True), (np.nan, True)):
+            for mode in (first, last - 1):
+                state.counters[UNSOLVED] = 0
+                state.v[:] = state.a[:] = state.acceleration[:] = 0.0
+                per_step = SCHEME.step if motion is state.v else SCHEME.step**2
+                motion[mode] = share * STILL / per_step
+                factors = step_factors(run.stepping, SCHEME.step)
+                predict(system, state, work, run.stepping, SCHEME.step, factors)
+                assert state.counters[UNSOLVED] == int(moves)
+                assert (motion[mode] == 0.0) == (not moves)

@@ -44,7 +44,14 @@ from turnout.integrate.solve import (
     save_contact_set,
     update_marked,
 )
-from turnout.integrate.state import AT_REST, COUNT_HALVED, COUNT_RECENT, LEVEL, State
+from turnout.integrate.state import (
+    COUNT_HALVED,
+    COUNT_RECENT,
+    COUPLED,
+    LEVEL,
+    UNSOLVED,
+    State,
+)
 from turnout.integrate.step import (
     Factors,
     Stepping,
@@ -229,6 +236,12 @@ def store_instant(
 
 
 @compiled_part
+def _is_solved(state: State) -> bool:
+    """Return whether neither columns nor rows have changed since the last solution."""
+    return bool(state.counters[UNSOLVED] == 0 and state.counters[COUPLED] == 1)
+
+
+@compiled_part
 def _are_equal(a: Floats, b: Floats) -> bool:
     equal = True
     for k in range(a.size):
@@ -278,8 +291,8 @@ def march(
         count = switch_laws(system, table, state, work, time + stepping.step)
         update_marked(system, table, state, work, count)
         pair = (inputs[n], inputs[n + 1])
-        still = rods is None and count == 0 and _are_equal(*pair)
-        if still and state.counters[AT_REST]:
+        still = rods is None and stepping.inertia and _are_equal(*pair)
+        if still and _is_solved(state) and is_at_rest(state, stepping.step, tolerances.gap):
             code = STOPPED if work.stop[0] else CONVERGED
         elif stepping.inertia:
             code = _advance(
@@ -303,9 +316,6 @@ def march(
         count = update_obstructions(system, table, state, work, obstructions, now)
         count = update_courses(table, state, work, courses, count)
         update_marked(system, table, state, work, count)
-        if stepping.inertia:
-            still = still and count == 0
-            state.counters[AT_REST] = still and is_at_rest(state, stepping.step, tolerances.gap)
         if stepping.inertia and (n + 1) % MEASURE_EVERY == 0:
             state.drift[0] = max(state.drift[0], DRIFTS)  # errors at rest may have grown
     return CONVERGED, last

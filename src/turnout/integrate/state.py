@@ -42,9 +42,9 @@ class State(NamedTuple):
     ``counters``: active rows that join blocks, flips since the last rebuild, all flips, all
     iterations, halved steps, rebuilds, the level, the state of the coupling: 0 unknown, 1 up to
     date, else 1 and a bit, from the second on, for each block whose columns have changed; a bit for
-    each block whose columns have changed since the last solution; one more than the row for
-    whose change most columns of its block still wait, 0 for none (``pending`` holds this change);
-    and whether everything is at rest as long as neither inputs nor laws change.
+    each block whose columns or right side have changed since the last solution, -1 for all; and one
+    more than the row for whose change most columns of its block still wait, 0 for none
+    (``pending`` holds this change).
     """
 
     segment: Ints
@@ -125,8 +125,7 @@ def set_segment(table: LawTable, state: State, law: int, segment: int) -> None:
     COUPLED,
     UNSOLVED,
     PENDING,
-    AT_REST,
-) = range(11)
+) = range(10)
 
 
 @compiled
@@ -202,7 +201,7 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
             g=np.zeros(n_places),
             inputs=np.zeros(n_inputs),
             ledger=np.zeros(7),
-            counters=np.zeros(11, dtype=np.int64),
+            counters=np.zeros(10, dtype=np.int64),
             drift=np.ones(1),
             law_placed=np.full(n_laws, np.nan),
             law_first=np.full(n_laws, np.inf),
