@@ -156,8 +156,9 @@ def integrate(
     History
         Complete, or up to where `outcome` says that it ended.
     """
-    plan = plan_run(mechanism, scheme, inputs=inputs, end=end, prior=prior, watch=watch)
-    return carry_out(plan, report=report)
+    with one_blas_thread():  # nested limits are free
+        plan = plan_run(mechanism, scheme, inputs=inputs, end=end, prior=prior, watch=watch)
+        return carry_out(plan, report=report)
 
 
 @dataclass(frozen=True, slots=True)
