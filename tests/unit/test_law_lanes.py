@@ -153,7 +153,7 @@ def test_vectors_fill_lines_of_their_own_and_matrices_stay() -> None:
         np.testing.assert_array_equal(vector, getattr(plain, name))
         assert not np.shares_memory(vector, getattr(plain, name))
     beyond = {name: record.memory[start + 11 : start + 16] for name, (start, *_) in
-              record.vectors.items()}  # fmt: skip
+              record.layout.vectors.items()}  # fmt: skip
     assert np.all(beyond["b"] == -np.inf)
     assert np.all(beyond["a"] == 0.0)
     assert record.matrix is plain.matrix

@@ -105,7 +105,7 @@ class Work(NamedTuple):
     - ``input_force``: force of the inputs on their rows [N], zero on rows without an input;
     - ``unconverged``: flags the rows that still changed when a step was given up;
     - ``changed``: whether `LAWS` and `FRICTIONS` may have changed since the contact set was saved;
-    - ``stop``: set by another thread to end the work between two solutions.
+    - ``stop``: set on Ctrl-C to end the work between two solutions.
     """
 
     row: Floats

@@ -213,17 +213,9 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
     return state
 
 
-def fresh_copy(state: State, table: LawTable) -> State:
-    """Return a state at rest from one that nothing has changed yet.
-
-    Parameters
-    ----------
-    state : State
-        From `fresh_state`.
-    table : LawTable
-        Laws in the same order on the same rows; their values may differ.
-    """
-    copied = clone_record(
+def fresh_copy(state: State) -> State:
+    """Return a copy of a state from `fresh_state`; its laws are still to be put on a segment."""
+    return clone_record(
         state,
         columns=lines_from_buffer(*state.columns.shape),
         coupling=np.zeros(state.coupling.shape),
@@ -231,24 +223,19 @@ def fresh_copy(state: State, table: LawTable) -> State:
         mode_columns=lines_from_buffer(*state.mode_columns.shape),
         compliance=lines_from_buffer(*state.compliance.shape),
     )
-    set_home_segments(table, copied)
-    return copied
 
 
-def refill_state(used: State, fresh: State, table: LawTable, ready: Ints) -> None:
+def refill_state(used: State, fresh: State, ready: Ints) -> None:
     """Bring the state of a run that has ended to rest, for another run of these rails.
 
     Parameters
     ----------
     used : State
-        From `fresh_copy` of the second one.
+        From `fresh_copy` of the second one; its laws are then to be put on a segment.
     fresh : State
         From `fresh_state`.
-    table : LawTable
-        Laws in the same order on the same rows; their values may differ.
     ready : ndarray of int, shape (n_levels,)
         Which compliances are known.
     """
     copy_vectors(fresh, used)
     used.level_ready[:] = ready
-    set_home_segments(table, used)
