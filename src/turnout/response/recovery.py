@@ -21,8 +21,6 @@ from numpy.typing import NDArray
 from turnout.condense.condense import (
     BlockModel,
     CondensedRails,
-    folded_stiffness,
-    sum_at_rows,
 )
 from turnout.core.lru_cache import LRUCache
 from turnout.integrate.integration import History
@@ -48,8 +46,6 @@ UY, RX, PER_NODE = 1, 3, 6
 PLACE_TOLERANCE = 1e-6
 MOST_SEEN = 64
 """Sets of rows in terms of blocks in memory, the latest used."""
-MOST_SLOPES = 16
-"""Stiffnesses at the rows of laws in memory, the latest used."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,12 +78,14 @@ class Motion(CondensedShapes):
     ----------
     history : History
         The run.
-    slope : ndarray, shape (n_rows,)
-        Stiffness at each row that the linear system holds already [N/m].
     """
 
     history: History
-    slope: Floats
+
+    @property
+    def slope(self) -> Floats:
+        """Stiffness at each row that the linear system holds already, shape (n_rows,) [N/m]."""
+        return self.condensed.row_stiffness
 
 
 def condensed_shapes(mechanism: Mechanism, condensed: CondensedRails) -> CondensedShapes:
@@ -96,22 +94,11 @@ def condensed_shapes(mechanism: Mechanism, condensed: CondensedRails) -> Condens
     return CondensedShapes(rails, mechanism.shapes, condensed, mechanism.rows)
 
 
-# Throws that differ in friction or in their motion have the same.
-_slopes = LRUCache[Floats](MOST_SLOPES)
-
-
 def recover_motion(mechanism: Mechanism, history: History) -> Motion:
     """Collect what the recovery of shapes needs from a run."""
-    laws, before = history.laws, condensed_shapes(mechanism, history.condensed)
-    n_rows = before.rows.shape[0]
-    parts = (laws.row, laws.input_index, laws.base_segment, laws.segment_start, laws.slope)
-    key = (n_rows, *(part.tobytes() for part in parts))
-    slope = _slopes.get(key)
-    if slope is None:
-        slope = sum_at_rows(laws, folded_stiffness(laws), n_rows)
-        slope.flags.writeable = False
-        _slopes.put(key, slope)
-    return Motion(before.rails, before.shapes, before.condensed, before.rows, history, slope)
+    condensed = history.condensed
+    before = condensed_shapes(mechanism, condensed)
+    return Motion(before.rails, before.shapes, condensed, before.rows, history)
 
 
 def force_motion(motion: Motion, shapes: Floats, *, at: Ints | None = None) -> Floats:
