@@ -212,9 +212,6 @@ def row_motion(motion: Motion, parts: Parts, *, at: Ints | None = None) -> Float
     -------
     ndarray, shape (n_rows, n_times)
     """
-    # Whichever of rows and instants are fewer meet the large matrices first.
-    if at is not None and at.size < parts[0][1].shape[0]:
-        return _motion_at(motion, parts, at)
     seen = seen_by(motion, parts)
     found = rows_in_lines(seen.load.size, (motion.history.time if at is None else at).size)
     write_rows([seen_rows(motion, seen, found)], histories_of(motion.history, at))
@@ -393,23 +390,22 @@ def _stored_products(stored: Floats | None, count: int) -> Sequence[Product]:
     return found
 
 
-def _motion_at(motion: Motion, parts: Parts, at: Ints) -> Floats:
-    """Return what many rows come to at a few instants, by the coordinates of the rails there."""
+def coordinates_at(motion: Motion, bodies: Sequence[RailBody], at: int) -> list[Floats]:
+    """Return the reduced coordinates of some rails at an instant, given by its index."""
     history, laws, blocks = motion.history, motion.history.laws, motion.condensed.parts
-    forces, modal = history.g[at] * motion.slope, history.q[at].T
-    for force, number in zip(forces, at, strict=True):  # a vector each, which is quickest
-        np.subtract.at(force, laws.row, history.law_force[number])
-        np.subtract.at(force, laws.friction_row, history.friction_force[number])
-    on_rows = forces.T
+    force, modal = history.g[at] * motion.slope, history.q[at]
+    np.subtract.at(force, laws.row, history.law_force[at])
+    np.subtract.at(force, laws.friction_row, history.friction_force[at])
     ends = list(accumulate((part.model.eigenvalues.size for part in blocks), initial=0))
-    moved = np.zeros((parts[0][1].shape[0], at.size))
-    for body, rows in parts:
+    found = []
+    for body in bodies:
         number, first = block_of(blocks, body)
         part, own = blocks[number], slice(first, first + body.count)
         coordinates = part.model.modes[own] @ modal[ends[number] : ends[number + 1]]
-        coordinates += part.model.residual_shapes[own] @ on_rows[part.block.rows]
-        moved += rows @ (coordinates + part.model.residual_load[own, np.newaxis])
-    return moved
+        coordinates += part.model.residual_shapes[own] @ force[part.block.rows]
+        coordinates += part.model.residual_load[own]
+        found.append(coordinates)
+    return found
 
 
 def _at(values: Floats, at: Ints | None) -> Floats:
