@@ -7,7 +7,7 @@ from turnout.integrate.energy import LEDGER
 from turnout.integrate.scratch import acquire_buffer
 from turnout.integrate.seen import SeenWeights
 from turnout.integrate.system import Floats, System
-from turnout.integrate.watch import StepRecord, WatchPlan, watch_record
+from turnout.integrate.watch import StepRecord, WatchPlan, watched_record
 from turnout.kernels.lanes import empty_in_lines, whole_lines
 from turnout.kernels.shared_record import shared_record
 from turnout.law.obstruction import Obstructions, no_obstructions
@@ -64,20 +64,10 @@ def empty_record(
         size = counts[name] * width
         arrays[name] = memory[at : at + size].reshape(counts[name], width)
         at += size
-    velocities = np.zeros((count if velocity else 1, arrays["q"].shape[1]))
-    record = StepRecord(
-        arrays["q"],
-        arrays["g"],
-        arrays["friction"],
-        arrays["law"],
-        arrays["stored"],
-        arrays["ledger"],
-        residual=np.zeros(1),
-        v=velocities,
-    )
+    arrays["v"] = np.zeros((count if velocity else 1, arrays["q"].shape[1]))
     if watched is not None:
-        record = watch_record(record, *watched)
-    return shared_record(record)
+        return watched_record(arrays, *watched)
+    return shared_record(StepRecord(**arrays, residual=np.zeros(1)))
 
 
 def _at_a_large_page(count: int) -> Floats:
