@@ -138,8 +138,10 @@ def gap_rows(
 
 def gap_places(panel: Panel) -> list[Place]:
     """Return where `split_gaps` needs gaps: at the drives on both rails, then at sensors."""
-    named = [panel.drive, panel.sensor, panel.rail]
-    key = (panel.instrumented_rail, *map(id, named))
+    named = [panel.sensor, panel.rail]
+    # drives by their places: a study may vary what they are with each throw
+    at = [(drive.x, drive.height) for drive in panel.drive.values()]
+    key = (panel.instrumented_rail, *at, *map(id, named))
     kept = _places.get(key)
     if kept is None:
         x = _frozen([drive.x for drive in panel.drive.values()])
