@@ -1,5 +1,7 @@
 """The record of a run: its memory, and what is left of it at the end."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -59,7 +61,7 @@ def empty_record(
         counts |= dict.fromkeys(("stored", "ledger"), plan.balanced_instants.size)
     total = sum(counts[name] * width for name, width in widths.items())
     memory = _at_a_large_page(total) if plan is None else empty_in_lines(total)
-    at, arrays = 0, {}
+    at, arrays = 0, dict[str, NDArray[Any]]()
     for name, width in widths.items():
         size = counts[name] * width
         arrays[name] = memory[at : at + size].reshape(counts[name], width)

@@ -9,9 +9,10 @@ of *watched* laws at all stored instants and *seen* displacements at those that 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from turnout.condense.condense import CondensedRails
 from turnout.core.lru_cache import LRUCache
@@ -250,7 +251,9 @@ def _numbered(chosen: Ints, count: int) -> Ints:
 _templates = LRUCache[tuple[StepRecord, object]](MOST_TEMPLATES)
 
 
-def watched_record(arrays: dict[str, Floats], plan: WatchPlan, weights: SeenWeights) -> StepRecord:
+def watched_record(
+    arrays: dict[str, NDArray[Any]], plan: WatchPlan, weights: SeenWeights
+) -> StepRecord:
     """Return the record of a watched run, copied from one of the same plan and weights.
 
     Parameters
