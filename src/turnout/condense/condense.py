@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -141,18 +141,22 @@ class CondensedRails:
     ----------
     parts : sequence of BlockModel
         The blocks.
-    n_coordinates, n_rows : int
+    n_coordinates : int
         Of the mechanism.
+    row_stiffness : ndarray, shape (n_rows,)
+        Stiffness at each row of the mechanism that the linear system holds [N/m].
     """
 
-    def __init__(self, parts: Sequence[BlockModel], *, n_coordinates: int, n_rows: int) -> None:
-        self.parts = tuple(parts)
-        self._size = n_coordinates, n_rows
+    def __init__(
+        self, parts: Sequence[BlockModel], *, n_coordinates: int, row_stiffness: Floats
+    ) -> None:
+        self.parts, self.row_stiffness = tuple(parts), row_stiffness
+        self._n_coordinates = n_coordinates
 
     @cached_property
     def model(self) -> ModalModel:
         """The modal model of the whole mechanism, its modes in the order of the blocks."""
-        return assemble_model(self.parts, *self._size)
+        return assemble_model(self.parts, self._n_coordinates, self.row_stiffness.size)
 
 
 def condense_blocks(
@@ -247,11 +251,29 @@ def condense(mechanism: Mechanism, *, cutoff_frequency: float) -> ModalModel:
     )
 
 
-def base_stiffness(table: LawTable) -> Floats:
-    """Return the stiffness of each law on its base segment [N/m], zero for none."""
-    chosen = table.base_segment >= 0
+class BasePlaces(NamedTuple):
+    """Laws that have a base segment, its place in the table for each, and the driven laws."""
+
+    laws: Ints
+    segments: Ints
+    driven: list[int]
+
+
+def base_places(table: LawTable) -> BasePlaces:
+    """Return which laws of a table have base segments; it depends on its indices alone."""
+    laws = np.flatnonzero(table.base_segment >= 0)
+    segments = table.segment_start[laws] + table.base_segment[laws]
+    return BasePlaces(laws, segments, np.flatnonzero(table.input_index >= 0).tolist())
+
+
+def base_stiffness(table: LawTable, places: BasePlaces | None = None) -> Floats:
+    """Return the stiffness of each law on its base segment [N/m], zero for none.
+
+    `places` are the `base_places` of the table where they are known.
+    """
+    laws, segments, _ = base_places(table) if places is None else places
     slope = np.zeros(table.row.size)
-    slope[chosen] = table.slope[(table.segment_start[:-1] + table.base_segment)[chosen]]
+    slope[laws] = table.slope[segments]
     return slope
 
 
@@ -281,13 +303,14 @@ def home_stiffness(stiffness: float) -> float:
     return min(homes, key=lambda home: abs(math.log(stiffness / home)))
 
 
-def folded_stiffness(table: LawTable) -> Floats:
+def folded_stiffness(table: LawTable, places: BasePlaces | None = None) -> Floats:
     """Return the stiffness of each law in the condensed linear system [N/m], zero for none.
 
     It is `base_stiffness` but for driven laws, which have that of their home.
     """
-    slope = base_stiffness(table)
-    for law in np.flatnonzero(table.input_index >= 0):
+    places = base_places(table) if places is None else places
+    slope = base_stiffness(table, places)
+    for law in places.driven:
         slope[law] = home_stiffness(float(slope[law]))
     return slope
 

@@ -9,16 +9,20 @@ object in another place costs its own displacements and flexibilities, and no mo
 
 from collections.abc import Hashable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from turnout.condense.blocks import drop_joining_bases
 from turnout.condense.condense import (
+    BasePlaces,
     BlockModel,
     CondensedRails,
+    base_places,
     condense_blocks,
     folded_stiffness,
+    sum_at_rows,
 )
 from turnout.condense.followers import Leading
 from turnout.condense.modal import ModalModel
@@ -115,6 +119,13 @@ class _SystemLayout:
     leading: tuple[Leading, ...]
 
 
+class _Indices(NamedTuple):
+    """Where laws act, as bytes, and which of them have base segments."""
+
+    contents: tuple[bytes, ...]
+    bases: BasePlaces
+
+
 @dataclass(frozen=True, slots=True)
 class _Structure:
     """What condensed rails depend on, but for their rows: matrices by identity, and the laws."""
@@ -124,7 +135,7 @@ class _Structure:
 
 
 _rails_cache = LRUCache[_Rails](MOST_KEPT)
-_indices = LRUCache[tuple[tuple[bytes, ...], tuple[Ints, ...]]](MOST_PLACED)
+_indices = LRUCache[tuple["_Indices", tuple[Ints, ...]]](MOST_PLACED)
 _layouts = LRUCache[_SystemLayout](MOST_LAYOUTS)
 
 
@@ -170,18 +181,19 @@ def _structure(mechanism: Mechanism, scheme: Scheme) -> _Structure | None:
     if any(matrix.flags.writeable for matrix in matrices):
         return None
     laws = mechanism.laws
+    indices = _indices_of(laws)
     values = (
-        folded_stiffness(laws),
+        folded_stiffness(laws, indices.bases),
         np.isfinite(laws.appears) | np.isfinite(laws.disappears) | (laws.waits == 1),
         laws.stick_stiffness,
     )
     same = tuple([id(matrix) for matrix in matrices[:-1]])
     rails = tuple([(rail.first, rail.count) for rail in mechanism.rails])
     of_values = [part.tobytes() for part in values]
-    return _Structure(same, (rails, scheme.cutoff_frequency, _index_bytes(laws), *of_values))
+    return _Structure(same, (rails, scheme.cutoff_frequency, indices.contents, *of_values))
 
 
-def _index_bytes(laws: LawTable) -> tuple[bytes, ...]:
+def _indices_of(laws: LawTable) -> _Indices:
     """Return where laws act; of arrays that throws share the same bytes, whose hash is known."""
     arrays = (
         *(laws.row, laws.input_index, laws.base_segment, laws.segment_start),
@@ -191,7 +203,7 @@ def _index_bytes(laws: LawTable) -> tuple[bytes, ...]:
     known = _indices.get(key)
     if known is not None:
         return known[0]
-    found = tuple([array.tobytes() for array in arrays])
+    found = _Indices(tuple([array.tobytes() for array in arrays]), base_places(laws))
     if not any(array.flags.writeable for array in arrays):
         _indices.put(key, (found, arrays))
     return found
@@ -222,7 +234,9 @@ def _arranged(mechanism: Mechanism, rails: _Rails, structure: _Structure | None)
     else:
         system = refill_system(frame.system, parts, laws, frame.places)
     n_rows, n_coordinates = mechanism.rows.shape
-    condensed = CondensedRails(parts, n_coordinates=n_coordinates, n_rows=n_rows)
+    row_stiffness = sum_at_rows(laws, folded_stiffness(laws), n_rows)
+    row_stiffness.flags.writeable = False  # throws share it
+    condensed = CondensedRails(parts, n_coordinates=n_coordinates, row_stiffness=row_stiffness)
     table = shared_record(place_laws(laws, system.row_place))
     return Arrangement(mechanism, laws, table, condensed, system, frame.templates, known)
 

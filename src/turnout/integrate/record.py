@@ -10,7 +10,7 @@ from turnout.integrate.energy import LEDGER
 from turnout.integrate.scratch import acquire_buffer
 from turnout.integrate.seen import SeenWeights
 from turnout.integrate.system import Floats, System
-from turnout.integrate.watch import StepRecord, WatchPlan, watch_record
+from turnout.integrate.watch import StepRecord, WatchPlan, watched_record
 from turnout.kernels.lanes import empty_in_lines, whole_lines
 from turnout.kernels.shared_record import address_of, clone_record, shared_record
 from turnout.law.obstruction import Obstructions, no_obstructions
@@ -62,15 +62,15 @@ def empty_record(
         counts |= dict.fromkeys(("stored", "ledger"), plan.balanced_instants.size)
     total = sum(counts[name] * width for name, width in widths.items())
     memory = _at_a_large_page(total) if plan is None else empty_in_lines(total)
-    at, arrays = 0, dict[str, Any]()
+    at, arrays = 0, dict[str, NDArray[Any]]()
     for name, width in widths.items():
         size = counts[name] * width
         arrays[name] = memory[at : at + size].reshape(counts[name], width)
         at += size
     arrays["v"] = np.zeros((count if velocity else 1, arrays["q"].shape[1]))
-    if watched is None:
-        return clone_record(_empty_record(), **arrays)
-    return shared_record(watch_record(StepRecord(**arrays, residual=np.zeros(1)), *watched))
+    if watched is not None:
+        return watched_record(arrays, *watched)
+    return clone_record(_empty_record(), **arrays)
 
 
 @cache

@@ -9,17 +9,22 @@ of *watched* laws at all stored instants and *seen* displacements at those that 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from turnout.condense.condense import CondensedRails
+from turnout.core.lru_cache import LRUCache
 from turnout.integrate.numbering import as_unsigned
 from turnout.integrate.seen import SeenRows, SeenWeights
 from turnout.integrate.system import Floats, Ints
 from turnout.kernels.lanes import empty_in_lines
+from turnout.kernels.shared_record import clone_record, shared_record
 
 TIME_TOLERANCE = 1e-9
+MOST_TEMPLATES = 128
+"""Records of watched runs that others are copied from, the latest used; some 100 kB each."""
 BALANCE_EVERY = 8
 """Kept instants of a watched run from one check of its energy balance to the next."""
 
@@ -241,18 +246,48 @@ def _numbered(chosen: Ints, count: int) -> Ints:
     return found
 
 
-def watch_record(record: StepRecord, plan: WatchPlan, weights: SeenWeights) -> StepRecord:
-    """Return a record of plain arrays with those of a watched run."""
-    return record._replace(
-        whole=plan.whole,
-        kept=plan.kept,
-        balanced=plan.balanced,
-        watched=np.asarray(plan.watch.laws, dtype=np.int64),
-        effort=np.empty((plan.whole.size, len(plan.watch.laws))),
-        seen=empty_in_lines(int(plan.kept[-1]) + 1, weights.seen_load.size),
-        picked=np.zeros(max(part.size for part in weights if part.ndim == 1)),
-        **weights._asdict(),
-    )
+# Throws that share rails and times share what their records hold before they begin. It is named by
+# identity, and kept beside so that nothing else takes its place.
+_templates = LRUCache[tuple[StepRecord, object]](MOST_TEMPLATES)
+
+
+def watched_record(
+    arrays: dict[str, NDArray[Any]], plan: WatchPlan, weights: SeenWeights
+) -> StepRecord:
+    """Return the record of a watched run, copied from one of the same plan and weights.
+
+    Parameters
+    ----------
+    arrays : dict of str to ndarray
+        Those of a record that have a row for each instant that is stored whole, or balanced.
+    plan : WatchPlan
+        Which instants these are.
+    weights : SeenWeights
+        Of what is seen.
+    """
+    arrays = {
+        **arrays,
+        "effort": np.empty((plan.whole.size, len(plan.watch.laws))),
+        "seen": empty_in_lines(int(plan.kept[-1]) + 1, weights.seen_load.size),
+    }
+    named = (plan.whole, plan.kept, plan.balanced, weights)
+    shapes = tuple([array.shape for array in arrays.values()])
+    key = (*map(id, named), tuple(plan.watch.laws), shapes)
+    rows = {name: part for name, part in weights._asdict().items() if part.ndim > 1}
+    kept = _templates.get(key)
+    if kept is None:
+        template = StepRecord(
+            **arrays,
+            **weights._asdict(),
+            residual=np.zeros(1),
+            whole=plan.whole,
+            kept=plan.kept,
+            balanced=plan.balanced,
+            watched=np.asarray(plan.watch.laws, dtype=np.int64),
+            picked=np.zeros(max(part.size for part in weights if part.ndim == 1)),
+        )
+        kept = _templates.put(key, (shared_record(template), named))
+    return clone_record(kept[0], **arrays, **rows)
 
 
 def trim_watched(

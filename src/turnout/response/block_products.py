@@ -13,8 +13,9 @@ Floats = NDArray[np.float64]
 
 MOST_PRODUCTS = 256
 """Products of rows with blocks in memory, the latest used."""
-MOST_PLACES = 32
-"""Rails whose places in their blocks are kept in memory, the latest used."""
+MOST_PLACES = 512
+"""Rails whose places in their blocks are kept in memory, the latest used; four of each set of
+condensed rails, of which throws keep as many for what is watched of them."""
 
 # Blocks are shared by many throws; they are named by identity and kept beside.
 _places = LRUCache[tuple[tuple[int, int], object]](MOST_PLACES)

@@ -22,10 +22,10 @@ from turnout.response.recovery import (
     Parts,
     Seen,
     condensed_shapes,
+    coordinates_at,
     histories_of,
     lateral_rows,
     recipes_of,
-    row_motion,
     seen_by,
     seen_recipe,
     stacked,
@@ -138,8 +138,10 @@ def gap_rows(
 
 def gap_places(panel: Panel) -> list[Place]:
     """Return where `split_gaps` needs gaps: at the drives on both rails, then at sensors."""
-    named = [panel.drive, panel.sensor, panel.rail]
-    key = (panel.instrumented_rail, *map(id, named))
+    named = [panel.sensor, panel.rail]
+    # drives by their places: a study may vary what they are with each throw
+    at = [(drive.x, drive.height) for drive in panel.drive.values()]
+    key = (panel.instrumented_rail, *at, *map(id, named))
     kept = _places.get(key)
     if kept is None:
         x = _frozen([drive.x for drive in panel.drive.values()])
@@ -242,27 +244,23 @@ def _seen_together(
     return np.concatenate([start for start, _ in ordered]), together
 
 
-def least_flangeway(
-    panel: Panel, motion: Motion, throw: Throw, *, at: int
-) -> tuple[float, float, str] | None:
-    """Return the least flangeway [m] of the rail that is open after a throw, its place, the rail.
+class OpenRail(NamedTuple):
+    """A rail that is open after a movement, as the movement left it.
 
-    The flangeway is the gap, and behind the planing also by how much the running edges lie further
-    apart than a full head is wide.
+    `x` are its nodes [m]; `coordinates` are reduced coordinates, of it and of stock rails that bend
+    beside it.
+    """
 
-    Parameters
-    ----------
-    panel, motion
-        Panel and run.
-    throw : Throw
-        The movement.
-    at : int
-        Index of the instant.
+    name: str
+    x: Floats
+    flangeway: "_Flangeway"
+    coordinates: list[Floats]
 
-    Returns
-    -------
-    tuple or None
-        None where the panel does not say what it takes.
+
+def open_rail_at(panel: Panel, motion: Motion, throw: Throw, *, at: int) -> OpenRail | None:
+    """Return the rail that is open after a throw as it is at an instant, given by its index.
+
+    None where the panel does not say what its flangeway takes.
     """
     name = open_rail(panel, throw.to)
     if name is None:
@@ -271,11 +269,32 @@ def least_flangeway(
     if rail.running_edge is None or rail.head_width is None or not rail.has_stock_rail:
         return None
     bodies, found = _flangeway(panel, motion, name)
-    parts = list(zip(bodies, found.rows, strict=True))
-    gap = found.start - row_motion(motion, parts, at=np.array([at]))[:, 0]
-    flangeway = gap + found.clear
-    place = int(np.argmin(flangeway))
-    return float(flangeway[place]), float(x[place]), name
+    return OpenRail(name, x, found, coordinates_at(motion, bodies, at))
+
+
+def least_flangeways(rails: Sequence[OpenRail]) -> list[tuple[float, float, str]]:
+    """Return the least flangeway [m] of each of some rails, its place, the rail.
+
+    The flangeway is the gap, and behind the planing also by how much the running edges lie further
+    apart than a full head is wide. Rails of many throws that share their rows are taken together,
+    since rows have to be fetched from memory for one throw; each has a product of its own, so that
+    it is the same to the last bit whatever it is taken with.
+    """
+    groups: dict[int, list[int]] = {}
+    for number, rail in enumerate(rails):
+        groups.setdefault(id(rail.flangeway), []).append(number)
+    found: list[tuple[float, float, str]] = [(np.nan, np.nan, "")] * len(rails)
+    for numbers in groups.values():
+        shared = rails[numbers[0]].flangeway
+        by_body = zip(*(rails[number].coordinates for number in numbers), strict=True)
+        moved = np.zeros((len(numbers), shared.start.size))
+        for rows, own in zip(shared.rows, by_body, strict=True):
+            moved += np.matmul(rows, np.array(own)[:, :, np.newaxis])[:, :, 0]
+        flangeway = (shared.start - moved) + shared.clear
+        for number, values, place in zip(numbers, flangeway, flangeway.argmin(axis=1), strict=True):
+            rail = rails[number]
+            found[number] = float(values[place]), float(rail.x[place]), rail.name
+    return found
 
 
 class _Flangeway(NamedTuple):

@@ -21,8 +21,6 @@ from numpy.typing import NDArray
 from turnout.condense.condense import (
     BlockModel,
     CondensedRails,
-    folded_stiffness,
-    sum_at_rows,
 )
 from turnout.core.lru_cache import LRUCache
 from turnout.integrate.integration import History
@@ -48,8 +46,6 @@ UY, RX, PER_NODE = 1, 3, 6
 PLACE_TOLERANCE = 1e-6
 MOST_SEEN = 64
 """Sets of rows in terms of blocks in memory, the latest used."""
-MOST_SLOPES = 16
-"""Stiffnesses at the rows of laws in memory, the latest used."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,12 +78,14 @@ class Motion(CondensedShapes):
     ----------
     history : History
         The run.
-    slope : ndarray, shape (n_rows,)
-        Stiffness at each row that the linear system holds already [N/m].
     """
 
     history: History
-    slope: Floats
+
+    @property
+    def slope(self) -> Floats:
+        """Stiffness at each row that the linear system holds already, shape (n_rows,) [N/m]."""
+        return self.condensed.row_stiffness
 
 
 def condensed_shapes(mechanism: Mechanism, condensed: CondensedRails) -> CondensedShapes:
@@ -96,22 +94,11 @@ def condensed_shapes(mechanism: Mechanism, condensed: CondensedRails) -> Condens
     return CondensedShapes(rails, mechanism.shapes, condensed, mechanism.rows)
 
 
-# Throws that differ in friction or in their motion have the same.
-_slopes = LRUCache[Floats](MOST_SLOPES)
-
-
 def recover_motion(mechanism: Mechanism, history: History) -> Motion:
     """Collect what the recovery of shapes needs from a run."""
-    laws, before = history.laws, condensed_shapes(mechanism, history.condensed)
-    n_rows = before.rows.shape[0]
-    parts = (laws.row, laws.input_index, laws.base_segment, laws.segment_start, laws.slope)
-    key = (n_rows, *(part.tobytes() for part in parts))
-    slope = _slopes.get(key)
-    if slope is None:
-        slope = sum_at_rows(laws, folded_stiffness(laws), n_rows)
-        slope.flags.writeable = False
-        _slopes.put(key, slope)
-    return Motion(before.rails, before.shapes, before.condensed, before.rows, history, slope)
+    condensed = history.condensed
+    before = condensed_shapes(mechanism, condensed)
+    return Motion(before.rails, before.shapes, condensed, before.rows, history)
 
 
 def force_motion(motion: Motion, shapes: Floats, *, at: Ints | None = None) -> Floats:
@@ -225,9 +212,6 @@ def row_motion(motion: Motion, parts: Parts, *, at: Ints | None = None) -> Float
     -------
     ndarray, shape (n_rows, n_times)
     """
-    # Whichever of rows and instants are fewer meet the large matrices first.
-    if at is not None and at.size < parts[0][1].shape[0]:
-        return _motion_at(motion, parts, at)
     seen = seen_by(motion, parts)
     found = rows_in_lines(seen.load.size, (motion.history.time if at is None else at).size)
     write_rows([seen_rows(motion, seen, found)], histories_of(motion.history, at))
@@ -406,23 +390,22 @@ def _stored_products(stored: Floats | None, count: int) -> Sequence[Product]:
     return found
 
 
-def _motion_at(motion: Motion, parts: Parts, at: Ints) -> Floats:
-    """Return what many rows come to at a few instants, by the coordinates of the rails there."""
+def coordinates_at(motion: Motion, bodies: Sequence[RailBody], at: int) -> list[Floats]:
+    """Return the reduced coordinates of some rails at an instant, given by its index."""
     history, laws, blocks = motion.history, motion.history.laws, motion.condensed.parts
-    forces, modal = history.g[at] * motion.slope, history.q[at].T
-    for force, number in zip(forces, at, strict=True):  # a vector each, which is quickest
-        np.subtract.at(force, laws.row, history.law_force[number])
-        np.subtract.at(force, laws.friction_row, history.friction_force[number])
-    on_rows = forces.T
+    force, modal = history.g[at] * motion.slope, history.q[at]
+    np.subtract.at(force, laws.row, history.law_force[at])
+    np.subtract.at(force, laws.friction_row, history.friction_force[at])
     ends = list(accumulate((part.model.eigenvalues.size for part in blocks), initial=0))
-    moved = np.zeros((parts[0][1].shape[0], at.size))
-    for body, rows in parts:
+    found = []
+    for body in bodies:
         number, first = block_of(blocks, body)
         part, own = blocks[number], slice(first, first + body.count)
         coordinates = part.model.modes[own] @ modal[ends[number] : ends[number + 1]]
-        coordinates += part.model.residual_shapes[own] @ on_rows[part.block.rows]
-        moved += rows @ (coordinates + part.model.residual_load[own, np.newaxis])
-    return moved
+        coordinates += part.model.residual_shapes[own] @ force[part.block.rows]
+        coordinates += part.model.residual_load[own]
+        found.append(coordinates)
+    return found
 
 
 def _at(values: Floats, at: Ints | None) -> Floats:

@@ -110,8 +110,9 @@ def list_batches(folder: Path) -> list[tuple[int, Path]]:
 
 
 SMALLEST_BATCH, LARGEST_BATCH, SHARE_OF_REST = 8, 128, 0.125
-"""Scenarios in a batch, which is otherwise a share of those that are left: towards the end of a
-sweep batches are small, so that no worker waits long for the last one."""
+"""Scenarios in a batch, which is otherwise the power of two nearest to a share of those that are
+left: towards the end of a sweep batches are small, so that no worker waits long for the last one.
+They come in few sizes, since what a file says of its variables is made once for each."""
 
 LARGEST_WITHOUT_HISTORIES = 1024
 """Scenarios in a batch that holds no histories: what a file says of its variables takes 60 kB."""
@@ -143,7 +144,8 @@ def plan_batches(study: Study) -> list[tuple[Sequence[int], ...]]:
     for chain in study.chains:
         held.append(chain)
         size += len(chain)
-        if size >= min(largest, max(SMALLEST_BATCH, math.ceil(SHARE_OF_REST * rest))):
+        share = max(SMALLEST_BATCH, SHARE_OF_REST * rest)
+        if size >= min(largest, 2 ** round(math.log2(share))):
             batches.append(tuple(held))
             held, size, rest = [], 0, rest - size
     if held:
