@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from turnout.kernels.lanes import address_of
 from turnout.kernels.shared_record import Shared
 
 NUMBER, WHOLE, LOGICAL, NOTHING = "float", "int", "bool", "none"
@@ -56,7 +57,7 @@ def add_argument(value: Any, words: list[Any], kinds: list[Kind]) -> None:
         if not flags.aligned:
             msg = "a kernel takes arrays at aligned addresses only; pass a copy"
             raise TypeError(msg)
-        words += (value.__array_interface__["data"][0], *value.shape, *value.strides)
+        words += (address_of(value), *value.shape, *value.strides)
         kinds.append((ARRAY, value.dtype.str, value.ndim, order, flags.writeable))
     elif value is None:
         kinds.append(NOTHING)

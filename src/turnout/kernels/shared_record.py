@@ -9,14 +9,13 @@ what is in them can. What reading one is in machine code is in `turnout.kernels.
 
 import itertools
 from collections.abc import Mapping
-from ctypes import addressof, c_char
 from functools import cache, lru_cache
 from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.kernels.lanes import empty_in_lines, whole_lines
+from turnout.kernels.lanes import address_of, empty_in_lines, whole_lines
 
 T = TypeVar("T", bound=NamedTuple)
 
@@ -64,7 +63,7 @@ class Shared:
     ) -> None:
         self.kind, self.memory, self.vectors, self.words = kind, memory, vectors, words
         self.arrays: dict[str, NDArray[Any]] = {}
-        self.address = int(words.ctypes.data)
+        self.address = address_of(words)
 
     def __reduce__(self) -> str:
         """Refuse to be copied or pickled: the address would be that of the original."""
@@ -135,18 +134,11 @@ def shared_record(arrays: T, **beyond: float) -> T:
     if pieces:
         np.concatenate(pieces, out=memory)
     record = Shared(layout.kind, memory, layout.vectors, layout.words.copy())
-    record.words[layout.of_vectors] += _address(memory)
+    record.words[layout.of_vectors] += address_of(memory)
     for at, name, word in layout.matrices:
         array = record.arrays[name] = arrays[at]
-        record.words[word] = _address(array)
+        record.words[word] = address_of(array)
     return cast("T", record)
-
-
-def _address(array: NDArray[Any]) -> int:
-    """Return where the first number of a contiguous array lies; ``ctypes.data`` takes 1 us more."""
-    if array.size and array.flags.writeable:
-        return addressof(c_char.from_buffer(array.data))
-    return int(array.ctypes.data)
 
 
 class _Layout(NamedTuple):
@@ -227,11 +219,11 @@ def clone_record(record: T, **matrices: NDArray[Any]) -> T:
     words = given.words.copy()
     found = Shared(given.kind, empty_in_lines(given.memory.size), given.vectors, words)
     found.memory[:] = given.memory
-    moved = _address(found.memory) - _address(given.memory)
+    moved = address_of(found.memory) - address_of(given.memory)
     words[[given.kind.word_of[name] for name in given.vectors]] += moved
     for name, array in matrices.items():
         found.arrays[name] = array
-        words[given.kind.word_of[name]] = _address(array)
+        words[given.kind.word_of[name]] = address_of(array)
     return cast("T", found)
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from turnout.core.lru_cache import LRUCache
 from turnout.integrate.scratch import lines_from_buffer
-from turnout.kernels.lanes import LANES, whole_lines
+from turnout.kernels.lanes import LANES, address_of, whole_lines
 from turnout.kernels.shared_record import shared_record
 from turnout.kernels.turned_rows import (
     BATCH,
@@ -339,8 +339,8 @@ def _numbers(places: slice | Ints, size: int) -> Ints:
 
 
 def _addresses(arrays: Iterable[Floats]) -> Ints:
-    """Return the address of the first number of each array."""
-    return np.array([values.__array_interface__["data"][0] for values in arrays], dtype=np.int64)
+    """Return the address of the first number of each array of rows that lie in one piece each."""
+    return np.array([address_of(values[0]) for values in arrays], dtype=np.int64)
 
 
 def _kind(rows: Rows) -> int:
