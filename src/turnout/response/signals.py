@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.integrate.energy import (
-    ALGORITHMIC,
     CONTACT,
     DAMPING,
     FRICTION,
@@ -28,11 +27,11 @@ from turnout.integrate.energy import (
     KINETIC,
     MARKERS,
     OBJECTS,
-    SEGMENTS,
     STRAIN,
     SWITCHED,
     energy_balance,
 )
+from turnout.integrate.energy_rows import NUMERICAL, RESIDUAL, ROWS, STORED, write_energies
 from turnout.integrate.integration import History
 from turnout.integrate.watch import Instants
 from turnout.mechanism.build_rails import fastening_offset
@@ -223,20 +222,20 @@ def stop_names(panel: Panel) -> list[str]:
     return [*panel.stop, *(f"stud {name}" for name in panel.stud)]
 
 
-_STORED = {
+_ENERGY_ROWS = {
     "energy_kinetic": KINETIC,
     "energy_strain": STRAIN,
     "energy_contact": CONTACT,
     "energy_gravity": GRAVITY,
+    "work_markers": STORED + MARKERS,
+    "energy_friction": STORED + FRICTION,
+    "energy_damping": STORED + DAMPING,
+    "energy_object_switched": STORED + SWITCHED,
+    "energy_object_dissipated": STORED + OBJECTS,
+    "energy_numerical": NUMERICAL,
+    "energy_residual": RESIDUAL,
 }
-_SPENT = {
-    "work_markers": MARKERS,
-    "energy_friction": FRICTION,
-    "energy_damping": DAMPING,
-    "energy_object_switched": SWITCHED,
-    "energy_object_dissipated": OBJECTS,
-}
-ENERGIES = (*_STORED, *_SPENT, "energy_numerical", "energy_residual")
+ENERGIES = tuple(_ENERGY_ROWS)
 """Channels that `energy_channels` makes."""
 
 
@@ -259,21 +258,9 @@ def energy_channels(stored: Floats, ledger: Floats) -> dict[str, Variable]:
         Channel name to dimensions and values.
     """
     # Rows over time, which later reading takes one after the other.
-    change = np.subtract(stored.T, stored[:1].T, order="C")
-    spent = np.ascontiguousarray(ledger.T)
-    numerical = spent[ALGORITHMIC] + spent[SEGMENTS]
-    books = (
-        spent[MARKERS]
-        + spent[SWITCHED]
-        - spent[FRICTION]
-        - spent[DAMPING]
-        - spent[OBJECTS]
-        - numerical
-    )
-    values = {name: change[row] for name, row in _STORED.items()}
-    values |= {name: spent[row] for name, row in _SPENT.items()}
-    values |= {"energy_numerical": numerical, "energy_residual": change.sum(axis=0) - books}
-    return {name: (("time",), value) for name, value in values.items()}
+    rows = np.empty((ROWS, stored.shape[0]))
+    write_energies(np.ascontiguousarray(stored), np.ascontiguousarray(ledger), rows)
+    return {name: (("time",), rows[row]) for name, row in _ENERGY_ROWS.items()}
 
 
 def energy_scale(stored: Floats, ledger: Floats) -> float:
