@@ -12,7 +12,7 @@ from turnout.integrate.march import _try_step
 from turnout.integrate.scratch import Work
 from turnout.integrate.solution import gather_modes, solve_displacements
 from turnout.integrate.solve import CONVERGED, Tolerances, evaluate
-from turnout.integrate.state import COUNT_RECENT, set_segment
+from turnout.integrate.state import COUNT_RECENT, UNSOLVED, set_segment
 from turnout.integrate.step import Stepping, step_factors
 from turnout.law.kernel import SLIP_FORWARD
 from turnout.scheme import AlphaCoefficients
@@ -23,7 +23,8 @@ def solved(made: Setup) -> Work:
     work = made.work
     work.right_side[:] = np.linspace(-500.0, 900.0, work.right_side.size)
     made.state.inputs[:] = [2e-3, -1e-3]
-    solve_displacements(made.system, made.table, made.state, work, again=False)
+    made.state.counters[UNSOLVED] = -1
+    solve_displacements(made.system, made.table, made.state, work)
     gather_modes(made.system, made.state)
     return work
 

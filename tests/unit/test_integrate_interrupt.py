@@ -1,26 +1,35 @@
 """A kernel at work is stopped by Ctrl-C, between two solutions, and nothing half done is kept."""
 
+import _thread
 import os
 import signal
 import threading
 import time
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from types import FrameType
 
 import numpy as np
 import pytest
 from tests.unit.test_integrate_columns import setup
 
+from turnout.integrate import integration
 from turnout.integrate.follow import follow_path
 from turnout.integrate.march import march
 from turnout.integrate.outcome import Code
+from turnout.integrate.prepared_run import PreparedRun
 from turnout.integrate.solve import Tolerances, iterate_contact_set
 from turnout.integrate.step import Stepping
 from turnout.integrate.watch import StepRecord
+from turnout.kernels import interrupt
 from turnout.kernels.interrupt import call_interruptible, one_thread
 from turnout.kernels.lanes import zeros_in_lines
 from turnout.kernels.shared_record import shared_record
 from turnout.law.friction_course import no_courses
 from turnout.law.obstruction import no_obstructions
+from turnout.panel.load import load_panel
+from turnout.response.simulate import solve
+from turnout.scheme import Scheme
 
 TOLERANCES = Tolerances(1e-11, 1e-6, 40)
 
@@ -34,11 +43,19 @@ def test_what_a_kernel_returns_or_raises_comes_back() -> None:
     assert stop[0] == 0
 
 
+def of_the_program(number: int, frame: FrameType | None) -> None:
+    signal.default_int_handler(number, frame)
+
+
 @pytest.mark.usefixtures("python_ctrl_c")
-@pytest.mark.skipif(os.name != "posix", reason="an alarm is sent in place of Ctrl-C")
-@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGALRM])
-def test_ctrl_c_reaches_a_kernel_at_work(sent: int) -> None:
-    """By Python's handler, which is held back, and by one of the program, which is not."""
+@pytest.mark.skipif(os.name != "posix", reason="Ctrl-C is sent as a signal")
+@pytest.mark.parametrize("handler", [signal.default_int_handler, of_the_program])
+@pytest.mark.parametrize("stays", [True, False])
+def test_ctrl_c_reaches_a_kernel_at_work(
+    handler: Callable[[int, FrameType | None], None], stays: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Past Python's handler, which is held back, and by one of the program, which is not."""
+    monkeypatch.setattr(interrupt, "HANDLERS_STAY", stays)
     stop = np.zeros(1, dtype=np.int64)
 
     def endless() -> str:
@@ -46,18 +63,42 @@ def test_ctrl_c_reaches_a_kernel_at_work(sent: int) -> None:
             time.sleep(1e-3)
         return "stopped"
 
-    before = signal.signal(signal.SIGALRM, signal.default_int_handler)
+    signal.signal(signal.SIGINT, handler)
     began = time.perf_counter()
-    press = threading.Timer(0.05, os.kill, (os.getpid(), sent))
+    press = threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGINT))
     press.start()
     try:
         with one_thread() as thread:
+            assert (thread is None) == (stays and handler is signal.default_int_handler)
             assert call_interruptible(thread, stop, endless) == "stopped"
     finally:
         press.join()
-        signal.signal(signal.SIGALRM, before)
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    assert signal.getsignal(signal.SIGINT) is handler
     assert time.perf_counter() - began < 5.0
+    with pytest.raises(KeyboardInterrupt):  # what comes later is for Python again
+        signal.raise_signal(signal.SIGINT)
+
+
+@pytest.mark.usefixtures("python_ctrl_c")
+def test_a_signal_that_python_handles_ends_a_run_between_chunks(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """One that is no Ctrl-C, or a program's own call in place of it, waits for the kernel."""
+    monkeypatch.setattr(integration, "FIRST_WITHOUT_REPORT", 100)
+    monkeypatch.setattr(integration, "REPORT_INTERVAL", 1e-9)
+    panel = load_panel("sb1")
+    marched = integration._march
+
+    def interrupted(run: PreparedRun, first: int, last: int) -> tuple[int, int]:
+        found = marched(run, first, last)
+        if last > 100:
+            _thread.interrupt_main()
+        return found
+
+    monkeypatch.setattr(integration, "_march", interrupted)
+    outcome = solve(panel, scheme=Scheme.of("quick")).history.outcome
+    assert outcome.code is Code.INTERRUPTED
+    assert outcome.step in (100, 101)
 
 
 @pytest.mark.usefixtures("python_ctrl_c")

@@ -166,7 +166,7 @@ def test_a_full_disk_stops_nothing(double: Kernel, monkeypatch: pytest.MonkeyPat
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(IndexDataCacheFile, "save", full)
-    monkeypatch.setattr("turnout.kernels.compiled.write_atomic", full)
+    monkeypatch.setattr("turnout.kernels.machine_code.write_atomic", full)
     assert double(3.0) == 6.0
     assert not again(double).is_kept()
 

@@ -132,16 +132,8 @@ def test_a_weighted_sum_of_rows_has_one_order(count: int, width: int) -> None:
     rows, found = rng.normal(size=(count, 112)), np.full(112, np.nan)
     _sum_rows(start, weights, rows, found[:width])
     expected = start[:width].copy()
-    for r in range(0, count - 3, 4):
-        pairs = [
-            lanes.multiply_add(
-                np.full(width, weights[k + 1]), rows[k + 1, :width], weights[k] * rows[k, :width]
-            )
-            for k in (r, r + 2)
-        ]
-        expected += pairs[0] + pairs[1]
-    for r in range(count - count % 4, count):
-        expected += weights[r] * rows[r, :width]
+    for weight, row in zip(weights, rows, strict=True):
+        expected = lanes.multiply_add(np.full(width, weight), row[:width], expected)
     np.testing.assert_array_equal(found[:width], expected)
     assert np.isnan(found[width:]).all()
 
@@ -161,7 +153,7 @@ def test_vectors_fill_lines_of_their_own_and_matrices_stay() -> None:
         np.testing.assert_array_equal(vector, getattr(plain, name))
         assert not np.shares_memory(vector, getattr(plain, name))
     beyond = {name: record.memory[start + 11 : start + 16] for name, (start, *_) in
-              record.vectors.items()}  # fmt: skip
+              record.layout.vectors.items()}  # fmt: skip
     assert np.all(beyond["b"] == -np.inf)
     assert np.all(beyond["a"] == 0.0)
     assert record.matrix is plain.matrix

@@ -25,11 +25,11 @@ from turnout.condense.modal import ModalModel
 from turnout.core.lru_cache import LRUCache
 from turnout.errors import MechanicsError
 from turnout.integrate.levels import clear_levels
-from turnout.integrate.numbering import Places, number_places, place_laws
+from turnout.integrate.numbering import PLACED, Places, number_places, place_laws
 from turnout.integrate.scratch import Work, release_buffers
 from turnout.integrate.state import State
 from turnout.integrate.system import System, check_normals, condensed_system, refill_system
-from turnout.kernels.shared_record import shared_record
+from turnout.kernels.shared_record import record_like, shared_record
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
 from turnout.scheme import Scheme
@@ -144,7 +144,8 @@ def arrange(mechanism: Mechanism, scheme: Scheme) -> Arrangement:
         made = _arranged(mechanism, rails, structure)
         return made if structure is None else rails.placed.put(id(mechanism.rows), made)
     laws = mechanism.laws._replace(base_segment=found.laws.base_segment)
-    table = shared_record(place_laws(laws, found.system.row_place))
+    placed = {name: getattr(found.table, name) for name in PLACED}
+    table = record_like(found.table, laws._replace(**placed))
     return replace(found, mechanism=mechanism, laws=laws, table=table, known=True)
 
 

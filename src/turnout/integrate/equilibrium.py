@@ -141,7 +141,7 @@ def _refine_contact_set(
         if count == 0:
             return
         update_marked(system, table, state, work, count)
-        solve_displacements(system, table, state, work, again=False)
+        solve_displacements(system, table, state, work)
         gather_modes(system, state)
 
 

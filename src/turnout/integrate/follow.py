@@ -19,7 +19,7 @@ from turnout.integrate.solve import (
     mark_row,
     update_marked,
 )
-from turnout.integrate.state import State, set_segment
+from turnout.integrate.state import UNSOLVED, State, set_segment
 from turnout.integrate.system import Floats, System
 from turnout.kernels.compiled import compiled
 from turnout.kernels.vector import add_scaled, copy, dot
@@ -63,7 +63,8 @@ def _solve_at(
         work.right_side[i] = start[i] + share * (end[i] - start[i])
     for k in range(state.inputs.size):
         state.inputs[k] = inputs[0][k] + share * (inputs[1][k] - inputs[0][k])
-    solve_displacements(system, table, state, work, again=False)
+    state.counters[UNSOLVED] = -1
+    solve_displacements(system, table, state, work)
 
 
 @compiled

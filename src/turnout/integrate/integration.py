@@ -43,9 +43,9 @@ from turnout.scheme import Scheme
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-# Progress is reported after so many seconds [s], the first time after so many steps. Ctrl-C ends a
-# run within a step.
-REPORT_INTERVAL, FIRST_REPORT = 0.1, 100
+# Progress is reported, and other signals than Ctrl-C are handled, after so many seconds [s], the
+# first time after so many steps; Ctrl-C ends a run within a step.
+REPORT_INTERVAL, FIRST_REPORT, FIRST_WITHOUT_REPORT = 0.1, 100, 4000
 # Most memory of a history [bytes], and most steps.
 MOST_MEMORY = 2e9
 MOST_STEPS = 2_000_000
@@ -156,8 +156,9 @@ def integrate(
     History
         Complete, or up to where `outcome` says that it ended.
     """
-    plan = plan_run(mechanism, scheme, inputs=inputs, end=end, prior=prior, watch=watch)
-    return carry_out(plan, report=report)
+    with one_blas_thread():  # nested limits are free
+        plan = plan_run(mechanism, scheme, inputs=inputs, end=end, prior=prior, watch=watch)
+        return carry_out(plan, report=report)
 
 
 @dataclass(frozen=True, slots=True)
@@ -414,9 +415,9 @@ def _compile_march(run: PreparedRun, *, after_motion: bool) -> None:
 def _march_in_chunks(
     run: PreparedRun, report: Callable[[int, int], None] | None, thread: Executor | None
 ) -> tuple[Code, int]:
-    """March in chunks of about `REPORT_INTERVAL`, and report after each; in one without reports."""
+    """March in chunks of about `REPORT_INTERVAL`, and report after each."""
     n_steps = run.positions.shape[0] - 1
-    done, chunk = 0, n_steps if report is None else FIRST_REPORT
+    done, chunk = 0, FIRST_WITHOUT_REPORT if report is None else FIRST_REPORT
     try:
         while done < n_steps:
             began = time.perf_counter()

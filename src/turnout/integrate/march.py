@@ -44,8 +44,22 @@ from turnout.integrate.solve import (
     save_contact_set,
     update_marked,
 )
-from turnout.integrate.state import COUNT_HALVED, COUNT_RECENT, LEVEL, State
-from turnout.integrate.step import Factors, Stepping, correct, predict, step_factors
+from turnout.integrate.state import (
+    COUNT_HALVED,
+    COUNT_RECENT,
+    COUPLED,
+    LEVEL,
+    UNSOLVED,
+    State,
+)
+from turnout.integrate.step import (
+    Factors,
+    Stepping,
+    correct,
+    is_at_rest,
+    predict,
+    step_factors,
+)
 from turnout.integrate.system import Floats, Ints, System
 from turnout.integrate.watch import StepRecord
 from turnout.kernels.compiled import compiled, compiled_loop, compiled_part
@@ -55,7 +69,7 @@ from turnout.law.friction_course import FrictionCourses
 from turnout.law.obstruction import Obstructions
 from turnout.law.table import LawTable
 
-MEASURE_EVERY = 100
+MEASURE_EVERY = 400
 """Steps after which the residual of a solution is measured in any case."""
 
 
@@ -221,6 +235,20 @@ def store_instant(
         record.effort[at, k] = work.force[record.watched[k]]
 
 
+@compiled_part
+def _is_solved(state: State) -> bool:
+    """Return whether neither columns nor rows have changed since the last solution."""
+    return bool(state.counters[UNSOLVED] == 0 and state.counters[COUPLED] == 1)
+
+
+@compiled_part
+def _are_equal(a: Floats, b: Floats) -> bool:
+    equal = True
+    for k in range(a.size):
+        equal = equal and a[k] == b[k]
+    return equal
+
+
 @compiled
 def march(
     system: System,
@@ -263,7 +291,10 @@ def march(
         count = switch_laws(system, table, state, work, time + stepping.step)
         update_marked(system, table, state, work, count)
         pair = (inputs[n], inputs[n + 1])
-        if stepping.inertia:
+        still = rods is None and stepping.inertia and _are_equal(*pair)
+        if still and _is_solved(state) and is_at_rest(state, stepping.step, tolerances.gap):
+            code = STOPPED if work.stop[0] else CONVERGED
+        elif stepping.inertia:
             code = _advance(
                 system, table, state, work, tolerances, stepping, nominal, pair, time, rods
             )

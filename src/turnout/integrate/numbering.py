@@ -125,6 +125,10 @@ def _order_by_terms(weights: Floats) -> Ints:
     return np.array(list(order), dtype=np.int64)
 
 
+PLACED = ("row", "friction_row", "friction_normal")
+"""What differs in laws whose rows are places."""
+
+
 def place_laws(laws: LawTable, of_row: Ints) -> LawTable:
     """Return the laws for the kernels, whose rows are places; `of_row` is the place of each row."""
     return laws._replace(

@@ -248,7 +248,7 @@ def _copy_templates(setup: RunSetup) -> tuple[State, Work, StepRecord | None]:
     state, work = template
     memory = take_memory(arrangement.templates, stepping, sizes)
     if memory is None:
-        return fresh_copy(state, table), clone_record(work), None
-    refill_state(memory.state, state, table, memory.ready_for(arrangement.system))
+        return fresh_copy(state), clone_record(work), None
+    refill_state(memory.state, state, memory.ready_for(arrangement.system))
     copy_vectors(work, memory.work)
     return memory.state, memory.work, memory.record

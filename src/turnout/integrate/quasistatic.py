@@ -22,7 +22,7 @@ from turnout.integrate.solve import (
     evaluate,
     save_contact_set,
 )
-from turnout.integrate.state import COUNT_ITERATIONS, State
+from turnout.integrate.state import COUNT_ITERATIONS, UNSOLVED, State
 from turnout.integrate.system import Floats, System
 from turnout.kernels.compiled import compiled
 from turnout.kernels.vector import copy
@@ -57,6 +57,7 @@ def advance_static(
     copy(inputs[0], inputs_start)
     copy(inputs[1], inputs_end)
     copy(system.load, work.right_side)
+    state.counters[UNSOLVED] = -1
     progress, stalled = 0.0, 0
     save_contact_set(state, work)
     while stalled < EVENTS_AT_ONE_PLACE:
@@ -102,4 +103,4 @@ def _solve_at(
     """Solve for the equilibrium of the present contact set at a share of the piece [0 to 1]."""
     for k in range(state.inputs.size):
         state.inputs[k] = inputs_start[k] + share * (inputs_end[k] - inputs_start[k])
-    solve_displacements(system, table, state, work, again=False)
+    solve_displacements(system, table, state, work)

@@ -1,5 +1,8 @@
 """The record of a run: its memory, and what is left of it at the end."""
 
+from functools import cache
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,7 +12,7 @@ from turnout.integrate.seen import SeenWeights
 from turnout.integrate.system import Floats, System
 from turnout.integrate.watch import StepRecord, WatchPlan, watch_record
 from turnout.kernels.lanes import empty_in_lines, whole_lines
-from turnout.kernels.shared_record import shared_record
+from turnout.kernels.shared_record import address_of, clone_record, shared_record
 from turnout.law.obstruction import Obstructions, no_obstructions
 from turnout.law.table import LawTable
 
@@ -59,32 +62,30 @@ def empty_record(
         counts |= dict.fromkeys(("stored", "ledger"), plan.balanced_instants.size)
     total = sum(counts[name] * width for name, width in widths.items())
     memory = _at_a_large_page(total) if plan is None else empty_in_lines(total)
-    at, arrays = 0, {}
+    at, arrays = 0, dict[str, Any]()
     for name, width in widths.items():
         size = counts[name] * width
         arrays[name] = memory[at : at + size].reshape(counts[name], width)
         at += size
-    velocities = np.zeros((count if velocity else 1, arrays["q"].shape[1]))
-    record = StepRecord(
-        arrays["q"],
-        arrays["g"],
-        arrays["friction"],
-        arrays["law"],
-        arrays["stored"],
-        arrays["ledger"],
-        residual=np.zeros(1),
-        v=velocities,
-    )
-    if watched is not None:
-        record = watch_record(record, *watched)
-    return shared_record(record)
+    arrays["v"] = np.zeros((count if velocity else 1, arrays["q"].shape[1]))
+    if watched is None:
+        return clone_record(_empty_record(), **arrays)
+    return shared_record(watch_record(StepRecord(**arrays, residual=np.zeros(1)), *watched))
+
+
+@cache
+def _empty_record() -> StepRecord:
+    """Return a record of no instant, of which those of all instants are clones."""
+    names = ("q", "g", "friction", "law", "stored", "ledger", "v")
+    nothing: dict[str, Any] = dict.fromkeys(names, np.zeros((0, 0)))
+    return shared_record(StepRecord(**nothing, residual=np.zeros(1)))
 
 
 def _at_a_large_page(count: int) -> Floats:
     """Return an uninitialised array from `acquire_buffer` that begins at a large page."""
     page = LARGE_PAGE // 8
     memory = acquire_buffer(count + page)
-    return memory[(-(memory.ctypes.data // 8)) % page :]
+    return memory[-(address_of(memory) // 8) % page :]
 
 
 def trim_record(

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.integrate.system import Ints, System
-from turnout.kernels.lanes import LANES, address_of, whole_lines
-from turnout.kernels.shared_record import shared_record
+from turnout.kernels.lanes import LANES, whole_lines
+from turnout.kernels.shared_record import address_of, shared_record
 from turnout.law.table import LawTable
 
 Floats = NDArray[np.float64]
@@ -105,7 +105,7 @@ class Work(NamedTuple):
     - ``input_force``: force of the inputs on their rows [N], zero on rows without an input;
     - ``unconverged``: flags the rows that still changed when a step was given up;
     - ``changed``: whether `LAWS` and `FRICTIONS` may have changed since the contact set was saved;
-    - ``stop``: set by another thread to end the work between two solutions.
+    - ``stop``: set on Ctrl-C to end the work between two solutions.
     """
 
     row: Floats

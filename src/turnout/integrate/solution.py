@@ -17,13 +17,11 @@ from turnout.law.table import LawTable
 
 
 @compiled
-def solve_displacements(
-    system: System, table: LawTable, state: State, work: Work, again: bool
-) -> None:
+def solve_displacements(system: System, table: LawTable, state: State, work: Work) -> None:
     """Solve for all displacements of the present contact set from ``work.right_side``.
 
-    Where it is solved `again` with the same right side, blocks whose columns are the same move as
-    before but for the forces of inputs and joining rows.
+    Blocks whose columns and right side are the same (`UNSOLVED`) move as in the last solution but
+    for the forces of inputs and joining rows.
     """
     end_start, mode_start = system.end_start, system.mode_start
     force, g, columns = work.right_side, state.g, state.mode_columns
@@ -32,7 +30,7 @@ def solve_displacements(
         first, last = mode_start[block], mode_start[block + 1]
         start, stop = end_start[block], end_start[block + 1]
         free = work.free[start:stop]
-        if not again or state.counters[UNSOLVED] >> block & 1:
+        if state.counters[UNSOLVED] >> block & 1:
             sum_weighted_rows(constant[start:stop], force[first:last], columns[first:last], free)
         copy(free, g[start:stop])
     state.counters[UNSOLVED] = 0
@@ -41,6 +39,8 @@ def solve_displacements(
     _apply_end_forces(system, state, system.input_end, work.input_end_force)
     if state.counters[COUNT_JOINING]:
         apply_joining_forces(system, state, work, 1.0)
+    else:
+        state.counters[COUPLED] = 1
     expand_displacements(system, state)
 
 

@@ -302,7 +302,7 @@ def iterate_contact_set(
     After the first of them laws change one at a time, which breaks cycles, see `ALL_AT_ONCE`.
     """
     for iteration in range(tolerances.iterations):
-        solve_displacements(system, table, state, work, iteration > 0)
+        solve_displacements(system, table, state, work)
         state.counters[COUNT_ITERATIONS] += 1
         if work.stop[0]:
             return STOPPED

@@ -37,7 +37,7 @@ from turnout.integrate.prepared_run import (
     present_at_start,
     set_up_run,
 )
-from turnout.integrate.state import LEVEL, set_segments
+from turnout.integrate.state import LEVEL, set_home_segments, set_segments
 from turnout.kernels.interrupt import call_interruptible
 from turnout.kernels.shared_record import Shared, clone_record
 from turnout.law.kernel import SLIP_FORWARD
@@ -50,7 +50,7 @@ Ints = NDArray[np.int64]
 
 PRIOR_STEP = 6e-3
 """Step of a prior motion, or that of the run where it is longer or without inertia [s]."""
-PRIOR_SHARE = 0.75
+PRIOR_SHARE = 0.6
 """Of its way in time the last part that is integrated, where each foot slides in it [-]."""
 PRIOR_RADIUS = 0.0
 """Spectral radius of its scheme: what its steps cannot resolve is damped at once [-]."""
@@ -164,7 +164,8 @@ def find_start(
         code = start_at_rest(run, arrangement.mechanism)
     else:
         code = _start_after(run, arrangement, thread, plan)
-    freeze(run.table, run.state, run.obstructions)
+    if run.obstructions.law.size:
+        freeze(run.table, run.state, run.obstructions)
     return code
 
 
@@ -312,7 +313,7 @@ def start_at_rest(run: PreparedRun, mechanism: Mechanism) -> Code:
     """Find the static equilibrium without friction, then anchor the feet at their places."""
     system, laws, table, state, work = run.system, run.laws, run.table, run.state, run.work
     _set_present(run)
-    set_segments(table, state, state.segment)
+    set_home_segments(table, state)
     state.friction[:] = SLIP_FORWARD
     table.friction_coefficient[:] = 0.0
     try:

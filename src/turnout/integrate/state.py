@@ -42,8 +42,9 @@ class State(NamedTuple):
     ``counters``: active rows that join blocks, flips since the last rebuild, all flips, all
     iterations, halved steps, rebuilds, the level, the state of the coupling: 0 unknown, 1 up to
     date, else 1 and a bit, from the second on, for each block whose columns have changed; a bit for
-    each block whose columns have changed since the last solution; and one more than the row for
-    whose change most columns of its block still wait, 0 for none (``pending`` holds this change).
+    each block whose columns or right side have changed since the last solution, -1 for all; and one
+    more than the row for whose change most columns of its block still wait, 0 for none
+    (``pending`` holds this change).
     """
 
     segment: Ints
@@ -212,17 +213,9 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
     return state
 
 
-def fresh_copy(state: State, table: LawTable) -> State:
-    """Return a state at rest from one that nothing has changed yet.
-
-    Parameters
-    ----------
-    state : State
-        From `fresh_state`.
-    table : LawTable
-        Laws in the same order on the same rows; their values may differ.
-    """
-    copied = clone_record(
+def fresh_copy(state: State) -> State:
+    """Return a copy of a state from `fresh_state`; its laws are still to be put on a segment."""
+    return clone_record(
         state,
         columns=lines_from_buffer(*state.columns.shape),
         coupling=np.zeros(state.coupling.shape),
@@ -230,24 +223,19 @@ def fresh_copy(state: State, table: LawTable) -> State:
         mode_columns=lines_from_buffer(*state.mode_columns.shape),
         compliance=lines_from_buffer(*state.compliance.shape),
     )
-    set_home_segments(table, copied)
-    return copied
 
 
-def refill_state(used: State, fresh: State, table: LawTable, ready: Ints) -> None:
+def refill_state(used: State, fresh: State, ready: Ints) -> None:
     """Bring the state of a run that has ended to rest, for another run of these rails.
 
     Parameters
     ----------
     used : State
-        From `fresh_copy` of the second one.
+        From `fresh_copy` of the second one; its laws are then to be put on a segment.
     fresh : State
         From `fresh_state`.
-    table : LawTable
-        Laws in the same order on the same rows; their values may differ.
     ready : ndarray of int, shape (n_levels,)
         Which compliances are known.
     """
     copy_vectors(fresh, used)
     used.level_ready[:] = ready
-    set_home_segments(table, used)

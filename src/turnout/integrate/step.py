@@ -21,10 +21,23 @@ from typing import NamedTuple
 
 from turnout.integrate.energy import ALGORITHMIC, DAMPING
 from turnout.integrate.scratch import Work
-from turnout.integrate.state import State
+from turnout.integrate.state import UNSOLVED, State
 from turnout.integrate.system import Floats, System
 from turnout.kernels.compiled import compiled, compiled_loop, compiled_part
-from turnout.kernels.lanes import LANES, broadcast, horizontal_sum, load, store
+from turnout.kernels.lanes import (
+    LANES,
+    absolute,
+    any_true,
+    broadcast,
+    greater_or_nan,
+    horizontal_sum,
+    load,
+    logical_or,
+    store,
+)
+
+STILL = 1e-13
+"""Largest motion in a step that is taken for none, of a coordinate of unit mass [kg^0.5 m]."""
 
 
 class Stepping(NamedTuple):
@@ -74,7 +87,11 @@ def predict(
     h: float,
     factors: Factors,
 ) -> None:
-    """Save the coordinates; predict the step without new acceleration, and write its right side."""
+    """Save the coordinates; predict the step without new acceleration, and write its right side.
+
+    Blocks that hardly move are stopped: their right side stays as it is.
+    """
+    state.counters[UNSOLVED] |= _stop_blocks(system, state, h)
     _predict_modes(
         stepping,
         h,
@@ -174,3 +191,57 @@ def _correct_modes(
         store(v_new, v, i)
         store(acceleration_new, acceleration, i)
     return horizontal_sum(damped), horizontal_sum(dissipated)
+
+
+@compiled_part
+def is_at_rest(state: State, h: float, gap: float) -> bool:
+    """Return whether no mode moves further in a step of length `h` [s] than the tolerance of gaps.
+
+    `gap` is taken as that of modal coordinates too, which move their rails by less: a mode of unit
+    mass displaces a rail of 600 kg by some 0.06 of its coordinate.
+    """
+    return not _moves((state.v, state.a, state.acceleration), 0, state.v.size, h, gap)
+
+
+@compiled_part
+def _stop_blocks(system: System, state: State, h: float) -> int:
+    """Stop blocks that move by less than `STILL` in a step; return a bit for each of the others."""
+    moving = 0
+    motion = (state.v, state.a, state.acceleration)
+    for block in range(system.mode_start.size - 1):
+        first, last = system.mode_start[block], system.mode_start[block + 1]
+        if _moves(motion, first, last, h, STILL):
+            moving |= 1 << block
+        else:
+            _stop(motion, first, last)
+    return moving
+
+
+@compiled_loop
+def _moves(
+    motion: tuple[Floats, Floats, Floats], first: int, last: int, h: float, tolerance: float
+) -> bool:
+    """Return whether some mode moves further in a step than a tolerance, or is NaN."""
+    v, a, acceleration = motion
+    h_1, h_2, most = broadcast(h), broadcast(h * h), broadcast(tolerance)
+    i, moves = first, False
+    while i + LANES <= last and not moves:
+        of_v = greater_or_nan(h_1 * absolute(load(v, i)), most)
+        of_a = greater_or_nan(h_2 * absolute(load(a, i)), most)
+        further = greater_or_nan(h_2 * absolute(load(acceleration, i)), most)
+        moves = any_true(logical_or(of_v, logical_or(of_a, further)))
+        i += LANES
+    while i < last and not moves:
+        rests = h * abs(v[i]) <= tolerance and h * h * abs(a[i]) <= tolerance
+        moves = not (rests and h * h * abs(acceleration[i]) <= tolerance)
+        i += 1
+    return moves
+
+
+@compiled_loop
+def _stop(motion: tuple[Floats, Floats, Floats], first: int, last: int) -> None:
+    v, a, acceleration = motion
+    for i in range(first, last):
+        v[i] = 0.0
+        a[i] = 0.0
+        acceleration[i] = 0.0

@@ -14,11 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from turnout.kernels.lanes import address_of
-from turnout.kernels.shared_record import Shared
+from turnout.kernels.shared_record import Shared, address_of
 
 NUMBER, WHOLE, LOGICAL, NOTHING = "float", "int", "bool", "none"
 ARRAY, TUPLE = "array", "tuple"
+PLAIN = {float: NUMBER, int: WHOLE, bool: LOGICAL}
+C_CONTIGUOUS, F_CONTIGUOUS, ALIGNED, WRITEABLE = 0x1, 0x2, 0x100, 0x400
+"""As NumPy numbers them in its flags."""
 Kind = Any
 """`NUMBER`, `WHOLE`, `LOGICAL`, `NOTHING`, the kind of a record, or a tuple.
 
@@ -41,7 +43,7 @@ def add_argument(value: Any, words: list[Any], kinds: list[Kind]) -> None:
     >>> words, kinds
     ([2.0, 1], [('tuple', None, 'float', 'none', 'bool')])
     """
-    kind = type(value)
+    kind: Any = type(value)
     if kind is Shared:
         words.append(value.address)
         kinds.append(value.kind)
@@ -52,23 +54,23 @@ def add_argument(value: Any, words: list[Any], kinds: list[Kind]) -> None:
         words.append(value)
         kinds.append(WHOLE)
     elif kind is np.ndarray:
-        flags = value.flags
-        order = "C" if flags.c_contiguous else "F" if flags.f_contiguous else "A"
-        if not flags.aligned:
-            msg = "a kernel takes arrays at aligned addresses only; pass a copy"
-            raise TypeError(msg)
         words += (address_of(value), *value.shape, *value.strides)
-        kinds.append((ARRAY, value.dtype.str, value.ndim, order, flags.writeable))
+        kinds.append(_array_kind(value.dtype, value.ndim, value.flags.num))
     elif value is None:
         kinds.append(NOTHING)
     elif isinstance(value, bool | np.bool_):
         words.append(int(value))
         kinds.append(LOGICAL)
     elif isinstance(value, tuple):
+        plain = _plain_kind(kind, tuple(map(type, value)))
+        if plain is not None:
+            words += value
+            kinds.append(plain)
+            return
         inner: list[Kind] = []
         for item in value:
             add_argument(item, words, inner)
-        kinds.append((TUPLE, kind if hasattr(value, "_fields") else None, *inner))
+        kinds.append(_tuple_kind(kind, inner))
     elif isinstance(value, int | np.integer):
         words.append(int(value))
         kinds.append(WHOLE)
@@ -78,6 +80,28 @@ def add_argument(value: Any, words: list[Any], kinds: list[Kind]) -> None:
     else:
         msg = f"a kernel takes numbers, arrays, records and tuples of them, not {kind.__name__}"
         raise TypeError(msg)
+
+
+@cache
+def _array_kind(dtype: np.dtype[Any], ndim: int, flags: int) -> Kind:
+    """Return the kind of an array; `flags` are those of NumPy as a number."""
+    if not flags & ALIGNED:
+        msg = "a kernel takes arrays at aligned addresses only; pass a copy"
+        raise TypeError(msg)
+    order = "C" if flags & C_CONTIGUOUS else "F" if flags & F_CONTIGUOUS else "A"
+    return (ARRAY, dtype.str, ndim, order, bool(flags & WRITEABLE))
+
+
+@cache
+def _plain_kind(of: type, types: tuple[type, ...]) -> Kind:
+    """Return the kind of a tuple of nothing but numbers of Python, whose words these are."""
+    if not PLAIN.keys() >= set(types):
+        return None
+    return _tuple_kind(of, [PLAIN[one] for one in types])
+
+
+def _tuple_kind(of: type, inner: Sequence[Kind]) -> Kind:
+    return (TUPLE, of if hasattr(of, "_fields") else None, *inner)
 
 
 def format_of(kinds: Sequence[Kind]) -> str:

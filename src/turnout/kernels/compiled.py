@@ -12,14 +12,11 @@ import inspect
 import os
 import threading
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 from turnout.core.cache_folder import safe_folder, user_cache_folder
-from turnout.core.files import write_atomic
 from turnout.core.sources import KERNELS, digest_of_sources
-from turnout.errors import TurnoutError
 from turnout.kernels.arguments import Kind, add_argument, describe
 
 P = ParamSpec("P")
@@ -154,22 +151,18 @@ class Kernel:
 
     def _prepare(self, kinds: tuple[Kind, ...]) -> Callable[[list[Any]], Any]:
         """Load the machine code for arguments of some kinds, or compile and keep it."""
-        from turnout.kernels.machine_code import callable_code, read_machine_code
+        from turnout.kernels.machine_code import MachineCode, callable_code, kept_code
+
+        def compile_code() -> MachineCode:
+            from turnout.kernels.compiler import compile_kernel
+
+            return compile_kernel(self, kinds)
 
         with _lock:
             if kinds in self._ready:
                 return self._ready[kinds]
-            file = self.file_for(kinds)
-            code = None if file is None else read_machine_code(file)
-            if code is not None:
-                self.cache_hits += 1
-            else:
-                from turnout.kernels.compiler import compile_kernel
-
-                code = compile_kernel(self, kinds)
-                if file is not None:
-                    with suppress(OSError, TurnoutError):  # without a cache it is compiled again
-                        write_atomic(file, code.to_bytes(), durable=False)
+            code, hit = kept_code(self.file_for(kinds), compile_code)
+            self.cache_hits += hit
             self._ready[kinds] = callable_code(code, kinds)
             return self._ready[kinds]
 

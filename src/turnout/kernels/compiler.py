@@ -29,6 +29,7 @@ import turnout.kernels.inverse_code
 import turnout.kernels.lane_code
 import turnout.kernels.memory_code  # noqa: F401 - it registers what kernels call
 from turnout.kernels.arguments import ARRAY, LOGICAL, NOTHING, NUMBER, TUPLE, WHOLE, Kind
+from turnout.kernels.index_code import index_from_front
 from turnout.kernels.machine_code import DIGEST_SIZE, MachineCode, digest_of, machine_digest
 from turnout.kernels.record_code import record_type
 from turnout.kernels.shared_record import RecordKind
@@ -68,6 +69,12 @@ class _WholeCode(JITCodeLibrary):
 
 class _Inner(CompilerBase):
     """Compile a kernel to plain code."""
+
+    def compile_extra(self, func: Any) -> CompileResult:
+        """Compile; Numba calls this while no other thread compiles."""
+        with index_from_front():
+            found: CompileResult = super().compile_extra(func)
+            return found
 
     def define_pipelines(self) -> list[object]:
         """Return the pipeline of Numba, which then ends with plain code."""

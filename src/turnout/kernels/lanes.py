@@ -15,9 +15,8 @@ they are in machine code is in `turnout.kernels.lane_code`.
 """
 
 import math
-from ctypes import addressof, c_char
 from fractions import Fraction
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,15 +59,8 @@ def empty_in_lines(*shape: int) -> Floats:
     """Return uninitialised floats that begin at a cache line and end with one."""
     count = math.prod(shape)
     memory = np.empty(whole_lines(count) + LANES)
-    first = -(address_of(memory) // 8) % LANES
+    first = -(memory.__array_interface__["data"][0] // 8) % LANES
     return memory[first : first + count].reshape(shape)
-
-
-def address_of(values: NDArray[Any]) -> int:
-    """Return where the first number of an array lies in memory; ``ctypes.data`` takes 1 us more."""
-    if values.size and values.flags.carray:
-        return addressof(c_char.from_buffer(values))  # type: ignore[arg-type]
-    return int(values.ctypes.data)
 
 
 def load(values: Floats, at: int) -> Floats:

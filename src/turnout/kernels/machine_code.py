@@ -8,8 +8,10 @@ import ctypes
 import hashlib
 import json
 import os
+import re
 import struct
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import cache
 from importlib.metadata import version
@@ -18,6 +20,8 @@ from typing import Any, Self
 
 from llvmlite import binding
 
+from turnout.core.files import write_atomic
+from turnout.errors import TurnoutError
 from turnout.kernels.arguments import NOTHING, Kind, format_of, result_from
 
 LAPACK = "turnout_lapack_"
@@ -91,7 +95,7 @@ def callable_code(code: MachineCode, kinds: Sequence[Kind]) -> Callable[[list[An
 
     It lets other threads of Python run. The arguments must live until it returns.
     """
-    native = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p)(_load(code))
+    native = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p)(load(code))
     given, found = struct.Struct(format_of(kinds)), struct.Struct(format_of([code.result]))
     memory = ctypes.c_char * max(given.size, found.size, 8)
     spare = bytes(ctypes.sizeof(memory) - given.size)
@@ -107,7 +111,7 @@ def callable_code(code: MachineCode, kinds: Sequence[Kind]) -> Callable[[list[An
     return call
 
 
-def _load(code: MachineCode) -> int:
+def load(code: MachineCode) -> int:
     """Return the address of the entry of machine code, which stays in memory."""
     if LAPACK.encode() in code.content:
         _name_lapack()
@@ -122,11 +126,28 @@ def _load(code: MachineCode) -> int:
 
 
 @cache
-def _engine() -> Any:
+def _machine() -> Any:
     binding.initialize_native_target()
     binding.initialize_native_asmprinter()
-    machine = binding.Target.from_default_triple().create_target_machine(jit=True)
-    return binding.create_mcjit_compiler(binding.parse_assembly(""), machine)
+    return binding.Target.from_default_triple().create_target_machine(jit=True)
+
+
+@cache
+def _engine() -> Any:
+    return binding.create_mcjit_compiler(binding.parse_assembly(""), _machine())
+
+
+def assemble(entry: str, text: str) -> MachineCode:
+    """Return the machine code of a text in the language of LLVM, with plain pointers to words."""
+    if binding.llvm_version_info[0] < 17:  # where each pointer names its type
+        text = re.sub(r"\bptr\b", "i64*", text)
+    return MachineCode(entry, NOTHING, _machine().emit_object(binding.parse_assembly(text)))
+
+
+def variable_address(name: str) -> int:
+    """Return the address of a variable of machine code that was loaded."""
+    address: int = _engine().get_global_value_address(name)
+    return address
 
 
 @cache
@@ -149,3 +170,15 @@ def read_machine_code(file: Path) -> MachineCode | None:
         return MachineCode.from_bytes(file.read_bytes())
     except OSError:
         return None
+
+
+def kept_code(file: Path | None, make: Callable[[], MachineCode]) -> tuple[MachineCode, bool]:
+    """Return machine code from its file, or make and keep it; and whether it came from there."""
+    code = None if file is None else read_machine_code(file)
+    if code is not None:
+        return code, True
+    code = make()
+    if file is not None:
+        with suppress(OSError, TurnoutError):  # without a cache it is made again
+            write_atomic(file, code.to_bytes(), durable=False)
+    return code, False

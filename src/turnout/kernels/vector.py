@@ -148,7 +148,8 @@ def add_weighted_rows(weights: Floats, rows: Floats, to: Floats) -> None:
 def sum_weighted_rows(start: Floats, weights: Floats, rows: Floats, to: Floats) -> None:
     """Write a vector plus a weighted sum of the rows of a matrix, which may be wider, to another.
 
-    Vectors fill whole cache lines. Six lines at a time stay in registers while all rows are added.
+    Vectors fill whole cache lines. Six or seven lines stay in registers while all rows are added in
+    turn, each rounded once; so many sums hide that one waits for the one before.
 
     Examples
     --------
@@ -158,12 +159,19 @@ def sum_weighted_rows(start: Floats, weights: Floats, rows: Floats, to: Floats) 
     >>> total[:2].tolist()
     [321.0, 336.0]
     """
-    at = 0
-    while at + 6 * LANES <= to.size:
-        _sum_six_lines(start, weights, rows, to, at)
-        at += 6 * LANES
+    at, lines = 0, to.size // LANES
+    while lines >= 6:
+        if lines % 6 == 0:
+            _sum_six_lines(start, weights, rows, to, at)
+            at, lines = at + 6 * LANES, lines - 6
+        else:
+            _sum_seven_lines(start, weights, rows, to, at)
+            at, lines = at + 7 * LANES, lines - 7
     while at < to.size:
-        _sum_one_line(start, weights, rows, to, at)
+        total = load(start, at)
+        for r in range(weights.size):
+            total = multiply_add(broadcast(weights[r]), load(rows[r], at), total)
+        store(total, to, at)
         at += LANES
 
 
@@ -173,22 +181,14 @@ def _sum_six_lines(start: Floats, weights: Floats, rows: Floats, to: Floats, at:
     fifth, sixth = at + 4 * LANES, at + 5 * LANES
     a, b, c = load(start, at), load(start, second), load(start, third)
     d, e, f = load(start, fourth), load(start, fifth), load(start, sixth)
-    n, r = weights.size, 0
-    while r + 4 <= n:
-        four, of_rows = _four_weights(weights, r), (rows[r], rows[r + 1], rows[r + 2], rows[r + 3])
-        a = a + _sum_of_four(four, of_rows, at)
-        b = b + _sum_of_four(four, of_rows, second)
-        c = c + _sum_of_four(four, of_rows, third)
-        d = d + _sum_of_four(four, of_rows, fourth)
-        e = e + _sum_of_four(four, of_rows, fifth)
-        f = f + _sum_of_four(four, of_rows, sixth)
-        r += 4
-    while r < n:
+    for r in range(weights.size):
         weight, row = broadcast(weights[r]), rows[r]
-        a, b = a + weight * load(row, at), b + weight * load(row, second)
-        c, d = c + weight * load(row, third), d + weight * load(row, fourth)
-        e, f = e + weight * load(row, fifth), f + weight * load(row, sixth)
-        r += 1
+        a = multiply_add(weight, load(row, at), a)
+        b = multiply_add(weight, load(row, second), b)
+        c = multiply_add(weight, load(row, third), c)
+        d = multiply_add(weight, load(row, fourth), d)
+        e = multiply_add(weight, load(row, fifth), e)
+        f = multiply_add(weight, load(row, sixth), f)
     store(a, to, at)
     store(b, to, second)
     store(c, to, third)
@@ -198,34 +198,27 @@ def _sum_six_lines(start: Floats, weights: Floats, rows: Floats, to: Floats, at:
 
 
 @compiled_loop
-def _sum_one_line(start: Floats, weights: Floats, rows: Floats, to: Floats, at: int) -> None:
-    n, r, total = weights.size, 0, load(start, at)
-    while r + 4 <= n:
-        of_rows = (rows[r], rows[r + 1], rows[r + 2], rows[r + 3])
-        total = total + _sum_of_four(_four_weights(weights, r), of_rows, at)
-        r += 4
-    while r < n:
-        total = total + broadcast(weights[r]) * load(rows[r], at)
-        r += 1
-    store(total, to, at)
-
-
-@compiled_loop
-def _four_weights(weights: Floats, r: int) -> tuple[Floats, Floats, Floats, Floats]:
-    one, two = broadcast(weights[r]), broadcast(weights[r + 1])
-    return one, two, broadcast(weights[r + 2]), broadcast(weights[r + 3])
-
-
-@compiled_loop
-def _sum_of_four(
-    weights: tuple[Floats, Floats, Floats, Floats],
-    rows: tuple[Floats, Floats, Floats, Floats],
-    at: int,
-) -> Floats:
-    a, b, c, d = weights
-    first, second, third, fourth = rows
-    pair = multiply_add(b, load(second, at), a * load(first, at))
-    return pair + multiply_add(d, load(fourth, at), c * load(third, at))
+def _sum_seven_lines(start: Floats, weights: Floats, rows: Floats, to: Floats, at: int) -> None:
+    second, third, fourth = at + LANES, at + 2 * LANES, at + 3 * LANES
+    fifth, sixth, seventh = at + 4 * LANES, at + 5 * LANES, at + 6 * LANES
+    a, b, c, g = load(start, at), load(start, second), load(start, third), load(start, seventh)
+    d, e, f = load(start, fourth), load(start, fifth), load(start, sixth)
+    for r in range(weights.size):
+        weight, row = broadcast(weights[r]), rows[r]
+        a = multiply_add(weight, load(row, at), a)
+        b = multiply_add(weight, load(row, second), b)
+        c = multiply_add(weight, load(row, third), c)
+        d = multiply_add(weight, load(row, fourth), d)
+        e = multiply_add(weight, load(row, fifth), e)
+        f = multiply_add(weight, load(row, sixth), f)
+        g = multiply_add(weight, load(row, seventh), g)
+    store(a, to, at)
+    store(b, to, second)
+    store(c, to, third)
+    store(d, to, fourth)
+    store(e, to, fifth)
+    store(f, to, sixth)
+    store(g, to, seventh)
 
 
 @compiled_loop

@@ -160,20 +160,26 @@ def marker_positions(panel: Panel, time: npt.ArrayLike) -> FloatArray:
     """
     instants = np.atleast_1d(np.asarray(time, dtype=np.float64))
     positions = np.zeros((len(panel.drive), instants.size))
-    rising = bool(np.all(instants[1:] >= instants[:-1]))
-    for row, (name, drive) in enumerate(panel.drive.items()):
+    rising = bool((instants[1:] >= instants[:-1]).all())
+    movements, starts = ordered_movements(panel), panel.schedule.starts
+    shares: dict[tuple[str, float], tuple[int, int, FloatArray]] = {}
+    for of_drive, (drive_name, drive) in zip(positions, panel.drive.items(), strict=True):
         level = start_level(panel, drive)
-        positions[row] = level
-        for _, movement in ordered_movements(panel):
-            target = marker_level(drive, movement.to, starts=panel.schedule.starts)
-            end = movement.start + movement_time(movement, name)
-            first, last = (
-                np.searchsorted(instants, (movement.start, end)) if rising else (0, instants.size)
-            )
-            elapsed = instants[first:last] - movement.start
+        of_drive[:] = level
+        for name, movement in movements:
+            target = marker_level(drive, movement.to, starts=starts)
+            total = movement_time(movement, drive_name)
+            found = shares.get((name, total))  # mostly the drives move alike
+            if found is None:
+                ends = (movement.start, movement.start + total)
+                first, last = instants.searchsorted(ends).tolist() if rising else (0, instants.size)
+                elapsed = instants[first:last] - movement.start
+                share = movement_fraction(movement, elapsed, drive=drive_name)
+                found = shares[name, total] = first, last, share
+            first, last, share = found
             way = target - level
-            positions[row, first:last] += way * movement_fraction(movement, elapsed, drive=name)
-            positions[row, last:] += way
+            of_drive[first:last] += way * share
+            of_drive[last:] += way
             level = target
     return positions
 
@@ -255,7 +261,7 @@ def movement_fraction(movement: Movement, elapsed: npt.ArrayLike, *, drive: str)
         0 before the onset, 1 after the end.
     """
     total = movement_time(movement, drive)
-    t = np.clip(np.asarray(elapsed, dtype=np.float64), 0.0, total)
+    t = np.asarray(elapsed, dtype=np.float64).clip(0.0, total)
     s = t / total
     if movement.shape == "smoothstep":
         fraction = s * s * (3.0 - 2.0 * s)

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from turnout.core.lru_cache import LRUCache
 from turnout.integrate.scratch import lines_from_buffer
-from turnout.kernels.lanes import LANES, address_of, whole_lines
-from turnout.kernels.shared_record import shared_record
+from turnout.kernels.lanes import LANES, whole_lines
+from turnout.kernels.shared_record import address_of, shared_record
 from turnout.kernels.turned_rows import (
     BATCH,
     LINE,

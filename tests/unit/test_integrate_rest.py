@@ -1,0 +1,102 @@
+"""Steps of rails at rest are not made, and what follows is as if they had been."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from turnout.integrate.arrange import arrange
+from turnout.integrate.march import march
+from turnout.integrate.outcome import Code
+from turnout.integrate.prepared_run import PreparedRun, prepare, set_up_run
+from turnout.integrate.start import start_at_rest
+from turnout.integrate.state import COUNT_ITERATIONS, UNSOLVED
+from turnout.integrate.step import STILL, predict, step_factors
+from turnout.mechanism.build import build_mechanism
+from turnout.panel.load import load_panel
+from turnout.panel.markers import marker_offsets, marker_positions
+from turnout.scheme import Scheme
+
+Floats = NDArray[np.float64]
+SCHEME = Scheme.of("quick")
+BEGINS, MOVES = 1.0, 1.5
+"""When the drives of SB1 begin to move, and until when it is thrown here [s]."""
+
+
+def ready(change: Floats | float = 0.0) -> PreparedRun:
+    """Return a run whose markers are changed a little, at rest."""
+    panel = load_panel("sb1")
+    mechanism = build_mechanism(panel, ())
+    times = SCHEME.step * np.arange(round(MOVES / SCHEME.step) + 1)
+    positions = (marker_positions(panel, times) + marker_offsets(panel)[:, np.newaxis]).T + change
+    run = prepare(set_up_run(arrange(mechanism, SCHEME), SCHEME, positions, times.size))
+    assert start_at_rest(run, mechanism) == Code.COMPLETE
+    return run
+
+
+def thrown(change: Floats | float = 0.0) -> tuple[PreparedRun, list[Any]]:
+    """Return a run that has ended, and its code and last instant."""
+    run = ready(change)
+    return run, marched(run, 0, run.positions.shape[0] - 1)
+
+
+def marched(run: PreparedRun, first: int, last: int) -> list[Any]:
+    """March from one instant to another."""
+    given = (run.system, run.table, run.state, run.work, run.tolerances, run.stepping)
+    record = (run.record, run.obstructions, run.courses)
+    return list(march(*given, run.positions, first, last, *record, None))
+
+
+def test_only_moving_rails_are_solved_for() -> None:
+    run, (code, reached) = thrown()
+    assert (code, reached) == (Code.COMPLETE, run.positions.shape[0] - 1)
+    moving = round((MOVES - BEGINS) / SCHEME.step)
+    assert moving <= run.state.counters[COUNT_ITERATIONS] < 2.5 * moving
+    still = round(0.9 * BEGINS / SCHEME.step)
+    np.testing.assert_array_equal(run.record.law[2:still], run.record.law[1 : still - 1])
+
+
+def test_the_motion_after_rest_is_that_of_rails_that_were_solved_for() -> None:
+    still, _ = thrown()
+    trembling = 1e-15 * np.where(np.arange(still.positions.shape[0]) % 2, 1.0, -1.0)
+    stirred, _ = thrown(trembling[:, np.newaxis])
+    assert stirred.state.counters[COUNT_ITERATIONS] > still.positions.shape[0]
+    expected = still.record.g[1:]  # the start is stored by what calls a march
+    tolerance = 1e-9 * np.abs(expected).max()
+    np.testing.assert_allclose(stirred.record.g[1:], expected, rtol=0.0, atol=tolerance)
+
+
+def test_rest_is_interrupted_too() -> None:
+    run, _ = thrown()
+    half = round(0.5 * BEGINS / SCHEME.step)
+    assert marched(run, 0, half) == [Code.COMPLETE, half]
+    run.work.stop[0] = 1
+    assert marched(run, half, half + 5) == [Code.INTERRUPTED, half]
+
+
+@pytest.mark.parametrize("chunk", [1, 7])
+def test_rest_does_not_depend_on_how_a_march_is_split(chunk: int) -> None:
+    whole, _ = thrown()
+    run = ready()
+    last = whole.positions.shape[0] - 1
+    for first in range(0, last, chunk):
+        marched(run, first, min(first + chunk, last))
+    np.testing.assert_array_equal(run.record.g[1:], whole.record.g[1:])
+
+
+def test_a_rail_that_hardly_moves_is_stopped_and_no_other() -> None:
+    run = ready()
+    system, state, work = run.system, run.state, run.work
+    first, last = int(system.mode_start[0]), int(system.mode_start[1])
+    for motion in (state.v, state.a, state.acceleration):
+        for share, moves in ((0.9, False), (1.1, True), (np.nan, True)):
+            for mode in (first, last - 1):
+                state.counters[UNSOLVED] = 0
+                state.v[:] = state.a[:] = state.acceleration[:] = 0.0
+                per_step = SCHEME.step if motion is state.v else SCHEME.step**2
+                motion[mode] = share * STILL / per_step
+                factors = step_factors(run.stepping, SCHEME.step)
+                predict(system, state, work, run.stepping, SCHEME.step, factors)
+                assert state.counters[UNSOLVED] == int(moves)
+                assert (motion[mode] == 0.0) == (not moves)
