@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from turnout.integrate.system import Ints, System
 from turnout.kernels.lanes import LANES, whole_lines
-from turnout.kernels.shared_record import shared_record
+from turnout.kernels.shared_record import address_of, shared_record
 from turnout.law.table import LawTable
 
 Floats = NDArray[np.float64]
@@ -62,7 +62,7 @@ def lines_from_buffer(*shape: int) -> Floats:
     """Return an uninitialised array from `acquire_buffer` that begins at a cache line."""
     count = int(math.prod(shape))
     memory = acquire_buffer(int(whole_lines(count)) + LANES)
-    first = (-(memory.ctypes.data // 8)) % LANES
+    first = -(address_of(memory) // 8) % LANES
     return memory[first : first + count].reshape(shape)
 
 

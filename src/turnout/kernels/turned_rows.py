@@ -2,7 +2,8 @@
 
 Columns of a tile of instants are turned, eight neighbours at eight instants at a time, into lines
 that stay in the processor's caches; rows are sums of such lines. Histories are read once and rows
-written once.
+written once: a row is summed as soon as all its columns are turned, so that the processor turns
+and sums while it waits for what is turned next.
 """
 
 from typing import NamedTuple
@@ -26,12 +27,12 @@ from turnout.kernels.memory import vector_at
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-TILE = 64
-"""Instants of a tile."""
+TILE = 4 * LANES
+"""Instants of a tile, which are summed at once: four sums keep the processor busy."""
 LINE = TILE + LANES
 """Floats from one line to the next; lines as long as a power of two meet in the same cache sets."""
-PASS = 4 * LANES
-"""Instants that are summed at once: four sums keep the processor busy."""
+BATCH = 2
+"""Windows that are turned before rows are summed: processors fetch lines of memory in pairs."""
 PLAIN, PLUS, MINUS = 0, 1, 2
 """A row is its sum, its start plus the sum, or its start minus the sum."""
 
@@ -39,12 +40,15 @@ PLAIN, PLUS, MINUS = 0, 1, 2
 class RowSums(NamedTuple):
     """Which columns come to which rows.
 
-    Columns are turned in windows of eight neighbours, which may overlap.
+    Columns are turned in windows of eight neighbours, which may overlap, a `BATCH` at a time. Rows
+    come in the order in which their columns are turned.
 
     Attributes
     ----------
     window_step, window_history : ndarray of int, shape (n_windows,)
         Floats from one instant of a window to the next, and the number of its history.
+    batch_row : ndarray of int, shape (n_batches + 1,)
+        First row of each batch: of those whose last column is among it.
     row_kind, row_near : ndarray of int, shape (n_rows,)
         `PLAIN`, `PLUS` or `MINUS`, and whether a row is soon read and stays in the caches.
     row_start : ndarray, shape (n_rows,)
@@ -55,22 +59,34 @@ class RowSums(NamedTuple):
         Whether its columns have weights; their products are added without being rounded before.
     term_start : ndarray of int, shape (n_groups + 1,)
         First term of each group.
-    term_line : ndarray of int, shape (n_terms,)
-        Line of the column of each term: eight for each window.
+    term_place : ndarray of int, shape (n_terms,)
+        Where the line of the column of each term begins, see `line_places`.
     term_weight : ndarray, shape (n_terms,)
         Its weight.
     """
 
     window_step: Ints
     window_history: Ints
+    batch_row: Ints
     row_kind: Ints
     row_near: Ints
     row_start: Floats
     group_start: Ints
     group_weighted: Ints
     term_start: Ints
-    term_line: Ints
+    term_place: Ints
     term_weight: Floats
+
+
+def line_places(window: Ints, column: Ints) -> Ints:
+    """Return where lines of columns of some windows begin in the memory for lines.
+
+    Examples
+    --------
+    >>> line_places(np.array([0, 0, 1]), np.array([0, 7, 0])).tolist()
+    [0, 280, 320]
+    """
+    return (LANES * window + column) * LINE
 
 
 @compiled
@@ -93,51 +109,51 @@ def write_row_sums(sums: RowSums, windows: Ints, rows: Ints, lines: Floats, coun
     total = lines[LANES * windows.size * LINE :]
     for first in range(0, count, TILE):
         size = min(TILE, count - first)
-        _turn_tile(sums, windows, first, size, lines)
-        for row in range(rows.size):
-            if sums.group_start[row] == sums.group_start[row + 1]:  # nothing is known of it
-                continue
-            for i in range(0, size, PASS):
-                address = rows[row] + 8 * (first + i)
-                out = vector_at(address, min(PASS, size - i))
-                part = out.size < PASS
-                past = not part and sums.row_near[row] == 0 and address % (8 * LANES) == 0
-                _write_pass(sums, row, lines, i, total if part else out, past)
-                if part:
-                    for k in range(out.size):
+        for batch in range(sums.batch_row.size - 1):
+            _turn_batch(sums, windows, batch, first, size, lines)
+            for row in range(sums.batch_row[batch], sums.batch_row[batch + 1]):
+                address = rows[row] + 8 * first
+                out = vector_at(address, size)
+                if size == TILE:
+                    past = sums.row_near[row] == 0 and address % (8 * LANES) == 0
+                    _write_row(sums, row, lines, out, past)
+                else:
+                    _write_row(sums, row, lines, total, False)
+                    for k in range(size):
                         out[k] = total[k]
 
 
 @compiled_part
-def _turn_tile(sums: RowSums, windows: Ints, first: int, size: int, lines: Floats) -> None:
-    """Write some instants of all windows to lines, eight at a time: these are eight streams."""
+def _turn_batch(
+    sums: RowSums, windows: Ints, batch: int, first: int, size: int, lines: Floats
+) -> None:
+    """Write some instants of a batch of windows to lines, and bring those of the next one close."""
     whole = size - size % LANES
-    for t in range(0, whole, LANES):
-        for w in range(windows.size):
-            step = sums.window_step[w]
-            address = windows[w] + 8 * step * (first + t)
-            # The processor foresees lines of one instant, but not those of the next eight.
-            for k in range(LANES, 2 * LANES):
-                prefetch(vector_at(address + 8 * step * k, 1))
-            turn(vector_at(address, 7 * step + LANES), step, lines[LANES * w * LINE + t :], LINE)
-    for t in range(whole, size):
-        for w in range(windows.size):
-            step = sums.window_step[w]
-            eight = vector_at(windows[w] + 8 * step * (first + t), LANES)
+    for w in range(BATCH * batch, min(BATCH * (batch + 1), windows.size)):
+        ahead, later = w + BATCH, first
+        if ahead >= windows.size:
+            ahead, later = ahead % windows.size, first + TILE
+        step, apart, begin = sums.window_step[w], 8 * sums.window_step[ahead], LANES * w * LINE
+        near = windows[ahead] + apart * later
+        for t in range(0, whole, LANES):
+            # The processor foresees lines of one instant, but not those of others.
+            for k in range(t, t + LANES):
+                prefetch(vector_at(near + apart * k, 1))
+            eight = vector_at(windows[w] + 8 * step * (first + t), 7 * step + LANES)
+            turn(eight, step, lines[begin + t :], LINE)
+        for t in range(whole, size):
+            one = vector_at(windows[w] + 8 * step * (first + t), LANES)
             for k in range(LANES):
-                lines[(LANES * w + k) * LINE + t] = eight[k]
+                lines[begin + k * LINE + t] = one[k]
 
 
 @compiled_part
-def _write_pass(sums: RowSums, row: int, lines: Floats, i: int, out: Floats, past: bool) -> None:
-    """Write a row over the instants of a pass; past the caches where it begins at a line of them.
-
-    `i` is the first of these instants in the lines.
-    """
+def _write_row(sums: RowSums, row: int, lines: Floats, out: Floats, past: bool) -> None:
+    """Write a row over the instants of a tile; past the caches only to the begin of a line."""
     begin, end = sums.group_start[row], sums.group_start[row + 1]
-    a, b, c, d = _sum_group(sums, begin, lines, i)
+    a, b, c, d = _sum_group(sums, begin, lines)
     for group in range(begin + 1, end):
-        e, f, g, h = _sum_group(sums, group, lines, i)
+        e, f, g, h = _sum_group(sums, group, lines)
         a, b, c, d = a + e, b + f, c + g, d + h
     start = broadcast(sums.row_start[row])
     if sums.row_kind[row] == MINUS:
@@ -157,25 +173,23 @@ def _write_pass(sums: RowSums, row: int, lines: Floats, i: int, out: Floats, pas
 
 
 @compiled_part
-def _sum_group(
-    sums: RowSums, group: int, lines: Floats, i: int
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return the sum of the columns of a group over a pass."""
+def _sum_group(sums: RowSums, group: int, lines: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return the sum of the columns of a group over a tile."""
     begin, end = sums.term_start[group], sums.term_start[group + 1]
     if sums.group_weighted[group]:
         a, b, c, d = broadcast(0.0), broadcast(0.0), broadcast(0.0), broadcast(0.0)
         for term in range(begin, end):
-            at, weight = sums.term_line[term] * LINE + i, broadcast(sums.term_weight[term])
+            at, weight = sums.term_place[term], broadcast(sums.term_weight[term])
             a = multiply_add(weight, load(lines, at), a)
             b = multiply_add(weight, load(lines, at + LANES), b)
             c = multiply_add(weight, load(lines, at + 2 * LANES), c)
             d = multiply_add(weight, load(lines, at + 3 * LANES), d)
         return a, b, c, d
-    at = sums.term_line[begin] * LINE + i
+    at = sums.term_place[begin]
     a, b = load(lines, at), load(lines, at + LANES)
     c, d = load(lines, at + 2 * LANES), load(lines, at + 3 * LANES)
     for term in range(begin + 1, end):
-        at = sums.term_line[term] * LINE + i
+        at = sums.term_place[term]
         a = a + load(lines, at)
         b = b + load(lines, at + LANES)
         c = c + load(lines, at + 2 * LANES)

@@ -6,11 +6,12 @@ from numpy.typing import NDArray
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.model import Panel
 from turnout.response.coordinates import stations
-from turnout.response.gaps import displacements_and_gaps, gap_rows_over_time
-from turnout.response.recovery import Motion, histories_of
-from turnout.response.rows_over_time import rows_in_lines, write_rows
+from turnout.response.gaps import place_block, shape_block
+from turnout.response.recipes import Block
+from turnout.response.recovery import Motion, blocks_of, histories_of
+from turnout.response.rows_over_time import Rows, write_rows
 from turnout.response.save import Save
-from turnout.response.signals import chair_rows, force_rows, stop_rows
+from turnout.response.signals import chair_block, force_block, stop_block
 
 Floats = NDArray[np.float64]
 
@@ -39,25 +40,33 @@ def channel_rows(
         By the name of a channel, the last axis time; "object" are the forces of all laws of
         objects, "places" the open distances at all `turnout.response.gaps.gap_places`.
     """
-    history = motion.history
-    count = history.time.size
-    objects, links = save.keeps(*OBJECTS), save.keeps("link_force")
-    arrays, wanted = force_rows(panel, mechanism, count, objects=objects, links=links)
-    if save.keeps("chair_normal_force", "chair_friction_force"):
-        made, rows = chair_rows(panel, mechanism, count)
-        arrays, wanted = arrays | made, wanted + rows
-    if save.keeps("stop_force"):
-        made, rows = stop_rows(panel, mechanism, count)
-        arrays, wanted = arrays | made, wanted + rows
-    if save.keeps(*SHAPES):
-        x = stations(panel, mechanism, save)
-        # One block of memory: the larger it is, the fewer pages it takes.
-        both = rows_in_lines(len(panel.rail), 2, x.size, count)
-        wanted += displacements_and_gaps(panel, motion, x, both)
-        arrays |= {"gap": both[:, 1], "lateral_displacement": both[:, 0]}
-    if save.keeps(*DRIVE_GAPS, *SENSOR_GAPS):
-        gaps = gap_rows_over_time(panel, motion)
-        wanted.append(gaps)
-        arrays["places"] = gaps.out
-    write_rows(wanted, histories_of(history))
+    index, history = mechanism.index, motion.history
+    x = stations(panel, mechanism, save) if save.keeps(*SHAPES) else None
+    wanted = (
+        *(save.keeps(*OBJECTS), save.keeps("link_force")),
+        bool(panel.chair) and save.keeps("chair_normal_force", "chair_friction_force"),
+        bool(panel.stop or panel.stud) and save.keeps("stop_force"),
+        save.keeps(*DRIVE_GAPS, *SENSOR_GAPS),
+    )
+
+    def blocks() -> list[Block]:
+        objects, links, chairs, stops, gaps = wanted
+        found = [force_block(panel, mechanism, objects=objects, links=links)]
+        found += [chair_block(panel, mechanism)] if chairs else []
+        found += [stop_block(panel, mechanism)] if stops else []
+        found += [] if x is None else [shape_block(panel, motion, x)]
+        return found + ([place_block(panel, motion)] if gaps else [])
+
+    named = (
+        *(panel.rail, panel.stock_rail, panel.chair, panel.stop, panel.stud, panel.drive),
+        *(panel.link, panel.sensor, panel.object_defaults, index.drive, index.object, index.link),
+        *(index.chair, index.chair_friction, index.stop),
+    )
+    values = (*wanted, panel.instrumented_rail, None if x is None else x.tobytes())
+    arrays, rows = dict[str, Floats](), list[Rows]()
+    for block in blocks_of(motion, named, values, blocks):
+        made, own = block.lay_out(history.time.size)
+        arrays |= made
+        rows += own
+    write_rows(rows, histories_of(history))
     return arrays

@@ -27,8 +27,8 @@ _indexes = LRUCache[tuple["Index", "xr.Variable"]](MOST_KEPT)
 
 MOST_PANELS = 8
 """Panels whose stations are kept in memory, the latest used."""
-MOST_FAMILIES = 64
-"""Families of members whose coordinates are kept likewise."""
+MOST_FAMILIES = 16
+"""Sets of families of members whose coordinates are kept likewise."""
 
 # Throws share what names and places are of. It is named by identity, and kept beside so that
 # nothing else takes its place.
@@ -59,15 +59,16 @@ def coordinates(
 
     Time is among them in any case.
     """
+    dimensions = [dimension for dimension in _MAKERS if dimension in used]
+    named = [getattr(panel, name) for dimension in dimensions for name in _MAKERS[dimension][0]]
+    key = (*dimensions, *map(id, named))
+    kept = _of_members.get(key)
+    if kept is None:
+        made = [item for dimension in dimensions for item in _MAKERS[dimension][1](panel).items()]
+        kept = _of_members.put(key, (dict(made), named))
     found: dict[str, Variable] = {"time": (("time",), time)}
-    for dimension, (families, make) in _MAKERS.items():
-        if dimension in used:
-            named = [getattr(panel, family) for family in families]
-            key = (dimension, *map(id, named))
-            kept = _of_members.get(key)
-            if kept is None:
-                kept = _of_members.put(key, (make(panel), named))
-            found |= {name: (dims, values.copy()) for name, (dims, values) in kept[0].items()}
+    for name, (dims, values) in kept[0].items():
+        found[name] = dims, values.copy()
     if "object" in used and mechanism.index.object_parts:
         found["object"] = _names("object", mechanism.index.object_parts)
     return found

@@ -15,23 +15,23 @@ from turnout.panel.layout import SIDE
 from turnout.panel.model import Panel
 from turnout.panel.profile import contact_height, running_edge_distance
 from turnout.panel.records import StockRail
-from turnout.response.recipes import Recipe
+from turnout.response.recipes import Block, Recipe
 from turnout.response.recovery import (
     CondensedShapes,
     Motion,
     Parts,
     Seen,
+    blocks_of,
     condensed_shapes,
     coordinates_at,
     histories_of,
     lateral_rows,
-    recipes_of,
     seen_by,
     seen_recipe,
     stacked,
 )
 from turnout.response.route import Throw, closed_rail, closed_spans, open_rail
-from turnout.response.rows_over_time import Rows, rows_in_lines, write_rows
+from turnout.response.rows_over_time import write_rows
 
 Floats = NDArray[np.float64]
 Place = tuple[str, Floats, Floats]
@@ -75,7 +75,7 @@ def stock_gap(panel: Panel, motion: CondensedShapes, rail: str, x: Floats) -> Fl
     return np.full(np.shape(x), np.nan) if gap is None else gap
 
 
-def displacements_and_gaps(panel: Panel, motion: Motion, x: Floats, out: Floats) -> list[Rows]:
+def shape_block(panel: Panel, motion: Motion, x: Floats) -> Block:
     """Return lateral displacements of all rails at contact height, and the open distances there.
 
     Parameters
@@ -84,28 +84,23 @@ def displacements_and_gaps(panel: Panel, motion: Motion, x: Floats, out: Floats)
         Panel and run.
     x : ndarray, shape (n_points,)
         Places along the rails [m].
-    out : ndarray, shape (n_rails, 2, n_points, n_times)
-        Displacements, positive in +y, then distances [m]; NaN beyond a rail.
+
+    Returns
+    -------
+    Block
+        "lateral_displacement", positive in +y, and "gap" [m]; NaN beyond a rail.
     """
-    heights = _contact_heights(panel, x)
-
-    def recipes() -> list[Recipe]:
-        found = []
-        for name, height in zip(panel.rail, heights, strict=True):
-            start, parts = gap_rows(panel, motion, name, x, height)
-            towards = seen_by(motion, parts[:1])
-            less = seen_by(motion, parts) if parts[1:] else towards
-            minus = SIDE[panel.rail[name].closes] < 0
-            found.append(seen_recipe(motion, towards, minus=minus))
-            found.append(seen_recipe(motion, less, start=start, minus=True))
-        return found
-
-    named = (heights, panel.rail, panel.stock_rail)
-    kept = recipes_of(motion, named, ("shapes", x.tobytes()), recipes)
-    return [
-        recipe.into(to)
-        for recipe, to in zip(kept, (rows for both in out for rows in both), strict=True)
-    ]
+    moved, open_distances = list[Recipe](), list[Recipe]()
+    for name, height in zip(panel.rail, _contact_heights(panel, x), strict=True):
+        start, parts = gap_rows(panel, motion, name, x, height)
+        towards = seen_by(motion, parts[:1])
+        less = seen_by(motion, parts) if parts[1:] else towards
+        minus = SIDE[panel.rail[name].closes] < 0
+        moved.append(seen_recipe(motion, towards, minus=minus))
+        open_distances.append(seen_recipe(motion, less, start=start, minus=True))
+    shape = len(moved), x.size
+    parts_of = {"lateral_displacement": (0, shape), "gap": (len(moved) * x.size, shape)}
+    return Block([(recipe, x.size) for recipe in moved + open_distances], parts_of)
 
 
 def gap_rows(
@@ -184,24 +179,20 @@ def split_gaps(panel: Panel, gaps: Floats, time: Floats) -> tuple[Floats, Floats
     return at_drives, at_sensors
 
 
-def gap_rows_over_time(panel: Panel, motion: Motion) -> Rows:
-    """Return the open distances at all `gap_places`, which `split_gaps` takes, over time."""
-    places = gap_places(panel)
-
-    def recipes() -> list[Recipe]:
-        start, less = _seen_together(panel, motion, places)
-        return [seen_recipe(motion, less, start=start, minus=True, near=True)]
-
-    (recipe,) = recipes_of(motion, (places, panel.rail, panel.stock_rail), ("gaps",), recipes)
-    count = sum(x.size for _, x, _ in places)
-    return recipe.into(rows_in_lines(count, motion.history.time.size))
+def place_block(panel: Panel, motion: Motion) -> Block:
+    """Return the open distances at all `gap_places`, which `split_gaps` takes: "places" [m]."""
+    start, less = _seen_together(panel, motion, gap_places(panel))
+    recipe = seen_recipe(motion, less, start=start, minus=True, near=True)
+    return Block([(recipe, start.size)], {"places": (0, start.shape)})
 
 
 def gaps_over_time(panel: Panel, motion: Motion) -> Floats:
     """Return the open distances at all `gap_places`, shape (n_places, n_times) [m]."""
-    rows = gap_rows_over_time(panel, motion)
-    write_rows([rows], histories_of(motion.history))
-    return rows.out
+    named = (gap_places(panel), panel.rail, panel.stock_rail)
+    (block,) = blocks_of(motion, named, ("gaps",), lambda: [place_block(panel, motion)])
+    arrays, rows = block.lay_out(motion.history.time.size)
+    write_rows(rows, histories_of(motion.history))
+    return arrays["places"]
 
 
 def watched_gaps(panel: Panel, mechanism: Mechanism) -> Callable[[CondensedRails], SeenRows]:

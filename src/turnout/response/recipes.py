@@ -4,14 +4,15 @@ Throws of the same rails share recipes, which are made once (`turnout.response.r
 writes the rows).
 """
 
-from collections.abc import Callable, Hashable, Sequence
+import math
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.lru_cache import LRUCache
-from turnout.response.rows_over_time import Product, Rows, clear_layouts
+from turnout.response.rows_over_time import Product, Rows, clear_layouts, rows_in_lines
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -19,8 +20,8 @@ Ints = NDArray[np.int64]
 APART = 24
 """Columns without a weight between others, above which a product is made in parts."""
 
-MOST_RECIPES = 32
-"""Recipes in memory, the latest used."""
+MOST_KEPT = 16
+"""Sets of blocks in memory, the latest used."""
 
 
 def evenly_spaced(places: Ints) -> slice | Ints:
@@ -57,15 +58,43 @@ class Recipe(NamedTuple):
         return Rows(self.products, out, self.start, self.minus, self.near)
 
 
+class Block(NamedTuple):
+    """Rows over time in one piece of memory, the larger the fewer pages it takes.
+
+    Attributes
+    ----------
+    recipes : sequence of (Recipe, int)
+        How they are made, and how many rows each recipe makes.
+    parts : mapping of str to (int, tuple of int)
+        First row and shape of what they are named, without the axis of time.
+    """
+
+    recipes: Sequence[tuple[Recipe, int]]
+    parts: Mapping[str, tuple[int, tuple[int, ...]]]
+
+    def lay_out(self, count: int) -> tuple[dict[str, Floats], list[Rows]]:
+        """Return arrays over `count` instants by name, and the rows to be written there."""
+        memory = rows_in_lines(sum([size for _, size in self.recipes]), count)
+        wanted, first = list[Rows](), 0
+        for recipe, size in self.recipes:
+            wanted.append(recipe.into(memory[first : first + size]))
+            first += size
+        arrays = {
+            name: memory[first : first + math.prod(shape)].reshape(*shape, count)
+            for name, (first, shape) in self.parts.items()
+        }
+        return arrays, wanted
+
+
 # What recipes depend on is named by identity, and kept beside them so that nothing else takes its
 # place.
-_recipes = LRUCache[tuple[tuple[Recipe, ...], Sequence[object]]](MOST_RECIPES)
+_blocks = LRUCache[tuple[tuple[Block, ...], Sequence[object]]](MOST_KEPT)
 
 
-def kept_recipes(
-    named: Sequence[object], values: Sequence[Hashable], make: Callable[[], Sequence[Recipe]]
-) -> tuple[Recipe, ...]:
-    """Return recipes of rows, made once for the same objects and values.
+def kept_blocks(
+    named: Sequence[object], values: Sequence[Hashable], make: Callable[[], Sequence[Block]]
+) -> tuple[Block, ...]:
+    """Return blocks of rows, made once for the same objects and values.
 
     Parameters
     ----------
@@ -77,15 +106,15 @@ def kept_recipes(
         Makes them.
     """
     key = (*map(id, named), *values)
-    kept = _recipes.get(key)
+    kept = _blocks.get(key)
     if kept is None:
-        kept = _recipes.put(key, (tuple(make()), named))
+        kept = _blocks.put(key, (tuple(make()), named))
     return kept[0]
 
 
 def clear_recipes() -> None:
     """Forget all recipes, and the rails that they keep in memory."""
-    _recipes.clear()
+    _blocks.clear()
     clear_layouts()
 
 

@@ -14,8 +14,17 @@ from numpy.typing import NDArray
 from turnout.core.lru_cache import LRUCache
 from turnout.integrate.scratch import lines_from_buffer
 from turnout.kernels.lanes import LANES, whole_lines
-from turnout.kernels.shared_record import shared_record
-from turnout.kernels.turned_rows import LINE, MINUS, PLAIN, PLUS, RowSums, write_row_sums
+from turnout.kernels.shared_record import address_of, shared_record
+from turnout.kernels.turned_rows import (
+    BATCH,
+    LINE,
+    MINUS,
+    PLAIN,
+    PLUS,
+    RowSums,
+    line_places,
+    write_row_sums,
+)
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -163,7 +172,7 @@ class _Layout(NamedTuple):
     window_offset : ndarray of int
         From the first number of its history to each window [B].
     part, number : ndarray of int, shape (n_rows,)
-        The `Rows` that each row belongs to, and its number in them.
+        The `Rows` that each row of which something is known belongs to, and its number in them.
     named : sequence of object
         Products and starts, by which layouts are known.
     """
@@ -212,9 +221,55 @@ def _lay_out(
     wanted: Sequence[Rows], histories: Mapping[str, Floats], turned: Mapping[str, Floats]
 ) -> _Layout:
     """Return the terms of all products, by row and product."""
-    names = list(histories)
-    first_column = np.cumsum([0, *(histories[name].shape[1] for name in names)])
-    first_of = dict(zip(names, first_column.tolist(), strict=False))
+    first_column = np.cumsum([0, *(values.shape[1] for values in histories.values())])
+    terms, groups = _collected(wanted, histories, first_column.tolist())
+    row, group, order, column, weight = terms
+    of_group, in_order, weighted = groups
+    history = np.searchsorted(first_column, column, side="right") - 1
+    own = column - first_column[history]
+    window_history, window_column, window = _windows(history, own, list(turned.values()))
+    place = line_places(window, own - window_column[window])
+    sorted_rows, batch_row = _in_batches(np.unique(of_group), row, window, window_history.size)
+    counts = [rows.out.shape[0] for rows in wanted]
+    rank = np.empty(sum(counts), dtype=np.int64)
+    rank[sorted_rows] = np.arange(sorted_rows.size)
+    row, of_group = rank[row], rank[of_group]
+    by_group, by_row = np.lexsort((in_order, of_group)), np.lexsort((order, group, row))
+    # Groups in the order of rows and products have one number that rises.
+    span = int(in_order.max(initial=0)) + 1
+    begins = np.searchsorted((row * span + group)[by_row], (of_group * span + in_order)[by_group])
+    steps = np.array([values.strides[0] // 8 for values in turned.values()])
+    sums = RowSums(
+        window_step=steps[window_history],
+        window_history=window_history,
+        batch_row=batch_row,
+        row_kind=np.repeat([_kind(rows) for rows in wanted], counts)[sorted_rows],
+        row_near=np.repeat([int(rows.near) for rows in wanted], counts)[sorted_rows],
+        row_start=np.concatenate([_starts(rows) for rows in wanted])[sorted_rows],
+        group_start=np.searchsorted(of_group[by_group], np.arange(sorted_rows.size + 1)),
+        group_weighted=weighted[by_group],
+        term_start=np.append(begins, row.size),
+        term_place=place[by_row],
+        term_weight=weight[by_row],
+    )
+    return _Layout(
+        sums=shared_record(sums),
+        window_offset=8 * window_column,
+        part=np.repeat(np.arange(len(counts)), counts)[sorted_rows],
+        number=np.concatenate([np.arange(count) for count in counts])[sorted_rows],
+        named=[(rows.products, rows.start) for rows in wanted],
+    )
+
+
+def _collected(
+    wanted: Sequence[Rows], histories: Mapping[str, Floats], first_column: Sequence[int]
+) -> tuple["_Terms", tuple[Ints, Ints, Ints]]:
+    """Return the terms of all products that rows are left with, and row, product and kind of these.
+
+    `first_column` is that of each history among the columns of all. A product that is not added
+    takes the place of those before it.
+    """
+    first_of = dict(zip(histories, first_column, strict=False))
     first_row = np.cumsum([0, *(rows.out.shape[0] for rows in wanted)])
     terms, groups, number = list[_Terms](), list[tuple[Ints, int, int, bool]](), 0
     for rows, begin in zip(wanted, first_row.tolist(), strict=False):
@@ -234,51 +289,32 @@ def _lay_out(
     in_order, weighted, added = (np.repeat([item[k] for item in groups], sizes) for k in (1, 2, 3))
     begun = np.zeros(int(first_row[-1]), dtype=np.int64)  # the last product that is not added
     np.maximum.at(begun, of_group[~added], in_order[~added])
-    kept = in_order >= begun[of_group]
-    of_group, in_order, weighted = of_group[kept], in_order[kept], weighted[kept]
-    by_row = np.lexsort((in_order, of_group))
-    of_group, in_order, weighted = of_group[by_row], in_order[by_row], weighted[by_row]
-    kept = group >= begun[row]
-    by_row = np.flatnonzero(kept)[np.lexsort((order[kept], group[kept], row[kept]))]
-    row, group = row[by_row], group[by_row]
-    # Groups in the order of rows and products have one number that rises.
-    span = number + 1
-    place = np.searchsorted(row * span + group, of_group * span + in_order)
-    history = np.searchsorted(first_column, column[by_row], side="right") - 1
-    own = column[by_row] - first_column[history]
-    window_history, window_column, line = _windows(history, own, list(turned.values()))
-    steps = np.array([values.strides[0] // 8 for values in turned.values()])
-    counts = np.diff(first_row)
-    sums = RowSums(
-        window_step=steps[window_history],
-        window_history=window_history,
-        row_kind=np.repeat([_kind(rows) for rows in wanted], counts),
-        row_near=np.repeat([int(rows.near) for rows in wanted], counts),
-        row_start=np.concatenate([_starts(rows) for rows in wanted]),
-        group_start=np.searchsorted(of_group, np.arange(first_row[-1] + 1)),
-        group_weighted=weighted,
-        term_start=np.append(place, row.size),
-        term_line=line,
-        term_weight=weight[by_row],
-    )
-    return _Layout(
-        sums=shared_record(sums),
-        window_offset=8 * window_column,
-        part=np.repeat(np.arange(counts.size), counts),
-        number=np.concatenate([np.arange(count) for count in counts]),
-        named=[(rows.products, rows.start) for rows in wanted],
-    )
+    kept, left = group >= begun[row], in_order >= begun[of_group]
+    found = row[kept], group[kept], order[kept], column[kept], weight[kept]
+    return found, (of_group[left], in_order[left], weighted[left])
 
 
 def _windows(history: Ints, column: Ints, turned: Sequence[Floats]) -> tuple[Ints, Ints, Ints]:
-    """Return history and first column of the windows of some columns, and the line of each column.
+    """Return history and first column of the windows of some columns, and the window of each.
 
     The last window of a history ends with it, so that nothing beyond it is read.
     """
     widths = np.array([values.shape[1] for values in turned])
     first, span = np.minimum(column // LANES * LANES, widths[history] - LANES), widths.max()
     used, number = np.unique(history * span + first, return_inverse=True)
-    return used // span, used % span, LANES * number + column - first
+    return used // span, used % span, number
+
+
+def _in_batches(known: Ints, row: Ints, window: Ints, count: int) -> tuple[Ints, Ints]:
+    """Return known rows by the batch with the last window of their terms, and where each begins.
+
+    `row` and `window` are those of all terms, `count` is the number of windows.
+    """
+    last = np.zeros(int(known.max(initial=-1)) + 1, dtype=np.int64)
+    np.maximum.at(last, row, window // BATCH)
+    order = np.argsort(last[known], kind="stable")
+    batches = np.arange(max(-(-count // BATCH), 1) + 1)
+    return known[order], np.searchsorted(last[known[order]], batches)
 
 
 _Terms = tuple[Ints, Ints, Ints, Ints, Floats]
@@ -303,8 +339,8 @@ def _numbers(places: slice | Ints, size: int) -> Ints:
 
 
 def _addresses(arrays: Iterable[Floats]) -> Ints:
-    """Return the address of the first number of each array."""
-    return np.array([values.__array_interface__["data"][0] for values in arrays], dtype=np.int64)
+    """Return the address of the first number of each array of rows that lie in one piece each."""
+    return np.array([address_of(values[0]) for values in arrays], dtype=np.int64)
 
 
 def _kind(rows: Rows) -> int:

@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.integrate.energy import (
-    ALGORITHMIC,
     CONTACT,
     DAMPING,
     FRICTION,
@@ -28,11 +27,11 @@ from turnout.integrate.energy import (
     KINETIC,
     MARKERS,
     OBJECTS,
-    SEGMENTS,
     STRAIN,
     SWITCHED,
     energy_balance,
 )
+from turnout.integrate.energy_rows import NUMERICAL, RESIDUAL, ROWS, STORED, write_energies
 from turnout.integrate.integration import History
 from turnout.integrate.watch import Instants
 from turnout.mechanism.build_rails import fastening_offset
@@ -42,9 +41,9 @@ from turnout.mechanism.object_laws import named_obstructions
 from turnout.panel.markers import marker_offsets
 from turnout.panel.model import Panel
 from turnout.panel.records import Fastening
-from turnout.response.recipes import Recipe, kept_recipes, sums_of_columns
+from turnout.response.recipes import Block, Recipe, sums_of_columns
 from turnout.response.recovery import Motion, row_motion
-from turnout.response.rows_over_time import Product, Rows, rows_in_lines
+from turnout.response.rows_over_time import Product
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -125,37 +124,27 @@ def object_channels(mechanism: Mechanism, force: Floats) -> dict[str, Variable]:
     return signals
 
 
-def force_rows(
-    panel: Panel, mechanism: Mechanism, count: int, *, objects: bool, links: bool
-) -> tuple[dict[str, Floats], list[Rows]]:
+def force_block(panel: Panel, mechanism: Mechanism, *, objects: bool, links: bool) -> Block:
     """Return forces of drives, and of all laws of objects and of links where these are wanted.
 
-    They are still to be written over `count` instants, as the second item says: on the rail those
-    of drives, on objects and in links those of their laws [N].
+    On the rail "drive_force", on objects "object" and in links "link_force", of their laws [N].
     """
     index = mechanism.index
-    drives = tuple([index.drive[name] for name in panel.drive])
-    of_objects = tuple(index.object.values()) if objects else ()
-    of_links = tuple([index.link[name] for name in panel.link]) if links else ()
+    drives = [index.drive[name] for name in panel.drive]
+    of_objects = list(index.object.values()) if objects else []
+    of_links = [index.link[name] for name in panel.link] if links else []
 
-    def sums(laws: Sequence[int], *, minus: bool) -> Recipe:
+    def sums(laws: Sequence[int], *, minus: bool) -> tuple[Recipe, int]:
         columns = np.array(laws, dtype=np.int64)[:, np.newaxis]
         products = sums_of_columns("law_force", columns, rows=np.arange(len(laws)))
-        return Recipe(tuple(products), minus=minus, near=True)
+        return Recipe(tuple(products), minus=minus, near=True), len(laws)
 
-    others = of_objects + of_links
-    recipes = kept_recipes(
-        (),
-        ("forces", drives, others),
-        lambda: [sums(drives, minus=True), sums(others, minus=False)],
-    )
-    forces, first = rows_in_lines(len(drives) + len(others), count), len(drives)
-    made = {"drive_force": forces[:first]}
+    parts = {"drive_force": (0, (len(drives),))}
     if objects:
-        made["object"] = forces[first : first + len(of_objects)]
-    if links and panel.link:
-        made["link_force"] = forces[first + len(of_objects) :]
-    return made, [recipes[0].into(forces[:first]), recipes[1].into(forces[first:])]
+        parts["object"] = (len(drives), (len(of_objects),))
+    if of_links:
+        parts["link_force"] = (len(drives) + len(of_objects), (len(of_links),))
+    return Block([sums(drives, minus=True), sums(of_objects + of_links, minus=False)], parts)
 
 
 def object_memory(mechanism: Mechanism, history: History) -> dict[str, Variable]:
@@ -191,31 +180,15 @@ def lasting_dents(mechanism: Mechanism, history: History) -> Floats:
     return found
 
 
-def chair_rows(
-    panel: Panel, mechanism: Mechanism, count: int
-) -> tuple[dict[str, Floats], list[Rows]]:
-    """Return normal force and friction on the rail at every chair, summed over its foot points.
-
-    They are still to be written over `count` instants, as the second item says.
-    """
-    if not panel.chair:
-        return {}, []
-    index = mechanism.index
-    n_chairs = len(panel.rail) * len(panel.chair)
-
-    def recipes() -> list[Recipe]:
-        chairs = list(itertools.product(panel.rail, panel.chair))
-        # 0.0 - F: no negative zeros of friction
-        kinds = (("law_force", index.chair, False), ("friction_force", index.chair_friction, True))
-        return [_sums_at(history, chairs, laws, minus=minus) for history, laws, minus in kinds]
-
-    named = (index.chair, index.chair_friction, panel.rail, panel.chair)
-    # One block of memory: the larger it is, the fewer pages it takes.
-    both = rows_in_lines(2, n_chairs, count)
-    kept = kept_recipes(named, ("chairs",), recipes)
-    rows = [recipe.into(out) for recipe, out in zip(kept, both, strict=True)]
-    normal, friction = both.reshape(2, len(panel.rail), len(panel.chair), count)
-    return {"chair_normal_force": normal, "chair_friction_force": friction}, rows
+def chair_block(panel: Panel, mechanism: Mechanism) -> Block:
+    """Return normal force and friction on the rail at every chair, summed over its foot points."""
+    index, chairs = mechanism.index, list(itertools.product(panel.rail, panel.chair))
+    normal = _sums_at("law_force", chairs, index.chair)
+    # 0.0 - F: no negative zeros of friction
+    friction = _sums_at("friction_force", chairs, index.chair_friction, minus=True)
+    shape, count = (len(panel.rail), len(panel.chair)), len(chairs)
+    parts = {"chair_normal_force": (0, shape), "chair_friction_force": (count, shape)}
+    return Block([(normal, count), (friction, count)], parts)
 
 
 def _sums_at(
@@ -235,27 +208,13 @@ def _sums_at(
     return Recipe(tuple(found), minus=minus, unknown=unknown)
 
 
-def stop_rows(
-    panel: Panel, mechanism: Mechanism, count: int
-) -> tuple[dict[str, Floats], list[Rows]]:
-    """Return the force at every stop and stud, positive in compression.
-
-    They are still to be written over `count` instants, as the second item says.
-    """
-    n_stops = len(panel.stop) + len(panel.stud)
-    if not n_stops:
-        return {}, []
-
-    def recipes() -> list[Recipe]:
-        places = list(itertools.product(panel.rail, stop_names(panel)))
-        laws = {place: (law,) for place, law in mechanism.index.stop.items()}
-        return [_sums_at("law_force", places, laws)]
-
-    named = (mechanism.index.stop, panel.rail, panel.stop, panel.stud)
-    (recipe,) = kept_recipes(named, ("stops",), recipes)
-    force = rows_in_lines(len(panel.rail) * n_stops, count)
-    shaped = force.reshape(len(panel.rail), n_stops, count)
-    return {"stop_force": shaped}, [recipe.into(force)]
+def stop_block(panel: Panel, mechanism: Mechanism) -> Block:
+    """Return the force at every stop and stud, positive in compression."""
+    places = list(itertools.product(panel.rail, stop_names(panel)))
+    laws = {place: (law,) for place, law in mechanism.index.stop.items()}
+    shape = len(panel.rail), len(panel.stop) + len(panel.stud)
+    recipe = _sums_at("law_force", places, laws)
+    return Block([(recipe, len(places))], {"stop_force": (0, shape)})
 
 
 def stop_names(panel: Panel) -> list[str]:
@@ -263,20 +222,20 @@ def stop_names(panel: Panel) -> list[str]:
     return [*panel.stop, *(f"stud {name}" for name in panel.stud)]
 
 
-_STORED = {
+_ENERGY_ROWS = {
     "energy_kinetic": KINETIC,
     "energy_strain": STRAIN,
     "energy_contact": CONTACT,
     "energy_gravity": GRAVITY,
+    "work_markers": STORED + MARKERS,
+    "energy_friction": STORED + FRICTION,
+    "energy_damping": STORED + DAMPING,
+    "energy_object_switched": STORED + SWITCHED,
+    "energy_object_dissipated": STORED + OBJECTS,
+    "energy_numerical": NUMERICAL,
+    "energy_residual": RESIDUAL,
 }
-_SPENT = {
-    "work_markers": MARKERS,
-    "energy_friction": FRICTION,
-    "energy_damping": DAMPING,
-    "energy_object_switched": SWITCHED,
-    "energy_object_dissipated": OBJECTS,
-}
-ENERGIES = (*_STORED, *_SPENT, "energy_numerical", "energy_residual")
+ENERGIES = tuple(_ENERGY_ROWS)
 """Channels that `energy_channels` makes."""
 
 
@@ -299,21 +258,9 @@ def energy_channels(stored: Floats, ledger: Floats) -> dict[str, Variable]:
         Channel name to dimensions and values.
     """
     # Rows over time, which later reading takes one after the other.
-    change = np.subtract(stored.T, stored[:1].T, order="C")
-    spent = np.ascontiguousarray(ledger.T)
-    numerical = spent[ALGORITHMIC] + spent[SEGMENTS]
-    books = (
-        spent[MARKERS]
-        + spent[SWITCHED]
-        - spent[FRICTION]
-        - spent[DAMPING]
-        - spent[OBJECTS]
-        - numerical
-    )
-    values = {name: change[row] for name, row in _STORED.items()}
-    values |= {name: spent[row] for name, row in _SPENT.items()}
-    values |= {"energy_numerical": numerical, "energy_residual": change.sum(axis=0) - books}
-    return {name: (("time",), value) for name, value in values.items()}
+    rows = np.empty((ROWS, stored.shape[0]))
+    write_energies(np.ascontiguousarray(stored), np.ascontiguousarray(ledger), rows)
+    return {name: (("time",), rows[row]) for name, row in _ENERGY_ROWS.items()}
 
 
 def energy_scale(stored: Floats, ledger: Floats) -> float:

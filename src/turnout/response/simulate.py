@@ -12,6 +12,8 @@ from turnout.core.lru_cache import LRUCache
 from turnout.core.threads import one_blas_thread
 from turnout.errors import ResponseError
 from turnout.integrate.arrange import clear_memory
+from turnout.integrate.energy import LEDGER
+from turnout.integrate.energy_rows import STORED
 from turnout.integrate.integration import Floats, History, RunPlan, carry_out, integrate, plan_run
 from turnout.integrate.march import march_with_machines
 from turnout.integrate.outcome import NotConverged
@@ -349,6 +351,7 @@ def compile_kernels(*, machines: bool = False) -> None:
     """
     from turnout.response.recipes import sums_of_columns
     from turnout.response.rows_over_time import Rows, write_rows
+    from turnout.response.signals import energy_channels
 
     moments = {"throw.start": 0.0, "throw.duration": 0.01, "return.start": 0.02}
     changes: dict[str, object] = {f"movement.{key}": value for key, value in moments.items()}
@@ -367,6 +370,7 @@ def compile_kernels(*, machines: bool = False) -> None:
     one = np.zeros(1, dtype=np.int64)
     products = sums_of_columns("g", one[:, np.newaxis], rows=one)
     write_rows([Rows(products, np.zeros((1, 1)))], {"g": np.zeros((1, 1))})
+    energy_channels(np.zeros((1, STORED)), np.zeros((1, LEDGER)))
 
 
 MOST_MOTIONS = 8
