@@ -50,7 +50,7 @@ CANDIDATES = tuple(
     Scheme(step=step, cutoff_frequency=cutoff, spectral_radius=radius)
     for step in (5e-3, 4e-3, 3e-3, 2e-3, 1e-3)
     for cutoff in (30.0, 100.0, 300.0)
-    for radius in (0.5, 0.9)
+    for radius in (0.3, 0.5, 0.7, 0.9)
 )
 """Of turnout's choices, those tried for the least that agrees, as rivals try their steps."""
 
