@@ -12,7 +12,7 @@ from turnout.integrate.outcome import Code
 from turnout.integrate.prepared_run import PreparedRun, prepare, set_up_run
 from turnout.integrate.start import start_at_rest
 from turnout.integrate.state import COUNT_ITERATIONS, UNSOLVED
-from turnout.integrate.step import STILL, predict, step_factors
+from turnout.integrate.step import REST_TIME, STILL, is_at_rest, predict, step_factors
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.load import load_panel
 from turnout.panel.markers import marker_offsets, marker_positions
@@ -94,9 +94,20 @@ def test_a_rail_that_hardly_moves_is_stopped_and_no_other() -> None:
             for mode in (first, last - 1):
                 state.counters[UNSOLVED] = 0
                 state.v[:] = state.a[:] = state.acceleration[:] = 0.0
-                per_step = SCHEME.step if motion is state.v else SCHEME.step**2
-                motion[mode] = share * STILL / per_step
+                span = REST_TIME if motion is state.v else REST_TIME**2
+                motion[mode] = share * STILL / span
                 factors = step_factors(run.stepping, SCHEME.step)
                 predict(system, state, work, run.stepping, SCHEME.step, factors)
                 assert state.counters[UNSOLVED] == int(moves)
                 assert (motion[mode] == 0.0) == (not moves)
+
+
+@pytest.mark.parametrize("step", [1e-6, 1e-3])
+def test_a_mode_that_turns_round_is_not_at_rest_in_a_short_step(step: float) -> None:
+    run = ready()
+    gap = run.tolerances.gap
+    run.state.v[:] = 0.0
+    run.state.acceleration[:] = 0.5 * gap / REST_TIME**2
+    assert is_at_rest(run.state, step, gap)
+    run.state.acceleration[0] = 2.0 * gap / REST_TIME**2
+    assert not is_at_rest(run.state, step, gap)

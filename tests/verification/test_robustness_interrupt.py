@@ -16,8 +16,9 @@ import pytest
 
 from turnout.response.store import open_response
 
-# Minutes of steps, of which few are kept, so that there is not much to be written.
-LONG = ("--set=schedule.end=90 s", "--step=0.05 ms", "--every=20 ms")
+# Millions of steps, of which few are kept, so that there is not much to be written.
+LONG = ("--step=0.005 ms", "--every=20 ms")
+PANEL = "uic60-760-1-15"
 PROGRAM = "from turnout.cli.main import main; main()"
 
 
@@ -31,7 +32,7 @@ def share_of_a_core() -> float:
 
 def interrupted(out: Path) -> tuple[int, float, str, str]:
     """Press Ctrl-C at the first sign of progress; return exit code, seconds, and what was said."""
-    command = [sys.executable, "-c", PROGRAM, "simulate", "sb2", *LONG, "--out", str(out)]
+    command = [sys.executable, "-c", PROGRAM, "simulate", PANEL, *LONG, "--out", str(out)]
     with subprocess.Popen(
         command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True
     ) as program:
@@ -54,7 +55,7 @@ def test_ctrl_c_stops_within_a_second_and_keeps_what_there_is(tmp_path: Path) ->
         code, took, shown, rest = interrupted(out)
         times.append(took * share_of_a_core())
         assert code == 130, rest
-        assert "simulating sb2" in shown
+        assert f"simulating {PANEL}" in shown
         assert "interrupted" in rest
         assert "Traceback" not in rest
         partial = open_response(out)

@@ -36,8 +36,12 @@ from turnout.kernels.lanes import (
     store,
 )
 
-STILL = 1e-13
-"""Largest motion in a step that is taken for none, of a coordinate of unit mass [kg^0.5 m]."""
+REST_TIME = 0.01
+"""Time, or a step where that is longer, within which a rail at rest moves by no more than a
+tolerance [s]; it does not depend on the step, as a mode that turns round hardly moves in a short
+one."""
+STILL = 1e-12
+"""Largest motion within this time that is taken for none, of modes of unit mass [kg^0.5 m]."""
 
 
 class Stepping(NamedTuple):
@@ -195,17 +199,17 @@ def _correct_modes(
 
 @compiled_part
 def is_at_rest(state: State, h: float, gap: float) -> bool:
-    """Return whether no mode moves further in a step of length `h` [s] than the tolerance of gaps.
+    """Return whether no mode moves further within `REST_TIME` than the tolerance of gaps [m].
 
-    `gap` is taken as that of modal coordinates too, which move their rails by less: a mode of unit
-    mass displaces a rail of 600 kg by some 0.06 of its coordinate.
+    The step is of length `h` [s]. `gap` is taken as that of modal coordinates too, which move their
+    rails by less: a mode of unit mass displaces a rail of 600 kg by some 0.06 of its coordinate.
     """
     return not _moves((state.v, state.a, state.acceleration), 0, state.v.size, h, gap)
 
 
 @compiled_part
 def _stop_blocks(system: System, state: State, h: float) -> int:
-    """Stop blocks that move by less than `STILL` in a step; return a bit for each of the others."""
+    """Stop blocks that move by less than `STILL`; return a bit for each of the others."""
     moving = 0
     motion = (state.v, state.a, state.acceleration)
     for block in range(system.mode_start.size - 1):
@@ -221,19 +225,21 @@ def _stop_blocks(system: System, state: State, h: float) -> int:
 def _moves(
     motion: tuple[Floats, Floats, Floats], first: int, last: int, h: float, tolerance: float
 ) -> bool:
-    """Return whether some mode moves further in a step than a tolerance, or is NaN."""
+    """Return whether some mode moves further than a tolerance within `REST_TIME`, or is NaN."""
     v, a, acceleration = motion
-    h_1, h_2, most = broadcast(h), broadcast(h * h), broadcast(tolerance)
+    span = max(h, REST_TIME)
+    fastest, largest = tolerance / span, tolerance / (span * span)
+    v_8, a_8 = broadcast(fastest), broadcast(largest)
     i, moves = first, False
     while i + LANES <= last and not moves:
-        of_v = greater_or_nan(h_1 * absolute(load(v, i)), most)
-        of_a = greater_or_nan(h_2 * absolute(load(a, i)), most)
-        further = greater_or_nan(h_2 * absolute(load(acceleration, i)), most)
+        of_v = greater_or_nan(absolute(load(v, i)), v_8)
+        of_a = greater_or_nan(absolute(load(a, i)), a_8)
+        further = greater_or_nan(absolute(load(acceleration, i)), a_8)
         moves = any_true(logical_or(of_v, logical_or(of_a, further)))
         i += LANES
     while i < last and not moves:
-        rests = h * abs(v[i]) <= tolerance and h * h * abs(a[i]) <= tolerance
-        moves = not (rests and h * h * abs(acceleration[i]) <= tolerance)
+        rests = abs(v[i]) <= fastest and abs(a[i]) <= largest
+        moves = not (rests and abs(acceleration[i]) <= largest)
         i += 1
     return moves
 
