@@ -31,7 +31,7 @@ class Scheme:
         Of the generalised-alpha scheme at infinite frequency: 1 keeps everything, 0 removes what
         the step cannot resolve [-].
     gap_tolerance : float
-        Overlap of neighbouring law segments that is overlooked [m].
+        Overlap of neighbouring law segments that is overlooked, and motion taken for rest [m].
     force_tolerance : float
         Violation of a friction limit that is overlooked [N].
     iterations : int

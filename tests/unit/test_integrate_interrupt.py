@@ -21,7 +21,7 @@ from turnout.integrate.prepared_run import PreparedRun
 from turnout.integrate.solve import Tolerances, iterate_contact_set
 from turnout.integrate.step import Stepping
 from turnout.integrate.watch import StepRecord
-from turnout.kernels import interrupt
+from turnout.kernels import flag_setter, interrupt
 from turnout.kernels.interrupt import call_interruptible, one_thread
 from turnout.kernels.lanes import zeros_in_lines
 from turnout.kernels.shared_record import shared_record
@@ -145,3 +145,25 @@ def test_the_walk_along_the_path_listens_too() -> None:
     given = (system, table, state, work, TOLERANCES, inputs, 3e4, 900.0)
     assert follow_path(*given) == Code.INTERRUPTED
     assert iterate_contact_set(system, table, state, work, TOLERANCES) == Code.INTERRUPTED
+
+
+@pytest.mark.usefixtures("python_ctrl_c")
+@pytest.mark.skipif(os.name != "posix", reason="handlers stay in place there")
+def test_ctrl_c_as_a_kernel_is_called_leaves_the_handler_as_it_was(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Python raises what it has noted once the call that sets the handler returns."""
+    before = flag_setter.present_handler(signal.SIGINT)
+
+    def interrupted(number: int, handler: int) -> int:
+        found = set_handler(number, handler)
+        if handler != before:
+            raise KeyboardInterrupt
+        return found
+
+    set_handler = flag_setter.set_handler
+    monkeypatch.setattr(flag_setter, "set_handler", interrupted)
+    for _ in range(2):
+        with pytest.raises(KeyboardInterrupt):
+            call_interruptible(None, np.zeros(1, dtype=np.int64), max, 1, 2)
+        assert flag_setter.present_handler(signal.SIGINT) == before

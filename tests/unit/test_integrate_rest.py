@@ -7,11 +7,12 @@ import pytest
 from numpy.typing import NDArray
 
 from turnout.integrate.arrange import arrange
+from turnout.integrate.integration import integrate
 from turnout.integrate.march import march
 from turnout.integrate.outcome import Code
 from turnout.integrate.prepared_run import PreparedRun, prepare, set_up_run
 from turnout.integrate.start import start_at_rest
-from turnout.integrate.state import COUNT_ITERATIONS, UNSOLVED
+from turnout.integrate.state import COUNT_ITERATIONS, COUNT_JOINING, UNSOLVED
 from turnout.integrate.step import REST_TIME, STILL, is_at_rest, predict, step_factors
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.load import load_panel
@@ -24,9 +25,9 @@ BEGINS, MOVES = 1.0, 1.5
 """When the drives of SB1 begin to move, and until when it is thrown here [s]."""
 
 
-def ready(change: Floats | float = 0.0) -> PreparedRun:
-    """Return a run whose markers are changed a little, at rest."""
-    panel = load_panel("sb1")
+def ready(name: str = "sb1", *, change: Floats | float = 0.0) -> PreparedRun:
+    """Return a run of a panel whose markers are changed a little, at rest."""
+    panel = load_panel(name)
     mechanism = build_mechanism(panel, ())
     times = SCHEME.step * np.arange(round(MOVES / SCHEME.step) + 1)
     positions = (marker_positions(panel, times) + marker_offsets(panel)[:, np.newaxis]).T + change
@@ -37,7 +38,7 @@ def ready(change: Floats | float = 0.0) -> PreparedRun:
 
 def thrown(change: Floats | float = 0.0) -> tuple[PreparedRun, list[Any]]:
     """Return a run that has ended, and its code and last instant."""
-    run = ready(change)
+    run = ready(change=change)
     return run, marched(run, 0, run.positions.shape[0] - 1)
 
 
@@ -46,6 +47,14 @@ def marched(run: PreparedRun, first: int, last: int) -> list[Any]:
     given = (run.system, run.table, run.state, run.work, run.tolerances, run.stepping)
     record = (run.record, run.obstructions, run.courses)
     return list(march(*given, run.positions, first, last, *record, None))
+
+
+def moving(run: PreparedRun) -> int:
+    """Predict a step; return a bit for each block that is to be solved again."""
+    run.state.counters[UNSOLVED] = 0
+    factors = step_factors(run.stepping, SCHEME.step)
+    predict(run.system, run.state, run.work, run.stepping, SCHEME.step, factors)
+    return int(run.state.counters[UNSOLVED])
 
 
 def test_only_moving_rails_are_solved_for() -> None:
@@ -86,20 +95,47 @@ def test_rest_does_not_depend_on_how_a_march_is_split(chunk: int) -> None:
 
 
 def test_a_rail_that_hardly_moves_is_stopped_and_no_other() -> None:
-    run = ready()
-    system, state, work = run.system, run.state, run.work
-    first, last = int(system.mode_start[0]), int(system.mode_start[1])
+    run = ready("uic60-760-1-15")
+    system, state = run.system, run.state
+    block = system.mode_start.size - 2  # a stock rail
+    modes = int(system.mode_start[block]), int(system.mode_start[block + 1]) - 1
+    state.counters[COUNT_JOINING] = 0
     for motion in (state.v, state.a, state.acceleration):
         for share, moves in ((0.9, False), (1.1, True), (np.nan, True)):
-            for mode in (first, last - 1):
-                state.counters[UNSOLVED] = 0
+            for mode in modes:
                 state.v[:] = state.a[:] = state.acceleration[:] = 0.0
                 span = REST_TIME if motion is state.v else REST_TIME**2
                 motion[mode] = share * STILL / span
-                factors = step_factors(run.stepping, SCHEME.step)
-                predict(system, state, work, run.stepping, SCHEME.step, factors)
-                assert state.counters[UNSOLVED] == int(moves)
+                assert moving(run) >> block == int(moves)
                 assert (motion[mode] == 0.0) == (not moves)
+
+
+def test_a_rail_on_which_others_act_is_not_stopped() -> None:
+    run = ready("uic60-760-1-15")
+    state, blocks = run.state, range(run.system.mode_start.size - 1)
+    state.v[:] = state.a[:] = state.acceleration[:] = 0.0
+    rows = state.joining[: state.counters[COUNT_JOINING]]
+    ends = [*run.system.input_end.tolist(), *run.system.row_ends[rows].ravel().tolist()]
+    acted_on = {int(run.system.block_of_end[end]) for end in ends}
+    assert 0 < len(acted_on) < len(blocks)
+    assert {block for block in blocks if moving(run) >> block & 1} == acted_on
+
+
+def test_short_steps_see_a_movement_begin() -> None:
+    """A rail that hardly moves in one of them was stopped again and again, and stayed behind."""
+    panel = load_panel("sb1")
+    found = [
+        integrate(
+            build_mechanism(panel, ()),
+            Scheme(step=step, cutoff_frequency=100.0, output_interval=2e-2),
+            inputs=lambda t: marker_positions(panel, t),
+            end=1.2,
+        )
+        for step in (5e-6, 5e-5)
+    ]
+    short, long = (np.array(history.g[-1]) for history in found)
+    assert np.abs(long).max() > 5e-4
+    np.testing.assert_allclose(short, long, rtol=0.0, atol=1e-6)
 
 
 @pytest.mark.parametrize("step", [1e-6, 1e-3])

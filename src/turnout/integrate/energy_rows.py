@@ -4,6 +4,7 @@ from turnout.integrate.energy import (
     ALGORITHMIC,
     DAMPING,
     FRICTION,
+    GRAVITY,
     LEDGER,
     MARKERS,
     OBJECTS,
@@ -13,8 +14,8 @@ from turnout.integrate.energy import (
 from turnout.integrate.system import Floats
 from turnout.kernels.compiled import compiled
 
-STORED = 4
-"""Stored energies of an instant."""
+STORED = GRAVITY + 1
+"""Number of stored energies of an instant."""
 NUMERICAL, RESIDUAL = STORED + LEDGER, STORED + LEDGER + 1
 """Rows of `write_energies` after those of the stored energies and the ledger."""
 ROWS = RESIDUAL + 1

@@ -236,17 +236,18 @@ def store_instant(
 
 
 @compiled_part
-def _is_solved(state: State) -> bool:
-    """Return whether neither columns nor rows have changed since the last solution."""
-    return bool(state.counters[UNSOLVED] == 0 and state.counters[COUPLED] == 1)
+def _stands_still(
+    state: State, stepping: Stepping, tolerances: Tolerances, inputs: tuple[Floats, Floats]
+) -> bool:
+    """Return whether a step between two positions of the markers would change nothing.
 
-
-@compiled_part
-def _are_equal(a: Floats, b: Floats) -> bool:
-    equal = True
-    for k in range(a.size):
-        equal = equal and a[k] == b[k]
-    return equal
+    Then neither columns nor rows have changed since the last solution, and everything is at rest.
+    """
+    first, last = inputs
+    unchanged = state.counters[UNSOLVED] == 0 and state.counters[COUPLED] == 1
+    for k in range(first.size):
+        unchanged = unchanged and first[k] == last[k]
+    return unchanged and is_at_rest(state, stepping.step, tolerances.gap)
 
 
 @compiled
@@ -291,8 +292,7 @@ def march(
         count = switch_laws(system, table, state, work, time + stepping.step)
         update_marked(system, table, state, work, count)
         pair = (inputs[n], inputs[n + 1])
-        still = rods is None and stepping.inertia and _are_equal(*pair)
-        if still and _is_solved(state) and is_at_rest(state, stepping.step, tolerances.gap):
+        if rods is None and stepping.inertia and _stands_still(state, stepping, tolerances, pair):
             code = STOPPED if work.stop[0] else CONVERGED
         elif stepping.inertia:
             code = _advance(

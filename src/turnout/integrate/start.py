@@ -251,7 +251,7 @@ def _move(motion: PreparedRun, mechanism: Mechanism, thread: Executor | None) ->
     anchors = motion.state.anchor.copy()
     last = motion.positions.shape[0] - 1
     code, _ = call_interruptible(thread, motion.work.stop, _call_march, motion, last)
-    if code == Code.INTERRUPTED:
+    if code == Code.INTERRUPTED or motion.work.stop[0]:
         raise KeyboardInterrupt
     slid = bool(np.all(motion.state.anchor != anchors))
     return (Code.COMPLETE, slid) if code == Code.COMPLETE else (Code.NO_LOADED_START, False)

@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 from turnout.integrate.energy import ALGORITHMIC, DAMPING
 from turnout.integrate.scratch import Work
-from turnout.integrate.state import UNSOLVED, State
+from turnout.integrate.state import COUNT_JOINING, UNSOLVED, State
 from turnout.integrate.system import Floats, System
 from turnout.kernels.compiled import compiled, compiled_loop, compiled_part
 from turnout.kernels.lanes import (
@@ -93,7 +93,7 @@ def predict(
 ) -> None:
     """Save the coordinates; predict the step without new acceleration, and write its right side.
 
-    Blocks that hardly move are stopped: their right side stays as it is.
+    Blocks that hardly move are stopped, and their displacements stay those of the last solution.
     """
     state.counters[UNSOLVED] |= _stop_blocks(system, state, h)
     _predict_modes(
@@ -209,16 +209,31 @@ def is_at_rest(state: State, h: float, gap: float) -> bool:
 
 @compiled_part
 def _stop_blocks(system: System, state: State, h: float) -> int:
-    """Stop blocks that move by less than `STILL`; return a bit for each of the others."""
+    """Stop blocks that move by less than `STILL`; return a bit for each of the others.
+
+    Blocks on which inputs or joining rows act go on, as these forces may change.
+    """
     moving = 0
     motion = (state.v, state.a, state.acceleration)
     for block in range(system.mode_start.size - 1):
         first, last = system.mode_start[block], system.mode_start[block + 1]
-        if _moves(motion, first, last, h, STILL):
+        if _moves(motion, first, last, h, STILL) or _is_acted_on(system, state, block):
             moving |= 1 << block
         else:
             _stop(motion, first, last)
     return moving
+
+
+@compiled
+def _is_acted_on(system: System, state: State, block: int) -> bool:
+    for end in system.input_end:
+        if system.block_of_end[end] == block:
+            return True
+    for row in state.joining[: state.counters[COUNT_JOINING]]:
+        for end in system.row_ends[row]:
+            if system.block_of_end[end] == block:
+                return True
+    return False
 
 
 @compiled_loop

@@ -24,7 +24,7 @@ from turnout.kernels.shared_record import clone_record, shared_record
 
 TIME_TOLERANCE = 1e-9
 MOST_TEMPLATES = 128
-"""Records of watched runs that others are copied from, the latest used; some 100 kB each."""
+"""Records of watched runs that others are copied from, the latest used; some 20 kB each."""
 BALANCE_EVERY = 8
 """Kept instants of a watched run from one check of its energy balance to the next."""
 
@@ -271,13 +271,13 @@ def watched_record(
         "seen": empty_in_lines(int(plan.kept[-1]) + 1, weights.seen_load.size),
     }
     named = (plan.whole, plan.kept, plan.balanced, weights)
-    shapes = tuple([array.shape for array in arrays.values()])
-    key = (*map(id, named), tuple(plan.watch.laws), shapes)
+    key = (*map(id, named), tuple(plan.watch.laws))
     rows = {name: part for name, part in weights._asdict().items() if part.ndim > 1}
     kept = _templates.get(key)
     if kept is None:
+        nothing: dict[str, NDArray[Any]] = dict.fromkeys(arrays, np.zeros((0, 0)))
         template = StepRecord(
-            **arrays,
+            **nothing,
             **weights._asdict(),
             residual=np.zeros(1),
             whole=plan.whole,

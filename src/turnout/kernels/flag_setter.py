@@ -32,6 +32,10 @@ define void @{ENTRY}(i32 %signal) {{
 _prototype = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.c_int, ctypes.c_void_p)
 set_handler = _prototype(("PyOS_setsig", ctypes.pythonapi))
 """Sets the handler of a signal by its address, as Python does, and returns the one before."""
+present_handler = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.c_int)(
+    ("PyOS_getsig", ctypes.pythonapi)
+)
+"""Returns the address of the handler of a signal."""
 
 
 @cache

@@ -4,8 +4,8 @@ Numba lets every index and both ends of every slice count from the end where the
 cuts slices to the size of what they are taken of. In kernels, whose indices come from lists of
 places, these checks were a tenth of the time of a step. Here an index is taken as it is, but for a
 constant such as ``array[-1]``; the end of a slice is still cut to the size, which is how Numba
-takes ``array[first:]``. What computes an index that is negative reads beside its array: kernels do
-not.
+takes ``array[first:]``. Negative indices that are computed would read out of bounds; kernels must
+not use them.
 """
 
 from collections.abc import Iterator

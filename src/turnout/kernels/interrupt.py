@@ -2,7 +2,7 @@
 
 Python handles Ctrl-C between two calls only, and one step of a hard contact problem may take
 seconds. A kernel therefore polls a flag. Where Python's own handler of Ctrl-C is in place, one in
-machine code stands in for it while a kernel runs (`turnout.kernels.flag_setter`). Where the program
+machine code replaces it while a kernel runs (`turnout.kernels.flag_setter`). Where the program
 has a handler of its own, which runs in the main thread, a kernel runs in a worker thread meanwhile,
 and the calling thread sets the flag. Where Ctrl-C does not reach the caller nothing is needed.
 """
@@ -35,9 +35,8 @@ def one_thread() -> Iterator[Executor | None]:
     """Give an executor of one worker thread for kernels; None where they need none.
 
     Ctrl-C comes to the main thread alone, and to no process that ignores it, such as a worker of a
-    sweep; Python's own handler is replaced while a kernel runs. A kernel in another thread takes a
-    third of a millisecond more, since it finds nothing in the caches of its processor, a third of a
-    small run. One thread serves all runs: starting one takes a twentieth of a quick throw.
+    sweep; Python's own handler is replaced while a kernel runs. One thread serves all runs:
+    starting one takes a twentieth of a quick throw.
     """
     replaced = HANDLERS_STAY and _has_python_handler()
     if replaced or not _in_main_thread() or signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -88,7 +87,7 @@ def call_interruptible(
     """
     if thread is None:
         if HANDLERS_STAY and _has_python_handler() and _in_main_thread():
-            return _call_here(stop, kernel, *given, **named)
+            return _call_with_flag_setter(stop, kernel, *given, **named)
         return kernel(*given, **named)
     with _ctrl_c_sets(stop):
         future = thread.submit(kernel, *given, **named)
@@ -101,14 +100,20 @@ def call_interruptible(
                 stop[0] = 1
 
 
-def _call_here(stop: Ints, kernel: Callable[P, T], *given: P.args, **named: P.kwargs) -> T:
-    """Call a kernel in the present thread while Ctrl-C sets the flag by machine code."""
-    from turnout.kernels.flag_setter import flag_setter, set_handler
+def _call_with_flag_setter(
+    stop: Ints, kernel: Callable[P, T], *given: P.args, **named: P.kwargs
+) -> T:
+    """Call a kernel in the present thread while a handler in machine code sets the flag on Ctrl-C.
+
+    Python may raise what it noted of a Ctrl-C right after the handler is set: inside the `try`.
+    """
+    from turnout.kernels.flag_setter import flag_setter, present_handler, set_handler
 
     handler, flag_address = flag_setter()
-    flag_address.value = stop.__array_interface__["data"][0]
-    before = set_handler(signal.SIGINT, handler)
+    before = present_handler(signal.SIGINT)
     try:
+        flag_address.value = stop.__array_interface__["data"][0]
+        set_handler(signal.SIGINT, handler)
         return kernel(*given, **named)
     finally:
         set_handler(signal.SIGINT, before)

@@ -128,7 +128,7 @@ def shared_record(arrays: T, **beyond: float) -> T:
 def record_like(record: T, arrays: T) -> T:
     """Return a record of a named tuple with arrays of the same kinds and shapes as another one.
 
-    It takes half the time of `shared_record`, which looks at each of them.
+    It takes half the time of `shared_record`, which looks at each of them; nothing is checked.
 
     Examples
     --------
@@ -168,11 +168,10 @@ def address_of(array: NDArray[Any]) -> int:
 class _Layout(NamedTuple):
     """Where the vectors of a record lie in its memory.
 
-    `vectors` are start, size and dtype of each; `words` have its place in bytes in place of its
-    address; `pieces` are the number
-    of each vector that is not empty, whether it is viewed as floats, and what follows it in memory,
-    None for nothing; `matrices` number, name and word of each array of more dimensions; `size` that
-    of all.
+    `vectors` are start, size and dtype of each; `words` hold its offset in bytes where a record has
+    its address. `pieces` are the number of each vector that is not empty, whether it is viewed as
+    floats, and what follows it in memory, None for nothing; `matrices` number, name and word of
+    each array of more dimensions; `size` that of all.
     """
 
     kind: RecordKind
