@@ -14,11 +14,11 @@ from turnout.panel.profile import contact_height
 from turnout.response.coordinates import coordinates, indexed
 from turnout.response.gaps import gap_places, gap_rows
 from turnout.response.recipes import (
-    Block,
     Recipe,
+    RowBlock,
     clear_recipes,
     evenly_spaced,
-    kept_blocks,
+    kept_row_blocks,
     products_of,
     sums_of_columns,
 )
@@ -253,13 +253,15 @@ def test_recipes_are_made_once_for_rails_that_throws_share(solved: Solved) -> No
     kept = simulate(panel, foreign_object=ForeignObject(0.05, "sleeper 6"), mode="quick")
     made = list[int]()
 
-    def make() -> list[Block]:
+    def make() -> list[RowBlock]:
         made.append(1)
-        return [Block([], {})]
+        return [RowBlock([], {})]
 
     shared = panel.rail
-    assert kept_blocks((shared,), ("once",), make) is kept_blocks((shared,), ("once",), make)
-    assert kept_blocks((dict(shared),), ("once",), make)
+    assert kept_row_blocks((shared,), ("once",), make) is kept_row_blocks(
+        (shared,), ("once",), make
+    )
+    assert kept_row_blocks((dict(shared),), ("once",), make)
     assert len(made) == 2
     clear_recipes()
     again = simulate(panel, foreign_object=ForeignObject(0.05, "sleeper 6"), mode="quick")

@@ -31,7 +31,7 @@ TILE = 4 * LANES
 """Instants of a tile, which are summed at once: four sums keep the processor busy."""
 LINE = TILE + LANES
 """Floats from one line to the next; lines as long as a power of two meet in the same cache sets."""
-BATCH = 2
+PAIR = 2
 """Windows that are turned before rows are summed: processors fetch lines of memory in pairs."""
 PLAIN, PLUS, MINUS = 0, 1, 2
 """A row is its sum, its start plus the sum, or its start minus the sum."""
@@ -40,15 +40,15 @@ PLAIN, PLUS, MINUS = 0, 1, 2
 class RowSums(NamedTuple):
     """Which columns come to which rows.
 
-    Columns are turned in windows of eight neighbours, which may overlap, a `BATCH` at a time. Rows
+    Columns are turned in windows of eight neighbours, which may overlap, a `PAIR` at a time. Rows
     come in the order in which their columns are turned.
 
     Attributes
     ----------
     window_step, window_history : ndarray of int, shape (n_windows,)
         Floats from one instant of a window to the next, and the number of its history.
-    batch_row : ndarray of int, shape (n_batches + 1,)
-        First row of each batch: of those whose last column is among it.
+    pair_row : ndarray of int, shape (n_pairs + 1,)
+        First row of each pair: of those whose last column is among it.
     row_kind, row_near : ndarray of int, shape (n_rows,)
         `PLAIN`, `PLUS` or `MINUS`, and whether a row is soon read and stays in the caches.
     row_start : ndarray, shape (n_rows,)
@@ -67,7 +67,7 @@ class RowSums(NamedTuple):
 
     window_step: Ints
     window_history: Ints
-    batch_row: Ints
+    pair_row: Ints
     row_kind: Ints
     row_near: Ints
     row_start: Floats
@@ -109,9 +109,9 @@ def write_row_sums(sums: RowSums, windows: Ints, rows: Ints, lines: Floats, coun
     total = lines[LANES * windows.size * LINE :]
     for first in range(0, count, TILE):
         size = min(TILE, count - first)
-        for batch in range(sums.batch_row.size - 1):
-            _turn_batch(sums, windows, batch, first, size, lines)
-            for row in range(sums.batch_row[batch], sums.batch_row[batch + 1]):
+        for pair in range(sums.pair_row.size - 1):
+            _turn_pair(sums, windows, pair, first, size, lines)
+            for row in range(sums.pair_row[pair], sums.pair_row[pair + 1]):
                 address = rows[row] + 8 * first
                 out = vector_at(address, size)
                 if size == TILE:
@@ -124,13 +124,13 @@ def write_row_sums(sums: RowSums, windows: Ints, rows: Ints, lines: Floats, coun
 
 
 @compiled_part
-def _turn_batch(
-    sums: RowSums, windows: Ints, batch: int, first: int, size: int, lines: Floats
+def _turn_pair(
+    sums: RowSums, windows: Ints, pair: int, first: int, size: int, lines: Floats
 ) -> None:
-    """Write some instants of a batch of windows to lines, and bring those of the next one close."""
+    """Write some instants of a pair of windows to lines, and bring those of the next one close."""
     whole = size - size % LANES
-    for w in range(BATCH * batch, min(BATCH * (batch + 1), windows.size)):
-        ahead, later = w + BATCH, first
+    for w in range(PAIR * pair, min(PAIR * (pair + 1), windows.size)):
+        ahead, later = w + PAIR, first
         if ahead >= windows.size:
             ahead, later = ahead % windows.size, first + TILE
         step, apart, begin = sums.window_step[w], 8 * sums.window_step[ahead], LANES * w * LINE

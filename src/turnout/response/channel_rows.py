@@ -7,8 +7,8 @@ from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.model import Panel
 from turnout.response.coordinates import stations
 from turnout.response.gaps import place_block, shape_block
-from turnout.response.recipes import Block
-from turnout.response.recovery import Motion, blocks_of, histories_of
+from turnout.response.recipes import RowBlock
+from turnout.response.recovery import Motion, histories_of, row_blocks_of
 from turnout.response.rows_over_time import Rows, write_rows
 from turnout.response.save import Save
 from turnout.response.signals import chair_block, force_block, stop_block
@@ -49,7 +49,7 @@ def channel_rows(
         save.keeps(*DRIVE_GAPS, *SENSOR_GAPS),
     )
 
-    def blocks() -> list[Block]:
+    def blocks() -> list[RowBlock]:
         objects, links, chairs, stops, gaps = wanted
         found = [force_block(panel, mechanism, objects=objects, links=links)]
         found += [chair_block(panel, mechanism)] if chairs else []
@@ -64,7 +64,7 @@ def channel_rows(
     )
     values = (*wanted, panel.instrumented_rail, None if x is None else x.tobytes())
     arrays, rows = dict[str, Floats](), list[Rows]()
-    for block in blocks_of(motion, named, values, blocks):
+    for block in row_blocks_of(motion, named, values, blocks):
         made, own = block.lay_out(history.time.size)
         arrays |= made
         rows += own

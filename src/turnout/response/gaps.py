@@ -15,17 +15,17 @@ from turnout.panel.layout import SIDE
 from turnout.panel.model import Panel
 from turnout.panel.profile import contact_height, running_edge_distance
 from turnout.panel.records import StockRail
-from turnout.response.recipes import Block, Recipe
+from turnout.response.recipes import Recipe, RowBlock
 from turnout.response.recovery import (
     CondensedShapes,
     Motion,
     Parts,
     Seen,
-    blocks_of,
     condensed_shapes,
     coordinates_at,
     histories_of,
     lateral_rows,
+    row_blocks_of,
     seen_by,
     seen_recipe,
     stacked,
@@ -75,7 +75,7 @@ def stock_gap(panel: Panel, motion: CondensedShapes, rail: str, x: Floats) -> Fl
     return np.full(np.shape(x), np.nan) if gap is None else gap
 
 
-def shape_block(panel: Panel, motion: Motion, x: Floats) -> Block:
+def shape_block(panel: Panel, motion: Motion, x: Floats) -> RowBlock:
     """Return lateral displacements of all rails at contact height, and the open distances there.
 
     Parameters
@@ -87,7 +87,7 @@ def shape_block(panel: Panel, motion: Motion, x: Floats) -> Block:
 
     Returns
     -------
-    Block
+    RowBlock
         "lateral_displacement", positive in +y, and "gap" [m]; NaN beyond a rail.
     """
     moved, open_distances = list[Recipe](), list[Recipe]()
@@ -100,7 +100,7 @@ def shape_block(panel: Panel, motion: Motion, x: Floats) -> Block:
         open_distances.append(seen_recipe(motion, less, start=start, minus=True))
     shape = len(moved), x.size
     parts_of = {"lateral_displacement": (0, shape), "gap": (len(moved) * x.size, shape)}
-    return Block([(recipe, x.size) for recipe in moved + open_distances], parts_of)
+    return RowBlock([(recipe, x.size) for recipe in moved + open_distances], parts_of)
 
 
 def gap_rows(
@@ -179,17 +179,17 @@ def split_gaps(panel: Panel, gaps: Floats, time: Floats) -> tuple[Floats, Floats
     return at_drives, at_sensors
 
 
-def place_block(panel: Panel, motion: Motion) -> Block:
+def place_block(panel: Panel, motion: Motion) -> RowBlock:
     """Return the open distances at all `gap_places`, which `split_gaps` takes: "places" [m]."""
     start, less = _seen_together(panel, motion, gap_places(panel))
     recipe = seen_recipe(motion, less, start=start, minus=True, near=True)
-    return Block([(recipe, start.size)], {"places": (0, start.shape)})
+    return RowBlock([(recipe, start.size)], {"places": (0, start.shape)})
 
 
 def gaps_over_time(panel: Panel, motion: Motion) -> Floats:
     """Return the open distances at all `gap_places`, shape (n_places, n_times) [m]."""
     named = (gap_places(panel), panel.rail, panel.stock_rail)
-    (block,) = blocks_of(motion, named, ("gaps",), lambda: [place_block(panel, motion)])
+    (block,) = row_blocks_of(motion, named, ("gaps",), lambda: [place_block(panel, motion)])
     arrays, rows = block.lay_out(motion.history.time.size)
     write_rows(rows, histories_of(motion.history))
     return arrays["places"]

@@ -58,7 +58,7 @@ class Recipe(NamedTuple):
         return Rows(self.products, out, self.start, self.minus, self.near)
 
 
-class Block(NamedTuple):
+class RowBlock(NamedTuple):
     """Rows over time in one piece of memory, the larger the fewer pages it takes.
 
     Attributes
@@ -88,12 +88,12 @@ class Block(NamedTuple):
 
 # What recipes depend on is named by identity, and kept beside them so that nothing else takes its
 # place.
-_blocks = LRUCache[tuple[tuple[Block, ...], Sequence[object]]](MOST_KEPT)
+_blocks = LRUCache[tuple[tuple[RowBlock, ...], Sequence[object]]](MOST_KEPT)
 
 
-def kept_blocks(
-    named: Sequence[object], values: Sequence[Hashable], make: Callable[[], Sequence[Block]]
-) -> tuple[Block, ...]:
+def kept_row_blocks(
+    named: Sequence[object], values: Sequence[Hashable], make: Callable[[], Sequence[RowBlock]]
+) -> tuple[RowBlock, ...]:
     """Return blocks of rows, made once for the same objects and values.
 
     Parameters

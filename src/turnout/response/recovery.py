@@ -27,10 +27,10 @@ from turnout.integrate.integration import History
 from turnout.mechanism.mechanism import Mechanism, RailBody, RailShape
 from turnout.response.block_products import block_of, in_block
 from turnout.response.recipes import (
-    Block,
     Recipe,
+    RowBlock,
     evenly_spaced,
-    kept_blocks,
+    kept_row_blocks,
     products_of,
     products_with,
 )
@@ -365,17 +365,17 @@ def seen_recipe(
     return Recipe(tuple(products), begun if begun.any() else None, minus, near)
 
 
-def blocks_of(
+def row_blocks_of(
     motion: Motion,
     named: Sequence[object],
     values: Sequence[Hashable],
-    make: Callable[[], Sequence[Block]],
-) -> tuple[Block, ...]:
-    """Return blocks that depend on the rails and the laws of a run too, see `kept_blocks`."""
+    make: Callable[[], Sequence[RowBlock]],
+) -> tuple[RowBlock, ...]:
+    """Return blocks that depend on the rails and the laws of a run too, see `kept_row_blocks`."""
     laws = motion.history.laws
     of_rails = (motion.shapes, motion.rows, motion.condensed)
     of_laws = (part.tobytes() for part in (motion.slope, laws.row, laws.friction_row))
-    return kept_blocks((*named, *of_rails), (*values, *of_laws), make)
+    return kept_row_blocks((*named, *of_rails), (*values, *of_laws), make)
 
 
 def _stored_products(stored: Floats | None, count: int) -> Sequence[Product]:

@@ -16,9 +16,9 @@ from turnout.integrate.scratch import lines_from_buffer
 from turnout.kernels.lanes import LANES, whole_lines
 from turnout.kernels.shared_record import address_of, shared_record
 from turnout.kernels.turned_rows import (
-    BATCH,
     LINE,
     MINUS,
+    PAIR,
     PLAIN,
     PLUS,
     RowSums,
@@ -229,7 +229,7 @@ def _lay_out(
     own = column - first_column[history]
     window_history, window_column, window = _windows(history, own, list(turned.values()))
     place = line_places(window, own - window_column[window])
-    sorted_rows, batch_row = _in_batches(np.unique(of_group), row, window, window_history.size)
+    sorted_rows, pair_row = _in_pairs(np.unique(of_group), row, window, window_history.size)
     counts = [rows.out.shape[0] for rows in wanted]
     rank = np.empty(sum(counts), dtype=np.int64)
     rank[sorted_rows] = np.arange(sorted_rows.size)
@@ -242,7 +242,7 @@ def _lay_out(
     sums = RowSums(
         window_step=steps[window_history],
         window_history=window_history,
-        batch_row=batch_row,
+        pair_row=pair_row,
         row_kind=np.repeat([_kind(rows) for rows in wanted], counts)[sorted_rows],
         row_near=np.repeat([int(rows.near) for rows in wanted], counts)[sorted_rows],
         row_start=np.concatenate([_starts(rows) for rows in wanted])[sorted_rows],
@@ -305,16 +305,16 @@ def _windows(history: Ints, column: Ints, turned: Sequence[Floats]) -> tuple[Int
     return used // span, used % span, number
 
 
-def _in_batches(known: Ints, row: Ints, window: Ints, count: int) -> tuple[Ints, Ints]:
-    """Return known rows by the batch with the last window of their terms, and where each begins.
+def _in_pairs(known: Ints, row: Ints, window: Ints, count: int) -> tuple[Ints, Ints]:
+    """Return known rows by the pair with the last window of their terms, and where each begins.
 
     `row` and `window` are those of all terms, `count` is the number of windows.
     """
     last = np.zeros(int(known.max(initial=-1)) + 1, dtype=np.int64)
-    np.maximum.at(last, row, window // BATCH)
+    np.maximum.at(last, row, window // PAIR)
     order = np.argsort(last[known], kind="stable")
-    batches = np.arange(max(-(-count // BATCH), 1) + 1)
-    return known[order], np.searchsorted(last[known[order]], batches)
+    pairs = np.arange(max(-(-count // PAIR), 1) + 1)
+    return known[order], np.searchsorted(last[known[order]], pairs)
 
 
 _Terms = tuple[Ints, Ints, Ints, Ints, Floats]

@@ -41,7 +41,7 @@ from turnout.mechanism.object_laws import named_obstructions
 from turnout.panel.markers import marker_offsets
 from turnout.panel.model import Panel
 from turnout.panel.records import Fastening
-from turnout.response.recipes import Block, Recipe, sums_of_columns
+from turnout.response.recipes import Recipe, RowBlock, sums_of_columns
 from turnout.response.recovery import Motion, row_motion
 from turnout.response.rows_over_time import Product
 
@@ -124,7 +124,7 @@ def object_channels(mechanism: Mechanism, force: Floats) -> dict[str, Variable]:
     return signals
 
 
-def force_block(panel: Panel, mechanism: Mechanism, *, objects: bool, links: bool) -> Block:
+def force_block(panel: Panel, mechanism: Mechanism, *, objects: bool, links: bool) -> RowBlock:
     """Return forces of drives, and of all laws of objects and of links where these are wanted.
 
     On the rail "drive_force", on objects "object" and in links "link_force", of their laws [N].
@@ -144,7 +144,7 @@ def force_block(panel: Panel, mechanism: Mechanism, *, objects: bool, links: boo
         parts["object"] = (len(drives), (len(of_objects),))
     if of_links:
         parts["link_force"] = (len(drives) + len(of_objects), (len(of_links),))
-    return Block([sums(drives, minus=True), sums(of_objects + of_links, minus=False)], parts)
+    return RowBlock([sums(drives, minus=True), sums(of_objects + of_links, minus=False)], parts)
 
 
 def object_memory(mechanism: Mechanism, history: History) -> dict[str, Variable]:
@@ -180,7 +180,7 @@ def lasting_dents(mechanism: Mechanism, history: History) -> Floats:
     return found
 
 
-def chair_block(panel: Panel, mechanism: Mechanism) -> Block:
+def chair_block(panel: Panel, mechanism: Mechanism) -> RowBlock:
     """Return normal force and friction on the rail at every chair, summed over its foot points."""
     index, chairs = mechanism.index, list(itertools.product(panel.rail, panel.chair))
     normal = _sums_at("law_force", chairs, index.chair)
@@ -188,7 +188,7 @@ def chair_block(panel: Panel, mechanism: Mechanism) -> Block:
     friction = _sums_at("friction_force", chairs, index.chair_friction, minus=True)
     shape, count = (len(panel.rail), len(panel.chair)), len(chairs)
     parts = {"chair_normal_force": (0, shape), "chair_friction_force": (count, shape)}
-    return Block([(normal, count), (friction, count)], parts)
+    return RowBlock([(normal, count), (friction, count)], parts)
 
 
 def _sums_at(
@@ -208,13 +208,13 @@ def _sums_at(
     return Recipe(tuple(found), minus=minus, unknown=unknown)
 
 
-def stop_block(panel: Panel, mechanism: Mechanism) -> Block:
+def stop_block(panel: Panel, mechanism: Mechanism) -> RowBlock:
     """Return the force at every stop and stud, positive in compression."""
     places = list(itertools.product(panel.rail, stop_names(panel)))
     laws = {place: (law,) for place, law in mechanism.index.stop.items()}
     shape = len(panel.rail), len(panel.stop) + len(panel.stud)
     recipe = _sums_at("law_force", places, laws)
-    return Block([(recipe, len(places))], {"stop_force": (0, shape)})
+    return RowBlock([(recipe, len(places))], {"stop_force": (0, shape)})
 
 
 def stop_names(panel: Panel) -> list[str]:
