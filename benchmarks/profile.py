@@ -156,18 +156,18 @@ the columns of all modes by ends and modes."""
 NEXT = """### What the next factor of two would take
 
 - In waveform mode the columns of all modes are read from the second cache once a solution, as fast
-  as it gives them: a third of all. Stock rails with fewer modes than switch rails would halve what
-  is read of the default panel; nothing that is done to the loops will.
+  as it gives them: a third of all. Those of stock rails that have come to rest are not; nothing
+  that is done to the loops will spare the others.
 - Storing every step takes what the last two lines differ by: displacements, forces and energies of
   an instant, 5 kB of them in waveform mode. A run that keeps fewer instants (`--every "8 ms"`) or
   single channels saves most of it.
-- In quick mode a sixth goes into flips, each of which reads and writes all columns of its rail. Two
-  of one iteration could be done in one pass; a solution could follow them instead of being made
-  again. Both together would save about a tenth.
+- In quick mode a sixth goes into flips, each of which reads and writes all columns of its rail, two
+  of one iteration in one pass. A solution could follow them instead of being made again; there are
+  three times as many flips as such solutions, so that little would be left of it.
 - A step of SB1 is a dozen kernels of which none takes 100 ns. By themselves, over and over, they
-  take two thirds of what they take one after another, probably since their instructions, laid down
-  by the compiler in pieces, no longer fit where a processor keeps those it has decoded. A step and
-  its attempts are one kernel since; with the solution in it too, compiling takes 9 s more.
+  take two thirds of what they take one after another: much of the rest is finding arrays in
+  records. Checks of indices, which were a tenth, are left out. With the solution in the kernel of
+  steps too, compiling takes 9 s more.
 """
 
 
