@@ -11,7 +11,7 @@ from turnout.kernels import lanes
 from turnout.kernels.compiled import compiled
 from turnout.kernels.lanes import LANES
 from turnout.kernels.shared_record import clone_record, shared_record
-from turnout.kernels.vector import sum_weighted_rows
+from turnout.kernels.vector import ROWS_TOGETHER, sum_weighted_rows
 
 Floats = np.ndarray
 VECTORS = ("a", "b", "places", "found")
@@ -125,15 +125,19 @@ def test_neighbours_are_gathered_as_any_places_are(kind: type) -> None:
 
 
 @pytest.mark.parametrize("width", [0, 8, 40, 48, 56, 104])
-@pytest.mark.parametrize("count", [0, 1, 4, 7, 12])
+@pytest.mark.parametrize("count", [0, 1, 12, 16, 17, 40])
 def test_a_weighted_sum_of_rows_has_one_order(count: int, width: int) -> None:
     rng = np.random.default_rng(count)
     start, weights = rng.normal(size=112), rng.normal(size=count)
     rows, found = rng.normal(size=(count, 112)), np.full(112, np.nan)
     _sum_rows(start, weights, rows, found[:width])
     expected = start[:width].copy()
-    for weight, row in zip(weights, rows, strict=True):
-        expected = lanes.multiply_add(np.full(width, weight), row[:width], expected)
+    for first in range(0, count, ROWS_TOGETHER):
+        total = expected if first == 0 else np.zeros(width)
+        own = slice(first, first + ROWS_TOGETHER)
+        for weight, row in zip(weights[own], rows[own], strict=True):
+            total = lanes.multiply_add(np.full(width, weight), row[:width], total)
+        expected = total if first == 0 else expected + total
     np.testing.assert_array_equal(found[:width], expected)
     assert np.isnan(found[width:]).all()
 

@@ -22,6 +22,9 @@ from turnout.kernels.lanes import (
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+ROWS_TOGETHER = 16
+"""Rows of a weighted sum that are added one after the other."""
+
 
 @compiled_loop
 def dot(a: Floats, b: Floats) -> float:
@@ -148,8 +151,9 @@ def add_weighted_rows(weights: Floats, rows: Floats, to: Floats) -> None:
 def sum_weighted_rows(start: Floats, weights: Floats, rows: Floats, to: Floats) -> None:
     """Write a vector plus a weighted sum of the rows of a matrix, which may be wider, to another.
 
-    Vectors fill whole cache lines. Six or seven lines stay in registers while all rows are added in
-    turn, each rounded once; so many sums hide that one waits for the one before.
+    Vectors fill whole cache lines. Six or seven lines stay in registers while `ROWS_TOGETHER` rows
+    are added in turn, each rounded once; so many sums hide that one waits for the one before.
+    Further rows have a sum of their own, so that rounding grows less with their number.
 
     Examples
     --------
@@ -159,28 +163,55 @@ def sum_weighted_rows(start: Floats, weights: Floats, rows: Floats, to: Floats) 
     >>> total[:2].tolist()
     [321.0, 336.0]
     """
+    last = min(ROWS_TOGETHER, weights.size)
+    _sum_some_rows(start, weights[:last], rows[:last], to, True)
+    while last < weights.size:
+        first, last = last, min(last + ROWS_TOGETHER, weights.size)
+        _sum_some_rows(start, weights[first:last], rows[first:last], to, False)
+
+
+@compiled_loop
+def _sum_some_rows(start: Floats, weights: Floats, rows: Floats, to: Floats, fresh: bool) -> None:
+    """Write a start and a sum of rows, or add the sum to what has been written before."""
     at, lines = 0, to.size // LANES
     while lines >= 6:
         if lines % 6 == 0:
-            _sum_six_lines(start, weights, rows, to, at)
+            _sum_six_lines(start, weights, rows, to, at, fresh)
             at, lines = at + 6 * LANES, lines - 6
         else:
-            _sum_seven_lines(start, weights, rows, to, at)
+            _sum_seven_lines(start, weights, rows, to, at, fresh)
             at, lines = at + 7 * LANES, lines - 7
     while at < to.size:
-        total = load(start, at)
+        total = _begin(start, at, fresh)
         for r in range(weights.size):
             total = multiply_add(broadcast(weights[r]), load(rows[r], at), total)
-        store(total, to, at)
+        _end(total, to, at, fresh)
         at += LANES
 
 
 @compiled_loop
-def _sum_six_lines(start: Floats, weights: Floats, rows: Floats, to: Floats, at: int) -> None:
+def _begin(start: Floats, at: int, fresh: bool) -> Floats:
+    if fresh:
+        return load(start, at)
+    return broadcast(0.0)
+
+
+@compiled_loop
+def _end(total: Floats, to: Floats, at: int, fresh: bool) -> None:
+    if fresh:
+        store(total, to, at)
+    else:
+        store(load(to, at) + total, to, at)
+
+
+@compiled_loop
+def _sum_six_lines(
+    start: Floats, weights: Floats, rows: Floats, to: Floats, at: int, fresh: bool
+) -> None:
     second, third, fourth = at + LANES, at + 2 * LANES, at + 3 * LANES
     fifth, sixth = at + 4 * LANES, at + 5 * LANES
-    a, b, c = load(start, at), load(start, second), load(start, third)
-    d, e, f = load(start, fourth), load(start, fifth), load(start, sixth)
+    a, b, c = _begin(start, at, fresh), _begin(start, second, fresh), _begin(start, third, fresh)
+    d, e, f = _begin(start, fourth, fresh), _begin(start, fifth, fresh), _begin(start, sixth, fresh)
     for r in range(weights.size):
         weight, row = broadcast(weights[r]), rows[r]
         a = multiply_add(weight, load(row, at), a)
@@ -189,20 +220,27 @@ def _sum_six_lines(start: Floats, weights: Floats, rows: Floats, to: Floats, at:
         d = multiply_add(weight, load(row, fourth), d)
         e = multiply_add(weight, load(row, fifth), e)
         f = multiply_add(weight, load(row, sixth), f)
-    store(a, to, at)
-    store(b, to, second)
-    store(c, to, third)
-    store(d, to, fourth)
-    store(e, to, fifth)
-    store(f, to, sixth)
+    _end(a, to, at, fresh)
+    _end(b, to, second, fresh)
+    _end(c, to, third, fresh)
+    _end(d, to, fourth, fresh)
+    _end(e, to, fifth, fresh)
+    _end(f, to, sixth, fresh)
 
 
 @compiled_loop
-def _sum_seven_lines(start: Floats, weights: Floats, rows: Floats, to: Floats, at: int) -> None:
+def _sum_seven_lines(
+    start: Floats, weights: Floats, rows: Floats, to: Floats, at: int, fresh: bool
+) -> None:
     second, third, fourth = at + LANES, at + 2 * LANES, at + 3 * LANES
     fifth, sixth, seventh = at + 4 * LANES, at + 5 * LANES, at + 6 * LANES
-    a, b, c, g = load(start, at), load(start, second), load(start, third), load(start, seventh)
-    d, e, f = load(start, fourth), load(start, fifth), load(start, sixth)
+    a, b, c, g = (
+        _begin(start, at, fresh),
+        _begin(start, second, fresh),
+        _begin(start, third, fresh),
+        _begin(start, seventh, fresh),
+    )
+    d, e, f = _begin(start, fourth, fresh), _begin(start, fifth, fresh), _begin(start, sixth, fresh)
     for r in range(weights.size):
         weight, row = broadcast(weights[r]), rows[r]
         a = multiply_add(weight, load(row, at), a)
@@ -212,13 +250,13 @@ def _sum_seven_lines(start: Floats, weights: Floats, rows: Floats, to: Floats, a
         e = multiply_add(weight, load(row, fifth), e)
         f = multiply_add(weight, load(row, sixth), f)
         g = multiply_add(weight, load(row, seventh), g)
-    store(a, to, at)
-    store(b, to, second)
-    store(c, to, third)
-    store(d, to, fourth)
-    store(e, to, fifth)
-    store(f, to, sixth)
-    store(g, to, seventh)
+    _end(a, to, at, fresh)
+    _end(b, to, second, fresh)
+    _end(c, to, third, fresh)
+    _end(d, to, fourth, fresh)
+    _end(e, to, fifth, fresh)
+    _end(f, to, sixth, fresh)
+    _end(g, to, seventh, fresh)
 
 
 @compiled_loop
