@@ -269,7 +269,7 @@ def least_flangeways(rails: Sequence[OpenRail]) -> list[tuple[float, float, str]
     The flangeway is the gap, and behind the planing also by how much the running edges lie further
     apart than a full head is wide. Rails of many throws that share their rows are taken together,
     since rows have to be fetched from memory for one throw; each has a product of its own, so that
-    it is the same to the last bit whatever it is taken with.
+    its bits do not depend on the others.
     """
     groups: dict[int, list[int]] = {}
     for number, rail in enumerate(rails):
