@@ -236,7 +236,13 @@ def page() -> str:
     table = {line.split("|")[1].strip(): line for line in before if line.count("|") == 4}
     table |= {name: row(name, text, needed[name]) for name, text in NOT_HERE.items()}
     table |= rows()
-    lines = [HEAD + "\n".join(copyleft_rows())]
+    here = {canonical(item.metadata["Name"]) for item in installed()}
+    elsewhere = [
+        line
+        for line in before
+        if line.count("|") == 5 and "`" in line and line.split("|")[1].strip() not in here
+    ]
+    lines = [HEAD + "\n".join(sorted(copyleft_rows() + elsewhere))]
     lines += [
         f"| {name} | in its own files | {what} | {licence} |" for name, what, licence in STATIC
     ]
