@@ -28,11 +28,11 @@ def assemble_coupling(system: System, state: State) -> None:
     whole, stale = state.counters[COUPLED] == 0, state.counters[COUPLED] >> 1
     for i in range(count):
         row = state.joining[i]
-        of_row = _blocks_of(system, row)
+        of_row = blocks_of(system, row)
         entry = state.entries[system.pattern_start[row]]
         for j in range(count):
             other = state.joining[j]
-            if whole or of_row & _blocks_of(system, other) & stale:
+            if whole or of_row & blocks_of(system, other) & stale:
                 total = _compliance_between(system, state, row, other)
                 assembled[i, j] = (1.0 if i == j else 0.0) - entry * total
             matrix[i, j] = assembled[i, j]
@@ -41,7 +41,7 @@ def assemble_coupling(system: System, state: State) -> None:
 
 
 @compiled
-def _blocks_of(system: System, row: int) -> int:
+def blocks_of(system: System, row: int) -> int:
     """Return the blocks that a row joins, a bit each."""
     one, other = system.row_ends[row, 0], system.row_ends[row, 1]
     bits: int = (1 << system.block_of_end[one]) | (1 << system.block_of_end[other])

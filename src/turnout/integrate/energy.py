@@ -61,15 +61,22 @@ def energy_balance(stored: Floats, ledger: Floats) -> tuple[float, float]:
         change = 0.0
         for column in range(stored.shape[1]):
             change += stored[n, column] - stored[0, column]
-        gained = ledger[n, MARKERS] + ledger[n, SWITCHED]
-        lost = ledger[n, FRICTION] + ledger[n, DAMPING]
-        lost += ledger[n, ALGORITHMIC] + ledger[n, SEGMENTS] + ledger[n, OBJECTS]
-        error = abs(change - gained + lost)
+        error = abs(unaccounted_energy(ledger, n, change))
         if math.isnan(error):
             return error, scale
         residual = max(residual, error)
         scale = max(scale, abs(ledger[n, MARKERS]) + abs(change))
     return residual, scale
+
+
+@compiled
+def unaccounted_energy(ledger: Floats, n: int, change: float) -> float:
+    """Return the change of stored energy less what was put in and not taken out [J]."""
+    gained = ledger[n, MARKERS] + ledger[n, SWITCHED]
+    lost = ledger[n, FRICTION] + ledger[n, DAMPING]
+    lost += ledger[n, ALGORITHMIC] + ledger[n, SEGMENTS] + ledger[n, OBJECTS]
+    remainder: float = change - gained + lost
+    return remainder
 
 
 def folded_energy(system: System, table: LawTable, state: State) -> float:

@@ -1,16 +1,6 @@
 """Energies of a run as rows over time, from the instants that it has stored."""
 
-from turnout.integrate.energy import (
-    ALGORITHMIC,
-    DAMPING,
-    FRICTION,
-    GRAVITY,
-    LEDGER,
-    MARKERS,
-    OBJECTS,
-    SEGMENTS,
-    SWITCHED,
-)
+from turnout.integrate.energy import ALGORITHMIC, GRAVITY, LEDGER, SEGMENTS, unaccounted_energy
 from turnout.integrate.system import Floats
 from turnout.kernels.compiled import compiled
 
@@ -50,8 +40,5 @@ def write_energies(stored: Floats, ledger: Floats, rows: Floats) -> None:
             change += rows[column, n]
         for column in range(LEDGER):
             rows[STORED + column, n] = ledger[n, column]
-        numerical = ledger[n, ALGORITHMIC] + ledger[n, SEGMENTS]
-        given = ledger[n, MARKERS] + ledger[n, SWITCHED] - ledger[n, FRICTION]
-        given = given - ledger[n, DAMPING] - ledger[n, OBJECTS] - numerical
-        rows[NUMERICAL, n] = numerical
-        rows[RESIDUAL, n] = change - given
+        rows[NUMERICAL, n] = ledger[n, ALGORITHMIC] + ledger[n, SEGMENTS]
+        rows[RESIDUAL, n] = unaccounted_energy(ledger, n, change)

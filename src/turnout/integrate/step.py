@@ -19,6 +19,7 @@ step without new acceleration, one by one.
 
 from typing import NamedTuple
 
+from turnout.integrate.coupling import blocks_of
 from turnout.integrate.energy import ALGORITHMIC, DAMPING
 from turnout.integrate.scratch import Work
 from turnout.integrate.state import COUNT_JOINING, UNSOLVED, State
@@ -230,9 +231,8 @@ def _is_acted_on(system: System, state: State, block: int) -> bool:
         if system.block_of_end[end] == block:
             return True
     for row in state.joining[: state.counters[COUNT_JOINING]]:
-        for end in system.row_ends[row]:
-            if system.block_of_end[end] == block:
-                return True
+        if blocks_of(system, row) & (1 << block):
+            return True
     return False
 
 
