@@ -226,7 +226,7 @@ def plan_run(
             places, laws = arrangement.system.row_place, arrangement.laws
             weights = seen_weights(watch.seen(arrangement.condensed), laws, places)
             watched = (plan_watch(watch, interval, grid.n_stored), weights)
-        positions = np.ascontiguousarray(inputs(_step_times(scheme.step, grid.n_steps)).T)
+        positions = np.ascontiguousarray(inputs(_times(scheme.step, grid.n_steps + 1)).T)
         if mechanism.machines is not None:
             positions = positions.copy()  # machines write to them, and throws may share them
         # before the table gets the dents that objects have already
@@ -251,9 +251,9 @@ def plan_run(
 
 
 @lru_cache(maxsize=16)
-def _step_times(step: float, count: int) -> Floats:
-    """Return the ends of steps, read-only, as throws share them [s]."""
-    times = step * np.arange(count + 1, dtype=np.float64)
+def _times(interval: float, count: int) -> Floats:
+    """Return instants from 0 on, read-only, as throws share them [s]."""
+    times = interval * np.arange(count, dtype=np.float64)
     times.flags.writeable = False
     return times
 
@@ -299,7 +299,7 @@ def _carry_out(given: RunPlan, report: Callable[[int, int], None] | None) -> His
         energy_scale=balance[1],
     )
     record = trim_record(run.record, run.system, run.laws, kept, plan)
-    instants = scheme.step * stride * np.arange(kept, dtype=np.float64)
+    instants = _times(scheme.step * stride, grid.n_stored)[:kept]
     positions = positions[::stride][:kept].view()
     if grid.filled_in and kept > 1:
         count = int((min(grid.last, instants[-1]) + 1e-9) / scheme.output_interval) + 1

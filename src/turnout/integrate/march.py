@@ -214,7 +214,8 @@ def store_instant(
     system: System, table: LawTable, state: State, work: Work, record: StepRecord, at: int
 ) -> None:
     """Write the present instant to its places in the record."""
-    whole = record.whole[at] if record.whole.size > 0 else at
+    listed = record.places.shape[0] > 0
+    whole = record.places[at, 0] if listed else at
     if whole >= 0:
         _copy_nontemporal(state.q, record.q[whole])
         _gather_nontemporal(state.g, system.row_place, record.g[whole])
@@ -222,11 +223,11 @@ def store_instant(
             copy(state.v, record.v[whole])
         _copy_nontemporal(state.friction_force, record.friction[whole])
         _copy_nontemporal(work.force, record.law[whole])
-    kept = record.kept[at] if record.kept.size > 0 else at
+    kept = record.places[at, 1] if listed else at
     if kept >= 0 and record.seen.shape[1] > 0:
         forces = (work.force, state.friction_force)
         store_seen(system, (state.q, state.g), forces, record, kept)
-    balanced = record.balanced[at] if record.balanced.size > 0 else at
+    balanced = record.places[at, 2] if listed else at
     if balanced >= 0:
         store_energy(system, table, state, work, record.stored[balanced])
         for column in range(state.ledger.size):

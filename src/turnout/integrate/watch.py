@@ -24,7 +24,7 @@ from turnout.kernels.shared_record import clone_record, shared_record
 
 TIME_TOLERANCE = 1e-9
 MOST_TEMPLATES = 128
-"""Records of watched runs that others are copied from, the latest used; some 20 kB each."""
+"""Records of watched runs that others are copied from, the latest used; some 2 kB each."""
 BALANCE_EVERY = 8
 """Kept instants of a watched run from one check of its energy balance to the next."""
 
@@ -41,8 +41,8 @@ class StepRecord(NamedTuple):
     (`turnout.integrate.energy`). Rows of `q`, `g`, `friction`, `law` and `v` fill whole cache
     lines; those of the first four begin at one.
 
-    Of a watched run `whole` is the row of `q`, `g`, `friction` and `law` in which a stored instant
-    has its place, `kept` that of `seen` and `balanced` that of `stored` and `ledger`, -1 for none;
+    Of a watched run `places` are, of each stored instant, the row of `q`, `g`, `friction` and `law`
+    in which it is stored whole, that of `seen`, and that of `stored` and `ledger`, -1 for none;
     without entries every instant has its own. `effort` are the forces of the laws `watched` at all
     instants [N]; `seen` displacements [m] are `seen_load` under the constant load and the sum over
     the places, modes, laws and frictions of ``..._list`` with a row of weights in ``..._rows`` for
@@ -57,8 +57,7 @@ class StepRecord(NamedTuple):
     ledger: Floats
     residual: Floats
     v: Floats
-    whole: Ints = np.zeros(0, dtype=np.int64)
-    kept: Ints = np.zeros(0, dtype=np.int64)
+    places: Ints = np.zeros((0, 3), dtype=np.int64)
     watched: Ints = np.zeros(0, dtype=np.int64)
     effort: Floats = np.zeros((0, 0))
     seen: Floats = np.zeros((0, 0))
@@ -73,7 +72,6 @@ class StepRecord(NamedTuple):
     friction_list: Ints = _NO_PLACES
     friction_rows: Floats = np.zeros((0, 0))
     picked: Floats = np.zeros(0)
-    balanced: Ints = np.zeros(0, dtype=np.int64)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -175,20 +173,19 @@ class Watched:
 class WatchPlan:
     """Which stored instants have which place in a record.
 
-    `whole`, `kept` and `balanced` have the place of each instant, -1 for none; `whole_instants` and
-    `balanced_instants` are the numbers of the instants that have one. The last one has all.
-    `regular` are the places in `kept` of every so many instants as are wanted, `whole_balanced` the
-    places of energies of whole instants.
+    `places` are those of `StepRecord`; of what is seen the instants that are wanted regularly come
+    first. `whole_instants` and `balanced_instants` are the numbers of the instants that are stored
+    whole, and with energies, as the last one is. `n_seen` instants are seen, `n_regular` of them
+    regularly; `whole_balanced` are the places of energies of whole instants.
     """
 
     watch: Watch
-    whole: Ints
-    kept: Ints
-    balanced: Ints
+    places: Ints
     whole_instants: Ints
     balanced_instants: Ints
-    regular: Ints
     whole_balanced: Ints
+    n_seen: int
+    n_regular: int
 
     def whole_before(self, count: int) -> int:
         """Return how many of the first `count` stored instants are stored whole."""
@@ -215,9 +212,10 @@ def plan_watch(watch: Watch, interval: float, count: int) -> WatchPlan:
     --------
     >>> watch = Watch([0], 2, [0.3], 0, lambda rails: SeenRows(*[np.zeros((0, 0))] * 4))
     >>> plan = plan_watch(watch, 0.1, 7)
-    >>> plan.whole.tolist(), plan.kept.tolist()
-    ([-1, -1, -1, 0, -1, -1, 1], [0, -1, 1, 2, 3, -1, 4])
-    >>> plan.balanced.tolist()
+    >>> whole, seen, balanced = plan.places.T.tolist()
+    >>> whole, seen
+    ([-1, -1, -1, 0, -1, -1, 1], [0, -1, 1, 4, 2, -1, 3])
+    >>> balanced
     [0, -1, -1, 1, -1, -1, 2]
     """
     return WatchPlan(watch, *_places(tuple(watch.whole), watch.stride, interval, count))
@@ -226,24 +224,21 @@ def plan_watch(watch: Watch, interval: float, count: int) -> WatchPlan:
 @lru_cache(maxsize=16)
 def _places(
     wanted: tuple[float, ...], stride: int, interval: float, count: int
-) -> tuple[Ints, ...]:
+) -> tuple[Ints, Ints, Ints, Ints, int, int]:
     """Return all of a `WatchPlan` but what is wanted."""
     times = interval * np.arange(count, dtype=np.float64)
     first = np.searchsorted(times, np.array(wanted, dtype=np.float64) - TIME_TOLERANCE)
     whole = np.unique(np.append(first[first < count], count - 1))
-    kept = np.union1d(np.arange(0, count, stride), whole)
+    regular = np.arange(0, count, stride)
+    seen = np.append(regular, np.setdiff1d(whole, regular))
     balanced = np.union1d(np.arange(0, count, stride * BALANCE_EVERY), whole)
-    of_instant = _numbered(whole, count), _numbered(kept, count), _numbered(balanced, count)
-    places = (*of_instant, whole, balanced, of_instant[1][::stride].copy(), of_instant[2][whole])
-    for found in places:
-        found.flags.writeable = False
-    return places
-
-
-def _numbered(chosen: Ints, count: int) -> Ints:
-    found = np.full(count, -1, dtype=np.int64)
-    found[chosen] = np.arange(chosen.size)
-    return found
+    places = np.full((count, 3), -1, dtype=np.int64)
+    for column, chosen in enumerate((whole, seen, balanced)):
+        places[chosen, column] = np.arange(chosen.size)
+    found = places, whole, balanced, places[whole, 2]
+    for part in found:
+        part.flags.writeable = False
+    return *found, seen.size, regular.size
 
 
 # Throws that share rails and times share what their records hold before they begin. It is named by
@@ -259,20 +254,18 @@ def watched_record(
     Parameters
     ----------
     arrays : dict of str to ndarray
-        Those of a record that have a row for each instant that is stored whole, or balanced.
+        Those of a record that have a row for each instant that is stored whole, or balanced; the
+        others are added.
     plan : WatchPlan
         Which instants these are.
     weights : SeenWeights
         Of what is seen.
     """
-    arrays = {
-        **arrays,
-        "effort": np.empty((plan.whole.size, len(plan.watch.laws))),
-        "seen": empty_in_lines(int(plan.kept[-1]) + 1, weights.seen_load.size),
-    }
-    named = (plan.whole, plan.kept, plan.balanced, weights)
-    key = (*map(id, named), tuple(plan.watch.laws))
-    rows = {name: part for name, part in weights._asdict().items() if part.ndim > 1}
+    arrays["effort"] = np.empty((plan.places.shape[0], len(plan.watch.laws)))
+    arrays["seen"] = empty_in_lines(plan.n_seen, weights.seen_load.size)
+    shared = {name: part for name, part in weights._asdict().items() if part.ndim > 1}
+    shared["places"] = plan.places
+    key = (id(plan.places), id(weights), tuple(plan.watch.laws))
     kept = _templates.get(key)
     if kept is None:
         nothing: dict[str, NDArray[Any]] = dict.fromkeys(arrays, np.zeros((0, 0)))
@@ -280,14 +273,12 @@ def watched_record(
             **nothing,
             **weights._asdict(),
             residual=np.zeros(1),
-            whole=plan.whole,
-            kept=plan.kept,
-            balanced=plan.balanced,
+            places=plan.places,
             watched=np.asarray(plan.watch.laws, dtype=np.int64),
             picked=np.zeros(max(part.size for part in weights if part.ndim == 1)),
         )
-        kept = _templates.put(key, (shared_record(template), named))
-    return clone_record(kept[0], **arrays, **rows)
+        kept = _templates.put(key, (shared_record(template), weights))
+    return clone_record(kept[0], **arrays, **shared)
 
 
 def trim_watched(
@@ -307,8 +298,8 @@ def trim_watched(
         law_first=law_first,
         law_placed=law_placed,
         stride=plan.watch.stride,
-        seen=record.seen.take(plan.regular, axis=0)[:, :count],
-        seen_last=record.seen[plan.kept[-1] :][:1, :count],
+        seen=record.seen[: plan.n_regular, :count],
+        seen_last=record.seen[plan.places[-1, 1] :][:1, :count],
         laws=tuple(plan.watch.laws),
         effort=record.effort,
     )

@@ -220,7 +220,8 @@ def clone_record(record: T, **matrices: NDArray[Any]) -> T:
     record : named tuple of ndarray
         Made by `shared_record`.
     **matrices : ndarray
-        Its arrays of more dimensions, which may have other shapes; only empty ones are shared.
+        Its arrays of more dimensions, the same ones or others, which may have other shapes; only
+        empty ones may be left out.
 
     Returns
     -------
@@ -253,6 +254,8 @@ def clone_record(record: T, **matrices: NDArray[Any]) -> T:
         found.arrays[name] = given.arrays[name]
     for name, array in matrices.items():
         found.arrays[name] = array
+        if array is given.arrays[name]:
+            continue
         word = kind.word_of[name]
         words[word] = address_of(array)
         for axis, length in enumerate(array.shape, start=1):
