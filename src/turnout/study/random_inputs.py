@@ -67,8 +67,7 @@ class RandomField:
     @property
     def keys(self) -> tuple[str, ...]:
         """Full key of each member in the panel, such as "chair.5.friction_coefficient"."""
-        family, _, below = self.key.partition(".")
-        return tuple([f"{family}.{member}.{below}" for member in self.members])
+        return _member_keys(self.key, self.members)
 
     def values(self, rng: np.random.Generator) -> dict[str, float]:
         """Draw a value for each member, in SI or as a factor [-].
@@ -94,6 +93,13 @@ class RandomField:
         return self.distribution.quantile(
             np.clip(shares, PROBABILITY_MARGIN, 1.0 - PROBABILITY_MARGIN)
         )
+
+
+@lru_cache(maxsize=16)
+def _member_keys(key: str, members: tuple[str, ...]) -> tuple[str, ...]:
+    """Return a key of a family with the name of each member in it."""
+    family, _, below = key.partition(".")
+    return tuple([f"{family}.{member}.{below}" for member in members])
 
 
 @lru_cache(maxsize=16)

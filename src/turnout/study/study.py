@@ -138,12 +138,13 @@ class Study:
             if not 0 <= index < count:
                 message = f"scenario {index}: the study has {count}, counted from 0"
                 raise IndexError(message)
-        states = list(dict.fromkeys(map(self.design.state_index, indices)))
+        of_each = [self.design.state_index(index) for index in indices]
+        states = list(dict.fromkeys(of_each))
         drawn = dict(zip(states, self.design.drawn_states(states), strict=True))
         fields = dict(zip(states, self._drawn_fields(states), strict=True))
         return [
             self._scenario(index, state, drawn[state], fields[state])
-            for index, state in ((index, self.design.state_index(index)) for index in indices)
+            for index, state in zip(indices, of_each, strict=True)
         ]
 
     def _scenario(

@@ -293,9 +293,9 @@ def apply_factors(
     known = _known_values(panel, tuple([key for key, _ in changing]))
     for key, factor in changing:
         changed = {}
-        for full, (broad, own) in known[key].items():
+        for full, broad, own in known[key]:
             before = result[full] if full in result else result.get(broad, own)
-            changed[full] = _scaled(before, factor)
+            changed[full] = before * factor if type(before) is float else _scaled(before, factor)
         # One value for a whole family is written as one, unless a member has an own one already.
         alike = key not in changed and len(set(changed.values())) == 1
         if alike and not any(full in result for full in changed):
@@ -304,7 +304,7 @@ def apply_factors(
     return result
 
 
-_Values = dict[str, dict[str, tuple[str, Any]]]
+_Values = dict[str, list[tuple[str, str, Any]]]
 _values = LRUCache[tuple[LoadedPanel, _Values]](64)
 """Values of panels by identity and keys; scenarios of a study ask for the same ones."""
 
@@ -314,7 +314,7 @@ def _known_values(panel: LoadedPanel, keys: tuple[str, ...]) -> _Values:
     kept = _values.get((id(panel), keys))
     if kept is None:
         found = {
-            key: {full: (_of_family(full), own) for full, own in values_at(panel, key).items()}
+            key: [(full, _of_family(full), own) for full, own in values_at(panel, key).items()]
             for key in keys
         }
         kept = _values.put((id(panel), keys), (panel, found))

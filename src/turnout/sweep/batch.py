@@ -170,14 +170,13 @@ def _throw_chain(study: Study, rule: Rule, chain: Sequence[int]) -> list[Row]:
     """Throw scenarios one by one until the rule leaves out the rest."""
     rows: list[Row] = []
     reason = ""
-    for index in chain:
-        scenario = study.scenario(index)
+    for scenario in study.scenarios_of(chain):
         if reason:
             rows.append(skipped_row(scenario, reason=reason))
             continue
         rows += throw_scenarios(study, [scenario])
         if rows[-1].outcome == COMPLETE and rule.stops(rule_inputs(rows[-1])):
-            reason = f"a drive slipped in scenario {index}"
+            reason = f"a drive slipped in scenario {scenario.index}"
     return rows
 
 
