@@ -23,6 +23,7 @@ from turnout.panel.check_rails import (
     check_outline,
     check_outline_section,
     check_planed_section,
+    check_saturations,
     check_section,
     check_section_kinds,
     check_section_name,
@@ -42,7 +43,7 @@ from turnout.panel.check_shape import (
 from turnout.panel.foreign_object import from_record, object_faults
 from turnout.panel.model import Panel
 from turnout.panel.records import Movement, ScaledSection
-from turnout.panel.validate import Draft, Known, Partial, until_unknown, values_of
+from turnout.panel.validate import Draft, Known, Partial, until_unknown
 
 _SAME_TIME = 1e-9
 _TABLE_KEYS = ("table_time", "table_fraction", "table_file")
@@ -184,6 +185,7 @@ def _all_checks() -> dict[str, Callable[[Draft], Iterable[Problem]]]:
         "machines": check_machines,
     }
     checks |= {family: partial(_each, family=family) for family in _CHECKS}
+    checks["saturation of drives"] = check_saturations
     return checks | {
         f"places of {name}": partial(_same_places, family=name) for name in _HAVE_PLACES
     }
@@ -192,7 +194,6 @@ def _all_checks() -> dict[str, Callable[[Draft], Iterable[Problem]]]:
 def _each(draft: Draft, family: str) -> Iterator[Problem]:
     """Check the members of a family one by one."""
     check_one = _CHECKS[family]
-    draft.records.asked.add(values_of(family))
     for name, record in draft.records[family].items():
         yield from until_unknown(check_one(draft, (family, name), record))
 
@@ -375,22 +376,12 @@ def _chair(draft: Draft, path: tuple[str, str], chair: Any) -> Iterator[Problem]
 
 def _drive(draft: Draft, path: tuple[str, str], drive: Any) -> Iterator[Problem]:
     yield from until_unknown(_standing(draft, path, drive))
-    yield from until_unknown(_drive_saturated(path, drive))
     yield from until_unknown(check_drive_table(path, drive))
     reaches = {"open": drive.over_travel_open, "closed": drive.over_travel_closed}
     for place, reach in reaches.items():
         if drive.stroke + reach <= 0:
             text = f" = {reach:g} m: takes away the whole stroke, {drive.stroke:g} m"
             yield Problem((*path, f"over_travel_{place}"), text)
-
-
-def _drive_saturated(path: tuple[str, str], drive: Any) -> Iterator[Problem]:
-    if drive.saturated_stiffness > drive.stiffness:
-        text = (
-            f" = {drive.saturated_stiffness:g} N/m: must not be more than stiffness, "
-            f"{drive.stiffness:g} N/m"
-        )
-        yield Problem((*path, "saturated_stiffness"), text)
 
 
 def _link(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:

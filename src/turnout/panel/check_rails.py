@@ -18,7 +18,7 @@ from turnout.panel.library_members import library_outline_names
 from turnout.panel.profile import outline_points, section_columns
 from turnout.panel.records import Drive, Profile
 from turnout.panel.section_records import SectionTable
-from turnout.panel.validate import Draft, Partial, until_unknown
+from turnout.panel.validate import Draft, Partial, until_unknown, values_of
 
 Path = tuple[str, ...]
 _POSITIVE = (
@@ -120,6 +120,22 @@ def check_drive_table(path: Path, drive: Drive) -> Iterator[Problem]:
     at_zero = float(np.interp(0.0, drive.extension, drive.force))
     if not inside or abs(at_zero) > 1e-9 * max(abs(value) for value in drive.force):
         yield Problem((*path, "force"), ": the law must pass through the origin, 0 N at 0 m")
+
+
+def check_saturations(draft: Draft) -> Iterator[Problem]:
+    """Check what mostly is all that has changed of drives (`ASKED_ALONE`)."""
+    draft.records.asked.add(values_of("drive"))
+    for name, drive in draft.records["drive"].items():
+        yield from until_unknown(_drive_saturated(("drive", name), drive))
+
+
+def _drive_saturated(path: tuple[str, str], drive: Any) -> Iterator[Problem]:
+    if drive.saturated_stiffness > drive.stiffness:
+        text = (
+            f" = {drive.saturated_stiffness:g} N/m: must not be more than stiffness, "
+            f"{drive.stiffness:g} N/m"
+        )
+        yield Problem((*path, "saturated_stiffness"), text)
 
 
 SECTION_KINDS = ("section", "outline_section", "planed_section")

@@ -106,6 +106,7 @@ def check_adjustment(path: tuple[str, str], linkage: Any, *, remedy: str) -> Ite
 # Studies and calibrations set these; where one of them makes a drive slip at rest, the verdict and
 # `panel check` say so.
 _STUDIED = ("stiffness", "saturation_force", "extension", "force")
+_REACHES = ("over_travel_closed", "over_travel_open")
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,10 +155,9 @@ def slips_at_rest(draft: Draft) -> Iterator[Problem]:
 def _refused_at_rest(draft: Draft, name: str) -> Iterator[Problem]:
     given = draft.given
     studied = any(f"drive.{name}.{key}" in given for key in _STUDIED)
-    for found in _at_rest(draft.records, name):
-        if not found.slips:
-            continue
-        if studied and f"drive.{name}.{found.key}" not in given:
+    refused = [key for key in _REACHES if not studied or f"drive.{name}.{key}" in given]
+    for found in _at_rest(draft.records, name) if refused else ():
+        if found.key not in refused or not found.slips:
             continue
         text = (
             f" = {1e3 * found.reach:g} mm: presses rail '{found.rail}' home with "
@@ -204,7 +204,7 @@ def _at_rest(records: Mapping[str, Any], name: str) -> Iterator[RestingForce]:
             continue
         if name not in _drives_of(records, rail_name):
             continue
-        key = "over_travel_closed" if rail.closes == "+y" else "over_travel_open"
+        key = _REACHES[0] if rail.closes == "+y" else _REACHES[1]
         fit = _fit_at(rail, drive)
         if fit is None or any(check_drive_table(("drive", name), drive)):
             continue

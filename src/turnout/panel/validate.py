@@ -77,7 +77,7 @@ def members_of(family: str) -> str:
 
 
 def values_of(family: str) -> str:
-    """Return what stands for values that are read by the check of each member itself alone."""
+    """Return what stands for the values of a family in `ASKED_ALONE`."""
     return f"values of {family}"
 
 
@@ -185,7 +185,7 @@ UNASKED = {"chair": frozenset(("friction_coefficient", "normal_stiffness", "stic
 """Fields of families that no check between records asks for."""
 
 ASKED_ALONE = {"drive": frozenset(("stiffness", "saturated_stiffness", "saturation_force"))}
-"""Fields of families that the check of each member alone reads, or checks that always run."""
+"""Fields of families that a check of these alone reads, or checks that always run."""
 
 
 def read_by(family: str, fields: Iterable[str]) -> set[str]:
