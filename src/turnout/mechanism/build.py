@@ -168,13 +168,13 @@ _objects = LRUCache[_Between](MOST_PLACES)
 
 def _kept(panel: Panel, objects: Sequence[PlacedObject]) -> _Kept:
     """Return layout and linear part, or those of a panel that differs in laws and motion alone."""
-    if not isinstance(panel, LoadedPanel) or not all(m.digest for m in panel.matrices.values()):
-        return _made(panel, objects, _made_frame(panel, objects, records=None))
-    first = panel.reference_panel(LAWS_ALONE)
+    first = panel.reference_panel(LAWS_ALONE) if isinstance(panel, LoadedPanel) else panel
     known = (id(first), tuple([(item.name, item.rail, item.x, item.height) for item in objects]))
     found = None if first is panel else _by_reference.get(known)
     if found is not None:
         return found[0]
+    if not isinstance(panel, LoadedPanel) or not all(m.digest for m in panel.matrices.values()):
+        return _made(panel, objects, _made_frame(panel, objects, records=None))
     (key, scales), records = shape_of(panel, objects)
     frame = _frames.get(key)
     if frame is None:
