@@ -232,7 +232,7 @@ def plan_scenario(study: Study, ready: PreparedScenario) -> PreparedScenario:
         planned = plan_throw(ready.panel, ready.objects, scheme=study.scheme, watch=watch)
     except TurnoutError as error:
         return replace(ready, outcome=_ending(error), fault=_fault(error), attempts=1)
-    return replace(ready, planned=planned)
+    return PreparedScenario(ready.scenario, ready.panel, ready.objects, planned=planned)
 
 
 def throw_scenario(study: Study, ready: PreparedScenario) -> ThrowResult:
@@ -248,7 +248,8 @@ def throw_scenario(study: Study, ready: PreparedScenario) -> ThrowResult:
     planned, attempts = ready.planned, 0
     if planned is None:
         return ThrowResult(ready, ready.outcome, ready.fault, ready.attempts)
-    ready = replace(ready, planned=None)  # with it rails, which may be its own, are let go
+    # without its plan, so that rails, which may be its own, are let go
+    ready = PreparedScenario(ready.scenario, ready.panel, ready.objects)
     try:
         for again in (False, True):
             attempts += 1
@@ -281,7 +282,8 @@ def extract_scenario(study: Study, thrown: ThrowResult) -> ThrowResult:
         extracted = extract_signals(study, ready.panel, solved, recorder=recorder)
     except TurnoutError as error:
         return ThrowResult(ready, _ending(error), _fault(error), thrown.attempts)
-    return replace(thrown, solved=None, extracted=extracted)
+    about = (ready, thrown.outcome, thrown.reason, thrown.attempts, thrown.solver)
+    return ThrowResult(*about, extracted=extracted)
 
 
 def _ending(error: TurnoutError) -> str:
