@@ -47,6 +47,9 @@ class RowSums(NamedTuple):
     ----------
     window_step, window_history : ndarray of int, shape (n_windows,)
         Floats from one instant of a window to the next, and the number of its history.
+    window_line : ndarray of int, shape (n_windows,)
+        Where the lines of its columns begin: those that no later row needs give way to others, so
+        that nearly all stay in the nearest cache.
     pair_row : ndarray of int, shape (n_pairs + 1,)
         First row of each pair: of those whose last column is among it.
     row_kind, row_near : ndarray of int, shape (n_rows,)
@@ -60,13 +63,14 @@ class RowSums(NamedTuple):
     term_start : ndarray of int, shape (n_groups + 1,)
         First term of each group.
     term_place : ndarray of int, shape (n_terms,)
-        Where the line of the column of each term begins, see `line_places`.
+        Where the line of the column of each term begins.
     term_weight : ndarray, shape (n_terms,)
         Its weight.
     """
 
     window_step: Ints
     window_history: Ints
+    window_line: Ints
     pair_row: Ints
     row_kind: Ints
     row_near: Ints
@@ -76,17 +80,6 @@ class RowSums(NamedTuple):
     term_start: Ints
     term_place: Ints
     term_weight: Floats
-
-
-def line_places(window: Ints, column: Ints) -> Ints:
-    """Return where lines of columns of some windows begin in the memory for lines.
-
-    Examples
-    --------
-    >>> line_places(np.array([0, 0, 1]), np.array([0, 7, 0])).tolist()
-    [0, 280, 320]
-    """
-    return (LANES * window + column) * LINE
 
 
 @compiled
@@ -101,12 +94,12 @@ def write_row_sums(sums: RowSums, windows: Ints, rows: Ints, lines: Floats, coun
         Addresses of the first instant of each window.
     rows : ndarray of int, shape (n_rows,)
         Addresses of the first instant of each row.
-    lines : ndarray, shape ((8 n_windows + 1) LINE,)
-        Memory for the turned columns, and for a sum.
+    lines : ndarray, shape (n_lines LINE,)
+        Memory for the turned columns, and in its last line for a sum.
     count : int
         Number of instants.
     """
-    total = lines[LANES * windows.size * LINE :]
+    total = lines[lines.size - LINE :]
     for first in range(0, count, TILE):
         size = min(TILE, count - first)
         for pair in range(sums.pair_row.size - 1):
@@ -133,7 +126,7 @@ def _turn_pair(
         ahead, later = w + PAIR, first
         if ahead >= windows.size:
             ahead, later = ahead % windows.size, first + TILE
-        step, apart, begin = sums.window_step[w], 8 * sums.window_step[ahead], LANES * w * LINE
+        step, apart, begin = sums.window_step[w], 8 * sums.window_step[ahead], sums.window_line[w]
         near = windows[ahead] + apart * later
         for t in range(0, whole, LANES):
             # The processor foresees lines of one instant, but not those of others.

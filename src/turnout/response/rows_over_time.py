@@ -22,7 +22,6 @@ from turnout.kernels.turned_rows import (
     PLAIN,
     PLUS,
     RowSums,
-    line_places,
     write_row_sums,
 )
 
@@ -133,7 +132,7 @@ def write_rows(wanted: Sequence[Rows], histories: Mapping[str, Floats]) -> None:
     first, place = _addresses(turned.values()), _addresses([rows.out for rows in wanted])
     apart = np.array([rows.out.strides[0] for rows in wanted], dtype=np.int64)
     windows = first[sums.window_history] + layout.window_offset
-    lines = lines_from_buffer((LANES * windows.size + 1) * LINE)
+    lines = lines_from_buffer(layout.lines * LINE)
     rows_at = place[layout.part] + apart[layout.part] * layout.number
     write_row_sums(sums, windows, rows_at, lines, count)
 
@@ -171,6 +170,8 @@ class _Layout(NamedTuple):
         A record of `turnout.kernels.shared_record`.
     window_offset : ndarray of int
         From the first number of its history to each window [B].
+    lines : int
+        Number of lines that the kernel needs.
     part, number : ndarray of int, shape (n_rows,)
         The `Rows` that each row of which something is known belongs to, and its number in them.
     named : sequence of object
@@ -179,6 +180,7 @@ class _Layout(NamedTuple):
 
     sums: RowSums
     window_offset: Ints
+    lines: int
     part: Ints
     number: Ints
     named: Sequence[object]
@@ -228,8 +230,9 @@ def _lay_out(
     history = np.searchsorted(first_column, column, side="right") - 1
     own = column - first_column[history]
     window_history, window_column, window = _windows(history, own, list(turned.values()))
-    place = line_places(window, own - window_column[window])
-    sorted_rows, pair_row = _in_pairs(np.unique(of_group), row, window, window_history.size)
+    sorted_rows, pair_row, last = _in_pairs(np.unique(of_group), row, window, window_history.size)
+    line = _lines_in_turn(last)
+    place = (line[window] + own - window_column[window]) * LINE
     counts = [rows.out.shape[0] for rows in wanted]
     rank = np.empty(sum(counts), dtype=np.int64)
     rank[sorted_rows] = np.arange(sorted_rows.size)
@@ -242,6 +245,7 @@ def _lay_out(
     sums = RowSums(
         window_step=steps[window_history],
         window_history=window_history,
+        window_line=line * LINE,
         pair_row=pair_row,
         row_kind=np.repeat([_kind(rows) for rows in wanted], counts)[sorted_rows],
         row_near=np.repeat([int(rows.near) for rows in wanted], counts)[sorted_rows],
@@ -255,6 +259,7 @@ def _lay_out(
     return _Layout(
         sums=shared_record(sums),
         window_offset=8 * window_column,
+        lines=int(line.max()) + LANES + 1,
         part=np.repeat(np.arange(len(counts)), counts)[sorted_rows],
         number=np.concatenate([np.arange(count) for count in counts])[sorted_rows],
         named=[(rows.products, rows.start) for rows in wanted],
@@ -305,16 +310,41 @@ def _windows(history: Ints, column: Ints, turned: Sequence[Floats]) -> tuple[Int
     return used // span, used % span, number
 
 
-def _in_pairs(known: Ints, row: Ints, window: Ints, count: int) -> tuple[Ints, Ints]:
+def _in_pairs(known: Ints, row: Ints, window: Ints, count: int) -> tuple[Ints, Ints, Ints]:
     """Return known rows by the pair with the last window of their terms, and where each begins.
 
-    `row` and `window` are those of all terms, `count` is the number of windows.
+    Last comes the last pair that needs each window. `row` and `window` are those of all terms,
+    `count` is the number of windows.
     """
     last = np.zeros(int(known.max(initial=-1)) + 1, dtype=np.int64)
     np.maximum.at(last, row, window // PAIR)
     order = np.argsort(last[known], kind="stable")
     pairs = np.arange(max(-(-count // PAIR), 1) + 1)
-    return known[order], np.searchsorted(last[known[order]], pairs)
+    needed = np.arange(count) // PAIR
+    np.maximum.at(needed, window, last[row])
+    return known[order], np.searchsorted(last[known[order]], pairs), needed
+
+
+def _lines_in_turn(last: Ints) -> Ints:
+    """Return the first line of each window by the last pair that needs it.
+
+    Lines of windows that are needed no more serve again, the latest ones first.
+
+    Examples
+    --------
+    >>> _lines_in_turn(np.array([0, 2, 1, 2, 2, 2])).tolist()
+    [0, 8, 0, 16, 0, 24]
+    """
+    lines, free, count = list[int](), list[int](), 0
+    for window in range(last.size):
+        if window % PAIR == 0:
+            before = window // PAIR - 1
+            free += [lines[k] for k in range(window) if last[k] == before]
+        if not free:
+            free.append(LANES * count)
+            count += 1
+        lines.append(free.pop())
+    return np.array(lines, dtype=np.int64)
 
 
 _Terms = tuple[Ints, Ints, Ints, Ints, Floats]
