@@ -63,7 +63,7 @@ from turnout.integrate.step import (
 from turnout.integrate.system import Floats, Ints, System
 from turnout.integrate.watch import StepRecord
 from turnout.kernels.compiled import compiled, compiled_loop, compiled_part
-from turnout.kernels.lanes import LANES, gather_neighbours, load, store_nontemporal
+from turnout.kernels.lanes import LANES, gather_neighbours, load, store, store_nontemporal
 from turnout.kernels.vector import copy
 from turnout.law.friction_course import FrictionCourses
 from turnout.law.obstruction import Obstructions
@@ -198,15 +198,21 @@ def _advance(
 
 
 @compiled_loop
-def _gather_nontemporal(g: Floats, places: Ints, to: Floats) -> None:
+def _gather_to(g: Floats, places: Ints, to: Floats, near: int) -> None:
     for i in range(0, places.size, LANES):
-        store_nontemporal(gather_neighbours(g, places, i), to, i)
+        if near:
+            store(gather_neighbours(g, places, i), to, i)
+        else:
+            store_nontemporal(gather_neighbours(g, places, i), to, i)
 
 
 @compiled_loop
-def _copy_nontemporal(values: Floats, to: Floats) -> None:
+def _copy_to(values: Floats, to: Floats, near: int) -> None:
     for i in range(0, values.size, LANES):
-        store_nontemporal(load(values, i), to, i)
+        if near:
+            store(load(values, i), to, i)
+        else:
+            store_nontemporal(load(values, i), to, i)
 
 
 @compiled_part
@@ -217,12 +223,13 @@ def store_instant(
     listed = record.places.shape[0] > 0
     whole = record.places[at, 0] if listed else at
     if whole >= 0:
-        _copy_nontemporal(state.q, record.q[whole])
-        _gather_nontemporal(state.g, system.row_place, record.g[whole])
+        near = record.near[0]
+        _copy_to(state.q, record.q[whole], near)
+        _gather_to(state.g, system.row_place, record.g[whole], near)
         if whole < record.v.shape[0]:
             copy(state.v, record.v[whole])
-        _copy_nontemporal(state.friction_force, record.friction[whole])
-        _copy_nontemporal(work.force, record.law[whole])
+        _copy_to(state.friction_force, record.friction[whole], near)
+        _copy_to(work.force, record.law[whole], near)
     kept = record.places[at, 1] if listed else at
     if kept >= 0 and record.seen.shape[1] > 0:
         forces = (work.force, state.friction_force)

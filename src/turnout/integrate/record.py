@@ -18,6 +18,10 @@ from turnout.law.table import LawTable
 
 Ints = NDArray[np.int64]
 
+LEAST_NEAR, MOST_NEAR = 4 * 2**20, 16 * 2**20
+"""Sizes of records that are written through the processor's caches, which halves the time until
+they are read; smaller and larger ones would drive what steps need out of them [bytes]."""
+
 LARGE_PAGE = 1 << 21
 """Size of a large page of memory [bytes]."""
 
@@ -70,7 +74,9 @@ def empty_record(
     arrays["v"] = np.zeros((count if velocity else 1, arrays["q"].shape[1]))
     if watched is not None:
         return watched_record(arrays, *watched)
-    return clone_record(_empty_record(), **arrays)
+    record = clone_record(_empty_record(), **arrays)
+    record.near[0] = LEAST_NEAR <= 8 * total <= MOST_NEAR
+    return record
 
 
 @cache

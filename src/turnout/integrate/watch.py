@@ -47,6 +47,8 @@ class StepRecord(NamedTuple):
     instants [N]; `seen` displacements [m] are `seen_load` under the constant load and the sum over
     the places, modes, laws and frictions of ``..._list`` with a row of weights in ``..._rows`` for
     each. The lists fill whole cache lines; `picked` is scratch for the longest.
+
+    `near` is 1 where the first four are written through the processor's caches, else 0.
     """
 
     q: Floats
@@ -72,6 +74,7 @@ class StepRecord(NamedTuple):
     friction_list: Ints = _NO_PLACES
     friction_rows: Floats = np.zeros((0, 0))
     picked: Floats = np.zeros(0)
+    near: Ints = np.zeros(1, dtype=np.int64)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,0 +1,27 @@
+"""Records of runs: the same whichever way they go to memory."""
+
+import pytest
+
+from turnout.integrate import record
+from turnout.integrate.integration import History
+from turnout.panel.foreign_object import ForeignObject
+from turnout.panel.load import load_panel
+from turnout.response.simulate import solve
+from turnout.scheme import Scheme
+
+STORED = ("q", "g", "law_force", "friction_force")
+
+
+def test_records_through_the_caches_and_past_them_are_the_same(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    panel, foreign = load_panel("sb1"), ForeignObject(0.013, "drive 1")
+
+    def history(least: int, most: int) -> History:
+        monkeypatch.setattr(record, "LEAST_NEAR", least)
+        monkeypatch.setattr(record, "MOST_NEAR", most)
+        return solve(panel, foreign_object=foreign, scheme=Scheme.of("quick")).history
+
+    near, past = history(0, 2**40), history(1, 0)
+    for name in STORED:
+        assert getattr(near, name).tobytes() == getattr(past, name).tobytes()
