@@ -53,9 +53,26 @@ def acquire_buffer(count: int) -> Floats:
         memory = np.empty(count)
     found = np.frombuffer(memory.data, dtype=np.float64)
     if memory.size <= MOST_KEPT:
-        kept = _free_small if memory.size < LARGE else _free_buffers
-        weakref.finalize(found, kept.append, memory).atexit = False
+        loan = _Loan(found, _give_back)
+        loan.memory = memory
+        _loans[id(loan)] = loan
     return found
+
+
+class _Loan(weakref.ref[Floats]):
+    """A reference to an array in use, and the buffer that is free once the array is gone."""
+
+    __slots__ = ("memory",)
+    memory: Floats
+
+
+_loans: dict[int, _Loan] = {}
+
+
+def _give_back(loan: _Loan) -> None:
+    del _loans[id(loan)]
+    kept = _free_small if loan.memory.size < LARGE else _free_buffers
+    kept.append(loan.memory)
 
 
 def lines_from_buffer(*shape: int) -> Floats:

@@ -72,8 +72,7 @@ class Product:
     added: bool = False
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Rows:
+class Rows(NamedTuple):
     """Rows over time that are wanted: where they start, plus or minus some products.
 
     Attributes
