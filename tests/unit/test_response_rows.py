@@ -18,6 +18,7 @@ from turnout.response.recipes import (
     RowBlock,
     clear_recipes,
     evenly_spaced,
+    in_one_piece,
     kept_row_blocks,
     products_of,
     sums_of_columns,
@@ -266,6 +267,22 @@ def test_recipes_are_made_once_for_rails_that_throws_share(solved: Solved) -> No
     clear_recipes()
     again = simulate(panel, foreign_object=ForeignObject(0.05, "sleeper 6"), mode="quick")
     xr.testing.assert_identical(kept.drop_attrs(), again.drop_attrs())
+
+
+def test_blocks_in_one_piece_hold_what_they_hold_apart() -> None:
+    weights, histories = np.array([[1.0, 0.0], [0.5, 2.0]]), {"g": np.arange(26.0).reshape(13, 2)}
+    one = RowBlock([(Recipe(tuple(products_of(weights, "g"))), 2)], {"one": (0, (2,))})
+    two = RowBlock([(Recipe(tuple(products_of(2.0 * weights, "g"))), 2)], {"two": (1, (1,))})
+    found = dict[str, Any]()
+    for block in (one, two, in_one_piece([one, two])):
+        arrays, rows = block.lay_out(13)
+        write_rows(rows, histories)
+        for name, values in arrays.items():
+            np.testing.assert_array_equal(values, found.setdefault(name, values))
+    assert {name: values.shape for name, values in found.items()} == {
+        "one": (2, 13),
+        "two": (1, 13),
+    }
 
 
 def test_places_of_gaps_that_throws_share_cannot_be_changed() -> None:

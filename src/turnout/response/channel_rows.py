@@ -7,7 +7,7 @@ from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.model import Panel
 from turnout.response.coordinates import stations
 from turnout.response.gaps import place_block, shape_block
-from turnout.response.recipes import RowBlock
+from turnout.response.recipes import RowBlock, in_one_piece
 from turnout.response.recovery import Motion, histories_of, row_blocks_of
 from turnout.response.rows_over_time import Rows, write_rows
 from turnout.response.save import Save
@@ -51,11 +51,12 @@ def channel_rows(
 
     def blocks() -> list[RowBlock]:
         objects, links, chairs, stops, gaps = wanted
-        found = [force_block(panel, mechanism, objects=objects, links=links)]
-        found += [chair_block(panel, mechanism)] if chairs else []
-        found += [stop_block(panel, mechanism)] if stops else []
-        found += [] if x is None else [shape_block(panel, motion, x)]
-        return found + ([place_block(panel, motion)] if gaps else [])
+        few = [force_block(panel, mechanism, objects=objects, links=links)]
+        few += [place_block(panel, motion)] if gaps else []
+        many = [chair_block(panel, mechanism)] if chairs else []
+        many += [stop_block(panel, mechanism)] if stops else []
+        many += [] if x is None else [shape_block(panel, motion, x)]
+        return [in_one_piece(found) for found in (few, many) if found]
 
     named = (
         *(panel.rail, panel.stock_rail, panel.chair, panel.stop, panel.stud, panel.drive),

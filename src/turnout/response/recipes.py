@@ -86,6 +86,16 @@ class RowBlock(NamedTuple):
         return arrays, wanted
 
 
+def in_one_piece(blocks: Sequence[RowBlock]) -> RowBlock:
+    """Return blocks as one; their rows stay in memory as long as any of them is in use."""
+    recipes, parts, first = list[tuple[Recipe, int]](), dict[str, tuple[int, tuple[int, ...]]](), 0
+    for block in blocks:
+        recipes += block.recipes
+        parts |= {name: (first + row, shape) for name, (row, shape) in block.parts.items()}
+        first += sum(size for _, size in block.recipes)
+    return RowBlock(recipes, parts)
+
+
 # What recipes depend on is named by identity, and kept beside them so that nothing else takes its
 # place.
 _blocks = LRUCache[tuple[tuple[RowBlock, ...], Sequence[object]]](MOST_KEPT)
