@@ -276,3 +276,26 @@ def test_panels_of_the_same_keys_share_what_shapes_them(fresh: Path) -> None:
         np.testing.assert_array_equal(made[2].stiffness, again.stiffness)
         elsewhere = resolve_objects(panels[2], [ForeignObject(0.01, "sleeper 7")])
         assert build_mechanism(panels[2], elsewhere).rows is not again.rows
+
+
+@pytest.mark.parametrize("scales", [{}, {"rail.section_scale": 0.93}])
+def test_rails_made_with_an_object_at_their_nodes_are_those_without(
+    scales: dict[str, object], fresh: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    panel = PANEL.with_overrides(scales)
+    objects = resolve_objects(
+        panel,
+        [ForeignObject("13 mm", "sleeper 6"), ForeignObject("5 mm", "sleeper 4", rail="curved")],
+    )
+    bare, shared = build_mechanism(panel), build_mechanism(panel, objects)
+    assert shared.stiffness is bare.stiffness
+    assert shared.core is bare.rows
+    build.clear_memory()
+    monkeypatch.setattr(build, "node_rows", lambda *_: None)
+    made = build_mechanism(panel, objects)
+    assert made.core is made.rows
+    for name in ("stiffness", "mass", "damping", "load", "rows"):
+        np.testing.assert_array_equal(getattr(shared, name), getattr(made, name), err_msg=name)
+    for name, values in shared.laws._asdict().items():
+        np.testing.assert_array_equal(values, getattr(made.laws, name), err_msg=name)
+    assert shared.index == made.index

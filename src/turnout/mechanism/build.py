@@ -6,7 +6,7 @@ These files alone see both definition and mechanics.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from turnout.mechanism.chair_courses import friction_courses
 from turnout.mechanism.drive_machines import drive_machines
 from turnout.mechanism.laws import Layout, Rows, law_table, lay_out
 from turnout.mechanism.mechanism import Mechanism, RailBody, RailData, ReducedRail
+from turnout.mechanism.node_objects import node_rows
 from turnout.mechanism.object_laws import obstructions_of
 from turnout.mechanism.offnode_objects import approach_row, is_off_node, local_flexibility
 from turnout.mechanism.reduce import reduce_rail
@@ -30,7 +31,7 @@ from turnout.panel.model import Panel
 Floats = NDArray[np.float64]
 
 MOST_PLACES = 64
-"""So many panels with objects between nodes are kept in memory, the latest used."""
+"""Of each, so many places of objects are kept in memory, the latest used; a megabyte each."""
 MOST_FRAMES = 64
 """So many panels are known without the scales of their sections, the latest used."""
 MOST_SCALES = 4
@@ -53,21 +54,16 @@ def build_mechanism(panel: Panel, objects: Sequence[PlacedObject] = ()) -> Mecha
     Mechanism
         One input a drive, in the order of ``panel.drive``: its marker position [m].
     """
-    objects = divided(objects)
-    between = tuple(item for item in objects if is_off_node(panel, item))
-    standing = tuple(item for item in objects if item not in between)
-    kept = _kept(panel, standing)
-    layout, linear, rows = kept.layout, kept.linear, kept.linear.rows
-    if between:
-        more = _with_between(kept, panel, standing, between)
-        layout, rows = more.layout, more.rows
-        objects = (*standing, *more.softened(between))
+    objects = sorted(divided(objects), key=lambda item: is_off_node(panel, item))
+    placed = _placed(panel, objects)
+    layout, linear = placed.layout, placed.linear
+    objects = placed.softened(objects)
     return Mechanism(
         stiffness=linear.stiffness,
         mass=linear.mass,
         damping=linear.damping,
         load=linear.load,
-        rows=rows,
+        rows=placed.rows,
         laws=law_table(layout, panel, objects, travel=linear.travel),
         law_names=layout.law_names,
         friction_names=layout.friction_names,
@@ -77,7 +73,7 @@ def build_mechanism(panel: Panel, objects: Sequence[PlacedObject] = ()) -> Mecha
         machines=drive_machines(panel, layout.index),
         obstructions=obstructions_of(layout.index, objects),
         courses=friction_courses(panel, layout.index, linear.travel),
-        core=kept.core,
+        core=linear.rows,
         reduced=linear.reduced,
     )
 
@@ -124,46 +120,42 @@ class _Frame:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Kept:
-    """What panels have in common that differ in values of laws and motion alone.
+class _Placed:
+    """Rails with the rows of objects.
 
-    `core` are the rows without those of objects, shared with panels whose objects stand elsewhere
-    if they can be.
+    `rows` begin with those of `linear`, which has the rows of objects that are nodes of its rails.
+    `yields` is what the rails yield to each object beyond their reduced coordinates [m/N].
     """
 
-    frame: _Frame
     linear: _Linear
-    core: Floats
-
-    @property
-    def layout(self) -> Layout:
-        """Where laws act."""
-        return self.frame.layout
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Between:
-    """What objects between the nodes add to what is kept without them.
-
-    `yields` is what the rails yield to each beyond their reduced coordinates [m/N].
-    """
-
-    kept: _Kept
     layout: Layout
     rows: Floats
     yields: tuple[float, ...]
 
     def softened(self, objects: Sequence[PlacedObject]) -> list[PlacedObject]:
-        """Return the objects in series with what the rails yield."""
+        """Return the objects in series with what the rails yield, if they do."""
         return [
             replace(item, stiffness=1.0 / (1.0 / item.stiffness + flexibility))
+            if flexibility
+            else item
             for item, flexibility in zip(objects, self.yields, strict=True)
         ]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Kept:
+    """What panels have in common that differ in values of laws and motion alone.
+
+    `placed` are the same rails with further objects, by their places.
+    """
+
+    frame: _Frame
+    linear: _Linear
+    placed: LRUCache[_Placed] = field(default_factory=lambda: LRUCache[_Placed](MOST_PLACES))
+
+
 _frames = LRUCache[_Frame](MOST_FRAMES)
 _by_reference = LRUCache[tuple[_Kept, Panel]](MOST_FRAMES)
-_objects = LRUCache[_Between](MOST_PLACES)
 
 
 def _kept(panel: Panel, objects: Sequence[PlacedObject]) -> _Kept:
@@ -174,14 +166,15 @@ def _kept(panel: Panel, objects: Sequence[PlacedObject]) -> _Kept:
     if found is not None:
         return found[0]
     if not isinstance(panel, LoadedPanel) or not all(m.digest for m in panel.matrices.values()):
-        return _made(panel, objects, _made_frame(panel, objects, records=None))
+        own = _made_frame(panel, objects, records=None)
+        return _Kept(own, _made_linear(panel, own))
     (key, scales), records = shape_of(panel, objects)
     frame = _frames.get(key)
     if frame is None:
         frame = _frames.put(key, _made_frame(panel, objects, records=records))
     made = frame.kept.get(scales)
     if made is None:
-        made = _made(panel, objects, frame)
+        made = _Kept(frame, _made_linear(panel, frame))
         for name in (*_MATRICES, "rows"):
             getattr(made.linear, name).flags.writeable = False
         frame.kept.put(scales, made)
@@ -194,74 +187,46 @@ def clear_memory() -> None:
     """Empty the memory of layouts and linear parts."""
     _frames.clear()
     _by_reference.clear()
-    _objects.clear()
 
 
-def _with_between(
-    kept: _Kept,
-    panel: Panel,
-    standing: Sequence[PlacedObject],
-    between: Sequence[PlacedObject],
-) -> _Between:
-    """Add rows for objects between the nodes, or find those of objects in the same places."""
-    places = tuple((item.name, item.rail, item.x, item.height) for item in between)
-    key = (id(kept), places)
-    found = _objects.get(key)
+def _placed(panel: Panel, objects: Sequence[PlacedObject]) -> _Placed:
+    """Put objects on the rails, those between the nodes last, or find them in the same places."""
+    bare = _kept(panel, ())
+    places = tuple([(item.name, item.rail, item.x, item.height) for item in objects])
+    found = bare.placed.get(places)
     if found is None:
-        found = _objects.put(key, _made_between(kept, panel, standing, between))
+        with one_blas_thread():
+            found = bare.placed.put(places, _put_objects(bare, panel, objects))
     return found
 
 
-def _made_between(
-    kept: _Kept,
-    panel: Panel,
-    standing: Sequence[PlacedObject],
-    between: Sequence[PlacedObject],
-) -> _Between:
-    layout, linear = kept.layout, kept.linear
-    count, size = linear.rows.shape
-    added = [approach_row(panel, item, linear.rails, size=size) for item in between]
-    rows = np.vstack((linear.rows, *added))
-    rows.flags.writeable = False
-    names = {item.name: len(layout.law_names) + i for i, item in enumerate(between)}
-    more = replace(
-        layout,
-        index=replace(layout.index, object=layout.index.object | names),
-        law_names=(*layout.law_names, *(f"object {name}" for name in names)),
-        further=(*layout.further, *range(count, count + len(added))),
-    )
-    with one_blas_thread():
-        yields = tuple(
-            local_flexibility(panel, item, rails=lambda: kept.frame.scaled(panel))
-            for item in between
-        )
-    return _Between(kept, more, rows, yields)
+def _put_objects(bare: _Kept, panel: Panel, objects: Sequence[PlacedObject]) -> _Placed:
+    """Add the rows of objects to those of rails, which are made with nodes for them if need be."""
+    kept, added = bare, objects
+    if not objects:
+        return _Placed(kept.linear, kept.frame.layout, kept.linear.rows, ())
+    standing = [item for item in objects if not is_off_node(panel, item)]
+    between = objects[len(standing) :]
+    rails = kept.frame.scaled(panel)
+    rows = node_rows(panel, standing, rails, bare.linear.rails)
+    if rows is None:
+        kept, added, rows = _kept(panel, standing), between, []
+        rails = kept.frame.scaled(panel)
+    linear, layout = kept.linear, kept.frame.layout
+    if not added:
+        return _Placed(linear, layout, linear.rows, (0.0,) * len(standing))
+    rows += [approach_row(panel, item, linear.rails) for item in between]
+    yields = [local_flexibility(panel, item, rails=rails) for item in between]
+    stacked = np.vstack((linear.rows, *rows))
+    stacked.flags.writeable = False
+    layout = layout.with_objects([item.name for item in added])
+    return _Placed(linear, layout, stacked, (*(0.0 for _ in standing), *yields))
 
 
 def _made_frame(panel: Panel, objects: Sequence[PlacedObject], *, records: object) -> _Frame:
     layout = lay_out(panel, objects)
     rails = tuple(_rail_data(panel, layout.rows, objects))
     return _Frame(layout, rails, records, LRUCache[_Kept](MOST_SCALES))
-
-
-def _made(panel: Panel, objects: Sequence[PlacedObject], frame: _Frame) -> _Kept:
-    linear = _made_linear(panel, frame)
-    core = linear.rows
-    if objects and frame.records is not None:
-        bare = _kept(panel, ()).linear
-        if _differ_in_objects(bare, linear):
-            linear, core = replace(bare, rows=linear.rows), bare.rows
-    return _Kept(frame, linear, core)
-
-
-def _differ_in_objects(bare: _Linear, linear: _Linear) -> bool:
-    """Return whether rails with objects are those without, but for the last rows.
-
-    They are where each object stands at a node whose displacements were coordinates before.
-    """
-    pairs = [(getattr(bare, name), getattr(linear, name)) for name in _MATRICES]
-    pairs.append((bare.rows, linear.rows[: bare.rows.shape[0]]))
-    return all(np.array_equal(one, other) for one, other in pairs)
 
 
 def _made_linear(panel: Panel, frame: _Frame) -> _Linear:

@@ -185,6 +185,27 @@ def stock_rail_data(panel: Panel, name: str, points: tuple[Point, ...]) -> RailD
     )
 
 
+def approach_ends(panel: Panel, name: str, *, x: float, height: float) -> list[tuple[str, Point]]:
+    """Return the points whose sum is a switch rail's approach to its stock rail, with their rails.
+
+    Parameters
+    ----------
+    panel : Panel
+        The panel.
+    name : str
+        Name of the switch rail.
+    x, height : float
+        Place, and height above the foot of the switch rail [m].
+    """
+    side = SIGN[panel.rail[name].closes]
+    ends = [(name, Point(x, "uy", z=height, sign=side))]
+    body = stock_body(panel, name)
+    if body is not None:
+        foot = next(s.foot_height for s in panel.stock_rail.values() if s.faces == name)
+        ends.append((body, Point(x, "uy", z=height - foot, sign=-side)))
+    return ends
+
+
 def foot_points(panel: Panel, name: str, chair: Chair) -> tuple[Point, ...]:
     """Return the points of a switch rail's underside that a chair carries; see `rail_feet`."""
     return rail_feet(panel, name, {"": chair})[""]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from turnout.errors import MechanicsError
 from turnout.law.table import LawTable, LawTableBuilder, SharedTableParts
-from turnout.mechanism.build_rails import SIGN, rail_feet, stands_on, stock_body
+from turnout.mechanism.build_rails import SIGN, approach_ends, rail_feet, stands_on
 from turnout.mechanism.mechanism import LawIndex, Point
 from turnout.mechanism.object_laws import add_bond, add_object
 from turnout.mechanism.travel import Travel, drive_at, unloaded_gap
@@ -107,6 +107,17 @@ class Layout:
     further: tuple[int, ...]
     tables: dict[Hashable, SharedTableParts] = field(default_factory=dict)
 
+    def with_objects(self, names: Sequence[str]) -> "Layout":
+        """Return the layout with the laws of further objects, whose rows come last."""
+        count, n_rows = len(self.law_names), len(self.rows.rows)
+        laws = {name: count + number for number, name in enumerate(names)}
+        return replace(
+            self,
+            index=replace(self.index, object=self.index.object | laws),
+            law_names=(*self.law_names, *(f"object {name}" for name in names)),
+            further=(*self.further, *range(n_rows, n_rows + len(names))),
+        )
+
 
 def lay_out(panel: Panel, objects: Sequence[PlacedObject]) -> Layout:
     """Put every row and law where it acts.
@@ -160,7 +171,7 @@ def lay_out(panel: Panel, objects: Sequence[PlacedObject]) -> Layout:
     for item in objects:
         index.object[item.name] = len(names)
         names.append(f"object {item.name}")
-        further.append(_approach(rows, panel, item.rail, x=item.x, height=item.height))
+        further.append(rows.add(*approach_ends(panel, item.rail, x=item.x, height=item.height)))
     contacts_and_chairs = np.array(feet_of, dtype=np.int64).reshape(-1, 2)
     return Layout(
         rows=rows,
@@ -276,21 +287,10 @@ def _add_chair(
     return tuple(contacts), tuple(frictions)
 
 
-def _approach(rows: Rows, panel: Panel, name: str, *, x: float, height: float) -> int:
-    """Add the row of a switch rail's approach to its stock rail, positive closing."""
-    side = SIGN[panel.rail[name].closes]
-    ends = [(name, Point(x, "uy", z=height, sign=side))]
-    body = stock_body(panel, name)
-    if body is not None:
-        foot = next(s.foot_height for s in panel.stock_rail.values() if s.faces == name)
-        ends.append((body, Point(x, "uy", z=height - foot, sign=-side)))
-    return rows.add(*ends)
-
-
 def _add_stop(rows: Rows, laws: LawTableBuilder, panel: Panel, name: str, stop: Stop) -> int:
     """Add a contact, still without its clearance."""
     return laws.add_contact(
-        _approach(rows, panel, name, x=stop.x, height=stop.height),
+        rows.add(*approach_ends(panel, name, x=stop.x, height=stop.height)),
         stiffness=stop.stiffness,
         clearance=0.0,
     )

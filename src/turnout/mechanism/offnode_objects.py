@@ -12,7 +12,7 @@ differs by 0.1 % where sections change along the rail, by 0.01 % on prismatic ra
 drives by less than 0.02 % (root mean square, of the peak).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from turnout.core.lru_cache import LRUCache
 from turnout.errors import MechanicsError
-from turnout.mechanism.build_rails import SIGN, stock_body
+from turnout.mechanism.build_rails import approach_ends
 from turnout.mechanism.mechanism import RailBody, RailData
 from turnout.mechanism.reduce import content_key, superelement_of
 from turnout.mechanism.structure import Structure
@@ -92,9 +92,7 @@ def offnode_row(nodes: Floats, *, x: float, z: float) -> tuple[Ints, Floats]:
     return np.array(at), np.array(weights)
 
 
-def approach_row(
-    panel: Panel, item: PlacedObject, bodies: Sequence[RailBody], *, size: int
-) -> Floats:
+def approach_row(panel: Panel, item: PlacedObject, bodies: Sequence[RailBody]) -> Floats:
     """Return the row of a switch rail's approach to its stock rail where an object stands.
 
     Parameters
@@ -105,27 +103,14 @@ def approach_row(
         The object.
     bodies : sequence of RailBody
         The reduced rails.
-    size : int
-        Of all reduced coordinates.
     """
-    row = np.zeros(size)
+    row = np.zeros(sum(body.count for body in bodies))
     by_name = {body.name: body for body in bodies}
-    for name, z, sign in _sides(panel, item):
+    for name, point in approach_ends(panel, item.rail, x=item.x, height=item.height):
         body = by_name[name]
-        at, weights = offnode_row(body.x, x=item.x, z=z)
-        row[body.first : body.first + body.count] = sign * (weights @ body.recovery[at])
+        at, weights = offnode_row(body.x, x=point.x, z=point.z)
+        row[body.first : body.first + body.count] = point.sign * (weights @ body.recovery[at])
     return row
-
-
-def _sides(panel: Panel, item: PlacedObject) -> list[tuple[str, float, float]]:
-    """Return name, height and sign of the rails on both sides of an object."""
-    sign = SIGN[panel.rail[item.rail].closes]
-    sides = [(item.rail, item.height, sign)]
-    body = stock_body(panel, item.rail)
-    if body is not None:
-        foot = next(s.foot_height for s in panel.stock_rail.values() if s.faces == item.rail)
-        sides.append((body, item.height - foot, -sign))
-    return sides
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -141,9 +126,7 @@ class _Inside:
 _memory = LRUCache[_Inside](MOST_RAILS)
 
 
-def local_flexibility(
-    panel: Panel, item: PlacedObject, *, rails: Callable[[], Sequence[RailData]]
-) -> float:
+def local_flexibility(panel: Panel, item: PlacedObject, *, rails: Sequence[RailData]) -> float:
     """Return what the rails yield to an object beyond their reduced coordinates [m/N].
 
     Parameters
@@ -152,19 +135,19 @@ def local_flexibility(
         The panel.
     item : PlacedObject
         The object.
-    rails : callable
-        Gives all rails without it.
+    rails : sequence of RailData
+        All rails without it.
     """
     total = 0.0
-    for name, z, _ in _sides(panel, item):
-        data = next(data for data in rails() if data.name == name)
+    for name, point in approach_ends(panel, item.rail, x=item.x, height=item.height):
+        data = next(data for data in rails if data.name == name)
         key = content_key(data)
         rail = None if key is None else _memory.get(key)
         if rail is None:
             rail = _inside(data)
             if key is not None:
                 _memory.put(key, rail)
-        total += _residual(rail, x=item.x, z=z)
+        total += _residual(rail, x=point.x, z=point.z)
     return total
 
 

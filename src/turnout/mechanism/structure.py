@@ -239,6 +239,16 @@ def given_structure(data: RailData, given: RailMatrices) -> Structure:
 
 
 def point_rows(structure: Structure, points: tuple[Point, ...], *, name: str) -> sp.csr_array:
+    """Form rows as `form_rows` does, or find those of the very same points."""
+    key = (id(structure.motion), id(points))
+    found = _rows.get(key)
+    if found is None:
+        made = form_rows(structure, points, name=name)
+        found = _rows.put(key, (made, structure.motion, points))
+    return found[0]
+
+
+def form_rows(structure: Structure, points: tuple[Point, ...], *, name: str) -> sp.csr_array:
     """Form the rows that take coordinates to displacements of points fixed to the sections.
 
     Raises
@@ -246,15 +256,6 @@ def point_rows(structure: Structure, points: tuple[Point, ...], *, name: str) ->
     MechanicsError
         Naming every point whose node or coordinate is missing.
     """
-    key = (id(structure.motion), id(points))
-    found = _rows.get(key)
-    if found is None:
-        made = _point_rows(structure, points, name=name)
-        found = _rows.put(key, (made, structure.motion, points))
-    return found[0]
-
-
-def _point_rows(structure: Structure, points: tuple[Point, ...], *, name: str) -> sp.csr_array:
     problems: list[str] = []
     entries: list[list[tuple[int, float]]] = []
     for point in points:
@@ -300,7 +301,7 @@ def _supports(
     bare: Structure, name: str, supports: tuple[Support, ...]
 ) -> tuple[sp.csr_array, sp.csr_array]:
     """Return the matrices of springs and dashpots of fastenings."""
-    rows = _point_rows(bare, tuple(s.point for s in supports), name=name)
+    rows = form_rows(bare, tuple(s.point for s in supports), name=name)
     springs = sp.diags_array(np.array([s.stiffness for s in supports]))
     dashpots = sp.diags_array(np.array([s.damping for s in supports]))
     return sp.csr_array(rows.T @ springs @ rows), sp.csr_array(rows.T @ dashpots @ rows)
