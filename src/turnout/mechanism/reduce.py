@@ -7,7 +7,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from turnout.core.content_cache import cached_arrays, digest
+from turnout.core.content_cache import cached_arrays, counts, digest
 from turnout.core.lru_cache import LRUCache
 from turnout.mechanism.mechanism import RailBody, RailData, ReducedRail
 from turnout.mechanism.structure import Structure, clear_structures, point_rows, rail_structure
@@ -25,7 +25,10 @@ Floats = NDArray[np.float64]
 MOST_RAILS = 24
 """So many reduced rails are kept in memory, the latest used."""
 LARGE = 2000
-"""Coordinates from which on shapes are kept as files too; those of fewer take milliseconds."""
+"""Coordinates from which on shapes are always kept as files too."""
+FIRST = 8
+"""Of smaller rails those of so many that a process computes, which are rarely of varied sections:
+they take it 15 to 30 ms each, and the next one 2 ms to read."""
 
 _FIELDS = ("transformation", "frequencies", "frequency_first_omitted")
 _rails = LRUCache[ReducedRail](MOST_RAILS)
@@ -229,7 +232,8 @@ def _kept_superelement(
     inner = np.where(row & at_interface[stiffness.indices], 0.0, stiffness.data)
     pattern = (stiffness.indices, stiffness.indptr, mass.indices, mass.indptr)
     parts = [inner, mass.data, *pattern, interface, float(cutoff_frequency)]
-    kept = cached_arrays("superelement", parts, found, on_disk=structure.load.size >= LARGE)
+    on_disk = structure.load.size >= LARGE or counts["superelement computed"] < FIRST
+    kept = cached_arrays("superelement", parts, found, on_disk=on_disk)
     transformation = kept["transformation"]
     if signs is not None:
         transformation = signs[:, np.newaxis] * transformation
