@@ -6,21 +6,22 @@ import sys
 
 import pytest
 
-from turnout.core.lean_imports import import_scipy, without_blas_threads, without_package
+from turnout.core.lean_imports import import_scipy, without_blas_threads, without_packages
 from turnout.core.processes import worker_processes
 
 LEAN = """
 import sys
-from turnout.core.lean_imports import import_scipy, without_blas_threads, without_package
+from turnout.core.lean_imports import import_scipy, without_blas_threads, without_packages
 import numpy
 before = numpy.__all__, numpy.__dir__
 import_scipy()
 print("numpy.f2py" in sys.modules, "scipy.linalg" in sys.modules)
 print((numpy.__all__, numpy.__dir__) == before)
-with without_package("pyarrow"):
+with without_packages("pyarrow", "pint"):
     import pandas, xarray
-print("pyarrow" in sys.modules)
-print(xarray.Dataset(coords={"rail": ["curved", "straight"]}).sel(rail="curved").rail.item())
+    rails = xarray.Dataset(coords={"rail": ["curved", "straight"]})
+print("pyarrow" in sys.modules, "pint" in sys.modules)
+print(rails.sel(rail="curved").rail.item())
 print(numpy.f2py.__name__)
 """
 
@@ -28,7 +29,15 @@ print(numpy.f2py.__name__)
 def test_unused_parts_are_left_out_and_there_when_they_are_used() -> None:
     done = subprocess.run([sys.executable, "-c", LEAN], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.split() == ["False", "True", "True", "False", "curved", "numpy.f2py"]
+    assert done.stdout.split() == [
+        "False",
+        "True",
+        "True",
+        "False",
+        "False",
+        "curved",
+        "numpy.f2py",
+    ]
 
 
 MASKED = """
@@ -106,14 +115,14 @@ def test_workers_have_one_thread_of_linear_algebra_each(monkeypatch: pytest.Monk
 
 def test_what_is_loaded_stays_loaded() -> None:
     import_scipy()
-    with without_package("numpy"):
+    with without_packages("numpy"):
         import numpy as np
     assert np is sys.modules["numpy"]
 
 
 def test_a_package_is_missing_meanwhile_only(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delitem(sys.modules, "colorsys", raising=False)
-    with without_package("colorsys"), pytest.raises(ImportError):
+    with without_packages("colorsys"), pytest.raises(ImportError):
         import colorsys
     import colorsys
 

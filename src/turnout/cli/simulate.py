@@ -26,7 +26,7 @@ from turnout.cli.options import (
     opened_panel,
 )
 from turnout.core.collector import without_collections
-from turnout.core.lean_imports import import_scipy, without_package
+from turnout.core.lean_imports import import_scipy, without_packages
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -252,8 +252,9 @@ def _run(
 
     rehearsal = threading.Thread(target=preload, kwargs={"plots": plots}, daemon=True)
 
-    # For both threads, whichever imports pandas.
-    with without_package("pyarrow"), watched(f"simulating {panel.name}", quiet=quiet) as watch:
+    # For both threads, whichever imports pandas. No array of a run has units by pint.
+    left_out = without_packages("pyarrow", "pint")
+    with left_out, watched(f"simulating {panel.name}", quiet=quiet) as watch:
 
         def report(done: int, steps: int) -> None:
             if rehearsal.ident is None:

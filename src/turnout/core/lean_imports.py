@@ -7,7 +7,7 @@ process of its own.
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from importlib import import_module
 from types import ModuleType
 from typing import Any
@@ -90,18 +90,16 @@ def without_plugins() -> Iterator[None]:
 
 
 @contextmanager
-def without_package(name: str) -> Iterator[None]:
-    """Let what is imported meanwhile find a package missing; nothing if it has been loaded.
+def without_packages(*names: str) -> Iterator[None]:
+    """Let what is imported meanwhile find packages missing, but for those that have been loaded.
 
     pandas imports pyarrow wherever it is installed, though only files of the format Parquet and
-    columns of its own types need it.
+    columns of its own types need it; xarray imports pint to ask whether an array has units by it.
     """
-    if name in sys.modules:
-        yield
-        return
-    sys.modules[name] = None  # type: ignore[assignment]
+    missing = [name for name in names if name not in sys.modules]
+    sys.modules.update(dict.fromkeys(missing))  # type: ignore[arg-type]
     try:
         yield
     finally:
-        with suppress(KeyError):
-            del sys.modules[name]
+        for name in missing:
+            sys.modules.pop(name, None)
