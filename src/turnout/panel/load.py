@@ -9,7 +9,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Self
 
-from pydantic import PrivateAttr
+from pydantic import BaseModel, PrivateAttr
 
 from turnout.core.files import user_path
 from turnout.core.html_table import html_table
@@ -33,11 +33,8 @@ from turnout.panel.same_keys import PendingDocument, derive_panel, note_keys
 from turnout.panel.validate import Known, with_values
 
 # Neither changes what the panel is: the text about it, and where a schedule's numbers were read.
-_NOT_HASHED: dict[str, Any] = {
-    "description": True,
-    "movement": {"__all__": {"table_file"}},
-    "rail": {"__all__": {"matrices"}},
-}
+_NOT_HASHED: dict[str, set[str]] = {"movement": {"table_file"}, "rail": {"matrices"}}
+_HASHED = tuple(name for name in Panel.model_fields if name != "description")
 # For a notebook, and for completion.
 _COUNTED = ("chair", "fastening", "stop", "stud", "link", "sensor", "sleeper")
 _OWN = ("hash", "matrices", "origins", "overrides", "source", "with_overrides", "with_settings")
@@ -100,7 +97,7 @@ class LoadedPanel(Panel):
     def hash(self) -> str:
         """Content hash of all SI values; the same for the same panel however it was written."""
         if not self._hash:
-            values = self.model_dump(mode="json", exclude=_NOT_HASHED)
+            values = _plain_values(self)
             if not values["machine"]:  # a panel of markers is what it was before there were any
                 del values["machine"]
                 for drive in values["drive"].values():
@@ -269,6 +266,22 @@ class LoadedPanel(Panel):
     def __dir__(self) -> list[str]:
         """List records, properties and methods of a panel for completion."""
         return [*Panel.model_fields, *_OWN]
+
+
+def _plain_values(panel: Panel) -> dict[str, Any]:
+    """Return all that counts of a panel as plain values.
+
+    Each record was validated and has a serializer; for the panel as a whole one would be built.
+    """
+
+    def plain(name: str, value: Any) -> Any:
+        if isinstance(value, dict):
+            return {key: plain(name, member) for key, member in value.items()}
+        if isinstance(value, BaseModel):
+            return value.model_dump(mode="json", exclude=_NOT_HASHED.get(name))
+        return value
+
+    return {name: plain(name, getattr(panel, name)) for name in _HASHED}
 
 
 def refuse(problems: Iterable[Problem], *, heading: str) -> None:
