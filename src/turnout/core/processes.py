@@ -211,13 +211,17 @@ def end_pool(pool: Executor) -> None:
 def _start_worker(prepare: Callable[..., object], *given: object) -> None:
     """Ignore Ctrl-C, which is for the run, and end when the run does, however it ends.
 
-    To look for garbage in what is being loaded takes a tenth of the start.
+    To look for garbage in what is being loaded takes a tenth of the start, as does what SciPy loads
+    along and no worker uses.
     """
+    from turnout.core.lean_imports import import_scipy
+
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     gc.disable()
     parent = multiprocessing.parent_process()
     if parent is not None:
         threading.Thread(target=_exit_with_parent, args=(parent.sentinel,), daemon=True).start()
+    import_scipy()
     prepare(*given)
 
 
