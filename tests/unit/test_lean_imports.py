@@ -146,6 +146,22 @@ def test_calibration_and_detector_start_without_the_distributions_of_scipy() -> 
     assert done.stdout.split() == ["False"]
 
 
+SWEEP = """
+import sys
+import turnout.sweep.run, turnout.sweep.worker
+print("xarray" in sys.modules, "pandas" in sys.modules)
+"""
+
+
+def test_a_run_of_a_sweep_starts_without_what_opens_its_results() -> None:
+    # Which takes 0.3 s before the first worker begins.
+    done = subprocess.run(
+        [sys.executable, "-c", SWEEP], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == ["False", "False"]
+
+
 PLUGINS = """
 import os, sys
 from turnout.core.lean_imports import without_plugins

@@ -28,9 +28,10 @@ from turnout.sweep import folder as sweep_folder
 from turnout.sweep import row as sweep_row
 from turnout.sweep.batch import batch_variables, plan_batches, throw_batch
 from turnout.sweep.batch_file import file_bytes
+from turnout.sweep.batch_index import label_arrays, read_index
 from turnout.sweep.folder import check_folder, lock_folder
 from turnout.sweep.labels import object_labels
-from turnout.sweep.read import label_arrays, open_sweep, read_index, read_labels
+from turnout.sweep.read import open_sweep, read_labels
 from turnout.sweep.run import SweepProgress, run_sweep
 
 

@@ -22,6 +22,7 @@ from turnout.cli.options import (
 )
 from turnout.cli.sweep_results import FolderArgument, effects_command, map_command
 from turnout.cli.watch import FIRST_LINE_AFTER, SECONDS_BETWEEN_LINES
+from turnout.core.lean_imports import import_scipy
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -135,6 +136,7 @@ def run_command(
     quiet: QuietOption = False,
 ) -> None:
     """Run every scenario of a study; the same command continues an interrupted run."""
+    import_scipy()
     from turnout.errors import FileError
     from turnout.study.load_study import load_study
     from turnout.sweep.folder import check_folder

@@ -1,7 +1,7 @@
 """Libraries without what they load along and turnout never uses, for programs that end soon.
 
-A program that imports turnout gets its libraries as they are; the command `turnout simulate` and
-workers are processes of their own.
+A program that imports turnout gets its libraries as they are; the commands `turnout simulate` and
+`turnout sweep run` and workers are processes of their own.
 """
 
 import os

@@ -18,8 +18,8 @@ from turnout.errors import FileError
 from turnout.metric.features import FEATURES
 from turnout.study.study import Study
 from turnout.sweep.batch import SPLITS, StoredVariable
+from turnout.sweep.batch_index import BatchIndex, label_arrays, read_index
 from turnout.sweep.folder import CARD
-from turnout.sweep.read import BatchIndex, label_arrays, read_index, read_labels
 from turnout.sweep.row import OUTCOMES, UNUSABLE
 
 if TYPE_CHECKING:
@@ -181,6 +181,8 @@ def sweep_table(folder: Path | str) -> "pd.DataFrame":
         When the folder holds no sweep.
     """
     import pandas as pd
+
+    from turnout.sweep.read import read_labels  # loads xarray, which a run of a sweep needs nowhere
 
     labels = read_labels(folder)
     columns: dict[str, np.ndarray] = {}
