@@ -6,7 +6,7 @@ These files alone see both definition and mechanics.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +31,7 @@ from turnout.panel.model import Panel
 Floats = NDArray[np.float64]
 
 MOST_PLACES = 64
-"""Of each, so many places of objects are kept in memory, the latest used; a megabyte each."""
+"""So many rails with objects are kept in memory, the latest used; a megabyte each."""
 MOST_FRAMES = 64
 """So many panels are known without the scales of their sections, the latest used."""
 MOST_SCALES = 4
@@ -144,18 +144,15 @@ class _Placed:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Kept:
-    """What panels have in common that differ in values of laws and motion alone.
-
-    `placed` are the same rails with further objects, by their places.
-    """
+    """What panels have in common that differ in values of laws and motion alone."""
 
     frame: _Frame
     linear: _Linear
-    placed: LRUCache[_Placed] = field(default_factory=lambda: LRUCache[_Placed](MOST_PLACES))
 
 
 _frames = LRUCache[_Frame](MOST_FRAMES)
 _by_reference = LRUCache[tuple[_Kept, Panel]](MOST_FRAMES)
+_objects = LRUCache[tuple[_Placed, _Kept]](MOST_PLACES)
 
 
 def _kept(panel: Panel, objects: Sequence[PlacedObject]) -> _Kept:
@@ -187,17 +184,19 @@ def clear_memory() -> None:
     """Empty the memory of layouts and linear parts."""
     _frames.clear()
     _by_reference.clear()
+    _objects.clear()
 
 
 def _placed(panel: Panel, objects: Sequence[PlacedObject]) -> _Placed:
     """Put objects on the rails, those between the nodes last, or find them in the same places."""
     bare = _kept(panel, ())
     places = tuple([(item.name, item.rail, item.x, item.height) for item in objects])
-    found = bare.placed.get(places)
-    if found is None:
+    known = _objects.get((id(bare), places))
+    if known is None:
         with one_blas_thread():
-            found = bare.placed.put(places, _put_objects(bare, panel, objects))
-    return found
+            placed = _put_objects(bare, panel, objects)
+        known = _objects.put((id(bare), places), (placed, bare))
+    return known[0]
 
 
 def _put_objects(bare: _Kept, panel: Panel, objects: Sequence[PlacedObject]) -> _Placed:
