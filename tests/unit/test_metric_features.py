@@ -169,3 +169,47 @@ def test_medians_are_those_of_numpy(count: int) -> None:
 def test_work_is_that_of_the_trapezoidal_rule(count: int) -> None:
     effort, travel = np.random.default_rng(count).normal(size=(2, 3, count))
     np.testing.assert_array_equal(_work(effort, travel), np.trapezoid(effort, travel, axis=1))
+
+
+@pytest.mark.parametrize("missing", [False, True])
+def test_instants_are_those_of_a_plain_search(missing: bool) -> None:
+    random = np.random.default_rng(3)
+    time = 0.01 * np.arange(300)
+    effort = 40.0 * random.normal(size=(8, time.size)).cumsum(axis=1)
+    travel = np.minimum(1e-3 * random.random(effort.shape).cumsum(axis=1), 0.1)
+    if missing:
+        effort[random.random(effort.shape) < 0.02] = np.nan
+        effort[0, 10], effort[1] = np.inf, np.nan
+    for row, path in zip(effort, travel, strict=True):
+        found = named(movement_features(time, row, travel=path, limit=300.0))
+        if not np.isfinite(row).any():
+            assert all(np.isnan(value) for value in found.values())
+            continue
+        expected = _plainly(time, row, path, found["plateau_force"])
+        assert {name: found[name] for name in expected} == pytest.approx(expected, nan_ok=True)
+
+
+def _plainly(
+    time: np.ndarray, effort: np.ndarray, travel: np.ndarray, plateau: float
+) -> dict[str, float]:
+    known = [n for n in range(time.size) if np.isfinite(effort[n])]
+    at = max(known, key=lambda n: effort[n])
+    moving = [n for n in range(time.size) if abs(travel[n] - travel[-1]) > 1e-9]
+    slips = [n for n in range(time.size) if effort[n] >= 300.0]
+    smooth = moving_average(effort, rate=100.0)
+    top = int(np.argmax(smooth))
+    rise = smooth[top] - plateau
+    below = [n for n in range(top + 1) if smooth[n] <= plateau + 0.1 * rise]
+    onset = slope = np.nan
+    if rise >= 50.0 and below:
+        first = below[-1]
+        last = next(n for n in range(first, top + 1) if smooth[n] >= plateau + 0.9 * rise)
+        onset, slope = time[first], (smooth[last] - smooth[first]) / (time[last] - time[first])
+    return {
+        "buildup_onset": onset,
+        "buildup_slope": slope,
+        "peak_force": effort[at],
+        "peak_time": time[at],
+        "duration": time[min(moving[-1] + 1, time.size - 1)] if moving else 0.0,
+        "slip_time": time[slips[0]] if slips else np.nan,
+    }

@@ -65,7 +65,9 @@ def moving_average(values: Floats, *, rate: float, window: float = WINDOW) -> Fl
         level = values.mean(axis=-1, keepdims=True)
         index = np.arange(count)
         number = np.minimum(index + half + 1, count) - np.maximum(index - half, 0)
-        return np.asarray(_window_sums(values - level, half) / number + level, dtype=np.float64)
+        mean: Floats = _window_sums(values - level, half) / number
+        mean += level
+        return mean
     filled = np.where(known, values, 0.0)
     level = filled.sum(axis=-1, keepdims=True) / np.maximum(known.sum(axis=-1, keepdims=True), 1)
     total = _window_sums(np.where(known, filled - level, 0.0), half)

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Flags = NDArray[np.bool_]
 
 DIRECTIONS = ("opening", "closing")
 # A force that rises less than this above its plateau does not build up [N].
@@ -146,13 +148,13 @@ def run_features(
     bounds = [span.start for span in spans[1:]] + [np.inf]
     values = np.full((len(FEATURES), force.shape[0], len(DIRECTIONS)), np.nan)
     for span, until in zip(spans, bounds, strict=True):
-        sign, column = (1.0, 1) if span.to == "closed" else (-1.0, 0)
+        column, turned = (1, False) if span.to == "closed" else (0, True)
         first, last = np.searchsorted(time, [span.start - TIME_TOLERANCE, until - TIME_TOLERANCE])
         part = slice(int(first), int(last))
         values[:, :, column] = _features(
             time[part] - span.start,
-            sign * force[:, part],
-            travel=None if travel is None else sign * travel[:, part],
+            -force[:, part] if turned else force[:, part],
+            travel=None if travel is None else -travel[:, part] if turned else travel[:, part],
             current=None if current is None else current[:, part],
             limits=limits,
             length=span.end - span.start,
@@ -215,39 +217,64 @@ def _features(
 ) -> Floats:
     """Return the features of many drives in one movement at once, shape (n_features, n_drives)."""
     found = np.full((len(FEATURES), effort.shape[0]), np.nan)
-    known = np.isfinite(effort)
-    some = known.any(axis=1)
-    if elapsed.size < 3 or not some.any():
+    if elapsed.size < 3:
         return found
-    rows = np.arange(effort.shape[0])
-    at = np.argmax(effort if known.all() else np.where(known, effort, -np.inf), axis=1)
-    slips = effort >= limits[:, np.newaxis]
+    at, peak = _peaks(effort)
+    some = np.isfinite(peak)
+    if not some.any():
+        return found
     held = max(1, round(WINDOW * (elapsed.size - 1) / (elapsed[-1] - elapsed[0])))
-    duration = _durations(elapsed, travel, current, lengths=np.full(rows.size, length))
+    duration = _durations(elapsed, travel, current, lengths=np.full(peak.size, length))
     plateau = _plateaus(elapsed, effort, duration)
     onset, slope = _build_ups(elapsed, effort, plateau)
-    found[:6] = onset, slope, effort[rows, at], elapsed[at], plateau, effort[:, -held:].mean(axis=1)
+    found[:6] = onset, slope, peak, elapsed[at], plateau, effort[:, -held:].mean(axis=1)
     if travel is not None:
         found[6] = _work(effort, travel)
     found[7] = duration
-    found[8] = np.where(slips.any(axis=1), elapsed[np.argmax(slips, axis=1)], np.nan)
+    slip = _first_true(effort >= limits[:, np.newaxis], np.zeros_like(at))
+    found[8] = np.where(slip >= 0, elapsed[slip], np.nan)
     found[:, ~some] = np.nan
     return found
 
 
+def _peaks(effort: Floats) -> tuple[Ints, Floats]:
+    """Return where each row is largest, and its value there; not finite where none of it is."""
+    rows = np.arange(effort.shape[0])
+    at = np.argmax(effort, axis=1)
+    peak = effort[rows, at]
+    if not np.isfinite(peak).all():  # so it is where a value is NaN, which NumPy takes for largest
+        at = np.argmax(np.where(np.isfinite(effort), effort, -np.inf), axis=1)
+        peak = effort[rows, at]
+    return at, peak
+
+
+def _first_true(flags: Flags, starts: Ints) -> Ints:
+    """Return the first place from a start at which each row is true; -1 where there is none.
+
+    Bytes are searched faster than arrays.
+    """
+    pairs = zip(flags, starts.tolist(), strict=True)
+    return np.array([row.tobytes().find(1, start) for row, start in pairs], dtype=np.int64)
+
+
+def _last_true(flags: Flags, ends: Ints) -> Ints:
+    """Return the last place before an end at which each row is true; -1 where there is none."""
+    pairs = zip(flags, ends.tolist(), strict=True)
+    return np.array([row.tobytes().rfind(1, 0, end) for row, end in pairs], dtype=np.int64)
+
+
 def _work(effort: Floats, travel: Floats) -> Floats:
-    """Return the work of each row by the trapezoidal rule, with less memory than NumPy's [J]."""
-    parts = np.diff(travel, axis=1)
+    """Return the work of each row by the trapezoidal rule, in fewer passes than NumPy's [J]."""
+    parts = travel[:, 1:] - travel[:, :-1]
     parts *= effort[:, 1:] + effort[:, :-1]
-    parts /= 2.0
-    return np.asarray(parts.sum(axis=1))
+    return np.asarray(0.5 * parts.sum(axis=1))
 
 
 def _plateaus(elapsed: Floats, effort: Floats, duration: Floats) -> Floats:
     """Return the median in the middle of the movement of each row [N]."""
     found = np.full(duration.size, np.nan)
     ends = np.searchsorted(elapsed, np.outer(duration, MIDDLE))
-    for low, high in np.unique(ends, axis=0):
+    for low, high in set(map(tuple, ends.tolist())):
         if high > low:
             alike = (ends == (low, high)).all(axis=1)
             found[alike] = _medians(effort[alike, low:high])
@@ -270,16 +297,14 @@ def _build_ups(elapsed: Floats, effort: Floats, plateau: Floats) -> tuple[Floats
     """
     rate = (elapsed.size - 1) / (elapsed[-1] - elapsed[0])
     smooth = moving_average(effort, rate=rate)
-    rows, index = np.arange(plateau.size), np.arange(elapsed.size)
-    top = np.argmax(smooth, axis=1)
+    rows, top = np.arange(plateau.size), np.argmax(smooth, axis=1)
     rise = smooth[rows, top] - plateau
-    before = index <= top[:, np.newaxis]
-    below = before & (smooth <= (plateau + LOW * rise)[:, np.newaxis])
-    first = elapsed.size - 1 - np.argmax(below[:, ::-1], axis=1)
-    reached = before & (smooth >= (plateau + HIGH * rise)[:, np.newaxis])
-    last = np.argmax(reached & (index >= first[:, np.newaxis]), axis=1)
-    risen = (rise >= LEAST_RISE) & below.any(axis=1)
-    first, last = np.where(risen, first, 0), np.where(risen, last, 1)
+    first = _last_true(smooth <= (plateau + LOW * rise)[:, np.newaxis], top + 1)
+    risen = (rise >= LEAST_RISE) & (first >= 0)
+    first = np.where(risen, first, 0)
+    # the peak itself has risen so far, so there is one
+    last = _first_true(smooth >= (plateau + HIGH * rise)[:, np.newaxis], first)
+    last = np.where(risen, last, 1)
     slope = (smooth[rows, last] - smooth[rows, first]) / (elapsed[last] - elapsed[first])
     return np.where(risen, elapsed[first], np.nan), np.where(risen, slope, np.nan)
 
@@ -289,10 +314,11 @@ def _durations(
 ) -> Floats:
     """Return how long each row's movement took [s]."""
     if travel is not None:
-        moving = np.abs(travel - travel[:, -1:]) > ARRIVED
-        last = elapsed.size - 1 - np.argmax(moving[:, ::-1], axis=1)
+        left = travel - travel[:, -1:]
+        moving = np.abs(left, out=left) > ARRIVED
+        last = _last_true(moving, np.full(lengths.size, elapsed.size))
         arrived = elapsed[np.minimum(last + 1, elapsed.size - 1)]
-        return np.where(moving.any(axis=1), arrived, 0.0)
+        return np.where(last >= 0, arrived, 0.0)
     if current is not None:
         moves = elapsed >= 0.0
         return np.array([running_time(elapsed[moves], row[moves])[1] for row in current])
