@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.core.short_buffers import short_buffers
 from turnout.core.threads import one_blas_thread
 from turnout.errors import PanelError, TurnoutError
 from turnout.integrate.outcome import Code
@@ -300,8 +301,9 @@ def make_rows(study: Study, throws: Sequence[ThrowResult]) -> list[Row]:
     """Return what is stored of some throws."""
     complete = [item.extracted for item in throws if item.extracted is not None]
     stored: list[Variables] = []
-    for first in range(0, len(complete), THROWS_PER_PASS):
-        stored += reduce_signals(study, complete[first : first + THROWS_PER_PASS])
+    with short_buffers():
+        for first in range(0, len(complete), THROWS_PER_PASS):
+            stored += reduce_signals(study, complete[first : first + THROWS_PER_PASS])
     rows, made = [], iter(stored)
     for item in throws:
         about = (item.ready.scenario, item.outcome, item.reason, item.attempts)
