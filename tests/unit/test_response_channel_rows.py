@@ -10,7 +10,7 @@ from turnout.response.channel_rows import channel_rows
 from turnout.response.dataset import response_channels
 from turnout.response.recovery import recover_motion
 from turnout.response.save import Save
-from turnout.response.signals import drive_signals, energy_scale, object_signals
+from turnout.response.signals import drive_signals, energy_scale, object_channels
 from turnout.response.simulate import Solved, simulate, solve
 from turnout.scheme import Scheme
 
@@ -28,7 +28,7 @@ def test_forces_are_those_of_the_histories(solved: Solved) -> None:
     history, index = solved.history, solved.mechanism.index
     found = response_channels(PANEL, solved.mechanism, history, save=Save())
     expected = drive_signals(PANEL, solved.mechanism, history)
-    expected |= object_signals(solved.mechanism, history)
+    expected |= object_channels(solved.mechanism, history.forces([*index.object.values()]).T)
     for name, (dims, values) in expected.items():
         assert found[name][0] == dims
         np.testing.assert_array_equal(found[name][1], values, err_msg=name)

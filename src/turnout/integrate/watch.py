@@ -9,7 +9,7 @@ of *watched* laws at all stored instants and *seen* displacements at those that 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,29 +103,6 @@ class Watch:
     seen: Callable[[CondensedRails], SeenRows]
 
 
-class Instants(Protocol):
-    """What a history and what was watched of one have in common."""
-
-    @property
-    def time(self) -> Floats:
-        """Stored instants, shape (n,) [s]."""
-
-    @property
-    def inputs(self) -> Floats:
-        """Marker positions, shape (n, n_inputs) [m]."""
-
-    @property
-    def law_first(self) -> Floats:
-        """When each law that does not always act first had a force [s]."""
-
-    @property
-    def law_placed(self) -> Floats:
-        """When each of them appeared [s]."""
-
-    def forces(self, laws: Sequence[int]) -> Floats:
-        """Return the forces of some laws, shape (n, n_laws) [N]."""
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Watched:
     """What a watched run leaves of instants that are not stored whole; n is the number of them all.
@@ -159,17 +136,6 @@ class Watched:
     seen_last: Floats
     laws: Sequence[int]
     effort: Floats
-
-    def forces(self, laws: Sequence[int]) -> Floats:
-        """Return the forces of some of the watched laws, shape (n, n_laws) [N].
-
-        Neighbours in their order are not copied.
-        """
-        columns = [self.laws.index(law) for law in laws]
-        first = columns[0] if columns else 0
-        if columns == [*range(first, first + len(columns))]:
-            return self.effort[:, first : first + len(columns)]
-        return self.effort[:, columns]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

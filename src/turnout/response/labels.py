@@ -7,7 +7,7 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.integrate.watch import Instants
+from turnout.integrate.integration import History
 from turnout.mechanism.drive_machines import slip_force
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.model import Panel
@@ -23,7 +23,7 @@ DIRECTIONS = ("opening", "closing")
 TIME_TOLERANCE = 1e-9
 
 
-def contact_labels(mechanism: Mechanism, history: Instants) -> dict[str, Variable]:
+def contact_labels(mechanism: Mechanism, history: History) -> dict[str, Variable]:
     """Return whether foreign objects had room and were touched, and when, from every step."""
     laws = list(mechanism.index.object.values())
     touched = [first for first in history.law_first[laws].tolist() if not math.isnan(first)]

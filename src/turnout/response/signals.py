@@ -33,7 +33,6 @@ from turnout.integrate.energy import (
 )
 from turnout.integrate.energy_rows import NUMERICAL, RESIDUAL, ROWS, STORED, write_energies
 from turnout.integrate.integration import History
-from turnout.integrate.watch import Instants
 from turnout.mechanism.build_rails import fastening_offset
 from turnout.mechanism.drive_machines import slip_force
 from turnout.mechanism.mechanism import Mechanism, RailBody
@@ -50,10 +49,11 @@ Flags = NDArray[np.bool_]
 Variable = tuple[tuple[str, ...], NDArray[np.generic]]
 
 
-def drive_signals(panel: Panel, mechanism: Mechanism, history: Instants) -> dict[str, Variable]:
+def drive_signals(panel: Panel, mechanism: Mechanism, history: History) -> dict[str, Variable]:
     """Return force on the rail (closing positive), marker position and slip of every drive."""
     force, displacement = both = np.empty((2, len(panel.drive), history.time.size))
-    write_drives(panel, mechanism, history, both)
+    columns = [mechanism.index.drive[name] for name in panel.drive]
+    write_drives(panel, history.forces(columns), history.inputs, both)
     return _named_drives(panel, force, displacement)
 
 
@@ -76,12 +76,14 @@ def _named_drives(panel: Panel, force: Floats, displacement: Floats) -> dict[str
     }
 
 
-def write_drives(panel: Panel, mechanism: Mechanism, history: Instants, out: Floats) -> None:
-    """Write force and marker position of every drive, shape (2, n_drives, n_times) [N, m]."""
-    columns = [mechanism.index.drive[name] for name in panel.drive]
-    # 0.0 - F: no negative zeros where a drive is free
-    np.subtract(0.0, history.forces(columns).T, out=out[0])
-    np.subtract(history.inputs.T, marker_offsets(panel)[:, np.newaxis], out=out[1])
+def write_drives(panel: Panel, resisted: Floats, inputs: Floats, out: Floats) -> None:
+    """Write force and marker position of every drive, shape (2, n_drives, n_times) [N, m].
+
+    `resisted` are the forces of their laws [N], `inputs` the marker positions [m], both of shape
+    (n_times, n_drives).
+    """
+    np.subtract(0.0, resisted.T, out=out[0])  # not -F: no negative zeros where a drive is free
+    np.subtract(inputs.T, marker_offsets(panel)[:, np.newaxis], out=out[1])
 
 
 def slip_forces(panel: Panel) -> Floats:
@@ -102,26 +104,29 @@ def slips(force: Floats, limits: Floats) -> Flags:
     return np.abs(force) >= limits[..., np.newaxis]
 
 
-def object_signals(mechanism: Mechanism, history: Instants) -> dict[str, Variable]:
-    """Return the force on the foreign objects: their sum, and each where there are several."""
-    laws = list(mechanism.index.object.values())
-    return object_channels(mechanism, history.forces(laws).T)
-
-
 def object_channels(mechanism: Mechanism, force: Floats) -> dict[str, Variable]:
-    """Return `object_signals` from the forces of the laws of all objects, shape (n_laws, n_times).
+    """Return the force on the foreign objects: their sum, and each where there are several.
 
-    Laws come in the order of the index, forces in [N].
+    Parameters
+    ----------
+    mechanism : Mechanism
+        For what is part of which object.
+    force : ndarray, shape (..., n_laws, n_times)
+        Of the laws of all objects in the order of the index, also of many throws with the same
+        `object_rows` [N].
     """
-    index = mechanism.index
-    signals: dict[str, Variable] = {"object_force": (("time",), np.sum(force, axis=0))}
-    if len(index.object_parts) > 1:
-        row = {law: number for number, law in enumerate(index.object.values())}
-        single = [
-            force[[row[law] for law in laws]].sum(axis=0) for laws in index.object_laws.values()
-        ]
-        signals["single_object_force"] = (("object", "time"), np.array(single))
+    signals: dict[str, Variable] = {"object_force": (("time",), np.sum(force, axis=-2))}
+    rows = object_rows(mechanism)
+    if len(rows) > 1:
+        single = [force[..., own, :].sum(axis=-2) for own in rows]
+        signals["single_object_force"] = (("object", "time"), np.stack(single, axis=-2))
     return signals
+
+
+def object_rows(mechanism: Mechanism) -> list[list[int]]:
+    """Return which of the laws of all objects are those of each object."""
+    row = {law: number for number, law in enumerate(mechanism.index.object.values())}
+    return [[row[law] for law in laws] for laws in mechanism.index.object_laws.values()]
 
 
 def force_block(panel: Panel, mechanism: Mechanism, *, objects: bool, links: bool) -> RowBlock:

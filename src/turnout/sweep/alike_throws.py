@@ -18,7 +18,14 @@ from turnout.panel.load import LoadedPanel
 from turnout.response.gaps import OpenRail, split_gaps
 from turnout.response.labels import state_limits
 from turnout.response.route import Throw
-from turnout.response.signals import Variable, object_signals, slip_forces, slips, write_drives
+from turnout.response.signals import (
+    Variable,
+    object_channels,
+    object_rows,
+    slip_forces,
+    slips,
+    write_drives,
+)
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -121,8 +128,11 @@ def group_by_layout(runs: Sequence[ThrowSignals]) -> list[list[int]]:
     for number, run in enumerate(runs):
         panel, time, seen = run.panel, run.watched.time, run.watched.seen
         lock = (panel.lock.rule, panel.schedule.starts, panel.instrumented_rail, *panel.rail)
-        counts = (len(panel.drive), len(panel.sensor), len(run.mechanism.index.object_laws))
-        key = (run.moved, time.size, float(time[-1]), seen.shape, run.watched.stride, counts, lock)
+        counts = (len(panel.drive), len(panel.sensor), run.watched.stride)
+        objects: object = run.watched.effort.shape
+        if len(run.mechanism.index.object_parts) > 1:
+            objects = tuple(map(tuple, object_rows(run.mechanism)))
+        key = (run.moved, time.size, float(time[-1]), seen.shape, counts, objects, lock)
         found.setdefault(key, []).append(number)
     return list(found.values())
 
@@ -130,10 +140,13 @@ def group_by_layout(runs: Sequence[ThrowSignals]) -> list[list[int]]:
 def lay_together(runs: Sequence[ThrowSignals]) -> AlikeThrows:
     """Return the signals of throws that are alike."""
     panel, time, stride = runs[0].panel, runs[0].watched.time, runs[0].watched.stride
-    motion = np.empty((2, len(runs), len(panel.drive), time.size))
+    count = len(panel.drive)
+    force, displacement = motion = np.empty((2, len(runs), count, time.size))
+    on_objects = np.empty((len(runs), time.size, len(runs[0].watched.laws) - count))
     for number, run in enumerate(runs):
-        write_drives(run.panel, run.mechanism, run.watched, motion[:, number])
-    force, displacement = motion
+        effort = run.watched.effort  # of drives, then of objects
+        write_drives(run.panel, effort[:, :count], run.watched.inputs, motion[:, number])
+        on_objects[number] = effort[:, count:]
     slip_limits = np.array([slip_forces(run.panel) for run in runs])
     slipping = slips(force, slip_limits)
     for flags, run in zip(slipping, runs, strict=True):
@@ -158,21 +171,12 @@ def lay_together(runs: Sequence[ThrowSignals]) -> AlikeThrows:
         displacement=displacement,
         slipping=slipping,
         slip_limits=slip_limits,
-        on_objects=_on_objects(runs),
+        on_objects=object_channels(runs[0].mechanism, on_objects.swapaxes(-2, -1)),
         drive_gap=gaps[0],
         sensor_gap=gaps[1],
         end_gaps=end_gaps,
         gap_limits=(np.array([one for one, _ in limits]), np.array([one for _, one in limits])),
     )
-
-
-def _on_objects(runs: Sequence[ThrowSignals]) -> Variables:
-    """Return the forces on the objects, with throws first."""
-    made = [object_signals(run.mechanism, run.watched) for run in runs]
-    return {
-        name: (dims, np.array([signals[name][1] for signals in made]))
-        for name, (dims, _) in made[0].items()
-    }
 
 
 def _turned(seen: Sequence[Floats]) -> Floats:
