@@ -231,8 +231,8 @@ def _features(
     if travel is not None:
         found[6] = _work(effort, travel)
     found[7] = duration
-    slip = _first_true(effort >= limits[:, np.newaxis], np.zeros_like(at))
-    found[8] = np.where(slip >= 0, elapsed[slip], np.nan)
+    slips = effort >= limits[:, np.newaxis]
+    found[8] = np.where(slips.any(axis=1), elapsed[np.argmax(slips, axis=1)], np.nan)
     found[:, ~some] = np.nan
     return found
 
