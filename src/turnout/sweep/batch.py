@@ -211,7 +211,8 @@ def _stacked_variables(study: Study, rows: Sequence[Row]) -> dict[str, StoredVar
     varying: dict[str, Variable] = {}
     coordinates: set[str] = set()
     for row in known:
-        for name, (dims, values) in row.coordinates.items():
+        for name in [name for name in row.coordinates if name not in coordinates]:
+            dims, values = row.coordinates[name]
             coordinates.add(name)
             if dims == (name,):
                 variables.setdefault(
@@ -219,7 +220,8 @@ def _stacked_variables(study: Study, rows: Sequence[Row]) -> dict[str, StoredVar
                 )
             else:
                 varying.setdefault(name, (dims, values))
-        varying |= {name: v for name, v in row.variables.items() if name not in varying}
+        if not row.variables.keys() <= varying.keys():
+            varying |= {name: v for name, v in row.variables.items() if name not in varying}
     of_rows = [row.variables | row.coordinates for row in rows]
     for name, like in varying.items():
         found = [own.get(name) for own in of_rows]

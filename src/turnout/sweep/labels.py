@@ -36,7 +36,7 @@ def compute_labels(throws: AlikeThrows) -> list[dict[str, Variable]]:
     found = _drive_features(throws) | object_labels(throws) | _state_labels(throws)
     found["object_trapped"] = ((), _trapped(throws))
     return [
-        {name: (dims, np.asarray(values[number])) for name, (dims, values) in found.items()}
+        {name: (dims, values[number, ...]) for name, (dims, values) in found.items()}
         for number in range(len(throws.runs))
     ]
 
