@@ -190,6 +190,8 @@ def clear_memory() -> None:
 def _placed(panel: Panel, objects: Sequence[PlacedObject]) -> _Placed:
     """Put objects on the rails, those between the nodes last, or find them in the same places."""
     bare = _kept(panel, ())
+    if not objects:
+        return _Placed(bare.linear, bare.frame.layout, bare.linear.rows, ())
     places = tuple([(item.name, item.rail, item.x, item.height) for item in objects])
     known = _objects.get((id(bare), places))
     if known is None:
@@ -202,8 +204,6 @@ def _placed(panel: Panel, objects: Sequence[PlacedObject]) -> _Placed:
 def _put_objects(bare: _Kept, panel: Panel, objects: Sequence[PlacedObject]) -> _Placed:
     """Add the rows of objects to those of rails, which are made with nodes for them if need be."""
     kept, added = bare, objects
-    if not objects:
-        return _Placed(kept.linear, kept.frame.layout, kept.linear.rows, ())
     standing = [item for item in objects if not is_off_node(panel, item)]
     between = objects[len(standing) :]
     rails = kept.frame.scaled(panel)
