@@ -18,8 +18,8 @@ def test_records_through_the_caches_and_past_them_are_the_same(
     panel, foreign = load_panel("sb1"), ForeignObject(0.013, "drive 1")
 
     def history(least: int, most: int) -> History:
-        monkeypatch.setattr(record, "LEAST_NEAR", least)
-        monkeypatch.setattr(record, "MOST_NEAR", most)
+        monkeypatch.setattr(record, "LEAST_CACHED", least)
+        monkeypatch.setattr(record, "MOST_CACHED", most)
         return solve(panel, foreign_object=foreign, scheme=Scheme.of("quick")).history
 
     near, past = history(0, 2**40), history(1, 0)

@@ -71,7 +71,7 @@ def test_rails_of_other_sections_share_all_else(
     fresh: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What differs in the scales of sections is what would be made from the start."""
-    monkeypatch.setattr(reduce, "FIRST", 0)
+    monkeypatch.setattr(reduce, "FIRST_STORED", 0)
     build_mechanism(PANEL)
     scaled = {"rail.section_scale": 0.93, "rail.lateral_inertia_scale": 1.05}
     panel = PANEL.with_overrides(scaled)
@@ -90,7 +90,7 @@ def test_rails_of_other_sections_share_all_else(
 
 def test_files_serve_the_next_process(fresh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Small superelements that a process computes after some others are made again."""
-    monkeypatch.setattr(reduce, "FIRST", 1)
+    monkeypatch.setattr(reduce, "FIRST_STORED", 1)
     first = build_mechanism(PANEL)
     cache.clear_memory()
     reduce.clear_memory()

@@ -18,8 +18,8 @@ from turnout.response.recipes import (
     RowBlock,
     clear_recipes,
     evenly_spaced,
-    in_one_piece,
     kept_row_blocks,
+    merge_blocks,
     products_of,
     sums_of_columns,
 )
@@ -269,12 +269,12 @@ def test_recipes_are_made_once_for_rails_that_throws_share(solved: Solved) -> No
     xr.testing.assert_identical(kept.drop_attrs(), again.drop_attrs())
 
 
-def test_blocks_in_one_piece_hold_what_they_hold_apart() -> None:
+def test_merged_blocks_hold_what_they_hold_apart() -> None:
     weights, histories = np.array([[1.0, 0.0], [0.5, 2.0]]), {"g": np.arange(26.0).reshape(13, 2)}
     one = RowBlock([(Recipe(tuple(products_of(weights, "g"))), 2)], {"one": (0, (2,))})
     two = RowBlock([(Recipe(tuple(products_of(2.0 * weights, "g"))), 2)], {"two": (1, (1,))})
     found = dict[str, Any]()
-    for block in (one, two, in_one_piece([one, two])):
+    for block in (one, two, merge_blocks([one, two])):
         arrays, rows = block.lay_out(13)
         write_rows(rows, histories)
         for name, values in arrays.items():
@@ -283,6 +283,13 @@ def test_blocks_in_one_piece_hold_what_they_hold_apart() -> None:
         "one": (2, 13),
         "two": (1, 13),
     }
+
+
+def test_rows_without_weights_are_what_they_start_with() -> None:
+    out = np.empty((2, 13))
+    nothing = Product("g", np.arange(3), slice(0, 2), np.zeros((2, 3)))
+    write_rows([Rows([nothing], out, start=np.array([1.0, 2.0]))], {"g": np.ones((13, 3))})
+    np.testing.assert_array_equal(out, np.broadcast_to([[1.0], [2.0]], out.shape))
 
 
 def test_places_of_gaps_that_throws_share_cannot_be_changed() -> None:

@@ -55,7 +55,8 @@ def cached_arrays(
     compute : callable
         Returns the arrays, by name.
     on_disk : bool
-        Whether they are cached as a file too; not worth it for computations of milliseconds.
+        Whether they are stored as a file too if they are computed; not worth it for computations of
+        milliseconds.
 
     Returns
     -------
@@ -74,7 +75,7 @@ def cached_arrays(
     if found is not None:
         counts[f"{kind} from memory"] += 1
         return found
-    found = _read(key) if on_disk else None
+    found = _read(key)
     if found is not None:
         counts[f"{kind} from file"] += 1
     else:

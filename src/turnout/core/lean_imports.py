@@ -91,7 +91,7 @@ def without_plugins() -> Iterator[None]:
 
 @contextmanager
 def without_packages(*names: str) -> Iterator[None]:
-    """Let what is imported meanwhile find packages missing, but for those that have been loaded.
+    """Make imports of packages that are not loaded yet fail meanwhile.
 
     pandas imports pyarrow wherever it is installed, though only files of the format Parquet and
     columns of its own types need it; xarray imports pint to ask whether an array has units by it.

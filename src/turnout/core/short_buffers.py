@@ -1,4 +1,4 @@
-"""Let NumPy go through arrays of many rows without copying them."""
+"""Keep NumPy from copying long rows into its buffer."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -6,7 +6,7 @@ from contextlib import contextmanager
 import numpy as np
 
 ELEMENTS = 512
-"""Fewer than rows have that are worth it; enough where types have to be converted."""
+"""Size of the buffer: shorter than the rows where it helps, long enough to convert types."""
 
 
 @contextmanager

@@ -18,9 +18,9 @@ from turnout.law.table import LawTable
 
 Ints = NDArray[np.int64]
 
-LEAST_NEAR, MOST_NEAR = 4 * 2**20, 16 * 2**20
-"""Sizes of records that are written through the processor's caches, which halves the time until
-they are read; smaller and larger ones would drive what steps need out of them [bytes]."""
+LEAST_CACHED, MOST_CACHED = 4 * 2**20, 16 * 2**20
+"""Records of these sizes are stored through the processor's caches, from which they are read in two
+thirds of the time; smaller and larger ones would evict what the steps need [bytes]."""
 
 LARGE_PAGE = 1 << 21
 """Size of a large page of memory [bytes]."""
@@ -75,7 +75,7 @@ def empty_record(
     if watched is not None:
         return watched_record(arrays, *watched)
     record = clone_record(_empty_record(), **arrays)
-    record.near[0] = LEAST_NEAR <= 8 * total <= MOST_NEAR
+    record.cached[0] = LEAST_CACHED <= 8 * total <= MOST_CACHED
     return record
 
 

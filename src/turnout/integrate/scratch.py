@@ -53,14 +53,17 @@ def acquire_buffer(count: int) -> Floats:
         memory = np.empty(count)
     found = np.frombuffer(memory.data, dtype=np.float64)
     if memory.size <= MOST_KEPT:
-        loan = _Loan(found, _give_back)
+        loan = _Loan(found, _release_buffer)
         loan.memory = memory
         _loans[id(loan)] = loan
     return found
 
 
 class _Loan(weakref.ref[Floats]):
-    """A reference to an array in use, and the buffer that is free once the array is gone."""
+    """A reference to an array in use, and the buffer that is free once the array is gone.
+
+    Its callback may run in any thread, at any time, and so must not wait for a lock.
+    """
 
     __slots__ = ("memory",)
     memory: Floats
@@ -69,7 +72,7 @@ class _Loan(weakref.ref[Floats]):
 _loans: dict[int, _Loan] = {}
 
 
-def _give_back(loan: _Loan) -> None:
+def _release_buffer(loan: _Loan) -> None:
     del _loans[id(loan)]
     kept = _free_small if loan.memory.size < LARGE else _free_buffers
     kept.append(loan.memory)

@@ -48,7 +48,7 @@ class StepRecord(NamedTuple):
     the places, modes, laws and frictions of ``..._list`` with a row of weights in ``..._rows`` for
     each. The lists fill whole cache lines; `picked` is scratch for the longest.
 
-    `near` is 1 where the first four are written through the processor's caches, else 0.
+    `cached` is 1 if the first four are stored through the processor's caches, 0 if past them.
     """
 
     q: Floats
@@ -74,7 +74,7 @@ class StepRecord(NamedTuple):
     friction_list: Ints = _NO_PLACES
     friction_rows: Floats = np.zeros((0, 0))
     picked: Floats = np.zeros(0)
-    near: Ints = np.zeros(1, dtype=np.int64)
+    cached: Ints = np.zeros(1, dtype=np.int64)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -48,8 +48,8 @@ class RowSums(NamedTuple):
     window_step, window_history : ndarray of int, shape (n_windows,)
         Floats from one instant of a window to the next, and the number of its history.
     window_line : ndarray of int, shape (n_windows,)
-        Where the lines of its columns begin: those that no later row needs give way to others, so
-        that nearly all stay in the nearest cache.
+        Where the lines of its columns begin. Lines are reused once no later row needs them, so that
+        nearly all stay in the nearest cache.
     pair_row : ndarray of int, shape (n_pairs + 1,)
         First row of each pair: of those whose last column is among it.
     row_kind, row_near : ndarray of int, shape (n_rows,)

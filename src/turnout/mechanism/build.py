@@ -6,7 +6,7 @@ These files alone see both definition and mechanics.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +31,7 @@ from turnout.panel.model import Panel
 Floats = NDArray[np.float64]
 
 MOST_PLACES = 64
-"""So many rails with objects are kept in memory, the latest used; a megabyte each."""
+"""Places of objects kept in memory for the same rails, the latest used; a megabyte each."""
 MOST_FRAMES = 64
 """So many panels are known without the scales of their sections, the latest used."""
 MOST_SCALES = 4
@@ -144,15 +144,18 @@ class _Placed:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Kept:
-    """What panels have in common that differ in values of laws and motion alone."""
+    """What panels have in common that differ in values of laws and motion alone.
+
+    `placed` are the same rails with objects, by the places of these.
+    """
 
     frame: _Frame
     linear: _Linear
+    placed: LRUCache[_Placed] = field(default_factory=lambda: LRUCache[_Placed](MOST_PLACES))
 
 
 _frames = LRUCache[_Frame](MOST_FRAMES)
 _by_reference = LRUCache[tuple[_Kept, Panel]](MOST_FRAMES)
-_objects = LRUCache[tuple[_Placed, _Kept]](MOST_PLACES)
 
 
 def _kept(panel: Panel, objects: Sequence[PlacedObject]) -> _Kept:
@@ -184,7 +187,6 @@ def clear_memory() -> None:
     """Empty the memory of layouts and linear parts."""
     _frames.clear()
     _by_reference.clear()
-    _objects.clear()
 
 
 def _placed(panel: Panel, objects: Sequence[PlacedObject]) -> _Placed:
@@ -193,12 +195,11 @@ def _placed(panel: Panel, objects: Sequence[PlacedObject]) -> _Placed:
     if not objects:
         return _Placed(bare.linear, bare.frame.layout, bare.linear.rows, ())
     places = tuple([(item.name, item.rail, item.x, item.height) for item in objects])
-    known = _objects.get((id(bare), places))
-    if known is None:
+    found = bare.placed.get(places)
+    if found is None:
         with one_blas_thread():
-            placed = _put_objects(bare, panel, objects)
-        known = _objects.put((id(bare), places), (placed, bare))
-    return known[0]
+            found = bare.placed.put(places, _put_objects(bare, panel, objects))
+    return found
 
 
 def _put_objects(bare: _Kept, panel: Panel, objects: Sequence[PlacedObject]) -> _Placed:

@@ -25,10 +25,10 @@ Floats = NDArray[np.float64]
 MOST_RAILS = 24
 """So many reduced rails are kept in memory, the latest used."""
 LARGE = 2000
-"""Coordinates from which on shapes are always kept as files too."""
-FIRST = 8
-"""Of smaller rails those of so many that a process computes, which are rarely of varied sections:
-they take it 15 to 30 ms each, and the next one 2 ms to read."""
+"""Coordinates from which on shapes are always stored as files too."""
+FIRST_STORED = 4
+"""Of smaller rails the first so many that a process computes are: 15 to 30 ms each, 2 ms to read.
+Further ones are mostly of varied sections, which no other process needs."""
 
 _FIELDS = ("transformation", "frequencies", "frequency_first_omitted")
 _rails = LRUCache[ReducedRail](MOST_RAILS)
@@ -232,7 +232,7 @@ def _kept_superelement(
     inner = np.where(row & at_interface[stiffness.indices], 0.0, stiffness.data)
     pattern = (stiffness.indices, stiffness.indptr, mass.indices, mass.indptr)
     parts = [inner, mass.data, *pattern, interface, float(cutoff_frequency)]
-    on_disk = structure.load.size >= LARGE or counts["superelement computed"] < FIRST
+    on_disk = structure.load.size >= LARGE or counts["superelement computed"] < FIRST_STORED
     kept = cached_arrays("superelement", parts, found, on_disk=on_disk)
     transformation = kept["transformation"]
     if signs is not None:

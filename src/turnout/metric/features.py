@@ -238,7 +238,7 @@ def _features(
 
 
 def _peaks(effort: Floats) -> tuple[Ints, Floats]:
-    """Return where each row is largest, and its value there; not finite where none of it is."""
+    """Return where each row is largest, and its value there, finite if any value of the row is."""
     rows = np.arange(effort.shape[0])
     at = np.argmax(effort, axis=1)
     peak = effort[rows, at]

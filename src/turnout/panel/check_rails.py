@@ -123,7 +123,10 @@ def check_drive_table(path: Path, drive: Drive) -> Iterator[Problem]:
 
 
 def check_saturations(draft: Draft) -> Iterator[Problem]:
-    """Check what mostly is all that has changed of drives (`ASKED_ALONE`)."""
+    """Check that the saturated stiffness does not exceed the stiffness.
+
+    Apart from `_drive`, since most studies change no other fields of drives (`ASKED_ALONE`).
+    """
     draft.records.asked.add(values_of("drive"))
     for name, drive in draft.records["drive"].items():
         yield from until_unknown(_drive_saturated(("drive", name), drive))

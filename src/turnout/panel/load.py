@@ -269,7 +269,7 @@ class LoadedPanel(Panel):
 
 
 def _plain_values(panel: Panel) -> dict[str, Any]:
-    """Return all that counts of a panel as plain values.
+    """Return the values of a panel that are hashed, as plain ones.
 
     Each record was validated and has a serializer; for the panel as a whole one would be built.
     """

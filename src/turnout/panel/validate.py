@@ -340,7 +340,7 @@ def _taken_over(
     return with_values(made, new)
 
 
-# What a record consists of besides its class; to set it by name takes twice as long.
+# Slots of a record of pydantic; to set them by name takes twice as long.
 _put_values = vars(BaseModel)["__dict__"].__set__
 _put_fields_set = vars(BaseModel)["__pydantic_fields_set__"].__set__
 _put_extra = vars(BaseModel)["__pydantic_extra__"].__set__

@@ -7,7 +7,7 @@ from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.model import Panel
 from turnout.response.coordinates import stations
 from turnout.response.gaps import place_block, shape_block
-from turnout.response.recipes import RowBlock, in_one_piece
+from turnout.response.recipes import RowBlock, merge_blocks
 from turnout.response.recovery import Motion, histories_of, row_blocks_of
 from turnout.response.rows_over_time import Rows, write_rows
 from turnout.response.save import Save
@@ -56,7 +56,7 @@ def channel_rows(
         many = [chair_block(panel, mechanism)] if chairs else []
         many += [stop_block(panel, mechanism)] if stops else []
         many += [] if x is None else [shape_block(panel, motion, x)]
-        return [in_one_piece(found) for found in (few, many) if found]
+        return [merge_blocks(found) for found in (few, many) if found]
 
     named = (
         *(panel.rail, panel.stock_rail, panel.chair, panel.stop, panel.stud, panel.drive),

@@ -86,8 +86,8 @@ class RowBlock(NamedTuple):
         return arrays, wanted
 
 
-def in_one_piece(blocks: Sequence[RowBlock]) -> RowBlock:
-    """Return blocks as one; their rows stay in memory as long as any of them is in use."""
+def merge_blocks(blocks: Sequence[RowBlock]) -> RowBlock:
+    """Merge blocks into one with one piece of memory, which is freed once no part is in use."""
     recipes, parts, first = list[tuple[Recipe, int]](), dict[str, tuple[int, tuple[int, ...]]](), 0
     for block in blocks:
         recipes += block.recipes

@@ -230,7 +230,7 @@ def _lay_out(
     own = column - first_column[history]
     window_history, window_column, window = _windows(history, own, list(turned.values()))
     sorted_rows, pair_row, last = _in_pairs(np.unique(of_group), row, window, window_history.size)
-    line = _lines_in_turn(last)
+    line = _reuse_lines(last)
     place = (line[window] + own - window_column[window]) * LINE
     counts = [rows.out.shape[0] for rows in wanted]
     rank = np.empty(sum(counts), dtype=np.int64)
@@ -258,7 +258,7 @@ def _lay_out(
     return _Layout(
         sums=shared_record(sums),
         window_offset=8 * window_column,
-        lines=int(line.max()) + LANES + 1,
+        lines=int(line.max(initial=-LANES)) + LANES + 1,
         part=np.repeat(np.arange(len(counts)), counts)[sorted_rows],
         number=np.concatenate([np.arange(count) for count in counts])[sorted_rows],
         named=[(rows.products, rows.start) for rows in wanted],
@@ -324,14 +324,14 @@ def _in_pairs(known: Ints, row: Ints, window: Ints, count: int) -> tuple[Ints, I
     return known[order], np.searchsorted(last[known[order]], pairs), needed
 
 
-def _lines_in_turn(last: Ints) -> Ints:
-    """Return the first line of each window by the last pair that needs it.
+def _reuse_lines(last: Ints) -> Ints:
+    """Return the first line of each window, given the last pair that needs it.
 
-    Lines of windows that are needed no more serve again, the latest ones first.
+    Lines are reused once no later row needs them, those freed last first.
 
     Examples
     --------
-    >>> _lines_in_turn(np.array([0, 2, 1, 2, 2, 2])).tolist()
+    >>> _reuse_lines(np.array([0, 2, 1, 2, 2, 2])).tolist()
     [0, 8, 0, 16, 0, 24]
     """
     lines, free, count = list[int](), list[int](), 0

@@ -38,7 +38,7 @@ class BatchIndex:
         What these must say.
     scenario, file, row : ndarray of int, shape (n,)
         Number of each scenario, rising; its file, and its row there.
-    like : mapping of str to Stored
+    like : mapping of str to StoredVariable
         Each variable with its values if they are the same for all scenarios, otherwise with the
         shape of one.
     attributes : mapping
@@ -115,7 +115,7 @@ def label_arrays(
 
     Parameters
     ----------
-    index : Index
+    index : BatchIndex
         Of a sweep.
     names : collection of str, optional
         What is wanted besides the inputs, so that the rest need not be read; default all.
@@ -155,7 +155,7 @@ class Column:
         self.dtype = kind if kind.kind in "fib" else np.dtype(object)
 
     def empty(self, count: int) -> NDArray[Any]:
-        """Return an array for so many scenarios, filled with what stands for nothing."""
+        """Return an array for so many scenarios, filled with the missing value."""
         if self.dtype.kind == "O":
             return np.full((count, *self.shape[1:]), "", dtype=object)
         nothing = np.nan if self.dtype.kind == "f" else UNKNOWN_LOGICAL

@@ -43,7 +43,7 @@ UNUSABLE = (FAILED, INVALID, INACCURATE)
 """Outcomes of scenarios that were to be thrown and gave no numbers."""
 
 THROWS_PER_PASS = 32
-"""So many throws are evaluated together; more take no less time each, and more memory."""
+"""Throws evaluated together; more save no time and take more memory."""
 
 PLANNED_ALIKE = 64
 """So many are planned at once where rails are shared: each time Python has to find its own objects
