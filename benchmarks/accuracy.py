@@ -4,7 +4,8 @@
 
 The reference is turnout's own with steps of 0.05 ms and all modes, cached in FOLDER (default
 build/accuracy), as is every run, so that an interrupted one goes on; `--again` repeats the runs
-(after a change of the solver) and keeps the references. `--cases` leaves out what is not named.
+(after a change of the solver) and keeps the references; remove FOLDER where what a throw starts
+from has changed. `--cases` leaves out what is not named.
 """
 
 import argparse
