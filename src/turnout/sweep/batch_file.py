@@ -5,6 +5,9 @@ above them takes far more time than they do. Still, what a file says of its vari
 shapes, dimensions, attributes) takes five times as long to write as their values. Batches of a
 study are alike in it, so that it is written once, to a *template* without values, and every file is
 a copy of its template that is filled in.
+
+Values are compressed by ISA-L, which takes a fifth of the time of zlib and leaves as many bytes.
+Whatever reads HDF5 reads them: streams of RFC 1950, as its filter "deflate" writes them.
 """
 
 import math
@@ -14,12 +17,12 @@ from typing import Any
 import h5py
 import numpy as np
 from h5py import h5a, h5d, h5ds, h5f, h5p, h5s, h5t
+from isal import isal_zlib
 from numpy.typing import NDArray
 
 from turnout.core.lru_cache import LRUCache
 from turnout.schema.channels import CONVENTIONS
 from turnout.sweep.batch import ORIGIN, BatchOrigin, StoredVariable
-from turnout.sweep.deflate import deflate_chunk
 
 LARGEST_CHUNK = 2_000_000
 """Of a variable in a file, before compression, rounded up to whole rows [bytes]."""
@@ -29,6 +32,9 @@ LARGEST_CONTIGUOUS = 2048
 
 MOST_TEMPLATES = 16
 """Files without values in memory, the latest used; some 100 kB each."""
+
+LEVEL = 1
+"""Of compression: above the quickest, which leaves a sixth more bytes; higher ones gain nothing."""
 
 MEMORY_STEP = 1 << 21
 """The memory of a file grows by so much [bytes]."""
@@ -135,7 +141,7 @@ def _create_variable(file: h5f.FileID, name: str, values: NDArray[Any]) -> h5d.D
             rows = math.ceil(values.shape[0] / math.ceil(values.nbytes / LARGEST_CHUNK))
             properties.set_chunk((rows, *values.shape[1:]))
             properties.set_shuffle()
-            properties.set_deflate(1)
+            properties.set_deflate(LEVEL)
     return h5d.create(file, name.encode(), kind, h5s.create_simple(values.shape), properties)
 
 
@@ -159,6 +165,28 @@ def _write_chunks(stored: h5d.DatasetID, values: NDArray[Any], *, rows: int) -> 
             chunk = np.zeros((rows, *chunk.shape[1:]), dtype=chunk.dtype)
             chunk[: values.shape[0] - first] = values[first:]
         stored.write_direct_chunk((first, *[0] * (chunk.ndim - 1)), deflate_chunk(chunk))
+
+
+def deflate_chunk(values: NDArray[np.generic]) -> bytes:
+    """Return numbers as a chunk of a file with the filters "shuffle" and "deflate".
+
+    The bytes of the numbers are sorted first: all first bytes, then all second ones, and so on.
+
+    Parameters
+    ----------
+    values : ndarray
+        Of any shape, contiguous.
+
+    Examples
+    --------
+    >>> found = isal_zlib.decompress(deflate_chunk(np.arange(3, dtype=np.int16)))
+    >>> list(found)
+    [0, 1, 2, 0, 0, 0]
+    """
+    size = values.dtype.itemsize
+    planes = np.ascontiguousarray(values.reshape(-1).view(np.uint8).reshape(-1, size).T)
+    deflated: bytes = isal_zlib.compress(planes.data, LEVEL)
+    return deflated
 
 
 def _write_attribute(stored: h5d.DatasetID | h5f.FileID, key: str, value: str) -> None:
