@@ -52,12 +52,17 @@ def in_block(part: BlockModel, rows: Floats, own: slice) -> tuple[Floats, Floats
     found = _products.get(key)
     if found is not None:
         return found[0]
+    made = multiply_by_block(part, rows, own)
+    if not rows.flags.writeable:
+        _products.put(key, (made, (part, rows)))
+    return made
+
+
+def multiply_by_block(part: BlockModel, rows: Floats, own: slice) -> tuple[Floats, Floats, Floats]:
+    """Return the same as `in_block` without keeping it."""
     model = part.model
-    made = (
+    return (
         rows @ model.modes[own],
         rows @ model.residual_shapes[own],
         rows @ model.residual_load[own],
     )
-    if not rows.flags.writeable:
-        _products.put(key, (made, (part, rows)))
-    return made

@@ -36,7 +36,6 @@ from turnout.response.labels import (
     control_states,
     flangeway_labels,
     force_margins,
-    open_rails,
 )
 from turnout.response.recovery import PLACE_TOLERANCE, recover_motion
 from turnout.response.route import Throw
@@ -136,8 +135,7 @@ def response_channels(
     if "places" in arrays:
         channels |= _gaps(panel, arrays["places"], history.time)
     if save.keeps(*FLANGEWAYS):
-        (flangeways,) = flangeway_labels([open_rails(panel, motion, history.time, moved)])
-        channels |= flangeways
+        channels |= flangeway_labels(panel, motion, history.time, moved)
     channels |= contact_labels(mechanism, history) | object_memory(mechanism, history)
     if save.keeps(*ENERGIES):
         channels |= energy_channels(history.stored, history.ledger)

@@ -1,7 +1,6 @@
-"""Open distances between switch rails and stock rails, and the flangeway behind them."""
+"""Open distances between switch rails and stock rails."""
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +12,7 @@ from turnout.mechanism.mechanism import Mechanism, RailBody
 from turnout.mechanism.travel import unloaded_gap
 from turnout.panel.layout import SIDE
 from turnout.panel.model import Panel
-from turnout.panel.profile import contact_height, running_edge_distance
+from turnout.panel.profile import contact_height
 from turnout.panel.records import StockRail
 from turnout.response.recipes import Recipe, RowBlock
 from turnout.response.recovery import (
@@ -22,7 +21,6 @@ from turnout.response.recovery import (
     Parts,
     Seen,
     condensed_shapes,
-    coordinates_at,
     histories_of,
     lateral_rows,
     row_blocks_of,
@@ -30,7 +28,7 @@ from turnout.response.recovery import (
     seen_recipe,
     stacked,
 )
-from turnout.response.route import Throw, closed_rail, closed_spans, open_rail
+from turnout.response.route import closed_rail, closed_spans
 from turnout.response.rows_over_time import write_rows
 
 Floats = NDArray[np.float64]
@@ -45,7 +43,6 @@ MOST_WATCHED = 128
 # Rails are shared by many throws. What rows depend on is named by identity, and kept beside them so
 # that nothing else takes its place.
 _rows = LRUCache[tuple[list[Floats], list[object]]](MOST_ROWS)
-_flangeways = LRUCache[tuple["_Flangeway", list[object]]](MOST_ROWS)
 _watched = LRUCache[tuple[SeenRows, list[object]]](MOST_WATCHED)
 _heights = LRUCache[tuple[list[Floats], list[object]]](MOST_ROWS)
 _places = LRUCache[tuple[list[Place], list[object]]](MOST_ROWS)
@@ -117,7 +114,7 @@ def gap_rows(
         bend with it; shared and therefore not writeable.
     """
     record = panel.rail[rail]
-    faced, involved = _involved(panel, motion, rail)
+    faced, involved = bodies_at_gap(panel, motion, rail)
     named = [*faced, *(body.recovery for body in involved)]
     key = (record.closes, *map(id, named), x.tobytes(), z.tobytes())
     found = _rows.get(key)
@@ -235,93 +232,7 @@ def _seen_together(
     return np.concatenate([start for start, _ in ordered]), together
 
 
-class OpenRail(NamedTuple):
-    """A rail that is open after a movement, as the movement left it.
-
-    `x` are its nodes [m]; `coordinates` are reduced coordinates, of it and of stock rails that bend
-    beside it.
-    """
-
-    name: str
-    x: Floats
-    flangeway: "_Flangeway"
-    coordinates: list[Floats]
-
-
-def open_rail_at(panel: Panel, motion: Motion, throw: Throw, *, at: int) -> OpenRail | None:
-    """Return the rail that is open after a throw as it is at an instant, given by its index.
-
-    None where the panel does not say what its flangeway takes.
-    """
-    name = open_rail(panel, throw.to)
-    if name is None:
-        return None
-    rail, x = panel.rail[name], motion.rails[name].x
-    if rail.running_edge is None or rail.head_width is None or not rail.has_stock_rail:
-        return None
-    bodies, found = _flangeway(panel, motion, name)
-    return OpenRail(name, x, found, coordinates_at(motion, bodies, at))
-
-
-def least_flangeways(rails: Sequence[OpenRail]) -> list[tuple[float, float, str]]:
-    """Return the least flangeway [m] of each of some rails, its place, the rail.
-
-    The flangeway is the gap, and behind the planing also by how much the running edges lie further
-    apart than a full head is wide. Rails of many throws that share their rows are taken together,
-    since rows have to be fetched from memory for one throw; each has a product of its own, so that
-    its bits do not depend on the others.
-    """
-    groups: dict[int, list[int]] = {}
-    for number, rail in enumerate(rails):
-        groups.setdefault(id(rail.flangeway), []).append(number)
-    found: list[tuple[float, float, str]] = [(np.nan, np.nan, "")] * len(rails)
-    for numbers in groups.values():
-        shared = rails[numbers[0]].flangeway
-        by_body = zip(*(rails[number].coordinates for number in numbers), strict=True)
-        moved = np.zeros((len(numbers), shared.start.size))
-        for rows, own in zip(shared.rows, by_body, strict=True):
-            moved += np.matmul(rows, np.array(own)[:, :, np.newaxis])[:, :, 0]
-        flangeway = (shared.start - moved) + shared.clear
-        for number, values, place in zip(numbers, flangeway, flangeway.argmin(axis=1), strict=True):
-            rail = rails[number]
-            found[number] = float(values[place]), float(rail.x[place]), rail.name
-    return found
-
-
-class _Flangeway(NamedTuple):
-    """What the flangeway at the nodes of a rail is made of.
-
-    `start` and `rows` are those of `gap_rows` at contact height; `clear` is how far the running
-    edges lie further apart than a full head is wide [m].
-    """
-
-    start: Floats
-    rows: list[Floats]
-    clear: Floats
-
-
-def _flangeway(panel: Panel, motion: Motion, rail: str) -> tuple[list[RailBody], _Flangeway]:
-    """Return the rails that bound a flangeway, and what it is made of, found once for all throws.
-
-    It depends on what `gap_rows`, `stock_gap` and `contact_height` depend on.
-    """
-    record, x = panel.rail[rail], motion.rails[rail].x
-    faced, involved = _involved(panel, motion, rail)
-    named = [panel.stop, panel.stud, panel.object_defaults, record, motion.shapes.get(rail), x]
-    named += [*faced, *(body.recovery for body in involved)]
-    key = tuple(map(id, named))
-    kept = _flangeways.get(key)
-    if kept is None:
-        beyond = np.zeros(x.shape)
-        if record.running_edge is not None and record.head_width is not None:
-            beyond = running_edge_distance(record.running_edge, x) - record.head_width
-        start, parts = gap_rows(panel, motion, rail, x, contact_height(panel, rail, x))
-        rows, clear = [rows for _, rows in parts], _frozen(np.maximum(beyond, 0.0))
-        kept = _flangeways.put(key, (_Flangeway(_frozen(start), rows, clear), named))
-    return involved, kept[0]
-
-
-def _involved(
+def bodies_at_gap(
     panel: Panel, motion: CondensedShapes, rail: str
 ) -> tuple[list[StockRail], list[RailBody]]:
     """Return the stock rails that bend beside a rail, and all that take part in its gap."""

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +10,7 @@ from turnout.integrate.integration import History
 from turnout.mechanism.drive_machines import slip_force
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.model import Panel
-from turnout.response.gaps import OpenRail, least_flangeways, open_rail_at
+from turnout.response.flangeway import least_flangeway
 from turnout.response.recovery import Motion
 from turnout.response.route import Throw, at_rest, rail_closes, throws
 from turnout.response.signals import Variable
@@ -142,35 +141,29 @@ def state_limits(panel: Panel) -> tuple[Floats, Floats]:
     return np.array(list(panel.gap_limits().values())), np.array(at_sensors)
 
 
-def open_rails(
+def flangeway_labels(
     panel: Panel, motion: Motion, time: Floats, moved: Sequence[Throw]
-) -> list[OpenRail]:
-    """Return the rails that are open at the ends of movements as they were made."""
-    ends = ((throw, _end_index(throw, time)) for throw in moved)
-    found = (open_rail_at(panel, motion, throw, at=at) for throw, at in ends if at is not None)
-    return [rail for rail in found if rail is not None]
-
-
-def flangeway_labels(throws: Sequence[Sequence[OpenRail]]) -> list[dict[str, Variable]]:
-    """Return the least flangeway at the end of any movement with its place and rail, by throw.
+) -> dict[str, Variable]:
+    """Return the least flangeway at the end of any movement with its place and rail.
 
     Parameters
     ----------
-    throws : sequence of sequence of OpenRail
-        The `open_rails` of each of some throws.
+    panel, motion
+        Panel and run.
+    time : ndarray, shape (n_times,)
+        Instants of the run [s].
+    moved : sequence of Throw
+        The movements as they were made.
     """
-    least = iter(least_flangeways([rail for rails in throws for rail in rails]))
-    labels: list[dict[str, Variable]] = []
-    for rails in throws:
-        value, x, rail = min(islice(least, len(rails)), default=(np.nan, np.nan, ""))
-        labels.append(
-            {
-                "least_flangeway": ((), np.array(value)),
-                "least_flangeway_x": ((), np.array(x)),
-                "least_flangeway_rail": ((), np.array(rail)),
-            }
-        )
-    return labels
+    ends = ((throw, _end_index(throw, time)) for throw in moved)
+    found = (least_flangeway(panel, motion, throw, at=at) for throw, at in ends if at is not None)
+    known = (least for least in found if least is not None)
+    value, x, rail = min(known, default=(np.nan, np.nan, ""))
+    return {
+        "least_flangeway": ((), np.array(value)),
+        "least_flangeway_x": ((), np.array(x)),
+        "least_flangeway_rail": ((), np.array(rail)),
+    }
 
 
 def _end_index(throw: Throw, time: Floats) -> int | None:

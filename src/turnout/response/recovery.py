@@ -13,7 +13,6 @@ used instead (`turnout.response.stored_displacements`), which is ten times as fa
 
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
-from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
@@ -388,24 +387,6 @@ def _stored_products(stored: Floats | None, count: int) -> Sequence[Product]:
     found = products_of(stored, "g")
     if not stored.flags.writeable:
         _of_stored.put(id(stored), (found, stored))
-    return found
-
-
-def coordinates_at(motion: Motion, bodies: Sequence[RailBody], at: int) -> list[Floats]:
-    """Return the reduced coordinates of some rails at an instant, given by its index."""
-    history, laws, blocks = motion.history, motion.history.laws, motion.condensed.parts
-    force, modal = history.g[at] * motion.slope, history.q[at]
-    np.subtract.at(force, laws.row, history.law_force[at])
-    np.subtract.at(force, laws.friction_row, history.friction_force[at])
-    ends = list(accumulate((part.model.eigenvalues.size for part in blocks), initial=0))
-    found = []
-    for body in bodies:
-        number, first = block_of(blocks, body)
-        part, own = blocks[number], slice(first, first + body.count)
-        coordinates = part.model.modes[own] @ modal[ends[number] : ends[number + 1]]
-        coordinates += part.model.residual_shapes[own] @ force[part.block.rows]
-        coordinates += part.model.residual_load[own]
-        found.append(coordinates)
     return found
 
 

@@ -15,7 +15,7 @@ from turnout.measurement.chain.recorder import Recorder, recorded_force
 from turnout.mechanism.mechanism import Mechanism
 from turnout.metric.slip import Span
 from turnout.panel.load import LoadedPanel
-from turnout.response.gaps import OpenRail, split_gaps
+from turnout.response.gaps import split_gaps
 from turnout.response.labels import state_limits
 from turnout.response.route import Throw
 from turnout.response.signals import (
@@ -52,9 +52,7 @@ class ThrowSignals:
         Forces of drives and objects and marker positions at every instant that the solver kept,
         and open distances at the rate of the study.
     labels : dict
-        What was touched when and what is left of it, and labels of machines.
-    open_rails : list of OpenRail
-        Rails that are open at the ends of movements, for flangeways.
+        What was touched when and what is left of it, flangeways, and labels of machines.
     clutches : tuple of list and ndarray, optional
         The drives that are machines, and when their clutches slip, shape (n_machines, n_times).
     recorder : Recorder
@@ -69,7 +67,6 @@ class ThrowSignals:
     mechanism: Mechanism
     watched: Watched
     labels: Variables
-    open_rails: list[OpenRail]
     clutches: tuple[list[int], Flags] | None
     recorder: Recorder
     kept: Variables

@@ -21,7 +21,7 @@ from turnout.panel.load import LoadedPanel
 from turnout.response.dataset import response_channels
 from turnout.response.drives import machine_signals, machine_slips, moved_throws
 from turnout.response.gaps import gaps_over_time, watched_gaps
-from turnout.response.labels import contact_labels, open_rails
+from turnout.response.labels import contact_labels, flangeway_labels
 from turnout.response.recovery import Motion, recover_motion
 from turnout.response.route import throws
 from turnout.response.save import Save
@@ -77,6 +77,7 @@ def extract_signals(
     mechanism, history = solved.mechanism, solved.history
     motion, moved = recover_motion(mechanism, history), moved_throws(panel, history)
     labels = contact_labels(mechanism, history) | object_memory(mechanism, history)
+    labels |= flangeway_labels(panel, motion, history.time, moved)
     watched, kept = history.watched, Variables()
     if watched is None:
         watched = _watched_of(study, panel, motion, mechanism)
@@ -89,7 +90,6 @@ def extract_signals(
         mechanism=mechanism,
         watched=watched,
         labels=labels,
-        open_rails=open_rails(panel, motion, history.time, moved),
         clutches=_clutches(panel, history),
         recorder=recorder,
         kept=kept,

@@ -20,7 +20,6 @@ from turnout.mechanism.shape_key import LAWS_ALONE
 from turnout.panel.foreign_object import PlacedObject, resolve_objects
 from turnout.panel.load import LoadedPanel
 from turnout.response.dataset import coordinates_of
-from turnout.response.labels import flangeway_labels
 from turnout.response.save import Save
 from turnout.response.signals import Variable
 from turnout.response.simulate import PlannedThrow, Solved, plan_throw, solve_planned
@@ -325,9 +324,8 @@ def reduce_signals(study: Study, runs: Sequence[ThrowSignals]) -> list[Variables
         together = lay_together([runs[number] for number in numbers])
         histories = kept_histories(together, study.output.channels)
         labels = compute_labels(together)
-        flangeways = flangeway_labels([run.open_rails for run in together.runs])
-        for number, kept, more, least in zip(numbers, histories, labels, flangeways, strict=True):
-            own = runs[number].labels | least
+        for number, kept, more in zip(numbers, histories, labels, strict=True):
+            own = runs[number].labels
             found[number] = {
                 **kept,
                 **{name: own[name] for name in UNCHANGED_LABELS},

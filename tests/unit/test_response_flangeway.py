@@ -1,0 +1,53 @@
+"""The flangeway at one instant is that of all coordinates of the rails."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from turnout.panel.foreign_object import ForeignObject
+from turnout.panel.load import load_panel
+from turnout.panel.profile import contact_height, running_edge_distance
+from turnout.response.flangeway import least_flangeway
+from turnout.response.gaps import gap_rows
+from turnout.response.recovery import recover_motion
+from turnout.response.route import open_rail, throws
+from turnout.response.simulate import solve
+from turnout.scheme import Scheme
+
+
+@pytest.mark.parametrize("name", ["uic60-760-1-15", "60e1-300-1-9", "sb2"])
+@pytest.mark.parametrize("at", ["sleeper 5", "x = 3.21 m"])
+def test_flangeway_of_any_motion_and_any_forces(name: str, at: str) -> None:
+    """Also of forces on ends that an object added to both rails of the gap."""
+    panel = load_panel(name)
+    solved = solve(panel, foreign_object=ForeignObject(0.02, at), scheme=Scheme.of("quick"))
+    history, rng = solved.history, np.random.default_rng(1)
+    drawn = replace(
+        history,
+        q=rng.normal(0.0, 0.1, size=history.q.shape),
+        g=rng.normal(0.0, 1e-3, size=history.g.shape),
+        law_force=rng.normal(0.0, 1e3, size=history.law_force.shape),
+        friction_force=rng.normal(0.0, 1e2, size=history.friction_force.shape),
+    )
+    motion = recover_motion(solved.mechanism, drawn)
+    assert any(part.before is not None for part in motion.condensed.parts)
+    model = motion.condensed.model
+    for throw, instant in zip(throws(panel), (7, 30), strict=True):
+        rail = open_rail(panel, throw.to)
+        assert rail is not None
+        record, x = panel.rail[rail], motion.rails[rail].x
+        assert record.running_edge is not None
+        assert record.head_width is not None
+        start, parts = gap_rows(panel, motion, rail, x, contact_height(panel, rail, x))
+        beyond = running_edge_distance(record.running_edge, x) - record.head_width
+        force = drawn.g[instant] * motion.slope
+        np.subtract.at(force, drawn.laws.row, drawn.law_force[instant])
+        np.subtract.at(force, drawn.laws.friction_row, drawn.friction_force[instant])
+        u = model.modes @ drawn.q[instant] + model.residual_shapes @ force + model.residual_load
+        moved = sum(rows @ u[body.first : body.first + body.count] for body, rows in parts)
+        wanted = start - moved + np.maximum(beyond, 0.0)
+        found = least_flangeway(panel, motion, throw, at=instant)
+        assert found is not None
+        assert found[0] == pytest.approx(wanted.min(), rel=1e-9, abs=1e-12)
+        assert found[1:] == (x[wanted.argmin()], rail)
