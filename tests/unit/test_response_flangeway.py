@@ -47,7 +47,6 @@ def test_flangeway_of_any_motion_and_any_forces(name: str, at: str) -> None:
         u = model.modes @ drawn.q[instant] + model.residual_shapes @ force + model.residual_load
         moved = sum(rows @ u[body.first : body.first + body.count] for body, rows in parts)
         wanted = start - moved + np.maximum(beyond, 0.0)
-        found = least_flangeway(panel, motion, throw, at=instant)
-        assert found is not None
+        found = least_flangeway(panel, motion, [(throw, instant)])
         assert found[0] == pytest.approx(wanted.min(), rel=1e-9, abs=1e-12)
         assert found[1:] == (x[wanted.argmin()], rail)

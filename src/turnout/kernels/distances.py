@@ -1,4 +1,4 @@
-"""Open distances at many points at one instant, from modes and the forces on rows."""
+"""Open distances at many points at some instants, from modes and the forces on rows."""
 
 from typing import NamedTuple
 
@@ -13,18 +13,22 @@ Ints = NDArray[np.int64]
 
 
 class DistanceColumns(NamedTuple):
-    """By how much modes and row forces lessen distances, a column of all points for each.
+    """By how much modes and row forces lessen the distances along some rails.
 
-    Columns are rows in memory and fill whole cache lines.
+    A column holds all points of a rail, is a row in memory and fills whole cache lines.
 
     Attributes
     ----------
+    first_mode, first_row : ndarray of int, shape (n_rails + 1,)
+        First column of each rail among those of modes and of rows.
     mode, row : ndarray of int, shapes (n_modes,), (n_forces,)
         Which mode and which row of the mechanism each column belongs to.
     of_mode, of_row : ndarray, shapes (n_modes, n_points), (n_forces, n_points)
         For unit modal coordinates and unit forces.
     """
 
+    first_mode: Ints
+    first_row: Ints
     mode: Ints
     row: Ints
     of_mode: Floats
@@ -35,6 +39,8 @@ class DistanceColumns(NamedTuple):
 def lessen_distances(
     distances: Floats,
     columns: DistanceColumns,
+    rails: Ints,
+    instants: Ints,
     modal: Floats,
     displacement: Floats,
     stiffness: Floats,
@@ -44,37 +50,43 @@ def lessen_distances(
     friction_force: Floats,
     force: Floats,
 ) -> None:
-    r"""Subtract from distances what an instant lessens them by.
+    r"""Subtract from distances along rails what instants lessen them by.
 
     The force on a row is :math:`\lambda = k g - \sum F`, see `turnout.response.recovery`. At most
     instants few of the rows have one, so that few columns are read.
 
     Parameters
     ----------
-    distances : ndarray, shape (n_points,)
-        Fills whole cache lines; changed [m].
+    distances : ndarray, shape (n, n_points)
+        Points fill whole cache lines; changed [m].
     columns : DistanceColumns
         A record of `turnout.kernels.shared_record`.
-    modal : ndarray, shape (n_modes,)
+    rails, instants : ndarray of int, shape (n,)
+        Number of the rail, and index of the instant.
+    modal : ndarray, shape (n_times, n_modes)
         Modal coordinates of the whole mechanism.
-    displacement, stiffness : ndarray, shape (n_rows,)
-        Of all rows [m], and what the linear system holds at them [N/m].
+    displacement : ndarray, shape (n_times, n_rows)
+        Of all rows [m].
+    stiffness : ndarray, shape (n_rows,)
+        What the linear system holds at them [N/m].
     law_row, friction_row : ndarray of int, shapes (n_laws,), (n_frictions,)
         Rows of laws and frictions.
-    law_force, friction_force : ndarray, of the same shapes
+    law_force, friction_force : ndarray, shapes (n_times, n_laws), (n_times, n_frictions)
         [N]
-    force : ndarray, shape (n_rows,)
+    force : ndarray, shape (n, n_rows)
         The forces on all rows, written [N].
     """
-    for i in range(force.size):
-        force[i] = displacement[i] * stiffness[i]
-    for k in range(law_row.size):
-        force[law_row[k]] -= law_force[k]
-    for k in range(friction_row.size):
-        force[friction_row[k]] -= friction_force[k]
-    for k in range(columns.mode.size):
-        add_multiple(-modal[columns.mode[k]], columns.of_mode[k], distances)
-    for k in range(columns.row.size):
-        weight = force[columns.row[k]]
-        if weight != 0.0:
-            add_multiple(-weight, columns.of_row[k], distances)
+    for e in range(instants.size):
+        at, on_rows, along = instants[e], force[e], distances[e]
+        for i in range(stiffness.size):
+            on_rows[i] = displacement[at, i] * stiffness[i]
+        for k in range(law_row.size):
+            on_rows[law_row[k]] -= law_force[at, k]
+        for k in range(friction_row.size):
+            on_rows[friction_row[k]] -= friction_force[at, k]
+        for k in range(columns.first_mode[rails[e]], columns.first_mode[rails[e] + 1]):
+            add_multiple(-modal[at, columns.mode[k]], columns.of_mode[k], along)
+        for k in range(columns.first_row[rails[e]], columns.first_row[rails[e] + 1]):
+            weight = on_rows[columns.row[k]]
+            if weight != 0.0:
+                add_multiple(-weight, columns.of_row[k], along)

@@ -159,9 +159,12 @@ def _filled(layout: "_Layout", arrays: T) -> T:
 
 
 def address_of(array: NDArray[Any]) -> int:
-    """Return where the first number of an array lies; ``ctypes.data`` takes 1 us more."""
-    if array.size and array.flags.carray:
-        return addressof(c_char.from_buffer(array.data))
+    """Return where the first number of an array lies; ``ctypes.data`` takes 0.5 us more."""
+    if array.size:
+        if array.flags.carray:
+            return addressof(c_char.from_buffer(array.data))
+        if array.ndim > 1:  # where its first row lies, which mostly has no gaps
+            return address_of(array[0])
     return int(array.ctypes.data)
 
 

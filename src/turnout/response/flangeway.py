@@ -20,112 +20,127 @@ from turnout.mechanism.mechanism import RailBody
 from turnout.panel.model import Panel
 from turnout.panel.profile import contact_height, running_edge_distance
 from turnout.response.block_products import block_of, multiply_by_block
-from turnout.response.gaps import bodies_at_gap, gap_rows
-from turnout.response.recovery import Motion, Parts
+from turnout.response.gaps import bodies_at_gap, gap_rows, stock_gap
+from turnout.response.recovery import Motion
 from turnout.response.route import Throw, open_rail
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+_Columns = tuple[Ints, Floats]
+"""Number of a mode or row, and displacement of each point for it, shape (n_points, n)."""
+_Bound = tuple[int, slice, Floats]
 
 MOST_KEPT = 32
 """Flangeways of rails without objects in memory, the latest used."""
 
 
-class _Flangeway(NamedTuple):
-    """What the flangeway at the nodes of a rail is made of.
+class _Flangeways(NamedTuple):
+    """What the flangeways at the nodes of some rails are made of.
 
     Attributes
     ----------
-    start : ndarray, shape (n_points,)
-        Without modes and row forces, up to whole cache lines [m].
+    start : ndarray, shape (n_rails, n_points)
+        Without modes and row forces; infinite beyond the nodes of a rail [m].
     columns : DistanceColumns
         By how much these lessen it.
-    parts : sequence of (RailBody, ndarray)
-        The rails that bound it, with rows over the coordinates of each.
+    bounds : sequence of sequence of (int, slice, ndarray)
+        For each rail and its stock rails the number of the block, where its coordinates are in it,
+        and rows over these.
     """
 
     start: Floats
     columns: DistanceColumns
-    parts: Parts
+    bounds: Sequence[Sequence[_Bound]]
 
 
 # Rails are shared by many throws. They are named by identity, and kept beside so that nothing else
 # takes their place.
-_flangeways = LRUCache[tuple[_Flangeway, list[object]]](MOST_KEPT)
+_flangeways = LRUCache[tuple[_Flangeways, list[object]]](MOST_KEPT)
 
 
 def least_flangeway(
-    panel: Panel, motion: Motion, throw: Throw, *, at: int
-) -> tuple[float, float, str] | None:
-    """Return the least flangeway after a throw [m], its place [m] and its rail.
+    panel: Panel, motion: Motion, ends: Sequence[tuple[Throw, int]]
+) -> tuple[float, float, str]:
+    """Return the least flangeway after some movements [m], its place [m] and its rail.
 
     Parameters
     ----------
     panel, motion
         Panel and run.
-    throw : Throw
-        The movement.
-    at : int
-        Index of the instant at which it is over.
+    ends : sequence of (Throw, int)
+        Movements, and the index of the instant at which each is over.
 
     Returns
     -------
-    tuple or None
-        None where the panel does not say what the flangeway of the open rail takes.
+    tuple
+        NaN and an empty name where the panel does not say what the flangeways of its open rails
+        take.
     """
-    name = open_rail(panel, throw.to)
-    if name is None:
-        return None
-    rail, x = panel.rail[name], motion.rails[name].x
-    if rail.running_edge is None or rail.head_width is None or not rail.has_stock_rail:
-        return None
-    found, history = _flangeway(panel, motion, name), motion.history
-    distances, force = empty_in_lines(found.start.size), np.empty(motion.slope.size)
-    distances[:] = found.start
+    opened = [(open_rail(panel, throw.to), at) for throw, at in ends]
+    known = [(name, at) for name, at in opened if name is not None and _has_edges(panel, name)]
+    if not known:
+        return np.nan, np.nan, ""
+    names = list(dict.fromkeys([name for name, _ in known]))
+    found, history = _flangeways_of(panel, motion, names), motion.history
+    rails = np.array([names.index(name) for name, _ in known])
+    distances = empty_in_lines(len(known), found.start.shape[1])
+    distances[:] = found.start[rails]
+    force = np.empty((len(known), motion.slope.size))
     lessen_distances(
         distances,
         found.columns,
-        history.q[at],
-        history.g[at],
+        rails,
+        np.array([at for _, at in known]),
+        history.q,
+        history.g,
         motion.slope,
         history.laws.row,
-        history.law_force[at],
+        history.law_force,
         history.laws.friction_row,
-        history.friction_force[at],
+        history.friction_force,
         force,
     )
-    flangeway = distances[: x.size]
-    _lessen_by_added_ends(flangeway, motion, found.parts, force)
-    place = int(flangeway.argmin())
-    return float(flangeway[place]), float(x[place]), name
+    if any(part.before is not None for part in motion.condensed.parts):
+        for rail, along, forces in zip(rails.tolist(), distances, force, strict=True):
+            _lessen_by_added_ends(along, motion, found.bounds[rail], forces)
+    end, place = divmod(int(distances.argmin()), distances.shape[1])
+    name = known[end][0]
+    return float(distances[end, place]), float(motion.rails[name].x[place]), name
 
 
-def _lessen_by_added_ends(flangeway: Floats, motion: Motion, parts: Parts, force: Floats) -> None:
+def _has_edges(panel: Panel, name: str) -> bool:
+    """Return whether a panel says what the flangeway of a rail takes."""
+    rail = panel.rail[name]
+    known = rail.running_edge is not None and rail.head_width is not None
+    return known and rail.has_stock_rail
+
+
+def _lessen_by_added_ends(
+    along: Floats, motion: Motion, bounds: Sequence[_Bound], force: Floats
+) -> None:
     """Subtract what forces at ends come to that objects added to the blocks of some rails."""
-    blocks = motion.condensed.parts
-    for body, rows in parts:
-        number, first = block_of(blocks, body)
-        part = blocks[number]
+    for number, own, rows in bounds:
+        part = motion.condensed.parts[number]
         if part.before is None:
             continue
         known = part.before.block.rows.size
-        own = force[part.block.rows[known:]]
-        if own.any():
-            shapes = part.model.residual_shapes[first : first + body.count, known:]
-            flangeway -= rows @ (shapes @ own)
+        added = force[part.block.rows[known:]]
+        if any(added.tolist()):
+            along[: rows.shape[0]] -= rows @ (part.model.residual_shapes[own, known:] @ added)
 
 
-def _flangeway(panel: Panel, motion: Motion, name: str) -> _Flangeway:
-    """Return what the flangeway of a rail is made of, found once for all throws of the rails."""
-    rail, x = panel.rail[name], motion.rails[name].x
-    faced, bodies = bodies_at_gap(panel, motion, name)
-    named: list[object] = [panel.stop, panel.stud, panel.object_defaults, rail, x]
-    named += [motion.shapes.get(name), motion.rows, *faced, *(body.recovery for body in bodies)]
-    named += _blocks(motion, bodies)
+def _flangeways_of(panel: Panel, motion: Motion, names: Sequence[str]) -> _Flangeways:
+    """Return what the flangeways of some rails are made of, found once for all their throws."""
+    named: list[object] = [panel.stop, panel.stud, panel.object_defaults]
+    for name in names:
+        faced, bodies = bodies_at_gap(panel, motion, name)
+        named += [panel.rail[name], motion.shapes.get(name), *faced, *_blocks(motion, bodies)]
+        for body in bodies:
+            named += [body.recovery, body.x]
     key = tuple(map(id, named))
     kept = _flangeways.get(key)
     if kept is None:
-        kept = _flangeways.put(key, (_made(panel, motion, name), named))
+        kept = _flangeways.put(key, (_made(panel, motion, names), named))
     return kept[0]
 
 
@@ -136,30 +151,61 @@ def _blocks(motion: Motion, bodies: Sequence[RailBody]) -> list[BlockModel]:
     return [part.before or part for part in own]
 
 
-def _made(panel: Panel, motion: Motion, name: str) -> _Flangeway:
-    rail, x = panel.rail[name], motion.rails[name].x
-    beyond = np.zeros(x.shape)
+def _made(panel: Panel, motion: Motion, names: Sequence[str]) -> _Flangeways:
+    width = whole_lines(max(motion.rails[name].x.size for name in names))
+    starts, of_modes, of_rows = np.full((len(names), width), np.inf), [], []
+    bounds = [_bounds(panel, motion, name) for name in names]
+    for name, own, to in zip(names, bounds, starts, strict=True):
+        start, modes, rows = _of_rail(panel, motion, name, own)
+        to[: start.size] = start
+        of_modes.append(modes)
+        of_rows.append(rows)
+    first_mode, mode, columns_of_mode = _in_lines(of_modes, width)
+    first_row, row, columns_of_row = _in_lines(of_rows, width)
+    columns = DistanceColumns(first_mode, first_row, mode, row, columns_of_mode, columns_of_row)
+    return _Flangeways(starts, shared_record(columns), bounds)
+
+
+def _bounds(panel: Panel, motion: Motion, name: str) -> list[_Bound]:
+    """Return what bounds the flangeway of a rail, see `_Flangeways`."""
+    x, found = motion.rails[name].x, list[_Bound]()
+    _, parts = gap_rows(panel, motion, name, x, contact_height(panel, name, x))
+    for body, rows in parts:
+        number, first = block_of(motion.condensed.parts, body)
+        found.append((number, slice(first, first + body.count), rows))
+    return found
+
+
+def _of_rail(
+    panel: Panel, motion: Motion, name: str, bounds: Sequence[_Bound]
+) -> tuple[Floats, _Columns, _Columns]:
+    """Return start, columns of modes and columns of rows of the flangeway of a rail."""
+    rail, x, blocks = panel.rail[name], motion.rails[name].x, motion.condensed.parts
+    start = stock_gap(panel, motion, name, x)
     if rail.running_edge is not None and rail.head_width is not None:
         beyond = running_edge_distance(rail.running_edge, x) - rail.head_width
-    start, parts = gap_rows(panel, motion, name, x, contact_height(panel, name, x))
-    blocks = motion.condensed.parts
+        start = start + np.maximum(beyond, 0.0)
     ends = np.cumsum([0, *(part.model.eigenvalues.size for part in blocks)])
-    found = list[tuple[Ints, Ints, Floats, Floats]]()
-    for (body, rows), part in zip(parts, _blocks(motion, [body for body, _ in parts]), strict=True):
-        number, first = block_of(blocks, body)
-        own = slice(first, first + body.count)
-        of_modes, of_rows, of_load = multiply_by_block(part, rows, own)
+    modes, rows = list[_Columns](), list[_Columns]()
+    for number, own, weights in bounds:
+        part = blocks[number].before or blocks[number]
+        of_modes, of_rows, of_load = multiply_by_block(part, weights, own)
         start = start - of_load
-        modes = np.arange(ends[number], ends[number + 1])
-        found.append((modes, part.block.rows, _in_lines(of_modes), _in_lines(of_rows)))
-    columns = DistanceColumns(*(np.concatenate(item) for item in zip(*found, strict=True)))
-    clear = _in_lines((start + np.maximum(beyond, 0.0))[:, np.newaxis])[0]
-    return _Flangeway(clear, shared_record(columns), parts)
+        modes.append((np.arange(ends[number], ends[number + 1]), of_modes))
+        rows.append((part.block.rows, of_rows))
+    return start, _beside(modes), _beside(rows)
 
 
-def _in_lines(columns: Floats) -> Floats:
-    """Return columns one after the other, each filled up to whole cache lines."""
-    count, number = columns.shape
-    found = zeros_in_lines(number, whole_lines(count))
-    found[:, :count] = columns.T
-    return found
+def _beside(columns: Sequence[_Columns]) -> _Columns:
+    """Return columns of the same points beside each other."""
+    numbers, values = zip(*columns, strict=True)
+    return np.concatenate(numbers), np.concatenate(values, axis=1)
+
+
+def _in_lines(columns: Sequence[_Columns], width: int) -> tuple[Ints, Ints, Floats]:
+    """Return where the columns of each rail begin, their numbers, and all of them as rows."""
+    first = np.cumsum([0, *(numbers.size for numbers, _ in columns)])
+    found = zeros_in_lines(int(first[-1]), width)
+    for begin, (_, values) in zip(first.tolist(), columns, strict=False):
+        found[begin : begin + values.shape[1], : values.shape[0]] = values.T
+    return first, np.concatenate([numbers for numbers, _ in columns]), found

@@ -155,10 +155,10 @@ def flangeway_labels(
     moved : sequence of Throw
         The movements as they were made.
     """
-    ends = ((throw, _end_index(throw, time)) for throw in moved)
-    found = (least_flangeway(panel, motion, throw, at=at) for throw, at in ends if at is not None)
-    known = (least for least in found if least is not None)
-    value, x, rail = min(known, default=(np.nan, np.nan, ""))
+    ends = [(throw, _end_index(throw, time)) for throw in moved]
+    value, x, rail = least_flangeway(
+        panel, motion, [(throw, at) for throw, at in ends if at is not None]
+    )
     return {
         "least_flangeway": ((), np.array(value)),
         "least_flangeway_x": ((), np.array(x)),
