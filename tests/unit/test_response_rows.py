@@ -191,7 +191,8 @@ def test_kept_indexes_make_the_same_coordinates(solved: Solved) -> None:
     """And attributes of one dataset do not show in the next one."""
     panel = load_panel(DEFAULT)
     used = ("rail", "drive", "chair", "sensor")
-    made = coordinates(panel, solved.mechanism, time=solved.history.time, used=used)
+    made = coordinates(panel, solved.mechanism, used=used, save=Save())
+    made["time"] = (("time",), solved.history.time)
     first, second = xr.Dataset(coords=indexed(made)), xr.Dataset(coords=indexed(made))
     assert first.identical(xr.Dataset(coords=made))
     assert first["rail"].dtype == made["rail"][1].dtype
@@ -206,9 +207,9 @@ def test_coordinates_are_those_of_the_dimensions_that_are_used(
     solved: Solved, used: tuple[str, ...]
 ) -> None:
     panel = load_panel(DEFAULT)
-    made = coordinates(panel, solved.mechanism, time=solved.history.time, used=used)
+    made = coordinates(panel, solved.mechanism, used=used, save=Save())
     there = {dim for dim in used if dim in ("axis", "object") or len(getattr(panel, dim))}
-    assert {dim for dims, _ in made.values() for dim in dims} <= {"time", *used}
+    assert {dim for dims, _ in made.values() for dim in dims} <= {*used}
     assert there - {"object"} <= made.keys()
     assert ("drive_stiffness" in made) == ("drive" in used)
 
@@ -324,10 +325,11 @@ def test_rows_without_any_product_are_left_as_they_are() -> None:
 def test_coordinates_of_other_dimensions_are_left_out(solved: Solved) -> None:
     panel = load_panel(DEFAULT)
     given = (panel, solved.mechanism)
-    families = {"rail", "drive", "chair", "stop", "link", "sensor", "object", "time"}
-    every = coordinates(*given, time=solved.history.time, used=families)
-    some = coordinates(*given, time=solved.history.time, used={"drive", "time"})
-    assert set(some) == {name for name, (dims, _) in every.items() if dims[0] in ("drive", "time")}
+    families = {"rail", "drive", "chair", "stop", "link", "sensor", "object", "x"}
+    every = coordinates(*given, used=families, save=Save())
+    some = coordinates(*given, used={"drive"}, save=Save())
+    assert set(some) == {name for name, (dims, _) in every.items() if dims[0] == "drive"}
+    assert "x" in every
     assert "object" in every
     for name, (dims, values) in some.items():
         assert dims == every[name][0]

@@ -27,8 +27,8 @@ _indexes = LRUCache[tuple["Index", "xr.Variable"]](MOST_KEPT)
 
 MOST_PANELS = 8
 """Panels whose stations are kept in memory, the latest used."""
-MOST_FAMILIES = 16
-"""Sets of families of members whose coordinates are kept likewise."""
+MOST_FAMILIES = 64
+"""Families of members whose coordinates are kept likewise."""
 
 # Throws share what names and places are of. It is named by identity, and kept beside so that
 # nothing else takes its place.
@@ -52,25 +52,40 @@ def stations(panel: Panel, mechanism: Mechanism, save: Save) -> Floats:
     return kept[0].copy()
 
 
-def coordinates(
-    panel: Panel, mechanism: Mechanism, *, time: Floats, used: Container[str]
-) -> dict[str, Variable]:
-    """Return the coordinates of the dimensions that are used, but for "x", see `stations`.
+def dimensions_of(channels: Mapping[str, Variable]) -> set[str]:
+    """Return the dimensions that some channels use."""
+    return {dim for dims, _ in channels.values() for dim in dims}
 
-    Time is among them in any case.
+
+def coordinates(
+    panel: Panel, mechanism: Mechanism, *, used: Container[str], save: Save
+) -> dict[str, Variable]:
+    """Return the coordinates of some dimensions but time as bare arrays.
+
+    Parameters
+    ----------
+    panel, mechanism
+        What was thrown.
+    used : container of str
+        The dimensions.
+    save : Save
+        With the places of `gap` and `lateral_displacement`.
     """
-    dimensions = [dimension for dimension in _MAKERS if dimension in used]
-    named = [getattr(panel, name) for dimension in dimensions for name in _MAKERS[dimension][0]]
-    key = (*dimensions, *map(id, named))
-    kept = _of_members.get(key)
-    if kept is None:
-        made = [item for dimension in dimensions for item in _MAKERS[dimension][1](panel).items()]
-        kept = _of_members.put(key, (dict(made), named))
-    found: dict[str, Variable] = {"time": (("time",), time)}
-    for name, (dims, values) in kept[0].items():
-        found[name] = dims, values.copy()
+    found = dict[str, Variable]()
+    for dimension, (names, make) in _MAKERS.items():
+        if dimension not in used:
+            continue
+        families = [getattr(panel, name) for name in names]
+        key = (dimension, *map(id, families))
+        kept = _of_members.get(key)
+        if kept is None:
+            kept = _of_members.put(key, (make(panel), families))
+        for name, (dims, values) in kept[0].items():
+            found[name] = dims, values.copy()
     if "object" in used and mechanism.index.object_parts:
         found["object"] = _names("object", mechanism.index.object_parts)
+    if "x" in used:
+        found["x"] = (("x",), stations(panel, mechanism, save))
     return found
 
 

@@ -20,7 +20,7 @@ from turnout.panel.object_kind import KINDS
 from turnout.panel.records import Placed
 from turnout.response.alike import labelled_dataset
 from turnout.response.channel_rows import FLANGEWAYS, channel_rows
-from turnout.response.coordinates import coordinates, stations
+from turnout.response.coordinates import coordinates, dimensions_of
 from turnout.response.drives import (
     duties,
     duty_records,
@@ -165,11 +165,8 @@ def coordinates_of(
     save : Save
         With the places of `gap` and `lateral_displacement`.
     """
-    used = {dim for dims, _ in channels.values() for dim in dims} | {"time"}
-    named = coordinates(panel, mechanism, time=time, used=used)
-    if "x" in used:
-        named["x"] = (("x",), stations(panel, mechanism, save))
-    return named
+    others = coordinates(panel, mechanism, used=dimensions_of(channels), save=save)
+    return {"time": (("time",), time), **others}
 
 
 def _gaps(panel: Panel, places: Floats, time: Floats) -> dict[str, Variable]:

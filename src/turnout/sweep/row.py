@@ -19,7 +19,7 @@ from turnout.integrate.outcome import Code
 from turnout.mechanism.shape_key import LAWS_ALONE
 from turnout.panel.foreign_object import PlacedObject, resolve_objects
 from turnout.panel.load import LoadedPanel
-from turnout.response.dataset import coordinates_of
+from turnout.response.coordinates import coordinates, dimensions_of
 from turnout.response.save import Save
 from turnout.response.signals import Variable
 from turnout.response.simulate import PlannedThrow, Solved, plan_throw, solve_planned
@@ -299,7 +299,7 @@ def _fault(error: TurnoutError) -> str:
 def make_rows(study: Study, throws: Sequence[ThrowResult]) -> list[Row]:
     """Return what is stored of some throws."""
     complete = [item.extracted for item in throws if item.extracted is not None]
-    stored: list[Variables] = []
+    stored: list[tuple[Variables, Variables]] = []
     with short_buffers():
         for first in range(0, len(complete), THROWS_PER_PASS):
             stored += reduce_signals(study, complete[first : first + THROWS_PER_PASS])
@@ -310,28 +310,28 @@ def make_rows(study: Study, throws: Sequence[ThrowResult]) -> list[Row]:
         if extracted is None:
             rows.append(Row(*about, {}, {}, item.solver))
             continue
-        variables, panel, time = next(made), extracted.panel, extracted.watched.time
-        coordinates = coordinates_of(variables, panel, extracted.mechanism, time=time, save=Save())
-        del coordinates["time"]  # of the solver, not of what is kept
-        rows.append(Row(*about, variables, coordinates, item.solver))
+        rows.append(Row(*about, *next(made), item.solver))
     return rows
 
 
-def reduce_signals(study: Study, runs: Sequence[ThrowSignals]) -> list[Variables]:
-    """Return histories, labels and features of some throws, those that are alike at once."""
-    found: list[Variables] = [{}] * len(runs)
+def reduce_signals(study: Study, runs: Sequence[ThrowSignals]) -> list[tuple[Variables, Variables]]:
+    """Return histories, labels and features of some throws, and coordinates, alike ones at once."""
+    found: list[tuple[Variables, Variables]] = [({}, {})] * len(runs)
     for numbers in group_by_layout(runs):
         together = lay_together([runs[number] for number in numbers])
         histories = kept_histories(together, study.output.channels)
         labels = compute_labels(together)
+        used, save = set[str](), Save()
         for number, kept, more in zip(numbers, histories, labels, strict=True):
-            own = runs[number].labels
-            found[number] = {
+            run = runs[number]
+            variables = {
                 **kept,
-                **{name: own[name] for name in UNCHANGED_LABELS},
-                **{name: own[name] for name in MACHINE_LABELS if name in own},
+                **{name: run.labels[name] for name in UNCHANGED_LABELS},
+                **{name: run.labels[name] for name in MACHINE_LABELS if name in run.labels},
                 **more,
             }
+            used = used or dimensions_of(variables)
+            found[number] = variables, coordinates(run.panel, run.mechanism, used=used, save=save)
     return found
 
 
