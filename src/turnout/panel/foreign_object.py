@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from turnout.core.problems import choices, nearest, show_value
@@ -132,6 +132,9 @@ class ForeignObject:
     def parameters(self) -> dict[str, Any]:
         """What describes its kind, by name; None where it is left out."""
         return {name: getattr(self, name) for name in PARAMETERS}
+
+
+_FIELDS = tuple(field.name for field in fields(ForeignObject))
 
 
 @dataclass(frozen=True, slots=True)
@@ -273,7 +276,12 @@ def _filled(panel: Panel, item: ForeignObject) -> ForeignObject:
         for name in PANEL_DEFAULTS
         if getattr(item, name) is None and (value := getattr(defaults, name)) is not None
     }
-    return replace(item, **missing) if missing else item
+    if not missing:
+        return item
+    filled = object.__new__(ForeignObject)  # what it is made of has been checked
+    for name in _FIELDS:
+        object.__setattr__(filled, name, missing.get(name, getattr(item, name)))
+    return filled
 
 
 def _place(panel: Panel, name: str, item: ForeignObject, x: float) -> PlacedObject:
