@@ -26,13 +26,14 @@ MOST_KEPT = 64
 _indexes = LRUCache[tuple["Index", "xr.Variable"]](MOST_KEPT)
 
 MOST_PANELS = 8
-"""Panels whose stations are kept in memory, the latest used."""
+"""Panels whose stations and coordinates are kept in memory, the latest used."""
 MOST_FAMILIES = 64
-"""Families of members whose coordinates are kept likewise."""
+"""Families of members whose coordinates are kept likewise, each for itself."""
 
 # Throws share what names and places are of. It is named by identity, and kept beside so that
 # nothing else takes its place.
-_of_members = LRUCache[tuple[dict[str, Variable], object]](MOST_FAMILIES)
+_single = LRUCache[tuple[dict[str, Variable], object]](MOST_FAMILIES)
+_together = LRUCache[tuple[dict[str, Variable], object]](MOST_PANELS)
 _stations = LRUCache[tuple[Floats, object]](MOST_PANELS)
 
 
@@ -71,22 +72,29 @@ def coordinates(
     save : Save
         With the places of `gap` and `lateral_displacement`.
     """
-    found = dict[str, Variable]()
-    for dimension, (names, make) in _MAKERS.items():
-        if dimension not in used:
-            continue
-        families = [getattr(panel, name) for name in names]
-        key = (dimension, *map(id, families))
-        kept = _of_members.get(key)
-        if kept is None:
-            kept = _of_members.put(key, (make(panel), families))
-        for name, (dims, values) in kept[0].items():
-            found[name] = dims, values.copy()
+    dimensions = [dimension for dimension in _MAKERS if dimension in used]
+    families = [getattr(panel, name) for dimension in dimensions for name in _MAKERS[dimension][0]]
+    key = (*dimensions, *map(id, families))
+    kept = _together.get(key)
+    if kept is None:
+        made = [_of_dimension(panel, dimension) for dimension in dimensions]
+        every = {name: item for one in made for name, item in one.items()}
+        kept = _together.put(key, (every, families))
+    found = {name: (dims, values.copy()) for name, (dims, values) in kept[0].items()}
     if "object" in used and mechanism.index.object_parts:
         found["object"] = _names("object", mechanism.index.object_parts)
     if "x" in used:
         found["x"] = (("x",), stations(panel, mechanism, save))
     return found
+
+
+def _of_dimension(panel: Panel, dimension: str) -> dict[str, Variable]:
+    """Return the coordinates of a dimension, found once: throws vary few of the families."""
+    names, make = _MAKERS[dimension]
+    families = [getattr(panel, name) for name in names]
+    key = (dimension, *map(id, families))
+    kept = _single.get(key)
+    return _single.put(key, (make(panel), families))[0] if kept is None else kept[0]
 
 
 def _of_drives(panel: Panel) -> dict[str, Variable]:
