@@ -168,12 +168,8 @@ def lay_out(panel: Panel, objects: Sequence[PlacedObject]) -> Layout:
             index.bond[rail_name, name] = len(names)
             names.append(f"ice on chair {name} of rail {rail_name}")
             further.append(int(standing.friction_row[frictions[0]]))
-    for item in objects:
-        index.object[item.name] = len(names)
-        names.append(f"object {item.name}")
-        further.append(rows.add(*approach_ends(panel, item.rail, x=item.x, height=item.height)))
     contacts_and_chairs = np.array(feet_of, dtype=np.int64).reshape(-1, 2)
-    return Layout(
+    bare = Layout(
         rows=rows,
         index=index,
         law_names=tuple(names),
@@ -185,6 +181,10 @@ def lay_out(panel: Panel, objects: Sequence[PlacedObject]) -> Layout:
         closed=standing.segment_start[contacts_and_chairs[:, 0]] + 1,
         further=tuple(further),
     )
+    found = bare.with_objects([item.name for item in objects])
+    for item in objects:
+        rows.add(*approach_ends(panel, item.rail, x=item.x, height=item.height))
+    return found
 
 
 def law_table(
