@@ -46,7 +46,7 @@ ALLOWED: dict[str, set[str]] = {
         ),
     },
     "measurement": {"errors", "core", "schema"},
-    "metric": {"errors", "core", "schema"},
+    "metric": {"errors", "core", "kernels", "schema"},
     "analysis": {
         *("errors", "scheme", "core", "schema", "panel", "mechanism", "condense", "integrate"),
         *("response", "metric"),

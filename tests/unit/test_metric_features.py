@@ -9,7 +9,7 @@ from tests.unit.simulated import sb2_dataset
 
 from turnout.core.moving_average import moving_average
 from turnout.errors import ResponseError
-from turnout.metric.features import FEATURES, _medians, _work, features, movement_features
+from turnout.metric.features import FEATURES, _medians, features, movement_features
 
 TIME = np.arange(0.0, 3.0, 1e-3)
 # Friction of 300 N from 0.2 s on, from 1.5 s on a rise of 2 kN/s to 1500 N, held until the end.
@@ -165,21 +165,28 @@ def test_medians_are_those_of_numpy(count: int) -> None:
     np.testing.assert_array_equal(_medians(values), np.median(values, axis=1))
 
 
-@pytest.mark.parametrize("count", [2, 3, 1063])
+@pytest.mark.parametrize("count", [3, 9, 1063])
 def test_work_is_that_of_the_trapezoidal_rule(count: int) -> None:
     effort, travel = np.random.default_rng(count).normal(size=(2, 3, count))
-    np.testing.assert_array_equal(_work(effort, travel), np.trapezoid(effort, travel, axis=1))
+    found = np.array(
+        [
+            named(movement_features(np.arange(count), e, travel=t))["marker_work"]
+            for e, t in zip(effort, travel, strict=True)
+        ]
+    )
+    np.testing.assert_allclose(found, np.trapezoid(effort, travel, axis=1), rtol=1e-13)
 
 
 @pytest.mark.parametrize("missing", [False, True])
-def test_instants_are_those_of_a_plain_search(missing: bool) -> None:
+@pytest.mark.parametrize("count", [5, 8, 14, 300])
+def test_instants_are_those_of_a_plain_search(missing: bool, count: int) -> None:
     random = np.random.default_rng(3)
-    time = 0.01 * np.arange(300)
+    time = 0.01 * np.arange(count)
     effort = 40.0 * random.normal(size=(8, time.size)).cumsum(axis=1)
     travel = np.minimum(1e-3 * random.random(effort.shape).cumsum(axis=1), 0.1)
     if missing:
         effort[random.random(effort.shape) < 0.02] = np.nan
-        effort[0, 10], effort[1] = np.inf, np.nan
+        effort[0, 3], effort[1] = np.inf, np.nan
     for row, path in zip(effort, travel, strict=True):
         found = named(movement_features(time, row, travel=path, limit=300.0))
         if not np.isfinite(row).any():

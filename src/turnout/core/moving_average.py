@@ -61,19 +61,27 @@ def moving_average(values: Floats, *, rate: float, window: float = WINDOW) -> Fl
         return values.astype(np.float64)
     half = min(window_samples(window, rate=rate) // 2, count - 1)
     known = np.isfinite(values)
+    level = row_levels(values)[..., np.newaxis]
     if known.all():
-        level = values.mean(axis=-1, keepdims=True)
         index = np.arange(count)
         number = np.minimum(index + half + 1, count) - np.maximum(index - half, 0)
         mean: Floats = _window_sums(values - level, half) / number
         mean += level
         return mean
-    filled = np.where(known, values, 0.0)
-    level = filled.sum(axis=-1, keepdims=True) / np.maximum(known.sum(axis=-1, keepdims=True), 1)
-    total = _window_sums(np.where(known, filled - level, 0.0), half)
+    total = _window_sums(np.where(known, np.where(known, values, 0.0) - level, 0.0), half)
     number = _window_sums(known.astype(np.float64), half)
     mean = np.divide(total, number, out=np.full_like(total, np.nan), where=number > 0)
     return np.asarray(mean + level, dtype=np.float64)
+
+
+def row_levels(values: Floats) -> Floats:
+    """Return the mean of the samples of each row, shape (...); 0 where there is none."""
+    with np.errstate(invalid="ignore"):
+        mean: Floats = values.mean(axis=-1)
+    if not np.isfinite(mean).all():
+        known = np.isfinite(values)
+        mean = np.where(known, values, 0.0).sum(axis=-1) / np.maximum(known.sum(axis=-1), 1)
+    return mean
 
 
 def _window_sums(values: Floats, half: int) -> Floats:

@@ -40,10 +40,7 @@ def lessen_distances(
     distances: Floats,
     columns: DistanceColumns,
     rails: Ints,
-    instants: Ints,
     modal: Floats,
-    displacement: Floats,
-    stiffness: Floats,
     law_row: Ints,
     law_force: Floats,
     friction_row: Ints,
@@ -58,34 +55,28 @@ def lessen_distances(
     Parameters
     ----------
     distances : ndarray, shape (n, n_points)
-        Points fill whole cache lines; changed [m].
+        At an instant each; points fill whole cache lines; changed [m].
     columns : DistanceColumns
         A record of `turnout.kernels.shared_record`.
-    rails, instants : ndarray of int, shape (n,)
-        Number of the rail, and index of the instant.
-    modal : ndarray, shape (n_times, n_modes)
+    rails : ndarray of int, shape (n,)
+        Number of the rail.
+    modal : ndarray, shape (n, n_modes)
         Modal coordinates of the whole mechanism.
-    displacement : ndarray, shape (n_times, n_rows)
-        Of all rows [m].
-    stiffness : ndarray, shape (n_rows,)
-        What the linear system holds at them [N/m].
     law_row, friction_row : ndarray of int, shapes (n_laws,), (n_frictions,)
         Rows of laws and frictions.
-    law_force, friction_force : ndarray, shapes (n_times, n_laws), (n_times, n_frictions)
-        [N]
+    law_force, friction_force : ndarray, shapes (n, n_laws), (n, n_frictions)
+        :math:`F` [N].
     force : ndarray, shape (n, n_rows)
-        The forces on all rows, written [N].
+        :math:`k g`, from which the forces of laws and frictions are subtracted [N].
     """
-    for e in range(instants.size):
-        at, on_rows, along = instants[e], force[e], distances[e]
-        for i in range(stiffness.size):
-            on_rows[i] = displacement[at, i] * stiffness[i]
+    for e in range(rails.size):
+        on_rows, along, weights = force[e], distances[e], modal[e]
         for k in range(law_row.size):
-            on_rows[law_row[k]] -= law_force[at, k]
+            on_rows[law_row[k]] -= law_force[e, k]
         for k in range(friction_row.size):
-            on_rows[friction_row[k]] -= friction_force[at, k]
+            on_rows[friction_row[k]] -= friction_force[e, k]
         for k in range(columns.first_mode[rails[e]], columns.first_mode[rails[e] + 1]):
-            add_multiple(-modal[at, columns.mode[k]], columns.of_mode[k], along)
+            add_multiple(-weights[columns.mode[k]], columns.of_mode[k], along)
         for k in range(columns.first_row[rails[e]], columns.first_row[rails[e] + 1]):
             weight = on_rows[columns.row[k]]
             if weight != 0.0:

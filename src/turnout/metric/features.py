@@ -11,17 +11,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.core.moving_average import WINDOW, moving_average
+from turnout.core.moving_average import WINDOW, row_levels, window_samples
 from turnout.core.running_current import running_time
 from turnout.errors import ResponseError
+from turnout.kernels.efforts import find_places, find_rises, find_works
 from turnout.metric.slip import TIME_TOLERANCE, Span, movements
 
 if TYPE_CHECKING:
     import xarray as xr
 
 Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Flags = NDArray[np.bool_]
 
 DIRECTIONS = ("opening", "closing")
 # A force that rises less than this above its plateau does not build up [N].
@@ -162,6 +161,11 @@ def run_features(
     return values
 
 
+def compile_features() -> None:
+    """Compile or load the kernels of features."""
+    movement_features(np.arange(3.0), np.zeros(3), travel=np.zeros(3))
+
+
 def movement_features(
     elapsed: Floats,
     effort: Floats,
@@ -219,55 +223,31 @@ def _features(
     found = np.full((len(FEATURES), effort.shape[0]), np.nan)
     if elapsed.size < 3:
         return found
-    at, peak = _peaks(effort)
+    effort = np.ascontiguousarray(effort)
+    travel = None if travel is None else np.ascontiguousarray(travel)
+    rows, places = np.arange(effort.shape[0]), np.empty((effort.shape[0], 3), dtype=np.int64)
+    find_places(effort, travel, np.nextafter(limits, -np.inf), ARRIVED, places)
+    at, slip, moving = places.T
+    peak = effort[rows, at]
     some = np.isfinite(peak)
     if not some.any():
         return found
     held = max(1, round(WINDOW * (elapsed.size - 1) / (elapsed[-1] - elapsed[0])))
-    duration = _durations(elapsed, travel, current, lengths=np.full(peak.size, length))
+    duration = np.full(peak.size, length)
+    if travel is not None:
+        find_works(effort, travel, found[6])
+        arrived = elapsed[np.minimum(moving + 1, elapsed.size - 1)]
+        duration = np.where(moving >= 0, arrived, 0.0)
+    elif current is not None:
+        moves = elapsed >= 0.0
+        duration = np.array([running_time(elapsed[moves], row[moves])[1] for row in current])
     plateau = _plateaus(elapsed, effort, duration)
     onset, slope = _build_ups(elapsed, effort, plateau)
     found[:6] = onset, slope, peak, elapsed[at], plateau, effort[:, -held:].mean(axis=1)
-    if travel is not None:
-        found[6] = _work(effort, travel)
     found[7] = duration
-    slips = effort >= limits[:, np.newaxis]
-    found[8] = np.where(slips.any(axis=1), elapsed[np.argmax(slips, axis=1)], np.nan)
+    found[8] = np.where(slip >= 0, elapsed[slip], np.nan)
     found[:, ~some] = np.nan
     return found
-
-
-def _peaks(effort: Floats) -> tuple[Ints, Floats]:
-    """Return where each row is largest, and its value there, finite if any value of the row is."""
-    rows = np.arange(effort.shape[0])
-    at = np.argmax(effort, axis=1)
-    peak = effort[rows, at]
-    if not np.isfinite(peak).all():  # so it is where a value is NaN, which NumPy takes for largest
-        at = np.argmax(np.where(np.isfinite(effort), effort, -np.inf), axis=1)
-        peak = effort[rows, at]
-    return at, peak
-
-
-def _first_true(flags: Flags, starts: Ints) -> Ints:
-    """Return the first place from a start at which each row is true; -1 where there is none.
-
-    Bytes are searched faster than arrays.
-    """
-    pairs = zip(flags, starts.tolist(), strict=True)
-    return np.array([row.tobytes().find(1, start) for row, start in pairs], dtype=np.int64)
-
-
-def _last_true(flags: Flags, ends: Ints) -> Ints:
-    """Return the last place before an end at which each row is true; -1 where there is none."""
-    pairs = zip(flags, ends.tolist(), strict=True)
-    return np.array([row.tobytes().rfind(1, 0, end) for row, end in pairs], dtype=np.int64)
-
-
-def _work(effort: Floats, travel: Floats) -> Floats:
-    """Return the work of each row by the trapezoidal rule, in fewer passes than NumPy's [J]."""
-    parts = travel[:, 1:] - travel[:, :-1]
-    parts *= effort[:, 1:] + effort[:, :-1]
-    return np.asarray(0.5 * parts.sum(axis=1))
 
 
 def _plateaus(elapsed: Floats, effort: Floats, duration: Floats) -> Floats:
@@ -296,33 +276,15 @@ def _build_ups(elapsed: Floats, effort: Floats, plateau: Floats) -> tuple[Floats
     NaN where there is none.
     """
     rate = (elapsed.size - 1) / (elapsed[-1] - elapsed[0])
-    smooth = moving_average(effort, rate=rate)
-    rows, top = np.arange(plateau.size), np.argmax(smooth, axis=1)
-    rise = smooth[rows, top] - plateau
-    first = _last_true(smooth <= (plateau + LOW * rise)[:, np.newaxis], top + 1)
-    risen = (rise >= LEAST_RISE) & (first >= 0)
-    first = np.where(risen, first, 0)
-    # the peak itself has risen so far, so there is one
-    last = _first_true(smooth >= (plateau + HIGH * rise)[:, np.newaxis], first)
-    last = np.where(risen, last, 1)
-    slope = (smooth[rows, last] - smooth[rows, first]) / (elapsed[last] - elapsed[first])
-    return np.where(risen, elapsed[first], np.nan), np.where(risen, slope, np.nan)
-
-
-def _durations(
-    elapsed: Floats, travel: Floats | None, current: Floats | None, *, lengths: Floats
-) -> Floats:
-    """Return how long each row's movement took [s]."""
-    if travel is not None:
-        left = travel - travel[:, -1:]
-        moving = np.abs(left, out=left) > ARRIVED
-        last = _last_true(moving, np.full(lengths.size, elapsed.size))
-        arrived = elapsed[np.minimum(last + 1, elapsed.size - 1)]
-        return np.where(last >= 0, arrived, 0.0)
-    if current is not None:
-        moves = elapsed >= 0.0
-        return np.array([running_time(elapsed[moves], row[moves])[1] for row in current])
-    return lengths
+    half = min(window_samples(WINDOW, rate=rate) // 2, elapsed.size - 1)
+    scratch, places = np.empty((3, elapsed.size)), np.empty((plateau.size, 2), dtype=np.int64)
+    heights, level = np.full((plateau.size, 2), np.nan), row_levels(effort)
+    rising = (LOW, HIGH)
+    find_rises(effort, level, plateau, half, LEAST_RISE, rising, scratch, places, heights)
+    first, last = places.T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slope = (heights[:, 1] - heights[:, 0]) / (elapsed[last] - elapsed[first])
+    return np.where(first >= 0, elapsed[first], np.nan), np.where(first >= 0, slope, np.nan)
 
 
 def _of_campaign(dataset: "xr.Dataset") -> "xr.Dataset":

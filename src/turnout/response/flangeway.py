@@ -83,21 +83,19 @@ def least_flangeway(
     names = list(dict.fromkeys([name for name, _ in known]))
     found, history = _flangeways_of(panel, motion, names), motion.history
     rails = np.array([names.index(name) for name, _ in known])
+    instants = np.array([at for _, at in known])
     distances = empty_in_lines(len(known), found.start.shape[1])
     distances[:] = found.start[rails]
-    force = np.empty((len(known), motion.slope.size))
+    force = history.g[instants] * motion.slope
     lessen_distances(
         distances,
         found.columns,
         rails,
-        np.array([at for _, at in known]),
-        history.q,
-        history.g,
-        motion.slope,
+        history.q[instants],
         history.laws.row,
-        history.law_force,
+        history.law_force[instants],
         history.laws.friction_row,
-        history.friction_force,
+        history.friction_force[instants],
         force,
     )
     if any(part.before is not None for part in motion.condensed.parts):
@@ -209,3 +207,15 @@ def _in_lines(columns: Sequence[_Columns], width: int) -> tuple[Ints, Ints, Floa
     for begin, (_, values) in zip(first.tolist(), columns, strict=False):
         found[begin : begin + values.shape[1], : values.shape[0]] = values.T
     return first, np.concatenate([numbers for numbers, _ in columns]), found
+
+
+def compile_flangeways() -> None:
+    """Compile or load the kernel of flangeways."""
+    none, one = np.zeros(0, dtype=np.int64), np.zeros(1, dtype=np.int64)
+    of_laws = none.copy()
+    of_laws.flags.writeable = False
+    nothing = np.zeros((1, 0))
+    ends = np.zeros(2, dtype=np.int64)
+    columns = DistanceColumns(ends, ends, none, none, np.zeros((0, 8)), np.zeros((0, 8)))
+    forces = (of_laws, nothing, of_laws, nothing, nothing)
+    lessen_distances(zeros_in_lines(1, 8), shared_record(columns), one, nothing, *forces)

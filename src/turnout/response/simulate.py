@@ -349,6 +349,7 @@ def compile_kernels(*, machines: bool = False) -> None:
     machines : bool
         Whether the kernels for drives that are machines are wanted.
     """
+    from turnout.response.flangeway import compile_flangeways
     from turnout.response.recipes import sums_of_columns
     from turnout.response.rows_over_time import Rows, write_rows
     from turnout.response.signals import energy_channels
@@ -371,6 +372,7 @@ def compile_kernels(*, machines: bool = False) -> None:
     products = sums_of_columns("g", one[:, np.newaxis], rows=one)
     write_rows([Rows(products, np.zeros((1, 1)))], {"g": np.zeros((1, 1))})
     energy_channels(np.zeros((1, STORED)), np.zeros((1, LEDGER)))
+    compile_flangeways()
 
 
 MOST_MOTIONS = 8

@@ -19,6 +19,7 @@ from turnout.core.files import write_fault
 from turnout.core.processes import Tasks, closing_pool, worker_processes
 from turnout.core.sources import THROWS, digest_of_sources
 from turnout.errors import FileError
+from turnout.metric.features import compile_features
 from turnout.response.compilation import must_compile
 from turnout.response.simulate import compile_kernels
 from turnout.study.study import Study
@@ -154,6 +155,7 @@ def run_sweep(
         make = pool if pool is not None else partial(local_pool, min(workers, max(1, len(todo))))
         if todo and pool is None and must_compile():
             compile_kernels()
+            compile_features()
         log = ProgressLog(
             total=study.count,
             before=sum(sizes[number] for number in there),

@@ -13,6 +13,7 @@ from pathlib import Path
 from turnout.core.provenance import version
 from turnout.core.sources import THROWS, digest_of_sources
 from turnout.errors import FileError
+from turnout.metric.features import compile_features
 from turnout.response.simulate import compile_kernels
 from turnout.sweep.batch import (
     BatchOrigin,
@@ -127,6 +128,7 @@ def initialize_worker() -> None:
     """
     retain_freed_memory()
     compile_kernels()
+    compile_features()
     gc.freeze()
     gc.set_threshold(GC_THRESHOLD, *gc.get_threshold()[1:])
     gc.enable()
