@@ -27,7 +27,6 @@ from turnout.study.study import Study
 from turnout.sweep.labels import LABELS
 from turnout.sweep.row import (
     COMPLETE,
-    PLANNED_ALIKE,
     Row,
     rule_inputs,
     skipped_row,
@@ -161,8 +160,8 @@ def throw_batch(study: Study, chains: Sequence[Sequence[int]]) -> list[Row]:
             rows += _throw_chain(study, study.rule, chain)
     else:
         scenarios = study.scenarios_of([index for chain in chains for index in chain])
-        for first in range(0, len(scenarios), PLANNED_ALIKE):
-            rows += throw_scenarios(study, scenarios[first : first + PLANNED_ALIKE])
+        for first in range(0, len(scenarios), LARGEST_BATCH):
+            rows += throw_scenarios(study, scenarios[first : first + LARGEST_BATCH])
     return sorted(rows, key=lambda row: row.scenario.index)
 
 

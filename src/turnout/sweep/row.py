@@ -41,16 +41,15 @@ COMPLETE, FAILED, INVALID, SKIPPED, INACCURATE = OUTCOMES
 UNUSABLE = (FAILED, INVALID, INACCURATE)
 """Outcomes of scenarios that were to be thrown and gave no numbers."""
 
-THROWS_PER_PASS = 32
+THROWS_PER_PASS = 64
 """Throws evaluated together; more save no time and take more memory."""
 
-PLANNED_ALIKE = 64
-"""So many are planned at once where rails are shared: each time Python has to find its own objects
-in the processor's caches again."""
+ALIKE_AT_ONCE = 64
+"""So many are planned, then thrown, then reduced at once where rails are shared: each time Python
+has to find its own objects in the processor's caches again."""
 
-THROWN_AT_ONCE = 8
-"""Of these so many are thrown, then reduced; where each may have rails of its own, no more than
-these are planned at once either."""
+APART_AT_ONCE = 8
+"""No more where each may have rails of its own."""
 
 STEPS_AT_ONCE = 136_000
 """Fewer are, if they have more steps together: what a long throw leaves takes much memory."""
@@ -189,21 +188,19 @@ def throw_scenarios(study: Study, scenarios: Sequence[Scenario]) -> list[Row]:
     ready = [prepare_scenario(study, scenario) for scenario in scenarios]
     throws: list[ThrowResult] = []
     with one_blas_thread():
-        few, many = throws_at_once(study, ready)
-        at_once = many if share_rails(ready) else few
+        at_once = throws_at_once(study, ready)
         for first in range(0, len(ready), at_once):
             planned = [plan_scenario(study, item) for item in ready[first : first + at_once]]
-            while planned:
-                thrown = [throw_scenario(study, planned.pop(0)) for _ in planned[:few]]
-                throws += [extract_scenario(study, item) for item in thrown]
+            thrown = [throw_scenario(study, planned.pop(0)) for _ in planned[:]]
+            throws += [extract_scenario(study, item) for item in thrown]
         return make_rows(study, throws)
 
 
-def throws_at_once(study: Study, ready: Sequence[PreparedScenario]) -> tuple[int, int]:
-    """Return how many of some throws are thrown before they are reduced, and how many planned."""
+def throws_at_once(study: Study, ready: Sequence[PreparedScenario]) -> int:
+    """Return how many of some throws are planned and thrown before they are reduced."""
     longest = max((item.panel.schedule.end for item in ready), default=0.0)
     most = max(1, int(STEPS_AT_ONCE * study.scheme.step / max(longest, 1.0)))
-    return min(THROWN_AT_ONCE, most), min(PLANNED_ALIKE, most)
+    return min(ALIKE_AT_ONCE if share_rails(ready) else APART_AT_ONCE, most)
 
 
 def share_rails(ready: Sequence[PreparedScenario]) -> bool:
