@@ -28,7 +28,7 @@ def test_forces_are_those_of_the_histories(solved: Solved) -> None:
     history, index = solved.history, solved.mechanism.index
     found = response_channels(PANEL, solved.mechanism, history, save=Save())
     expected = drive_signals(PANEL, solved.mechanism, history)
-    expected |= object_channels(solved.mechanism, history.forces([*index.object.values()]).T)
+    expected |= object_channels(index, history.forces([*index.object.values()]).T)
     for name, (dims, values) in expected.items():
         assert found[name][0] == dims
         np.testing.assert_array_equal(found[name][1], values, err_msg=name)

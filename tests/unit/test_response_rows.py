@@ -191,7 +191,7 @@ def test_kept_indexes_make_the_same_coordinates(solved: Solved) -> None:
     """And attributes of one dataset do not show in the next one."""
     panel = load_panel(DEFAULT)
     used = ("rail", "drive", "chair", "sensor")
-    made = coordinates(panel, solved.mechanism, used=used, save=Save())
+    made = coordinates(panel, solved.mechanism.index, used=used, save=Save())
     made["time"] = (("time",), solved.history.time)
     first, second = xr.Dataset(coords=indexed(made)), xr.Dataset(coords=indexed(made))
     assert first.identical(xr.Dataset(coords=made))
@@ -207,7 +207,7 @@ def test_coordinates_are_those_of_the_dimensions_that_are_used(
     solved: Solved, used: tuple[str, ...]
 ) -> None:
     panel = load_panel(DEFAULT)
-    made = coordinates(panel, solved.mechanism, used=used, save=Save())
+    made = coordinates(panel, solved.mechanism.index, used=used, save=Save())
     there = {dim for dim in used if dim in ("axis", "object") or len(getattr(panel, dim))}
     assert {dim for dims, _ in made.values() for dim in dims} <= {*used}
     assert there - {"object"} <= made.keys()
@@ -324,7 +324,7 @@ def test_rows_without_any_product_are_left_as_they_are() -> None:
 
 def test_coordinates_of_other_dimensions_are_left_out(solved: Solved) -> None:
     panel = load_panel(DEFAULT)
-    given = (panel, solved.mechanism)
+    given = (panel, solved.mechanism.index)
     families = {"rail", "drive", "chair", "stop", "link", "sensor", "object", "x"}
     every = coordinates(*given, used=families, save=Save())
     some = coordinates(*given, used={"drive"}, save=Save())

@@ -1,6 +1,6 @@
 """Names and places of the members of a panel as coordinates of a dataset."""
 
-from collections.abc import Callable, Container, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from turnout.core.lru_cache import LRUCache
 from turnout.mechanism.drive_machines import slip_force
-from turnout.mechanism.mechanism import Mechanism
+from turnout.mechanism.mechanism import LawIndex, RailBody
 from turnout.panel.model import Panel
 from turnout.panel.records import Drive, Placed
 from turnout.response.labels import DIRECTIONS
@@ -37,11 +37,11 @@ _together = LRUCache[tuple[dict[str, Variable], object]](MOST_PANELS)
 _stations = LRUCache[tuple[Floats, object]](MOST_PANELS)
 
 
-def stations(panel: Panel, mechanism: Mechanism, save: Save) -> Floats:
+def stations(panel: Panel, rails: Iterable[RailBody], save: Save) -> Floats:
     """Return the places of `gap` and `lateral_displacement`, rising [m]."""
     if save.stations == "all":
         first = next(iter(panel.rail))
-        return next(body.x.copy() for body in mechanism.rails if body.name == first)
+        return next(body.x.copy() for body in rails if body.name == first)
     if save.stations is not None:
         return np.array(save.stations, dtype=float)
     families = (panel.chair, panel.drive)
@@ -59,14 +59,21 @@ def dimensions_of(channels: Mapping[str, Variable]) -> set[str]:
 
 
 def coordinates(
-    panel: Panel, mechanism: Mechanism, *, used: Container[str], save: Save
+    panel: Panel,
+    index: LawIndex,
+    rails: Iterable[RailBody] = (),
+    *,
+    used: Container[str],
+    save: Save,
 ) -> dict[str, Variable]:
     """Return the coordinates of some dimensions but time as bare arrays.
 
     Parameters
     ----------
-    panel, mechanism
-        What was thrown.
+    panel, index
+        What was thrown, and its laws.
+    rails : iterable of RailBody
+        With the nodes that may be wanted as places.
     used : container of str
         The dimensions.
     save : Save
@@ -81,10 +88,10 @@ def coordinates(
         every = {name: item for one in made for name, item in one.items()}
         kept = _together.put(key, (every, families))
     found = {name: (dims, values.copy()) for name, (dims, values) in kept[0].items()}
-    if "object" in used and mechanism.index.object_parts:
-        found["object"] = _names("object", mechanism.index.object_parts)
+    if "object" in used and index.object_parts:
+        found["object"] = _names("object", index.object_parts)
     if "x" in used:
-        found["x"] = (("x",), stations(panel, mechanism, save))
+        found["x"] = (("x",), stations(panel, rails, save))
     return found
 
 

@@ -128,7 +128,7 @@ def response_channels(
     channels |= machine_signals(panel, history)
     moved = moved_throws(panel, history)
     if "object" in arrays:
-        channels |= object_channels(mechanism, arrays["object"])
+        channels |= object_channels(mechanism.index, arrays["object"])
     channels |= {name: (dims, arrays[name]) for name, dims in _AS_WRITTEN.items() if name in arrays}
     if panel.fastening and save.keeps(*FASTENINGS):
         channels |= fastening_signals(panel, motion)
@@ -165,7 +165,8 @@ def coordinates_of(
     save : Save
         With the places of `gap` and `lateral_displacement`.
     """
-    others = coordinates(panel, mechanism, used=dimensions_of(channels), save=save)
+    used = dimensions_of(channels)
+    others = coordinates(panel, mechanism.index, mechanism.rails, used=used, save=save)
     return {"time": (("time",), time), **others}
 
 

@@ -35,7 +35,7 @@ from turnout.integrate.energy_rows import NUMERICAL, RESIDUAL, ROWS, STORED, wri
 from turnout.integrate.integration import History
 from turnout.mechanism.build_rails import fastening_offset
 from turnout.mechanism.drive_machines import slip_force
-from turnout.mechanism.mechanism import Mechanism, RailBody
+from turnout.mechanism.mechanism import LawIndex, Mechanism, RailBody
 from turnout.mechanism.object_laws import named_obstructions
 from turnout.panel.markers import marker_offsets
 from turnout.panel.model import Panel
@@ -104,29 +104,29 @@ def slips(force: Floats, limits: Floats) -> Flags:
     return np.abs(force) >= limits[..., np.newaxis]
 
 
-def object_channels(mechanism: Mechanism, force: Floats) -> dict[str, Variable]:
+def object_channels(index: LawIndex, force: Floats) -> dict[str, Variable]:
     """Return the force on the foreign objects: their sum, and each where there are several.
 
     Parameters
     ----------
-    mechanism : Mechanism
+    index : LawIndex
         For what is part of which object.
     force : ndarray, shape (..., n_laws, n_times)
         Of the laws of all objects in the order of the index, also of many throws with the same
         `object_rows` [N].
     """
     signals: dict[str, Variable] = {"object_force": (("time",), np.sum(force, axis=-2))}
-    rows = object_rows(mechanism)
+    rows = object_rows(index)
     if len(rows) > 1:
         single = [force[..., own, :].sum(axis=-2) for own in rows]
         signals["single_object_force"] = (("object", "time"), np.stack(single, axis=-2))
     return signals
 
 
-def object_rows(mechanism: Mechanism) -> list[list[int]]:
+def object_rows(index: LawIndex) -> list[list[int]]:
     """Return which of the laws of all objects are those of each object."""
-    row = {law: number for number, law in enumerate(mechanism.index.object.values())}
-    return [[row[law] for law in laws] for laws in mechanism.index.object_laws.values()]
+    row = {law: number for number, law in enumerate(index.object.values())}
+    return [[row[law] for law in laws] for laws in index.object_laws.values()]
 
 
 def force_block(panel: Panel, mechanism: Mechanism, *, objects: bool, links: bool) -> RowBlock:

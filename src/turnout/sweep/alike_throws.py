@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from turnout.integrate.watch import Watched
 from turnout.measurement.chain.recorder import Recorder, recorded_force
-from turnout.mechanism.mechanism import Mechanism
+from turnout.mechanism.mechanism import LawIndex
 from turnout.metric.slip import Span
 from turnout.panel.load import LoadedPanel
 from turnout.response.gaps import split_gaps
@@ -46,8 +46,10 @@ class ThrowSignals:
     ----------
     panel : LoadedPanel
         What was thrown.
-    mechanism : Mechanism
-        Of it.
+    index : LawIndex
+        Laws of its mechanism, which is not kept: rails of its own take megabytes.
+    disappears : ndarray, shape (n_laws,)
+        When each law ends to act [s].
     watched : Watched
         Forces of drives and objects and marker positions at every instant that the solver kept,
         and open distances at the rate of the study.
@@ -64,7 +66,8 @@ class ThrowSignals:
     """
 
     panel: LoadedPanel
-    mechanism: Mechanism
+    index: LawIndex
+    disappears: Floats
     watched: Watched
     labels: Variables
     clutches: tuple[list[int], Flags] | None
@@ -127,8 +130,8 @@ def group_by_layout(runs: Sequence[ThrowSignals]) -> list[list[int]]:
         lock = (panel.lock.rule, panel.schedule.starts, panel.instrumented_rail, *panel.rail)
         counts = (len(panel.drive), len(panel.sensor), run.watched.stride)
         objects: object = run.watched.effort.shape
-        if len(run.mechanism.index.object_parts) > 1:
-            objects = tuple(map(tuple, object_rows(run.mechanism)))
+        if len(run.index.object_parts) > 1:
+            objects = tuple(map(tuple, object_rows(run.index)))
         key = (run.moved, time.size, float(time[-1]), seen.shape, counts, objects, lock)
         found.setdefault(key, []).append(number)
     return list(found.values())
@@ -168,7 +171,7 @@ def lay_together(runs: Sequence[ThrowSignals]) -> AlikeThrows:
         displacement=displacement,
         slipping=slipping,
         slip_limits=slip_limits,
-        on_objects=object_channels(runs[0].mechanism, on_objects.swapaxes(-2, -1)),
+        on_objects=object_channels(runs[0].index, on_objects.swapaxes(-2, -1)),
         drive_gap=gaps[0],
         sensor_gap=gaps[1],
         end_gaps=end_gaps,

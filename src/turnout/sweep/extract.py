@@ -87,7 +87,8 @@ def extract_signals(
         kept |= _further_channels(study, panel, solved, known={*of_machines, *LAID_TOGETHER})
     return ThrowSignals(
         panel=panel,
-        mechanism=mechanism,
+        index=mechanism.index,
+        disappears=mechanism.laws.disappears,
         watched=watched,
         labels=labels,
         clutches=_clutches(panel, history),

@@ -89,8 +89,8 @@ def _trapped(throws: AlikeThrows) -> Flags:
 
 def _objects(run: ThrowSignals) -> tuple[list[float], list[float], list[float]]:
     """Return contact and end of each object [s], and the size that is left of it [m]."""
-    groups = run.mechanism.index.object_laws.values()
-    taken = [float(run.mechanism.laws.disappears[own[0]]) for own in groups]
+    groups = run.index.object_laws.values()
+    taken = [float(run.disappears[own[0]]) for own in groups]
     contact, left = [float(run.labels["contact_time"][1])] * len(taken), [math.nan] * len(taken)
     if "object_contact_time" in run.labels:
         contact = run.labels["object_contact_time"][1].tolist()

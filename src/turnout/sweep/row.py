@@ -328,7 +328,7 @@ def reduce_signals(study: Study, runs: Sequence[ThrowSignals]) -> list[tuple[Var
                 **more,
             }
             used = used or dimensions_of(variables)
-            found[number] = variables, coordinates(run.panel, run.mechanism, used=used, save=save)
+            found[number] = variables, coordinates(run.panel, run.index, used=used, save=save)
     return found
 
 
