@@ -177,6 +177,17 @@ def test_work_is_that_of_the_trapezoidal_rule(count: int) -> None:
     np.testing.assert_allclose(found, np.trapezoid(effort, travel, axis=1), rtol=1e-13)
 
 
+@pytest.mark.parametrize("dtype", ["<f4", ">f8", "i4"])
+def test_numbers_of_any_type_are_taken(dtype: str) -> None:
+    """A recorder's are often in single precision, a file's in another order of bytes."""
+    effort = np.round(EFFORT).astype(dtype)
+    effort.flags.writeable = False
+    found = features(run_of(effort)).sel(drive="1", direction="closing")
+    wanted = features(run_of(np.round(EFFORT))).sel(drive="1", direction="closing")
+    for name in FEATURES:
+        assert float(found[name]) == pytest.approx(float(wanted[name]), nan_ok=True), name
+
+
 @pytest.mark.parametrize("missing", [False, True])
 @pytest.mark.parametrize("count", [5, 8, 14, 300])
 def test_instants_are_those_of_a_plain_search(missing: bool, count: int) -> None:

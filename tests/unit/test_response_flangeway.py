@@ -32,7 +32,7 @@ def test_flangeway_of_any_motion_and_any_forces(name: str, at: str) -> None:
     )
     motion = recover_motion(solved.mechanism, drawn)
     assert any(part.before is not None for part in motion.condensed.parts)
-    model = motion.condensed.model
+    model, ends, single = motion.condensed.model, [], []
     for throw, instant in zip(throws(panel), (7, 30), strict=True):
         rail = open_rail(panel, throw.to)
         assert rail is not None
@@ -50,3 +50,7 @@ def test_flangeway_of_any_motion_and_any_forces(name: str, at: str) -> None:
         found = least_flangeway(panel, motion, [(throw, instant)])
         assert found[0] == pytest.approx(wanted.min(), rel=1e-9, abs=1e-12)
         assert found[1:] == (x[wanted.argmin()], rail)
+        ends.append((throw, instant))
+        single.append(found)
+    assert least_flangeway(panel, motion, ends) == min(single)
+    assert least_flangeway(panel, motion, [*ends, ends[0]]) == min(single)

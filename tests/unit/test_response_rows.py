@@ -191,7 +191,7 @@ def test_kept_indexes_make_the_same_coordinates(solved: Solved) -> None:
     """And attributes of one dataset do not show in the next one."""
     panel = load_panel(DEFAULT)
     used = ("rail", "drive", "chair", "sensor")
-    made = coordinates(panel, solved.mechanism.index, used=used, save=Save())
+    made = coordinates(panel, solved.mechanism.index, used=used)
     made["time"] = (("time",), solved.history.time)
     first, second = xr.Dataset(coords=indexed(made)), xr.Dataset(coords=indexed(made))
     assert first.identical(xr.Dataset(coords=made))
@@ -207,7 +207,7 @@ def test_coordinates_are_those_of_the_dimensions_that_are_used(
     solved: Solved, used: tuple[str, ...]
 ) -> None:
     panel = load_panel(DEFAULT)
-    made = coordinates(panel, solved.mechanism.index, used=used, save=Save())
+    made = coordinates(panel, solved.mechanism.index, used=used)
     there = {dim for dim in used if dim in ("axis", "object") or len(getattr(panel, dim))}
     assert {dim for dims, _ in made.values() for dim in dims} <= {*used}
     assert there - {"object"} <= made.keys()
@@ -325,11 +325,10 @@ def test_rows_without_any_product_are_left_as_they_are() -> None:
 def test_coordinates_of_other_dimensions_are_left_out(solved: Solved) -> None:
     panel = load_panel(DEFAULT)
     given = (panel, solved.mechanism.index)
-    families = {"rail", "drive", "chair", "stop", "link", "sensor", "object", "x"}
-    every = coordinates(*given, used=families, save=Save())
-    some = coordinates(*given, used={"drive"}, save=Save())
+    families = {"rail", "drive", "chair", "stop", "link", "sensor", "object"}
+    every = coordinates(*given, used=families)
+    some = coordinates(*given, used={"drive"})
     assert set(some) == {name for name, (dims, _) in every.items() if dims[0] == "drive"}
-    assert "x" in every
     assert "object" in every
     for name, (dims, values) in some.items():
         assert dims == every[name][0]

@@ -1,15 +1,23 @@
 """What a sweep says of trapped objects is what the verdict on each throw says."""
 
+import io
+from dataclasses import replace
 from pathlib import Path
 
+import h5py
+import numpy as np
 import pytest
-from tests.unit.sweeps import here, study_file
+from tests.unit.sweeps import here, small_study, study_file
 
 from turnout.metric.sweep_map import STATES, end_state
 from turnout.metric.verdict import verdict
+from turnout.panel.foreign_object import ForeignObject
 from turnout.response.simulate import simulate
 from turnout.study.load_study import load_study
+from turnout.sweep.batch import batch_variables
+from turnout.sweep.batch_file import file_bytes
 from turnout.sweep.read import read_labels
+from turnout.sweep.row import throw_scenarios
 from turnout.sweep.run import run_sweep
 
 STUDY = """
@@ -49,3 +57,20 @@ def test_an_object_that_is_gone_is_not_undetected(tmp_path: Path) -> None:
     ]
     assert ends == missed == [False, True, False, False]
     assert float(labels["end_locked"].min()) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("kinds", [("spring", "stone"), ("stone", "spring")])
+def test_a_history_that_one_of_alike_throws_has_is_stored(
+    tmp_path: Path, kinds: tuple[str, str]
+) -> None:
+    """What is left of a stone has a dimension that a throw with a spring does not have."""
+    study = small_study(tmp_path, count=2)
+    kept = replace(study.output, channels=("drive_force", "object_left"))
+    study = replace(study, output=kept)
+    items = [(ForeignObject("13 mm", "drive 1", kind=kind),) for kind in kinds]
+    scenarios = [replace(study.scenario(n), foreign_objects=item) for n, item in enumerate(items)]
+    rows = throw_scenarios(study, scenarios)
+    assert ["object" in row.coordinates for row in rows] == [kind == "stone" for kind in kinds]
+    with h5py.File(io.BytesIO(file_bytes(batch_variables(study, rows)))) as file:
+        left = file["object_left"][...]
+    assert np.isnan(left).ravel().tolist() == [kind == "spring" for kind in kinds]

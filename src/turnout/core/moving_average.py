@@ -1,4 +1,4 @@
-"""The one moving average of measurements and features."""
+"""The moving average of measurements and features, which `turnout.kernels.efforts` makes too."""
 
 import numpy as np
 from numpy.typing import NDArray

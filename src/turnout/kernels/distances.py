@@ -15,7 +15,8 @@ Ints = NDArray[np.int64]
 class DistanceColumns(NamedTuple):
     """By how much modes and row forces lessen the distances along some rails.
 
-    A column holds all points of a rail, is a row in memory and fills whole cache lines.
+    Stored transposed: a row for each mode or row force, an entry for each point of the rail, up to
+    whole cache lines.
 
     Attributes
     ----------
@@ -24,7 +25,7 @@ class DistanceColumns(NamedTuple):
     mode, row : ndarray of int, shapes (n_modes,), (n_forces,)
         Which mode and which row of the mechanism each column belongs to.
     of_mode, of_row : ndarray, shapes (n_modes, n_points), (n_forces, n_points)
-        For unit modal coordinates and unit forces.
+        The columns, for unit modal coordinates and unit forces.
     """
 
     first_mode: Ints
@@ -67,7 +68,7 @@ def lessen_distances(
     law_force, friction_force : ndarray, shapes (n, n_laws), (n, n_frictions)
         :math:`F` [N].
     force : ndarray, shape (n, n_rows)
-        :math:`k g`, from which the forces of laws and frictions are subtracted [N].
+        :math:`k g`; changed to the force on each row [N].
     """
     for e in range(rails.size):
         on_rows, along, weights = force[e], distances[e], modal[e]

@@ -1,4 +1,4 @@
-"""What is looked for in the effort of drives over a movement: its peak, its last rise, its work.
+"""Peak, slip, last rise and work of the effort of drives over a movement.
 
 Each row is walked through a few times while it lies in the processor's nearest cache, where NumPy
 would write a dozen arrays of all rows.
@@ -32,7 +32,7 @@ def find_places(
     travel : ndarray, shape (n_rows, n_times), optional
         Of the marker [m].
     limits : ndarray, shape (n_rows,)
-        Effort above which a row slips [N].
+        Effort above which a row slips: the number below that at which it does [N].
     arrived : float
         A marker no further than this from its last place has arrived [m].
     places : ndarray of int, shape (n_rows, 3)
@@ -79,7 +79,7 @@ def _first_above(row: Floats, limit: float) -> int:
 
 
 @compiled
-def find_works(effort: Floats, travel: Floats, work: Floats) -> None:
+def integrate_work(effort: Floats, travel: Floats, work: Floats) -> None:
     """Write the work of each row by the trapezoidal rule.
 
     Parameters
@@ -107,7 +107,7 @@ def find_rises(
     level: Floats,
     plateau: Floats,
     half: int,
-    least: float,
+    smallest: float,
     bounds: tuple[float, float],
     scratch: Floats,
     places: Ints,
@@ -124,8 +124,8 @@ def find_rises(
         from which the rise counts [N].
     half : int
         Samples on each side of the one that the filter's window is about.
-    least : float
-        A smaller rise is none [N].
+    smallest : float
+        A rise below it is none [N].
     bounds : tuple of float
         Shares of the rise from which and up to which it is taken.
     scratch : ndarray, shape (3, n_times)
@@ -150,7 +150,7 @@ def find_rises(
         rise, first = largest - plateau[r], top
         while first >= 0 and not smooth[first] <= plateau[r] + low * rise:
             first -= 1
-        if first < 0 or not rise >= least:
+        if first < 0 or not rise >= smallest:
             continue
         last = first
         while not smooth[last] >= plateau[r] + high * rise:

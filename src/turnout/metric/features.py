@@ -6,7 +6,7 @@ simulation or a measurement has, and are NaN where something they need was not k
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from turnout.core.moving_average import WINDOW, row_levels, window_samples
 from turnout.core.running_current import running_time
 from turnout.errors import ResponseError
-from turnout.kernels.efforts import find_places, find_rises, find_works
+from turnout.kernels.efforts import find_places, find_rises, integrate_work
 from turnout.metric.slip import TIME_TOLERANCE, Span, movements
 
 if TYPE_CHECKING:
@@ -162,8 +162,12 @@ def run_features(
 
 
 def compile_features() -> None:
-    """Compile or load the kernels of features."""
-    movement_features(np.arange(3.0), np.zeros(3), travel=np.zeros(3))
+    """Compile the kernels of features if they are not at hand."""
+    kernels: tuple[Any, ...] = (find_places, find_rises, integrate_work)
+    if all(kernel.is_kept() for kernel in kernels):
+        return
+    for travel in (np.zeros(3), None):
+        movement_features(np.arange(3.0), np.zeros(3), travel=travel)
 
 
 def movement_features(
@@ -223,8 +227,8 @@ def _features(
     found = np.full((len(FEATURES), effort.shape[0]), np.nan)
     if elapsed.size < 3:
         return found
-    effort = np.ascontiguousarray(effort)
-    travel = None if travel is None else np.ascontiguousarray(travel)
+    effort = np.require(effort, np.float64, ["C", "W"])  # as kernels take it
+    travel = None if travel is None else np.require(travel, np.float64, ["C", "W"])
     rows, places = np.arange(effort.shape[0]), np.empty((effort.shape[0], 3), dtype=np.int64)
     find_places(effort, travel, np.nextafter(limits, -np.inf), ARRIVED, places)
     at, slip, moving = places.T
@@ -235,7 +239,7 @@ def _features(
     held = max(1, round(WINDOW * (elapsed.size - 1) / (elapsed[-1] - elapsed[0])))
     duration = np.full(peak.size, length)
     if travel is not None:
-        find_works(effort, travel, found[6])
+        integrate_work(effort, travel, found[6])
         arrived = elapsed[np.minimum(moving + 1, elapsed.size - 1)]
         duration = np.where(moving >= 0, arrived, 0.0)
     elif current is not None:

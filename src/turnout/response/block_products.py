@@ -47,7 +47,7 @@ _products = LRUCache[tuple[tuple[Floats, Floats, Floats], object]](MOST_PRODUCTS
 
 
 def in_block(part: BlockModel, rows: Floats, own: slice) -> tuple[Floats, Floats, Floats]:
-    """Return what rows of a rail come to for the modes, row forces and load of its block."""
+    """Return what `multiply_by_block` does, made once for rows that throws share."""
     key = (id(part), id(rows), own.start)
     found = _products.get(key)
     if found is not None:
@@ -59,7 +59,21 @@ def in_block(part: BlockModel, rows: Floats, own: slice) -> tuple[Floats, Floats
 
 
 def multiply_by_block(part: BlockModel, rows: Floats, own: slice) -> tuple[Floats, Floats, Floats]:
-    """Return the same as `in_block` without keeping it."""
+    """Return what rows of a rail come to for the modes, row forces and load of its block.
+
+    Parameters
+    ----------
+    part : BlockModel
+        The block.
+    rows : ndarray, shape (n, n_coordinates)
+        Over the coordinates of the rail.
+    own : slice
+        These among the coordinates of the block.
+
+    Returns
+    -------
+    tuple of ndarray, shapes (n, n_modes), (n, n_rows), (n,)
+    """
     model = part.model
     return (
         rows @ model.modes[own],

@@ -41,7 +41,7 @@ def channel_rows(
         objects, "places" the open distances at all `turnout.response.gaps.gap_places`.
     """
     index, history = mechanism.index, motion.history
-    x = stations(panel, mechanism.rails, save) if save.keeps(*SHAPES) else None
+    x = stations(panel, mechanism, save) if save.keeps(*SHAPES) else None
     wanted = (
         *(save.keeps(*OBJECTS), save.keeps("link_force")),
         bool(panel.chair) and save.keeps("chair_normal_force", "chair_friction_force"),

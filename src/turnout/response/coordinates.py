@@ -1,6 +1,6 @@
 """Names and places of the members of a panel as coordinates of a dataset."""
 
-from collections.abc import Callable, Container, Iterable, Mapping
+from collections.abc import Callable, Container, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from turnout.core.lru_cache import LRUCache
 from turnout.mechanism.drive_machines import slip_force
-from turnout.mechanism.mechanism import LawIndex, RailBody
+from turnout.mechanism.mechanism import LawIndex, Mechanism
 from turnout.panel.model import Panel
 from turnout.panel.records import Drive, Placed
 from turnout.response.labels import DIRECTIONS
@@ -37,13 +37,18 @@ _together = LRUCache[tuple[dict[str, Variable], object]](MOST_PANELS)
 _stations = LRUCache[tuple[Floats, object]](MOST_PANELS)
 
 
-def stations(panel: Panel, rails: Iterable[RailBody], save: Save) -> Floats:
+def stations(panel: Panel, mechanism: Mechanism, save: Save) -> Floats:
     """Return the places of `gap` and `lateral_displacement`, rising [m]."""
     if save.stations == "all":
         first = next(iter(panel.rail))
-        return next(body.x.copy() for body in rails if body.name == first)
+        return next(body.x.copy() for body in mechanism.rails if body.name == first)
     if save.stations is not None:
         return np.array(save.stations, dtype=float)
+    return default_stations(panel)
+
+
+def default_stations(panel: Panel) -> Floats:
+    """Return the places of chairs and drives, rising [m]."""
     families = (panel.chair, panel.drive)
     key = tuple(map(id, families))
     kept = _stations.get(key)
@@ -58,26 +63,15 @@ def dimensions_of(channels: Mapping[str, Variable]) -> set[str]:
     return {dim for dims, _ in channels.values() for dim in dims}
 
 
-def coordinates(
-    panel: Panel,
-    index: LawIndex,
-    rails: Iterable[RailBody] = (),
-    *,
-    used: Container[str],
-    save: Save,
-) -> dict[str, Variable]:
-    """Return the coordinates of some dimensions but time as bare arrays.
+def coordinates(panel: Panel, index: LawIndex, *, used: Container[str]) -> dict[str, Variable]:
+    """Return the coordinates of some dimensions, but time and "x", as bare arrays.
 
     Parameters
     ----------
     panel, index
         What was thrown, and its laws.
-    rails : iterable of RailBody
-        With the nodes that may be wanted as places.
     used : container of str
         The dimensions.
-    save : Save
-        With the places of `gap` and `lateral_displacement`.
     """
     dimensions = [dimension for dimension in _MAKERS if dimension in used]
     families = [getattr(panel, name) for dimension in dimensions for name in _MAKERS[dimension][0]]
@@ -90,8 +84,6 @@ def coordinates(
     found = {name: (dims, values.copy()) for name, (dims, values) in kept[0].items()}
     if "object" in used and index.object_parts:
         found["object"] = _names("object", index.object_parts)
-    if "x" in used:
-        found["x"] = (("x",), stations(panel, rails, save))
     return found
 
 

@@ -20,7 +20,7 @@ from turnout.panel.object_kind import KINDS
 from turnout.panel.records import Placed
 from turnout.response.alike import labelled_dataset
 from turnout.response.channel_rows import FLANGEWAYS, channel_rows
-from turnout.response.coordinates import coordinates, dimensions_of
+from turnout.response.coordinates import coordinates, dimensions_of, stations
 from turnout.response.drives import (
     duties,
     duty_records,
@@ -166,8 +166,10 @@ def coordinates_of(
         With the places of `gap` and `lateral_displacement`.
     """
     used = dimensions_of(channels)
-    others = coordinates(panel, mechanism.index, mechanism.rails, used=used, save=save)
-    return {"time": (("time",), time), **others}
+    found = {"time": (("time",), time), **coordinates(panel, mechanism.index, used=used)}
+    if "x" in used:
+        found["x"] = (("x",), stations(panel, mechanism, save))
+    return found
 
 
 def _gaps(panel: Panel, places: Floats, time: Floats) -> dict[str, Variable]:

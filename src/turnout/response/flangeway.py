@@ -1,8 +1,8 @@
 """The flangeway behind a switch rail that is open at the end of a movement.
 
 It is the gap at the nodes of the rail, and behind the planing also by how much the running edges
-lie further apart than a full head is wide. At such an instant few rows bear a force, no stop of the
-rail for one, so that it follows from a tenth of what displacements over time are made of.
+lie further apart than a full head is wide. At such an instant few rows bear a force, since no stop
+presses an open rail. Only their columns are read, a tenth of the matrices.
 """
 
 from collections.abc import Sequence
@@ -77,7 +77,7 @@ def least_flangeway(
         take.
     """
     opened = [(open_rail(panel, throw.to), at) for throw, at in ends]
-    known = [(name, at) for name, at in opened if name is not None and _has_edges(panel, name)]
+    known = [(name, at) for name, at in opened if name and _head_width(panel, name) is not None]
     if not known:
         return np.nan, np.nan, ""
     names = list(dict.fromkeys([name for name, _ in known]))
@@ -100,20 +100,20 @@ def least_flangeway(
     )
     if any(part.before is not None for part in motion.condensed.parts):
         for rail, along, forces in zip(rails.tolist(), distances, force, strict=True):
-            _lessen_by_added_ends(along, motion, found.bounds[rail], forces)
+            _subtract_added_ends(along, motion, found.bounds[rail], forces)
     end, place = divmod(int(distances.argmin()), distances.shape[1])
     name = known[end][0]
     return float(distances[end, place]), float(motion.rails[name].x[place]), name
 
 
-def _has_edges(panel: Panel, name: str) -> bool:
-    """Return whether a panel says what the flangeway of a rail takes."""
+def _head_width(panel: Panel, name: str) -> float | None:
+    """Return the width of a full head [m]; None where the panel leaves out what flangeways take."""
     rail = panel.rail[name]
-    known = rail.running_edge is not None and rail.head_width is not None
-    return known and rail.has_stock_rail
+    known = rail.running_edge is not None and rail.has_stock_rail
+    return rail.head_width if known else None
 
 
-def _lessen_by_added_ends(
+def _subtract_added_ends(
     along: Floats, motion: Motion, bounds: Sequence[_Bound], force: Floats
 ) -> None:
     """Subtract what forces at ends come to that objects added to the blocks of some rails."""
@@ -138,7 +138,7 @@ def _flangeways_of(panel: Panel, motion: Motion, names: Sequence[str]) -> _Flang
     key = tuple(map(id, named))
     kept = _flangeways.get(key)
     if kept is None:
-        kept = _flangeways.put(key, (_made(panel, motion, names), named))
+        kept = _flangeways.put(key, (_build(panel, motion, names), named))
     return kept[0]
 
 
@@ -149,17 +149,17 @@ def _blocks(motion: Motion, bodies: Sequence[RailBody]) -> list[BlockModel]:
     return [part.before or part for part in own]
 
 
-def _made(panel: Panel, motion: Motion, names: Sequence[str]) -> _Flangeways:
+def _build(panel: Panel, motion: Motion, names: Sequence[str]) -> _Flangeways:
     width = whole_lines(max(motion.rails[name].x.size for name in names))
     starts, of_modes, of_rows = np.full((len(names), width), np.inf), [], []
     bounds = [_bounds(panel, motion, name) for name in names]
     for name, own, to in zip(names, bounds, starts, strict=True):
-        start, modes, rows = _of_rail(panel, motion, name, own)
+        start, modes, rows = _rail_columns(panel, motion, name, own)
         to[: start.size] = start
         of_modes.append(modes)
         of_rows.append(rows)
-    first_mode, mode, columns_of_mode = _in_lines(of_modes, width)
-    first_row, row, columns_of_row = _in_lines(of_rows, width)
+    first_mode, mode, columns_of_mode = _pad_columns(of_modes, width)
+    first_row, row, columns_of_row = _pad_columns(of_rows, width)
     columns = DistanceColumns(first_mode, first_row, mode, row, columns_of_mode, columns_of_row)
     return _Flangeways(starts, shared_record(columns), bounds)
 
@@ -174,15 +174,15 @@ def _bounds(panel: Panel, motion: Motion, name: str) -> list[_Bound]:
     return found
 
 
-def _of_rail(
+def _rail_columns(
     panel: Panel, motion: Motion, name: str, bounds: Sequence[_Bound]
 ) -> tuple[Floats, _Columns, _Columns]:
     """Return start, columns of modes and columns of rows of the flangeway of a rail."""
     rail, x, blocks = panel.rail[name], motion.rails[name].x, motion.condensed.parts
     start = stock_gap(panel, motion, name, x)
-    if rail.running_edge is not None and rail.head_width is not None:
-        beyond = running_edge_distance(rail.running_edge, x) - rail.head_width
-        start = start + np.maximum(beyond, 0.0)
+    width = _head_width(panel, name)
+    if rail.running_edge is not None and width is not None:
+        start = start + np.maximum(running_edge_distance(rail.running_edge, x) - width, 0.0)
     ends = np.cumsum([0, *(part.model.eigenvalues.size for part in blocks)])
     modes, rows = list[_Columns](), list[_Columns]()
     for number, own, weights in bounds:
@@ -191,16 +191,16 @@ def _of_rail(
         start = start - of_load
         modes.append((np.arange(ends[number], ends[number + 1]), of_modes))
         rows.append((part.block.rows, of_rows))
-    return start, _beside(modes), _beside(rows)
+    return start, _join_columns(modes), _join_columns(rows)
 
 
-def _beside(columns: Sequence[_Columns]) -> _Columns:
+def _join_columns(columns: Sequence[_Columns]) -> _Columns:
     """Return columns of the same points beside each other."""
     numbers, values = zip(*columns, strict=True)
     return np.concatenate(numbers), np.concatenate(values, axis=1)
 
 
-def _in_lines(columns: Sequence[_Columns], width: int) -> tuple[Ints, Ints, Floats]:
+def _pad_columns(columns: Sequence[_Columns], width: int) -> tuple[Ints, Ints, Floats]:
     """Return where the columns of each rail begin, their numbers, and all of them as rows."""
     first = np.cumsum([0, *(numbers.size for numbers, _ in columns)])
     found = zeros_in_lines(int(first[-1]), width)

@@ -47,7 +47,7 @@ _templates = LRUCache[bytes](MOST_TEMPLATES)
 def file_bytes(
     variables: Mapping[str, StoredVariable], *, origin: BatchOrigin | None = None
 ) -> bytes:
-    """Return the netCDF-4 file of some variables; the same ones always give the same bytes.
+    """Return the netCDF-4 file of some variables; the same ones give the same bytes on a processor.
 
     Parameters
     ----------

@@ -19,8 +19,7 @@ from turnout.integrate.outcome import Code
 from turnout.mechanism.shape_key import LAWS_ALONE
 from turnout.panel.foreign_object import PlacedObject, resolve_objects
 from turnout.panel.load import LoadedPanel
-from turnout.response.coordinates import coordinates, dimensions_of
-from turnout.response.save import Save
+from turnout.response.coordinates import coordinates, default_stations, dimensions_of
 from turnout.response.signals import Variable
 from turnout.response.simulate import PlannedThrow, Solved, plan_throw, solve_planned
 from turnout.scheme import Scheme
@@ -45,14 +44,15 @@ THROWS_PER_PASS = 64
 """Throws evaluated together; more save no time and take more memory."""
 
 ALIKE_AT_ONCE = 64
-"""So many are planned, then thrown, then reduced at once where rails are shared: each time Python
-has to find its own objects in the processor's caches again."""
+"""Throws of the same rails that are planned, then made, then extracted together: each change from
+one to the other makes Python find its own objects in the processor's caches again."""
 
 APART_AT_ONCE = 8
-"""No more where each may have rails of its own."""
+"""The same for throws that may have rails of their own, which take megabytes each."""
 
 STEPS_AT_ONCE = 136_000
-"""Fewer are, if they have more steps together: what a long throw leaves takes much memory."""
+"""Steps of the throws that are made together: of longer throws there are fewer, since each leaves
+the more in memory."""
 
 UNCHANGED_LABELS = (
     "object_placed",
@@ -173,7 +173,7 @@ def throw_scenarios(study: Study, scenarios: Sequence[Scenario]) -> list[Row]:
     study : Study
         Panel, scheme, and what is kept.
     scenarios : sequence of Scenario
-        Of its own; a few of them at a time, since their panels are all made first.
+        Of its own; a batch at a time, since their panels are all made first.
 
     Returns
     -------
@@ -191,13 +191,16 @@ def throw_scenarios(study: Study, scenarios: Sequence[Scenario]) -> list[Row]:
         at_once = throws_at_once(study, ready)
         for first in range(0, len(ready), at_once):
             planned = [plan_scenario(study, item) for item in ready[first : first + at_once]]
-            thrown = [throw_scenario(study, planned.pop(0)) for _ in planned[:]]
-            throws += [extract_scenario(study, item) for item in thrown]
+            # Each takes megabytes and is let go with its turn; what is last in a list is next.
+            planned.reverse()
+            thrown = [throw_scenario(study, planned.pop()) for _ in range(len(planned))]
+            thrown.reverse()
+            throws += [extract_scenario(study, thrown.pop()) for _ in range(len(thrown))]
         return make_rows(study, throws)
 
 
 def throws_at_once(study: Study, ready: Sequence[PreparedScenario]) -> int:
-    """Return how many of some throws are planned and thrown before they are reduced."""
+    """Return how many of some throws are planned and made before they are extracted."""
     longest = max((item.panel.schedule.end for item in ready), default=0.0)
     most = max(1, int(STEPS_AT_ONCE * study.scheme.step / max(longest, 1.0)))
     return min(ALIKE_AT_ONCE if share_rails(ready) else APART_AT_ONCE, most)
@@ -318,7 +321,6 @@ def reduce_signals(study: Study, runs: Sequence[ThrowSignals]) -> list[tuple[Var
         together = lay_together([runs[number] for number in numbers])
         histories = kept_histories(together, study.output.channels)
         labels = compute_labels(together)
-        used, save = set[str](), Save()
         for number, kept, more in zip(numbers, histories, labels, strict=True):
             run = runs[number]
             variables = {
@@ -327,8 +329,11 @@ def reduce_signals(study: Study, runs: Sequence[ThrowSignals]) -> list[tuple[Var
                 **{name: run.labels[name] for name in MACHINE_LABELS if name in run.labels},
                 **more,
             }
-            used = used or dimensions_of(variables)
-            found[number] = variables, coordinates(run.panel, run.index, used=used, save=save)
+            used = dimensions_of(variables)  # alike throws may keep further channels of their own
+            of_run = coordinates(run.panel, run.index, used=used)
+            if "x" in used:
+                of_run["x"] = (("x",), default_stations(run.panel))
+            found[number] = variables, of_run
     return found
 
 

@@ -153,8 +153,9 @@ def run_sweep(
         damaged = tuple(move_damaged(path, folder) for path in torn)
         todo = [number for number in range(len(chains)) if number not in there]
         make = pool if pool is not None else partial(local_pool, min(workers, max(1, len(todo))))
-        if todo and pool is None and must_compile():
-            compile_kernels()
+        if todo and pool is None:
+            if must_compile():
+                compile_kernels()
             compile_features()
         log = ProgressLog(
             total=study.count,
