@@ -42,7 +42,7 @@ def test_forces_and_whole_instants_are_those_of_the_whole_history() -> None:
     assert few.watched is not None
     np.testing.assert_array_equal(few.watched.time, whole.time)
     np.testing.assert_array_equal(few.watched.inputs, whole.inputs)
-    np.testing.assert_array_equal(few.watched.effort, whole.forces(laws))
+    np.testing.assert_array_equal(few.watched.effort, whole.forces(laws).T)
     at = [*np.searchsorted(whole.time, np.array(ENDS) - 1e-9), whole.time.size - 1]
     for name in ("time", "inputs", "q", "g", "law_force", "friction_force", "stored", "ledger"):
         np.testing.assert_array_equal(getattr(few, name), getattr(whole, name)[at], err_msg=name)

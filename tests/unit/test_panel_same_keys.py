@@ -99,7 +99,7 @@ def test_only_the_checks_of_what_is_asked_for_alone_ask_for_it() -> None:
         }
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(check_rails, "_drive_saturated", lambda *given: iter(()))
-        patch.setitem(check.__globals__, "slips_at_rest", lambda draft: iter(()))
+        patch.setitem(check.__globals__, "slips_at_rest", lambda draft, known: iter(()))
         assert check(draft) == []
     with pytest.raises(AttributeError, match="stiffness"):
         check(draft)

@@ -7,11 +7,12 @@ import pytest
 
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
+from turnout.panel.model import Panel
 from turnout.panel.profile import contact_height, running_edge_distance
-from turnout.response.flangeway import least_flangeway
+from turnout.response.flangeway import Flangeway, least_flangeways, movement_ends
 from turnout.response.gaps import gap_rows
-from turnout.response.recovery import recover_motion
-from turnout.response.route import open_rail, throws
+from turnout.response.recovery import Motion, recover_motion
+from turnout.response.route import Throw, open_rail, throws
 from turnout.response.simulate import solve
 from turnout.scheme import Scheme
 
@@ -47,10 +48,34 @@ def test_flangeway_of_any_motion_and_any_forces(name: str, at: str) -> None:
         u = model.modes @ drawn.q[instant] + model.residual_shapes @ force + model.residual_load
         moved = sum(rows @ u[body.first : body.first + body.count] for body, rows in parts)
         wanted = start - moved + np.maximum(beyond, 0.0)
-        found = least_flangeway(panel, motion, [(throw, instant)])
-        assert found[0] == pytest.approx(wanted.min(), rel=1e-9, abs=1e-12)
+        found = flangeway_of(panel, motion, [(throw, instant)])
+        assert found.width == pytest.approx(wanted.min(), rel=1e-9, abs=1e-12)
         assert found[1:] == (x[wanted.argmin()], rail)
         ends.append((throw, instant))
         single.append(found)
-    assert least_flangeway(panel, motion, ends) == min(single)
-    assert least_flangeway(panel, motion, [*ends, ends[0]]) == min(single)
+    assert flangeway_of(panel, motion, ends) == min(single)
+    assert flangeway_of(panel, motion, [*ends, ends[0]]) == min(single)
+
+
+def flangeway_of(panel: Panel, motion: Motion, ends: list[tuple[Throw, int]]) -> Flangeway:
+    (found,) = least_flangeways([movement_ends(panel, motion, ends)])
+    return found
+
+
+def test_flangeways_of_many_runs_are_those_of_each() -> None:
+    """Of other rails, with other objects, some without any that the panel knows."""
+    runs = []
+    for name in ("uic60-760-1-15", "sb1", "60e1-300-1-9", "uic60-760-1-15"):
+        for size, at in ((0.02, "sleeper 5"), (0.01, "x = 3.21 m"), (0.015, "drive 1")):
+            panel = load_panel(name)
+            solved = solve(
+                panel, foreign_object=ForeignObject(size, at), scheme=Scheme.of("quick")
+            )
+            motion = recover_motion(solved.mechanism, solved.history)
+            time = solved.history.time
+            ends = [(throw, int(time.searchsorted(throw.end))) for throw in throws(panel)]
+            runs.append(movement_ends(panel, motion, ends))
+    apart = [least_flangeways([run])[0] for run in runs]
+    assert len({run.width for run in apart if run.rail}) == 6
+    assert [run.rail for run in apart].count("") == 3
+    np.testing.assert_equal(least_flangeways(runs), apart)

@@ -1,6 +1,5 @@
 """Labels on hand-made histories, where the answer is known beforehand."""
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -8,6 +7,7 @@ import pytest
 from tests.unit.simulated import sb1_panel, sb2_dataset, sb2_panel
 
 from turnout.panel.profile import contact_height
+from turnout.mechanism.mechanism import LawIndex
 from turnout.response.labels import contact_labels, control_states, force_margins
 from turnout.response.route import (
     at_rest,
@@ -25,17 +25,10 @@ TIME = np.linspace(0.0, 8.5, 86)
 
 def touched(first: list[float], placed: float = 4.4) -> dict[str, Any]:
     numbers = range(len(first))
-    index = SimpleNamespace(
-        object={str(n): n for n in numbers},
-        object_parts={str(n): (str(n),) for n in numbers},
-        object_laws={str(n): [n] for n in numbers},
+    index = LawIndex(
+        object={str(n): n for n in numbers}, object_parts={str(n): (str(n),) for n in numbers}
     )
-    found = contact_labels(
-        SimpleNamespace(index=index),  # type: ignore[arg-type]
-        SimpleNamespace(  # type: ignore[arg-type]
-            law_first=np.array(first), law_placed=np.full(len(first), placed)
-        ),
-    )
+    found = contact_labels(index, np.array(first), np.full(len(first), placed))
     return {name: value for name, (_, value) in found.items()}
 
 

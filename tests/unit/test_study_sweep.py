@@ -396,14 +396,14 @@ def test_slips_with_and_without_an_object(
     later = contact if np.isnan(contact) else closing + contact
     spans = [Span("a", "open", opening, opening + 2.0), Span("b", "closed", closing, closing + 2.0)]
     together = SimpleNamespace(  # of three throws, the first and last without slips
-        runs=[SimpleNamespace(labels={"contact_time": ((), np.array(t))}) for t in (2, later, 2)],
         spans=spans,
         time=time,
         force=np.stack([0 * force, force, 0 * force])[:, np.newaxis],
         slipping=np.stack([0 * force, np.abs(force), 0 * force])[:, np.newaxis] >= 9.0,
         on_objects={"object_force": (("time",), np.zeros((3, time.size)))},
     )
-    labels = object_labels(together)  # type: ignore[arg-type]
+    touched = np.array([2.0, later, 2.0])
+    labels = object_labels(together, touched)  # type: ignore[arg-type]
     for name, expected in zip(("slipped", "slipped_free"), found, strict=True):
         assert labels[name][1].tolist() == [False, expected, False]
 

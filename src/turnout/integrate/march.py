@@ -240,7 +240,7 @@ def store_instant(
         for column in range(state.ledger.size):
             record.ledger[balanced, column] = state.ledger[column]
     for k in range(record.watched.size):
-        record.effort[at, k] = work.force[record.watched[k]]
+        record.effort[k, at] = work.force[record.watched[k]]
 
 
 @compiled_part

@@ -123,7 +123,7 @@ class Watched:
         At the last instant [m].
     laws : sequence of int
         The watched laws.
-    effort : ndarray, shape (n, n_watched)
+    effort : ndarray, shape (n_watched, n)
         Their forces [N].
     """
 
@@ -230,7 +230,7 @@ def watched_record(
     weights : SeenWeights
         Of what is seen.
     """
-    arrays["effort"] = np.empty((plan.places.shape[0], len(plan.watch.laws)))
+    arrays["effort"] = np.empty((len(plan.watch.laws), plan.places.shape[0]))
     arrays["seen"] = empty_in_lines(plan.n_seen, weights.seen_load.size)
     shared = {name: part for name, part in weights._asdict().items() if part.ndim > 1}
     shared["places"] = plan.places

@@ -41,6 +41,7 @@ def lessen_distances(
     distances: Floats,
     columns: DistanceColumns,
     rails: Ints,
+    runs: Ints,
     modal: Floats,
     law_row: Ints,
     law_force: Floats,
@@ -59,23 +60,23 @@ def lessen_distances(
         At an instant each; points fill whole cache lines; changed [m].
     columns : DistanceColumns
         A record of `turnout.kernels.shared_record`.
-    rails : ndarray of int, shape (n,)
-        Number of the rail.
+    rails, runs : ndarray of int, shape (n,)
+        Numbers of the rail and of the run.
     modal : ndarray, shape (n, n_modes)
         Modal coordinates of the whole mechanism.
-    law_row, friction_row : ndarray of int, shapes (n_laws,), (n_frictions,)
-        Rows of laws and frictions.
+    law_row, friction_row : ndarray of int, shapes (n_runs, n_laws), (n_runs, n_frictions)
+        Rows of laws and frictions of each run.
     law_force, friction_force : ndarray, shapes (n, n_laws), (n, n_frictions)
         :math:`F` [N].
     force : ndarray, shape (n, n_rows)
         :math:`k g`; changed to the force on each row [N].
     """
     for e in range(rails.size):
-        on_rows, along, weights = force[e], distances[e], modal[e]
-        for k in range(law_row.size):
-            on_rows[law_row[k]] -= law_force[e, k]
-        for k in range(friction_row.size):
-            on_rows[friction_row[k]] -= friction_force[e, k]
+        on_rows, along, weights, r = force[e], distances[e], modal[e], runs[e]
+        for k in range(law_row.shape[1]):
+            on_rows[law_row[r, k]] -= law_force[e, k]
+        for k in range(friction_row.shape[1]):
+            on_rows[friction_row[r, k]] -= friction_force[e, k]
         for k in range(columns.first_mode[rails[e]], columns.first_mode[rails[e] + 1]):
             add_multiple(-weights[columns.mode[k]], columns.of_mode[k], along)
         for k in range(columns.first_row[rails[e]], columns.first_row[rails[e] + 1]):

@@ -7,7 +7,7 @@ document, which says what it is.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
@@ -182,13 +182,14 @@ def note_keys(
     for (family, name), of_member in fields.items():
         first = getattr(made.panel, family)[name]
         members.setdefault(family, []).append((name, first, tuple(of_member)))
+    given = dict.fromkeys((*way.given, *(".".join(place) for place, _ in way.places)))
     found = _SameKeys(
         panel=panel,
         way=way,
-        known=made,
+        known=replace(made, given=given),
         fields=frozenset((family, field) for (family, _, field), _ in way.places),
         changed=changed,
-        given=dict.fromkeys((*way.given, *(".".join(place) for place, _ in way.places))),
+        given=given,
         names={name: tuple(getattr(made.panel, name)) for name in FAMILIES},
         numbers=tuple(item for _, item in numbers.values()),
         members=members,

@@ -85,12 +85,14 @@ def values_of(family: str) -> str:
 class Known:
     """Tables of a valid panel, the records that were made of them, and what its checks read.
 
-    A check that found nothing finds nothing again where all that it read is the same.
+    A check that found nothing finds nothing again where all that it read is the same. `given` is
+    what overrides have set, where that is known, as in `Draft`.
     """
 
     tree: dict[str, Any]
     panel: Panel
     asked: Mapping[str, frozenset[str]]
+    given: Mapping[str, object] | None = None
 
     def of(self, family: str) -> tuple[dict[str, Any], dict[str, BaseModel]]:
         """Return tables and records of a family by member."""

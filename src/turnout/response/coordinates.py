@@ -1,6 +1,7 @@
 """Names and places of the members of a panel as coordinates of a dataset."""
 
 from collections.abc import Callable, Container, Mapping
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -78,13 +79,25 @@ def coordinates(panel: Panel, index: LawIndex, *, used: Container[str]) -> dict[
     key = (*dimensions, *map(id, families))
     kept = _together.get(key)
     if kept is None:
-        made = [_of_dimension(panel, dimension) for dimension in dimensions]
-        every = {name: item for one in made for name, item in one.items()}
-        kept = _together.put(key, (every, families))
+        kept = _together.put(key, (shared_coordinates(panel, used=dimensions), families))
     found = {name: (dims, values.copy()) for name, (dims, values) in kept[0].items()}
-    if "object" in used and index.object_parts:
-        found["object"] = _names("object", index.object_parts)
+    return found | object_coordinate(index, used=used)
+
+
+def shared_coordinates(panel: Panel, *, used: Container[str]) -> dict[str, Variable]:
+    """Return coordinates of a panel alone, whose arrays throws share and none may change."""
+    found: dict[str, Variable] = {}
+    for dimension in _MAKERS:
+        if dimension in used:
+            found |= _of_drives(panel) if dimension == "drive" else _of_dimension(panel, dimension)
     return found
+
+
+def object_coordinate(index: LawIndex, *, used: Container[str]) -> dict[str, Variable]:
+    """Return the names of the objects, where their dimension is used and there are any."""
+    if "object" not in used or not index.object_parts:
+        return {}
+    return {"object": _names("object", index.object_parts)}
 
 
 def _of_dimension(panel: Panel, dimension: str) -> dict[str, Variable]:
@@ -97,9 +110,10 @@ def _of_dimension(panel: Panel, dimension: str) -> dict[str, Variable]:
 
 
 def _of_drives(panel: Panel) -> dict[str, Variable]:
+    """Return what is made for each throw, since most studies vary something of drives."""
     drives = panel.drive.values()
     return {
-        "drive": _names("drive", panel.drive),
+        "drive": _drive_names(tuple(panel.drive)),
         "drive_x": _places("drive", panel.drive),
         "saturation_force": _numbers("drive", [slip_force(panel, name) for name in panel.drive]),
         "drive_stiffness": _numbers("drive", [_stiffness(drive) for drive in drives]),
@@ -183,6 +197,11 @@ def _stiffness(drive: Drive) -> float:
 
 def _names(dimension: str, names: object) -> Variable:
     return (dimension,), np.array(list(names), dtype=np.str_)  # type: ignore[call-overload]
+
+
+@lru_cache(maxsize=MOST_PANELS)
+def _drive_names(names: tuple[str, ...]) -> Variable:
+    return _names("drive", names)
 
 
 def _places(dimension: str, family: Mapping[str, Placed]) -> Variable:

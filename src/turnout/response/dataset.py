@@ -34,6 +34,7 @@ from turnout.response.gaps import split_gaps
 from turnout.response.labels import (
     contact_labels,
     control_states,
+    flangeway_ends,
     flangeway_labels,
     force_margins,
 )
@@ -135,8 +136,12 @@ def response_channels(
     if "places" in arrays:
         channels |= _gaps(panel, arrays["places"], history.time)
     if save.keeps(*FLANGEWAYS):
-        channels |= flangeway_labels(panel, motion, history.time, moved)
-    channels |= contact_labels(mechanism, history) | object_memory(mechanism, history)
+        of_run = flangeway_labels([flangeway_ends(panel, motion, moved)])
+        channels |= {name: (dims, values[0, ...]) for name, (dims, values) in of_run.items()}
+    objects = list(mechanism.index.object.values())
+    first, placed = history.law_first[objects], history.law_placed[objects]
+    channels |= contact_labels(mechanism.index, first, placed)
+    channels |= object_memory(mechanism, history)
     if save.keeps(*ENERGIES):
         channels |= energy_channels(history.stored, history.ledger)
         channels |= machine_energies(history, channels)

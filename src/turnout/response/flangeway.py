@@ -5,13 +5,16 @@ lie further apart than a full head is wide. At such an instant few rows bear a f
 presses an open rail. Only their columns are read, a tenth of the matrices.
 """
 
-from collections.abc import Sequence
+import operator
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.condense.condense import BlockModel
+from turnout.condense.condense import BlockModel, CondensedRails
 from turnout.core.lru_cache import LRUCache
 from turnout.kernels.distances import DistanceColumns, lessen_distances
 from turnout.kernels.lanes import empty_in_lines, whole_lines, zeros_in_lines
@@ -53,15 +56,87 @@ class _Flangeways(NamedTuple):
     bounds: Sequence[Sequence[_Bound]]
 
 
+class _AddedEnds(NamedTuple):
+    """By how much forces at ends that objects added lessen the flangeway of a rail.
+
+    `rows` are theirs in the mechanism, `columns` hold displacements for unit forces, shape
+    (n_points, n_added) [m/N].
+    """
+
+    rail: int
+    rows: Ints
+    columns: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _OpenRails:
+    """What the flangeways of the rails are made of that movements leave open.
+
+    `names` and `x` are those of the rails and of their nodes; `opened` is the number of the rail
+    that is open after a movement to a position. Where objects stand is in `added` and `slope`, the
+    stiffness at each row that the linear system holds.
+    """
+
+    names: tuple[str, ...]
+    x: tuple[Floats, ...]
+    opened: Mapping[str, int]
+    flangeways: _Flangeways | None
+    added: tuple[_AddedEnds, ...]
+    slope: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MovementEnds:
+    """What the flangeways at the ends of the movements of a run follow from.
+
+    Attributes
+    ----------
+    known : _OpenRails
+        What throws of the same rails share.
+    rails : list of int
+        Number of the open rail at each end.
+    modal, law_force, friction_force : ndarray, shapes (n_ends, n_modes), (n_ends, n_laws) and
+        (n_ends, n_frictions)
+        Modal coordinates, forces of laws and frictions [N].
+    force : ndarray, shape (n_ends, n_rows)
+        What the linear system holds at each row [N].
+    law_row, friction_row : ndarray of int, shapes (n_laws,), (n_frictions,)
+        Rows of laws and frictions.
+    """
+
+    known: _OpenRails
+    rails: list[int]
+    modal: Floats
+    law_force: Floats
+    friction_force: Floats
+    force: Floats
+    law_row: Ints
+    friction_row: Ints
+
+
+class Flangeway(NamedTuple):
+    """A flangeway [m], its place [m] and its rail; NaN and an empty name where none is known."""
+
+    width: float
+    x: float
+    rail: str
+
+
+_UNKNOWN = Flangeway(np.nan, np.nan, "")
+
 # Rails are shared by many throws. They are named by identity, and kept beside so that nothing else
 # takes their place.
 _flangeways = LRUCache[tuple[_Flangeways, list[object]]](MOST_KEPT)
+# Condensed rails are so where objects stand in the same places.
+_open_rails: WeakKeyDictionary[CondensedRails, tuple[_OpenRails, list[object]]] = (
+    WeakKeyDictionary()
+)
 
 
-def least_flangeway(
+def movement_ends(
     panel: Panel, motion: Motion, ends: Sequence[tuple[Throw, int]]
-) -> tuple[float, float, str]:
-    """Return the least flangeway after some movements [m], its place [m] and its rail.
+) -> MovementEnds | None:
+    """Return what the flangeways after some movements follow from.
 
     Parameters
     ----------
@@ -72,38 +147,126 @@ def least_flangeway(
 
     Returns
     -------
-    tuple
-        NaN and an empty name where the panel does not say what the flangeways of its open rails
-        take.
+    MovementEnds or None
+        None where the panel does not say what the flangeways of its open rails take.
     """
-    opened = [(open_rail(panel, throw.to), at) for throw, at in ends]
-    known = [(name, at) for name, at in opened if name and _head_width(panel, name) is not None]
-    if not known:
-        return np.nan, np.nan, ""
-    names = list(dict.fromkeys([name for name, _ in known]))
-    found, history = _flangeways_of(panel, motion, names), motion.history
-    rails = np.array([names.index(name) for name, _ in known])
-    instants = np.array([at for _, at in known])
-    distances = empty_in_lines(len(known), found.start.shape[1])
-    distances[:] = found.start[rails]
-    force = history.g[instants] * motion.slope
+    known, history = _known_rails(panel, motion), motion.history
+    opened = [(known.opened[throw.to], at) for throw, at in ends if throw.to in known.opened]
+    if not opened:
+        return None
+    instants = np.array([at for _, at in opened])
+    return MovementEnds(
+        known=known,
+        rails=[rail for rail, _ in opened],
+        modal=history.q[instants],
+        law_force=history.law_force[instants],
+        friction_force=history.friction_force[instants],
+        force=history.g[instants] * known.slope,
+        law_row=history.laws.row,
+        friction_row=history.laws.friction_row,
+    )
+
+
+def least_flangeways(runs: Sequence[MovementEnds | None]) -> list[Flangeway]:
+    """Return the least flangeway after the movements of each of some runs."""
+    found, alike = [_UNKNOWN] * len(runs), dict[tuple[int, ...], list[int]]()
+    for number, run in enumerate(runs):
+        if run is not None:
+            arrays = (run.modal, run.law_force, run.friction_force, run.force)
+            key = (id(run.known.flangeways), *[array.shape[1] for array in arrays])
+            alike.setdefault(key, []).append(number)
+    for numbers in alike.values():
+        together = _least_of_alike([run for number in numbers if (run := runs[number])])
+        for number, flangeway in zip(numbers, together, strict=True):
+            found[number] = flangeway
+    return found
+
+
+def _least_of_alike(runs: Sequence[MovementEnds]) -> list[Flangeway]:
+    """Return the least flangeways of runs of the same rails, with laws of the same number."""
+    flangeways = runs[0].known.flangeways
+    if flangeways is None:
+        return [_UNKNOWN] * len(runs)
+    rails = np.array([rail for run in runs for rail in run.rails])
+    distances = empty_in_lines(rails.size, flangeways.start.shape[1])
+    distances[:] = flangeways.start[rails]
+    force = np.concatenate([run.force for run in runs])
     lessen_distances(
         distances,
-        found.columns,
+        flangeways.columns,
         rails,
-        history.q[instants],
-        history.laws.row,
-        history.law_force[instants],
-        history.laws.friction_row,
-        history.friction_force[instants],
+        np.repeat(np.arange(len(runs)), [len(run.rails) for run in runs]),
+        np.concatenate([run.modal for run in runs]),
+        np.array([run.law_row for run in runs]),
+        np.concatenate([run.law_force for run in runs]),
+        np.array([run.friction_row for run in runs]),
+        np.concatenate([run.friction_force for run in runs]),
         force,
     )
-    if any(part.before is not None for part in motion.condensed.parts):
-        for rail, along, forces in zip(rails.tolist(), distances, force, strict=True):
-            _subtract_added_ends(along, motion, found.bounds[rail], forces)
-    end, place = divmod(int(distances.argmin()), distances.shape[1])
-    name = known[end][0]
-    return float(distances[end, place]), float(motion.rails[name].x[place]), name
+    found, first = list[Flangeway](), 0
+    for run in runs:
+        own = slice(first, first := first + len(run.rails))
+        along = distances[own]
+        for added in run.known.added:
+            _subtract_added_ends(along, run.rails, added, force[own])
+        end, place = divmod(int(along.argmin()), along.shape[1])
+        rail = run.rails[end]
+        width, x = float(along[end, place]), float(run.known.x[rail][place])
+        found.append(Flangeway(width, x, run.known.names[rail]))
+    return found
+
+
+def _subtract_added_ends(
+    along: Floats, rails: Sequence[int], added: _AddedEnds, force: Floats
+) -> None:
+    """Subtract what forces at ends come to that objects added to the blocks of a rail."""
+    for end, rail in enumerate(rails):
+        if rail == added.rail:
+            own = force[end, added.rows]
+            if any(own.tolist()):
+                along[end, : added.columns.shape[0]] -= added.columns @ own
+
+
+def _known_rails(panel: Panel, motion: Motion) -> _OpenRails:
+    """Return what the flangeways of a panel are made of, found once for throws that share it."""
+    families = (panel.rail, panel.stock_rail, panel.stop, panel.stud, panel.object_defaults)
+    named: list[object] = [panel.instrumented_rail, motion.shapes, *families]
+    kept = _open_rails.get(motion.condensed)
+    if kept is not None and all(map(operator.is_, kept[1], named)):
+        return kept[0]
+    made = _make_open_rails(panel, motion)
+    _open_rails[motion.condensed] = made, named
+    return made
+
+
+def _make_open_rails(panel: Panel, motion: Motion) -> _OpenRails:
+    opened: dict[str, int] = {}
+    names: list[str] = []
+    for position in ("open", "closed"):
+        name = open_rail(panel, position)
+        if name is not None and _head_width(panel, name) is not None:
+            opened[position] = names.index(name) if name in names else len(names)
+            names += [name] if name not in names else []
+    flangeways = _flangeways_of(panel, motion, names) if names else None
+    return _OpenRails(
+        names=tuple(names),
+        x=tuple(motion.rails[name].x for name in names),
+        opened=opened,
+        flangeways=flangeways,
+        added=() if flangeways is None else tuple(_added_ends(motion, flangeways.bounds)),
+        slope=motion.slope,
+    )
+
+
+def _added_ends(motion: Motion, bounds: Sequence[Sequence[_Bound]]) -> Iterator[_AddedEnds]:
+    """Find the ends that objects added to the blocks of some rails."""
+    for rail, of_rail in enumerate(bounds):
+        for number, own, rows in of_rail:
+            part = motion.condensed.parts[number]
+            if part.before is not None:
+                count = part.before.block.rows.size
+                columns = rows @ part.model.residual_shapes[own, count:]
+                yield _AddedEnds(rail, part.block.rows[count:], columns)
 
 
 def _head_width(panel: Panel, name: str) -> float | None:
@@ -111,20 +274,6 @@ def _head_width(panel: Panel, name: str) -> float | None:
     rail = panel.rail[name]
     known = rail.running_edge is not None and rail.has_stock_rail
     return rail.head_width if known else None
-
-
-def _subtract_added_ends(
-    along: Floats, motion: Motion, bounds: Sequence[_Bound], force: Floats
-) -> None:
-    """Subtract what forces at ends come to that objects added to the blocks of some rails."""
-    for number, own, rows in bounds:
-        part = motion.condensed.parts[number]
-        if part.before is None:
-            continue
-        known = part.before.block.rows.size
-        added = force[part.block.rows[known:]]
-        if any(added.tolist()):
-            along[: rows.shape[0]] -= rows @ (part.model.residual_shapes[own, known:] @ added)
 
 
 def _flangeways_of(panel: Panel, motion: Motion, names: Sequence[str]) -> _Flangeways:
@@ -212,10 +361,8 @@ def _pad_columns(columns: Sequence[_Columns], width: int) -> tuple[Ints, Ints, F
 def compile_flangeways() -> None:
     """Compile or load the kernel of flangeways."""
     none, one = np.zeros(0, dtype=np.int64), np.zeros(1, dtype=np.int64)
-    of_laws = none.copy()
-    of_laws.flags.writeable = False
-    nothing = np.zeros((1, 0))
+    nothing, no_rows = np.zeros((1, 0)), np.zeros((1, 0), dtype=np.int64)
     ends = np.zeros(2, dtype=np.int64)
     columns = DistanceColumns(ends, ends, none, none, np.zeros((0, 8)), np.zeros((0, 8)))
-    forces = (of_laws, nothing, of_laws, nothing, nothing)
-    lessen_distances(zeros_in_lines(1, 8), shared_record(columns), one, nothing, *forces)
+    forces = (no_rows, nothing, no_rows, nothing, nothing)
+    lessen_distances(zeros_in_lines(1, 8), shared_record(columns), one, one, nothing, *forces)

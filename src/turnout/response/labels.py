@@ -1,19 +1,17 @@
 """Single numbers and states of a run: contact, margins, control, lock, least flangeway."""
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.integrate.integration import History
 from turnout.mechanism.drive_machines import slip_force
-from turnout.mechanism.mechanism import Mechanism
+from turnout.mechanism.mechanism import LawIndex
 from turnout.panel.model import Panel
-from turnout.response.flangeway import least_flangeway
+from turnout.response.flangeway import MovementEnds, least_flangeways, movement_ends
 from turnout.response.recovery import Motion
 from turnout.response.route import Throw, at_rest, rail_closes, throws
-from turnout.response.signals import Variable
+from turnout.response.signals import Variable, object_rows
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -22,23 +20,32 @@ DIRECTIONS = ("opening", "closing")
 TIME_TOLERANCE = 1e-9
 
 
-def contact_labels(mechanism: Mechanism, history: History) -> dict[str, Variable]:
-    """Return whether foreign objects had room and were touched, and when, from every step."""
-    laws = list(mechanism.index.object.values())
-    touched = [first for first in history.law_first[laws].tolist() if not math.isnan(first)]
+def contact_labels(index: LawIndex, first: Floats, placed: Floats) -> dict[str, Variable]:
+    """Return whether foreign objects had room and were touched, and when, from every step.
+
+    Parameters
+    ----------
+    index : LawIndex
+        For what is part of which object.
+    first, placed : ndarray, shape (..., n_laws)
+        First contact with, and placing of, what each law of an object stands for, in the order of
+        the index; NaN for never; also of many throws with the same `object_rows` [s].
+    """
     labels: dict[str, Variable] = {
-        "object_placed": (
-            (),
-            np.array(not any(map(math.isnan, history.law_placed[laws].tolist()))),
-        ),
-        "object_touched": ((), np.array(bool(touched))),
-        "contact_time": ((), np.array(min(touched, default=math.nan))),
+        "object_placed": ((), ~np.isnan(placed).any(axis=-1)),
+        "object_touched": ((), ~np.isnan(first).all(axis=-1)),
+        "contact_time": ((), _earliest(first)),
     }
-    if len(mechanism.index.object_parts) > 1:
-        groups = mechanism.index.object_laws.values()
-        earliest_of = [np.fmin.reduce(history.law_first[own]) for own in groups]
-        labels["object_contact_time"] = (("object",), np.array(earliest_of))
+    if len(index.object_parts) > 1:
+        earliest_of = [_earliest(first[..., own]) for own in object_rows(index)]
+        labels["object_contact_time"] = (("object",), np.stack(earliest_of, axis=-1))
     return labels
+
+
+def _earliest(times: Floats) -> Floats:
+    """Return the least time along the last axis that is known, NaN without one."""
+    found: Floats = np.asarray(np.fmin.reduce(times, axis=-1, initial=np.nan))
+    return found
 
 
 def force_margins(
@@ -141,26 +148,21 @@ def state_limits(panel: Panel) -> tuple[Floats, Floats]:
     return np.array(list(panel.gap_limits().values())), np.array(at_sensors)
 
 
-def flangeway_labels(
-    panel: Panel, motion: Motion, time: Floats, moved: Sequence[Throw]
-) -> dict[str, Variable]:
+def flangeway_ends(panel: Panel, motion: Motion, moved: Sequence[Throw]) -> MovementEnds | None:
+    """Return what the flangeways at the ends of the movements as they were made follow from."""
+    time = motion.history.time
+    ends = [(throw, _end_index(throw, time)) for throw in moved]
+    return movement_ends(panel, motion, [(throw, at) for throw, at in ends if at is not None])
+
+
+def flangeway_labels(runs: Sequence[MovementEnds | None]) -> dict[str, Variable]:
     """Return the least flangeway at the end of any movement with its place and rail.
 
-    Parameters
-    ----------
-    panel, motion
-        Panel and run.
-    time : ndarray, shape (n_times,)
-        Instants of the run [s].
-    moved : sequence of Throw
-        The movements as they were made.
+    Of some runs, whose number is the shape of what is returned.
     """
-    ends = [(throw, _end_index(throw, time)) for throw in moved]
-    value, x, rail = least_flangeway(
-        panel, motion, [(throw, at) for throw, at in ends if at is not None]
-    )
+    width, x, rail = zip(*least_flangeways(runs), strict=True)
     return {
-        "least_flangeway": ((), np.array(value)),
+        "least_flangeway": ((), np.array(width)),
         "least_flangeway_x": ((), np.array(x)),
         "least_flangeway_rail": ((), np.array(rail)),
     }

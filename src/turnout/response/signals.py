@@ -51,10 +51,10 @@ Variable = tuple[tuple[str, ...], NDArray[np.generic]]
 
 def drive_signals(panel: Panel, mechanism: Mechanism, history: History) -> dict[str, Variable]:
     """Return force on the rail (closing positive), marker position and slip of every drive."""
-    force, displacement = both = np.empty((2, len(panel.drive), history.time.size))
     columns = [mechanism.index.drive[name] for name in panel.drive]
-    write_drives(panel, history.forces(columns), history.inputs, both)
-    return _named_drives(panel, force, displacement)
+    force = np.empty((len(columns), history.time.size))
+    np.subtract(0.0, history.forces(columns).T, out=force)  # no negative zeros of free drives
+    return drive_channels(panel, force, history.inputs)
 
 
 def drive_channels(panel: Panel, force: Floats, inputs: Floats) -> dict[str, Variable]:
@@ -64,26 +64,12 @@ def drive_channels(panel: Panel, force: Floats, inputs: Floats) -> dict[str, Var
     """
     displacement = np.empty(force.shape)  # a drive in a piece, as features sum it
     np.subtract(inputs.T, marker_offsets(panel)[:, np.newaxis], out=displacement)
-    return _named_drives(panel, force, displacement)
-
-
-def _named_drives(panel: Panel, force: Floats, displacement: Floats) -> dict[str, Variable]:
     dims = ("drive", "time")
     return {
         "drive_force": (dims, force),
         "drive_displacement": (dims, displacement),
         "drive_slipping": (dims, slips(force, slip_forces(panel))),
     }
-
-
-def write_drives(panel: Panel, resisted: Floats, inputs: Floats, out: Floats) -> None:
-    """Write force and marker position of every drive, shape (2, n_drives, n_times) [N, m].
-
-    `resisted` are the forces of their laws [N], `inputs` the marker positions [m], both of shape
-    (n_times, n_drives).
-    """
-    np.subtract(0.0, resisted.T, out=out[0])  # not -F: no negative zeros where a drive is free
-    np.subtract(inputs.T, marker_offsets(panel)[:, np.newaxis], out=out[1])
 
 
 def slip_forces(panel: Panel) -> Floats:

@@ -15,6 +15,8 @@ from turnout.measurement.chain.recorder import Recorder, recorded_force
 from turnout.mechanism.mechanism import LawIndex
 from turnout.metric.slip import Span
 from turnout.panel.load import LoadedPanel
+from turnout.panel.markers import marker_offsets
+from turnout.response.flangeway import MovementEnds
 from turnout.response.gaps import split_gaps
 from turnout.response.labels import state_limits
 from turnout.response.route import Throw
@@ -24,7 +26,6 @@ from turnout.response.signals import (
     object_rows,
     slip_forces,
     slips,
-    write_drives,
 )
 
 Floats = NDArray[np.float64]
@@ -54,7 +55,9 @@ class ThrowSignals:
         Forces of drives and objects and marker positions at every instant that the solver kept,
         and open distances at the rate of the study.
     labels : dict
-        What was touched when and what is left of it, flangeways, and labels of machines.
+        What is left of objects, and labels of machines.
+    ends : MovementEnds, optional
+        What the flangeways at the ends of the movements follow from.
     clutches : tuple of list and ndarray, optional
         The drives that are machines, and when their clutches slip, shape (n_machines, n_times).
     recorder : Recorder
@@ -70,6 +73,7 @@ class ThrowSignals:
     disappears: Floats
     watched: Watched
     labels: Variables
+    ends: MovementEnds | None
     clutches: tuple[list[int], Flags] | None
     recorder: Recorder
     kept: Variables
@@ -141,12 +145,12 @@ def lay_together(runs: Sequence[ThrowSignals]) -> AlikeThrows:
     """Return the signals of throws that are alike."""
     panel, time, stride = runs[0].panel, runs[0].watched.time, runs[0].watched.stride
     count = len(panel.drive)
-    force, displacement = motion = np.empty((2, len(runs), count, time.size))
-    on_objects = np.empty((len(runs), time.size, len(runs[0].watched.laws) - count))
+    force = np.empty((len(runs), count, time.size))
+    on_objects = np.empty((len(runs), len(runs[0].watched.laws) - count, time.size))
     for number, run in enumerate(runs):
         effort = run.watched.effort  # of drives, then of objects
-        write_drives(run.panel, effort[:, :count], run.watched.inputs, motion[:, number])
-        on_objects[number] = effort[:, count:]
+        np.subtract(0.0, effort[:count], out=force[number])  # no negative zeros of free drives
+        on_objects[number] = effort[count:]
     slip_limits = np.array([slip_forces(run.panel) for run in runs])
     slipping = slips(force, slip_limits)
     for flags, run in zip(slipping, runs, strict=True):
@@ -168,15 +172,29 @@ def lay_together(runs: Sequence[ThrowSignals]) -> AlikeThrows:
         time=time,
         force=force,
         recorded_force=recorded,
-        displacement=displacement,
+        displacement=_displacements(runs),
         slipping=slipping,
         slip_limits=slip_limits,
-        on_objects=object_channels(runs[0].index, on_objects.swapaxes(-2, -1)),
+        on_objects=object_channels(runs[0].index, on_objects),
         drive_gap=gaps[0],
         sensor_gap=gaps[1],
         end_gaps=end_gaps,
         gap_limits=(np.array([one for one, _ in limits]), np.array([one for _, one in limits])),
     )
+
+
+def _displacements(runs: Sequence[ThrowSignals]) -> Floats:
+    """Return the positions of the markers of some throws, which mostly share their inputs [m]."""
+    found = np.empty((len(runs), *runs[0].watched.inputs.shape[::-1]))
+    shared: dict[tuple[int, bytes], Floats] = {}
+    for run, to in zip(runs, found, strict=True):
+        offsets, inputs = marker_offsets(run.panel), run.watched.inputs
+        key = (id(inputs), offsets.tobytes())
+        if key in shared:
+            to[...] = shared[key]
+        else:
+            shared[key] = np.subtract(inputs.T, offsets[:, np.newaxis], out=to)
+    return found
 
 
 def _turned(seen: Sequence[Floats]) -> Floats:

@@ -21,7 +21,7 @@ from turnout.panel.load import LoadedPanel
 from turnout.response.dataset import response_channels
 from turnout.response.drives import machine_signals, machine_slips, moved_throws
 from turnout.response.gaps import gaps_over_time, watched_gaps
-from turnout.response.labels import contact_labels, flangeway_labels
+from turnout.response.labels import flangeway_ends
 from turnout.response.recovery import Motion, recover_motion
 from turnout.response.route import throws
 from turnout.response.save import Save
@@ -76,8 +76,7 @@ def extract_signals(
     """
     mechanism, history = solved.mechanism, solved.history
     motion, moved = recover_motion(mechanism, history), moved_throws(panel, history)
-    labels = contact_labels(mechanism, history) | object_memory(mechanism, history)
-    labels |= flangeway_labels(panel, motion, history.time, moved)
+    labels = object_memory(mechanism, history)
     watched, kept = history.watched, Variables()
     if watched is None:
         watched = _watched_of(study, panel, motion, mechanism)
@@ -91,6 +90,7 @@ def extract_signals(
         disappears=mechanism.laws.disappears,
         watched=watched,
         labels=labels,
+        ends=flangeway_ends(panel, motion, moved),
         clutches=_clutches(panel, history),
         recorder=recorder,
         kept=kept,
@@ -146,7 +146,7 @@ def _watched_of(study: Study, panel: LoadedPanel, motion: Motion, mechanism: Mec
         seen=gaps.T,
         seen_last=last.T,
         laws=laws,
-        effort=history.forces(laws),
+        effort=history.forces(laws).T,
     )
 
 

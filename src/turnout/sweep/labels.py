@@ -10,7 +10,12 @@ from numpy.typing import NDArray
 
 from turnout.metric.features import FEATURES, run_features
 from turnout.metric.trapped import is_trapped
-from turnout.response.labels import control_states, force_margins
+from turnout.response.labels import (
+    contact_labels,
+    control_states,
+    flangeway_labels,
+    force_margins,
+)
 from turnout.response.signals import Variable
 from turnout.sweep.alike_throws import AlikeThrows, ThrowSignals
 
@@ -31,10 +36,19 @@ LABELS = {
 """Unit and meaning of the labels that only a sweep has."""
 
 
+NOT_STORED = ("object_contact_time", "least_flangeway_rail")
+"""Labels that sweeps leave out."""
+
+
 def compute_labels(throws: AlikeThrows) -> list[dict[str, Variable]]:
     """Return labels and features of each of some throws."""
-    found = _drive_features(throws) | object_labels(throws) | _state_labels(throws)
-    found["object_trapped"] = ((), _trapped(throws))
+    contact = _contact_labels(throws)
+    found = _drive_features(throws) | object_labels(throws, contact["contact_time"][1])
+    found |= _state_labels(throws) | contact
+    found |= flangeway_labels([run.ends for run in throws.runs])
+    found["object_trapped"] = ((), _trapped(throws, found))
+    for name in NOT_STORED:
+        found.pop(name, None)
     return [
         {name: (dims, values[number, ...]) for name, (dims, values) in found.items()}
         for number in range(len(throws.runs))
@@ -80,27 +94,48 @@ def _state_labels(throws: AlikeThrows) -> Values:
     }
 
 
-def _trapped(throws: AlikeThrows) -> Flags:
+def _contact_labels(throws: AlikeThrows) -> Values:
+    """Return whether objects had room and were touched, and when."""
+    first = throws.runs[0]
+    objects = [list(run.watched.laws[len(first.panel.drive) :]) for run in throws.runs]
+    times = [
+        (run.watched.law_first[own], run.watched.law_placed[own])
+        for run, own in zip(throws.runs, objects, strict=True)
+    ]
+    touched, placed = np.array(times).swapaxes(0, 1)
+    return contact_labels(first.index, touched, placed)
+
+
+def _trapped(throws: AlikeThrows, contact: Values) -> Flags:
     """Return whether an object that was touched is still there at the end, for each throw."""
-    contact, taken, left = np.array([_objects(run) for run in throws.runs]).swapaxes(0, 1)
+    taken, left = np.array([_objects(run) for run in throws.runs]).swapaxes(0, 1)
     taken = np.where(taken > throws.time[-1], np.inf, taken)
-    return np.asarray(is_trapped(contact, taken, left).any(axis=-1))
+    if "object_contact_time" in contact:
+        touched = contact["object_contact_time"][1]
+    else:
+        touched = contact["contact_time"][1][:, np.newaxis]
+    return np.asarray(is_trapped(touched, taken, left).any(axis=-1))
 
 
-def _objects(run: ThrowSignals) -> tuple[list[float], list[float], list[float]]:
-    """Return contact and end of each object [s], and the size that is left of it [m]."""
-    groups = run.index.object_laws.values()
-    taken = [float(run.disappears[own[0]]) for own in groups]
-    contact, left = [float(run.labels["contact_time"][1])] * len(taken), [math.nan] * len(taken)
-    if "object_contact_time" in run.labels:
-        contact = run.labels["object_contact_time"][1].tolist()
+def _objects(run: ThrowSignals) -> tuple[list[float], list[float]]:
+    """Return the end of each object [s], and the size that is left of it [m]."""
+    taken = [float(run.disappears[own[0]]) for own in run.index.object_laws.values()]
+    left = [math.nan] * len(taken)
     if "object_left" in run.labels:
         left = run.labels["object_left"][1].tolist()
-    return contact, taken, left
+    return taken, left
 
 
-def object_labels(throws: AlikeThrows) -> Values:
-    """Return the largest and last force on the objects, and whether drives slipped."""
+def object_labels(throws: AlikeThrows, contact: Floats) -> Values:
+    """Return the largest and last force on the objects, and whether drives slipped.
+
+    Parameters
+    ----------
+    throws : AlikeThrows
+        The throws.
+    contact : ndarray, shape (n,)
+        When any object was first touched, NaN for never [s].
+    """
     force = throws.on_objects["object_force"][1].astype(np.float64, copy=False)
     slipped, onset = np.zeros(force.shape, dtype=np.bool_), 0
     for span in throws.spans:
@@ -109,7 +144,6 @@ def object_labels(throws: AlikeThrows) -> Values:
         # At the onset of a movement a drive may still hold with the force of the one before.
         working = effort > 0 if span.to == "closed" else effort < 0
         slipped[:, onset:] = (throws.slipping[..., onset:] & working).any(axis=1)
-    contact = np.array([float(run.labels["contact_time"][1]) for run in throws.runs])
     alone = np.searchsorted(throws.time, np.where(np.isfinite(contact), contact, np.inf))
     first = np.where(slipped.any(axis=1), slipped.argmax(axis=1), throws.time.size)
     return {

@@ -19,7 +19,12 @@ from turnout.integrate.outcome import Code
 from turnout.mechanism.shape_key import LAWS_ALONE
 from turnout.panel.foreign_object import PlacedObject, resolve_objects
 from turnout.panel.load import LoadedPanel
-from turnout.response.coordinates import coordinates, default_stations, dimensions_of
+from turnout.response.coordinates import (
+    default_stations,
+    dimensions_of,
+    object_coordinate,
+    shared_coordinates,
+)
 from turnout.response.signals import Variable
 from turnout.response.simulate import PlannedThrow, Solved, plan_throw, solve_planned
 from turnout.scheme import Scheme
@@ -54,17 +59,8 @@ STEPS_AT_ONCE = 136_000
 """Steps of the throws that are made together: of longer throws there are fewer, since each leaves
 the more in memory."""
 
-UNCHANGED_LABELS = (
-    "object_placed",
-    "object_touched",
-    "contact_time",
-    "least_flangeway",
-    "least_flangeway_x",
-)
-"""Stored of each throw as they are."""
-
 MACHINE_LABELS = ("throw_time", "mean_current", "end_current")
-"""Stored likewise where drives are machines."""
+"""Stored of each throw as they are, where drives are machines."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -321,19 +317,16 @@ def reduce_signals(study: Study, runs: Sequence[ThrowSignals]) -> list[tuple[Var
         together = lay_together([runs[number] for number in numbers])
         histories = kept_histories(together, study.output.channels)
         labels = compute_labels(together)
+        dimensions = dimensions_of(labels[0])
         for number, kept, more in zip(numbers, histories, labels, strict=True):
             run = runs[number]
-            variables = {
-                **kept,
-                **{name: run.labels[name] for name in UNCHANGED_LABELS},
-                **{name: run.labels[name] for name in MACHINE_LABELS if name in run.labels},
-                **more,
-            }
-            used = dimensions_of(variables)  # alike throws may keep further channels of their own
-            of_run = coordinates(run.panel, run.index, used=used)
+            own = kept | {name: run.labels[name] for name in MACHINE_LABELS if name in run.labels}
+            used = dimensions | dimensions_of(own)  # alike throws may keep channels of their own
+            of_run = shared_coordinates(run.panel, used=used)
+            of_run |= object_coordinate(run.index, used=used)
             if "x" in used:
                 of_run["x"] = (("x",), default_stations(run.panel))
-            found[number] = variables, of_run
+            found[number] = own | more, of_run
     return found
 
 
