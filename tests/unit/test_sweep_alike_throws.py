@@ -10,7 +10,7 @@ from tests.unit.sweeps import small_study
 from turnout.measurement.chain.recorder import Recorder
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
-from turnout.response.gaps import split_gaps
+from turnout.response.gaps import split_gaps, split_gaps_of
 from turnout.response.simulate import simulate
 from turnout.study.load_study import load_study
 from turnout.study.scenario import Scenario
@@ -132,7 +132,7 @@ def test_gaps_of_many_throws_are_split_as_those_of_each() -> None:
     panel = load_panel("uic60-760-1-15")
     time = np.linspace(0.0, panel.schedule.end, 30)
     gaps = np.random.default_rng(4).random((3, 2 * len(panel.drive) + len(panel.sensor), 30))
-    together = split_gaps(panel, gaps, time)
+    together = split_gaps_of(list(gaps), panel, time)
     for number, own in enumerate(gaps):
         for found, alone in zip(together, split_gaps(panel, own, time), strict=True):
             np.testing.assert_array_equal(found[number], alone)

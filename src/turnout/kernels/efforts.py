@@ -29,8 +29,8 @@ def find_places(
     ----------
     effort : ndarray, shape (n_rows, n_times)
         Places where it is not finite count for nothing [N].
-    travel : ndarray, shape (n_rows, n_times), optional
-        Of the marker [m].
+    travel : ndarray, shape (n, n_times), optional
+        Of the marker; the n rows repeat until there is one for each row of effort [m].
     limits : ndarray, shape (n_rows,)
         Effort above which a row slips: the number below that at which it does [N].
     arrived : float
@@ -45,7 +45,7 @@ def find_places(
         places[r, SLIP] = _first_above(row, limits[r])
         places[r, MOVING] = -1
         if travel is not None:
-            path, i = travel[r], count - 1
+            path, i = travel[r % travel.shape[0]], count - 1
             while i >= 0 and not abs(path[i] - path[count - 1]) > arrived:
                 i -= 1
             places[r, MOVING] = i
@@ -84,15 +84,16 @@ def integrate_work(effort: Floats, travel: Floats, work: Floats) -> None:
 
     Parameters
     ----------
-    effort, travel : ndarray, shape (n_rows, n_times)
-        [N], [m]
+    effort, travel : ndarray, shapes (n_rows, n_times), (n, n_times)
+        As of `find_places` [N], [m].
     work : ndarray, shape (n_rows,)
         [J]
     """
     count = effort.shape[1] - 1
     whole = count - count % LANES
     for r in range(effort.shape[0]):
-        row, path, parts, rest = effort[r], travel[r], broadcast(0.0), 0.0
+        row, path = effort[r], travel[r % travel.shape[0]]
+        parts, rest = broadcast(0.0), 0.0
         for i in range(0, whole, LANES):
             moved = load(path, i + 1) - load(path, i)
             parts = parts + moved * (load(row, i + 1) + load(row, i))

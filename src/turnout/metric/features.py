@@ -136,8 +136,10 @@ def run_features(
         Start and end [s] and direction of each movement.
     limits : ndarray, shape (n_drives,)
         Force at which each drive slips [N].
-    travel, current : ndarray, shape (n_drives, n_times), optional
-        Of the markers, positive closing [m], and of the motors, of either sign [A].
+    travel : ndarray, shape (n, n_times), optional
+        Of the markers, positive closing; the n rows repeat until there is one for each drive [m].
+    current : ndarray, shape (n_drives, n_times), optional
+        Of the motors, of either sign [A].
 
     Returns
     -------

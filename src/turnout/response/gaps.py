@@ -1,6 +1,7 @@
 """Open distances between switch rails and stock rails."""
 
 from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -32,6 +33,7 @@ from turnout.response.route import closed_rail, closed_spans
 from turnout.response.rows_over_time import write_rows
 
 Floats = NDArray[np.float64]
+AnyFloat = TypeVar("AnyFloat", np.float32, np.float64)
 Place = tuple[str, Floats, Floats]
 """Rail, places along it and heights of some points [m]."""
 
@@ -154,25 +156,36 @@ def split_gaps(panel: Panel, gaps: Floats, time: Floats) -> tuple[Floats, Floats
     Parameters
     ----------
     panel : Panel
-    gaps : ndarray, shape (..., n_places, n_times)
-        Also of many throws of the same movements [m].
+    gaps : ndarray, shape (n_places, n_times)
+        [m]
     time : ndarray, shape (n_times,)
         [s]
 
     Returns
     -------
-    at_drives : ndarray, shape (..., n_drives, n_times)
+    at_drives : ndarray, shape (n_drives, n_times)
         [m]
-    at_sensors : ndarray, shape (..., n_sensors, n_times)
+    at_sensors : ndarray, shape (n_sensors, n_times)
         [m]
     """
-    count = len(panel.drive)
-    first, second = gaps[..., :count, :], gaps[..., count : 2 * count, :]
-    at_sensors = gaps[..., 2 * count :, :]
-    # at any instant one of the two is wanted closed
-    at_drives = np.empty(first.shape)
-    for begin, end, closed in closed_spans(panel, time):
-        at_drives[..., begin:end] = (first if closed else second)[..., begin:end]
+    at_drives, at_sensors = split_gaps_of([gaps], panel, time)
+    return at_drives[0], at_sensors[0]
+
+
+def split_gaps_of(
+    throws: Sequence[Floats], panel: Panel, time: Floats, *, kind: type[AnyFloat] = np.float64
+) -> tuple[NDArray[AnyFloat], NDArray[AnyFloat]]:
+    """Return what `split_gaps` does of many throws of the same movements, as numbers of a kind."""
+    count, spans = len(panel.drive), closed_spans(panel, time)
+    size = (len(throws), time.size)
+    at_drives = np.empty((size[0], count, size[1]), dtype=kind)
+    at_sensors = np.empty((size[0], len(throws[0]) - 2 * count, size[1]), dtype=kind)
+    for gaps, own_drives, own_sensors in zip(throws, at_drives, at_sensors, strict=True):
+        # at any instant one of the two is wanted closed
+        first, second = gaps[:count], gaps[count : 2 * count]
+        for begin, end, closed in spans:
+            own_drives[:, begin:end] = (first if closed else second)[:, begin:end]
+        own_sensors[...] = gaps[2 * count :]
     return at_drives, at_sensors
 
 

@@ -87,7 +87,10 @@ def slips(force: Floats, limits: Floats) -> Flags:
     limits : ndarray, shape (...)
         [N]
     """
-    return np.abs(force) >= limits[..., np.newaxis]
+    bounds = limits[..., np.newaxis]
+    found = force >= bounds
+    found |= force <= -bounds  # makes no array of magnitudes
+    return found
 
 
 def object_channels(index: LawIndex, force: Floats) -> dict[str, Variable]:

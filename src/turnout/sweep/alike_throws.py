@@ -17,7 +17,7 @@ from turnout.metric.slip import Span
 from turnout.panel.load import LoadedPanel
 from turnout.panel.markers import marker_offsets
 from turnout.response.flangeway import MovementEnds
-from turnout.response.gaps import split_gaps
+from turnout.response.gaps import split_gaps_of
 from turnout.response.labels import state_limits
 from turnout.response.route import Throw
 from turnout.response.signals import (
@@ -97,15 +97,17 @@ class AlikeThrows:
         Their movements.
     time : ndarray, shape (n_times,)
         Every instant that the solver kept [s].
-    force, recorded_force, displacement : ndarray, shape (n, n_drives, n_times)
-        Of the drives, true and as recorded [N], and of their markers [m].
+    force, recorded_force : ndarray, shape (n, n_drives, n_times)
+        Of the drives, true and as recorded [N].
+    displacement : ndarray, shape (n, n_drives, n_times) or (1, n_drives, n_times)
+        Of their markers; one for all throws where they share it [m].
     slipping : ndarray of bool, shape (n, n_drives, n_times)
         Whether drives slip.
     slip_limits : ndarray, shape (n, n_drives)
         Forces at which they do [N].
     on_objects : dict
         Forces on the objects: their dimensions, and values with throws first.
-    drive_gap, sensor_gap : ndarray, shape (n, n_drives, n_kept), (n, n_sensors, n_kept)
+    drive_gap, sensor_gap : ndarray of float32, shape (n, n_drives, n_kept), (n, n_sensors, n_kept)
         At the rate of the study; without instants where that is not wanted [m].
     end_gaps, gap_limits : tuple of ndarray, shapes (n, n_drives, 1) and (n, n_sensors, 1)
         Gaps at drives and sensors at the end, and their limits without the last axis [m].
@@ -120,8 +122,8 @@ class AlikeThrows:
     slipping: Flags
     slip_limits: Floats
     on_objects: Variables
-    drive_gap: Floats
-    sensor_gap: Floats
+    drive_gap: NDArray[np.float32]
+    sensor_gap: NDArray[np.float32]
     end_gaps: tuple[Floats, Floats]
     gap_limits: tuple[Floats, Floats]
 
@@ -162,9 +164,9 @@ def lay_together(runs: Sequence[ThrowSignals]) -> AlikeThrows:
         recorded = np.array(
             [recorded_force(one, time, run.recorder) for one, run in zip(force, runs, strict=True)]
         )
-    seen = _turned([run.watched.seen for run in runs])
-    gaps = split_gaps(panel, seen, time[::stride][: seen.shape[-1]])
-    end_gaps = split_gaps(panel, _turned([run.watched.seen_last for run in runs]), time[-1:])
+    kept = time[::stride][: runs[0].watched.seen.shape[0]]
+    gaps = split_gaps_of([run.watched.seen.T for run in runs], panel, kept, kind=np.float32)
+    end_gaps = split_gaps_of([run.watched.seen_last.T for run in runs], panel, time[-1:])
     limits = [state_limits(run.panel) for run in runs]
     return AlikeThrows(
         runs=runs,
@@ -184,25 +186,16 @@ def lay_together(runs: Sequence[ThrowSignals]) -> AlikeThrows:
 
 
 def _displacements(runs: Sequence[ThrowSignals]) -> Floats:
-    """Return the positions of the markers of some throws, which mostly share their inputs [m]."""
-    found = np.empty((len(runs), *runs[0].watched.inputs.shape[::-1]))
-    shared: dict[tuple[int, bytes], Floats] = {}
-    for run, to in zip(runs, found, strict=True):
-        offsets, inputs = marker_offsets(run.panel), run.watched.inputs
-        key = (id(inputs), offsets.tobytes())
-        if key in shared:
-            to[...] = shared[key]
-        else:
-            shared[key] = np.subtract(inputs.T, offsets[:, np.newaxis], out=to)
-    return found
+    """Return the positions of the markers of some throws, once where all share them [m].
 
-
-def _turned(seen: Sequence[Floats]) -> Floats:
-    """Return what is seen of some throws, shape (n, n_seen, n_times), from the turned of each."""
-    found = np.empty((len(seen), *seen[0].shape[::-1]))
-    for values, to in zip(seen, found, strict=True):
-        to[...] = values.T
-    return found
+    Throws have inputs in the same memory only where the offsets of their markers are the same.
+    """
+    all_inputs = [run.watched.inputs for run in runs]
+    if len({id(own if own.base is None else own.base) for own in all_inputs}) == 1:
+        runs = runs[:1]
+    offsets = np.array([marker_offsets(run.panel) for run in runs])
+    inputs = np.array([run.watched.inputs.T for run in runs])
+    return inputs - offsets[..., np.newaxis]
 
 
 def kept_histories(throws: AlikeThrows, wanted: Sequence[str]) -> list[Variables]:
@@ -230,11 +223,14 @@ def kept_histories(throws: AlikeThrows, wanted: Sequence[str]) -> list[Variables
         if name in wanted and values.size
     }
     return [
-        {name: (dims, values[number]) for name, (dims, values) in stored.items()} | run.kept
+        {name: (dims, values[number % len(values)]) for name, (dims, values) in stored.items()}
+        | run.kept
         for number, run in enumerate(throws.runs)
     ]
 
 
 def single_precision(values: NDArray[np.generic]) -> NDArray[np.generic]:
     """Return numbers in single precision; states and logical values stay."""
-    return values.astype(np.float32, order="C") if values.dtype.kind == "f" else values.copy()
+    if values.dtype.kind != "f":
+        return values.copy()
+    return values.astype(np.float32, order="C", copy=False)
