@@ -68,9 +68,7 @@ def test_flangeways_of_many_runs_are_those_of_each() -> None:
     for name in ("uic60-760-1-15", "sb1", "60e1-300-1-9", "uic60-760-1-15"):
         for size, at in ((0.02, "sleeper 5"), (0.01, "x = 3.21 m"), (0.015, "drive 1")):
             panel = load_panel(name)
-            solved = solve(
-                panel, foreign_object=ForeignObject(size, at), scheme=Scheme.of("quick")
-            )
+            solved = solve(panel, foreign_object=ForeignObject(size, at), scheme=Scheme.of("quick"))
             motion = recover_motion(solved.mechanism, solved.history)
             time = solved.history.time
             ends = [(throw, int(time.searchsorted(throw.end))) for throw in throws(panel)]

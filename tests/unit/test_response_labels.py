@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from tests.unit.simulated import sb1_panel, sb2_dataset, sb2_panel
 
-from turnout.panel.profile import contact_height
 from turnout.mechanism.mechanism import LawIndex
+from turnout.panel.profile import contact_height
 from turnout.response.labels import contact_labels, control_states, force_margins
 from turnout.response.route import (
     at_rest,

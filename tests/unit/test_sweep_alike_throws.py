@@ -132,7 +132,7 @@ def test_gaps_of_many_throws_are_split_as_those_of_each() -> None:
     panel = load_panel("uic60-760-1-15")
     time = np.linspace(0.0, panel.schedule.end, 30)
     gaps = np.random.default_rng(4).random((3, 2 * len(panel.drive) + len(panel.sensor), 30))
-    together = split_gaps_of(list(gaps), panel, time)
+    together = split_gaps_of(list(gaps), panel, time, kind=np.float64)
     for number, own in enumerate(gaps):
         for found, alone in zip(together, split_gaps(panel, own, time), strict=True):
             np.testing.assert_array_equal(found[number], alone)

@@ -1,7 +1,6 @@
 """Names and places of the members of a panel as coordinates of a dataset."""
 
-from collections.abc import Callable, Container, Mapping
-from functools import lru_cache
+from collections.abc import Callable, Container, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -74,22 +73,47 @@ def coordinates(panel: Panel, index: LawIndex, *, used: Container[str]) -> dict[
     used : container of str
         The dimensions.
     """
-    dimensions = [dimension for dimension in _MAKERS if dimension in used]
-    families = [getattr(panel, name) for dimension in dimensions for name in _MAKERS[dimension][0]]
+    dimensions = [dimension for dimension in ("drive", *_MAKERS) if dimension in used]
+    named = [name for dimension in dimensions for name in _families_of(dimension)]
+    families = [getattr(panel, name) for name in named]
     key = (*dimensions, *map(id, families))
     kept = _together.get(key)
     if kept is None:
-        kept = _together.put(key, (shared_coordinates(panel, used=dimensions), families))
+        made = shared_coordinates([panel], used=dimensions)
+        alone = {name: v if v[0] == (name,) else (v[0], v[1][0]) for name, v in made.items()}
+        kept = _together.put(key, (alone, families))
     found = {name: (dims, values.copy()) for name, (dims, values) in kept[0].items()}
     return found | object_coordinate(index, used=used)
 
 
-def shared_coordinates(panel: Panel, *, used: Container[str]) -> dict[str, Variable]:
-    """Return coordinates of a panel alone, whose arrays throws share and none may change."""
+def shared_coordinates(panels: Sequence[Panel], *, used: Container[str]) -> dict[str, Variable]:
+    """Return coordinates of some panels that differ in values alone.
+
+    Returns
+    -------
+    dict of str to (dims, ndarray)
+        Those of dimensions once, all others with panels first. Throws share the arrays, which none
+        may change.
+    """
     found: dict[str, Variable] = {}
+    if "drive" in used:
+        found |= _of_drives(panels)
     for dimension in _MAKERS:
         if dimension in used:
-            found |= _of_drives(panel) if dimension == "drive" else _of_dimension(panel, dimension)
+            found |= _stack([_of_dimension(panel, dimension) for panel in panels])
+    return found
+
+
+def _stack(made: Sequence[dict[str, Variable]]) -> dict[str, Variable]:
+    """Return coordinates of panels, which are mostly the very same, stacked."""
+    alike, found = all(one is made[0] for one in made), dict[str, Variable]()
+    for name, (dims, values) in made[0].items():
+        if dims == (name,):
+            found[name] = (dims, values)
+        elif alike:
+            found[name] = (dims, np.broadcast_to(values, (len(made), *values.shape)))
+        else:
+            found[name] = (dims, np.array([one[name][1] for one in made]))
     return found
 
 
@@ -98,6 +122,11 @@ def object_coordinate(index: LawIndex, *, used: Container[str]) -> dict[str, Var
     if "object" not in used or not index.object_parts:
         return {}
     return {"object": _names("object", index.object_parts)}
+
+
+def _families_of(dimension: str) -> tuple[str, ...]:
+    """Return the families of a panel from which the coordinates of a dimension are made."""
+    return ("drive", "machine") if dimension == "drive" else _MAKERS[dimension][0]
 
 
 def _of_dimension(panel: Panel, dimension: str) -> dict[str, Variable]:
@@ -109,14 +138,15 @@ def _of_dimension(panel: Panel, dimension: str) -> dict[str, Variable]:
     return _single.put(key, (make(panel), families))[0] if kept is None else kept[0]
 
 
-def _of_drives(panel: Panel) -> dict[str, Variable]:
+def _of_drives(panels: Sequence[Panel]) -> dict[str, Variable]:
     """Return what is made for each throw, since most studies vary something of drives."""
-    drives = panel.drive.values()
+    drives = [panel.drive.values() for panel in panels]
+    slip = [[slip_force(panel, name) for name in panel.drive] for panel in panels]
     return {
-        "drive": _drive_names(tuple(panel.drive)),
-        "drive_x": _places("drive", panel.drive),
-        "saturation_force": _numbers("drive", [slip_force(panel, name) for name in panel.drive]),
-        "drive_stiffness": _numbers("drive", [_stiffness(drive) for drive in drives]),
+        "drive": _names("drive", panels[0].drive),
+        "drive_x": _numbers("drive", [[drive.x for drive in own] for own in drives]),
+        "saturation_force": _numbers("drive", slip),
+        "drive_stiffness": _numbers("drive", [[*map(_stiffness, own)] for own in drives]),
     }
 
 
@@ -136,7 +166,6 @@ def _of_sensors(panel: Panel) -> dict[str, Variable]:
 
 _MAKERS: Mapping[str, tuple[tuple[str, ...], Callable[[Panel], dict[str, Variable]]]] = {
     "rail": (("rail",), lambda panel: {"rail": _names("rail", panel.rail)}),
-    "drive": (("drive", "machine"), _of_drives),
     "direction": ((), lambda _: {"direction": _names("direction", DIRECTIONS)}),
     "chair": (("chair",), lambda panel: _members("chair", panel.chair)),
     "stop": (("stop", "stud"), _of_stops),
@@ -145,7 +174,7 @@ _MAKERS: Mapping[str, tuple[tuple[str, ...], Callable[[Panel], dict[str, Variabl
     "link": (("link",), lambda panel: _members("link", panel.link)),
     "sensor": (("sensor",), _of_sensors),
 }
-"""By dimension the families of a panel from which its coordinates are made, and how."""
+"""By dimension, but for drives, the families from which its coordinates are made, and how."""
 
 
 def _members(dimension: str, family: Mapping[str, Placed]) -> dict[str, Variable]:
@@ -199,14 +228,9 @@ def _names(dimension: str, names: object) -> Variable:
     return (dimension,), np.array(list(names), dtype=np.str_)  # type: ignore[call-overload]
 
 
-@lru_cache(maxsize=MOST_PANELS)
-def _drive_names(names: tuple[str, ...]) -> Variable:
-    return _names("drive", names)
-
-
 def _places(dimension: str, family: Mapping[str, Placed]) -> Variable:
     return _numbers(dimension, [item.x for item in family.values()])
 
 
-def _numbers(dimension: str, values: list[float]) -> Variable:
+def _numbers(dimension: str, values: list[float] | list[list[float]]) -> Variable:
     return (dimension,), np.array(values, dtype=float)

@@ -168,12 +168,12 @@ def split_gaps(panel: Panel, gaps: Floats, time: Floats) -> tuple[Floats, Floats
     at_sensors : ndarray, shape (n_sensors, n_times)
         [m]
     """
-    at_drives, at_sensors = split_gaps_of([gaps], panel, time)
+    at_drives, at_sensors = split_gaps_of([gaps], panel, time, kind=np.float64)
     return at_drives[0], at_sensors[0]
 
 
 def split_gaps_of(
-    throws: Sequence[Floats], panel: Panel, time: Floats, *, kind: type[AnyFloat] = np.float64
+    throws: Sequence[Floats], panel: Panel, time: Floats, *, kind: type[AnyFloat]
 ) -> tuple[NDArray[AnyFloat], NDArray[AnyFloat]]:
     """Return what `split_gaps` does of many throws of the same movements, as numbers of a kind."""
     count, spans = len(panel.drive), closed_spans(panel, time)

@@ -32,8 +32,8 @@ def contact_labels(index: LawIndex, first: Floats, placed: Floats) -> dict[str, 
         the index; NaN for never; also of many throws with the same `object_rows` [s].
     """
     labels: dict[str, Variable] = {
-        "object_placed": ((), ~np.isnan(placed).any(axis=-1)),
-        "object_touched": ((), ~np.isnan(first).all(axis=-1)),
+        "object_placed": ((), np.logical_not(np.isnan(placed).any(axis=-1))),
+        "object_touched": ((), np.logical_not(np.isnan(first).all(axis=-1))),
         "contact_time": ((), _earliest(first)),
     }
     if len(index.object_parts) > 1:

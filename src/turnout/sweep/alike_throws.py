@@ -138,7 +138,8 @@ def group_by_layout(runs: Sequence[ThrowSignals]) -> list[list[int]]:
         objects: object = run.watched.effort.shape
         if len(run.index.object_parts) > 1:
             objects = tuple(map(tuple, object_rows(run.index)))
-        key = (run.moved, time.size, float(time[-1]), seen.shape, counts, objects, lock)
+        own = [(name, *v.shape) for name, (_, v) in (*run.kept.items(), *run.labels.items())]
+        key = (run.moved, time.size, float(time[-1]), seen.shape, counts, objects, lock, *own)
         found.setdefault(key, []).append(number)
     return list(found.values())
 
@@ -166,7 +167,8 @@ def lay_together(runs: Sequence[ThrowSignals]) -> AlikeThrows:
         )
     kept = time[::stride][: runs[0].watched.seen.shape[0]]
     gaps = split_gaps_of([run.watched.seen.T for run in runs], panel, kept, kind=np.float32)
-    end_gaps = split_gaps_of([run.watched.seen_last.T for run in runs], panel, time[-1:])
+    ends = [run.watched.seen_last.T for run in runs]
+    end_gaps = split_gaps_of(ends, panel, time[-1:], kind=np.float64)
     limits = [state_limits(run.panel) for run in runs]
     return AlikeThrows(
         runs=runs,
@@ -195,11 +197,12 @@ def _displacements(runs: Sequence[ThrowSignals]) -> Floats:
         runs = runs[:1]
     offsets = np.array([marker_offsets(run.panel) for run in runs])
     inputs = np.array([run.watched.inputs.T for run in runs])
-    return inputs - offsets[..., np.newaxis]
+    found: Floats = inputs - offsets[..., np.newaxis]
+    return found
 
 
-def kept_histories(throws: AlikeThrows, wanted: Sequence[str]) -> list[Variables]:
-    """Return the histories that are stored of each throw, in single precision.
+def kept_histories(throws: AlikeThrows, wanted: Sequence[str]) -> Variables:
+    """Return the histories that are stored of some throws, in single precision, throws first.
 
     Parameters
     ----------
@@ -218,15 +221,18 @@ def kept_histories(throws: AlikeThrows, wanted: Sequence[str]) -> list[Variables
         "sensor_gap": (("sensor", "time"), throws.sensor_gap, 1),
     }
     stored = {
-        name: (dims, single_precision(values[..., ::step]))
+        name: (dims, _of_each(single_precision(values[..., ::step]), len(throws.runs)))
         for name, (dims, values, step) in made.items()
         if name in wanted and values.size
     }
-    return [
-        {name: (dims, values[number % len(values)]) for name, (dims, values) in stored.items()}
-        | run.kept
-        for number, run in enumerate(throws.runs)
-    ]
+    for name, (dims, _) in throws.runs[0].kept.items():
+        stored[name] = (dims, np.array([run.kept[name][1] for run in throws.runs]))
+    return stored
+
+
+def _of_each(values: NDArray[np.generic], count: int) -> NDArray[np.generic]:
+    """Return values of each throw, of which there may be one for all."""
+    return np.broadcast_to(values, (count, *values.shape[1:]))
 
 
 def single_precision(values: NDArray[np.generic]) -> NDArray[np.generic]:

@@ -13,14 +13,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.files import write_atomic
 from turnout.metric.features import FEATURES
-from turnout.response.signals import Variable
 from turnout.schema.channels import AXES, known_channel
 from turnout.study.scenario import Rule
 from turnout.study.study import Study
@@ -28,6 +27,7 @@ from turnout.sweep.labels import LABELS
 from turnout.sweep.row import (
     COMPLETE,
     Row,
+    StoredThrows,
     rule_inputs,
     skipped_row,
     throw_scenarios,
@@ -206,25 +206,22 @@ def compact_variables(variables: Mapping[str, StoredVariable]) -> dict[str, Stor
 
 def _stacked_variables(study: Study, rows: Sequence[Row]) -> dict[str, StoredVariable]:
     variables = _scenario_variables(study, rows)
-    known = [row for row in rows if row.outcome == COMPLETE]
-    varying: dict[str, Variable] = {}
+    groups = _group_rows(rows)
+    pieces: dict[str, list[_Piece]] = {}
     coordinates: set[str] = set()
-    for row in known:
-        for name in [name for name in row.coordinates if name not in coordinates]:
-            dims, values = row.coordinates[name]
+    for group in groups:
+        for name, (dims, values) in group.stored.coordinates.items():
             coordinates.add(name)
-            if dims == (name,):
-                variables.setdefault(
-                    name, StoredVariable(dims, values, variable_attributes(name), coordinate=True)
-                )
-            else:
-                varying.setdefault(name, (dims, values))
-        if not row.variables.keys() <= varying.keys():
-            varying |= {name: v for name, v in row.variables.items() if name not in varying}
-    of_rows = [row.variables | row.coordinates for row in rows]
-    for name, like in varying.items():
-        found = [own.get(name) for own in of_rows]
-        variables[name] = _stack(name, found, like, coordinate=name in coordinates)
+            if dims != (name,):
+                pieces.setdefault(name, []).append(group.piece(dims, values))
+            elif name not in variables:
+                about = variable_attributes(name)
+                variables[name] = StoredVariable(dims, values, about, coordinate=True)
+    for group in groups:
+        for name, (dims, values) in group.stored.variables.items():
+            pieces.setdefault(name, []).append(group.piece(dims, values))
+    for name, found in pieces.items():
+        variables[name] = _stack(name, found, len(rows), coordinate=name in coordinates)
     over_time = [v.values.shape[-1] for v in variables.values() if v.dims[-1] == "time"]
     if over_time:
         time = np.arange(max(over_time)) * study.output.interval
@@ -232,6 +229,38 @@ def _stacked_variables(study: Study, rows: Sequence[Row]) -> dict[str, StoredVar
             ("time",), time, variable_attributes("time"), coordinate=True
         )
     return variables
+
+
+class _Piece(NamedTuple):
+    """A variable of some rows: their places, the dimensions of one, and values of each."""
+
+    places: list[int]
+    dims: tuple[str, ...]
+    values: NDArray[np.generic]
+
+
+class _Group(NamedTuple):
+    """Rows of throws that are stored together: their places, and their numbers among the throws."""
+
+    stored: StoredThrows
+    places: list[int]
+    numbers: list[int]
+
+    def piece(self, dims: tuple[str, ...], values: NDArray[np.generic]) -> _Piece:
+        """Return a variable of the rows; `values` are those of all throws."""
+        all_of_it = self.numbers == [*range(len(values))]
+        return _Piece(self.places, dims, values if all_of_it else values[self.numbers])
+
+
+def _group_rows(rows: Sequence[Row]) -> list[_Group]:
+    """Return the complete rows by the throws that they are stored with."""
+    found: dict[int, _Group] = {}
+    for place, row in enumerate(rows):
+        if row.stored is not None:
+            group = found.setdefault(id(row.stored), _Group(row.stored, [], []))
+            group.places.append(place)
+            group.numbers.append(row.number)
+    return list(found.values())
 
 
 @cache
@@ -300,27 +329,28 @@ def data_split(condition: str, seed: int) -> str:
     return next(name for name, bound in SPLITS.items() if share < bound)
 
 
-def _stack(
-    name: str, found: Sequence[Variable | None], like: Variable, *, coordinate: bool
-) -> StoredVariable:
-    """Return the variables of scenarios stacked, the shorter ones filled up along time."""
-    kind = like[1].dtype
+def _stack(name: str, pieces: Sequence[_Piece], count: int, *, coordinate: bool) -> StoredVariable:
+    """Return a variable of some rows in one array, the shorter ones filled up along time."""
+    first = pieces[0]
+    kind = first.values.dtype
     logical = kind.kind == "b"
     whole = kind.kind in "bi"  # states of machines are -1 without a machine too
     dtype, empty = (np.dtype(np.int8), UNKNOWN_LOGICAL) if whole else (kind, np.nan)
-    known = [variable[1] for variable in found if variable is not None]
-    shapes = {array.shape for array in known}
-    if len(known) == len(found) and len(shapes) == 1:
-        values = np.array(known, dtype=dtype)
+    shape = np.max([piece.values.shape[1:] for piece in pieces], axis=0, initial=0)
+    if sum(len(piece.places) for piece in pieces) < count or any(
+        piece.values.shape[1:] != tuple(shape) for piece in pieces
+    ):
+        values = np.full((count, *shape), empty, dtype=dtype)
     else:
-        values = np.full((len(found), *np.max(list(shapes), axis=0)), empty, dtype=dtype)
-        for number, variable in enumerate(found):
-            if variable is not None:
-                place: tuple[int | slice, ...] = (number, *map(slice, variable[1].shape))
-                values[place] = variable[1]
+        values = np.empty((count, *shape), dtype=dtype)
+    for piece in pieces:
+        places = slice(piece.places[0], piece.places[-1] + 1)
+        neighbours = places.stop - places.start == len(piece.places)
+        within = map(slice, piece.values.shape[1:])
+        values[(places if neighbours else piece.places, *within)] = piece.values
     attributes = variable_attributes(name)
     if logical:
         attributes = attributes | {
             "values": "1 true, 0 false, -1 not known as the scenario is not complete"
         }
-    return StoredVariable(("scenario", *like[0]), values, attributes, coordinate=coordinate)
+    return StoredVariable(("scenario", *first.dims), values, attributes, coordinate=coordinate)

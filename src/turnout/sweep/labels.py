@@ -16,7 +16,6 @@ from turnout.response.labels import (
     flangeway_labels,
     force_margins,
 )
-from turnout.response.signals import Variable
 from turnout.sweep.alike_throws import AlikeThrows, ThrowSignals
 
 Floats = NDArray[np.float64]
@@ -39,20 +38,25 @@ LABELS = {
 NOT_STORED = ("object_contact_time", "least_flangeway_rail")
 """Labels that sweeps leave out."""
 
+MACHINE_LABELS = ("throw_time", "mean_current", "end_current")
+"""Stored of each throw as they are, where drives are machines."""
 
-def compute_labels(throws: AlikeThrows) -> list[dict[str, Variable]]:
-    """Return labels and features of each of some throws."""
+
+def compute_labels(throws: AlikeThrows) -> Values:
+    """Return labels and features of some throws."""
     contact = _contact_labels(throws)
-    found = _drive_features(throws) | object_labels(throws, contact["contact_time"][1])
+    touched = np.asarray(contact["contact_time"][1], dtype=np.float64)
+    found = _drive_features(throws) | object_labels(throws, touched)
     found |= _state_labels(throws) | contact
     found |= flangeway_labels([run.ends for run in throws.runs])
     found["object_trapped"] = ((), _trapped(throws, found))
     for name in NOT_STORED:
         found.pop(name, None)
-    return [
-        {name: (dims, values[number, ...]) for name, (dims, values) in found.items()}
-        for number in range(len(throws.runs))
-    ]
+    for name in MACHINE_LABELS:
+        if name in throws.runs[0].labels:
+            dims = throws.runs[0].labels[name][0]
+            found[name] = (dims, np.array([run.labels[name][1] for run in throws.runs]))
+    return found
 
 
 def _drive_features(throws: AlikeThrows) -> Values:

@@ -59,9 +59,6 @@ STEPS_AT_ONCE = 136_000
 """Steps of the throws that are made together: of longer throws there are fewer, since each leaves
 the more in memory."""
 
-MACHINE_LABELS = ("throw_time", "mean_current", "end_current")
-"""Stored of each throw as they are, where drives are machines."""
-
 
 @dataclass(frozen=True, slots=True)
 class SolverTime:
@@ -81,6 +78,22 @@ class SolverTime:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class StoredThrows:
+    """What is stored of throws that are alike.
+
+    Attributes
+    ----------
+    variables : dict of str to (dims, ndarray)
+        Histories, labels and features, throws first; the dimensions are those of one.
+    coordinates : dict of str to (dims, ndarray)
+        Of these; those of dimensions once for all throws, all others likewise.
+    """
+
+    variables: Variables
+    coordinates: Variables
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Row:
     """What is stored of one scenario.
 
@@ -94,26 +107,32 @@ class Row:
         Why it is not complete, else empty.
     attempts : int
         Throws that were made.
-    variables : dict of str to (dims, ndarray)
-        Histories, labels and features; empty unless complete.
-    coordinates : dict of str to (dims, ndarray)
-        Of these.
     solver : SolverTime
         In building and integrating the throw that counted.
+    stored : StoredThrows, optional
+        What is stored of this throw and of others; none unless complete.
+    number : int
+        Of the throw among these.
     """
 
     scenario: Scenario
     outcome: str
     reason: str
     attempts: int
-    variables: Variables
-    coordinates: Variables
-    solver: SolverTime
+    solver: SolverTime = SolverTime()
+    stored: StoredThrows | None = None
+    number: int = 0
+
+    @property
+    def variables(self) -> Variables:
+        """Histories, labels and features of this throw alone; empty unless complete."""
+        found = {} if self.stored is None else self.stored.variables
+        return {name: (dims, values[self.number, ...]) for name, (dims, values) in found.items()}
 
     @property
     def slipped(self) -> bool:
         """Whether a drive slipped in the last movement."""
-        return bool(self.variables["slipped"][1])
+        return self.stored is not None and bool(self.stored.variables["slipped"][1][self.number])
 
 
 @dataclass(frozen=True, slots=True)
@@ -295,44 +314,41 @@ def _fault(error: TurnoutError) -> str:
 def make_rows(study: Study, throws: Sequence[ThrowResult]) -> list[Row]:
     """Return what is stored of some throws."""
     complete = [item.extracted for item in throws if item.extracted is not None]
-    stored: list[tuple[Variables, Variables]] = []
+    stored: list[tuple[StoredThrows, int]] = []
     with short_buffers():
         for first in range(0, len(complete), THROWS_PER_PASS):
             stored += reduce_signals(study, complete[first : first + THROWS_PER_PASS])
     rows, made = [], iter(stored)
     for item in throws:
-        about = (item.ready.scenario, item.outcome, item.reason, item.attempts)
-        extracted = item.extracted
-        if extracted is None:
-            rows.append(Row(*about, {}, {}, item.solver))
-            continue
-        rows.append(Row(*about, *next(made), item.solver))
+        row = Row(item.ready.scenario, item.outcome, item.reason, item.attempts, item.solver)
+        if item.extracted is not None:
+            together, number = next(made)
+            row = replace(row, stored=together, number=number)
+        rows.append(row)
     return rows
 
 
-def reduce_signals(study: Study, runs: Sequence[ThrowSignals]) -> list[tuple[Variables, Variables]]:
-    """Return histories, labels and features of some throws, and coordinates, alike ones at once."""
-    found: list[tuple[Variables, Variables]] = [({}, {})] * len(runs)
+def reduce_signals(study: Study, runs: Sequence[ThrowSignals]) -> list[tuple[StoredThrows, int]]:
+    """Return histories, labels and features of some throws, alike ones at once."""
+    found: list[tuple[StoredThrows, int]] = [(StoredThrows({}, {}), 0)] * len(runs)
     for numbers in group_by_layout(runs):
-        together = lay_together([runs[number] for number in numbers])
-        histories = kept_histories(together, study.output.channels)
-        labels = compute_labels(together)
-        dimensions = dimensions_of(labels[0])
-        for number, kept, more in zip(numbers, histories, labels, strict=True):
-            run = runs[number]
-            own = kept | {name: run.labels[name] for name in MACHINE_LABELS if name in run.labels}
-            used = dimensions | dimensions_of(own)  # alike throws may keep channels of their own
-            of_run = shared_coordinates(run.panel, used=used)
-            of_run |= object_coordinate(run.index, used=used)
-            if "x" in used:
-                of_run["x"] = (("x",), default_stations(run.panel))
-            found[number] = own | more, of_run
+        alike = [runs[number] for number in numbers]
+        together = lay_together(alike)
+        variables = kept_histories(together, study.output.channels) | compute_labels(together)
+        used = dimensions_of(variables)
+        coordinates = shared_coordinates([run.panel for run in alike], used=used)
+        coordinates |= object_coordinate(alike[0].index, used=used)
+        if "x" in used:
+            coordinates["x"] = (("x",), default_stations(alike[0].panel))
+        stored = StoredThrows(variables, coordinates)
+        for place, number in enumerate(numbers):
+            found[number] = stored, place
     return found
 
 
 def skipped_row(scenario: Scenario, *, reason: str) -> Row:
     """Return a scenario that the rule of its chain leaves out."""
-    return Row(scenario, SKIPPED, reason, 0, {}, {}, SolverTime())
+    return Row(scenario, SKIPPED, reason, 0)
 
 
 def refine_scheme(scheme: Scheme) -> Scheme:
