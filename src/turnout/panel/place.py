@@ -13,8 +13,8 @@ PLACE_FAMILIES = ("sleeper", "drive", "sensor", "chair", "stud", "stop", "link",
 _NAMED = re.compile("|".join(PLACE_FAMILIES), re.IGNORECASE)
 # May stand between family and name.
 _BETWEEN = "-_:#. "
-MOST_FAMILIES = 64
-"""So many families have their names in memory in lower case: throws of a study share them."""
+MOST_PANELS = 16
+"""So many panels have their names in memory in lower case: throws of a study share them."""
 _FORMS = "'sleeper 6', 'drive 1', 'sensor TKK1' or 'TKK1', 'chair 5' or 'x = 3.6 m'"
 
 
@@ -81,21 +81,18 @@ def find_place(families: Mapping[str, Mapping[str, Any]], at: str) -> Place:
 
 def _places_called(families: Mapping[str, Mapping[str, Any]], text: str) -> list[Place]:
     """Return the places of any family whose whole name is a text, whatever its case."""
-    wanted, found = text.lower(), []
-    for family in PLACE_FAMILIES:
-        members = families.get(family)
-        if members:
-            names = _names_by_lower(tuple(members)).get(wanted, ())
-            found += [Place(members[name].x, family, name) for name in names]
-    return found
+    names = tuple([tuple(families.get(family, ())) for family in PLACE_FAMILIES])
+    called = _names_by_lower(names).get(text.lower(), ())
+    return [Place(families[family][name].x, family, name) for family, name in called]
 
 
-@lru_cache(maxsize=MOST_FAMILIES)
-def _names_by_lower(names: tuple[str, ...]) -> dict[str, list[str]]:
-    """Return names by what they are in lower case."""
-    found: dict[str, list[str]] = {}
-    for name in names:
-        found.setdefault(name.lower(), []).append(name)
+@lru_cache(maxsize=MOST_PANELS)
+def _names_by_lower(names: tuple[tuple[str, ...], ...]) -> dict[str, list[tuple[str, str]]]:
+    """Return family and name of the members of all families by what names are in lower case."""
+    found: dict[str, list[tuple[str, str]]] = {}
+    for family, members in zip(PLACE_FAMILIES, names, strict=True):
+        for name in members:
+            found.setdefault(name.lower(), []).append((family, name))
     return found
 
 

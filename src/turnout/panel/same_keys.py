@@ -71,7 +71,9 @@ class DerivedPanel:
 
 
 Reader = Callable[[object], Any]
-_Members = dict[str, list[tuple[str, BaseModel, tuple[tuple[str, int], ...]]]]
+_Fields = tuple[tuple[str, int], ...]
+_Members = dict[str, dict[_Fields, list[tuple[str, BaseModel]]]]
+"""By family, and by fields with the numbers of their values: names and records of members."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,7 +82,7 @@ class _SameKeys:
 
     `panel` is what was changed, kept since it is known by its identity. `numbers` are the values
     that are set, with the key that does it and what validates its value; `members` are the records
-    that have any, by family, with the number of the value of each field.
+    that have any.
     """
 
     panel: Panel
@@ -99,11 +101,10 @@ class _SameKeys:
         found = dict(self.known.panel.__dict__)
         for family, members in self.members.items():
             records = found[family] = dict(found[family])
-            for name, first, fields in members:
-                new = first.__dict__.copy()
-                for field, number in fields:
-                    new[field] = values[number]
-                records[name] = with_values(first, new)
+            for fields, alike in members.items():
+                given = {field: values[number] for field, number in fields}
+                for name, first in alike:
+                    records[name] = with_values(first, first.__dict__ | given)
         return found
 
 
@@ -181,7 +182,8 @@ def note_keys(
     members: _Members = {}
     for (family, name), of_member in fields.items():
         first = getattr(made.panel, family)[name]
-        members.setdefault(family, []).append((name, first, tuple(of_member)))
+        of_family = members.setdefault(family, {})
+        of_family.setdefault(tuple(of_member), []).append((name, first))
     given = dict.fromkeys((*way.given, *(".".join(place) for place, _ in way.places)))
     found = _SameKeys(
         panel=panel,

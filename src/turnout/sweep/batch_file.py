@@ -3,8 +3,9 @@
 It is written with the functions of the HDF5 library themselves: for fifty small variables any layer
 above them takes far more time than they do. Still, what a file says of its variables (names,
 shapes, dimensions, attributes) takes five times as long to write as their values. Batches of a
-study are alike in it, so that it is written once, to a *template* without values, and every file is
-a copy of its template that is filled in.
+study are alike in it, so that it is written once, to a *template* without values of scenarios, and
+every file is a copy of its template that is filled in. Small numbers lie at known places, where
+they are put without asking HDF5, which takes as long for a few as for thousands.
 
 Values are compressed by ISA-L, which takes a fifth of the time of zlib and leaves as many bytes.
 Whatever reads HDF5 reads them: streams of RFC 1950, as its filter "deflate" writes them.
@@ -12,7 +13,9 @@ Whatever reads HDF5 reads them: streams of RFC 1950, as its filter "deflate" wri
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from functools import cache
+from threading import Lock
+from typing import Any, NamedTuple
 
 import h5py
 import numpy as np
@@ -27,7 +30,7 @@ from turnout.sweep.batch import ORIGIN, BatchOrigin, StoredVariable
 LARGEST_CHUNK = 2_000_000
 """Of a variable in a file, before compression, rounded up to whole rows [bytes]."""
 
-LARGEST_CONTIGUOUS = 2048
+LARGEST_CONTIGUOUS = 4096
 """A variable up to this size is stored as it is: chunks and compression would take more [bytes]."""
 
 MOST_TEMPLATES = 16
@@ -39,9 +42,19 @@ LEVEL = 1
 MEMORY_STEP = 1 << 21
 """The memory of a file grows by so much [bytes]."""
 
+_image_lock = Lock()
 _TEXT = h5py.string_dtype()
 _TEXT_KIND, _SINGLE = h5t.py_create(_TEXT, logical=True), h5s.create(h5s.SCALAR)
-_templates = LRUCache[bytes](MOST_TEMPLATES)
+
+
+class _Template(NamedTuple):
+    """A file without values of scenarios, and where those of some variables begin [bytes]."""
+
+    content: bytes
+    places: Mapping[str, int]
+
+
+_templates = LRUCache[_Template](MOST_TEMPLATES)
 
 
 def file_bytes(
@@ -56,26 +69,40 @@ def file_bytes(
     origin : BatchOrigin, optional
         Written as an attribute of the file; a batch of a sweep needs it.
     """
-    file = h5f.open(b"batch", h5f.ACC_RDWR, fapl=_in_memory(_template(variables)))
+    template = _template(variables)
+    content = bytearray(template.content)
+    for name, at in template.places.items():
+        values = variables[name].values
+        content[at : at + values.nbytes] = values.tobytes()
+    with _image_lock:
+        _with_image().set_file_image(bytes(content))
+        file = h5f.open(b"batch", h5f.ACC_RDWR, fapl=_with_image())
     if origin is not None:
         _write_attribute(file, ORIGIN.decode(), str(origin))
     for name, variable in variables.items():
-        _write_values(h5d.open(file, name.encode()), np.ascontiguousarray(variable.values))
+        if _is_of_scenarios(variable) and name not in template.places:
+            _write_values(h5d.open(file, name.encode()), np.ascontiguousarray(variable.values))
     return _closed(file)
 
 
-def _template(variables: Mapping[str, StoredVariable]) -> bytes:
-    """Return a file with variables like these that have no values yet, made once for all alike."""
+def _is_of_scenarios(variable: StoredVariable) -> bool:
+    """Return whether a variable has values of each scenario; others are the same in all batches."""
+    return variable.dims[0] == "scenario"
+
+
+def _template(variables: Mapping[str, StoredVariable]) -> _Template:
+    """Return the template of variables like these, made once for all alike."""
     key = tuple(
         (name, item.dims, item.coordinate, _kind_of(item.values), item.values.shape)
         + tuple(item.attributes.items())
+        + (() if _is_of_scenarios(item) else (item.values.tobytes(),))
         for name, item in variables.items()
     )
     kept = _templates.get(key)
     return _templates.put(key, _made_template(variables)) if kept is None else kept
 
 
-def _made_template(variables: Mapping[str, StoredVariable]) -> bytes:
+def _made_template(variables: Mapping[str, StoredVariable]) -> _Template:
     timeless = h5p.create(h5p.FILE_CREATE)
     timeless.set_obj_track_times(False)
     file = h5f.create(b"batch", h5f.ACC_TRUNC, timeless, _in_memory())
@@ -100,18 +127,24 @@ def _made_template(variables: Mapping[str, StoredVariable]) -> bytes:
         if not variable.coordinate:
             mine = [at for at, dims in named.items() if dims <= set(variable.dims)]
             _write_attribute(stored[name], "coordinates", " ".join(mine))
+        if not _is_of_scenarios(variable):
+            _write_values(stored[name], np.ascontiguousarray(variable.values))
+    h5f.flush(file)
+    places = {
+        name: stored[name].get_offset()
+        for name, variable in variables.items()
+        if _is_of_scenarios(variable) and _is_contiguous(variable.values)
+    }
     stored.clear()
-    return _closed(file)
+    return _Template(_closed(file), places)
 
 
-def _in_memory(content: bytes | None = None) -> h5p.PropFAID:
-    """Return how a file is opened that is in memory alone, and begins with some content."""
+def _in_memory() -> h5p.PropFAID:
+    """Return how a file is opened that is in memory alone."""
     access = h5p.create(h5p.FILE_ACCESS)
     access.set_fapl_core(MEMORY_STEP, False)
     access.set_libver_bounds(h5f.LIBVER_LATEST, h5f.LIBVER_LATEST)
     access.set_fclose_degree(h5f.CLOSE_STRONG)
-    if content is not None:
-        access.set_file_image(content)
     return access
 
 
@@ -128,6 +161,17 @@ def _kind_of(values: NDArray[Any]) -> str:
     return values.dtype.str if values.dtype.kind in "fibS" else "text"
 
 
+@cache
+def _with_image() -> h5p.PropFAID:
+    """Return how a file in memory is opened that begins as the image that was set last."""
+    return _in_memory()
+
+
+def _is_contiguous(values: NDArray[Any]) -> bool:
+    """Return whether values lie in a file as they are in memory."""
+    return _kind_of(values) != "text" and 0 < values.nbytes <= LARGEST_CONTIGUOUS
+
+
 def _create_variable(file: h5f.FileID, name: str, values: NDArray[Any]) -> h5d.DatasetID:
     """Add a variable for values like these."""
     properties = h5p.create(h5p.DATASET_CREATE)
@@ -142,6 +186,8 @@ def _create_variable(file: h5f.FileID, name: str, values: NDArray[Any]) -> h5d.D
             properties.set_chunk((rows, *values.shape[1:]))
             properties.set_shuffle()
             properties.set_deflate(LEVEL)
+        else:
+            properties.set_alloc_time(h5d.ALLOC_TIME_EARLY)
     return h5d.create(file, name.encode(), kind, h5s.create_simple(values.shape), properties)
 
 

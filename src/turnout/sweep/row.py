@@ -45,7 +45,7 @@ COMPLETE, FAILED, INVALID, SKIPPED, INACCURATE = OUTCOMES
 UNUSABLE = (FAILED, INVALID, INACCURATE)
 """Outcomes of scenarios that were to be thrown and gave no numbers."""
 
-THROWS_PER_PASS = 64
+THROWS_PER_PASS = 128
 """Throws evaluated together; more save no time and take more memory."""
 
 ALIKE_AT_ONCE = 64
