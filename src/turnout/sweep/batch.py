@@ -108,7 +108,7 @@ def list_batches(folder: Path) -> list[tuple[int, Path]]:
     return sorted((int(match[1]), path) for match, path in found if match is not None)
 
 
-SMALLEST_BATCH, LARGEST_BATCH, SHARE_OF_REST = 16, 128, 0.25
+SMALLEST_BATCH, LARGEST_BATCH, SHARE_OF_REST = 8, 128, 0.25
 """Scenarios in a batch, which is otherwise the power of two nearest to a share of those that are
 left: towards the end of a sweep batches are small, so that no worker waits long for the last one.
 They come in few sizes, since what a file says of its variables is made once for each."""

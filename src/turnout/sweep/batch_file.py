@@ -13,7 +13,7 @@ Whatever reads HDF5 reads them: streams of RFC 1950, as its filter "deflate" wri
 
 import math
 from collections.abc import Mapping
-from functools import cache
+from functools import cache, lru_cache
 from threading import Lock
 from typing import Any, NamedTuple
 
@@ -44,7 +44,8 @@ MEMORY_STEP = 1 << 21
 
 _image_lock = Lock()
 _TEXT = h5py.string_dtype()
-_TEXT_KIND, _SINGLE = h5t.py_create(_TEXT, logical=True), h5s.create(h5s.SCALAR)
+_TEXT_KIND, _TEXT_HERE = h5t.py_create(_TEXT, logical=True), h5t.py_create(_TEXT)
+_SINGLE = h5s.create(h5s.SCALAR)
 
 
 class _Template(NamedTuple):
@@ -174,21 +175,40 @@ def _is_contiguous(values: NDArray[Any]) -> bool:
 
 def _create_variable(file: h5f.FileID, name: str, values: NDArray[Any]) -> h5d.DatasetID:
     """Add a variable for values like these."""
+    kind, rows = _TEXT_KIND, 0
+    if _kind_of(values) != "text":
+        kind = _kind_in_file(values.dtype)
+        if not _is_contiguous(values) and values.size:
+            rows = math.ceil(values.shape[0] / math.ceil(values.nbytes / LARGEST_CHUNK))
+    chunk = (rows, *values.shape[1:]) if rows else ()
+    return h5d.create(file, name.encode(), kind, _shape_in_file(values.shape), _storage(chunk))
+
+
+# A template has many variables alike in kind, shape and storage; naming these takes as long as
+# adding a variable.
+@lru_cache(maxsize=64)
+def _kind_in_file(dtype: np.dtype[Any]) -> h5t.TypeID:
+    of_file = h5py.string_dtype(length=dtype.itemsize) if dtype.kind == "S" else dtype
+    return h5t.py_create(of_file, logical=True)
+
+
+@lru_cache(maxsize=64)
+def _shape_in_file(shape: tuple[int, ...]) -> h5s.SpaceID:
+    return h5s.create_simple(shape)
+
+
+@lru_cache(maxsize=64)
+def _storage(chunk: tuple[int, ...]) -> h5p.PropDCID:
+    """Return how values are stored: compressed in chunks, or as they are."""
     properties = h5p.create(h5p.DATASET_CREATE)
     properties.set_obj_track_times(False)
-    kind = _TEXT_KIND
-    if _kind_of(values) != "text":
-        text = values.dtype.kind == "S"
-        of_file = h5py.string_dtype(length=values.dtype.itemsize) if text else values.dtype
-        kind = h5t.py_create(of_file, logical=True)
-        if values.nbytes > LARGEST_CONTIGUOUS:
-            rows = math.ceil(values.shape[0] / math.ceil(values.nbytes / LARGEST_CHUNK))
-            properties.set_chunk((rows, *values.shape[1:]))
-            properties.set_shuffle()
-            properties.set_deflate(LEVEL)
-        else:
-            properties.set_alloc_time(h5d.ALLOC_TIME_EARLY)
-    return h5d.create(file, name.encode(), kind, h5s.create_simple(values.shape), properties)
+    if chunk:
+        properties.set_chunk(chunk)
+        properties.set_shuffle()
+        properties.set_deflate(LEVEL)
+    else:
+        properties.set_alloc_time(h5d.ALLOC_TIME_EARLY)
+    return properties
 
 
 def _write_values(stored: h5d.DatasetID, values: NDArray[Any]) -> None:
@@ -238,4 +258,6 @@ def deflate_chunk(values: NDArray[np.generic]) -> bytes:
 def _write_attribute(stored: h5d.DatasetID | h5f.FileID, key: str, value: str) -> None:
     """Give a variable, or the file, an attribute."""
     attribute = h5a.create(stored, key.encode(), _TEXT_KIND, _SINGLE)
-    attribute.write(np.array(value, dtype=_TEXT))
+    text = np.empty((), dtype=object)
+    text[()] = value
+    attribute.write(text, _TEXT_HERE)
