@@ -70,7 +70,9 @@ def test_a_history_that_one_of_alike_throws_has_is_stored(
     items = [(ForeignObject("13 mm", "drive 1", kind=kind),) for kind in kinds]
     scenarios = [replace(study.scenario(n), foreign_objects=item) for n, item in enumerate(items)]
     rows = throw_scenarios(study, scenarios)
-    assert ["object" in row.stored.coordinates for row in rows] == [kind == "stone" for kind in kinds]
+    assert ["object" in row.stored.coordinates for row in rows] == [
+        kind == "stone" for kind in kinds
+    ]
     with h5py.File(io.BytesIO(file_bytes(batch_variables(study, rows)))) as file:
         left = file["object_left"][...]
     assert np.isnan(left).ravel().tolist() == [kind == "spring" for kind in kinds]

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from turnout.study.distribution import PROBABILITY_MARGIN, normal_score, normal_share
+from turnout.study.seeds import generators
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -77,8 +78,8 @@ def sample_points(
     if method == "random":
         again = [attempt] if attempt else []
         drawn = np.empty((len(states), dimensions))
-        for row, state in zip(drawn, states, strict=True):
-            np.random.default_rng([seed, POINTS, state, *again]).random(out=row)
+        for row, rng in zip(drawn, generators([seed, POINTS], states, again), strict=True):
+            rng.random(out=row)
         return np.clip(drawn, PROBABILITY_MARGIN, 1.0 - PROBABILITY_MARGIN)
     found: FloatArray = _points(method, count, dimensions, seed)[list(states)]
     return found

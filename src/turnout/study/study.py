@@ -15,6 +15,7 @@ from turnout.study.design import Design
 from turnout.study.random_inputs import RandomField, TemperatureLaw
 from turnout.study.sampling import FIELDS, SCENARIOS
 from turnout.study.scenario import Output, Rule, Scenario, Value, split_into_chains
+from turnout.study.seeds import generators, seed_words
 from turnout.study.variable import (
     CAUSE,
     LABEL,
@@ -142,13 +143,20 @@ class Study:
         states = list(dict.fromkeys(of_each))
         drawn = dict(zip(states, self.design.drawn_states(states), strict=True))
         fields = dict(zip(states, self._drawn_fields(states), strict=True))
+        words = seed_words([self.seed, SCENARIOS], indices, count=1)[:, 0]
+        seeds = (words >> np.uint64(1)).tolist()  # 63 bits, so that each fits a signed integer
         return [
-            self._scenario(index, state, drawn[state], fields[state])
-            for index, state in zip(indices, of_each, strict=True)
+            self._scenario(index, state, drawn[state], fields[state], seed)
+            for index, state, seed in zip(indices, of_each, seeds, strict=True)
         ]
 
     def _scenario(
-        self, index: int, state: int, values: Mapping[str, Value], fields: Sequence["_DrawnField"]
+        self,
+        index: int,
+        state: int,
+        values: Mapping[str, Value],
+        fields: Sequence["_DrawnField"],
+        seed: int,
     ) -> Scenario:
         """Return a scenario of a state with what was drawn for it."""
         axis_values = self.design.axis_values(index)
@@ -172,7 +180,7 @@ class Study:
             recorder=recorder_of(by_key),
             inputs=inputs,
             condition=self._condition(inputs, state),
-            seed=_scenario_seed(self.seed, index),
+            seed=seed,
         )
 
     def scenarios(self) -> Iterator[Scenario]:
@@ -183,8 +191,7 @@ class Study:
         """Return all fields of each of some states."""
         found: list[list[_DrawnField]] = [[] for _ in states]
         for number, field in enumerate(self.fields):
-            seeds = ([self.seed, FIELDS, number, state] for state in states)
-            drawn = field.drawn([np.random.default_rng(seed) for seed in seeds])
+            drawn = field.drawn(generators([self.seed, FIELDS, number], states))
             mean, deviation = drawn.mean(axis=1).tolist(), drawn.std(axis=1).tolist()
             for own, *rest in zip(found, drawn.tolist(), mean, deviation, strict=True):
                 own.append(_DrawnField(field.name, *rest))
@@ -244,9 +251,3 @@ def _labels(by_key: Mapping[str, Value], objects: Sequence[ForeignObject]) -> di
     item = objects[0]
     found: dict[str, Value] = dict(zip(LABELS, (item.kind, item.at, ""), strict=True))
     return found | {LABELS[-1]: f"{1e3 * float(item.size):.3g} mm"}
-
-
-def _scenario_seed(seed: int, index: int) -> int:
-    """Return the seed of one scenario: 63 bits, so that it fits a signed integer."""
-    state = np.random.SeedSequence([seed, SCENARIOS, index]).generate_state(1, np.uint64)
-    return int(state[0] >> np.uint64(1))

@@ -1,0 +1,31 @@
+"""Generators of many states are those that NumPy makes of each."""
+
+import numpy as np
+import pytest
+
+from turnout.study.seeds import generators, seed_words
+
+STATES = [0, 1, 7, 2**31, 2**32 - 1]
+
+
+@pytest.mark.parametrize(
+    "first", [[0], [1, 2], [7, 2**32], [2**40 + 5, 1], [5**60, 3, 2], [1, 2, 3, 4, 5]], ids=str
+)
+@pytest.mark.parametrize("last", [[], [3], [2**33, 1]], ids=str)
+def test_they_are_those_of_numpy(first: list[int], last: list[int]) -> None:
+    words = seed_words(first, STATES, last, count=3)
+    made = generators(first, STATES, last)
+    for state, own, rng in zip(STATES, words, made, strict=True):
+        entropy = [*first, state, *last]
+        whole = np.random.SeedSequence(entropy).generate_state(3, np.uint64)
+        np.testing.assert_array_equal(own, whole)
+        wanted = np.random.default_rng(entropy)
+        np.testing.assert_array_equal(rng.random(4), wanted.random(4))
+        np.testing.assert_array_equal(rng.normal(size=3), wanted.normal(size=3))
+        assert rng.bit_generator.state == wanted.bit_generator.state
+
+
+def test_states_that_one_word_cannot_hold_are_refused() -> None:
+    with pytest.raises(ValueError, match="up to 4294967295"):
+        seed_words([1], [0, 2**32], count=1)
+    assert generators([1], []) == []
