@@ -54,7 +54,8 @@ def build_mechanism(panel: Panel, objects: Sequence[PlacedObject] = ()) -> Mecha
     Mechanism
         One input a drive, in the order of ``panel.drive``: its marker position [m].
     """
-    objects = sorted(divided(objects), key=lambda item: is_off_node(panel, item))
+    places = _reference(panel)
+    objects = sorted(divided(objects), key=lambda item: is_off_node(places, item))
     placed = _placed(panel, objects)
     layout, linear = placed.layout, placed.linear
     objects = placed.softened(objects)
@@ -158,9 +159,14 @@ _frames = LRUCache[_Frame](MOST_FRAMES)
 _by_reference = LRUCache[tuple[_Kept, Panel]](MOST_FRAMES)
 
 
+def _reference(panel: Panel) -> Panel:
+    """Return a panel that differs in values of laws alone, the same one for many."""
+    return panel.reference_panel(LAWS_ALONE) if isinstance(panel, LoadedPanel) else panel
+
+
 def _kept(panel: Panel, objects: Sequence[PlacedObject]) -> _Kept:
     """Return layout and linear part, or those of a panel that differs in laws and motion alone."""
-    first = panel.reference_panel(LAWS_ALONE) if isinstance(panel, LoadedPanel) else panel
+    first = _reference(panel)
     known = (id(first), tuple([(item.name, item.rail, item.x, item.height) for item in objects]))
     found = None if first is panel else _by_reference.get(known)
     if found is not None:
@@ -205,7 +211,8 @@ def _placed(panel: Panel, objects: Sequence[PlacedObject]) -> _Placed:
 def _put_objects(bare: _Kept, panel: Panel, objects: Sequence[PlacedObject]) -> _Placed:
     """Add the rows of objects to those of rails, which are made with nodes for them if need be."""
     kept, added = bare, objects
-    standing = [item for item in objects if not is_off_node(panel, item)]
+    places = _reference(panel)
+    standing = [item for item in objects if not is_off_node(places, item)]
     between = objects[len(standing) :]
     rails = kept.frame.scaled(panel)
     rows = node_rows(panel, standing, rails, bare.linear.rails)

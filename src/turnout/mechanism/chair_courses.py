@@ -8,6 +8,7 @@ from turnout.mechanism.build_rails import SIGN
 from turnout.mechanism.mechanism import LawIndex
 from turnout.mechanism.travel import Travel
 from turnout.panel.model import Panel
+from turnout.panel.pending_members import all_lack
 
 
 def friction_courses(panel: Panel, index: LawIndex, travel: Travel) -> FrictionCourses:
@@ -25,7 +26,7 @@ def friction_courses(panel: Panel, index: LawIndex, travel: Travel) -> FrictionC
     travel : Travel
         Ways of the rails from closed to open.
     """
-    if all(chair.friction_factor is None for chair in panel.chair.values()):
+    if all_lack(panel, "chair", "friction_factor"):
         return no_courses()
     rows: list[tuple[int, float, float, float]] = []
     courses: list[tuple[tuple[float, ...], list[float]]] = []

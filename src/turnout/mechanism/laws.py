@@ -8,7 +8,6 @@ import math
 import operator
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field, replace
-from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +21,7 @@ from turnout.mechanism.travel import Travel, drive_at, unloaded_gap
 from turnout.panel.foreign_object import PlacedObject
 from turnout.panel.markers import offset_at
 from turnout.panel.model import Panel
+from turnout.panel.pending_members import member_numbers
 from turnout.panel.records import Chair, Drive, Link, Linkage, Stop
 
 Floats = NDArray[np.float64]
@@ -242,7 +242,6 @@ def _stops_by_rail(panel: Panel, index: LawIndex) -> tuple[RailStops, ...]:
 
 CHAIR_VALUES = ("clearance", "normal_stiffness", "friction_coefficient", "stick_stiffness")
 """Values of a chair that its laws have."""
-_values_of = itemgetter(*CHAIR_VALUES)
 
 
 def _fill_chairs_and_stops(
@@ -252,8 +251,7 @@ def _fill_chairs_and_stops(
 
     A stop's clearance counts from the rail's stress-free shape.
     """
-    of_chairs = [_values_of(vars(chair)) for chair in panel.chair.values()]
-    by_value = np.array(of_chairs, dtype=float).reshape(-1, len(CHAIR_VALUES)).T
+    by_value = member_numbers(panel, "chair", CHAIR_VALUES)
     of_feet = by_value.take(layout.chairs, axis=1)  # unlike an index it leaves no gaps
     clearance, normal_stiffness, friction_coefficient, stick_stiffness = of_feet
     table.offset[layout.contacts] = clearance

@@ -167,7 +167,8 @@ def check(draft: Draft, *, known: Known | None = None) -> list[Problem]:
     found += until_unknown(slips_at_rest(draft, known))
     if objects := draft.records["object"]:
         blocked = {problem.path[0] for problem in (*draft.problems, *found) if problem.path}
-        panel = Panel.model_construct(**draft.records)
+        records = {name: draft.records[name] for name in Panel.model_fields}
+        panel = Panel.model_construct(**records)
         for name, record in objects.items():
             sized = not blocked & _OPENING_NEEDS
             found += until_unknown(_object(panel, ("object", name), record, sized=sized))

@@ -18,6 +18,7 @@ from turnout.panel.object_kind import (
     kind_faults,
 )
 from turnout.panel.object_records import PanelObject
+from turnout.panel.pending_members import named_places
 from turnout.panel.place import find_place
 
 # The opening is an estimate; an object is refused only when it is larger by more than this [m].
@@ -264,10 +265,6 @@ def from_record(record: PanelObject) -> ForeignObject:
     )
 
 
-def _families(panel: Panel) -> dict[str, Any]:
-    return panel.__dict__
-
-
 def _filled(panel: Panel, item: ForeignObject) -> ForeignObject:
     """Take what the object leaves out from the panel's defaults."""
     defaults = panel.object_defaults
@@ -335,7 +332,7 @@ def _examined(
         faults.append(("rail", f" = {show_value(whole.rail)}: there is no such rail{text}"))
     x = None
     try:
-        x = find_place(_families(panel), whole.at).x
+        x = find_place(named_places(panel), whole.at).x
     except ValueError as error:
         faults.append(("at", f" = {show_value(whole.at)}: {error}"))
     if sized and x is not None and whole.rail in panel.rail:

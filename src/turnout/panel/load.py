@@ -28,6 +28,7 @@ from turnout.panel.override import (
     restated,
     supersede,
 )
+from turnout.panel.pending_members import PendingPanel
 from turnout.panel.records import RailMatrices
 from turnout.panel.same_keys import PendingDocument, derive_panel, note_keys
 from turnout.panel.validate import Known, with_values
@@ -40,7 +41,7 @@ _COUNTED = ("chair", "fastening", "stop", "stud", "link", "sensor", "sleeper")
 _OWN = ("hash", "matrices", "origins", "overrides", "source", "with_overrides", "with_settings")
 
 
-class LoadedPanel(Panel):
+class LoadedPanel(PendingPanel):
     """A valid panel that knows where its values come from.
 
     Besides the records (`panel.drive["1"].stiffness`) it has `origins`, `overrides` and `hash`.
@@ -167,6 +168,7 @@ class LoadedPanel(Panel):
             panel = with_values(self, made.records)
             panel._document, panel._asked = made.document, made.asked
             panel._first, panel._differs = made.first, made.fields
+            panel._pending = made.pending
             applied = made.applied
         else:
             document, found, applied = apply_overrides(before, overrides)
@@ -175,7 +177,7 @@ class LoadedPanel(Panel):
             refuse([*problems, *found, *checked.problems], heading="overrides")
             panel = with_values(self, dict(checked.records))
             panel._document, panel._asked = checked.document, checked.asked
-            panel._first, panel._differs = None, frozenset()
+            panel._first, panel._differs, panel._pending = None, frozenset(), {}
             note_keys(self, before, overrides, Known(document.tree, panel, panel._asked))
         panel._hash, panel._overrides = "", supersede(self._overrides, applied)
         return panel
@@ -209,7 +211,7 @@ class LoadedPanel(Panel):
         """Return what is pickled or copied: with the tables, without the reference panel."""
         state = super().__getstate__()
         own: dict[str, object] = {"_document": self.document, "_first": None}
-        own["_differs"] = frozenset()
+        own |= {"_differs": frozenset(), "_pending": {}}
         return state | {"__pydantic_private__": (state["__pydantic_private__"] or {}) | own}
 
     def __eq__(self, other: object) -> bool:

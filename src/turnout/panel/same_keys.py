@@ -18,9 +18,12 @@ from turnout.panel.document import FAMILIES, Document
 from turnout.panel.matrices import check_matrices
 from turnout.panel.model import Panel
 from turnout.panel.override import OverridePlan, known_plan
+from turnout.panel.pending_members import PendingMembers
 from turnout.panel.records import RailMatrices
-from turnout.panel.validate import Draft, Known, field_check, read_by, with_values
+from turnout.panel.validate import Draft, Known, field_check, read_by
 
+MANY = 8
+"""Members that are made when they are needed, where all of a family change alike."""
 MOST_FIRST = 16
 """Panels in memory of which others have the same keys, the latest used."""
 
@@ -53,7 +56,9 @@ class DerivedPanel:
     fields : frozenset of (str, str)
         Families and fields in which it may differ from that one.
     records : dict of str to object
-        Value by field name of `Panel`, valid.
+        Value by field name of `Panel`, valid, but for those that are pending.
+    pending : mapping of str to PendingMembers
+        These, by family.
     document : PendingDocument
         Its tables.
     asked : mapping of str to frozenset of str
@@ -65,6 +70,7 @@ class DerivedPanel:
     first: Panel
     fields: frozenset[tuple[str, str]]
     records: dict[str, Any]
+    pending: Mapping[str, PendingMembers]
     document: PendingDocument
     asked: Mapping[str, frozenset[str]]
     applied: dict[str, object]
@@ -72,7 +78,7 @@ class DerivedPanel:
 
 Reader = Callable[[object], Any]
 _Fields = tuple[tuple[str, int], ...]
-_Members = dict[str, dict[_Fields, list[tuple[str, BaseModel]]]]
+_Members = dict[str, dict[_Fields, dict[str, BaseModel]]]
 """By family, and by fields with the numbers of their values: names and records of members."""
 
 
@@ -95,17 +101,29 @@ class _SameKeys:
     numbers: tuple[tuple[str, Reader], ...]
     members: _Members
 
-    def records(self, overrides: Mapping[str, object]) -> dict[str, Any]:
-        """Return the records with other values; ValidationError where one is not valid."""
+    def records(
+        self, overrides: Mapping[str, object]
+    ) -> tuple[dict[str, Any], dict[str, PendingMembers]]:
+        """Return the records with other values, and those that need not be made yet.
+
+        Raises
+        ------
+        ValidationError
+            Where a value is not valid.
+        """
         values = [read(overrides[key]) for key, read in self.numbers]
-        found = dict(self.known.panel.__dict__)
+        found, pending = dict(self.known.panel.__dict__), dict[str, PendingMembers]()
         for family, members in self.members.items():
-            records = found[family] = dict(found[family])
+            known, changed = found[family], dict[str, BaseModel]()
             for fields, alike in members.items():
                 given = {field: values[number] for field, number in fields}
-                for name, first in alike:
-                    records[name] = with_values(first, first.__dict__ | given)
-        return found
+                if len(alike) == len(known) >= MANY:
+                    pending[family] = PendingMembers(found.pop(family), given)
+                    break
+                changed |= PendingMembers(alike, given).made()
+            else:
+                found[family] = known | changed
+        return found, pending
 
 
 _first = LRUCache[_SameKeys](MOST_FIRST)
@@ -135,19 +153,21 @@ def derive_panel(
     if same is None or same.way is not way or not _are_numbers(overrides):
         return None
     try:
-        records = same.records(overrides)
+        records, pending = same.records(overrides)
     except ValidationError:
         return None
     draft = Draft(given=same.given, changed=same.changed)
     draft.records.update(records)
+    draft.records.makers = {family: members.made for family, members in pending.items()}
     draft.names.update(same.names)
-    if check(draft, known=same.known) or any(check_matrices(records, document.matrices)):
+    if check(draft, known=same.known) or any(check_matrices(draft.records, document.matrices)):
         return None
     applied = {key: overrides[key] for key in way.targets}
     return DerivedPanel(
         first=same.known.panel,
         fields=same.fields,
         records=records,
+        pending=pending,
         document=PendingDocument(way, overrides),
         asked=draft.asked,
         applied=applied,
@@ -183,7 +203,7 @@ def note_keys(
     for (family, name), of_member in fields.items():
         first = getattr(made.panel, family)[name]
         of_family = members.setdefault(family, {})
-        of_family.setdefault(tuple(of_member), []).append((name, first))
+        of_family.setdefault(tuple(of_member), {})[name] = first
     given = dict.fromkeys((*way.given, *(".".join(place) for place, _ in way.places)))
     found = _SameKeys(
         panel=panel,

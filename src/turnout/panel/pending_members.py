@@ -1,0 +1,133 @@
+"""Panels whose members may differ from known ones in the same values, made when they are needed.
+
+A study mostly changes a value of all chairs at once, and a throw needs no more of them than numbers
+in a row, which are quicker to take than two dozen records are to make.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, PrivateAttr
+
+from turnout.core.lru_cache import LRUCache
+from turnout.panel.document import FAMILIES
+from turnout.panel.model import Panel
+from turnout.panel.validate import with_values
+
+MOST_KEPT = 64
+"""Families whose numbers are kept in memory, the latest used."""
+
+# Families are shared by many panels. They are named by identity, and kept beside so that nothing
+# else takes their place.
+_numbers = LRUCache[tuple[NDArray[np.float64], object]](MOST_KEPT)
+_own_values = vars(BaseModel)["__dict__"]
+
+
+class PendingMembers(NamedTuple):
+    """Members of a family that are copies of known ones with some values in common, by field."""
+
+    known: Mapping[str, BaseModel]
+    given: dict[str, Any]
+
+    def made(self) -> dict[str, BaseModel]:
+        """Return the records."""
+        return {name: with_values(r, r.__dict__ | self.given) for name, r in self.known.items()}
+
+
+class PendingPanel(Panel):
+    """A panel that makes families of members when they are asked for.
+
+    It differs from other panels in nothing else: its families are attributes, and its values are
+    complete wherever they are looked at as a whole, such as for a copy.
+    """
+
+    _pending: Mapping[str, PendingMembers] = PrivateAttr(default_factory=dict)
+
+    if not TYPE_CHECKING:  # else any name would be an attribute
+
+        def __getattr__(self, name: str) -> Any:
+            """Return a family that is pending, or what is no field."""
+            if name in FAMILIES and name in _pending_of(self):
+                self._make([name])
+                return getattr(self, name)
+            return super().__getattr__(name)
+
+        @property
+        def __dict__(self) -> dict[str, Any]:
+            """All values by field."""
+            self._make(_pending_of(self))
+            return _own_values.__get__(self)
+
+        @__dict__.setter
+        def __dict__(self, values: dict[str, Any]) -> None:
+            _own_values.__set__(self, values)
+
+    def _make(self, names: Sequence[str] | Mapping[str, PendingMembers]) -> None:
+        """Make some of the families that are pending."""
+        if names:
+            pending, values = dict(_pending_of(self)), _own_values.__get__(self)
+            values = values | {name: pending.pop(name).made() for name in names}
+            in_order = {name: values[name] for name in Panel.model_fields if name in values}
+            _own_values.__set__(self, in_order)
+            self._pending = pending
+
+
+def _pending_of(panel: Panel) -> Mapping[str, PendingMembers]:
+    """Return what is pending, far quicker than by the name of the attribute."""
+    private = panel.__pydantic_private__
+    found: Mapping[str, PendingMembers] = private.get("_pending", {}) if private else {}
+    return found
+
+
+def named_places(panel: Panel) -> Mapping[str, Any]:
+    """Return the families of a panel by name, of whose members names and places count alone."""
+    pending = _pending_of(panel)
+    if not pending or any("x" in members.given for members in pending.values()):
+        return panel.__dict__
+    known = {family: members.known for family, members in pending.items()}
+    found: dict[str, Any] = _own_values.__get__(panel) | known
+    return found
+
+
+def member_numbers(panel: Panel, family: str, fields: Sequence[str]) -> NDArray[np.float64]:
+    """Return some numbers of the members of a family, in their order, not to be changed.
+
+    Returns
+    -------
+    ndarray, shape (n_fields, n_members)
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> member_numbers(load_panel("sb1"), "drive", ["stiffness", "x"]).tolist()
+    [[750000.0], [0.3]]
+    """
+    pending = _pending_of(panel).get(family)
+    if pending is None:
+        return _numbers_of(getattr(panel, family), fields)
+    found = _numbers_of(pending.known, fields).copy()
+    for field, value in pending.given.items():
+        if field in fields:
+            found[fields.index(field)] = value
+    return found
+
+
+def all_lack(panel: Panel, family: str, field: str) -> bool:
+    """Return whether a field is None in all members of a family."""
+    pending = _pending_of(panel).get(family)
+    if pending is not None and field in pending.given:
+        return pending.given[field] is None
+    members = getattr(panel, family) if pending is None else pending.known
+    return all(getattr(member, field) is None for member in members.values())
+
+
+def _numbers_of(members: Mapping[str, BaseModel], fields: Sequence[str]) -> NDArray[np.float64]:
+    key = (id(members), *fields)
+    kept = _numbers.get(key)
+    if kept is None:
+        values = [[getattr(member, field) for member in members.values()] for field in fields]
+        numbers = np.array(values, dtype=float).reshape(len(fields), -1)
+        kept = _numbers.put(key, (numbers, members))
+    return kept[0]
