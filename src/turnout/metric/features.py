@@ -259,10 +259,10 @@ def _features(
 def _plateaus(elapsed: Floats, effort: Floats, duration: Floats) -> Floats:
     """Return the median in the middle of the movement of each row [N]."""
     found = np.full(duration.size, np.nan)
-    ends = np.searchsorted(elapsed, np.outer(duration, MIDDLE))
-    for low, high in set(map(tuple, ends.tolist())):
+    lasting, of_each = np.unique(duration, return_inverse=True)  # mostly a few
+    for number, (low, high) in enumerate(np.searchsorted(elapsed, np.outer(lasting, MIDDLE))):
         if high > low:
-            alike = (ends == (low, high)).all(axis=1)
+            alike = of_each == number if lasting.size > 1 else slice(None)
             found[alike] = _medians(effort[alike, low:high])
     return found
 

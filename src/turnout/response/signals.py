@@ -104,7 +104,8 @@ def object_channels(index: LawIndex, force: Floats) -> dict[str, Variable]:
         Of the laws of all objects in the order of the index, also of many throws with the same
         `object_rows` [N].
     """
-    signals: dict[str, Variable] = {"object_force": (("time",), np.sum(force, axis=-2))}
+    total = force[..., 0, :] if force.shape[-2] == 1 else np.sum(force, axis=-2)
+    signals: dict[str, Variable] = {"object_force": (("time",), total)}
     rows = object_rows(index)
     if len(rows) > 1:
         single = [force[..., own, :].sum(axis=-2) for own in rows]

@@ -108,10 +108,10 @@ def list_batches(folder: Path) -> list[tuple[int, Path]]:
     return sorted((int(match[1]), path) for match, path in found if match is not None)
 
 
-SMALLEST_BATCH, LARGEST_BATCH, SHARE_OF_REST = 8, 128, 0.25
-"""Scenarios in a batch, which is otherwise the power of two nearest to a share of those that are
-left: towards the end of a sweep batches are small, so that no worker waits long for the last one.
-They come in few sizes, since what a file says of its variables is made once for each."""
+SMALLEST_BATCH, LARGEST_BATCH, SHARE_OF_REST, NEXT_SIZE = 8, 128, 0.25, 4
+"""Scenarios in a batch, which has about a share of those that are left: towards the end of a sweep
+batches are small, so that no worker waits long for the last one. They come in few sizes, each a
+multiple of the next smaller one: what a file says of its variables is made once for each."""
 
 LARGEST_WITHOUT_HISTORIES = 1024
 """Scenarios in a batch that holds no histories: what a file says of its variables takes 60 kB."""
@@ -144,7 +144,8 @@ def plan_batches(study: Study) -> list[tuple[Sequence[int], ...]]:
         held.append(chain)
         size += len(chain)
         share = max(SMALLEST_BATCH, SHARE_OF_REST * rest)
-        if size >= min(largest, 2 ** round(math.log2(share))):
+        step = round(math.log(share / SMALLEST_BATCH, NEXT_SIZE))
+        if size >= min(largest, SMALLEST_BATCH * NEXT_SIZE**step):
             batches.append(tuple(held))
             held, size, rest = [], 0, rest - size
     if held:
