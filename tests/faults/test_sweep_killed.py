@@ -20,8 +20,10 @@ from tests.faults.sweep_process import (
 )
 from tests.unit.sweeps import batch_names, here, small_study, study_file
 
+from turnout.core.files import make_durable
+from turnout.sweep import run
 from turnout.sweep.read import open_sweep
-from turnout.sweep.run import run_sweep
+from turnout.sweep.run import SweepProgress, run_sweep
 
 pytestmark = pytest.mark.skipif(
     not Path("/proc/self/task").exists(), reason="finds the processes of a run in /proc"
@@ -44,6 +46,29 @@ def check_same(folder: Path, whole: Path) -> None:
     assert mine["scenario"].values.tolist() == list(range(COUNT))
     xr.testing.assert_identical(mine.load(), theirs.load())
     assert not list((folder / "batches").glob(".*"))
+
+
+def test_a_batch_is_on_the_disk_before_it_counts(
+    worker_processes: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its worker goes on meanwhile; workers of another pool, maybe elsewhere, wait themselves."""
+    waited: list[str] = []
+    counted: set[tuple[int, int]] = set()
+
+    def wait(path: Path) -> None:
+        make_durable(path)
+        waited.append(path.name)
+
+    def report(state: SweepProgress) -> None:
+        counted.add((state.done, len(waited)))
+
+    monkeypatch.setattr(run, "make_durable", wait)
+    study = small_study(tmp_path, count=16)
+    run_sweep(study, tmp_path / "s", workers=1, report=report)
+    assert counted == {(0, 0), (8, 1), (16, 2)}
+    assert sorted(waited) == batch_names(tmp_path / "s")
+    run_sweep(study, tmp_path / "other", pool=here)
+    assert len(waited) == 2
 
 
 def test_a_killed_worker_is_replaced_and_a_killed_run_leaves_none(

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from turnout.core.files import atomic_path, write_atomic, write_fault
+from turnout.core.files import atomic_path, make_durable, write_atomic, write_fault
 from turnout.errors import FileError
 
 
@@ -151,3 +151,15 @@ def test_what_can_be_made_again_does_not_wait_for_the_disk(
     write_atomic(tmp_path / "a.txt", "whole", durable=durable)
     assert (tmp_path / "a.txt").read_text(encoding="utf-8") == "whole"
     assert bool(calls) == waits
+
+
+def test_what_was_written_without_waiting_is_waited_for_later(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_atomic(tmp_path / "a.txt", "whole", durable=False)
+    calls: list[int] = []
+    monkeypatch.setattr("os.fsync", calls.append)
+    make_durable(tmp_path / "a.txt")
+    assert len(calls) == 2, "the file and its folder"
+    with pytest.raises(FileError, match=r"b\.txt"):
+        make_durable(tmp_path / "b.txt")

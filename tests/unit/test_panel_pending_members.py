@@ -1,4 +1,4 @@
-"""Families that are made when they are asked for are those of a panel that was read as a whole."""
+"""Families that are made when they are needed are those of a panel that was read as a whole."""
 
 import copy
 import pickle

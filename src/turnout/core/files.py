@@ -144,6 +144,21 @@ def _ignore_size_signal() -> None:
             signal.signal(size_signal, signal.SIG_IGN)
 
 
+def make_durable(path: Path) -> None:
+    """Wait until a file that was written without waiting is on the disk, and so is its name.
+
+    Raises
+    ------
+    FileError
+        When it cannot be; the text names the path and the remedy.
+    """
+    try:
+        _flush(path)
+    except OSError as error:
+        raise FileError(write_fault(path, error)) from error
+    _flush_folder(path.parent)
+
+
 def _flush(path: Path) -> None:
     with path.open("rb+") as file:
         os.fsync(file.fileno())

@@ -166,10 +166,14 @@ def run_features(
 def compile_features() -> None:
     """Compile the kernels of features if they are not at hand."""
     kernels: tuple[Any, ...] = (find_places, find_rises, integrate_work)
-    if all(kernel.is_kept() for kernel in kernels):
-        return
-    for travel in (np.zeros(3), None):
-        movement_features(np.arange(3.0), np.zeros(3), travel=travel)
+    if not all(kernel.is_kept() for kernel in kernels):
+        load_features()
+        movement_features(np.arange(3.0), np.zeros(3))
+
+
+def load_features() -> None:
+    """Load the kernels of features, so that the first throws do not wait for them."""
+    movement_features(np.arange(3.0), np.zeros(3), travel=np.zeros(3))
 
 
 def movement_features(

@@ -13,6 +13,7 @@ from turnout.panel.markers import ordered_movements
 from turnout.panel.model import Panel
 from turnout.panel.object_kind import (
     DIMENSIONS,
+    KINDS,
     PARAMETERS,
     filled_parameters,
     kind_faults,
@@ -371,6 +372,8 @@ def _opening_faults(
 
 def _length(item: ForeignObject) -> float:
     """Return the length along the rail of an object that has one, else 0 [m]."""
+    if "length" not in KINDS[item.kind]:
+        return 0.0
     parameters = filled_parameters(item.kind, item.parameters, size=float(item.size))
     return parameters["length"] if parameters["length"] > LONGEST_PART else 0.0
 

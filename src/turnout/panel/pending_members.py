@@ -37,10 +37,10 @@ class PendingMembers(NamedTuple):
 
 
 class PendingPanel(Panel):
-    """A panel that makes families of members when they are asked for.
+    """A panel that makes families of members when they are needed.
 
     It differs from other panels in nothing else: its families are attributes, and its values are
-    complete wherever they are looked at as a whole, such as for a copy.
+    complete wherever they are read as a whole, such as for a copy.
     """
 
     _pending: Mapping[str, PendingMembers] = PrivateAttr(default_factory=dict)

@@ -160,8 +160,8 @@ def lay_together(runs: Sequence[ThrowSignals]) -> AlikeThrows:
         if run.clutches is not None:
             drives, slip = run.clutches
             flags[drives] = slip
-    recorded = force
-    if any(run.recorder != Recorder() for run in runs):
+    recorded, perfect = force, Recorder()
+    if any(run.recorder != perfect for run in runs):
         recorded = np.array(
             [recorded_force(one, time, run.recorder) for one, run in zip(force, runs, strict=True)]
         )

@@ -88,8 +88,10 @@ class BatchOrigin:
         return " ".join(astuple(self))
 
 
-def write_batch(folder: Path, number: int, content: bytes) -> Path:
-    """Write the file of a batch durably, named by its number and the digest of its content.
+def write_batch(folder: Path, number: int, content: bytes, *, durable: bool = True) -> Path:
+    """Write the file of a batch, named by its number and the digest of its content.
+
+    Without `durable` it may not be on the disk yet.
 
     Raises
     ------
@@ -98,7 +100,7 @@ def write_batch(folder: Path, number: int, content: bytes) -> Path:
     """
     digest = hashlib.sha256(content).hexdigest()[:DIGITS]
     path = folder / f"{number:06d}-{digest}.nc"
-    write_atomic(path, content)
+    write_atomic(path, content, durable=durable)
     return path
 
 

@@ -15,7 +15,7 @@ from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 
-from turnout.core.files import write_fault
+from turnout.core.files import make_durable, write_fault
 from turnout.core.processes import Tasks, closing_pool, worker_processes
 from turnout.core.sources import THROWS, digest_of_sources
 from turnout.errors import FileError
@@ -164,11 +164,13 @@ def run_sweep(
             report=report,
         )
         log.emit()
-        made = _run_batches(
-            folder, study.digest, todo, make=make, ahead=workers + PREFETCH, log=log
-        )
+        # What processes of this machine write is waited for here, while they go on.
+        batches = Batches(folder, study.digest, workers + PREFETCH, durable=pool is not None)
+        made = _run_batches(batches, todo, make=make, log=log)
         with closing(made):
             for done in made:
+                if not batches.durable:
+                    make_durable(folder / BATCHES / done.name)
                 log.record(done)
         clear_leftovers(folder)
         write_card(folder, study)
@@ -215,21 +217,37 @@ class ProgressLog:
         self._report(SweepProgress(self._done, self._failed, self._total, rate))
 
 
+@dataclass(frozen=True, slots=True)
+class Batches:
+    """How batches are handed out.
+
+    Attributes
+    ----------
+    folder : Path
+        Of the sweep.
+    digest : str
+        Of the study.
+    ahead : int
+        So many are handed out before one is done.
+    durable : bool
+        Whether who makes one waits until it is on the disk.
+    """
+
+    folder: Path
+    digest: str
+    ahead: int
+    durable: bool
+
+
 def _run_batches(
-    folder: Path,
-    digest: str,
-    todo: Sequence[int],
-    *,
-    make: MakePool,
-    ahead: int,
-    log: ProgressLog,
+    batches: Batches, todo: Sequence[int], *, make: MakePool, log: ProgressLog
 ) -> Generator[BatchDone, None, None]:
     """Yield batches as they are written; a pool that breaks is replaced."""
     left, breaks = list(todo), 0
     while left:
         with closing_pool(make()) as pool:
             try:
-                for done in submit_batches(pool, folder, digest, left, ahead=ahead, log=log):
+                for done in submit_batches(pool, batches, left, log=log):
                     left.remove(done.number)
                     breaks = 0
                     yield done
@@ -256,20 +274,16 @@ def cluster_errors() -> tuple[type[BaseException], ...]:
 
 
 def submit_batches(
-    pool: Executor,
-    folder: Path,
-    digest: str,
-    todo: Sequence[int],
-    *,
-    ahead: int,
-    log: ProgressLog,
+    pool: Executor, batches: Batches, todo: Sequence[int], *, log: ProgressLog
 ) -> Iterator[BatchDone]:
     """Hand out batches, a few more than there are workers, and yield what is done."""
     tasks: Tasks[BatchDone] = Tasks(pool)
+    folder, digest, durable = str(batches.folder), batches.digest, batches.durable
     rest = iter(list(todo))
     while True:
-        while tasks.waiting < ahead and (number := next(rest, None)) is not None:
-            tasks.submit(make_batch, str(folder), digest, digest_of_sources(THROWS), number)
+        while tasks.waiting < batches.ahead and (number := next(rest, None)) is not None:
+            code = digest_of_sources(THROWS)
+            tasks.submit(make_batch, folder, digest, code, number, durable=durable)
         if not tasks.waiting:
             return
         done = tasks.next_done(timeout=REPORT_INTERVAL)

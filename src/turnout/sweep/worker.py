@@ -13,7 +13,7 @@ from pathlib import Path
 from turnout.core.provenance import version
 from turnout.core.sources import THROWS, digest_of_sources
 from turnout.errors import FileError
-from turnout.metric.features import compile_features
+from turnout.metric.features import load_features
 from turnout.response.simulate import compile_kernels
 from turnout.sweep.batch import (
     BatchOrigin,
@@ -47,6 +47,8 @@ class BatchDone:
     ----------
     number : int
         Of the batch.
+    name : str
+        Of its file.
     outcomes : dict of str to int
         Scenarios by how they ended.
     retried : int
@@ -62,6 +64,7 @@ class BatchDone:
     """
 
     number: int
+    name: str
     outcomes: dict[str, int]
     retried: int
     solver_time: float
@@ -72,7 +75,9 @@ class BatchDone:
     size: int
 
 
-def make_batch(folder: str, digest: str, code: str, number: int) -> BatchDone:
+def make_batch(
+    folder: str, digest: str, code: str, number: int, *, durable: bool = True
+) -> BatchDone:
     """Throw one batch and write it, in whatever process this is called.
 
     Parameters
@@ -83,6 +88,8 @@ def make_batch(folder: str, digest: str, code: str, number: int) -> BatchDone:
         Of the study and of the sources, which must be those of this process.
     number : int
         Of the batch.
+    durable : bool
+        Whether to wait until its file is on the disk; else the caller does.
 
     Raises
     ------
@@ -103,11 +110,12 @@ def make_batch(folder: str, digest: str, code: str, number: int) -> BatchDone:
         rows = throw_batch(study, cached_batches(place, digest)[number])
         origin = BatchOrigin(study=digest, version=version(), code=code, batch=str(number))
         content = file_bytes(batch_variables(study, rows), origin=origin)
-        write_batch(place / BATCHES, number, content)
+        path = write_batch(place / BATCHES, number, content, durable=durable)
         wall_time, processor = time.perf_counter() - began, time.process_time() - used
     counts = {name: sum(row.outcome == name for row in rows) for name in OUTCOMES}
     return BatchDone(
         number=number,
+        name=path.name,
         outcomes={name: n for name, n in counts.items() if n},
         retried=sum(row.attempts > 1 for row in rows),
         solver_time=sum(row.solver.wall for row in rows),
@@ -128,7 +136,7 @@ def initialize_worker() -> None:
     """
     retain_freed_memory()
     compile_kernels()
-    compile_features()
+    load_features()
     gc.freeze()
     gc.set_threshold(GC_THRESHOLD, *gc.get_threshold()[1:])
     gc.enable()
