@@ -102,7 +102,7 @@ def member_numbers(panel: Panel, family: str, fields: Sequence[str]) -> NDArray[
     --------
     >>> from turnout.panel.load import load_panel
     >>> member_numbers(load_panel("sb1"), "drive", ["stiffness", "x"]).tolist()
-    [[750000.0], [0.3]]
+    [[750000.0, 810000.0], [0.3, 6.9]]
     """
     pending = _pending_of(panel).get(family)
     if pending is None:
