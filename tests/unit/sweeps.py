@@ -5,8 +5,10 @@ from concurrent.futures import Executor, ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 
+from turnout.response.signals import Variable
 from turnout.study.load_study import load_study
 from turnout.study.study import Study
+from turnout.sweep.row import Row
 
 STUDY = """
 schema_version = 1
@@ -49,3 +51,9 @@ def small_study(folder: Path, *, count: int = 20, more: str = "") -> Study:
 def batch_names(folder: Path) -> list[str]:
     """Names hold digests of contents, so equal names mean equal bytes."""
     return sorted(path.name for path in (folder / "batches").glob("[0-9]*.nc"))
+
+
+def variables_of(row: Row) -> dict[str, Variable]:
+    """Return histories, labels and features of a throw alone; nothing unless it is complete."""
+    found = {} if row.stored is None else row.stored.variables
+    return {name: (dims, values[row.number, ...]) for name, (dims, values) in found.items()}

@@ -157,9 +157,10 @@ def test_what_was_written_without_waiting_is_waited_for_later(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     write_atomic(tmp_path / "a.txt", "whole", durable=False)
+    write_atomic(tmp_path / "b.txt", "whole", durable=False)
     calls: list[int] = []
     monkeypatch.setattr("os.fsync", calls.append)
-    make_durable(tmp_path / "a.txt")
-    assert len(calls) == 2, "the file and its folder"
-    with pytest.raises(FileError, match=r"b\.txt"):
-        make_durable(tmp_path / "b.txt")
+    make_durable([tmp_path / "a.txt", tmp_path / "b.txt"])
+    assert len(calls) == 3, "the files and their folder"
+    with pytest.raises(FileError, match=r"c\.txt: was removed while"):
+        make_durable([tmp_path / "c.txt"])

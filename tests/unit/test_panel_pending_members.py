@@ -2,8 +2,11 @@
 
 import copy
 import pickle
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from threading import Barrier
 from typing import Any
 
 import numpy as np
@@ -19,6 +22,15 @@ from turnout.panel.pending_members import all_lack, member_numbers
 
 KEY = "chair.friction_coefficient"
 CHANGED = {KEY: 0.37, "drive.1.stiffness": 7e5}
+
+
+@pytest.fixture
+def restless_threads() -> Iterator[None]:
+    """Let threads of Python take turns at any moment."""
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    yield
+    sys.setswitchinterval(before)
 
 
 def pending_panel(changed: dict[str, float] = CHANGED) -> LoadedPanel:
@@ -69,6 +81,18 @@ def test_it_equals_a_panel_read_as_a_whole() -> None:
     assert not found._pending
     with pytest.raises(AttributeError, match="no_such_family"):
         found.no_such_family  # noqa: B018
+
+
+def test_threads_find_the_same_records(restless_threads: None) -> None:
+    for _ in range(200):
+        panel, begin = pending_panel(), Barrier(4)
+
+        def look(panel: LoadedPanel = panel, begin: Barrier = begin) -> tuple[int, int]:
+            begin.wait()
+            return id(panel.chair), len(vars(panel)["chair"])
+
+        with ThreadPoolExecutor(4) as pool:
+            assert len({task.result() for task in [pool.submit(look) for _ in range(4)]}) == 1
 
 
 def test_numbers_are_those_of_the_records() -> None:

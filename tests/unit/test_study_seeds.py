@@ -25,7 +25,10 @@ def test_they_are_those_of_numpy(first: list[int], last: list[int]) -> None:
         assert rng.bit_generator.state == wanted.bit_generator.state
 
 
-def test_states_that_one_word_cannot_hold_are_refused() -> None:
-    with pytest.raises(ValueError, match="up to 4294967295"):
-        seed_words([1], [0, 2**32], count=1)
+def test_numbers_that_no_seed_has_are_refused() -> None:
+    for states in ([0, 2**32], [-1]):
+        with pytest.raises(ValueError, match="from 0 to 4294967295"):
+            seed_words([1], states, count=1)
+    with pytest.raises(ValueError, match="-7: must be at least 0"):
+        generators([3, -7], [0])
     assert generators([1], []) == []

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
-from tests.unit.sweeps import batch_names, here, small_study
+from tests.unit.sweeps import batch_names, here, small_study, variables_of
 
 from turnout.core.json_files import sealed_json
 from turnout.errors import FileError
@@ -26,7 +26,7 @@ from turnout.study.load_study import load_study
 from turnout.study.study import Study
 from turnout.sweep import folder as sweep_folder
 from turnout.sweep import row as sweep_row
-from turnout.sweep.batch import batch_variables, plan_batches, throw_batch
+from turnout.sweep.batch import batch_variables, throw_batch
 from turnout.sweep.batch_file import file_bytes
 from turnout.sweep.batch_index import label_arrays, read_index
 from turnout.sweep.folder import check_folder, lock_folder
@@ -92,7 +92,9 @@ def test_a_study_chooses_its_mode_and_a_rate_between_the_steps(tmp_path: Path) -
         scheme=Scheme.of("quick", output_interval=0.01),
     )
     for name in ("drive_force", "drive_gap"):
-        np.testing.assert_allclose(row.variables[name][1], run[name].values, rtol=1e-5, atol=1e-5)
+        np.testing.assert_allclose(
+            variables_of(row)[name][1], run[name].values, rtol=1e-5, atol=1e-5
+        )
 
 
 @pytest.mark.parametrize(
@@ -241,13 +243,13 @@ def test_throws_that_differ_in_time_and_movement_are_looked_at_like_each_alone(
         replace(study.scenario(number), overrides=changed) for number, changed in enumerate(changes)
     ]
     together = sweep_row.throw_scenarios(study, scenarios)
-    assert len({row.variables["drive_force"][1].tobytes() for row in together}) == len(changes)
+    assert len({variables_of(row)["drive_force"][1].tobytes() for row in together}) == len(changes)
     for row, scenario in zip(together, scenarios, strict=True):
         (alone,) = sweep_row.throw_scenarios(study, [scenario])
-        assert row.variables.keys() == alone.variables.keys()
-        for name, (dims, values) in row.variables.items():
-            assert dims == alone.variables[name][0]
-            np.testing.assert_array_equal(values, alone.variables[name][1], err_msg=name)
+        assert variables_of(row).keys() == variables_of(alone).keys()
+        for name, (dims, values) in variables_of(row).items():
+            assert dims == variables_of(alone)[name][0]
+            np.testing.assert_array_equal(values, variables_of(alone)[name][1], err_msg=name)
 
 
 def test_long_throws_are_thrown_a_few_at_a_time(study: Study) -> None:
@@ -338,22 +340,6 @@ def test_a_batch_is_read_as_its_format_says(whole: Path) -> None:
         assert set(mine.coords) == set(plain.coords)
         for name, variable in plain.variables.items():
             assert mine[name].variable.identical(variable.load()), name
-
-
-def test_batches_depend_on_the_study_alone_and_split_no_chain(study: Study) -> None:
-    batches = plan_batches(study)
-    assert [index for batch in batches for chain in batch for index in chain] == list(range(20))
-    campaign = load_study("paper-campaign")
-    chains = [chain for batch in plan_batches(campaign) for chain in batch]
-    assert chains == list(campaign.chains)
-
-
-def test_batches_grow_small_towards_the_end(study: Study) -> None:
-    many = replace(study, design=replace(study.design, draws=2000))
-    sizes = [len(batch) for batch in plan_batches(many)]
-    assert sum(sizes) == many.count == 2000
-    assert sizes == [128] * 8 + sorted(sizes[8:], reverse=True)
-    assert sizes[-1] <= 8
 
 
 def test_all_scenarios_of_a_condition_are_in_one_split(whole: Path) -> None:

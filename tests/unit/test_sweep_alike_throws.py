@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.unit.sweeps import small_study
+from tests.unit.sweeps import small_study, variables_of
 
 from turnout.measurement.chain.recorder import Recorder
 from turnout.panel.foreign_object import ForeignObject
@@ -50,13 +50,13 @@ def test_rows_are_those_of_each_throw_alone(tmp_path: Path, channels: tuple[str,
     for row, scenario in zip(together, scenarios, strict=True):
         (alone,) = sweep_row.throw_scenarios(study, [scenario])
         assert (row.outcome, row.reason) == (alone.outcome, alone.reason) == ("complete", "")
-        assert list(row.variables) == list(alone.variables)
-        for name, (dims, values) in row.variables.items():
-            assert dims == alone.variables[name][0]
-            np.testing.assert_array_equal(values, alone.variables[name][1], err_msg=name)
-            assert values.dtype == alone.variables[name][1].dtype
+        assert list(variables_of(row)) == list(variables_of(alone))
+        for name, (dims, values) in variables_of(row).items():
+            assert dims == variables_of(alone)[name][0]
+            np.testing.assert_array_equal(values, variables_of(alone)[name][1], err_msg=name)
+            assert values.dtype == variables_of(alone)[name][1].dtype
         for name, found in stored.items():
-            found.append(row.variables[name][1].tobytes())
+            found.append(variables_of(row)[name][1].tobytes())
     assert len(set(stored["drive_force"])) >= 6, "they would not show an exchange"
     assert len(set(stored["end_locked"])) == 2
 
@@ -122,17 +122,19 @@ def test_a_sweep_stores_what_a_dataset_of_the_throw_has(tmp_path: Path) -> None:
         throw = simulate(panel, foreign_object=objects, mode="quick")
         for name in ("drive_gap", "sensor_gap", "drive_force"):
             values = throw[name].to_numpy()[:, ::2]
-            np.testing.assert_allclose(row.variables[name][1], values, rtol=1e-6, atol=1e-9)
+            np.testing.assert_allclose(variables_of(row)[name][1], values, rtol=1e-6, atol=1e-9)
         for name in ("end_gap", "force_margin", "least_flangeway"):
-            np.testing.assert_allclose(row.variables[name][1], throw[name], rtol=1e-9, atol=1e-12)
-        assert bool(row.variables["end_locked"][1]) == bool(throw["locked"][-1])
+            np.testing.assert_allclose(
+                variables_of(row)[name][1], throw[name], rtol=1e-9, atol=1e-12
+            )
+        assert bool(variables_of(row)["end_locked"][1]) == bool(throw["locked"][-1])
 
 
 def test_gaps_of_many_throws_are_split_as_those_of_each() -> None:
     panel = load_panel("uic60-760-1-15")
     time = np.linspace(0.0, panel.schedule.end, 30)
     gaps = np.random.default_rng(4).random((3, 2 * len(panel.drive) + len(panel.sensor), 30))
-    together = split_gaps_of(list(gaps), panel, time, kind=np.float64)
+    together = split_gaps_of(panel, list(gaps), time, kind=np.float64)
     for number, own in enumerate(gaps):
         for found, alone in zip(together, split_gaps(panel, own, time), strict=True):
             np.testing.assert_array_equal(found[number], alone)

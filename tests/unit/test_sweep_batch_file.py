@@ -2,6 +2,7 @@
 
 import io
 import zlib
+from concurrent.futures import ThreadPoolExecutor
 
 import h5py
 import numpy as np
@@ -135,3 +136,13 @@ def test_file_has_values_of_every_kind_and_shape(dtype: str, shape: tuple[int, .
         assert found.chunks is not None
         np.testing.assert_array_equal(found[...], values)
         assert found.dtype == values.dtype
+
+
+def test_files_made_at_once_are_those_made_one_by_one() -> None:
+    given = [_variables(seed, name=f"name {seed % 3}") for seed in range(24)]
+    origin = BatchOrigin(study="a", version="b", code="c", batch="1")
+    alone = [file_bytes(variables, origin=origin) for variables in given]
+    batch_file._templates.clear()
+    with ThreadPoolExecutor(4) as pool:
+        at_once = list(pool.map(lambda variables: file_bytes(variables, origin=origin), given))
+    assert at_once == alone

@@ -6,7 +6,7 @@ import re
 import signal
 import stat
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -144,19 +144,26 @@ def _ignore_size_signal() -> None:
             signal.signal(size_signal, signal.SIG_IGN)
 
 
-def make_durable(path: Path) -> None:
-    """Wait until a file that was written without waiting is on the disk, and so is its name.
+def make_durable(paths: Iterable[Path]) -> None:
+    """Wait until files that were written without waiting are on the disk, and so are their names.
 
     Raises
     ------
     FileError
-        When it cannot be; the text names the path and the remedy.
+        When one cannot be; the text names the path and the remedy.
     """
-    try:
-        _flush(path)
-    except OSError as error:
-        raise FileError(write_fault(path, error)) from error
-    _flush_folder(path.parent)
+    folders = set[Path]()
+    for path in paths:
+        try:
+            _flush(path)
+        except FileNotFoundError:
+            message = f"{path}: was removed while it was in use; run the same command again"
+            raise FileError(message) from None
+        except OSError as error:
+            raise FileError(write_fault(path, error)) from error
+        folders.add(path.parent)
+    for folder in folders:
+        _flush_folder(folder)
 
 
 def _flush(path: Path) -> None:

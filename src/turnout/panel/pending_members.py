@@ -4,7 +4,8 @@ A study mostly changes a value of all chairs at once, and a throw needs no more 
 in a row, which are quicker to take than two dozen records are to make.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from threading import Lock
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -22,6 +23,7 @@ MOST_KEPT = 64
 # Families are shared by many panels. They are named by identity, and kept beside so that nothing
 # else takes their place.
 _numbers = LRUCache[tuple[NDArray[np.float64], object]](MOST_KEPT)
+_lock = Lock()
 _own_values = vars(BaseModel)["__dict__"]
 
 
@@ -49,9 +51,11 @@ class PendingPanel(Panel):
 
         def __getattr__(self, name: str) -> Any:
             """Return a family that is pending, or what is no field."""
-            if name in FAMILIES and name in _pending_of(self):
+            if name in FAMILIES:
                 self._make([name])
-                return getattr(self, name)
+                values = _own_values.__get__(self)  # perhaps of another thread
+                if name in values:
+                    return values[name]
             return super().__getattr__(name)
 
         @property
@@ -64,11 +68,14 @@ class PendingPanel(Panel):
         def __dict__(self, values: dict[str, Any]) -> None:
             _own_values.__set__(self, values)
 
-    def _make(self, names: Sequence[str] | Mapping[str, PendingMembers]) -> None:
+    def _make(self, names: Collection[str]) -> None:
         """Make some of the families that are pending."""
-        if names:
+        if not names:
+            return
+        with _lock:
             pending, values = dict(_pending_of(self)), _own_values.__get__(self)
-            values = values | {name: pending.pop(name).made() for name in names}
+            made = {name: pending.pop(name).made() for name in names if name in pending}
+            values = values | made
             in_order = {name: values[name] for name in Panel.model_fields if name in values}
             _own_values.__set__(self, in_order)
             self._pending = pending
@@ -129,5 +136,6 @@ def _numbers_of(members: Mapping[str, BaseModel], fields: Sequence[str]) -> NDAr
     if kept is None:
         values = [[getattr(member, field) for member in members.values()] for field in fields]
         numbers = np.array(values, dtype=float).reshape(len(fields), -1)
+        numbers.flags.writeable = False
         kept = _numbers.put(key, (numbers, members))
     return kept[0]

@@ -73,7 +73,7 @@ def coordinates(panel: Panel, index: LawIndex, *, used: Container[str]) -> dict[
     used : container of str
         The dimensions.
     """
-    dimensions = [dimension for dimension in ("drive", *_MAKERS) if dimension in used]
+    dimensions = [dimension for dimension in _DIMENSIONS if dimension in used]
     named = [name for dimension in dimensions for name in _families_of(dimension)]
     families = [getattr(panel, name) for name in named]
     key = (*dimensions, *map(id, families))
@@ -96,10 +96,10 @@ def shared_coordinates(panels: Sequence[Panel], *, used: Container[str]) -> dict
         may change.
     """
     found: dict[str, Variable] = {}
-    if "drive" in used:
-        found |= _of_drives(panels)
-    for dimension in _MAKERS:
-        if dimension in used:
+    for dimension in _DIMENSIONS:
+        if dimension == "drive" and dimension in used:
+            found |= _of_drives(panels)
+        elif dimension in used:
             found |= _stack([_of_dimension(panel, dimension) for panel in panels])
     return found
 
@@ -175,6 +175,7 @@ _MAKERS: Mapping[str, tuple[tuple[str, ...], Callable[[Panel], dict[str, Variabl
     "sensor": (("sensor",), _of_sensors),
 }
 """By dimension, but for drives, the families from which its coordinates are made, and how."""
+_DIMENSIONS = ("rail", "drive", *(name for name in _MAKERS if name != "rail"))
 
 
 def _members(dimension: str, family: Mapping[str, Placed]) -> dict[str, Variable]:

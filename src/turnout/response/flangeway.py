@@ -32,6 +32,9 @@ Ints = NDArray[np.int64]
 _Columns = tuple[Ints, Floats]
 """Number of a mode or row, and displacement of each point for it, shape (n_points, n)."""
 _Bound = tuple[int, slice, Floats]
+"""Of a rail or stock rail the number of the block, where its coordinates are, rows over these."""
+_Bounds = Sequence[Sequence[_Bound]]
+"""Of several rails, each with its stock rails."""
 
 MOST_KEPT = 32
 """Flangeways of rails without objects in memory, the latest used."""
@@ -46,14 +49,10 @@ class _Flangeways(NamedTuple):
         Without modes and row forces; infinite beyond the nodes of a rail [m].
     columns : DistanceColumns
         By how much these lessen it.
-    bounds : sequence of sequence of (int, slice, ndarray)
-        For each rail and its stock rails the number of the block, where its coordinates are in it,
-        and rows over these.
     """
 
     start: Floats
     columns: DistanceColumns
-    bounds: Sequence[Sequence[_Bound]]
 
 
 class _AddedEnds(NamedTuple):
@@ -126,7 +125,7 @@ _UNKNOWN = Flangeway(np.nan, np.nan, "")
 
 # Rails are shared by many throws. They are named by identity, and kept beside so that nothing else
 # takes their place.
-_flangeways = LRUCache[tuple[_Flangeways, list[object]]](MOST_KEPT)
+_flangeways = LRUCache[tuple[_Flangeways, _Bounds, list[object]]](MOST_KEPT)
 # Condensed rails are so where objects stand in the same places.
 _open_rails: WeakKeyDictionary[CondensedRails, tuple[_OpenRails, list[object]]] = (
     WeakKeyDictionary()
@@ -168,7 +167,13 @@ def movement_ends(
 
 
 def least_flangeways(runs: Sequence[MovementEnds | None]) -> list[Flangeway]:
-    """Return the least flangeway after the movements of each of some runs."""
+    """Return the least flangeway after the movements of each of some runs.
+
+    Parameters
+    ----------
+    runs : sequence of MovementEnds or None
+        From `movement_ends`; those of the same rails take one call of a kernel.
+    """
     found, alike = [_UNKNOWN] * len(runs), dict[tuple[int, ...], list[int]]()
     for number, run in enumerate(runs):
         if run is not None:
@@ -247,18 +252,18 @@ def _make_open_rails(panel: Panel, motion: Motion) -> _OpenRails:
         if name is not None and _head_width(panel, name) is not None:
             opened[position] = names.index(name) if name in names else len(names)
             names += [name] if name not in names else []
-    flangeways = _flangeways_of(panel, motion, names) if names else None
+    flangeways, bounds = _flangeways_of(panel, motion, names) if names else (None, [])
     return _OpenRails(
         names=tuple(names),
         x=tuple(motion.rails[name].x for name in names),
         opened=opened,
         flangeways=flangeways,
-        added=() if flangeways is None else tuple(_added_ends(motion, flangeways.bounds)),
+        added=tuple(_added_ends(motion, bounds)),
         slope=motion.slope,
     )
 
 
-def _added_ends(motion: Motion, bounds: Sequence[Sequence[_Bound]]) -> Iterator[_AddedEnds]:
+def _added_ends(motion: Motion, bounds: _Bounds) -> Iterator[_AddedEnds]:
     """Find the ends that objects added to the blocks of some rails."""
     for rail, of_rail in enumerate(bounds):
         for number, own, rows in of_rail:
@@ -276,8 +281,10 @@ def _head_width(panel: Panel, name: str) -> float | None:
     return rail.head_width if known else None
 
 
-def _flangeways_of(panel: Panel, motion: Motion, names: Sequence[str]) -> _Flangeways:
-    """Return what the flangeways of some rails are made of, found once for all their throws."""
+def _flangeways_of(
+    panel: Panel, motion: Motion, names: Sequence[str]
+) -> tuple[_Flangeways, _Bounds]:
+    """Return what bounds the flangeways of some rails, found once for all their throws."""
     named: list[object] = [panel.stop, panel.stud, panel.object_defaults]
     for name in names:
         faced, bodies = bodies_at_gap(panel, motion, name)
@@ -287,8 +294,8 @@ def _flangeways_of(panel: Panel, motion: Motion, names: Sequence[str]) -> _Flang
     key = tuple(map(id, named))
     kept = _flangeways.get(key)
     if kept is None:
-        kept = _flangeways.put(key, (_build(panel, motion, names), named))
-    return kept[0]
+        kept = _flangeways.put(key, (*_build(panel, motion, names), named))
+    return kept[:2]
 
 
 def _blocks(motion: Motion, bodies: Sequence[RailBody]) -> list[BlockModel]:
@@ -298,7 +305,7 @@ def _blocks(motion: Motion, bodies: Sequence[RailBody]) -> list[BlockModel]:
     return [part.before or part for part in own]
 
 
-def _build(panel: Panel, motion: Motion, names: Sequence[str]) -> _Flangeways:
+def _build(panel: Panel, motion: Motion, names: Sequence[str]) -> tuple[_Flangeways, _Bounds]:
     width = whole_lines(max(motion.rails[name].x.size for name in names))
     starts, of_modes, of_rows = np.full((len(names), width), np.inf), [], []
     bounds = [_bounds(panel, motion, name) for name in names]
@@ -310,11 +317,11 @@ def _build(panel: Panel, motion: Motion, names: Sequence[str]) -> _Flangeways:
     first_mode, mode, columns_of_mode = _pad_columns(of_modes, width)
     first_row, row, columns_of_row = _pad_columns(of_rows, width)
     columns = DistanceColumns(first_mode, first_row, mode, row, columns_of_mode, columns_of_row)
-    return _Flangeways(starts, shared_record(columns), bounds)
+    return _Flangeways(starts, shared_record(columns)), bounds
 
 
 def _bounds(panel: Panel, motion: Motion, name: str) -> list[_Bound]:
-    """Return what bounds the flangeway of a rail, see `_Flangeways`."""
+    """Return what bounds the flangeway of a rail."""
     x, found = motion.rails[name].x, list[_Bound]()
     _, parts = gap_rows(panel, motion, name, x, contact_height(panel, name, x))
     for body, rows in parts:

@@ -168,14 +168,31 @@ def split_gaps(panel: Panel, gaps: Floats, time: Floats) -> tuple[Floats, Floats
     at_sensors : ndarray, shape (n_sensors, n_times)
         [m]
     """
-    at_drives, at_sensors = split_gaps_of([gaps], panel, time, kind=np.float64)
+    at_drives, at_sensors = split_gaps_of(panel, [gaps], time, kind=np.float64)
     return at_drives[0], at_sensors[0]
 
 
 def split_gaps_of(
-    throws: Sequence[Floats], panel: Panel, time: Floats, *, kind: type[AnyFloat]
+    panel: Panel, throws: Sequence[Floats], time: Floats, *, kind: type[AnyFloat]
 ) -> tuple[NDArray[AnyFloat], NDArray[AnyFloat]]:
-    """Return what `split_gaps` does of many throws of the same movements, as numbers of a kind."""
+    """Return what `split_gaps` does of many throws of the same movements, as numbers of a kind.
+
+    Parameters
+    ----------
+    panel : Panel
+        Of one of them.
+    throws : sequence of ndarray, shape (n_places, n_times)
+        Open distances of each [m].
+    time : ndarray, shape (n_times,)
+        [s]
+    kind : type
+        ``numpy.float32`` or ``numpy.float64``.
+
+    Returns
+    -------
+    at_drives, at_sensors : ndarray, shapes (n, n_drives, n_times), (n, n_sensors, n_times)
+        [m]
+    """
     count, spans = len(panel.drive), closed_spans(panel, time)
     size = (len(throws), time.size)
     at_drives = np.empty((size[0], count, size[1]), dtype=kind)

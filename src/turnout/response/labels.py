@@ -32,8 +32,8 @@ def contact_labels(index: LawIndex, first: Floats, placed: Floats) -> dict[str, 
         the index; NaN for never; also of many throws with the same `object_rows` [s].
     """
     labels: dict[str, Variable] = {
-        "object_placed": ((), np.logical_not(np.isnan(placed).any(axis=-1))),
-        "object_touched": ((), np.logical_not(np.isnan(first).all(axis=-1))),
+        "object_placed": ((), np.asarray(~np.isnan(placed).any(axis=-1))),
+        "object_touched": ((), np.asarray(~np.isnan(first).all(axis=-1))),
         "contact_time": ((), _earliest(first)),
     }
     if len(index.object_parts) > 1:
@@ -156,9 +156,17 @@ def flangeway_ends(panel: Panel, motion: Motion, moved: Sequence[Throw]) -> Move
 
 
 def flangeway_labels(runs: Sequence[MovementEnds | None]) -> dict[str, Variable]:
-    """Return the least flangeway at the end of any movement with its place and rail.
+    """Return the least flangeway at the end of any movement, its place and its rail, for some runs.
 
-    Of some runs, whose number is the shape of what is returned.
+    Parameters
+    ----------
+    runs : sequence of MovementEnds or None
+        From `flangeway_ends`.
+
+    Returns
+    -------
+    dict of str to (dims, ndarray)
+        Runs first; the dimensions are those of one run. Flangeways and places in [m].
     """
     width, x, rail = zip(*least_flangeways(runs), strict=True)
     return {

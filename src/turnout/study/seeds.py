@@ -65,8 +65,8 @@ def seed_words(
     >>> seed_words([1, 2], [7, 8], count=2)[1].tolist() == whole.tolist()
     True
     """
-    if any(state >= LARGEST for state in states):
-        message = f"states are counted up to {LARGEST - 1}"
+    if not all(0 <= state < LARGEST for state in states):
+        message = f"states are counted from 0 to {LARGEST - 1}"
         raise ValueError(message)
     before, after = (
         [np.full(len(states), word, dtype=np.uint32) for number in given for word in _words(number)]
@@ -81,6 +81,9 @@ def seed_words(
 
 def _words(number: int) -> list[int]:
     """Return a number in words of 32 bits, the least first."""
+    if number < 0:
+        message = f"seed {number}: must be at least 0"
+        raise ValueError(message)
     words = [number % LARGEST]
     while number := number // LARGEST:
         words.append(number % LARGEST)

@@ -166,9 +166,9 @@ def lay_together(runs: Sequence[ThrowSignals]) -> AlikeThrows:
             [recorded_force(one, time, run.recorder) for one, run in zip(force, runs, strict=True)]
         )
     kept = time[::stride][: runs[0].watched.seen.shape[0]]
-    gaps = split_gaps_of([run.watched.seen.T for run in runs], panel, kept, kind=np.float32)
+    gaps = split_gaps_of(panel, [run.watched.seen.T for run in runs], kept, kind=np.float32)
     ends = [run.watched.seen_last.T for run in runs]
-    end_gaps = split_gaps_of(ends, panel, time[-1:], kind=np.float64)
+    end_gaps = split_gaps_of(panel, ends, time[-1:], kind=np.float64)
     limits = [state_limits(run.panel) for run in runs]
     return AlikeThrows(
         runs=runs,

@@ -7,7 +7,6 @@ verifies; an attribute says which study, which sources and which batch it comes 
 """
 
 import hashlib
-import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
@@ -110,10 +109,17 @@ def list_batches(folder: Path) -> list[tuple[int, Path]]:
     return sorted((int(match[1]), path) for match, path in found if match is not None)
 
 
-SMALLEST_BATCH, LARGEST_BATCH, SHARE_OF_REST, NEXT_SIZE = 8, 128, 0.25, 4
-"""Scenarios in a batch, which has about a share of those that are left: towards the end of a sweep
-batches are small, so that no worker waits long for the last one. They come in few sizes, each a
-multiple of the next smaller one: what a file says of its variables is made once for each."""
+SIZES = (8, 32, 128, 512, 1024)
+"""Scenarios in a batch; few sizes, since what a file says of its variables is made once for each,
+but the last one of a sweep, and chains, which may be longer."""
+
+BATCHES_OF_ALL, BATCHES_OF_REST, LARGE_OF_REST = 8, 2, 4
+"""A batch that is not of the smallest size leaves so many of its size in the whole sweep, and so
+many among what is left, more if it is large: several workers find one, and none waits long for the
+last one."""
+
+LARGEST_BATCH = 128
+"""Scenarios in a batch with histories, and in a pass without."""
 
 LARGEST_WITHOUT_HISTORIES = 1024
 """Scenarios in a batch that holds no histories: what a file says of its variables takes 60 kB."""
@@ -145,14 +151,21 @@ def plan_batches(study: Study) -> list[tuple[Sequence[int], ...]]:
     for chain in study.chains:
         held.append(chain)
         size += len(chain)
-        share = max(SMALLEST_BATCH, SHARE_OF_REST * rest)
-        step = round(math.log(share / SMALLEST_BATCH, NEXT_SIZE))
-        if size >= min(largest, SMALLEST_BATCH * NEXT_SIZE**step):
+        if size >= _next_size(study.count, rest, largest):
             batches.append(tuple(held))
             held, size, rest = [], 0, rest - size
     if held:
         batches.append(tuple(held))
     return batches
+
+
+def _next_size(count: int, rest: int, largest: int) -> int:
+    """Return how many scenarios the next batch has, of which `rest` of `count` are left."""
+    for size in SIZES[:0:-1]:
+        of_rest = BATCHES_OF_REST if size <= LARGEST_BATCH else LARGE_OF_REST
+        if size <= largest and BATCHES_OF_ALL * size <= count and of_rest * size <= rest:
+            return size
+    return SIZES[0]
 
 
 def throw_batch(study: Study, chains: Sequence[Sequence[int]]) -> list[Row]:

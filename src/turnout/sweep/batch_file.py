@@ -42,7 +42,8 @@ LEVEL = 1
 MEMORY_STEP = 1 << 21
 """The memory of a file grows by so much [bytes]."""
 
-_image_lock = Lock()
+# Files of one name that are open at once are one to HDF5, also in memory.
+_file_lock = Lock()
 _TEXT = h5py.string_dtype()
 _TEXT_KIND, _TEXT_HERE = h5t.py_create(_TEXT, logical=True), h5t.py_create(_TEXT)
 _SINGLE = h5s.create(h5s.SCALAR)
@@ -75,15 +76,15 @@ def file_bytes(
     for name, at in template.places.items():
         values = variables[name].values
         content[at : at + values.nbytes] = values.tobytes()
-    with _image_lock:
+    with _file_lock:
         _with_image().set_file_image(bytes(content))
         file = h5f.open(b"batch", h5f.ACC_RDWR, fapl=_with_image())
-    if origin is not None:
-        _write_attribute(file, ORIGIN.decode(), str(origin))
-    for name, variable in variables.items():
-        if _is_of_scenarios(variable) and name not in template.places:
-            _write_values(h5d.open(file, name.encode()), np.ascontiguousarray(variable.values))
-    return _closed(file)
+        if origin is not None:
+            _write_attribute(file, ORIGIN.decode(), str(origin))
+        for name, variable in variables.items():
+            if _is_of_scenarios(variable) and name not in template.places:
+                _write_values(h5d.open(file, name.encode()), np.ascontiguousarray(variable.values))
+        return _closed(file)
 
 
 def _is_of_scenarios(variable: StoredVariable) -> bool:
@@ -100,7 +101,10 @@ def _template(variables: Mapping[str, StoredVariable]) -> _Template:
         for name, item in variables.items()
     )
     kept = _templates.get(key)
-    return _templates.put(key, _made_template(variables)) if kept is None else kept
+    if kept is None:
+        with _file_lock:
+            kept = _templates.put(key, _made_template(variables))
+    return kept
 
 
 def _made_template(variables: Mapping[str, StoredVariable]) -> _Template:

@@ -86,7 +86,7 @@ class StoredThrows:
     variables : dict of str to (dims, ndarray)
         Histories, labels and features, throws first; the dimensions are those of one.
     coordinates : dict of str to (dims, ndarray)
-        Of these; those of dimensions once for all throws, all others likewise.
+        Of these; those of dimensions once for all throws, all others with throws first too.
     """
 
     variables: Variables
@@ -122,12 +122,6 @@ class Row:
     solver: SolverTime = SolverTime()
     stored: StoredThrows | None = None
     number: int = 0
-
-    @property
-    def variables(self) -> Variables:
-        """Histories, labels and features of this throw alone; empty unless complete."""
-        found = {} if self.stored is None else self.stored.variables
-        return {name: (dims, values[self.number, ...]) for name, (dims, values) in found.items()}
 
     @property
     def slipped(self) -> bool:

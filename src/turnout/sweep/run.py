@@ -151,6 +151,7 @@ def run_sweep(
             )
             raise FileError(message)
         damaged = tuple(move_damaged(path, folder) for path in torn)
+        make_durable(there.values())  # a run that was ended may not have waited for all of them
         todo = [number for number in range(len(chains)) if number not in there]
         make = pool if pool is not None else partial(local_pool, min(workers, max(1, len(todo))))
         if todo and pool is None:
@@ -170,7 +171,7 @@ def run_sweep(
         with closing(made):
             for done in made:
                 if not batches.durable:
-                    make_durable(folder / BATCHES / done.name)
+                    make_durable([folder / BATCHES / done.name])
                 log.record(done)
         clear_leftovers(folder)
         write_card(folder, study)
