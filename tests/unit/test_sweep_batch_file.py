@@ -146,3 +146,22 @@ def test_files_made_at_once_are_those_made_one_by_one() -> None:
     with ThreadPoolExecutor(4) as pool:
         at_once = list(pool.map(lambda variables: file_bytes(variables, origin=origin), given))
     assert at_once == alone
+
+
+@pytest.mark.parametrize("kind", ["<f4", "<f8", "i1"])
+def test_rows_that_are_all_the_same_take_no_copies(kind: str) -> None:
+    row = np.random.default_rng(5).normal(size=(2, 3000)).astype(kind)
+    about = {"units": "m", "long_name": "any"}
+    scenario = StoredVariable(("scenario",), np.arange(9), about, coordinate=True)
+    axes = {
+        "drive": StoredVariable(("drive",), np.arange(2), about, coordinate=True),
+        "time": StoredVariable(("time",), np.arange(3000), about, coordinate=True),
+    }
+    dims, alike = ("scenario", "drive", "time"), np.broadcast_to(row, (9, 2, 3000))
+    found = [
+        file_bytes({"scenario": scenario, **axes, "a": StoredVariable(dims, values, about, False)})
+        for values in (alike, alike.copy(), alike)
+    ]
+    assert found[0] == found[1] == found[2]
+    with h5py.File(io.BytesIO(found[0])) as file:
+        np.testing.assert_array_equal(file["a"][...], alike)

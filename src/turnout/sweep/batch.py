@@ -346,27 +346,35 @@ def data_split(condition: str, seed: int) -> str:
 
 
 def _stack(name: str, pieces: Sequence[_Piece], count: int, *, coordinate: bool) -> StoredVariable:
-    """Return a variable of some rows in one array, the shorter ones filled up along time."""
+    """Return a variable of some rows in one array."""
     first = pieces[0]
     kind = first.values.dtype
     logical = kind.kind == "b"
     whole = kind.kind in "bi"  # states of machines are -1 without a machine too
     dtype, empty = (np.dtype(np.int8), UNKNOWN_LOGICAL) if whole else (kind, np.nan)
-    shape = np.max([piece.values.shape[1:] for piece in pieces], axis=0, initial=0)
-    if sum(len(piece.places) for piece in pieces) < count or any(
-        piece.values.shape[1:] != tuple(shape) for piece in pieces
-    ):
-        values = np.full((count, *shape), empty, dtype=dtype)
-    else:
-        values = np.empty((count, *shape), dtype=dtype)
-    for piece in pieces:
-        places = slice(piece.places[0], piece.places[-1] + 1)
-        neighbours = places.stop - places.start == len(piece.places)
-        within = map(slice, piece.values.shape[1:])
-        values[(places if neighbours else piece.places, *within)] = piece.values
+    alone = len(first.places) == count and kind == dtype
+    values = first.values if alone else _join(pieces, count, dtype, empty)
     attributes = variable_attributes(name)
     if logical:
         attributes = attributes | {
             "values": "1 true, 0 false, -1 not known as the scenario is not complete"
         }
     return StoredVariable(("scenario", *first.dims), values, attributes, coordinate=coordinate)
+
+
+def _join(
+    pieces: Sequence[_Piece], count: int, dtype: np.dtype[Any], empty: float
+) -> NDArray[np.generic]:
+    """Return the values of some rows, the shorter ones filled up along time."""
+    shape = tuple(np.max([piece.values.shape[1:] for piece in pieces], axis=0, initial=0))
+    known = sum(len(piece.places) for piece in pieces)
+    if known == count and all(piece.values.shape[1:] == shape for piece in pieces):
+        values = np.empty((count, *shape), dtype=dtype)
+    else:
+        values = np.full((count, *shape), empty, dtype=dtype)
+    for piece in pieces:
+        places = slice(piece.places[0], piece.places[-1] + 1)
+        neighbours = places.stop - places.start == len(piece.places)
+        within = map(slice, piece.values.shape[1:])
+        values[(places if neighbours else piece.places, *within)] = piece.values
+    return values

@@ -83,7 +83,7 @@ def file_bytes(
             _write_attribute(file, ORIGIN.decode(), str(origin))
         for name, variable in variables.items():
             if _is_of_scenarios(variable) and name not in template.places:
-                _write_values(h5d.open(file, name.encode()), np.ascontiguousarray(variable.values))
+                _write_values(h5d.open(file, name.encode()), variable.values)
         return _closed(file)
 
 
@@ -133,7 +133,7 @@ def _made_template(variables: Mapping[str, StoredVariable]) -> _Template:
             mine = [at for at, dims in named.items() if dims <= set(variable.dims)]
             _write_attribute(stored[name], "coordinates", " ".join(mine))
         if not _is_of_scenarios(variable):
-            _write_values(stored[name], np.ascontiguousarray(variable.values))
+            _write_values(stored[name], variable.values)
     h5f.flush(file)
     places = {
         name: stored[name].get_offset()
@@ -220,11 +220,11 @@ def _write_values(stored: h5d.DatasetID, values: NDArray[Any]) -> None:
     if _kind_of(values) == "text":
         stored.write(h5s.ALL, h5s.ALL, values.astype(_TEXT))
     elif values.dtype.kind == "S":
-        stored.write(h5s.ALL, h5s.ALL, values, stored.get_type())
+        stored.write(h5s.ALL, h5s.ALL, np.ascontiguousarray(values), stored.get_type())
     elif values.nbytes > LARGEST_CONTIGUOUS:
         _write_chunks(stored, values, rows=stored.get_create_plist().get_chunk()[0])
     else:
-        stored.write(h5s.ALL, h5s.ALL, values)
+        stored.write(h5s.ALL, h5s.ALL, np.ascontiguousarray(values))
 
 
 def _write_chunks(stored: h5d.DatasetID, values: NDArray[Any], *, rows: int) -> None:
@@ -234,7 +234,16 @@ def _write_chunks(stored: h5d.DatasetID, values: NDArray[Any], *, rows: int) -> 
         if chunk.shape[0] < rows:
             chunk = np.zeros((rows, *chunk.shape[1:]), dtype=chunk.dtype)
             chunk[: values.shape[0] - first] = values[first:]
-        stored.write_direct_chunk((first, *[0] * (chunk.ndim - 1)), deflate_chunk(chunk))
+        alike = chunk.strides[0] == 0 and chunk.size > 0
+        made = _deflate_alike(chunk[0].tobytes(), chunk.dtype, chunk.shape) if alike else None
+        stored.write_direct_chunk((first, *[0] * (chunk.ndim - 1)), made or deflate_chunk(chunk))
+
+
+@lru_cache(maxsize=MOST_TEMPLATES)
+def _deflate_alike(row: bytes, dtype: np.dtype[Any], shape: tuple[int, ...]) -> bytes:
+    """Return `deflate_chunk` of rows that are all the same, such as the positions of markers."""
+    one = np.frombuffer(row, dtype=dtype).reshape(shape[1:])
+    return deflate_chunk(np.broadcast_to(one, shape))
 
 
 def deflate_chunk(values: NDArray[np.generic]) -> bytes:
@@ -245,7 +254,7 @@ def deflate_chunk(values: NDArray[np.generic]) -> bytes:
     Parameters
     ----------
     values : ndarray
-        Of any shape, contiguous.
+        Of any shape.
 
     Examples
     --------
