@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.unit.sweeps import variables_of
 
 from turnout.integrate.integration import History
 from turnout.integrate.seen import SeenRows
@@ -82,9 +83,9 @@ def test_a_sweep_stores_the_same_of_a_watched_throw(
     assert all(row.outcome == "complete" for row in watched)
     monkeypatch.setattr(sweep_row, "watch_of", lambda study, panel: None)
     for mine, whole in zip(watched, sweep_row.throw_scenarios(study, scenarios), strict=True):
-        assert mine.variables.keys() == whole.variables.keys()
-        for name, (_, values) in whole.variables.items():
-            found = mine.variables[name][1]
+        assert variables_of(mine).keys() == variables_of(whole).keys()
+        for name, (_, values) in variables_of(whole).items():
+            found = variables_of(mine)[name][1]
             assert found.dtype == values.dtype
             if name in ("drive_gap", "sensor_gap", "end_gap"):
                 np.testing.assert_allclose(found, values, rtol=1e-6, atol=1e-15, err_msg=name)
