@@ -22,6 +22,10 @@ from turnout.panel.pending_members import all_lack, member_numbers
 
 KEY = "chair.friction_coefficient"
 CHANGED = {KEY: 0.37, "drive.1.stiffness": 7e5}
+EACH = {
+    f"chair.{name}.friction_coefficient": 0.2 + 0.01 * number
+    for number, name in enumerate(load_panel("uic60-760-1-15").chair)
+} | {"drive.1.stiffness": 7e5}
 
 
 @pytest.fixture
@@ -65,9 +69,10 @@ def pending_panel(changed: dict[str, float] = CHANGED) -> LoadedPanel:
         lambda panel: resolve_objects(panel, [ForeignObject(0.01, "chair 5")]),
     ],
 )
-def test_it_looks_as_ever(look: Callable[[LoadedPanel], Any]) -> None:
-    wanted = load_panel("uic60-760-1-15", overrides=CHANGED)
-    assert look(pending_panel()) == look(wanted)
+@pytest.mark.parametrize("changed", [CHANGED, EACH], ids=["alike", "each"])
+def test_it_looks_as_ever(look: Callable[[LoadedPanel], Any], changed: dict[str, float]) -> None:
+    wanted = load_panel("uic60-760-1-15", overrides=changed)
+    assert look(pending_panel(changed)) == look(wanted)
 
 
 def test_it_equals_a_panel_read_as_a_whole() -> None:
@@ -95,8 +100,9 @@ def test_threads_find_the_same_records(restless_threads: None) -> None:
             assert len({task.result() for task in [pool.submit(look) for _ in range(4)]}) == 1
 
 
-def test_numbers_are_those_of_the_records() -> None:
-    found, fields = pending_panel(), ("clearance", "friction_coefficient", "x")
+@pytest.mark.parametrize("changed", [CHANGED, EACH], ids=["alike", "each"])
+def test_numbers_are_those_of_the_records(changed: dict[str, float]) -> None:
+    found, fields = pending_panel(changed), ("clearance", "friction_coefficient", "x")
     numbers = member_numbers(found, "chair", fields)
     assert all_lack(found, "chair", "friction_factor")
     assert not all_lack(found, "chair", "friction_coefficient")

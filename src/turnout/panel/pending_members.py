@@ -1,7 +1,7 @@
-"""Panels whose members may differ from known ones in the same values, made when they are needed.
+"""Panels whose members may differ from known ones in the same fields, made when they are needed.
 
-A study mostly changes a value of all chairs at once, and a throw needs no more of them than numbers
-in a row, which are quicker to take than two dozen records are to make.
+A study mostly changes a value of all chairs, and a throw needs no more of them than numbers in a
+row, which are quicker to take than two dozen records are to make.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -28,14 +28,21 @@ _own_values = vars(BaseModel)["__dict__"]
 
 
 class PendingMembers(NamedTuple):
-    """Members of a family that are copies of known ones with some values in common, by field."""
+    """Members of a family that are copies of known ones with other values of some fields.
+
+    `given` are these values by field, one for each member in the order of the known ones.
+    """
 
     known: Mapping[str, BaseModel]
-    given: dict[str, Any]
+    given: Mapping[str, Sequence[Any]]
 
     def made(self) -> dict[str, BaseModel]:
         """Return the records."""
-        return {name: with_values(r, r.__dict__ | self.given) for name, r in self.known.items()}
+        of_each = zip(*self.given.values(), strict=True)
+        return {
+            name: with_values(known, known.__dict__ | dict(zip(self.given, values, strict=True)))
+            for (name, known), values in zip(self.known.items(), of_each, strict=True)
+        }
 
 
 class PendingPanel(Panel):
@@ -115,9 +122,9 @@ def member_numbers(panel: Panel, family: str, fields: Sequence[str]) -> NDArray[
     if pending is None:
         return _numbers_of(getattr(panel, family), fields)
     found = _numbers_of(pending.known, fields).copy()
-    for field, value in pending.given.items():
+    for field, values in pending.given.items():
         if field in fields:
-            found[fields.index(field)] = value
+            found[fields.index(field)] = values
     return found
 
 
@@ -125,7 +132,7 @@ def all_lack(panel: Panel, family: str, field: str) -> bool:
     """Return whether a field is None in all members of a family."""
     pending = _pending_of(panel).get(family)
     if pending is not None and field in pending.given:
-        return pending.given[field] is None
+        return all(value is None for value in pending.given[field])
     members = getattr(panel, family) if pending is None else pending.known
     return all(getattr(member, field) is None for member in members.values())
 

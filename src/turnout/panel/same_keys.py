@@ -20,10 +20,10 @@ from turnout.panel.model import Panel
 from turnout.panel.override import OverridePlan, known_plan
 from turnout.panel.pending_members import PendingMembers
 from turnout.panel.records import RailMatrices
-from turnout.panel.validate import Draft, Known, field_check, read_by
+from turnout.panel.validate import Draft, Known, field_check, read_by, with_values
 
 MANY = 8
-"""Members that are made when they are needed, where all of a family change alike."""
+"""So many members are made when they are needed, where all change in the same fields."""
 MOST_FIRST = 16
 """Panels in memory of which others have the same keys, the latest used."""
 
@@ -77,9 +77,7 @@ class DerivedPanel:
 
 
 Reader = Callable[[object], Any]
-_Fields = tuple[tuple[str, int], ...]
-_Members = dict[str, dict[_Fields, dict[str, BaseModel]]]
-"""By family, and by fields with the numbers of their values: names and records of members."""
+_Members = dict[str, list[tuple[str, BaseModel, tuple[tuple[str, int], ...]]]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,7 +86,8 @@ class _SameKeys:
 
     `panel` is what was changed, kept since it is known by its identity. `numbers` are the values
     that are set, with the key that does it and what validates its value; `members` are the records
-    that have any.
+    that have any, by family, with the number of the value of each field. Of families in which all
+    members have the same fields changed `columns` are these numbers by field.
     """
 
     panel: Panel
@@ -100,6 +99,7 @@ class _SameKeys:
     names: Mapping[str, tuple[str, ...]]
     numbers: tuple[tuple[str, Reader], ...]
     members: _Members
+    columns: Mapping[str, dict[str, list[int]]]
 
     def records(
         self, overrides: Mapping[str, object]
@@ -114,15 +114,15 @@ class _SameKeys:
         values = [read(overrides[key]) for key, read in self.numbers]
         found, pending = dict(self.known.panel.__dict__), dict[str, PendingMembers]()
         for family, members in self.members.items():
-            known, changed = found[family], dict[str, BaseModel]()
-            for fields, alike in members.items():
-                given = {field: values[number] for field, number in fields}
-                if len(alike) == len(known) >= MANY:
-                    pending[family] = PendingMembers(found.pop(family), given)
-                    break
-                changed |= PendingMembers(alike, given).made()
-            else:
-                found[family] = known | changed
+            columns = self.columns.get(family)
+            if columns is not None:
+                given = {field: [values[n] for n in numbers] for field, numbers in columns.items()}
+                pending[family] = PendingMembers(found.pop(family), given)
+                continue
+            records = found[family] = dict(found[family])
+            for name, first, fields in members:
+                new = {field: values[number] for field, number in fields}
+                records[name] = with_values(first, first.__dict__ | new)
         return found, pending
 
 
@@ -202,8 +202,7 @@ def note_keys(
     members: _Members = {}
     for (family, name), of_member in fields.items():
         first = getattr(made.panel, family)[name]
-        of_family = members.setdefault(family, {})
-        of_family.setdefault(tuple(of_member), {})[name] = first
+        members.setdefault(family, []).append((name, first, tuple(of_member)))
     given = dict.fromkeys((*way.given, *(".".join(place) for place, _ in way.places)))
     found = _SameKeys(
         panel=panel,
@@ -215,8 +214,23 @@ def note_keys(
         names={name: tuple(getattr(made.panel, name)) for name in FAMILIES},
         numbers=tuple(item for _, item in numbers.values()),
         members=members,
+        columns=_columns(made.panel, members),
     )
     _first.put((id(panel), *overrides), found)
+
+
+def _columns(panel: Panel, members: _Members) -> dict[str, dict[str, list[int]]]:
+    """Return what `_SameKeys` has as columns."""
+    found = {}
+    for family, changed in members.items():
+        of_each = {name: dict(fields) for name, _, fields in changed}
+        names = getattr(panel, family)
+        fields = {tuple(sorted(of_member)) for of_member in of_each.values()}
+        if len(fields) == 1 and len(of_each) == len(names) >= MANY:
+            found[family] = {
+                field: [of_each[name][field] for name in names] for field in next(iter(fields))
+            }
+    return found
 
 
 def _reader(record: type[BaseModel], field: str) -> Reader | None:
