@@ -206,3 +206,8 @@ def test_a_panel_without_head_width_has_no_flangeway() -> None:
 
     assert np.isnan(float(sb1_dataset()["least_flangeway"]))
     assert str(sb1_dataset()["least_flangeway_rail"].values) == ""
+
+
+def test_coordinates_come_in_the_order_of_dimensions() -> None:
+    found = [name for name in sb2_dataset().coords if name in ("time", "rail", "drive", "drive_x")]
+    assert found == ["time", "rail", "drive", "drive_x"]
