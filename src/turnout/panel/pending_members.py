@@ -82,6 +82,8 @@ class PendingPanel(Panel):
         with _lock:
             pending, values = dict(_pending_of(self)), _own_values.__get__(self)
             made = {name: pending.pop(name).made() for name in names if name in pending}
+            if not made:  # by another thread, or never there
+                return
             values = values | made
             in_order = {name: values[name] for name in Panel.model_fields if name in values}
             _own_values.__set__(self, in_order)

@@ -7,13 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.lru_cache import LRUCache
-from turnout.mechanism.drive_machines import slip_force
 from turnout.mechanism.mechanism import LawIndex, Mechanism
 from turnout.panel.model import Panel
 from turnout.panel.records import Drive, Placed
 from turnout.response.labels import DIRECTIONS
 from turnout.response.save import Save
-from turnout.response.signals import AXES, Variable, stop_names
+from turnout.response.signals import AXES, Variable, slip_forces, stop_names
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -141,11 +140,10 @@ def _of_dimension(panel: Panel, dimension: str) -> dict[str, Variable]:
 def _of_drives(panels: Sequence[Panel]) -> dict[str, Variable]:
     """Return what is made for each throw, since most studies vary something of drives."""
     drives = [panel.drive.values() for panel in panels]
-    slip = [[slip_force(panel, name) for name in panel.drive] for panel in panels]
     return {
         "drive": _names("drive", panels[0].drive),
         "drive_x": _numbers("drive", [[drive.x for drive in own] for own in drives]),
-        "saturation_force": _numbers("drive", slip),
+        "saturation_force": (("drive",), np.array([slip_forces(panel) for panel in panels])),
         "drive_stiffness": _numbers("drive", [[*map(_stiffness, own)] for own in drives]),
     }
 

@@ -79,7 +79,7 @@ class _OpenRails:
     names: tuple[str, ...]
     x: tuple[Floats, ...]
     opened: Mapping[str, int]
-    flangeways: _Flangeways | None
+    flangeways: _Flangeways
     added: tuple[_AddedEnds, ...]
     slope: Floats
 
@@ -127,7 +127,7 @@ _UNKNOWN = Flangeway(np.nan, np.nan, "")
 # takes their place.
 _flangeways = LRUCache[tuple[_Flangeways, _Bounds, list[object]]](MOST_KEPT)
 # Condensed rails are so where objects stand in the same places.
-_open_rails: WeakKeyDictionary[CondensedRails, tuple[_OpenRails, list[object]]] = (
+_open_rails: WeakKeyDictionary[CondensedRails, tuple[_OpenRails | None, list[object]]] = (
     WeakKeyDictionary()
 )
 
@@ -150,6 +150,8 @@ def movement_ends(
         None where the panel does not say what the flangeways of its open rails take.
     """
     known, history = _known_rails(panel, motion), motion.history
+    if known is None:
+        return None
     opened = [(known.opened[throw.to], at) for throw, at in ends if throw.to in known.opened]
     if not opened:
         return None
@@ -190,8 +192,6 @@ def least_flangeways(runs: Sequence[MovementEnds | None]) -> list[Flangeway]:
 def _least_of_alike(runs: Sequence[MovementEnds]) -> list[Flangeway]:
     """Return the least flangeways of runs of the same rails, with laws of the same number."""
     flangeways = runs[0].known.flangeways
-    if flangeways is None:
-        return [_UNKNOWN] * len(runs)
     rails = np.array([rail for run in runs for rail in run.rails])
     distances = empty_in_lines(rails.size, flangeways.start.shape[1])
     distances[:] = flangeways.start[rails]
@@ -232,8 +232,11 @@ def _subtract_added_ends(
                 along[end, : added.columns.shape[0]] -= added.columns @ own
 
 
-def _known_rails(panel: Panel, motion: Motion) -> _OpenRails:
-    """Return what the flangeways of a panel are made of, found once for throws that share it."""
+def _known_rails(panel: Panel, motion: Motion) -> _OpenRails | None:
+    """Return what the flangeways of a panel are made of, found once for throws that share it.
+
+    None where the panel does not say what they take.
+    """
     families = (panel.rail, panel.stock_rail, panel.stop, panel.stud, panel.object_defaults)
     named: list[object] = [panel.instrumented_rail, motion.shapes, *families]
     kept = _open_rails.get(motion.condensed)
@@ -244,7 +247,7 @@ def _known_rails(panel: Panel, motion: Motion) -> _OpenRails:
     return made
 
 
-def _make_open_rails(panel: Panel, motion: Motion) -> _OpenRails:
+def _make_open_rails(panel: Panel, motion: Motion) -> _OpenRails | None:
     opened: dict[str, int] = {}
     names: list[str] = []
     for position in ("open", "closed"):
@@ -252,7 +255,9 @@ def _make_open_rails(panel: Panel, motion: Motion) -> _OpenRails:
         if name is not None and _head_width(panel, name) is not None:
             opened[position] = names.index(name) if name in names else len(names)
             names += [name] if name not in names else []
-    flangeways, bounds = _flangeways_of(panel, motion, names) if names else (None, [])
+    if not names:
+        return None
+    flangeways, bounds = _flangeways_of(panel, motion, names)
     return _OpenRails(
         names=tuple(names),
         x=tuple(motion.rails[name].x for name in names),

@@ -5,13 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.mechanism.drive_machines import slip_force
 from turnout.mechanism.mechanism import LawIndex
 from turnout.panel.model import Panel
 from turnout.response.flangeway import MovementEnds, least_flangeways, movement_ends
 from turnout.response.recovery import Motion
 from turnout.response.route import Throw, at_rest, rail_closes, throws
-from turnout.response.signals import Variable, object_rows
+from turnout.response.signals import Variable, object_rows, slip_forces
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -74,7 +73,7 @@ def force_margins(
         that of the next one; opening first [N]. NaN where there is no such movement.
     """
     if limits is None:
-        limits = np.array([slip_force(panel, name) for name in panel.drive])
+        limits = slip_forces(panel)
     margins = np.full((*limits.shape, len(DIRECTIONS)), np.nan)
     for throw in throws(panel):
         bounds = (throw.start - TIME_TOLERANCE, throw.until - TIME_TOLERANCE)

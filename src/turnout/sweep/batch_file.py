@@ -134,7 +134,6 @@ def _made_template(variables: Mapping[str, StoredVariable]) -> _Template:
             _write_attribute(stored[name], "coordinates", " ".join(mine))
         if not _is_of_scenarios(variable):
             _write_values(stored[name], variable.values)
-    h5f.flush(file)
     places = {
         name: stored[name].get_offset()
         for name, variable in variables.items()
@@ -153,6 +152,12 @@ def _in_memory() -> h5p.PropFAID:
     return access
 
 
+@cache
+def _with_image() -> h5p.PropFAID:
+    """Return how a file in memory is opened that begins as the image that was set last."""
+    return _in_memory()
+
+
 def _closed(file: h5f.FileID) -> bytes:
     """Close a file in memory and return its content."""
     h5f.flush(file)
@@ -164,12 +169,6 @@ def _closed(file: h5f.FileID) -> bytes:
 def _kind_of(values: NDArray[Any]) -> str:
     """Return the kind of numbers or texts that a file holds; texts of any length are of one."""
     return values.dtype.str if values.dtype.kind in "fibS" else "text"
-
-
-@cache
-def _with_image() -> h5p.PropFAID:
-    """Return how a file in memory is opened that begins as the image that was set last."""
-    return _in_memory()
 
 
 def _is_contiguous(values: NDArray[Any]) -> bool:

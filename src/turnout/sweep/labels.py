@@ -34,7 +34,6 @@ LABELS = {
 }
 """Unit and meaning of the labels that only a sweep has."""
 
-
 NOT_STORED = ("object_contact_time", "least_flangeway_rail")
 """Labels that sweeps leave out."""
 

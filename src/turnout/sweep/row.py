@@ -314,11 +314,8 @@ def make_rows(study: Study, throws: Sequence[ThrowResult]) -> list[Row]:
             stored += reduce_signals(study, complete[first : first + THROWS_PER_PASS])
     rows, made = [], iter(stored)
     for item in throws:
-        row = Row(item.ready.scenario, item.outcome, item.reason, item.attempts, item.solver)
-        if item.extracted is not None:
-            together, number = next(made)
-            row = replace(row, stored=together, number=number)
-        rows.append(row)
+        about = (item.ready.scenario, item.outcome, item.reason, item.attempts, item.solver)
+        rows.append(Row(*about, *(() if item.extracted is None else next(made))))
     return rows
 
 

@@ -231,7 +231,7 @@ class Batches:
     ahead : int
         So many are handed out before one is done.
     durable : bool
-        Whether who makes one waits until it is on the disk.
+        Whether a worker waits until its batch is on the disk.
     """
 
     folder: Path
