@@ -134,6 +134,7 @@ def _made_template(variables: Mapping[str, StoredVariable]) -> _Template:
             _write_attribute(stored[name], "coordinates", " ".join(mine))
         if not _is_of_scenarios(variable):
             _write_values(stored[name], variable.values)
+    h5f.flush(file)  # so that places are final
     places = {
         name: stored[name].get_offset()
         for name, variable in variables.items()
