@@ -24,14 +24,14 @@ from benchmarks.kept import keep
 from benchmarks.machine import load, processor_seconds
 from benchmarks.page import write_section
 from benchmarks.schemes import MODES
-from turnout.integrate.integration import integrate
+from turnout.core.scheme import Scheme
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import load_panel
 from turnout.panel.markers import marker_offsets, marker_positions
-from turnout.response.simulate import simulate
-from turnout.response.store import open_response, save_response
-from turnout.scheme import Scheme
+from turnout.solver.integration import integrate
+from turnout.throw.simulate import simulate
+from turnout.throw.store import open_response, save_response
 
 ROOT = Path(__file__).parents[1]
 CASES = {

@@ -16,8 +16,8 @@ from turnout.detection.limit.known_place_map import known_place_map
 from turnout.detection.limit.limit_map import limit_map, sound_throws
 from turnout.detection.reference import Conditions
 from turnout.detection.throws import Throws, closing_time, stored_throws, throw_all
-from turnout.plot.limit import plot_limit
-from turnout.plot.style import rendered
+from turnout.figures.limit import plot_limit
+from turnout.figures.style import rendered
 
 FIGURE = Path(__file__).parents[1] / "docs" / "figures" / "blind_zones.png"
 CASES = {

@@ -27,7 +27,9 @@ from turnout.mechanism import cache
 from turnout.mechanism.build import build_mechanism
 from turnout.mechanism.rail_sections import section_values
 from turnout.panel.load import load_panel
-from turnout.section import analyse, mesh, shear, taper, torsion
+from turnout.section import mesh, shear, torsion
+from turnout.beam import section_analysis as analyse
+from turnout.beam import section_taper as taper
 imported = time.perf_counter()
 panel = load_panel("uic60-760-1-15")
 loaded = time.perf_counter()

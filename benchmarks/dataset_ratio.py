@@ -15,10 +15,10 @@ import sys
 import time
 from pathlib import Path
 
+from turnout.core.scheme import Mode, Scheme
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
-from turnout.response.simulate import simulate, solve
-from turnout.scheme import Mode, Scheme
+from turnout.throw.simulate import simulate, solve
 
 HERE = Path(__file__).parents[1]
 MODES: tuple[Mode, ...] = ("quick", "waveform")

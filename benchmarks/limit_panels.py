@@ -18,9 +18,9 @@ from turnout.detection.limit.bands import bands_of, panels_of
 from turnout.detection.limit.limit_map import limit_map
 from turnout.detection.reference import Conditions
 from turnout.detection.throws import QUICK_STEPS, STEPS, Throws, closing_time, stored_throws
-from turnout.plot.limit import plot_bands
-from turnout.plot.style import rendered
-from turnout.sweep.read import open_sweep
+from turnout.figures.limit import plot_bands
+from turnout.figures.style import rendered
+from turnout.study.sweep.read import open_sweep
 
 FIGURE = Path(__file__).parents[1] / "docs" / "figures" / "limit_panels.png"
 STUDY = "plausible-panels"

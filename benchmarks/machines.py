@@ -13,9 +13,9 @@ import time
 from collections.abc import Callable, Mapping
 
 from benchmarks.machine import load, machine
+from turnout.core.scheme import Scheme
 from turnout.panel.load import LoadedPanel, load_panel
-from turnout.response.simulate import simulate, solve
-from turnout.scheme import Scheme
+from turnout.throw.simulate import simulate, solve
 
 PANEL = "uic60-760-1-15"
 KINDS: dict[str, dict[str, object]] = {

@@ -16,10 +16,10 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.machine import load, machine
-from turnout.integrate import start
+from turnout.core.scheme import Scheme
 from turnout.panel.load import load_panel
-from turnout.response.simulate import simulate
-from turnout.scheme import Scheme
+from turnout.solver import start
+from turnout.throw.simulate import simulate
 
 FRICTIONS = np.linspace(0.1, 0.5, 17)
 END = 8.0

@@ -18,19 +18,19 @@ import numpy as np
 from benchmarks.machine import load, machine
 from benchmarks.page import write_section
 from benchmarks.schemes import MODES
+from turnout.core.scheme import Scheme
 from turnout.core.threads import one_blas_thread
-from turnout.integrate import energy, march, solution, solve, state, step
-from turnout.integrate.arrange import arrange
-from turnout.integrate.columns import update_row
-from turnout.integrate.prepared_run import PreparedRun, prepare, set_up_run
-from turnout.integrate.start import start_at_rest
-from turnout.integrate.state import COUNT_FLIPS, COUNT_ITERATIONS
 from turnout.kernels import compiler  # noqa: F401 - for the types of records
 from turnout.kernels.vector import add_weighted_rows
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.load import load_panel
 from turnout.panel.markers import marker_offsets, marker_positions
-from turnout.scheme import Scheme
+from turnout.solver import energy, march, solution, solve, state, step
+from turnout.solver.arrange import arrange
+from turnout.solver.columns import update_row
+from turnout.solver.prepared_run import PreparedRun, prepare, set_up_run
+from turnout.solver.start import start_at_rest
+from turnout.solver.state import COUNT_FLIPS, COUNT_ITERATIONS
 
 PANELS = ("sb2", "uic60-760-1-15")
 SHARE = 0.55

@@ -19,12 +19,12 @@ from tests.verification.reference import thinned
 from benchmarks import banded, sb1
 from benchmarks.machine import load, processor_seconds
 from benchmarks.schemes import MODES
-from turnout.integrate.integration import integrate
+from turnout.core.scheme import Scheme
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.markers import marker_positions
-from turnout.response.simulate import simulate
-from turnout.scheme import Scheme
+from turnout.solver.integration import integrate
+from turnout.throw.simulate import simulate
 
 
 @dataclass(frozen=True, slots=True)

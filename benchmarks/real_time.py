@@ -10,13 +10,13 @@ from tests.verification.reference import thinned
 from benchmarks.kept import keep
 from benchmarks.machine import figure, load, machine, processor_seconds, seconds_text
 from benchmarks.schemes import MODES
-from turnout.integrate.integration import integrate
+from turnout.core.scheme import Scheme
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import load_panel
 from turnout.panel.markers import marker_offsets, marker_positions
-from turnout.response.simulate import simulate
-from turnout.scheme import Scheme
+from turnout.solver.integration import integrate
+from turnout.throw.simulate import simulate
 
 FILE = "real-time.json"
 PANELS = ("sb2", "uic60-760-1-15")

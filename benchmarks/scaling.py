@@ -22,12 +22,12 @@ from benchmarks.log_axis import plain_ticks
 from benchmarks.machine import figure, load, machine, processor_seconds
 from benchmarks.page import write_section
 from benchmarks.schemes import MODES
-from turnout.integrate.integration import integrate
+from turnout.core.scheme import Scheme
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel, library_text, load_panel
 from turnout.panel.markers import marker_offsets, marker_positions
-from turnout.scheme import Scheme
+from turnout.solver.integration import integrate
 
 FIGURES = Path(__file__).parents[1] / "docs" / "figures"
 DEFAULT = "uic60-760-1-15"

@@ -23,15 +23,15 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.sweep_page import page
-from turnout.response.simulate import compile_kernels
-from turnout.study.load_study import load_study
+from turnout.calibration.load_study import load_study
 from turnout.study.read_study import scheme_for
 from turnout.study.study import Study
-from turnout.sweep.batch import batch_variables, throw_batch
-from turnout.sweep.batch_file import file_bytes
-from turnout.sweep.folder import JOURNAL
-from turnout.sweep.read import open_sweep, read_labels
-from turnout.sweep.run import SweepProgress, run_sweep
+from turnout.study.sweep.batch import batch_variables, throw_batch
+from turnout.study.sweep.batch_file import file_bytes
+from turnout.study.sweep.folder import JOURNAL
+from turnout.study.sweep.read import open_sweep, read_labels
+from turnout.study.sweep.run import SweepProgress, run_sweep
+from turnout.throw.simulate import compile_kernels
 
 DOCS = Path(__file__).parents[1] / "docs"
 FULL = """

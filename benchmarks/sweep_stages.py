@@ -19,21 +19,21 @@ from typing import Any
 
 from benchmarks.machine import load, machine
 from benchmarks.page import write_section
-from turnout.integrate.start import clear_starts
-from turnout.study.load_study import load_study
+from turnout.calibration.load_study import load_study
+from turnout.solver.start import clear_starts
 from turnout.study.study import Study
-from turnout.sweep import batch, batch_file
-from turnout.sweep.worker import initialize_worker
+from turnout.study.sweep import batch, batch_file
+from turnout.study.sweep.worker import initialize_worker
 
 STUDY = Path(__file__).with_name("million.toml")
 WARM, BATCH = 160, 64
 STAGES = {
-    "turnout.sweep.batch": {
+    "turnout.study.sweep.batch": {
         "throw_batch": "scenario drawn",
         "batch_variables": "rows stacked",
     },
-    "turnout.sweep.batch_file": {"file_bytes": "file made and compressed"},
-    "turnout.sweep.row": {
+    "turnout.study.sweep.batch_file": {"file_bytes": "file made and compressed"},
+    "turnout.study.sweep.row": {
         "prepare_scenario": "panel of the scenario",
         "resolve_objects": "objects placed and checked",
         "plan_throw": "markers",
@@ -44,18 +44,18 @@ STAGES = {
         "compute_labels": "labels and features",
         "make_rows": "rows",
     },
-    "turnout.response.simulate": {
+    "turnout.throw.simulate": {
         "build_mechanism": "mechanism built",
         "plan_run": "what is watched, grid",
     },
-    "turnout.integrate.integration": {
+    "turnout.solver.integration": {
         "arrange": "condensed rails with their object",
         "prepare": "memory of the run",
         "plan_start": "start: laws frozen, looked up",
         "find_start": "start: found",
         "_march_in_chunks": "steps of the throw",
     },
-    "turnout.integrate.start": {
+    "turnout.solver.start": {
         "prepare": "start: memory of the return",
         "_move": "start: the return before the throw",
         "_start_from": "start: brought to rest",

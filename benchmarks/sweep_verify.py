@@ -13,10 +13,10 @@ from pathlib import Path
 
 import h5py
 
-from turnout.sweep.batch import list_batches
-from turnout.sweep.folder import BATCHES
-from turnout.sweep.read import open_sweep, read_labels
-from turnout.sweep.verify import content_fault, read_origin
+from turnout.study.sweep.batch import list_batches
+from turnout.study.sweep.folder import BATCHES
+from turnout.study.sweep.read import open_sweep, read_labels
+from turnout.study.sweep.verify import content_fault, read_origin
 
 
 def least(work: Callable[[], object], *, repeat: int) -> float:

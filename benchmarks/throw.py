@@ -15,10 +15,10 @@ from collections.abc import Callable
 
 from benchmarks.machine import load, machine
 from benchmarks.page import write_section
+from turnout.core.scheme import Scheme
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
-from turnout.response.simulate import simulate, solve
-from turnout.scheme import Scheme
+from turnout.throw.simulate import simulate, solve
 
 PANEL = "uic60-760-1-15"
 REPEATS = 15

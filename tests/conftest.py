@@ -59,7 +59,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
 def pytest_report_header() -> str:
     """Say why the first tests may take long, as nothing else is heard meanwhile."""
-    from turnout.response.compilation import cache_fault, must_compile
+    from turnout.throw.compilation import cache_fault, must_compile
 
     if fault := cache_fault():
         return f"kernels: {fault}"

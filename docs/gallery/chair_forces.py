@@ -5,7 +5,7 @@ it. The open rail hangs free at its tip.
 """
 
 import turnout
-from turnout.plot import chair_sheet, draw_sheet
+from turnout.figures import chair_sheet, draw_sheet
 
 panel = turnout.load_panel("uic60-760-1-15")
 throw = turnout.simulate(panel, foreign_object=turnout.ForeignObject(0.031, at="sleeper 6"))

@@ -4,7 +4,7 @@ The energy residual is rounding error; numerical dissipation is small beside the
 """
 
 import turnout
-from turnout.plot import draw_sheet, energy_sheet
+from turnout.figures import draw_sheet, energy_sheet
 
 panel = turnout.load_panel("uic60-760-1-15")
 throw = turnout.simulate(panel, foreign_object=turnout.ForeignObject(0.013, at="sleeper 6"))

@@ -7,7 +7,7 @@ of a throw without friction.
 import numpy as np
 
 import turnout
-from turnout.plot import Line, Row, Sheet, draw_sheet
+from turnout.figures import Line, Row, Sheet, draw_sheet
 
 FRICTION = np.array([0.1, 0.2, 0.3, 0.4, 0.5])
 panel = turnout.load_panel("uic60-760-1-15")

@@ -4,7 +4,7 @@ The tip comes home, the middle stays up.
 """
 
 import turnout
-from turnout.plot import draw_sheet, gap_sheet
+from turnout.figures import draw_sheet, gap_sheet
 
 panel = turnout.load_panel("uic60-760-1-15")
 throw = turnout.simulate(panel, foreign_object=turnout.ForeignObject(0.031, at="sleeper 6"))

@@ -6,7 +6,7 @@ Each is 15 mm; metal and the paper's spring would follow the steepest line up to
 import numpy as np
 
 import turnout
-from turnout.plot import Line, Row, Sheet, draw_sheet, shade_of
+from turnout.figures import Line, Row, Sheet, draw_sheet, shade_of
 
 KINDS = ("stone", "ice", "snow", "wood")
 panel = turnout.load_panel("uic60-760-1-15")

@@ -4,7 +4,7 @@
 """
 
 import turnout
-from turnout.plot import Level, Line, Row, Sheet, draw_sheet, shade_of
+from turnout.figures import Level, Line, Row, Sheet, draw_sheet, shade_of
 
 SIZES = (0.0, 0.005, 0.010, 0.013, 0.020, 0.026, 0.031)
 panel = turnout.load_panel("uic60-760-1-15")

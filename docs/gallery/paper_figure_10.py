@@ -7,7 +7,7 @@ With 81 kN/m it stops short and never touches the object. The measured switch is
 import numpy as np
 
 import turnout
-from turnout.plot import Line, Row, Sheet, draw_sheet
+from turnout.figures import Line, Row, Sheet, draw_sheet
 
 STIFFNESS = (81e3, 810e3, 8100e3)
 OTHER = {"chair.friction_coefficient": 0.41, "drive.1.stiffness": 735e3, "drive.2.stiffness": 780e3}

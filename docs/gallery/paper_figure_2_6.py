@@ -5,7 +5,7 @@ them. The gap below is that of a simulated throw with 31 mm at sleeper 6.
 """
 
 import turnout
-from turnout.plot import plot_plan
+from turnout.figures import plot_plan
 
 panel = turnout.load_panel("uic60-760-1-15")
 throw = turnout.simulate(panel, foreign_object=turnout.ForeignObject(0.031, at="sleeper 6"))

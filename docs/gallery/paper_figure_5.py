@@ -8,7 +8,7 @@ virtual: friction 0.41 and other bushings, noise of 20 N and 20 mA, gains up to 
 import numpy as np
 
 import turnout
-from turnout.plot import Line, Row, Sheet, draw_sheet, shade_of
+from turnout.figures import Line, Row, Sheet, draw_sheet, shade_of
 
 MACHINES = {"drive.1.machine": "jea73", "drive.2.machine": "jea73-drive2"}
 CLAMPS = {"machine.circuit.measured_current": "supply"}  # a motor lead shows the braking too

@@ -8,7 +8,7 @@ noise of 0.3 mm, gains of 1.005 and 0.99, and a clock 10 ms late.
 import numpy as np
 
 import turnout
-from turnout.plot import Line, Row, Sheet, draw_sheet
+from turnout.figures import Line, Row, Sheet, draw_sheet
 
 GAIN = {"1": 1.005, "2": 0.99}
 NOISE, LATE = 0.3e-3, 0.01  # [m], [s]

@@ -7,7 +7,7 @@ stands what it shows less the model at 0.4.
 import numpy as np
 
 import turnout
-from turnout.plot import Line, Row, Sheet, draw_sheet, shade_of
+from turnout.figures import Line, Row, Sheet, draw_sheet, shade_of
 
 FRICTION = (0.1, 0.2, 0.3, 0.4, 0.5)
 OTHER = {"chair.friction_coefficient": 0.41, "drive.1.stiffness": 735e3, "drive.2.stiffness": 780e3}

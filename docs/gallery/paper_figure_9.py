@@ -7,7 +7,7 @@ measured switch is virtual: friction 0.41 and other bushings, noise of 20 N on r
 import numpy as np
 
 import turnout
-from turnout.plot import Line, Row, Sheet, draw_sheet
+from turnout.figures import Line, Row, Sheet, draw_sheet
 
 STIFFNESS = (75e3, 750e3, 7500e3)
 OTHER = {"chair.friction_coefficient": 0.41, "drive.1.stiffness": 735e3, "drive.2.stiffness": 780e3}

@@ -6,7 +6,7 @@ between the drives, and at Drive 2, which holds it through a spring.
 """
 
 import turnout
-from turnout.plot import plot_plan
+from turnout.figures import plot_plan
 
 panel = turnout.load_panel("uic60-760-1-15")
 throw = turnout.simulate(panel)

@@ -5,7 +5,7 @@ locked.
 """
 
 import turnout
-from turnout.plot import draw_sheet, shape_sheet
+from turnout.figures import draw_sheet, shape_sheet
 
 panel = turnout.load_panel("uic60-760-1-15")
 trapped = turnout.simulate(panel, foreign_object=turnout.ForeignObject(0.013, at="sleeper 6"))

@@ -6,7 +6,7 @@ For 16 throws nothing reports it, and each differs from the one before by 0.3 mm
 import numpy as np
 
 import turnout
-from turnout.plot import Level, Line, Row, Sheet, draw_sheet, shade_of
+from turnout.figures import Level, Line, Row, Sheet, draw_sheet, shade_of
 
 panel = turnout.load_panel("uic60-760-1-15")
 ridge = turnout.ForeignObject("8 mm", at="sleeper 6", kind="ice", length="1 m")

@@ -7,7 +7,7 @@ delivered it. With a campaign of your own, name its folder instead.
 import numpy as np
 
 import turnout
-from turnout.plot import Line, Row, Sheet, draw_sheet
+from turnout.figures import Line, Row, Sheet, draw_sheet
 
 panel = turnout.load_panel("uic60-760-1-15")
 campaign = turnout.build_campaign(

@@ -6,7 +6,7 @@
 >>> dataset = turnout.simulate(panel, foreign_object=obj)  # doctest: +SKIP
 >>> dataset.turnout.summary()  # doctest: +SKIP
 
-The public interface is what this package, `turnout.detection` and `turnout.plot` list in
+The public interface is what this package, `turnout.detection` and `turnout.figures` list in
 ``__all__``, and the methods of what these return. All modules below are private: they may move or
 change in any version.
 
@@ -15,26 +15,26 @@ Everything is loaded on first use, so that importing turnout costs nothing.
 
 import sys
 
-from turnout.lazy import loader
+from turnout.core.lazy import loader
 
 NAMES = {
     # Panels and objects
-    "load_panel": "turnout.study.case:load_panel_or_case",
+    "load_panel": "turnout.calibration.case:load_panel_or_case",
     "panel_names": "turnout.panel.load:library_names",
     "LoadedPanel": "turnout.panel.load",
     "ForeignObject": "turnout.panel.foreign_object",
-    "analyse_outline": "turnout.section.analyse",
-    "make_outline": "turnout.section.outline",
+    "analyse_outline": "turnout.beam.section_analysis",
+    "make_outline": "turnout.beam.outline",
     # One throw
-    "simulate": "turnout.response.simulate",
-    "simulate_sequence": "turnout.response.sequence",
-    "Drift": "turnout.response.drift",
-    "Scheme": "turnout.scheme",
-    "Save": "turnout.response.save",
-    "open_response": "turnout.response.store",
-    "save_response": "turnout.response.store",
-    "modes": "turnout.analysis.modes",
-    "friction_stability": "turnout.analysis.stability",
+    "simulate": "turnout.throw.simulate",
+    "simulate_sequence": "turnout.throw.sequence",
+    "Drift": "turnout.throw.drift",
+    "Scheme": "turnout.core.scheme",
+    "Save": "turnout.throw.save",
+    "open_response": "turnout.throw.store",
+    "save_response": "turnout.throw.store",
+    "modes": "turnout.metric.modes",
+    "friction_stability": "turnout.metric.stability",
     "features": "turnout.metric.features",
     "filtered": "turnout.metric.channel_features",
     # Point machines
@@ -42,7 +42,7 @@ NAMES = {
     "LoadedMachines": "turnout.machine.machine_file",
     "throw_one_mass": "turnout.machine.one_mass_throw",
     "MachineThrow": "turnout.machine.one_mass_throw",
-    "machine_dataset": "turnout.response.machine",
+    "machine_dataset": "turnout.throw.machine",
     "fit_machines": "turnout.api.machine",
     "Monitoring": "turnout.measurement.chain.monitoring",
     "monitored": "turnout.measurement.chain.monitoring",
@@ -60,7 +60,7 @@ NAMES = {
     "Validation": "turnout.api.validation",
     "validate": "turnout.api.validation",
     # Studies of many throws
-    "load_study": "turnout.study.load_study",
+    "load_study": "turnout.calibration.load_study",
     "Sweep": "turnout.api.sweep",
     "run_sweep": "turnout.api.sweep",
     "open_sweep": "turnout.api.sweep",
@@ -72,33 +72,28 @@ NAMES = {
     "Pod": "turnout.detection.pod.pod_result",
     "pod_dataset": "turnout.detection.pod.pod_result",
     # Figures
-    "plot": "turnout.plot",
+    "figures": "turnout.figures",
     "detection": "turnout.detection",
     # Errors
-    "TurnoutError": "turnout.errors",
-    "FileError": "turnout.errors",
-    "PanelError": "turnout.errors",
-    "MachineError": "turnout.errors",
-    "MeasurementError": "turnout.errors",
-    "StudyError": "turnout.errors",
-    "MechanicsError": "turnout.errors",
-    "SolverError": "turnout.errors",
-    "NotConverged": "turnout.integrate.outcome",
-    "ResponseError": "turnout.errors",
+    "TurnoutError": "turnout.core.errors",
+    "FileError": "turnout.core.errors",
+    "PanelError": "turnout.core.errors",
+    "MachineError": "turnout.core.errors",
+    "MeasurementError": "turnout.core.errors",
+    "StudyError": "turnout.core.errors",
+    "MechanicsError": "turnout.core.errors",
+    "SolverError": "turnout.core.errors",
+    "NotConverged": "turnout.solver.outcome",
+    "ResponseError": "turnout.core.errors",
     "__version__": "turnout.core.version:VERSION",
 }
 """Every public name and where it is defined; `__all__`, the loader and the stub follow from it."""
 
-_MOVED = {
-    "view": ("turnout.report.view", "dataset.turnout.summary()"),
-    "plot_modes": ("turnout.plot.modes", "turnout.plot.plot_modes"),
-    "plot_throw": ("turnout.plot.throw", "turnout.plot.plot_throw"),
-}
 # What is defined there neither takes nor returns datasets, so xarray need not be loaded for it.
 _WITHOUT_DATASETS = (
-    *("turnout.errors", "turnout.core", "turnout.panel", "turnout.section", "turnout.integrate"),
-    *("turnout.scheme", "turnout.response.save", "turnout.analysis.stability"),
-    *("turnout.study.load_study", "turnout.study.case", "turnout.detection"),
+    *("turnout.core", "turnout.panel", "turnout.beam", "turnout.solver", "turnout.throw.save"),
+    *("turnout.metric.stability",),
+    *("turnout.calibration.load_study", "turnout.calibration.case", "turnout.detection"),
 )
 
 
@@ -109,7 +104,7 @@ def _register_accessor(module: str) -> None:
 
 
 __all__ = sorted(NAMES)  # noqa: PLE0605 - follows from the table
-__getattr__ = loader("turnout", NAMES, moved=_MOVED, before=_register_accessor)
+__getattr__ = loader("turnout", NAMES, before=_register_accessor)
 
 
 def __dir__() -> list[str]:

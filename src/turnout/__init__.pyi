@@ -1,9 +1,7 @@
 """Written by `python -m turnout.api.stub` from the table in __init__.py."""
 
 from turnout import detection as detection
-from turnout import plot as plot
-from turnout.analysis.modes import modes as modes
-from turnout.analysis.stability import friction_stability as friction_stability
+from turnout import figures as figures
 from turnout.api.calibration import CalibrationResult as CalibrationResult
 from turnout.api.calibration import calibrate as calibrate
 from turnout.api.calibration import load_calibration as load_calibration
@@ -17,7 +15,21 @@ from turnout.api.sweep import open_sweep as open_sweep
 from turnout.api.sweep import run_sweep as run_sweep
 from turnout.api.validation import Validation as Validation
 from turnout.api.validation import validate as validate
+from turnout.beam.outline import make_outline as make_outline
+from turnout.beam.section_analysis import analyse_outline as analyse_outline
+from turnout.calibration.case import load_panel_or_case as load_panel
+from turnout.calibration.load_study import load_study as load_study
 from turnout.calibration.machine_fit import MachineFit as MachineFit
+from turnout.core.errors import FileError as FileError
+from turnout.core.errors import MachineError as MachineError
+from turnout.core.errors import MeasurementError as MeasurementError
+from turnout.core.errors import MechanicsError as MechanicsError
+from turnout.core.errors import PanelError as PanelError
+from turnout.core.errors import ResponseError as ResponseError
+from turnout.core.errors import SolverError as SolverError
+from turnout.core.errors import StudyError as StudyError
+from turnout.core.errors import TurnoutError as TurnoutError
+from turnout.core.scheme import Scheme as Scheme
 from turnout.core.version import VERSION as __version__
 from turnout.detection.pod.estimate import estimate_pod as estimate_pod
 from turnout.detection.pod.pod_result import Pod as Pod
@@ -25,16 +37,6 @@ from turnout.detection.pod.pod_result import PodModel as PodModel
 from turnout.detection.pod.pod_result import pod_dataset as pod_dataset
 from turnout.detection.pod.pod_table import TestThrows as TestThrows
 from turnout.detection.pod.pod_table import read_test_throws as read_test_throws
-from turnout.errors import FileError as FileError
-from turnout.errors import MachineError as MachineError
-from turnout.errors import MeasurementError as MeasurementError
-from turnout.errors import MechanicsError as MechanicsError
-from turnout.errors import PanelError as PanelError
-from turnout.errors import ResponseError as ResponseError
-from turnout.errors import SolverError as SolverError
-from turnout.errors import StudyError as StudyError
-from turnout.errors import TurnoutError as TurnoutError
-from turnout.integrate.outcome import NotConverged as NotConverged
 from turnout.machine.machine_file import LoadedMachines as LoadedMachines
 from turnout.machine.machine_file import load_machines as load_machines
 from turnout.machine.one_mass_throw import MachineThrow as MachineThrow
@@ -45,21 +47,19 @@ from turnout.measurement.formats.file_format import read_recording as read_recor
 from turnout.measurement.formats.history import read_history as read_history
 from turnout.metric.channel_features import filtered as filtered
 from turnout.metric.features import features as features
+from turnout.metric.modes import modes as modes
+from turnout.metric.stability import friction_stability as friction_stability
 from turnout.panel.foreign_object import ForeignObject as ForeignObject
 from turnout.panel.load import LoadedPanel as LoadedPanel
 from turnout.panel.load import library_names as panel_names
-from turnout.response.drift import Drift as Drift
-from turnout.response.machine import machine_dataset as machine_dataset
-from turnout.response.save import Save as Save
-from turnout.response.sequence import simulate_sequence as simulate_sequence
-from turnout.response.simulate import simulate as simulate
-from turnout.response.store import open_response as open_response
-from turnout.response.store import save_response as save_response
-from turnout.scheme import Scheme as Scheme
-from turnout.section.analyse import analyse_outline as analyse_outline
-from turnout.section.outline import make_outline as make_outline
-from turnout.study.case import load_panel_or_case as load_panel
-from turnout.study.load_study import load_study as load_study
+from turnout.solver.outcome import NotConverged as NotConverged
+from turnout.throw.drift import Drift as Drift
+from turnout.throw.machine import machine_dataset as machine_dataset
+from turnout.throw.save import Save as Save
+from turnout.throw.sequence import simulate_sequence as simulate_sequence
+from turnout.throw.simulate import simulate as simulate
+from turnout.throw.store import open_response as open_response
+from turnout.throw.store import save_response as save_response
 
 __all__ = [
     "CalibrationResult",
@@ -95,6 +95,7 @@ __all__ = [
     "detection",
     "estimate_pod",
     "features",
+    "figures",
     "filtered",
     "fit_machines",
     "friction_stability",
@@ -111,7 +112,6 @@ __all__ = [
     "open_response",
     "open_sweep",
     "panel_names",
-    "plot",
     "pod_dataset",
     "read_history",
     "read_recording",

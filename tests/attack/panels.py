@@ -27,13 +27,13 @@ from tests.verification.robustness_panels import small_panel
 from turnout.cli.main import main
 from turnout.cli.simulate import preload
 from turnout.core.quantity import unit_of
-from turnout.integrate.outcome import LEAST_SCALE
+from turnout.core.scheme import Scheme
 from turnout.panel.keys import field_at
 from turnout.panel.load import library_text, load_panel
 from turnout.panel.unusual import USUAL
-from turnout.response.simulate import compile_kernels, simulate
-from turnout.response.store import open_response, response_bytes
-from turnout.scheme import Scheme
+from turnout.solver.outcome import LEAST_SCALE
+from turnout.throw.simulate import compile_kernels, simulate
+from turnout.throw.store import open_response, response_bytes
 
 MOST_SECONDS, MOST_MEMORY, LONGEST_MESSAGE = 60.0, 2_000_000_000, 60_000
 """Of the processor [s]; of what a process may write to [bytes]; of a message [characters]."""

@@ -22,7 +22,7 @@ from scipy.io import savemat
 from tests.attack.requests import NUMBERS, ODD
 from tests.faults.hostile_recordings import HOSTILE, ROD, mat73
 
-from turnout.errors import FileError
+from turnout.core.errors import FileError
 from turnout.measurement.chain.skeleton import skeleton
 from turnout.measurement.formats import isolated
 from turnout.measurement.formats.file_format import read_recording, write_recording

@@ -26,13 +26,13 @@ from tests.attack.forked import forked
 from tests.faults.sweep_process import finished, started, wait_for_batches, workers_of
 from tests.unit.sweeps import batch_names, here, small_study, study_file
 
-from turnout.errors import FileError
+from turnout.core.errors import FileError
 from turnout.study.study import Study
-from turnout.sweep.folder import BATCHES, IDENTITY
-from turnout.sweep.read import open_sweep, read_labels
-from turnout.sweep.run import run_sweep
-from turnout.sweep.stored_study import STUDY, load_stored_study
-from turnout.sweep.worker import initialize_worker
+from turnout.study.sweep.folder import BATCHES, IDENTITY
+from turnout.study.sweep.read import open_sweep, read_labels
+from turnout.study.sweep.run import run_sweep
+from turnout.study.sweep.stored_study import STUDY, load_stored_study
+from turnout.study.sweep.worker import initialize_worker
 
 COUNT = 32
 KILL_EVERY, PROGRAM_EVERY, MEND_EVERY = 11, 20, 20

@@ -8,10 +8,10 @@ from tests.browser.conftest import ARGUMENTS, chromium, opened
 from tests.unit.served import served
 
 import turnout
+from turnout.figures.report.inputs import panel_of
+from turnout.figures.report.page import page_html
+from turnout.figures.report.run import run_page
 from turnout.panel.load import load_panel
-from turnout.report.inputs import panel_of
-from turnout.report.page import page_html
-from turnout.report.run import run_page
 
 FIGURES = Path(__file__).parents[2] / "docs" / "figures"
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from tests.unit.simulated import sb2_dataset
 
-from turnout.report.page import page_html
-from turnout.report.run import run_page
+from turnout.figures.report.page import page_html
+from turnout.figures.report.run import run_page
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 

@@ -11,9 +11,9 @@ from turnout.calibration.measured_movements import observe
 from turnout.calibration.parameter import Parameter
 from turnout.calibration.requirements import check_campaign
 from turnout.calibration.stages import default_plan
-from turnout.errors import MeasurementError, PanelError
+from turnout.core.errors import MeasurementError, PanelError
 from turnout.panel.load import load_panel
-from turnout.response.store import save_response
+from turnout.throw.store import save_response
 
 TIME = np.arange(-1.0, 4.0, 1e-3)
 FREED, FIXED = ["--free", "drive.1.stiffness"], ["--fix", "drive.1.stiffness"]

@@ -9,8 +9,8 @@ from tests.unit.campaigns import copied, edited, made
 from typer.testing import CliRunner, Result
 
 from turnout.cli.main import app
-from turnout.errors import TurnoutError
-from turnout.response.store import open_response
+from turnout.core.errors import TurnoutError
+from turnout.throw.store import open_response
 
 
 def run(*arguments: str | Path) -> Result:
@@ -170,7 +170,7 @@ def test_a_figure_that_cannot_be_drawn_says_why(
 
 
 def test_a_single_run_is_no_campaign(tmp_path: Path) -> None:
-    from turnout.response.store import save_response
+    from turnout.throw.store import save_response
 
     one = open_response(made() / "truth.nc").isel(movement=0, drop=True).drop_vars(
         ["direction", "size", "place", "repeat", "slipped", "remark", "file", "start_time"],
@@ -183,7 +183,7 @@ def test_a_single_run_is_no_campaign(tmp_path: Path) -> None:
 def test_a_folder_that_may_not_be_written_is_read_all_the_same(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from turnout.errors import FileError
+    from turnout.core.errors import FileError
     from turnout.measurement.campaign import recorded_throw
 
     def full(*_: object) -> None:

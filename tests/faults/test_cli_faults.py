@@ -13,7 +13,7 @@ from tests.unit.simulated import sb1_dataset
 from tests.unit.test_cli_simulate import QUICK
 
 from turnout.panel.load import library_text
-from turnout.response.store import open_response
+from turnout.throw.store import open_response
 
 
 def turnout(*arguments: str, folder: Path, limit: int | None = None) -> tuple[int, str]:

@@ -7,11 +7,11 @@ import pytest
 from tests.unit.sweeps import STUDY, here, study_file
 from typer.testing import CliRunner, Result
 
+from turnout.calibration.load_study import load_study
 from turnout.cli.main import app
-from turnout.errors import TurnoutError
-from turnout.study.load_study import load_study
-from turnout.sweep.forecast import forecast
-from turnout.sweep.run import run_sweep
+from turnout.core.errors import TurnoutError
+from turnout.study.sweep.forecast import forecast
+from turnout.study.sweep.run import run_sweep
 
 # The object of this panel comes a second late, unless another time is given.
 TRAPPED = STUDY.replace("[set]", '[set]\n"object_defaults.appears" = "0 s"')

@@ -9,9 +9,9 @@ from typer.testing import CliRunner
 
 from turnout.cli.main import app
 from turnout.cli.sweep import described
-from turnout.errors import FileError, TurnoutError
-from turnout.sweep.read import read_labels
-from turnout.sweep.run import SweepProgress, run_sweep
+from turnout.core.errors import FileError, TurnoutError
+from turnout.study.sweep.read import read_labels
+from turnout.study.sweep.run import SweepProgress, run_sweep
 
 CLI = CliRunner()
 

@@ -9,7 +9,7 @@ from typer.testing import CliRunner, Result
 
 from turnout.calibration.result import Calibration, Fitted
 from turnout.cli.main import app
-from turnout.errors import TurnoutError
+from turnout.core.errors import TurnoutError
 
 CALIBRATION = Calibration(
     parameters=(

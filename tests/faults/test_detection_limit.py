@@ -7,8 +7,8 @@ from typer.testing import CliRunner
 
 from turnout.cli.limit import conditions_of_options
 from turnout.cli.main import app
+from turnout.core.errors import TurnoutError
 from turnout.detection.detector import train_detector
-from turnout.errors import TurnoutError
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
-from turnout.errors import TurnoutError
+from turnout.core.errors import TurnoutError
 
 GOOD = "size [mm],response [N],hit,switch\n" + "\n".join(
     f"{size},{30 * size + 17 * ((7 * size) % 5):g},{(size + switch) % 9 > 3},{switch}"

@@ -18,11 +18,11 @@ from tests.unit.detector_toy import RATE, TIME, toy_detector, toy_throw
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
+from turnout.core.errors import FileError, TurnoutError
 from turnout.detection.detector.detector import Detector
 from turnout.detection.detector.recorded import Recorded
 from turnout.detection.detector.throw_rows import read_table
-from turnout.errors import FileError, TurnoutError
-from turnout.report.detection import detection_page
+from turnout.figures.report.detection import detection_page
 
 HEAD = "throw,rate [Hz],start [s],force 1 [N],force 2 [N]"
 Numbers = np.ndarray

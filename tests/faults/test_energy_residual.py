@@ -14,14 +14,14 @@ from tests.unit.sweeps import small_study
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
-from turnout.integrate.outcome import CLOSES, LEAST_SCALE, NotConverged
+from turnout.core.scheme import Scheme
 from turnout.metric.summary import numerical_share, numerical_warning
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
-from turnout.response.simulate import simulate
-from turnout.scheme import Scheme
-from turnout.sweep.batch import batch_variables
-from turnout.sweep.row import throw_scenarios
+from turnout.solver.outcome import CLOSES, LEAST_SCALE, NotConverged
+from turnout.study.sweep.batch import batch_variables
+from turnout.study.sweep.row import throw_scenarios
+from turnout.throw.simulate import simulate
 
 MODES = ("waveform", "quick", "quasi-static")
 HEAVY = "gravity=1e10 m/s^2"

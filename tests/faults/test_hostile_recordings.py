@@ -9,7 +9,7 @@ import pytest
 from tests.attack.recordings import OWN_LIMIT, judged, sound_files
 from tests.faults.hostile_recordings import HOSTILE
 
-from turnout.errors import FileError
+from turnout.core.errors import FileError
 from turnout.measurement.formats import file_format
 from turnout.measurement.formats.file_format import read_recording
 

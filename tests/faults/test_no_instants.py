@@ -10,10 +10,10 @@ import xarray as xr
 from scipy.io import savemat
 from tests.faults.test_cli_faults import turnout
 
-from turnout.errors import FileError
+from turnout.core.channels import SCHEMA_VERSION
+from turnout.core.errors import FileError
 from turnout.measurement.formats.file_format import read_recording
-from turnout.response.store import open_response, save_response
-from turnout.schema.channels import SCHEMA_VERSION
+from turnout.throw.store import open_response, save_response
 
 
 def dataset(instants: int, *, movements: int = 0) -> xr.Dataset:

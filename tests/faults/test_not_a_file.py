@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from turnout.core.errors import FileError
 from turnout.core.files import require_regular_file
-from turnout.errors import FileError
 
 SECONDS = 60.0
 
@@ -51,9 +51,9 @@ def test_missing_and_impossible_paths_are_named(tmp_path: Path) -> None:
 READERS: dict[str, str] = {
     "panel": "from turnout.panel.load import load_panel as read",
     "schedule": "from turnout.panel.markers import read_schedule_csv as read",
-    "study": "from turnout.study.load_study import open_study as read",
+    "study": "from turnout.calibration.load_study import open_study as read",
     "calibration": "from turnout.calibration.result import load_calibration as read",
-    "response": "from turnout.response.store import open_response as read",
+    "response": "from turnout.throw.store import open_response as read",
 }
 
 

@@ -11,7 +11,7 @@ from tests.faults.terminal import run_here
 from tests.faults.test_cli_faults import turnout
 from tests.unit.campaigns import copied, edited
 
-from turnout.errors import FileError, MeasurementError
+from turnout.core.errors import FileError, MeasurementError
 from turnout.measurement.campaign.build_campaign import build_campaign
 from turnout.measurement.formats.file_format import read_recording
 

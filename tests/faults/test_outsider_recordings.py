@@ -8,7 +8,7 @@ from tests.verification.outsider import CASES, Case, Habits, Truth, write_campai
 
 from turnout.calibration.measured_movements import observe
 from turnout.calibration.requirements import exclude_oversized_objects
-from turnout.errors import MeasurementError
+from turnout.core.errors import MeasurementError
 from turnout.measurement.campaign.build_campaign import build_campaign
 from turnout.measurement.quality.channel_faults import Limits, run_faults
 from turnout.panel.load import load_panel

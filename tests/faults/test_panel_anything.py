@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from turnout.core.errors import PanelError
 from turnout.core.toml import TomlFile
-from turnout.errors import PanelError
 from turnout.panel.load import library_text, panel_from_file
 
 DATA = tomllib.loads(library_text("sb2") + '[object.stone]\nsize = "5 mm"\nat = "drive 1"\n')

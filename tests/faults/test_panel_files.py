@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from turnout.errors import FileError, TurnoutError
+from turnout.core.errors import FileError, TurnoutError
 from turnout.panel.load import library_text, load_panel
 
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from turnout.core.errors import PanelError
 from turnout.core.toml import parse_toml
-from turnout.errors import PanelError
 from turnout.panel.load import library_text, load_panel, panel_from_file
 
 

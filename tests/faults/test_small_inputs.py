@@ -6,6 +6,7 @@ from typing import TypeVar
 
 import pytest
 
+from turnout.core.errors import FileError, PanelError
 from turnout.core.problems import Problem, show_value
 from turnout.core.toml import MOST_NESTED, parse_toml
 from turnout.core.units import (
@@ -21,7 +22,6 @@ from turnout.core.units import (
     parse_quantity,
     unit_factor,
 )
-from turnout.errors import FileError, PanelError
 from turnout.panel.load import load_panel
 from turnout.panel.override import parse_setting
 

@@ -10,21 +10,21 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
+from turnout.beam import spectrum
+from turnout.beam.craig_bampton import MOST_INTERFACE, craig_bampton
+from turnout.beam.spectrum import modes_below
 from turnout.cli.main import main
+from turnout.core.errors import FileError, MechanicsError, PanelError, SolverError, TurnoutError
 from turnout.core.quantity import MOST_POINTS
+from turnout.core.scheme import Scheme
 from turnout.core.units import MOST_VALUES
-from turnout.errors import FileError, MechanicsError, PanelError, SolverError, TurnoutError
-from turnout.integrate.integration import MOST_STEPS
 from turnout.panel import matrices as matrices_file
 from turnout.panel.document import MOST_MEMBERS
 from turnout.panel.load import library_text, load_panel
 from turnout.panel.markers import read_schedule_csv
 from turnout.panel.matrices import read_rail_matrices
-from turnout.reduction import spectrum
-from turnout.reduction.craig_bampton import MOST_INTERFACE, craig_bampton
-from turnout.reduction.spectrum import modes_below
-from turnout.response.simulate import simulate
-from turnout.scheme import Scheme
+from turnout.solver.integration import MOST_STEPS
+from turnout.throw.simulate import simulate
 
 SB1 = library_text("sb1")
 OUTLINE = '\n[outline.z]\npoints = {{ unit = "mm", values = [{}] }}\n'

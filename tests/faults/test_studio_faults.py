@@ -12,7 +12,7 @@ from tests.unit.simulated import sb2_panel
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
-from turnout.errors import FileError, PanelError, TurnoutError
+from turnout.core.errors import FileError, PanelError, TurnoutError
 from turnout.measurement.campaign.build_campaign import build_campaign
 from turnout.panel.load import library_text, load_panel
 from turnout.web.serve import prepared

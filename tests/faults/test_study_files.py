@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from turnout.calibration.load_study import load_study, study_from_file
+from turnout.core.errors import FileError, StudyError
 from turnout.core.toml import parse_toml
-from turnout.errors import FileError, StudyError
-from turnout.study.load_study import load_study, study_from_file
 
 HEAD = 'schema_version = 1\nname = "test"\npanel = "uic60-760-1-15"\n'
 SIZE = '[[variable]]\nkey = "object.size"\nvalues = ["5 mm", "13 mm"]\n'

@@ -17,17 +17,17 @@ import xarray as xr
 from tests.unit.sweeps import batch_names, here, small_study, study_file
 
 from turnout.cli.main import main
+from turnout.core.errors import FileError
 from turnout.core.json_files import sealed_json
-from turnout.errors import FileError
 from turnout.study.study import Study
-from turnout.sweep import verify
-from turnout.sweep.batch import write_batch
-from turnout.sweep.export import sweep_table
-from turnout.sweep.folder import BATCHES, DAMAGED, IDENTITY
-from turnout.sweep.read import open_sweep, read_labels
-from turnout.sweep.run import run_sweep
-from turnout.sweep.stored_study import STUDY, load_stored_study
-from turnout.sweep.verify import STABLE_AGE
+from turnout.study.sweep import verify
+from turnout.study.sweep.batch import write_batch
+from turnout.study.sweep.export import sweep_table
+from turnout.study.sweep.folder import BATCHES, DAMAGED, IDENTITY
+from turnout.study.sweep.read import open_sweep, read_labels
+from turnout.study.sweep.run import run_sweep
+from turnout.study.sweep.stored_study import STUDY, load_stored_study
+from turnout.study.sweep.verify import STABLE_AGE
 
 COUNT, FLIPS = 12, 240
 

@@ -22,9 +22,9 @@ from tests.faults.sweep_process import (
 from tests.unit.sweeps import batch_names, here, small_study, study_file
 
 from turnout.core.files import make_durable
-from turnout.sweep import run
-from turnout.sweep.read import open_sweep
-from turnout.sweep.run import SweepProgress, run_sweep
+from turnout.study.sweep import run
+from turnout.study.sweep.read import open_sweep
+from turnout.study.sweep.run import SweepProgress, run_sweep
 
 pytestmark = pytest.mark.skipif(
     not Path("/proc/self/task").exists(), reason="finds the processes of a run in /proc"

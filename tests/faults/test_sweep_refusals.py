@@ -14,10 +14,10 @@ from tests.unit.sweeps import STUDY, batch_names, here, small_study, study_file
 
 from turnout.cli.main import main
 from turnout.core import files
+from turnout.core.errors import FileError
 from turnout.core.json_files import sealed_json
-from turnout.errors import FileError
-from turnout.sweep.folder import BATCHES, IDENTITY
-from turnout.sweep.run import run_sweep
+from turnout.study.sweep.folder import BATCHES, IDENTITY
+from turnout.study.sweep.run import run_sweep
 
 COUNT = 3
 

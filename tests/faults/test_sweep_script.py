@@ -8,8 +8,8 @@ from pathlib import Path
 from tests.unit.sweeps import batch_names, study_file
 
 SCRIPT = """
-from turnout.study.load_study import load_study
-from turnout.sweep.run import run_sweep
+from turnout.calibration.load_study import load_study
+from turnout.study.sweep.run import run_sweep
 
 print("begun")
 print("thrown", run_sweep(load_study({study!r}), {folder!r}, workers=2).thrown)

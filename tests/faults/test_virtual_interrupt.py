@@ -8,7 +8,7 @@ from pathlib import Path
 
 from tests.faults.terminal import started_in_terminal
 
-from turnout.virtual.series import STATE
+from turnout.study.virtual.series import STATE
 
 PATIENCE = 300.0
 

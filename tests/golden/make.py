@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from turnout.core.scheme import Scheme
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
-from turnout.response.simulate import simulate
-from turnout.scheme import Scheme
+from turnout.throw.simulate import simulate
 
 FILE = Path(__file__).parent / "sb1_5mm.json"
 INSTANTS = (0.5, 1.0, 1.25, 1.5, 2.0)

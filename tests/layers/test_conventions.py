@@ -2,7 +2,7 @@
 
 import pytest
 
-from turnout.schema.channels import CHANNELS
+from turnout.core.channels import CHANNELS
 
 
 @pytest.fixture(scope="module")

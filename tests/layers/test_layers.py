@@ -14,135 +14,47 @@ MODULES = sorted(SRC.rglob("*.py"))
 
 # Read downwards: data flows this way, and each package may import what its row names.
 ALLOWED: dict[str, set[str]] = {
-    "errors": set(),
-    "lazy": set(),
-    "scheme": {"errors"},
-    "core": {"errors"},
-    "kernels": {"errors", "core"},
-    "schema": {"errors"},
-    "law": {"errors", "kernels"},
-    "machine": {"errors", "core", "kernels", "law"},
-    "panel": {"errors", "core", "machine"},  # of machines the records
-    "section": {"errors"},
-    "beam": {"errors", "section"},
-    "reduction": {"errors"},
-    "mechanism": {"errors", "core", "panel", "section", "beam", "reduction", "law", "machine"},
-    "condense": {"errors", "scheme", "core", "law", "mechanism"},
-    "integrate": {
-        *("errors", "scheme", "core", "kernels", "law", "machine", "mechanism", "condense"),
-    },
-    "response": {
-        *(
-            "errors",
-            "scheme",
-            "core",
-            "kernels",
-            "schema",
-            "panel",
-            "machine",
-            "mechanism",
-            "condense",
-            "integrate",
-        ),
-    },
-    "measurement": {"errors", "core", "schema"},
-    "metric": {"errors", "core", "kernels", "schema"},
-    "analysis": {
-        *("errors", "scheme", "core", "schema", "panel", "mechanism", "condense", "integrate"),
-        *("response", "metric"),
-    },
-    "virtual": {"errors", "scheme", "core", "schema", "panel", "response", "measurement", "metric"},
+    "core": set(),
+    "kernels": {"core"},
+    "beam": {"core"},
+    "law": {"core", "kernels"},
+    "machine": {"core", "kernels", "law"},
+    "panel": {"core", "machine"},  # of machines the records
+    "mechanism": {"core", "beam", "law", "machine", "panel"},
+    "solver": {"core", "kernels", "law", "machine", "mechanism"},
+    "throw": {"core", "kernels", "machine", "panel", "mechanism", "solver"},
+    "measurement": {"core"},
+    "metric": {"core", "kernels", "panel", "mechanism", "solver", "throw"},
+    "study": {"core", "panel", "mechanism", "solver", "throw", "measurement", "metric"},
     "calibration": {
-        *("errors", "scheme", "core", "schema", "panel", "machine", "integrate", "response"),
-        *("measurement", "metric", "virtual"),
+        *("core", "machine", "panel", "solver", "throw", "measurement", "metric", "study"),
     },
-    "study": {
-        "errors",
-        "scheme",
-        "core",
-        "schema",
-        "panel",
-        "measurement",
-        "integrate",
-        "response",
-        "calibration",
-    },
-    "sweep": {
-        *("errors", "scheme", "core", "schema", "panel", "mechanism", "integrate"),
-        *("response", "measurement", "metric", "study"),
-    },
-    "matching": {
-        *("errors", "scheme", "core", "panel", "integrate", "response", "metric", "analysis"),
-        *("study",),
-    },
-    "detection": {
-        *("errors", "lazy", "scheme", "core", "schema", "panel", "response", "measurement"),
-        *("study", "sweep"),
-    },
-    "open_benchmark": {
-        *("errors", "core", "panel", "response", "study", "sweep", "detection"),
-    },
-    "validation": {
-        *("errors", "scheme", "core", "schema", "panel", "response", "measurement"),
-        *("metric", "calibration"),
-    },
-    "plot": {"errors", "core", "lazy", "schema", "panel", "section", "metric"},
-    "report": {
-        *("errors", "core", "schema", "panel", "analysis", "metric", "calibration"),
-        *("study", "sweep", "detection", "validation", "plot"),
-    },
+    "detection": {"core", "panel", "throw", "measurement", "study", "calibration"},
+    "open_benchmark": {"core", "panel", "throw", "study", "calibration", "detection"},
+    "figures": {"core", "beam", "panel", "metric", "study", "calibration", "detection"},
     "api": {
-        *(
-            "errors",
-            "scheme",
-            "lazy",
-            "core",
-            "schema",
-            "panel",
-            "response",
-            "measurement",
-            "metric",
-        ),
-        *("analysis", "virtual", "calibration", "study", "sweep", "validation", "plot", "report"),
+        *("core", "panel", "throw", "measurement", "metric", "study", "calibration", "figures"),
     },
-    "web": {
-        *("errors", "scheme", "core", "schema", "panel", "response", "measurement", "metric"),
-        *("analysis", "study", "detection", "plot", "report"),
-    },
+    "web": {"core", "panel", "throw", "measurement", "metric", "detection", "figures"},
     "cli": {
-        *(
-            "errors",
-            "scheme",
-            "core",
-            "schema",
-            "panel",
-            "machine",
-            "section",
-            "mechanism",
-            "response",
-        ),
-        *("measurement",),
-        *("metric", "analysis", "virtual", "calibration", "study", "sweep", "detection"),
-        *("open_benchmark", "validation", "matching", "plot", "report", "web"),
+        *("core", "machine", "panel", "mechanism", "throw", "measurement", "metric", "study"),
+        *("calibration", "detection", "open_benchmark", "figures", "web"),
     },
     "__main__": {"cli"},
 }
 
 # Slow to load, or a matter of one layer only: who may import it, at any depth of a file.
 FACES = {
-    *("schema", "response", "measurement", "metric", "analysis", "virtual", "calibration"),
-    *("study", "sweep", "detection", "validation", "matching", "plot", "report", "api", "web"),
-    *("open_benchmark", "cli"),
+    *("core", "throw", "measurement", "metric", "study", "calibration", "detection"),
+    *("open_benchmark", "figures", "api", "web", "cli"),
 }
 HEAVY: dict[str, set[str]] = {
     "xarray": FACES,
     "pandas": FACES,
-    "pydantic": {
-        *("core", "panel", "machine", "measurement", "calibration", "study", "matching", "web"),
-    },
-    "matplotlib": {"plot", "api"},  # api names its types only
-    "plotly": {"plot"},
-    "dask": {"sweep"},
+    "pydantic": {"core", "panel", "machine", "measurement", "study", "calibration", "web"},
+    "matplotlib": {"figures", "api"},  # api names its types only
+    "plotly": {"figures"},
+    "dask": {"study"},
     "numba": {"kernels"},
 }
 
@@ -224,7 +136,7 @@ def test_imports_follow_the_table() -> None:
         ("beam", "turnout", "the facade"),
         ("beam", ".element", "relatively"),
         ("beam", "numba", "kept for kernels"),
-        ("cli", "matplotlib.pyplot", "kept for api, plot"),
+        ("cli", "matplotlib.pyplot", "kept for api, figures"),
     ],
 )
 def test_a_forbidden_import_is_seen(package: str, name: str, words: str) -> None:
@@ -271,8 +183,8 @@ def test_help_loads_nothing_heavy() -> None:
     assert "simulate" in run.stdout
 
 
-DEEP = re.compile(r"(?:from|import) turnout\.(?!plot\b(?!\.))[a-z_.]*")
-"""Imports of private modules; `turnout` and `turnout.plot` are public."""
+DEEP = re.compile(r"(?:from|import) turnout\.(?!figures\b(?!\.))[a-z_.]*")
+"""Imports of private modules; `turnout` and `turnout.figures` are public."""
 
 
 def shown_to_users() -> list[Path]:
@@ -296,9 +208,9 @@ def test_what_users_read_imports_the_public_interface_only() -> None:
     ("line", "deep"),
     [
         ("import turnout", False),
-        ("from turnout import plot", False),
-        ("from turnout.plot import Line", False),
-        ("from turnout.plot.draw import draw_sheet", True),
+        ("from turnout import figures", False),
+        ("from turnout.figures import Line", False),
+        ("from turnout.figures.draw import draw_sheet", True),
         ("import turnout.study.study", True),
     ],
 )

@@ -98,7 +98,7 @@ def test_texts_use_standard_terms(pytestconfig: pytest.Config) -> None:
     assert not problems, "use the terms of WORDS:\n" + "\n".join(problems)
 
 
-FACES = ("api", "cli", "plot", "report", "web")
+FACES = ("api", "cli", "figures", "web")
 """Packages that show results: a module of theirs has the name of what it shows."""
 
 SAME_MEANING = {

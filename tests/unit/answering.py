@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Callable
 
-from turnout.errors import FileError
+from turnout.core.errors import FileError
 from turnout.web.question import Question, Reply, Superseded, Task, UnknownMarkError
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from tests.unit.simulated import sb2_panel
 
-from turnout.virtual.campaign_plan import CampaignPlan
-from turnout.virtual.make_campaign import make_virtual_campaign
+from turnout.study.virtual.campaign_plan import CampaignPlan
+from turnout.study.virtual.make_campaign import make_virtual_campaign
 
 PLAN = CampaignPlan(
     places=("sleeper 6",),

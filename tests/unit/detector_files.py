@@ -6,9 +6,9 @@ import numpy as np
 import xarray as xr
 from tests.unit.detector_toy import toy_detector, toy_throw
 
+from turnout.core.channels import SCHEMA_VERSION
 from turnout.panel.load import load_panel
-from turnout.response.store import save_response
-from turnout.schema.channels import SCHEMA_VERSION
+from turnout.throw.store import save_response
 
 
 def detector_file(folder: Path) -> Path:

@@ -214,9 +214,9 @@ def copyleft_rows() -> list[str]:
 HEAD = """# Licences
 
 turnout is under BSD-3-Clause, and so is all that it carries except the plotting library of its
-pages (MIT, in `src/turnout/report/vendor`). It contains none of the packages below; they are
-installed beside it. What the core needs is permissive; a licence that asks for more is only in an
-extra. A test compares this page with what is installed.
+pages (MIT, in `src/turnout/figures/report/vendor`). It contains none of the packages below; they
+are installed beside it. What the core needs is permissive; a licence that asks for more is only in
+an extra. A test compares this page with what is installed.
 
 ## Libraries in wheels
 

@@ -9,10 +9,10 @@ from tests.unit.simulated import sb2_panel
 from turnout.measurement.campaign.find_throws import FoundThrow, find_throws
 from turnout.measurement.quality.throw_faults import ForceProfile, early_profile, typical_profile
 from turnout.panel.foreign_object import ForeignObject
-from turnout.response.save import Save
-from turnout.response.simulate import simulate
-from turnout.virtual.disturbance import add_disturbance
-from turnout.virtual.record_throw import record_throw
+from turnout.study.virtual.disturbance import add_disturbance
+from turnout.study.virtual.record_throw import record_throw
+from turnout.throw.save import Save
+from turnout.throw.simulate import simulate
 
 FIELDS = ("drive_force", "drive_displacement", "drive_slipping", "object_force", "contact_time")
 

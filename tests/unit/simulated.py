@@ -5,14 +5,14 @@ from functools import cache
 
 import xarray as xr
 
-from turnout.integrate.integration import History, integrate
+from turnout.core.scheme import Scheme
 from turnout.mechanism.build import build_mechanism
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel, load_panel
 from turnout.panel.markers import marker_positions
-from turnout.response.simulate import simulate
-from turnout.scheme import Scheme
+from turnout.solver.integration import History, integrate
+from turnout.throw.simulate import simulate
 
 OBJECT = ForeignObject("13 mm", "sleeper 6")
 

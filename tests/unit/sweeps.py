@@ -5,10 +5,10 @@ from concurrent.futures import Executor, ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 
-from turnout.response.signals import Variable
-from turnout.study.load_study import load_study
+from turnout.calibration.load_study import load_study
 from turnout.study.study import Study
-from turnout.sweep.row import Row
+from turnout.study.sweep.row import Row
+from turnout.throw.signals import Variable
 
 STUDY = """
 schema_version = 1

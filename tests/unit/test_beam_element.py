@@ -12,8 +12,8 @@ import pytest
 from turnout.beam.assembly import DOF, assemble_beam, dof_index, point_row
 from turnout.beam.element import element_gravity_load, element_mass, element_stiffness
 from turnout.beam.material import Material
-from turnout.errors import MechanicsError
-from turnout.section.properties import SectionProperties, mirror_sections
+from turnout.beam.section_properties import SectionProperties, mirror_sections
+from turnout.core.errors import MechanicsError
 
 STEEL = Material(youngs_modulus=2.1e11, poisson_ratio=0.3, density=7850.0)
 E, G, RHO = STEEL.youngs_modulus, STEEL.shear_modulus, STEEL.density

@@ -7,8 +7,8 @@ import pytest
 
 from turnout.beam.material import Material
 from turnout.beam.mesh import MERGE_DISTANCE, mesh_nodes
-from turnout.errors import MechanicsError
-from turnout.section.properties import SectionProperties, interpolate_sections, mirror_sections
+from turnout.beam.section_properties import SectionProperties, interpolate_sections, mirror_sections
+from turnout.core.errors import MechanicsError
 
 NAMES = [field.name for field in fields(SectionProperties)]
 ODD = {"product_moment", "centroid_y", "shear_centre_y"}

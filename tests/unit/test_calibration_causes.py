@@ -25,7 +25,7 @@ from turnout.calibration.needed_causes import DECISIVE, is_needed
 from turnout.calibration.predict import predicted
 from turnout.calibration.sensors import common_lead
 from turnout.calibration.stages import default_plan
-from turnout.errors import SolverError
+from turnout.core.errors import SolverError
 from turnout.measurement.chain.recorder_response import LowPass, RecorderResponse
 from turnout.panel.load import load_panel
 

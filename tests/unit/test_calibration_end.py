@@ -15,9 +15,9 @@ from turnout.calibration.fit import _least_squares, fit
 from turnout.calibration.linearisation import Linearisation
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.result_entries import warnings_from
-from turnout.errors import MeasurementError
+from turnout.core.errors import MeasurementError
+from turnout.core.scheme import Scheme
 from turnout.panel.load import LoadedPanel, load_panel
-from turnout.scheme import Scheme
 
 
 def test_no_value_is_surer_than_a_third_of_what_step_and_mesh_change() -> None:

@@ -11,8 +11,8 @@ from tests.unit.test_calibration_fit import PARAMETERS, TRUE, misfit, movement
 from turnout.calibration.fit import Fit, fit
 from turnout.calibration.movement_rows import fitted_signals, movement_rows
 from turnout.calibration.result import load_calibration
-from turnout.errors import ResponseError
-from turnout.plot.calibration import plot_fit
+from turnout.core.errors import ResponseError
+from turnout.figures.calibration import plot_fit
 
 LATE, OWN = 0.03, 0.05
 

@@ -19,7 +19,7 @@ from turnout.calibration.noise import Noise
 from turnout.calibration.parameter import Parameter
 from turnout.calibration.posterior import posterior_of, posterior_record
 from turnout.calibration.predict import compared
-from turnout.errors import SolverError
+from turnout.core.errors import SolverError
 from turnout.panel.load import load_panel
 
 NOISE = 2.0

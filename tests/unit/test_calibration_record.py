@@ -8,7 +8,7 @@ import pytest
 from tests.unit.calibrations import calibration, fitted
 
 from turnout.calibration.result import Calibration, load_calibration
-from turnout.errors import FileError, PanelError
+from turnout.core.errors import FileError, PanelError
 from turnout.panel.load import load_panel
 
 

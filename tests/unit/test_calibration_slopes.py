@@ -23,9 +23,9 @@ from turnout.calibration.fit import _least_squares
 from turnout.calibration.linearisation import leaders_of
 from turnout.calibration.misfit import Misfit, framed, jacobian
 from turnout.calibration.movement_effects import update_movement_effects
-from turnout.errors import SolverError
+from turnout.core.errors import SolverError
+from turnout.core.scheme import Scheme
 from turnout.panel.load import load_panel
-from turnout.scheme import Scheme
 
 
 def repeats(count: int) -> Misfit:

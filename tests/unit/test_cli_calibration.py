@@ -10,12 +10,12 @@ from tests.unit.calibrations import calibration
 from tests.unit.sweeps import study_file
 from typer.testing import CliRunner, Result
 
+from turnout.calibration.load_study import load_study
 from turnout.calibration.result import load_calibration
 from turnout.cli.main import app
-from turnout.errors import FileError, PanelError
+from turnout.core.errors import FileError, PanelError
 from turnout.panel.load import load_panel
-from turnout.response.store import open_response
-from turnout.study.load_study import load_study
+from turnout.throw.store import open_response
 
 
 @pytest.fixture

@@ -7,10 +7,10 @@ import pytest
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
+from turnout.core.channels import check_schema
 from turnout.measurement.formats.file_format import write_recording
 from turnout.measurement.recording import RecordedChannel, Recording
-from turnout.response.store import open_response
-from turnout.schema.channels import check_schema
+from turnout.throw.store import open_response
 
 TIME = np.arange(3000) / 1000
 COLUMNS = {

@@ -19,7 +19,7 @@ from turnout.cli.main import app
 from turnout.measurement.formats.file_format import write_recording
 from turnout.measurement.recording import RecordedChannel, Recording
 from turnout.panel.load import load_panel
-from turnout.sweep.run import run_sweep
+from turnout.study.sweep.run import run_sweep
 
 COMMON = {"command", "json_version", "units", "written"}
 
@@ -180,7 +180,7 @@ def test_a_calibration(
 def test_a_validation(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, documented: dict[str, set[str]]
 ) -> None:
-    from turnout.validation.acceptance import Acceptance, ChannelResult
+    from turnout.calibration.validation.acceptance import Acceptance, ChannelResult
 
     channel = ChannelResult(
         channel="drive 1", movements=8, rms=90.0, nrmse=0.02, spread=10.0, cover=0.6,
@@ -193,8 +193,8 @@ def test_a_validation(
     calibration().save(tmp_path / "c.toml")
     monkeypatch.setattr("turnout.cli.validate.dataset_of", lambda *_, **__: None)
     monkeypatch.setattr("turnout.cli.validate._validated", lambda *_, **__: None)
-    monkeypatch.setattr("turnout.validation.acceptance.judge", lambda _: verdict)
-    monkeypatch.setattr("turnout.validation.verdict_text.notes", lambda _: ["one note"])
+    monkeypatch.setattr("turnout.calibration.validation.acceptance.judge", lambda _: verdict)
+    monkeypatch.setattr("turnout.calibration.validation.verdict_text.notes", lambda _: ["one note"])
     line = ("validate", tmp_path, "--calibration", tmp_path / "c.toml")
     found = printed(*line)
     assert set(found) - COMMON == documented["validate"]

@@ -8,9 +8,9 @@ from tests.unit.sweeps import here, small_study
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
-from turnout.errors import FileError
-from turnout.response.store import save_response
-from turnout.sweep.run import run_sweep
+from turnout.core.errors import FileError
+from turnout.study.sweep.run import run_sweep
+from turnout.throw.store import save_response
 
 
 @pytest.fixture(scope="module")

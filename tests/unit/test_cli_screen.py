@@ -8,18 +8,18 @@ from types import SimpleNamespace
 import pytest
 from tests.unit.simulated import sb2_panel
 
-from turnout.analysis.test_piece import PieceLimit, PieceResult
 from turnout.cli.options import check_outputs
 from turnout.cli.sections import section_lines
 from turnout.cli.show import Thrown, panel_lines
 from turnout.cli.watch import COMPILING, Watch, watched
-from turnout.errors import FileError
+from turnout.core.errors import FileError
+from turnout.figures.plan import plot_plan
+from turnout.figures.report.values import shown, value_lines
+from turnout.metric.test_piece import PieceLimit, PieceResult
 from turnout.panel.load import library_names, load_panel
 from turnout.panel.model import Panel
-from turnout.plot.plan import plot_plan
-from turnout.report.values import shown, value_lines
-from turnout.response.compilation import cache_fault
-from turnout.response.simulate import simulate
+from turnout.throw.compilation import cache_fault
+from turnout.throw.simulate import simulate
 
 SUFFIXES = {"--out": (".nc",), "--plot": (".png", ".svg")}
 
@@ -329,12 +329,12 @@ def test_kernels_that_cannot_be_kept_are_reported_once(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     reason = "/unwritable/kernels is not writable"
-    monkeypatch.setattr("turnout.response.compilation.why_private", lambda: reason)
+    monkeypatch.setattr("turnout.throw.compilation.why_private", lambda: reason)
     for _ in range(2):
         watched("simulating")
     (line,) = reported(capsys)
     assert line.startswith(f"turnout: {reason}, so the kernels are compiled again")
-    monkeypatch.setattr("turnout.response.compilation.why_private", lambda: "")
+    monkeypatch.setattr("turnout.throw.compilation.why_private", lambda: "")
     assert cache_fault() == ""
 
 

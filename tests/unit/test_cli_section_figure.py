@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from turnout.cli.sections import section_figure
+from turnout.figures.sections import ROWS
 from turnout.mechanism.rail_sections import section_outlines, station_columns
 from turnout.panel.load import load_panel
-from turnout.plot.sections import ROWS
 
 DEFAULT = "uic60-760-1-15"
 

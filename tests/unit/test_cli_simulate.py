@@ -7,13 +7,13 @@ import xarray as xr
 from tests.unit.simulated import sb1_dataset, sb1_panel
 from typer.testing import CliRunner, Result
 
-from turnout.analysis.panel_check import concern_lines
 from turnout.cli.main import app
-from turnout.errors import FileError
+from turnout.core.errors import FileError
+from turnout.core.scheme import Scheme
+from turnout.metric.panel_check import concern_lines
 from turnout.panel.foreign_object import resolve_objects
 from turnout.panel.load import load_panel
-from turnout.response.store import open_response
-from turnout.scheme import Scheme
+from turnout.throw.store import open_response
 
 # The panel of `sb1_panel`, as it is said on the command line.
 QUICK = [
@@ -68,7 +68,7 @@ def test_objects_are_placed_once(monkeypatch: pytest.MonkeyPatch) -> None:
         return resolve_objects(*given)  # type: ignore[arg-type]
 
     monkeypatch.setattr("turnout.panel.foreign_object.resolve_objects", counted)
-    monkeypatch.setattr("turnout.response.simulate.resolve_objects", counted)
+    monkeypatch.setattr("turnout.throw.simulate.resolve_objects", counted)
     assert run("--object", "13mm@sleeper6", "--quiet").exit_code == 0
     assert len(calls) == 1
 
@@ -85,7 +85,7 @@ def test_an_incomplete_run_is_kept_and_marked(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "turnout.scheme.Scheme.of",
+        "turnout.core.scheme.Scheme.of",
         lambda *_, **__: Scheme(iterations=1, halvings=0, follow_path=False),
     )
     result = run("--out", tmp_path / "run.nc", "--plot", tmp_path / "run.png")
@@ -118,7 +118,7 @@ def test_ctrl_c_before_the_first_step_writes_nothing(
     def press(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("turnout.response.simulate.build_mechanism", press)
+    monkeypatch.setattr("turnout.throw.simulate.build_mechanism", press)
     result = run("--out", tmp_path / "run.nc")
     assert result.exit_code == 130
     assert list(tmp_path.iterdir()) == []

@@ -7,7 +7,7 @@ import numpy as np
 from tests.faults.test_cli_validate import CALIBRATION, validate
 from tests.unit.campaigns import copied
 
-from turnout.response.store import open_response
+from turnout.throw.store import open_response
 
 
 def test_a_true_calibration_is_valid_and_a_wrong_one_is_not(tmp_path: Path) -> None:

@@ -10,12 +10,12 @@ from tests.unit.detection_throws import toy_throws
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
+from turnout.core.errors import StudyError
 from turnout.detection.limit import bands
 from turnout.detection.limit.limit_map import limit_map
 from turnout.detection.reference import Conditions, reference_study
-from turnout.errors import StudyError
+from turnout.figures.limit import plot_bands, plot_limit
 from turnout.panel.load import library_text
-from turnout.plot.limit import plot_bands, plot_limit
 
 CLOSING = 0.8
 

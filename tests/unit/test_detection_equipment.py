@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from tests.unit.detection_throws import toy_throws
 
+from turnout.core.errors import StudyError
 from turnout.detection.limit.added_equipment import (
     Readings,
     check_equipment,
@@ -14,7 +15,6 @@ from turnout.detection.limit.added_equipment import (
 from turnout.detection.limit.limit_map import limit_map
 from turnout.detection.limit.what_if import check_measures, gain_rows, gains
 from turnout.detection.reference import Conditions
-from turnout.errors import StudyError
 from turnout.panel.load import load_panel
 
 CLOSING, STATES = 0.8, 24

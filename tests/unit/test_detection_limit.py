@@ -10,8 +10,8 @@ from tests.unit.detection_throws import toy_throws
 from turnout.detection.limit.limit_map import limit_map, rows_of, size_weights, smallest_seen
 from turnout.detection.reference import Conditions, reference_study
 from turnout.detection.throws import objects_study, of_kind, places_of, sizes_beyond
-from turnout.plot.limit import LEVELS, labels_of, level_sizes, plot_limit
-from turnout.plot.style import rendered
+from turnout.figures.limit import LEVELS, labels_of, level_sizes, plot_limit
+from turnout.figures.style import rendered
 
 
 def a90(**conditions: object) -> np.ndarray:

@@ -12,6 +12,7 @@ from tests.unit.detection_throws import toy_throws
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
+from turnout.core.errors import StudyError
 from turnout.detection.limit.bound import repeated_alarm_rate
 from turnout.detection.limit.day_plan import (
     Candidates,
@@ -35,9 +36,8 @@ from turnout.detection.limit.what_if import (
     repeated_throw,
 )
 from turnout.detection.reference import Conditions, reference_study
-from turnout.errors import StudyError
 from turnout.panel.load import LoadedPanel, load_panel
-from turnout.response.store import open_response
+from turnout.throw.store import open_response
 
 INPUTS = ("drive.1.over_travel_closed",)
 CLOSING = 0.8

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from turnout.calibration.load_study import load_study
+from turnout.core.errors import PanelError, StudyError
 from turnout.detection.panel_population import population_for
 from turnout.detection.reference import reference_study, switch_inputs
 from turnout.detection.throws import checked_throws, refuse_open_end
-from turnout.errors import PanelError, StudyError
 from turnout.panel.load import LoadedPanel, load_panel
-from turnout.study.load_study import load_study
 from turnout.study.study import Study
-from turnout.sweep.stored_study import study_data, study_from_data
+from turnout.study.sweep.stored_study import study_data, study_from_data
 
 DEFAULT = "uic60-760-1-15"
 

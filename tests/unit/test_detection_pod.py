@@ -9,15 +9,15 @@ from scipy.integrate import quad
 from scipy.optimize import minimize
 from scipy.stats import norm
 
+from turnout.core.errors import StudyError
 from turnout.detection.pod.estimate import estimate_pod
 from turnout.detection.pod.pod_bound import confidence_bound, upper_bound
 from turnout.detection.pod.pod_fit import detected_size, draw_campaigns, maximise
 from turnout.detection.pod.pod_likelihood import Campaigns, Constraint, evaluate, margin
 from turnout.detection.pod.pod_result import PodModel, curve_of, key_figures, pod_dataset
 from turnout.detection.pod.pod_table import TestThrows, response_value
-from turnout.errors import StudyError
-from turnout.plot.pod import plot_pod
-from turnout.plot.style import rendered
+from turnout.figures.pod import plot_pod
+from turnout.figures.style import rendered
 
 Floats = NDArray[np.float64]
 

@@ -7,6 +7,7 @@ import pytest
 from benchmarks.channels_confirmed import confirmed
 from tests.unit.detection_throws import toy_throws
 
+from turnout.core.errors import StudyError
 from turnout.detection.drive_quantities import (
     noise_of,
     signals_of,
@@ -17,7 +18,6 @@ from turnout.detection.reference import Conditions, reference_study
 from turnout.detection.signal_discrepancy import Signal, SignalErrors, discrepancy_of_signals
 from turnout.detection.signal_errors import signal_errors
 from turnout.detection.throws import Throws
-from turnout.errors import StudyError
 from turnout.panel.load import LoadedPanel, load_panel
 
 CLOSING = 0.8

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from turnout.core.errors import StudyError
 from turnout.detection.detector.allowances import Allowances
 from turnout.detection.reference import (
     PER_THROW,
@@ -10,7 +11,6 @@ from turnout.detection.reference import (
     reference_study,
     switch_inputs,
 )
-from turnout.errors import StudyError
 
 
 def test_every_input_is_of_a_switch_or_of_a_throw() -> None:

@@ -16,8 +16,8 @@ from turnout.detection.throws import (
     stored_throws,
     throw_all,
 )
-from turnout.sweep.read import open_sweep
-from turnout.sweep.run import run_sweep
+from turnout.study.sweep.read import open_sweep
+from turnout.study.sweep.run import run_sweep
 
 PLACES = {"sleeper 6": (0.5e-3, 12e-3)}
 

@@ -13,6 +13,7 @@ from tests.unit.detector_toy import toy_detector, toy_layout, toy_set, toy_setti
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
+from turnout.core.errors import FileError
 from turnout.detection.alarm_threshold import threshold_for
 from turnout.detection.detector import knowledge, throw_verdict
 from turnout.detection.detector.allowances import gain_times
@@ -29,7 +30,6 @@ from turnout.detection.detector.knowledge import Knowledge
 from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.detector.training import teach
 from turnout.detection.signal_discrepancy import SignalErrors
-from turnout.errors import FileError
 
 
 def fresh() -> Detector:

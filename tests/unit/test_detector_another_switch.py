@@ -11,15 +11,15 @@ from tests.unit.detector_toy import TIME, toy_throw
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
+from turnout.core.channels import SCHEMA_VERSION
+from turnout.core.errors import FileError
 from turnout.detection.detector.another_switch import misfit_remark, panel_remark
 from turnout.detection.detector.detector import Detector
 from turnout.detection.detector.reading import read_throws
 from turnout.detection.detector.throw_verdict import Verdict
 from turnout.detection.detector.throws_of_dataset import throws_of_dataset
-from turnout.errors import FileError
-from turnout.report.detection import detection_page
-from turnout.response.store import save_response
-from turnout.schema.channels import SCHEMA_VERSION
+from turnout.figures.report.detection import detection_page
+from turnout.throw.store import save_response
 from turnout.web.detecting import judged_record
 
 OWN = {"panel": "own", "panel_hash": "12ab"}

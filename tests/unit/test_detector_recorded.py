@@ -9,6 +9,7 @@ import pytest
 import xarray as xr
 from tests.unit.detector_toy import RATE, toy_detector, toy_throw
 
+from turnout.core.errors import FileError
 from turnout.detection.detector.detector import Detector
 from turnout.detection.detector.reading import read_throws
 from turnout.detection.detector.recorded import (
@@ -23,7 +24,6 @@ from turnout.detection.detector.recorded import (
 from turnout.detection.detector.throw_layout import Layout, layout_of, throw_features
 from turnout.detection.detector.throw_rows import read_table
 from turnout.detection.detector.throws_of_dataset import throws_of_dataset
-from turnout.errors import FileError
 
 LAYOUT = layout_of([("opening", 0.2, 3.2), ("closing", 4.4, 3.4)], end=8.5, drives=["1", "2"])
 ONSETS = {"opening": 0.2, "closing": 4.4}

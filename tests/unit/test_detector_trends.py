@@ -5,7 +5,7 @@ import pytest
 
 from turnout.detection.detector.throw_verdict import Verdict
 from turnout.detection.detector.trends import cumulated, staying_causes, trend_of
-from turnout.report.detection import detection_page
+from turnout.figures.report.detection import detection_page
 
 
 def records(log_odds: np.ndarray) -> list[dict[str, object]]:

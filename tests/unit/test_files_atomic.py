@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from turnout.core.errors import FileError
 from turnout.core.files import atomic_path, make_durable, write_atomic, write_fault
-from turnout.errors import FileError
 
 
 def names(folder: Path) -> list[str]:
@@ -104,7 +104,7 @@ SCRIPT = """
 import resource, signal, sys
 signal.signal(signal.SIGXFSZ, signal.SIG_DFL)
 resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
-from turnout.errors import FileError
+from turnout.core.errors import FileError
 from turnout.core.files import write_atomic
 try:
     write_atomic(sys.argv[1], b"x" * 100_000)

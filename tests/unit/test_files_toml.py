@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from turnout.core.errors import FileError
 from turnout.core.toml import LARGEST_FILE, Origin, parse_toml, read_toml
-from turnout.errors import FileError
 
 TEXT = '''
 title = "a # that is text"    # paper: the title

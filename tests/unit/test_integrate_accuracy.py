@@ -4,18 +4,18 @@ import numpy as np
 import pytest
 from tests.unit.test_integrate_columns import INERTIA, VISCOSITY, Setup, flip, setup
 
-from turnout.integrate.accuracy import DRIFTS, is_inaccurate, refine
-from turnout.integrate.columns import rebuild, update_row
-from turnout.integrate.compliance import assemble_level
-from turnout.integrate.energy import account_friction
-from turnout.integrate.march import _try_step
-from turnout.integrate.scratch import Work
-from turnout.integrate.solution import gather_modes, solve_displacements
-from turnout.integrate.solve import CONVERGED, Tolerances, evaluate
-from turnout.integrate.state import COUNT_RECENT, UNSOLVED, set_segment
-from turnout.integrate.step import Stepping, step_factors
+from turnout.core.scheme import AlphaCoefficients
 from turnout.law.kernel import SLIP_FORWARD
-from turnout.scheme import AlphaCoefficients
+from turnout.solver.accuracy import DRIFTS, is_inaccurate, refine
+from turnout.solver.columns import rebuild, update_row
+from turnout.solver.compliance import assemble_level
+from turnout.solver.energy import account_friction
+from turnout.solver.march import _try_step
+from turnout.solver.scratch import Work
+from turnout.solver.solution import gather_modes, solve_displacements
+from turnout.solver.solve import CONVERGED, Tolerances, evaluate
+from turnout.solver.state import COUNT_RECENT, UNSOLVED, set_segment
+from turnout.solver.step import Stepping, step_factors
 
 
 def solved(made: Setup) -> Work:

@@ -5,20 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from turnout.condense import condense
-from turnout.integrate import arrange as arrangement
-from turnout.integrate import start
-from turnout.integrate.arrange import arrange, clear_memory
-from turnout.integrate.integration import integrate
-from turnout.integrate.outcome import Code
+from turnout.core.scheme import Scheme
 from turnout.mechanism.build import build_mechanism
 from turnout.mechanism.build import clear_memory as clear_linear
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import load_panel
 from turnout.panel.markers import marker_positions
-from turnout.response.simulate import solve_placed
-from turnout.scheme import Scheme
+from turnout.solver import arrange as arrangement
+from turnout.solver import condense, start
+from turnout.solver.arrange import arrange, clear_memory
+from turnout.solver.integration import integrate
+from turnout.solver.outcome import Code
+from turnout.throw.simulate import solve_placed
 
 QUICK = Scheme.of("quick")
 

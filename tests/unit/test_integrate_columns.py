@@ -10,17 +10,20 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from turnout.condense.blocks import Block
-from turnout.condense.condense import BlockModel, folded_stiffness, sum_at_rows
-from turnout.condense.followers import leading_rows
-from turnout.condense.modal import diagonalise_damping, modal_model
-from turnout.errors import MechanicsError
-from turnout.integrate.columns import activate, deactivate, finish_pending, rebuild, update_row
-from turnout.integrate.compliance import assemble_level
-from turnout.integrate.numbering import place_laws
-from turnout.integrate.scratch import Work, new_work
-from turnout.integrate.solution import gather_modes, solve_displacements
-from turnout.integrate.state import (
+from turnout.core.errors import MechanicsError
+from turnout.kernels.shared_record import shared_record
+from turnout.law.kernel import STICK
+from turnout.law.table import LawTable, LawTableBuilder
+from turnout.solver.blocks import Block
+from turnout.solver.columns import activate, deactivate, finish_pending, rebuild, update_row
+from turnout.solver.compliance import assemble_level
+from turnout.solver.condense import BlockModel, folded_stiffness, sum_at_rows
+from turnout.solver.followers import leading_rows
+from turnout.solver.modal import diagonalise_damping, modal_model
+from turnout.solver.numbering import place_laws
+from turnout.solver.scratch import Work, new_work
+from turnout.solver.solution import gather_modes, solve_displacements
+from turnout.solver.state import (
     COUNT_FLIPS,
     COUNT_JOINING,
     COUNT_REBUILDS,
@@ -31,10 +34,7 @@ from turnout.integrate.state import (
     fresh_state,
     set_segment,
 )
-from turnout.integrate.system import System, check_normals, condensed_system
-from turnout.kernels.shared_record import shared_record
-from turnout.law.kernel import STICK
-from turnout.law.table import LawTable, LawTableBuilder
+from turnout.solver.system import System, check_normals, condensed_system
 
 INERTIA, VISCOSITY = 3e4, 900.0
 TOLERANCE = 1e-9

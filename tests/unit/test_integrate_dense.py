@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from tests.verification.hand_made import energy_residual, hand_made, linear_spring
 
-from turnout.integrate.dense import interpolate_record
-from turnout.integrate.integration import History, integrate
-from turnout.integrate.watch import StepRecord
+from turnout.core.scheme import Scheme
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism
-from turnout.scheme import Scheme
+from turnout.solver.dense import interpolate_record
+from turnout.solver.integration import History, integrate
+from turnout.solver.watch import StepRecord
 
 STIFFNESS, MASS, STOP = 1e4, 28.0, 1.2e-3
 

@@ -13,14 +13,7 @@ import numpy as np
 import pytest
 from tests.unit.test_integrate_columns import setup
 
-from turnout.integrate import integration
-from turnout.integrate.follow import follow_path
-from turnout.integrate.march import march
-from turnout.integrate.outcome import Code
-from turnout.integrate.prepared_run import PreparedRun
-from turnout.integrate.solve import Tolerances, iterate_contact_set
-from turnout.integrate.step import Stepping
-from turnout.integrate.watch import StepRecord
+from turnout.core.scheme import Scheme
 from turnout.kernels import flag_setter, interrupt
 from turnout.kernels.interrupt import call_interruptible, one_thread
 from turnout.kernels.lanes import zeros_in_lines
@@ -28,8 +21,15 @@ from turnout.kernels.shared_record import shared_record
 from turnout.law.friction_course import no_courses
 from turnout.law.obstruction import no_obstructions
 from turnout.panel.load import load_panel
-from turnout.response.simulate import solve
-from turnout.scheme import Scheme
+from turnout.solver import integration
+from turnout.solver.follow import follow_path
+from turnout.solver.march import march
+from turnout.solver.outcome import Code
+from turnout.solver.prepared_run import PreparedRun
+from turnout.solver.solve import Tolerances, iterate_contact_set
+from turnout.solver.step import Stepping
+from turnout.solver.watch import StepRecord
+from turnout.throw.simulate import solve
 
 TOLERANCES = Tolerances(1e-11, 1e-6, 40)
 

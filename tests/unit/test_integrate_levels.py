@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from turnout.integrate import levels
-from turnout.integrate.arrange import arrange, clear_memory
-from turnout.integrate.compliance import READY, STALE
-from turnout.integrate.march import switch_level
-from turnout.integrate.prepared_run import PreparedRun, prepare, set_up_run
+from turnout.core.scheme import Scheme
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import load_panel
-from turnout.scheme import Scheme
+from turnout.solver import levels
+from turnout.solver.arrange import arrange, clear_memory
+from turnout.solver.compliance import READY, STALE
+from turnout.solver.march import switch_level
+from turnout.solver.prepared_run import PreparedRun, prepare, set_up_run
 
 PANEL = load_panel("sb2")  # its records are known by identity
 QUICK = Scheme.of("quick")

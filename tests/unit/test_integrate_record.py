@@ -2,12 +2,12 @@
 
 import pytest
 
-from turnout.integrate import record
-from turnout.integrate.integration import History
+from turnout.core.scheme import Scheme
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
-from turnout.response.simulate import solve
-from turnout.scheme import Scheme
+from turnout.solver import record
+from turnout.solver.integration import History
+from turnout.throw.simulate import solve
 
 STORED = ("q", "g", "law_force", "friction_force")
 

@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from turnout.integrate.arrange import arrange
-from turnout.integrate.integration import integrate
-from turnout.integrate.march import march
-from turnout.integrate.outcome import Code
-from turnout.integrate.prepared_run import PreparedRun, prepare, set_up_run
-from turnout.integrate.start import start_at_rest
-from turnout.integrate.state import COUNT_ITERATIONS, COUNT_JOINING, UNSOLVED
-from turnout.integrate.step import REST_TIME, STILL, is_at_rest, predict, step_factors
+from turnout.core.scheme import Scheme
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.load import load_panel
 from turnout.panel.markers import marker_offsets, marker_positions
-from turnout.scheme import Scheme
+from turnout.solver.arrange import arrange
+from turnout.solver.integration import integrate
+from turnout.solver.march import march
+from turnout.solver.outcome import Code
+from turnout.solver.prepared_run import PreparedRun, prepare, set_up_run
+from turnout.solver.start import start_at_rest
+from turnout.solver.state import COUNT_ITERATIONS, COUNT_JOINING, UNSOLVED
+from turnout.solver.step import REST_TIME, STILL, is_at_rest, predict, step_factors
 
 Floats = NDArray[np.float64]
 SCHEME = Scheme.of("quick")

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from tests.verification.hand_made import energy_residual, hand_made, linear_spring, run
 
-from turnout.errors import SolverError
-from turnout.integrate.integration import History, integrate
-from turnout.integrate.outcome import ADVICE, Code, NotConverged, Outcome
+from turnout.core.errors import SolverError
+from turnout.core.scheme import AlphaCoefficients, Scheme
 from turnout.law.table import LawTableBuilder
-from turnout.scheme import AlphaCoefficients, Scheme
+from turnout.solver.integration import History, integrate
+from turnout.solver.outcome import ADVICE, Code, NotConverged, Outcome
 
 
 @pytest.mark.parametrize(

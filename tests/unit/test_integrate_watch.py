@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 from tests.unit.sweeps import variables_of
 
-from turnout.integrate.integration import History
-from turnout.integrate.seen import SeenRows
-from turnout.integrate.watch import Watch
+from turnout.calibration.load_study import load_study
+from turnout.core.scheme import Scheme
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import load_panel
-from turnout.response.simulate import solve_placed
-from turnout.scheme import Scheme
-from turnout.study.load_study import load_study
+from turnout.solver.integration import History
+from turnout.solver.seen import SeenRows
+from turnout.solver.watch import Watch
 from turnout.study.study import Output
-from turnout.sweep import row as sweep_row
+from turnout.study.sweep import row as sweep_row
+from turnout.throw.simulate import solve_placed
 
 QUICK = Scheme.of("quick")
 ENDS = (1.0, 6.3333)

@@ -191,7 +191,7 @@ def test_what_has_no_inverse_gives_nan(wrong: Floats) -> None:
 THROW = """
 import sys
 from turnout.panel.load import load_panel
-from turnout.response.simulate import simulate
+from turnout.throw.simulate import simulate
 panel = load_panel("sb1")
 simulate(panel, mode="quick")
 print("numba" in sys.modules)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from turnout.errors import MechanicsError
+from turnout.core.errors import MechanicsError
 from turnout.law.kernel import (
     SLIP_BACKWARD,
     SLIP_FORWARD,

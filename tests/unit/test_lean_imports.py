@@ -148,7 +148,7 @@ def test_calibration_and_detector_start_without_the_distributions_of_scipy() -> 
 
 SWEEP = """
 import sys
-import turnout.sweep.run, turnout.sweep.worker
+import turnout.study.sweep.run, turnout.study.sweep.worker
 print("xarray" in sys.modules, "pandas" in sys.modules)
 """
 
@@ -188,6 +188,6 @@ def test_pydantic_looks_for_no_plugins_unless_they_are_wanted(chosen: str | None
 
 
 def test_no_step_waits_for_what_makes_datasets() -> None:
-    code = "import sys, turnout.response.simulate; print('turnout.response.dataset' in sys.modules)"
+    code = "import sys, turnout.throw.simulate; print('turnout.throw.dataset' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["False"]

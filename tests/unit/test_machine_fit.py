@@ -16,8 +16,8 @@ from tests.unit.test_cli_json import COMMON, printed
 from tests.unit.test_cli_json import documented as documented  # noqa: PLC0414 - a fixture
 
 from turnout.api.machine import fit_machines
+from turnout.core.errors import MachineError, MeasurementError
 from turnout.core.moving_average import moving_average
-from turnout.errors import MachineError, MeasurementError
 from turnout.machine.clutch_fit import slip_estimate, slip_level
 from turnout.machine.current_fit import (
     STEP,

@@ -6,7 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
-from turnout.errors import FileError, MachineError
+from turnout.core.errors import FileError, MachineError
 from turnout.machine.machine_file import load_machines
 
 

@@ -3,9 +3,9 @@
 import numpy as np
 import xarray as xr
 
+from turnout.figures.throw import throw_rows
 from turnout.metric.finding import findings
 from turnout.panel.load import load_panel
-from turnout.plot.throw import throw_rows
 from turnout.web.controls import controls
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import xarray as xr
 
-from turnout.virtual.record_throw import Window, record_throw
+from turnout.study.virtual.record_throw import Window, record_throw
 
 
 def test_a_motor_that_still_braked_is_off_before_the_next_movement() -> None:

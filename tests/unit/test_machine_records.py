@@ -11,7 +11,8 @@ from typer.testing import CliRunner
 import turnout
 import turnout.machine.one_mass_throw as throw_module
 from turnout.cli.machine import app
-from turnout.errors import FileError, MachineError
+from turnout.core.errors import FileError, MachineError
+from turnout.figures.machine import plot_machine
 from turnout.machine.components import Command
 from turnout.machine.compute import places
 from turnout.machine.compute.rail import rod_position
@@ -19,7 +20,6 @@ from turnout.machine.machine_file import load_machines, machine_names, machine_t
 from turnout.machine.one_mass_throw import throw_one_mass
 from turnout.machine.rows import angle_at, machine_row, stroke_table
 from turnout.machine.steady import slip_point
-from turnout.plot.machine import plot_machine
 
 SHORT = {"throw.duration": 0.3}
 

@@ -4,17 +4,17 @@ import json
 
 import pytest
 
-from turnout.analysis.panel_check import blind_concerns, supply_concerns
 from turnout.cli.machine import throw_summary
+from turnout.core.scheme import Scheme
 from turnout.machine.components import Machine
 from turnout.machine.machine_file import load_machines
 from turnout.machine.motor_record import breakdown_point
 from turnout.machine.one_mass_throw import throw_one_mass
 from turnout.machine.steady import blind_text, load_range, slip_point, stall_text, steady_lines
+from turnout.metric.panel_check import blind_concerns, supply_concerns
 from turnout.metric.summary import summary
 from turnout.panel.load import load_panel
-from turnout.response.simulate import simulate
-from turnout.scheme import Scheme
+from turnout.throw.simulate import simulate
 
 
 def machine_of(name: str, **changes: object) -> Machine:

@@ -7,21 +7,21 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from turnout.calibration.case import case_panel, load_panel_or_case
+from turnout.calibration.load_study import load_study
+from turnout.calibration.matching import match
+from turnout.calibration.matching.ensemble import study_text
+from turnout.calibration.matching.fact_emulator import Emulation, fit_emulator
+from turnout.calibration.matching.facts import Facts, Sum, Term, facts_text, load_facts, read_facts
+from turnout.calibration.matching.match import MatchProgress, match_panel
+from turnout.calibration.matching.measures import MEASURES
+from turnout.calibration.matching.meet_facts import Thrower, evaluate, holds, in_order, panel_at
+from turnout.calibration.matching.propose import farthest_points, plausible_points
+from turnout.calibration.matching.remaining import gains, ranges
 from turnout.cli.main import app
+from turnout.core.errors import FileError, StudyError
 from turnout.core.toml import parse_toml
-from turnout.errors import FileError, StudyError
-from turnout.matching import match
-from turnout.matching.ensemble import study_text
-from turnout.matching.fact_emulator import Emulation, fit_emulator
-from turnout.matching.facts import Facts, Sum, Term, facts_text, load_facts, read_facts
-from turnout.matching.match import MatchProgress, match_panel
-from turnout.matching.measures import MEASURES
-from turnout.matching.meet_facts import Thrower, evaluate, holds, in_order, panel_at
-from turnout.matching.propose import farthest_points, plausible_points
-from turnout.matching.remaining import gains, ranges
 from turnout.panel.load import load_panel
-from turnout.study.case import case_panel, load_panel_or_case
-from turnout.study.load_study import load_study
 
 TOY = """
 schema_version = 1

@@ -13,7 +13,8 @@ from tests.unit.recorded import clean
 from tests.unit.simulated import sb2_panel
 
 from turnout.calibration.measured_movements import observe
-from turnout.errors import MeasurementError
+from turnout.core.channels import schema_problems
+from turnout.core.errors import MeasurementError
 from turnout.measurement.campaign import build_campaign as module
 from turnout.measurement.campaign import recorded_throw
 from turnout.measurement.campaign.build_campaign import (
@@ -38,7 +39,6 @@ from turnout.measurement.chain.recorder_response import (
 )
 from turnout.measurement.formats.file_format import WRITERS, read_recording
 from turnout.measurement.recording import Recording
-from turnout.schema.channels import schema_problems
 
 
 @pytest.fixture(scope="module")

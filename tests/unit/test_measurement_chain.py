@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from turnout.core.channels import check_schema
+from turnout.core.errors import FileError, MeasurementError
 from turnout.core.toml import parse_toml
-from turnout.errors import FileError, MeasurementError
 from turnout.measurement.chain.apply import (
     apply_chain,
     load_channel_map,
@@ -16,7 +17,6 @@ from turnout.measurement.chain.apply import (
     raw_from_physical,
 )
 from turnout.measurement.recording import RecordedChannel, Recording
-from turnout.schema.channels import check_schema
 
 # By hand, with nothing of the program. Rod: E = 210e9 Pa, W = 6.28e-6 m3, h = 0.060 m.
 # 6000 N * 0.060 m = 360 N m; 360 / 6.28e-6 = 57.325e6 Pa; / 210e9 = 272.975e-6 strain.

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from turnout.core.channels import check_schema
 from turnout.core.moving_average import moving_average, window_samples
 from turnout.measurement.chain.apply import apply_chain, load_channel_map
 from turnout.measurement.chain.condition import (
@@ -15,7 +16,6 @@ from turnout.measurement.chain.condition import (
 )
 from turnout.measurement.recording import RecordedChannel, Recording
 from turnout.metric.channel_features import filtered
-from turnout.schema.channels import check_schema
 
 RATE = 1000.0
 RNG = np.random.default_rng(7)

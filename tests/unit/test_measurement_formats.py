@@ -10,7 +10,7 @@ import pytest
 from scipy.io import loadmat, savemat
 from scipy.sparse import csc_array
 
-from turnout.errors import FileError
+from turnout.core.errors import FileError
 from turnout.measurement.formats.file_format import FORMATS, read_recording, write_recording
 from turnout.measurement.formats.mat_check import check_mat5
 from turnout.measurement.recording import RecordedChannel, Recording

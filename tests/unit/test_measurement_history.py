@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from turnout.errors import FileError
+from turnout.core.errors import FileError
 from turnout.measurement.formats.history import read_history
 
 GOOD = """# computed elsewhere

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from turnout.errors import FileError
+from turnout.core.errors import FileError
 from turnout.measurement.formats.file_format import read_recording
 
 TIME = np.arange(500) / 1000

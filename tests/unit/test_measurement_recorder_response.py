@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import bessel, butter, lsim
 
+from turnout.core.errors import MeasurementError
 from turnout.core.toml import parse_toml
-from turnout.errors import MeasurementError
 from turnout.measurement.chain.apply import map_hash, parse_channel_map
 from turnout.measurement.chain.recorder_response import (
     LowPass,

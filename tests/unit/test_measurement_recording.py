@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from turnout.errors import MeasurementError
+from turnout.core.errors import MeasurementError
 from turnout.measurement.recording import RecordedChannel, Recording, on_grid, time_grid
 
 

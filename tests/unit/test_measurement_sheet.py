@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from turnout.errors import FileError, MeasurementError
+from turnout.core.errors import FileError, MeasurementError
 from turnout.measurement.campaign.run_sheet import RunSheet, find_sheet, normal_place, read_sheet
 
 CSV = """# title: Two days in autumn

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from turnout.errors import FileError, MeasurementError
+from turnout.core.errors import FileError, MeasurementError
 from turnout.measurement.formats.csv_text import csv_bytes
 from turnout.measurement.formats.file_format import read_recording
 from turnout.measurement.recording import RecordedChannel, Recording

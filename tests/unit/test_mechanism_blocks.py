@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from turnout.condense.blocks import split_blocks
 from turnout.mechanism.build import build_mechanism
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.load import load_panel
+from turnout.solver.blocks import split_blocks
 
 
 @pytest.fixture(scope="module")

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from turnout.condense import followers
-from turnout.condense.followers import LARGEST_WEIGHT, leading_rows
 from turnout.core.lru_cache import LRUCache
+from turnout.solver import followers
+from turnout.solver.followers import LARGEST_WEIGHT, leading_rows
 
 
 def rows_of_a_section(rng: np.random.Generator, count: int) -> np.ndarray:

@@ -4,10 +4,10 @@ import pytest
 import xarray as xr
 from tests.unit.detection_throws import toy_throws
 
+from turnout.core.errors import ResponseError
 from turnout.detection.limit.known_place_map import known_place_map
 from turnout.detection.limit.limit_map import limit_map
 from turnout.detection.reference import Conditions
-from turnout.errors import ResponseError
 from turnout.metric.blade_map import blade_map, blade_maps
 
 

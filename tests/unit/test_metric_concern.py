@@ -6,8 +6,8 @@ import xarray as xr
 from tests.unit.simulated import sb2_panel
 from tests.unit.test_response_simulate import interrupted
 
-from turnout.analysis.panel_check import concerns
-from turnout.response.simulate import simulate
+from turnout.metric.panel_check import concerns
+from turnout.throw.simulate import simulate
 
 
 def whats(dataset: xr.Dataset) -> list[str]:

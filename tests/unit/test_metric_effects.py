@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from turnout.errors import ResponseError
+from turnout.core.errors import ResponseError
 from turnout.metric.sensitivity import (
     first_order_index,
     main_effect,
@@ -13,7 +13,7 @@ from turnout.metric.sensitivity import (
 )
 from turnout.study.design import Design, Drawn
 from turnout.study.distribution import Distribution
-from turnout.sweep.effects import sobol_indices
+from turnout.study.sweep.effects import sobol_indices
 
 A, B = 7.0, 0.1
 

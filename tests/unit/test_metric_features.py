@@ -7,8 +7,8 @@ import pytest
 import xarray as xr
 from tests.unit.simulated import sb2_dataset
 
+from turnout.core.errors import ResponseError
 from turnout.core.moving_average import moving_average
-from turnout.errors import ResponseError
 from turnout.metric.features import FEATURES, _medians, features, movement_features
 
 TIME = np.arange(0.0, 3.0, 1e-3)

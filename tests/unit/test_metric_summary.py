@@ -6,7 +6,7 @@ from tests.unit.simulated import sb1_dataset, sb1_panel, sb2_dataset
 from tests.unit.test_response_simulate import interrupted
 
 from turnout.metric.summary import summary
-from turnout.response.simulate import simulate
+from turnout.throw.simulate import simulate
 
 
 def text_of(dataset: xr.Dataset) -> str:

@@ -12,7 +12,7 @@ from turnout.metric.finding import findings
 from turnout.metric.verdict import KINDS, verdict
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
-from turnout.response.simulate import simulate
+from turnout.throw.simulate import simulate
 
 
 def run_with(

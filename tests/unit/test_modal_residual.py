@@ -8,9 +8,9 @@ from scipy.linalg import eigh
 
 from turnout.beam.assembly import assemble_beam
 from turnout.beam.material import Material
-from turnout.condense.modal import ModalModel, diagonalise_damping, modal_model
-from turnout.errors import MechanicsError
-from turnout.section.properties import SectionProperties
+from turnout.beam.section_properties import SectionProperties
+from turnout.core.errors import MechanicsError
+from turnout.solver.modal import ModalModel, diagonalise_damping, modal_model
 
 N_DOF, N_ROWS = 14, 9
 

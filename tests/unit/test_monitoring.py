@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from turnout.errors import MeasurementError
+from turnout.core.errors import MeasurementError
 from turnout.measurement.chain.monitoring import Monitoring, monitored
 
 

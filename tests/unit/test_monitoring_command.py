@@ -9,18 +9,18 @@ import xarray as xr
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
-from turnout.errors import MeasurementError, TurnoutError
+from turnout.core.errors import MeasurementError, TurnoutError
+from turnout.core.scheme import Scheme
 from turnout.machine.one_mass_throw import throw_one_mass
 from turnout.measurement.chain.monitoring import monitoring_of
 from turnout.measurement.formats.file_format import read_recording
 from turnout.panel.load import load_panel
-from turnout.response.machine import machine_dataset
-from turnout.response.simulate import simulate
-from turnout.response.store import save_response
-from turnout.scheme import Scheme
-from turnout.virtual.campaign_plan import CampaignPlan, check_plan
-from turnout.virtual.make_campaign import make_virtual_campaign
-from turnout.virtual.record_throw import Window
+from turnout.study.virtual.campaign_plan import CampaignPlan, check_plan
+from turnout.study.virtual.make_campaign import make_virtual_campaign
+from turnout.study.virtual.record_throw import Window
+from turnout.throw.machine import machine_dataset
+from turnout.throw.simulate import simulate
+from turnout.throw.store import save_response
 
 MACHINES = {"drive.1.machine": "s700k", "drive.2.machine": "jea73-drive2"}
 

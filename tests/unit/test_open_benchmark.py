@@ -8,9 +8,9 @@ import pytest
 from scipy.stats import norm
 from tests.unit.benchmark_toy import POSITIONS, TIME, toy_benchmark, toy_side
 
+from turnout.core.errors import FileError, StudyError
 from turnout.detection.detector.allowances import Allowances
 from turnout.detection.detector.training_plan import Population
-from turnout.errors import FileError, StudyError
 from turnout.open_benchmark.classical import (
     NUMBERS,
     Limits,

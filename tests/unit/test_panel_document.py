@@ -2,8 +2,8 @@
 
 import pytest
 
+from turnout.core.errors import PanelError
 from turnout.core.toml import Origin, parse_toml
-from turnout.errors import PanelError
 from turnout.panel.document import FAMILIES, expand
 from turnout.panel.load import LoadedPanel, library_text, panel_from_file
 

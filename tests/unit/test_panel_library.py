@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from turnout.analysis.panel_check import concerns, panel_concerns
+from turnout.core.errors import FileError
 from turnout.core.provenance import content_hash
 from turnout.core.toml import ORIGIN_KINDS
-from turnout.errors import FileError
+from turnout.metric.panel_check import concerns, panel_concerns
 from turnout.panel.document import FAMILIES
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel, library_names, library_text, load_panel
 from turnout.panel.profile import evaluate_profile, running_edge_offset
-from turnout.response.simulate import simulate
+from turnout.throw.simulate import simulate
 
 SHORT = (
     *("60e1-1200-1-18.5", "60e1-300-1-9", "60e1-300-1-9-clamp-lock", "60e1-441-1-12"),

@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from turnout.errors import PanelError, SolverError
+from turnout.core.channels import OF_MACHINES
+from turnout.core.errors import PanelError, SolverError
+from turnout.figures.throw import plot_throw
 from turnout.mechanism.drive_machines import command_times, fitted_machine, slip_force
 from turnout.metric.summary import summary
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel, load_panel
 from turnout.panel.stored import panel_data, panel_from_data
-from turnout.plot.throw import plot_throw
-from turnout.response.simulate import simulate
-from turnout.schema.channels import OF_MACHINES
-from turnout.virtual.record_throw import Window, extend_schedule, record_throw
+from turnout.study.virtual.record_throw import Window, extend_schedule, record_throw
+from turnout.throw.simulate import simulate
 
 NAME = "uic60-760-1-15"
 BOTH = {"drive.1.machine": "jea73", "drive.2.machine": "jea73-drive2"}
@@ -175,7 +175,7 @@ def test_quasi_static_is_refused() -> None:
 
 
 def test_stored_instants_between_the_steps() -> None:
-    from turnout.scheme import Scheme
+    from turnout.core.scheme import Scheme
 
     scheme = Scheme.of("quick")
     run = simulate(panel(), scheme=replace(scheme, output_interval=1e-3))

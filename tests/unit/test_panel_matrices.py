@@ -12,11 +12,11 @@ from scipy.io import loadmat, savemat
 from tests.verification.prismatic_panel import TEXT, prismatic_panel
 from typer.testing import CliRunner
 
-from turnout.analysis.export import export_matrices
-from turnout.analysis.modes import modes
 from turnout.cli.main import app
-from turnout.errors import MechanicsError, PanelError
+from turnout.core.errors import MechanicsError, PanelError
 from turnout.mechanism.build import build_mechanism
+from turnout.metric.export import export_matrices
+from turnout.metric.modes import modes
 from turnout.panel.load import load_panel
 from turnout.panel.model import Panel
 

@@ -7,8 +7,8 @@ from tests.unit.panel_file_page import PAGE, page
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
+from turnout.core.errors import TurnoutError
 from turnout.core.quantity import unit_of
-from turnout.errors import TurnoutError
 from turnout.panel.document import FAMILIES
 from turnout.panel.key_reference import key_tables
 from turnout.panel.keys import field_at

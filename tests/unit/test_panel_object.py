@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from turnout.errors import PanelError
+from turnout.core.errors import PanelError
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import load_panel
 from turnout.panel.object_text import parse_object

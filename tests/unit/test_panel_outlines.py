@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from turnout.errors import MechanicsError, PanelError
+from turnout.beam.rail_outlines import planed_rail
+from turnout.beam.section_analysis import analyse_outlines
+from turnout.core.errors import MechanicsError, PanelError
 from turnout.mechanism.build import build_mechanism
 from turnout.mechanism.build_rails import foot_points, stock_rail_data, switch_rail_data
 from turnout.mechanism.rail_sections import foot_spans, section_values, station_columns
 from turnout.panel.load import LoadedPanel, library_text, load_panel
-from turnout.section.analyse import analyse_outlines
-from turnout.section.rail_outlines import planed_rail
 
 DEFAULT = load_panel("uic60-760-1-15")
 # A trapezium of 60 mm on top and 100 mm below, 120 mm high, planed beside a bar of 60 mm.

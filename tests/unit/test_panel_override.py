@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from pydantic import BaseModel
 
-from turnout.errors import PanelError
+from turnout.core.errors import PanelError
 from turnout.panel import load, override
 from turnout.panel.check import check
 from turnout.panel.document import FAMILIES

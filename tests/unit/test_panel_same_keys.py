@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from turnout.errors import PanelError
+from turnout.core.errors import PanelError
 from turnout.panel import check_rails, load
 from turnout.panel.check import check
 from turnout.panel.load import LoadedPanel, load_panel

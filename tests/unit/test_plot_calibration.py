@@ -3,7 +3,7 @@
 import numpy as np
 import xarray as xr
 
-from turnout.plot.calibration import plot_sweep
+from turnout.figures.calibration import plot_sweep
 
 TIME = np.linspace(0.0, 3.0, 31)
 

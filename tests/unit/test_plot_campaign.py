@@ -5,11 +5,11 @@ import pytest
 import xarray as xr
 from tests.unit.campaigns import made
 
-from turnout.errors import ResponseError
+from turnout.core.errors import ResponseError
+from turnout.figures.campaign import plot_overview, plot_stacked
 from turnout.measurement.campaign.build_campaign import build_campaign
 from turnout.metric.campaign_statistics import end_values, object_places
-from turnout.plot.campaign import plot_overview, plot_stacked
-from turnout.response.store import open_response
+from turnout.throw.store import open_response
 
 
 @pytest.fixture(scope="module")

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from turnout.analysis.modes import modes
-from turnout.errors import ResponseError
+from turnout.core.errors import ResponseError
+from turnout.figures.modes import AMPLITUDE, plot_modes
+from turnout.metric.modes import modes
 from turnout.panel.load import load_panel
-from turnout.plot.modes import AMPLITUDE, plot_modes
 
 
 @pytest.fixture(scope="module")

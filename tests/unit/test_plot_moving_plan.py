@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from tests.unit.simulated import sb1_dataset, sb1_panel, sb2_dataset, sb2_panel
 
+from turnout.figures.moving_plan import motion_record, plan_record
 from turnout.panel.layout import rail_line
 from turnout.panel.load import library_names, load_panel
-from turnout.plot.moving_plan import motion_record, plan_record
 
 
 @pytest.mark.parametrize("name", library_names())

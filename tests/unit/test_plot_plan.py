@@ -5,9 +5,9 @@ import pytest
 from tests.unit.simulated import sb2_dataset, sb2_panel
 
 from turnout.cli.show import COLUMNS, HEADING, plan_lines
+from turnout.figures.plan import EXAGGERATION, TRACK, plot_plan
 from turnout.panel.layout import rail_line
 from turnout.panel.load import load_panel
-from turnout.plot.plan import EXAGGERATION, TRACK, plot_plan
 
 
 def line_of(ax, label):  # type: ignore[no-untyped-def]

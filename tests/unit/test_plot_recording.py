@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from turnout.errors import ResponseError
-from turnout.plot.recording import MOST_ROWS, Trace, plot_columns, plot_measured
+from turnout.core.errors import ResponseError
+from turnout.figures.recording import MOST_ROWS, Trace, plot_columns, plot_measured
 
 
 def test_columns_fill_their_axes() -> None:

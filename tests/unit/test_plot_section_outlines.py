@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from turnout.plot.sections import plot_section_outlines
-from turnout.section.analyse import analyse_outlines
-from turnout.section.outline import make_outline, move
+from turnout.beam.outline import make_outline, move
+from turnout.beam.section_analysis import analyse_outlines
+from turnout.figures.sections import plot_section_outlines
 
 PLATE = make_outline(
     [[0, 0], [0.1, 0], [0.1, 0.2], [0, 0.2]],

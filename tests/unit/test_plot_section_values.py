@@ -7,9 +7,9 @@ from typer.testing import CliRunner
 
 from turnout.cli.main import app
 from turnout.cli.sections import COLUMNS
+from turnout.figures.sections import ROWS, plot_section_values
 from turnout.mechanism.rail_sections import section_values
 from turnout.panel.load import load_panel
-from turnout.plot.sections import ROWS, plot_section_values
 
 X = np.array([0.0, 3.6, 8.0])
 

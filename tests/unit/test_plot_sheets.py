@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from tests.unit.simulated import sb1_dataset, sb2_dataset
 
-from turnout.errors import ResponseError
-from turnout.plot.draw import draw_sheet
-from turnout.plot.rail_sheet import chair_sheet, gap_sheet, shade_of, shape_sheet
-from turnout.plot.sheet import Level, Line, Row, Sheet, sheet_record
-from turnout.plot.throw_sheet import energy_sheet, throw_sheet
+from turnout.core.errors import ResponseError
+from turnout.figures.draw import draw_sheet
+from turnout.figures.rail_sheet import chair_sheet, gap_sheet, shade_of, shape_sheet
+from turnout.figures.sheet import Level, Line, Row, Sheet, sheet_record
+from turnout.figures.throw_sheet import energy_sheet, throw_sheet
 
 
 def line_of(sheet: Sheet, row: int, label: str) -> Line:

@@ -7,17 +7,17 @@ import pytest
 import xarray as xr
 from matplotlib.figure import Figure
 
-from turnout.errors import ResponseError
-from turnout.metric.sensitivity import NumericOutput, OutputEffects, SobolIndex
-from turnout.metric.sweep_map import STATES, end_state, sweep_map
-from turnout.plot.style import rendered
-from turnout.plot.sweep import (
+from turnout.core.errors import ResponseError
+from turnout.figures.style import rendered
+from turnout.figures.sweep import (
     STATE_LETTERS,
     plot_indices,
     plot_sweep_effects,
     plot_sweep_map,
 )
-from turnout.sweep.effects import sweep_effects
+from turnout.metric.sensitivity import NumericOutput, OutputEffects, SobolIndex
+from turnout.metric.sweep_map import STATES, end_state, sweep_map
+from turnout.study.sweep.effects import sweep_effects
 
 PLACES, SIZES = ("drive 1", "sleeper 6"), (0.0, 0.005, 0.013, 0.031)
 # Place by size: slipped, slipped without an object, locked, in control, outcome.

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from turnout.plot.sheet import thinned
+from turnout.figures.sheet import thinned
 
 
 def test_a_spike_survives_thinning() -> None:

@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from tests.unit.simulated import sb1_dataset, sb2_dataset
 
-from turnout.errors import FileError, ResponseError
-from turnout.plot.style import COLOURS, COMPARED, SHADE, rendered, title_of
-from turnout.plot.throw import plot_throw
+from turnout.core.errors import FileError, ResponseError
+from turnout.figures.style import COLOURS, COMPARED, SHADE, rendered, title_of
+from turnout.figures.throw import plot_throw
 
 
 @pytest.fixture(scope="module")

@@ -10,6 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
+from turnout.core.errors import FileError
 from turnout.core.processes import (
     FreshProcesses,
     Tasks,
@@ -18,9 +19,8 @@ from turnout.core.processes import (
     held_interrupt,
     worker_processes,
 )
-from turnout.errors import FileError
-from turnout.sweep import worker as sweep_work
-from turnout.sweep.run import local_pool
+from turnout.study.sweep import worker as sweep_work
+from turnout.study.sweep.run import local_pool
 
 LOADED = "import sys, turnout.core.processes; print(*sorted(sys.modules))"
 
@@ -30,7 +30,7 @@ def test_what_a_process_loads_first_is_light() -> None:
         [sys.executable, "-c", LOADED], check=True, capture_output=True, text=True
     )
     ours = {name for name in reported.stdout.split() if name.split(".")[0] in ("turnout", "numpy")}
-    assert ours == {"turnout", "turnout.lazy", "turnout.core", "turnout.core.processes"}
+    assert ours == {"turnout", "turnout.core.lazy", "turnout.core", "turnout.core.processes"}
 
 
 @pytest.mark.usefixtures("worker_processes")

@@ -22,13 +22,13 @@ from tests.unit.simulated import sb1_dataset, sb1_panel, sb2_dataset
 from tests.unit.sweeps import small_study, study_file
 
 import turnout
-import turnout.plot
+import turnout.figures
 from turnout.api.stub import PACKAGES, stub_path, stub_text
 
 matplotlib.use("Agg")
 NEEDED = (
     *("simulate", "panel_names", "read_recording", "load_campaign", "build_campaign"),
-    *("calibrate", "validate", "load_study", "run_sweep", "open_sweep", "features", "plot"),
+    *("calibrate", "validate", "load_study", "run_sweep", "open_sweep", "features", "figures"),
 )
 
 
@@ -45,7 +45,7 @@ def run(script: str) -> str:
 def test_every_name_loads_and_is_in_the_stub(package: str) -> None:
     module = import_module(package)
     for name in module.__all__:
-        assert isinstance(getattr(module, name), ModuleType) == (name in ("plot", "detection"))
+        assert isinstance(getattr(module, name), ModuleType) == (name in ("figures", "detection"))
     assert dir(module) == sorted(module.__all__)
     assert stub_path(package).read_text(encoding="utf-8") == stub_text(package), (
         "run: python -m turnout.api.stub"
@@ -70,7 +70,7 @@ def test_importing_loads_nothing_of_the_rest() -> None:
         "print(*{'typing', 'numpy', 'xarray', 'pydantic', 'matplotlib', 'numba'}"
         " & (set(sys.modules) - before))"
     )
-    assert reported.splitlines() == ["turnout turnout.lazy", ""]
+    assert reported.splitlines() == ["turnout turnout.core.lazy", ""]
 
 
 def test_a_panel_needs_no_xarray() -> None:
@@ -81,13 +81,6 @@ def test_a_panel_needs_no_xarray() -> None:
 def test_an_unknown_name_is_reported_with_the_nearest() -> None:
     with pytest.raises(AttributeError, match="nearest is 'simulate'"):
         turnout.simulat  # type: ignore[attr-defined]  # noqa: B018
-
-
-@pytest.mark.parametrize("name", ["view", "plot_throw", "plot_modes"])
-def test_a_name_that_moved_works_and_says_where_it_is(name: str) -> None:
-    with pytest.warns(DeprecationWarning, match=f"turnout.{name} will go; write "):
-        assert callable(getattr(turnout, name))
-    assert name not in dir(turnout)
 
 
 # --- panels and objects
@@ -366,7 +359,7 @@ def test_load_study_and_what_is_none(tmp_path: Path) -> None:
     ["drive_force", "drive_gap", "rail_shape", "gap", "chair_load", "energy"],
 )
 def test_figures_on_one_pair_of_axes_take_it(name: str) -> None:
-    draw = getattr(turnout.plot, f"plot_{name}")
+    draw = getattr(turnout.figures, f"plot_{name}")
     ax = Figure().subplots()
     assert draw(sb2_dataset(), ax=ax) is ax
     assert ax.lines
@@ -377,7 +370,7 @@ def test_figures_on_one_pair_of_axes_take_it(name: str) -> None:
 
 def test_a_figure_of_what_was_not_kept_is_refused() -> None:
     with pytest.raises(turnout.ResponseError, match="nothing to draw: the dataset has no energy"):
-        turnout.plot.plot_energy(sb2_dataset()[["drive_force"]])
+        turnout.figures.plot_energy(sb2_dataset()[["drive_force"]])
 
 
 # --- documentation
@@ -389,4 +382,4 @@ ROOT = Path(__file__).parents[2]
 def test_the_reference_lists_every_name(package: str) -> None:
     page = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
     listed = set(re.findall(rf"^    {re.escape(package)}\.(\w+)$", page, flags=re.M))
-    assert listed == set(import_module(package).__all__) - {"plot", "detection", "__version__"}
+    assert listed == set(import_module(package).__all__) - {"figures", "detection", "__version__"}

@@ -5,8 +5,8 @@ import pytest
 import scipy.linalg
 import scipy.sparse as sp
 
-from turnout.errors import MechanicsError
-from turnout.reduction.spectrum import count_below, factorise, modes_below
+from turnout.beam.spectrum import count_below, factorise, modes_below
+from turnout.core.errors import MechanicsError
 
 TURN = 2.0 * np.pi
 

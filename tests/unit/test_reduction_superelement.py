@@ -5,13 +5,13 @@ import pytest
 import scipy.linalg
 import scipy.sparse as sp
 
-from turnout.errors import MechanicsError
-from turnout.reduction.craig_bampton import (
+from turnout.beam.craig_bampton import (
     craig_bampton,
     reduce_matrix,
     reduce_vector,
 )
-from turnout.reduction.truncation import format_report, reduction_report
+from turnout.beam.truncation import format_report, reduction_report
+from turnout.core.errors import MechanicsError
 
 SIZE = 12
 INTERFACE = [7, 2, 11]

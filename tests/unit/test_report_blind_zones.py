@@ -11,8 +11,8 @@ from turnout.cli.main import app
 from turnout.detection.limit.known_place_map import known_place_map
 from turnout.detection.limit.limit_map import limit_map
 from turnout.detection.reference import Conditions
-from turnout.report.blind_zones import blind_zone_page
-from turnout.response.store import response_bytes
+from turnout.figures.report.blind_zones import blind_zone_page
+from turnout.throw.store import response_bytes
 
 CLOSING = 0.8
 

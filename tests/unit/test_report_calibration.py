@@ -13,18 +13,18 @@ from typer.testing import CliRunner
 from turnout.calibration.fitted_file import signals_path
 from turnout.cli.calibrate import result_lines
 from turnout.cli.main import app
-from turnout.errors import FileError
-from turnout.panel.load import load_panel
-from turnout.plot.sheet import sheet_record
-from turnout.report.calibration import (
+from turnout.core.channels import SCHEMA_VERSION
+from turnout.core.errors import FileError
+from turnout.figures.report.calibration import (
     calibration_findings,
     calibration_page,
     interval_sheet,
     sweep_sheet,
 )
-from turnout.report.page import page_html
-from turnout.response.store import save_response
-from turnout.schema.channels import SCHEMA_VERSION
+from turnout.figures.report.page import page_html
+from turnout.figures.sheet import sheet_record
+from turnout.panel.load import load_panel
+from turnout.throw.store import save_response
 
 
 def test_findings_tell_values_with_units_and_doubts() -> None:

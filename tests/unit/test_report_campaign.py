@@ -11,10 +11,10 @@ from tests.unit.campaigns import copied, made
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
-from turnout.plot.campaign import stacked_sheet
-from turnout.report.campaign import campaign_findings, campaign_page
-from turnout.report.page import page_html
-from turnout.response.store import open_response
+from turnout.figures.campaign import stacked_sheet
+from turnout.figures.report.campaign import campaign_findings, campaign_page
+from turnout.figures.report.page import page_html
+from turnout.throw.store import open_response
 
 
 @pytest.fixture(scope="module")

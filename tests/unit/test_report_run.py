@@ -7,10 +7,10 @@ import re
 import pytest
 from tests.unit.simulated import sb2_dataset, sb2_panel
 
+from turnout.figures.report.inputs import inputs_section, panel_of
+from turnout.figures.report.page import Page, Section, Table, page_html
+from turnout.figures.report.run import FIGURE_SUFFIXES, picture_of, run_page, run_sheets
 from turnout.panel.load import load_panel
-from turnout.report.inputs import inputs_section, panel_of
-from turnout.report.page import Page, Section, Table, page_html
-from turnout.report.run import FIGURE_SUFFIXES, picture_of, run_page, run_sheets
 
 MOST_BYTES = 4_000_000
 VOCABULARIES = {"http://www.w3.org"}

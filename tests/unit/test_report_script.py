@@ -4,9 +4,9 @@ import hashlib
 import re
 from importlib.resources import files
 
-from turnout.report.page import PLOTLY_VERSION, plotly_script
+from turnout.figures.report.page import PLOTLY_VERSION, plotly_script
 
-VENDOR = files("turnout.report").joinpath("vendor")
+VENDOR = files("turnout.figures.report").joinpath("vendor")
 
 
 def test_the_script_is_the_one_that_its_readme_describes() -> None:

@@ -8,15 +8,15 @@ from typer.testing import CliRunner
 
 import turnout.api.accessor  # noqa: F401 - registers dataset.turnout
 from turnout.cli.main import app
+from turnout.core.errors import ResponseError
 from turnout.detection.detector.throws_of_dataset import throws_of_dataset
-from turnout.errors import ResponseError
+from turnout.figures.report.sequence import sequence_page
+from turnout.figures.throw import plot_throw
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
-from turnout.plot.throw import plot_throw
-from turnout.report.sequence import sequence_page
-from turnout.response.drift import Drift
-from turnout.response.sequence import simulate_sequence
-from turnout.response.store import save_response
+from turnout.throw.drift import Drift
+from turnout.throw.sequence import simulate_sequence
+from turnout.throw.store import save_response
 
 PANEL = load_panel("uic60-760-1-15")
 

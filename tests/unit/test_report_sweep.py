@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from turnout.errors import ResponseError
-from turnout.report.page import page_html
-from turnout.report.sweep import sweep_figures, sweep_findings, sweep_page
-from turnout.sweep.effects import sweep_effects
+from turnout.core.errors import ResponseError
+from turnout.figures.report.page import page_html
+from turnout.figures.report.sweep import sweep_figures, sweep_findings, sweep_page
+from turnout.study.sweep.effects import sweep_effects
 
 PLACES, SIZES, FRICTION = ("drive 1", "sleeper 6"), (0.005, 0.013, 0.031), (0.2, 0.3, 0.4, 0.5)
 

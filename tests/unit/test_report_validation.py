@@ -9,12 +9,12 @@ import xarray as xr
 from tests.unit.test_study_validation import hand_made
 from typer.testing import CliRunner
 
+from turnout.calibration.validation.acceptance import judge
 from turnout.cli.main import app
-from turnout.plot.validation import compared_movements, comparison_sheet
-from turnout.report.page import page_html
-from turnout.report.validation import validation_findings, validation_page
-from turnout.response.store import save_response
-from turnout.validation.acceptance import judge
+from turnout.figures.report.page import page_html
+from turnout.figures.report.validation import validation_findings, validation_page
+from turnout.figures.validation import compared_movements, comparison_sheet
+from turnout.throw.store import save_response
 
 
 def test_findings_begin_with_the_verdict() -> None:

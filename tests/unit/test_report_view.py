@@ -7,9 +7,9 @@ import xarray as xr
 from tests.unit.campaigns import made
 from tests.unit.simulated import sb2_dataset
 
+from turnout.figures.report.view import view
 from turnout.metric.finding import findings
-from turnout.report.view import view
-from turnout.response.store import open_response
+from turnout.throw.store import open_response
 
 
 def test_a_run_shows_every_finding_and_a_picture() -> None:

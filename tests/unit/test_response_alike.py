@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from turnout.errors import ResponseError
-from turnout.response import alike
-from turnout.response.alike import clear_datasets, labelled_dataset
-from turnout.response.signals import Variable
+from turnout.core.errors import ResponseError
+from turnout.throw import alike
+from turnout.throw.alike import clear_datasets, labelled_dataset
+from turnout.throw.signals import Variable
 
 Variables = dict[str, Variable]
 

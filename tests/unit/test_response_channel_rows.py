@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
+from turnout.core.scheme import Scheme
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
-from turnout.response.block_products import block_of
-from turnout.response.channel_rows import channel_rows
-from turnout.response.dataset import response_channels
-from turnout.response.recovery import recover_motion
-from turnout.response.save import Save
-from turnout.response.signals import drive_signals, energy_scale, object_channels
-from turnout.response.simulate import Solved, simulate, solve
-from turnout.scheme import Scheme
+from turnout.throw.block_products import block_of
+from turnout.throw.channel_rows import channel_rows
+from turnout.throw.dataset import response_channels
+from turnout.throw.recovery import recover_motion
+from turnout.throw.save import Save
+from turnout.throw.signals import drive_signals, energy_scale, object_channels
+from turnout.throw.simulate import Solved, simulate, solve
 
 PANEL = load_panel("uic60-760-1-15")
 OBJECTS = (ForeignObject(0.02, "sleeper 6"), ForeignObject(0.05, "sleeper 9"))

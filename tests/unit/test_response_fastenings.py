@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from turnout.errors import ResponseError
+from turnout.core.errors import ResponseError
 from turnout.mechanism.build import rail_data
 from turnout.panel.load import load_panel
-from turnout.response.save import Save
-from turnout.response.simulate import simulate
+from turnout.throw.save import Save
+from turnout.throw.simulate import simulate
 
 BOTH = ("fastening_force", "fastening_moment")
 PANEL = load_panel("uic60-760-1-15").with_overrides(

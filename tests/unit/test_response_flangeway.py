@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from turnout.core.scheme import Scheme
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
 from turnout.panel.model import Panel
 from turnout.panel.profile import contact_height, running_edge_distance
-from turnout.response.flangeway import Flangeway, least_flangeways, movement_ends
-from turnout.response.gaps import gap_rows
-from turnout.response.recovery import Motion, recover_motion
-from turnout.response.route import Throw, open_rail, throws
-from turnout.response.simulate import solve
-from turnout.scheme import Scheme
+from turnout.throw.flangeway import Flangeway, least_flangeways, movement_ends
+from turnout.throw.gaps import gap_rows
+from turnout.throw.recovery import Motion, recover_motion
+from turnout.throw.route import Throw, open_rail, throws
+from turnout.throw.simulate import solve
 
 
 @pytest.mark.parametrize("name", ["uic60-760-1-15", "60e1-300-1-9", "sb2"])

@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from turnout.core.scheme import Scheme
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
-from turnout.response.simulate import simulate
-from turnout.scheme import Scheme
+from turnout.throw.simulate import simulate
 
 
 def test_gaps_are_right_when_the_object_changes_its_rail() -> None:

@@ -7,15 +7,15 @@ import pytest
 import xarray as xr
 from tests.unit.simulated import OBJECT, sb1_panel, sb2_panel
 
+from turnout.core.channels import schema_problems
+from turnout.core.errors import ResponseError
 from turnout.core.toml import parse_toml
-from turnout.errors import ResponseError
+from turnout.figures.throw import plot_throw
 from turnout.metric.summary import summary
 from turnout.panel.load import LoadedPanel, library_text, panel_from_file
 from turnout.panel.markers import marker_offsets
-from turnout.plot.throw import plot_throw
-from turnout.response.save import Save
-from turnout.response.simulate import simulate
-from turnout.schema.channels import schema_problems
+from turnout.throw.save import Save
+from turnout.throw.simulate import simulate
 
 TIMES = {key: value for key, value in sb1_panel().overrides.items() if "return" not in key}
 NO_RETURN = (r"\[movement\.return\].*?\n\n", "")

@@ -8,8 +8,8 @@ from tests.unit.simulated import sb1_panel, sb2_dataset, sb2_panel
 
 from turnout.mechanism.mechanism import LawIndex
 from turnout.panel.profile import contact_height
-from turnout.response.labels import contact_labels, control_states, force_margins
-from turnout.response.route import (
+from turnout.throw.labels import contact_labels, control_states, force_margins
+from turnout.throw.route import (
     at_rest,
     closed_rail,
     open_rail,
@@ -17,7 +17,7 @@ from turnout.response.route import (
     throws,
     wanted_closed,
 )
-from turnout.response.signals import energy_channels, energy_scale
+from turnout.throw.signals import energy_channels, energy_scale
 
 # Movements of SB2: opening 0.2 ... 3.4 s, closing 4.4 ... 7.8 s.
 TIME = np.linspace(0.0, 8.5, 86)

@@ -8,11 +8,11 @@ import xarray as xr
 from tests.verification.prismatic_panel import TEXT
 from typer.testing import CliRunner
 
-from turnout.analysis.modes import modes, reduction_texts
 from turnout.cli.main import app
-from turnout.errors import ResponseError
+from turnout.core.errors import ResponseError
+from turnout.metric.modes import modes, reduction_texts
 from turnout.panel.load import load_panel
-from turnout.response.store import open_response, save_response
+from turnout.throw.store import open_response, save_response
 
 COUNT = 3
 

@@ -5,7 +5,7 @@ import pytest
 from tests.unit.simulated import sb2_run
 
 from turnout.mechanism.mechanism import RailBody
-from turnout.response.recovery import (
+from turnout.throw.recovery import (
     force_motion,
     lateral_displacement,
     lateral_rows,

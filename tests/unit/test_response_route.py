@@ -3,7 +3,7 @@
 import numpy as np
 
 from turnout.panel.load import load_panel
-from turnout.response.route import closed_spans, throws, wanted_closed
+from turnout.throw.route import closed_spans, throws, wanted_closed
 
 
 def test_changed_movements_and_drives_are_seen() -> None:

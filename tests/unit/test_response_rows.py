@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from turnout.core.scheme import Scheme
 from turnout.kernels.lanes import LANES, multiply_add
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
 from turnout.panel.profile import contact_height
-from turnout.response.coordinates import coordinates, indexed
-from turnout.response.gaps import gap_places, gap_rows
-from turnout.response.recipes import (
+from turnout.throw.coordinates import coordinates, indexed
+from turnout.throw.gaps import gap_places, gap_rows
+from turnout.throw.recipes import (
     Recipe,
     RowBlock,
     clear_recipes,
@@ -23,12 +24,11 @@ from turnout.response.recipes import (
     products_of,
     sums_of_columns,
 )
-from turnout.response.recovery import histories_of, recover_motion, seen_by, seen_rows
-from turnout.response.rows_over_time import Product, Rows, rows_in_lines, write_rows
-from turnout.response.save import Save
-from turnout.response.simulate import Solved, simulate, solve
-from turnout.response.stored_displacements import stored_rows, stored_share, stored_weights
-from turnout.scheme import Scheme
+from turnout.throw.recovery import histories_of, recover_motion, seen_by, seen_rows
+from turnout.throw.rows_over_time import Product, Rows, rows_in_lines, write_rows
+from turnout.throw.save import Save
+from turnout.throw.simulate import Solved, simulate, solve
+from turnout.throw.stored_displacements import stored_rows, stored_share, stored_weights
 
 DEFAULT = "uic60-760-1-15"
 X = np.array([0.6, 3.6, 5.01, 9.6, 12.0])  # chairs, a drive, between nodes, no stop

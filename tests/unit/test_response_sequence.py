@@ -8,17 +8,17 @@ import pytest
 from typer.testing import CliRunner
 
 from turnout.cli.main import app, main
-from turnout.errors import PanelError, ResponseError
-from turnout.integrate.outcome import NotConverged
+from turnout.core.errors import PanelError, ResponseError
 from turnout.metric.throw_table import throw_table
 from turnout.metric.verdict import verdict
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
-from turnout.response import sequence
-from turnout.response.drift import Drift
-from turnout.response.sequence import simulate_sequence
-from turnout.response.simulate import simulate
-from turnout.response.store import open_response, save_response
+from turnout.solver.outcome import NotConverged
+from turnout.throw import sequence
+from turnout.throw.drift import Drift
+from turnout.throw.sequence import simulate_sequence
+from turnout.throw.simulate import simulate
+from turnout.throw.store import open_response, save_response
 
 PANEL = load_panel("uic60-760-1-15")
 FALLS_LATER = 1

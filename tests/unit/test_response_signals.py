@@ -9,9 +9,9 @@ from tests.unit.simulated import OBJECT, sb1_dataset, sb2_dataset, sb2_panel, sb
 
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.profile import running_edge_distance, running_edge_offset
-from turnout.response.gaps import gap_rows
-from turnout.response.recovery import recover_motion, row_motion
-from turnout.response.simulate import simulate
+from turnout.throw.gaps import gap_rows
+from turnout.throw.recovery import recover_motion, row_motion
+from turnout.throw.simulate import simulate
 
 OPENING, CLOSING, END = 2.0, 6.0, 8.4
 

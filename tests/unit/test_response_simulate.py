@@ -11,16 +11,16 @@ import pytest
 import xarray as xr
 from tests.unit.simulated import OBJECT, sb1_dataset, sb1_panel, sb2_dataset, sb2_panel
 
-from turnout.errors import PanelError, ResponseError
-from turnout.integrate import march
-from turnout.integrate.outcome import Code, NotConverged
+from turnout.core.channels import schema_problems
+from turnout.core.errors import PanelError, ResponseError
+from turnout.core.scheme import Scheme
 from turnout.kernels.compiled import Kernel
 from turnout.panel.foreign_object import ForeignObject
-from turnout.response.compilation import must_compile
-from turnout.response.save import Save
-from turnout.response.simulate import compile_kernels, simulate
-from turnout.schema.channels import schema_problems
-from turnout.scheme import Scheme
+from turnout.solver import march
+from turnout.solver.outcome import Code, NotConverged
+from turnout.throw.compilation import must_compile
+from turnout.throw.save import Save
+from turnout.throw.simulate import compile_kernels, simulate
 
 STUBBORN = Scheme(iterations=1, halvings=0, follow_path=False)
 
@@ -186,8 +186,8 @@ def test_compilation_does_not_count_as_the_time_of_a_run(monkeypatch: pytest.Mon
         compiled.append(True)
         time.sleep(1.0)
 
-    monkeypatch.setattr("turnout.response.simulate.must_compile", lambda: True)
-    monkeypatch.setattr("turnout.response.simulate.compile_kernels", compile_slowly)
+    monkeypatch.setattr("turnout.throw.simulate.must_compile", lambda: True)
+    monkeypatch.setattr("turnout.throw.simulate.compile_kernels", compile_slowly)
     began = time.perf_counter()
     attributes = simulate(sb1_panel()).attrs
     assert compiled == [True]
@@ -196,8 +196,6 @@ def test_compilation_does_not_count_as_the_time_of_a_run(monkeypatch: pytest.Mon
 
 def test_the_throw_that_compiles_is_a_valid_one(monkeypatch: pytest.MonkeyPatch) -> None:
     ends = []
-    monkeypatch.setattr(
-        "turnout.response.simulate.integrate", lambda *_, end, **__: ends.append(end)
-    )
+    monkeypatch.setattr("turnout.throw.simulate.integrate", lambda *_, end, **__: ends.append(end))
     compile_kernels()
     assert ends == [0.03]

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from turnout.analysis.stability import (
+from turnout.core.errors import ResponseError
+from turnout.metric.stability import (
     FrictionStability,
     SlidingCase,
     friction_stability,
     sliding_places,
 )
-from turnout.errors import ResponseError
 from turnout.panel.load import load_panel
 
 NAN = float("nan")

@@ -8,8 +8,8 @@ import xarray as xr
 from tests.unit.simulated import sb1_dataset
 from tests.unit.test_response_simulate import interrupted
 
-from turnout.errors import FileError
-from turnout.response.store import open_response, save_response
+from turnout.core.errors import FileError
+from turnout.throw.store import open_response, save_response
 
 
 @pytest.mark.parametrize("make", [sb1_dataset, interrupted])

@@ -7,8 +7,7 @@ import pytest
 import xarray as xr
 from tests.unit.simulated import sb1_dataset, sb2_dataset
 
-from turnout.errors import ResponseError
-from turnout.schema.channels import (
+from turnout.core.channels import (
     CHANNELS,
     COORDINATES,
     OPTIONAL,
@@ -16,6 +15,7 @@ from turnout.schema.channels import (
     label,
     schema_problems,
 )
+from turnout.core.errors import ResponseError
 
 
 def small() -> xr.Dataset:

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from turnout.errors import MechanicsError
-from turnout.section.analyse import SectionAnalysis, analyse_outline, analyse_outlines
-from turnout.section.outline import Outline, make_outline, mirror, move, rotate, scale
-from turnout.section.properties import SectionProperties, mirror_sections
+from turnout.beam.outline import Outline, make_outline, mirror, move, rotate, scale
+from turnout.beam.section_analysis import SectionAnalysis, analyse_outline, analyse_outlines
+from turnout.beam.section_properties import SectionProperties, mirror_sections
+from turnout.core.errors import MechanicsError
 
 # No symmetry, a re-entrant corner and walls of different thickness.
 SKEW = make_outline([[0, 0], [0.08, 0], [0.07, 0.02], [0.03, 0.03], [0.02, 0.11], [-0.01, 0.12]])

@@ -5,9 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from turnout.errors import MechanicsError
-from turnout.section.geometry import area_moments, principal_moments
-from turnout.section.outline import (
+from turnout.beam.outline import (
     Outline,
     densify,
     make_outline,
@@ -19,6 +17,8 @@ from turnout.section.outline import (
     rotate,
     scale,
 )
+from turnout.beam.section_geometry import area_moments, principal_moments
+from turnout.core.errors import MechanicsError
 
 SKEW = make_outline([[0, 0], [0.08, 0], [0.07, 0.02], [0.03, 0.03], [0.02, 0.11], [-0.01, 0.12]])
 HOLED = make_outline(

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from turnout.errors import MechanicsError
-from turnout.section.outline import make_outline, ring_area
-from turnout.section.rail_outlines import load_rail_outline, outline_names, planed_rail
-from turnout.section.taper import Planing, planed_section, planed_sections
+from turnout.beam.outline import make_outline, ring_area
+from turnout.beam.rail_outlines import load_rail_outline, outline_names, planed_rail
+from turnout.beam.section_taper import Planing, planed_section, planed_sections
+from turnout.core.errors import MechanicsError
 
 BAR = make_outline([[-0.03, 0], [0.03, 0], [0.03, 0.1], [-0.03, 0.1]])
 # A stock rail with a head that overhangs its web by 20 mm, at 60 mm and above.

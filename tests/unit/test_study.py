@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from turnout.calibration.load_study import load_study, study_from_file, study_names
 from turnout.core.json_files import to_plain
 from turnout.core.toml import parse_toml
 from turnout.panel.foreign_object import ForeignObject
-from turnout.study.load_study import load_study, study_from_file, study_names
 from turnout.study.study import Study
 
 HEAD = 'schema_version = 1\nname = "test"\npanel = "sb2"\nseed = 7\n'

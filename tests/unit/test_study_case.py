@@ -6,11 +6,11 @@ import pytest
 from typer.testing import CliRunner
 
 import turnout
+from turnout.calibration.case import load_panel_or_case
+from turnout.calibration.load_study import study_from_file
 from turnout.cli.main import app
+from turnout.core.errors import FileError, StudyError
 from turnout.core.toml import parse_toml
-from turnout.errors import FileError, StudyError
-from turnout.study.case import load_panel_or_case
-from turnout.study.load_study import study_from_file
 
 BEYOND = """
 schema_version = 1

@@ -9,7 +9,7 @@ from turnout.calibration.drive_law.candidates import drive_laws, lagged, table
 from turnout.calibration.drive_law.compare import LawComparison, LawResult, law_lines
 from turnout.calibration.drive_law.fit_law import criteria
 from turnout.calibration.evaluate import Response
-from turnout.errors import PanelError
+from turnout.core.errors import PanelError
 from turnout.panel.load import load_panel
 
 PANEL = load_panel("sb1")

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from turnout.errors import StudyError
-from turnout.study.load_study import load_study
+from turnout.calibration.load_study import load_study
+from turnout.core.errors import StudyError
 from turnout.study.study import Study
 
 HEAD = """

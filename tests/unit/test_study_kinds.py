@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from turnout.errors import StudyError
-from turnout.response.simulate import simulate
-from turnout.study.load_study import load_study
+from turnout.calibration.load_study import load_study
+from turnout.core.errors import StudyError
+from turnout.throw.simulate import simulate
 
 LIBRARY = (
     *("stones", "winter-week", "one-year", "dry-chairs", "worn-clutch", "adjustment-drift"),

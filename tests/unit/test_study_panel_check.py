@@ -6,7 +6,9 @@ from tests.unit.simulated import sb1_dataset, sb1_panel, sb2_panel
 from tests.verification.flutter import unsymmetric_panel
 from typer.testing import CliRunner
 
-from turnout.analysis.panel_check import (
+from turnout.cli.main import app
+from turnout.mechanism.rail_sections import planed_outlines
+from turnout.metric.panel_check import (
     concerns,
     file_concerns,
     flutter_concerns,
@@ -14,10 +16,8 @@ from turnout.analysis.panel_check import (
     piece_concerns,
     planing_concerns,
 )
-from turnout.analysis.stability import FrictionStability, SlidingCase, friction_stability
-from turnout.analysis.test_piece import PieceLimit
-from turnout.cli.main import app
-from turnout.mechanism.rail_sections import planed_outlines
+from turnout.metric.stability import FrictionStability, SlidingCase, friction_stability
+from turnout.metric.test_piece import PieceLimit
 from turnout.panel.load import load_panel
 
 NONE, USUAL = "0 N s/m", "3.75 kN s/m"
@@ -51,7 +51,7 @@ def test_unknown_is_not_in_order(monkeypatch: pytest.MonkeyPatch) -> None:
         for share, settled, rate in ((0.1, True, -0.4), (0.5, False, nan))
     )
     monkeypatch.setattr(
-        "turnout.analysis.panel_check.friction_stability",
+        "turnout.metric.panel_check.friction_stability",
         lambda _panel, *, friction_factor, **_: FrictionStability(friction_factor, cases, 600.0),
     )
     (concern,) = flutter_concerns(sb1_panel())
@@ -88,7 +88,7 @@ def test_a_panel_that_never_moves_cannot_flutter() -> None:
 
 def test_all_concerns_are_joined(monkeypatch: pytest.MonkeyPatch) -> None:
     dataset: xr.Dataset = sb1_dataset().assign_attrs(complete=False, outcome_message="stopped")
-    monkeypatch.setattr("turnout.analysis.panel_check.flutter_concerns", lambda _panel: ["flutter"])
+    monkeypatch.setattr("turnout.metric.panel_check.flutter_concerns", lambda _panel: ["flutter"])
     joined = panel_concerns(sb1_panel(), dataset)
     assert joined == [*concerns(dataset), "flutter"]
     assert len(joined) >= 2

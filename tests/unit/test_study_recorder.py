@@ -7,12 +7,12 @@ import pytest
 import xarray as xr
 from tests.unit.sweeps import STUDY, here, study_file
 
-from turnout.errors import FileError, StudyError
+from turnout.calibration.load_study import load_study
+from turnout.core.errors import FileError, StudyError
 from turnout.measurement.chain.recorder import ERRORS, Recorder
-from turnout.study.load_study import load_study
-from turnout.sweep.read import open_sweep
-from turnout.sweep.run import run_sweep
-from turnout.virtual.disturbance import QUIET, Disturbance, add_disturbance
+from turnout.study.sweep.read import open_sweep
+from turnout.study.sweep.run import run_sweep
+from turnout.study.virtual.disturbance import QUIET, Disturbance, add_disturbance
 
 ROWS = """
 [[together]]

@@ -15,24 +15,24 @@ import pytest
 import xarray as xr
 from tests.unit.sweeps import batch_names, here, small_study, variables_of
 
+from turnout.calibration.load_study import load_study
+from turnout.core.errors import FileError
 from turnout.core.json_files import sealed_json
-from turnout.errors import FileError
-from turnout.integrate.outcome import Code, Outcome
+from turnout.core.scheme import Scheme
 from turnout.metric.features import FEATURES, features
 from turnout.metric.slip import Span
-from turnout.response.simulate import PlannedThrow, Solved, simulate, solve_planned
-from turnout.scheme import Scheme
-from turnout.study.load_study import load_study
+from turnout.solver.outcome import Code, Outcome
 from turnout.study.study import Study
-from turnout.sweep import folder as sweep_folder
-from turnout.sweep import row as sweep_row
-from turnout.sweep.batch import batch_variables, throw_batch
-from turnout.sweep.batch_file import file_bytes
-from turnout.sweep.batch_index import label_arrays, read_index
-from turnout.sweep.folder import check_folder, lock_folder
-from turnout.sweep.labels import object_labels
-from turnout.sweep.read import open_sweep, read_labels
-from turnout.sweep.run import SweepProgress, run_sweep
+from turnout.study.sweep import folder as sweep_folder
+from turnout.study.sweep import row as sweep_row
+from turnout.study.sweep.batch import batch_variables, throw_batch
+from turnout.study.sweep.batch_file import file_bytes
+from turnout.study.sweep.batch_index import label_arrays, read_index
+from turnout.study.sweep.folder import check_folder, lock_folder
+from turnout.study.sweep.labels import object_labels
+from turnout.study.sweep.read import open_sweep, read_labels
+from turnout.study.sweep.run import SweepProgress, run_sweep
+from turnout.throw.simulate import PlannedThrow, Solved, simulate, solve_planned
 
 
 @pytest.fixture(scope="module")
@@ -398,10 +398,10 @@ def test_a_worker_loads_only_what_it_needs(study: Study, whole: Path) -> None:
     """Each worker waits for what it imports, so what only others need would cost every sweep."""
     script = f"""
 import sys
-from turnout.sweep.batch_file import file_bytes
-from turnout.sweep.batch import batch_variables, throw_batch
-from turnout.sweep.stored_study import load_stored_study
-from turnout.sweep.worker import make_batch
+from turnout.study.sweep.batch_file import file_bytes
+from turnout.study.sweep.batch import batch_variables, throw_batch
+from turnout.study.sweep.stored_study import load_stored_study
+from turnout.study.sweep.worker import make_batch
 from pathlib import Path
 study = load_stored_study(Path({str(whole)!r}), {study.digest!r})
 print(len(file_bytes(batch_variables(study, throw_batch(study, [[0]])))) > 1000)

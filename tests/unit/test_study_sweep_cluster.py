@@ -13,14 +13,14 @@ from pathlib import Path
 import pytest
 from tests.unit.sweeps import batch_names, here, small_study
 
-from turnout.errors import FileError
+from turnout.core.errors import FileError
 from turnout.study.study import Study
-from turnout.sweep.cluster import (
+from turnout.study.sweep.cluster import (
     make_slurm_cluster,
     read_profile,
     scheduler_cluster,
 )
-from turnout.sweep.run import SweepProgress, run_sweep
+from turnout.study.sweep.run import SweepProgress, run_sweep
 
 distributed = pytest.importorskip("distributed", reason="pip install 'turnout[sweep]'")
 
@@ -151,7 +151,7 @@ def test_what_is_no_address_is_reported_at_once(address: str) -> None:
 
 
 def test_no_one_at_the_address_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("turnout.sweep.cluster.ANSWER", 0.5)
+    monkeypatch.setattr("turnout.study.sweep.cluster.ANSWER", 0.5)
     with (
         pytest.raises(FileError, match=r"--scheduler tcp://127\.0\.0\.1:9: does not answer"),
         scheduler_cluster("tcp://127.0.0.1:9"),

@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 from tests.unit.sweeps import here, small_study, study_file
 
-from turnout.errors import StudyError
-from turnout.study.load_study import load_study
-from turnout.sweep.batch import (
+from turnout.calibration.load_study import load_study
+from turnout.core.errors import StudyError
+from turnout.study.sweep.batch import (
     LARGEST_WITHOUT_HISTORIES,
     batch_variables,
     plan_batches,
     throw_batch,
 )
-from turnout.sweep.batch_file import file_bytes
-from turnout.sweep.export import sweep_table
-from turnout.sweep.read import open_sweep, read_labels
-from turnout.sweep.run import run_sweep
+from turnout.study.sweep.batch_file import file_bytes
+from turnout.study.sweep.export import sweep_table
+from turnout.study.sweep.read import open_sweep, read_labels
+from turnout.study.sweep.run import run_sweep
 
 FEATURES_ALONE = '\n[output]\nkeep = "features"\n'
 

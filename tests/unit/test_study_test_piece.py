@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 from tests.unit.simulated import sb2_panel
 
-from turnout.analysis.test_piece import RESOLUTION, check_piece, least_piece
-from turnout.errors import PanelError
+from turnout.core.errors import PanelError
+from turnout.metric.test_piece import RESOLUTION, check_piece, least_piece
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import library_text, load_panel
-from turnout.response.simulate import simulate
+from turnout.throw.simulate import simulate
 
 
 def test_a_small_piece_is_not_seen_by_slip() -> None:

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from turnout.errors import ResponseError
-from turnout.plot.validation import plot_comparison, plot_error_map
-from turnout.validation.acceptance import judge
-from turnout.validation.power import TIMES, _milliseconds, _size
-from turnout.validation.scatter import Direction, scatter_of
-from turnout.validation.verdict_text import acceptance_lines, page_text, table_text
+from turnout.calibration.validation.acceptance import judge
+from turnout.calibration.validation.power import TIMES, _milliseconds, _size
+from turnout.calibration.validation.scatter import Direction, scatter_of
+from turnout.calibration.validation.verdict_text import acceptance_lines, page_text, table_text
+from turnout.core.errors import ResponseError
+from turnout.figures.validation import plot_comparison, plot_error_map
 
 TIME = np.linspace(0.0, 3.0, 151)
 CHANNELS = ["drive 1", "drive 2", "object"]

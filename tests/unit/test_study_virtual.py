@@ -11,15 +11,14 @@ from tests.unit.campaigns import PLAN, made
 from tests.unit.recorded import FIELDS, clean, run
 from tests.unit.simulated import sb1_panel, sb2_panel
 
-from turnout.errors import FileError, PanelError
+from turnout.core.channels import schema_problems
+from turnout.core.errors import FileError, PanelError
+from turnout.core.scheme import Scheme
 from turnout.measurement.campaign.run_sheet import read_sheet
 from turnout.measurement.formats.file_format import WRITERS, read_recording
-from turnout.response.store import open_response
-from turnout.schema.channels import schema_problems
-from turnout.scheme import Scheme
-from turnout.virtual import series as virtual_series
-from turnout.virtual.campaign_files import WrittenThrow, mistype
-from turnout.virtual.campaign_plan import (
+from turnout.study.virtual import series as virtual_series
+from turnout.study.virtual.campaign_files import WrittenThrow, mistype
+from turnout.study.virtual.campaign_plan import (
     CampaignPlan,
     Case,
     Defects,
@@ -29,15 +28,16 @@ from turnout.virtual.campaign_plan import (
     throw_generator,
     virtual_plan,
 )
-from turnout.virtual.disturbance import QUIET, Disturbance, Transducer, add_disturbance
-from turnout.virtual.make_campaign import make_virtual_campaign
-from turnout.virtual.record_throw import (
+from turnout.study.virtual.disturbance import QUIET, Disturbance, Transducer, add_disturbance
+from turnout.study.virtual.make_campaign import make_virtual_campaign
+from turnout.study.virtual.record_throw import (
     CurrentLaw,
     assumed_current,
     finer_panel,
     finer_scheme,
     record_throw,
 )
+from turnout.throw.store import open_response
 
 
 def test_the_default_is_the_published_campaign() -> None:

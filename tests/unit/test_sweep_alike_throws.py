@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 from tests.unit.sweeps import small_study, variables_of
 
+from turnout.calibration.load_study import load_study
 from turnout.measurement.chain.recorder import Recorder
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
-from turnout.response.gaps import split_gaps, split_gaps_of
-from turnout.response.simulate import simulate
-from turnout.study.load_study import load_study
 from turnout.study.scenario import Scenario
 from turnout.study.study import Study
-from turnout.sweep import alike_throws
-from turnout.sweep import row as sweep_row
+from turnout.study.sweep import alike_throws
+from turnout.study.sweep import row as sweep_row
+from turnout.throw.gaps import split_gaps, split_gaps_of
+from turnout.throw.simulate import simulate
 
 FURTHER = ("drive_force", "drive_slipping", "object_force", "drive_gap", "stop_force")
 

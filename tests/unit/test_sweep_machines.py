@@ -5,13 +5,13 @@ import pytest
 import xarray as xr
 from tests.unit.sweeps import here
 
+from turnout.calibration.load_study import load_study
+from turnout.core.scheme import Scheme
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
-from turnout.response.simulate import simulate
-from turnout.scheme import Scheme
-from turnout.study.load_study import load_study
-from turnout.sweep.read import open_sweep
-from turnout.sweep.run import run_sweep
+from turnout.study.sweep.read import open_sweep
+from turnout.study.sweep.run import run_sweep
+from turnout.throw.simulate import simulate
 
 STUDY = """
 schema_version = 1

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from tests.unit.sweeps import here, small_study, study_file
 
+from turnout.calibration.load_study import load_study
 from turnout.metric.sweep_map import STATES, end_state
 from turnout.metric.verdict import verdict
 from turnout.panel.foreign_object import ForeignObject
-from turnout.response.simulate import simulate
-from turnout.study.load_study import load_study
-from turnout.sweep.batch import batch_variables
-from turnout.sweep.batch_file import file_bytes
-from turnout.sweep.read import read_labels
-from turnout.sweep.row import throw_scenarios
-from turnout.sweep.run import run_sweep
+from turnout.study.sweep.batch import batch_variables
+from turnout.study.sweep.batch_file import file_bytes
+from turnout.study.sweep.read import read_labels
+from turnout.study.sweep.row import throw_scenarios
+from turnout.study.sweep.run import run_sweep
+from turnout.throw.simulate import simulate
 
 STUDY = """
 schema_version = 1

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from tests.unit.sweeps import small_study
 
-from turnout.study.load_study import load_study
+from turnout.calibration.load_study import load_study
 from turnout.study.study import Study
-from turnout.sweep.batch import LARGEST_BATCH, SIZES, plan_batches
+from turnout.study.sweep.batch import LARGEST_BATCH, SIZES, plan_batches
 
 
 def sizes_of(study: Study) -> list[int]:

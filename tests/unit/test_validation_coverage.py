@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from turnout.validation.coverage import ENOUGH, BandParts, coverage_limits
+from turnout.calibration.validation.coverage import ENOUGH, BandParts, coverage_limits
 
 
 def parts(

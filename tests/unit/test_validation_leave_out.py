@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from turnout.validation.leave_out import leave_out_places
+from turnout.calibration.validation.leave_out import leave_out_places
 
 PLACES = ["none", "none", "drive 1", "drive 1", "sleeper 7", "drive 2"]
 

@@ -9,8 +9,12 @@ from tests.unit.calibrations import calibration
 from tests.unit.test_calibration_fit import TRUE, movement, response
 
 from turnout.calibration.result import load_calibration
-from turnout.validation.grid import Grid
-from turnout.validation.measuring_chain import chain_variance, found_chain, through_chain
+from turnout.calibration.validation.grid import Grid
+from turnout.calibration.validation.measuring_chain import (
+    chain_variance,
+    found_chain,
+    through_chain,
+)
 
 CHAIN = {
     "gain drive_force.1": (0.012, 3e-4),

@@ -7,16 +7,16 @@ import pytest
 from tests.unit.recorded import clean
 from tests.unit.simulated import sb2_panel
 
-from turnout.errors import FileError, PanelError
+from turnout.core.errors import FileError, PanelError
 from turnout.measurement.campaign.build_campaign import build_campaign
 from turnout.measurement.chain.apply import load_channel_map
 from turnout.measurement.chain.recorder_response import NO_RESPONSE, LowPass, RecorderResponse
 from turnout.measurement.chain.typed_recorder import typed_recorder
 from turnout.panel.load import load_panel
-from turnout.response.store import open_response
-from turnout.virtual.campaign_plan import CampaignPlan, check_plan, virtual_plan
-from turnout.virtual.disturbance import QUIET, add_disturbance
-from turnout.virtual.make_campaign import make_virtual_campaign
+from turnout.study.virtual.campaign_plan import CampaignPlan, check_plan, virtual_plan
+from turnout.study.virtual.disturbance import QUIET, add_disturbance
+from turnout.study.virtual.make_campaign import make_virtual_campaign
+from turnout.throw.store import open_response
 
 AVERAGE = RecorderResponse(average=0.1)
 

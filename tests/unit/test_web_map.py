@@ -8,10 +8,10 @@ import pytest
 from tests.unit.served import Client, Reply, served
 from tests.unit.simulated import sb2_panel
 
+from turnout.core.scheme import Scheme
 from turnout.metric.verdict import verdict
 from turnout.panel.foreign_object import ForeignObject
-from turnout.response.simulate import simulate
-from turnout.scheme import Scheme
+from turnout.throw.simulate import simulate
 
 
 @pytest.fixture(scope="module")

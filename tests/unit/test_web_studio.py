@@ -12,11 +12,11 @@ from tests.unit.simulated import OBJECT, sb2_dataset, sb2_panel
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
+from turnout.core.scheme import Scheme
 from turnout.metric.key_figure import key_figures
 from turnout.panel.load import library_text, load_panel
-from turnout.response.save import Save
-from turnout.response.simulate import simulate
-from turnout.scheme import Scheme
+from turnout.throw.save import Save
+from turnout.throw.simulate import simulate
 from turnout.web.controls import controls
 
 OBJECT_ASKED = {"size": "13 mm", "at": "sleeper 6"}

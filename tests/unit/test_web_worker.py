@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from tests.unit import answering
 
-from turnout.errors import FileError
+from turnout.core.errors import FileError
 from turnout.web import process
 from turnout.web.question import PATIENCE, Question, Reply, Superseded, Task
 from turnout.web.worker import ClosedError, Worker

@@ -8,10 +8,10 @@ from scipy.linalg import block_diag
 from tests.verification.hand_made import ALL_MODES
 
 from turnout.beam.material import Material
+from turnout.beam.section_properties import SectionProperties
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism, Point, RailData, ReducedRail, Support
 from turnout.mechanism.reduce import reduce_rail
-from turnout.section.properties import SectionProperties
 
 Floats = NDArray[np.float64]
 STEEL = Material(youngs_modulus=2.1e11, poisson_ratio=0.3, density=7850.0)

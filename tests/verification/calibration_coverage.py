@@ -34,12 +34,12 @@ from turnout.calibration.misfit import framed, jacobian
 from turnout.calibration.noise import measured_noise
 from turnout.calibration.stages import CalibrationPlan as Stages
 from turnout.calibration.stages import default_plan
+from turnout.core.errors import TurnoutError
+from turnout.core.scheme import Scheme
 from turnout.core.threads import one_blas_thread
-from turnout.errors import TurnoutError
-from turnout.scheme import Scheme
-from turnout.virtual.campaign_plan import CampaignPlan
-from turnout.virtual.disturbance import Disturbance
-from turnout.virtual.record_throw import finer_panel, finer_scheme
+from turnout.study.virtual.campaign_plan import CampaignPlan
+from turnout.study.virtual.disturbance import Disturbance
+from turnout.study.virtual.record_throw import finer_panel, finer_scheme
 
 SEED = 20261122
 CASES = (

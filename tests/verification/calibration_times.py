@@ -25,7 +25,7 @@ from tests.verification.resumable import Record, put_section
 from turnout.calibration.result import load_calibration
 from turnout.calibration.stages import default_plan
 from turnout.panel.load import load_panel
-from turnout.response.store import open_response
+from turnout.throw.store import open_response
 
 PANEL = "uic60-760-1-15"
 PAGE = Path(__file__).parents[2] / "docs" / "calibration.md"

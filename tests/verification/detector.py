@@ -47,6 +47,7 @@ from tests.verification.detector_robustness import robustness, robustness_known
 from tests.verification.detector_sets import JUDGED_SEED, Sizes, Throws, plans_of
 from tests.verification.detector_unknown import SEVERE, unknown_figures
 
+from turnout.calibration.load_study import load_study
 from turnout.core.files import write_atomic
 from turnout.core.sources import digest_of_sources
 from turnout.core.threads import one_blas_thread
@@ -62,7 +63,6 @@ from turnout.detection.detector.training_plan import DEFECTS, HISTORY, OBJECT, S
 from turnout.detection.detector.training_sets import after_history
 from turnout.detection.reference import NOMINAL_FRICTION, reference_study
 from turnout.detection.throws import nominal_amplitude
-from turnout.study.load_study import load_study
 
 DETECTOR = (
     "detection/detector",

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from turnout.core.scheme import Scheme
 from turnout.detection.detector.training_plan import (
     LARGEST,
     OBJECT_AT,
@@ -24,7 +25,6 @@ from turnout.detection.detector.training_plan import (
 from turnout.detection.reference import FRICTION, TEMPERATURE
 from turnout.detection.throws import places_of
 from turnout.panel.load import load_panel
-from turnout.scheme import Scheme
 from turnout.study.read_study import scheme_for
 from turnout.study.scenario import Output
 from turnout.study.study import Study

@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 from tests.verification.detector_cases import case_plans
 
+from turnout.calibration.load_study import load_study
 from turnout.core.files import write_atomic
 from turnout.core.sources import THROWS, digest_of_sources
 from turnout.detection.detector.throw_layout import Layout
@@ -22,9 +23,8 @@ from turnout.detection.detector.training_sets import (
     training_plans,
 )
 from turnout.detection.throws import places_of
-from turnout.study.load_study import load_study
 from turnout.study.study import Study
-from turnout.sweep.run import SweepProgress
+from turnout.study.sweep.run import SweepProgress
 
 Arrays = dict[str, np.ndarray]
 

@@ -31,6 +31,7 @@ from tests.verification.detector_figures import (
 from tests.verification.detector_page import alarms, heads, row
 from tests.verification.detector_sets import NARROW, Throws
 
+from turnout.calibration.load_study import load_study
 from turnout.core.files import write_atomic
 from turnout.core.sources import digest_of_sources
 from turnout.core.threads import one_blas_thread
@@ -45,7 +46,6 @@ from turnout.detection.detector.training_sets import Counts, training_plans
 from turnout.detection.reference import NOMINAL_FRICTION
 from turnout.detection.throws import nominal_amplitude
 from turnout.panel.load import load_panel
-from turnout.study.load_study import load_study
 from turnout.study.study import Study
 
 Floats = NDArray[np.float64]

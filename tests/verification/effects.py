@@ -18,12 +18,12 @@ import numpy as np
 import xarray as xr
 from tests.verification.runs import STUDIED
 
+from turnout.core.scheme import Scheme
 from turnout.core.toml import parse_toml
 from turnout.mechanism.rail_sections import FOOT_EDGES, station_columns
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel, library_text, load_panel, panel_from_file
-from turnout.response.simulate import simulate
-from turnout.scheme import Scheme
+from turnout.throw.simulate import simulate
 
 DEFAULT = "uic60-760-1-15"
 DOCS = Path(__file__).parents[2] / "docs"

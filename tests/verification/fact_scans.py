@@ -14,7 +14,7 @@ from tests.verification.runs import DEFAULT, throw
 
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel, load_panel
-from turnout.response.simulate import simulate
+from turnout.throw.simulate import simulate
 
 SHARES = (0.0, 0.5, 1.0)
 """Of the panel's closing over-travels."""

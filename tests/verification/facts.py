@@ -11,13 +11,13 @@ import xarray as xr
 from tests.verification.agreement import Check
 from tests.verification.runs import DEFAULT, end_force, throw
 
-from turnout.analysis.panel_check import panel_concerns
 from turnout.core.toml import parse_toml
 from turnout.metric.features import features
+from turnout.metric.panel_check import panel_concerns
 from turnout.metric.slip import last_instant_at
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel, library_text, load_panel, panel_from_file
-from turnout.response.simulate import simulate
+from turnout.throw.simulate import simulate
 
 SIZES = (5, 10, 13, 16, 18, 21, 23, 26, 29, 31)
 FRICTIONS = (0.1, 0.2, 0.3, 0.4, 0.5)

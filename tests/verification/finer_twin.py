@@ -21,9 +21,9 @@ from turnout.calibration.calibrate import calibrate
 from turnout.measurement.campaign.build_campaign import build_campaign
 from turnout.panel.load import LoadedPanel, load_panel
 from turnout.study.variable import values_at
-from turnout.virtual.campaign_plan import CampaignPlan
-from turnout.virtual.make_campaign import make_virtual_campaign
-from turnout.virtual.record_throw import finer_panel, finer_scheme
+from turnout.study.virtual.campaign_plan import CampaignPlan
+from turnout.study.virtual.make_campaign import make_virtual_campaign
+from turnout.study.virtual.record_throw import finer_panel, finer_scheme
 
 NAME = "uic60-760-1-15"
 PAGE = Path(__file__).parents[2] / "docs" / "calibration.md"

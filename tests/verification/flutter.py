@@ -35,23 +35,23 @@ from tests.verification.agreement import Check
 from tests.verification.hand_made import hand_made
 from tests.verification.runs import STUDIED, SYMMETRIC
 
-from turnout.analysis.sliding import (
+from turnout.core.scheme import Scheme
+from turnout.law.table import LawTableBuilder
+from turnout.mechanism.build import build_mechanism
+from turnout.mechanism.mechanism import Mechanism
+from turnout.metric.sliding import (
     ComplexModes,
     Floats,
     complex_modes,
     law_coupling,
     steady_sliding,
 )
-from turnout.analysis.stability import sliding_places
-from turnout.condense.condense import condense
-from turnout.condense.modal import ModalModel
-from turnout.integrate.integration import History, integrate
-from turnout.law.table import LawTableBuilder
-from turnout.mechanism.build import build_mechanism
-from turnout.mechanism.mechanism import Mechanism
+from turnout.metric.stability import sliding_places
 from turnout.panel.load import LoadedPanel, load_panel
 from turnout.panel.records import Profile
-from turnout.scheme import Scheme
+from turnout.solver.condense import condense
+from turnout.solver.integration import History, integrate
+from turnout.solver.modal import ModalModel
 
 MASS, DASHPOT, PLATE, PRESS = 2.0, 3.0, 4e5, 200.0
 ALONG, ACROSS, BETWEEN = 6e5, 3e5, -9e4

@@ -18,9 +18,9 @@ from tests.verification.hand_made import (
     smooth_ramp,
 )
 
-from turnout.integrate.integration import History
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism
+from turnout.solver.integration import History
 
 NORMAL, DRIVE, STICK = 200.0, 1e5, 1e6
 MU = 0.3

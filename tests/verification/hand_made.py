@@ -4,12 +4,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from turnout.integrate.integration import History, integrate
+from turnout.core.scheme import Scheme
 from turnout.law.compression import Compression
 from turnout.law.obstruction import Obstructions, no_obstructions
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism
-from turnout.scheme import Scheme
+from turnout.solver.integration import History, integrate
 
 LEDGER = ("markers", "friction", "damping", "switched", "algorithmic", "segments", "objects")
 STORED = ("kinetic", "strain", "contact", "gravity")

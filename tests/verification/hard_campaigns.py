@@ -45,7 +45,7 @@ from tests.verification.resumable import put_section
 
 from turnout.calibration.calibrate import calibrate
 from turnout.calibration.stages import default_plan
-from turnout.errors import TurnoutError
+from turnout.core.errors import TurnoutError
 from turnout.measurement.campaign.build_campaign import build_campaign
 from turnout.panel.load import load_panel
 

@@ -10,24 +10,24 @@ from numpy.typing import NDArray
 from scipy.signal import butter, sosfilt, sosfilt_zi
 
 from turnout.core.moving_average import moving_average
+from turnout.core.scheme import Scheme
 from turnout.core.toml import parse_toml
 from turnout.measurement.chain.apply import parse_channel_map
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel, load_panel
-from turnout.response.save import Save
-from turnout.response.simulate import simulate
-from turnout.scheme import Scheme
-from turnout.virtual.campaign_files import WrittenThrow, sheet_text, write_throw
-from turnout.virtual.campaign_plan import Case
-from turnout.virtual.disturbance import Disturbance, add_disturbance
-from turnout.virtual.record_throw import (
+from turnout.study.virtual.campaign_files import WrittenThrow, sheet_text, write_throw
+from turnout.study.virtual.campaign_plan import Case
+from turnout.study.virtual.disturbance import Disturbance, add_disturbance
+from turnout.study.virtual.record_throw import (
     CurrentLaw,
     Window,
     finer_panel,
     finer_scheme,
     record_throw,
 )
-from turnout.virtual.series import FIELDS
+from turnout.study.virtual.series import FIELDS
+from turnout.throw.save import Save
+from turnout.throw.simulate import simulate
 
 Floats = NDArray[np.float64]
 Values = dict[str, float]

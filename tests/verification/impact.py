@@ -48,9 +48,9 @@ from tests.verification.beams_by_hand import (
 )
 from tests.verification.hand_made import energy_residual, linear_spring, run
 
-from turnout.integrate.integration import History
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.mechanism import Point, ReducedRail, Support
+from turnout.solver.integration import History
 
 LENGTH = 3.0
 MASS = LINE_MASS * LENGTH

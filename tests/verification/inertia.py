@@ -14,10 +14,10 @@ import xarray as xr
 from matplotlib.figure import Figure
 from tests.verification.battery_figures import BLUE, ORANGE, labelled, new_figure
 
+from turnout.core.scheme import Scheme
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
-from turnout.response.simulate import simulate
-from turnout.scheme import Scheme
+from turnout.throw.simulate import simulate
 
 DEFAULT = "uic60-760-1-15"
 OBJECT = ForeignObject(0.013, "sleeper 6")

@@ -23,9 +23,9 @@ from turnout.calibration.drive_law.compare import compare_laws
 from turnout.calibration.evaluate import Evaluator
 from turnout.calibration.result import Calibration, Fitted
 from turnout.calibration.stages import default_plan
-from turnout.scheme import Scheme
-from turnout.virtual.campaign_plan import CampaignPlan, Defects
-from turnout.virtual.record_throw import finer_panel, finer_scheme
+from turnout.core.scheme import Scheme
+from turnout.study.virtual.campaign_plan import CampaignPlan, Defects
+from turnout.study.virtual.record_throw import finer_panel, finer_scheme
 
 SEED = 20261123
 WANTED = (PLAIN, WORN, SOFT)

@@ -22,15 +22,15 @@ from tests.verification.resumable import Record, command_line, put_section
 from turnout.api.campaign import load_campaign
 from turnout.calibration.comparison import Uncertainty
 from turnout.calibration.machine_fit import MachineFit, fit_machines
-from turnout.errors import TurnoutError
+from turnout.core.errors import TurnoutError
+from turnout.core.scheme import Scheme
 from turnout.machine.current_fit import LoadLine
 from turnout.machine.steady import slip_point, steady_point, torque_for
 from turnout.mechanism.drive_machines import fitted_machine
 from turnout.panel.load import LoadedPanel
-from turnout.scheme import Scheme
-from turnout.virtual.campaign_plan import CampaignPlan
-from turnout.virtual.disturbance import Disturbance, Transducer
-from turnout.virtual.make_campaign import make_virtual_campaign
+from turnout.study.virtual.campaign_plan import CampaignPlan
+from turnout.study.virtual.disturbance import Disturbance, Transducer
+from turnout.study.virtual.make_campaign import make_virtual_campaign
 
 SEED = 20261121
 CLAMP = Transducer(noise=0.010, drift=0.005, hum=0.02, step=60.0 / 2**16)

@@ -21,11 +21,11 @@ from tests.verification.test_machine_coupling import coupled
 from tests.verification.test_machine_library import RATED, sheet_of
 from tests.verification.test_machine_sb3 import CASES, DATA
 
+from turnout.figures.machine import plot_machine
+from turnout.figures.style import rendered
 from turnout.machine.machine_file import load_machines
 from turnout.machine.one_mass_throw import MachineThrow, throw_one_mass
-from turnout.plot.machine import plot_machine
-from turnout.plot.style import rendered
-from turnout.response.machine import machine_dataset
+from turnout.throw.machine import machine_dataset
 
 PAGE = Path(__file__).parents[2] / "docs" / "machine.md"
 MARK = "(machine-results)=\n"

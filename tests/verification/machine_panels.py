@@ -10,13 +10,13 @@ import xarray as xr
 from numpy.typing import NDArray
 from tests.verification.machine_rail import HORIZON, PLACES, RODS, gap
 
-from turnout.integrate.integration import History, integrate
+from turnout.core.scheme import Scheme
 from turnout.machine.machine_file import machine_text
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel, load_panel
-from turnout.response.simulate import Solved, _prior_motion, simulate, solve
-from turnout.scheme import Scheme
+from turnout.solver.integration import History, integrate
+from turnout.throw.simulate import Solved, _prior_motion, simulate, solve
 
 Floats = NDArray[np.float64]
 MACHINES = {"drive.1.machine": "jea73", "drive.2.machine": "jea73-drive2"}

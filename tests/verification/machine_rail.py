@@ -11,12 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.core.scheme import Scheme
 from turnout.core.threads import one_blas_thread
-from turnout.integrate.arrange import arrange
-from turnout.integrate.integration import History, integrate
-from turnout.integrate.march import march, store_instant
-from turnout.integrate.prepared_run import prepare, set_up_run
-from turnout.integrate.start import start_at_rest
 from turnout.machine.components import Machine
 from turnout.machine.compute import places as at
 from turnout.machine.compute.couple import Machines, accept_machines, try_machines
@@ -25,7 +21,11 @@ from turnout.machine.rows import command_rows, machine_room, machine_row, start_
 from turnout.mechanism.build import build_mechanism
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.load import load_panel
-from turnout.scheme import Scheme
+from turnout.solver.arrange import arrange
+from turnout.solver.integration import History, integrate
+from turnout.solver.march import march, store_instant
+from turnout.solver.prepared_run import prepare, set_up_run
+from turnout.solver.start import start_at_rest
 
 Floats = NDArray[np.float64]
 RODS = {"1": 750e3, "2": 810e3}

@@ -23,13 +23,13 @@ from scipy.optimize import brentq
 from tests.verification.agreement import Check
 from tests.verification.beams_by_hand import AREA, I_LATERAL, RHO, E, Floats, G
 
-from turnout.condense.condense import condense
-from turnout.integrate.integration import integrate
+from turnout.core.scheme import Scheme
 from turnout.mechanism.build import build_mechanism
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.load import LoadedPanel, load_panel
 from turnout.panel.markers import marker_positions
-from turnout.scheme import Scheme
+from turnout.solver.condense import condense
+from turnout.solver.integration import integrate
 
 ELEMENT_LENGTHS = (0.3, 0.15, 0.075)
 MODES = 4

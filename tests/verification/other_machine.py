@@ -19,7 +19,7 @@ import numpy as np
 
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
-from turnout.response.simulate import simulate
+from turnout.throw.simulate import simulate
 
 PANELS = ("sb1", "sb2", "uic60-760-1-15")
 OLDEST = {

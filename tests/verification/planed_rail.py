@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from turnout.section.analyse import SectionAnalysis, analyse_outlines
-from turnout.section.rail_outlines import planed_rail
-from turnout.section.taper import PlanedOutline
+from turnout.beam.rail_outlines import planed_rail
+from turnout.beam.section_analysis import SectionAnalysis, analyse_outlines
+from turnout.beam.section_taper import PlanedOutline
 
 FIGURES = Path(__file__).parents[2] / "docs" / "figures"
 UNITS = {"_mm": 1e-3, "_cm2": 1e-4, "_cm4": 1e-8}
@@ -93,7 +93,7 @@ def page() -> str:
 
 def write() -> None:
     """Write the tables and the figure."""
-    from turnout.plot.sections import plot_section_outlines
+    from turnout.figures.sections import plot_section_outlines
 
     (FIGURES / "sections.txt").write_text(page(), encoding="utf-8")
     sections = cuts()

@@ -16,7 +16,20 @@ from typing import Any
 
 import numpy as np
 
-from turnout.analysis.panel_check import (
+from turnout.calibration.case import load_panel_or_case
+from turnout.calibration.matching.facts import Facts, Sum, Term, load_facts
+from turnout.calibration.matching.match import Matching, match_panel
+from turnout.calibration.matching.meet_facts import Thrower, panel_at
+from turnout.calibration.matching.propose import farthest_points
+from turnout.calibration.matching.remaining import (
+    answer_rows,
+    combinations,
+    fixed_direction,
+    gains,
+    ranges,
+)
+from turnout.calibration.matching.survey import survey
+from turnout.metric.panel_check import (
     FRICTION_RESERVE,
     blind_concerns,
     concerns,
@@ -24,15 +37,8 @@ from turnout.analysis.panel_check import (
     supply_concerns,
     unusual_concerns,
 )
-from turnout.analysis.stability import friction_stability
-from turnout.matching.facts import Facts, Sum, Term, load_facts
-from turnout.matching.match import Matching, match_panel
-from turnout.matching.meet_facts import Thrower, panel_at
-from turnout.matching.propose import farthest_points
-from turnout.matching.remaining import answer_rows, combinations, fixed_direction, gains, ranges
-from turnout.matching.survey import survey
-from turnout.response.simulate import simulate
-from turnout.study.case import load_panel_or_case
+from turnout.metric.stability import friction_stability
+from turnout.throw.simulate import simulate
 
 PAGE = Path(__file__).parents[2] / "docs" / "plausible-panels.md"
 CHOSEN = 50
@@ -147,7 +153,7 @@ def further(folder: Path, facts: Facts, points: Any, *, checked: int) -> list[di
 def whole_check(number: int) -> dict[str, Any]:
     """Return what `turnout panel check` warns of in a case of the library study, and growth rates.
 
-    As `turnout.analysis.panel_check.panel_concerns`, but with the growth rate of the worst mode at
+    As `turnout.metric.panel_check.panel_concerns`, but with the growth rate of the worst mode at
     the panel's friction and at `FRICTION_RESERVE` times it also where all modes decay [1/s].
     """
     panel = load_panel_or_case(f"plausible-panels:{number}")

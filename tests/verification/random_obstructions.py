@@ -8,13 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from turnout.errors import PanelError
-from turnout.integrate.outcome import CLOSES, LEAST_SCALE
+from turnout.core.errors import PanelError
+from turnout.core.scheme import Scheme
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import load_panel
 from turnout.panel.object_kind import KINDS
-from turnout.response.simulate import solve
-from turnout.scheme import Scheme
+from turnout.solver.outcome import CLOSES, LEAST_SCALE
+from turnout.throw.simulate import solve
 
 PANELS = ("sb1", "sb2", "uic60-760-1-15")
 KINDS_THAT_REMEMBER = tuple(kind for kind in KINDS if kind != "spring")

@@ -27,8 +27,8 @@ from tests.verification.robustness_checks import Run, faults, run_scenario, seco
 from tests.verification.robustness_report import write_page
 from tests.verification.robustness_scenarios import SEED, Scenario, numbered_scenario
 
+from turnout.core.errors import TurnoutError
 from turnout.core.processes import Tasks, end_pool, worker_processes
-from turnout.errors import TurnoutError
 from turnout.kernels.compiled import kernel_cache_folder
 from turnout.metric.summary import numerical_share, residual_share
 

@@ -19,14 +19,14 @@ import numpy as np
 import xarray as xr
 from tests.verification.robustness_scenarios import Scenario
 
-import turnout.response.simulate as simulate_module
-from turnout.condense.condense import base_stiffness
-from turnout.integrate.integration import History, RunPlan, carry_out
-from turnout.integrate.outcome import ADVICE, LEAST_SCALE, Code
+import turnout.throw.simulate as simulate_module
+from turnout.core.scheme import Scheme
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.load import LoadedPanel
-from turnout.scheme import Scheme
+from turnout.solver.condense import base_stiffness
+from turnout.solver.integration import History, RunPlan, carry_out
+from turnout.solver.outcome import ADVICE, LEAST_SCALE, Code
 
 BOOKS = 1e-6
 """Largest energy residual, as a share of its scale."""

@@ -11,12 +11,12 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 from tests.verification.robustness_panels import small_panel
 
+from turnout.core.scheme import Scheme
 from turnout.core.toml import parse_toml
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.layout import largest_opening
 from turnout.panel.load import LoadedPanel, load_panel, panel_from_file
 from turnout.panel.model import Panel
-from turnout.scheme import Scheme
 
 T = TypeVar("T")
 SEED = 20240607

@@ -5,10 +5,10 @@ from functools import cache
 import numpy as np
 import xarray as xr
 
+from turnout.core.scheme import Scheme
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
-from turnout.response.simulate import simulate
-from turnout.scheme import Scheme
+from turnout.throw.simulate import simulate
 
 DEFAULT = "uic60-760-1-15"
 SYMMETRIC = "uic60-760-1-15-symmetric"

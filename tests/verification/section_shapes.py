@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from turnout.section.outline import Outline, make_outline
+from turnout.beam.outline import Outline, make_outline
 
 TERMS = np.arange(1, 400)
 

@@ -15,8 +15,8 @@ from scipy.optimize import brentq
 from tests.verification.agreement import Check
 from tests.verification.hand_made import energy_residual, hand_made, linear_spring, run
 
-from turnout.integrate.integration import History
 from turnout.law.table import LawTableBuilder
+from turnout.solver.integration import History
 
 MASS, SPRING, STICK, LIMIT = 2.0, 8e3, 1e7, 30.0
 OMEGA = np.sqrt(SPRING / MASS)

@@ -8,12 +8,12 @@ from tests.verification.agreement import sb1_checks, sb2_checks
 from tests.verification.reference import full, thinned
 from tests.verification.runs import energy_balance, throw
 
-from turnout.integrate.integration import integrate
+from turnout.core.scheme import Scheme
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import load_panel
 from turnout.panel.markers import marker_positions
-from turnout.scheme import Scheme
+from turnout.solver.integration import integrate
 
 RUNS = {
     "sb1_A": ("sb1", None),

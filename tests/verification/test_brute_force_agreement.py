@@ -18,10 +18,10 @@ from tests.verification.hand_made import energy_residual, hand_made, run, smooth
 
 from turnout.beam.assembly import assemble_beam, point_row
 from turnout.beam.material import Material
-from turnout.integrate.integration import History
+from turnout.beam.section_properties import SectionProperties
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism
-from turnout.section.properties import SectionProperties
+from turnout.solver.integration import History
 
 CHAIRS = (0.3, 0.9, 1.5, 2.1, 2.7, 3.3)
 HALF_FOOT, FOOT_DEPTH = 0.06, 0.08

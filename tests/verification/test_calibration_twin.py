@@ -16,9 +16,9 @@ from turnout.calibration.result import load_calibration
 from turnout.cli.main import app
 from turnout.measurement.campaign.build_campaign import build_campaign
 from turnout.panel.load import load_panel
-from turnout.response.store import open_response, save_response
-from turnout.virtual.campaign_plan import CampaignPlan
-from turnout.virtual.make_campaign import make_virtual_campaign
+from turnout.study.virtual.campaign_plan import CampaignPlan
+from turnout.study.virtual.make_campaign import make_virtual_campaign
+from turnout.throw.store import open_response, save_response
 
 TRUE = {
     "chair.friction_coefficient": 0.31,

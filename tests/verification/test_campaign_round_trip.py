@@ -19,11 +19,11 @@ from tests.unit.simulated import sb2_panel
 
 from turnout.measurement.campaign.build_campaign import build_campaign
 from turnout.measurement.formats.file_format import WRITERS
-from turnout.response.store import open_response
-from turnout.virtual.campaign_plan import CampaignPlan
-from turnout.virtual.disturbance import QUIET
-from turnout.virtual.make_campaign import make_virtual_campaign
-from turnout.virtual.record_throw import Window
+from turnout.study.virtual.campaign_plan import CampaignPlan
+from turnout.study.virtual.disturbance import QUIET
+from turnout.study.virtual.make_campaign import make_virtual_campaign
+from turnout.study.virtual.record_throw import Window
+from turnout.throw.store import open_response
 
 BIAS, ONSET = 0.005, 0.005
 CHANNELS = ("drive_force", "drive_current", "object_force")

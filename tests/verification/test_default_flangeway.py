@@ -10,7 +10,7 @@ import xarray as xr
 from tests.verification.facts import flangeways
 from tests.verification.runs import DEFAULT, throw
 
-from turnout.analysis.panel_check import concerns
+from turnout.metric.panel_check import concerns
 from turnout.metric.summary import summary
 from turnout.panel.load import load_panel
 

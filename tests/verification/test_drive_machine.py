@@ -20,12 +20,12 @@ from tests.verification.machine_panels import (
 from tests.verification.machine_rail import RODS
 from tests.verification.reference import DATA
 
+from turnout.core.scheme import Scheme
 from turnout.machine.compute import places as at
 from turnout.machine.steady import slip_point
 from turnout.mechanism.drive_machines import fitted_machine
 from turnout.panel.foreign_object import ForeignObject
-from turnout.response.simulate import Solved, simulate, solve
-from turnout.scheme import Scheme
+from turnout.throw.simulate import Solved, simulate, solve
 
 
 @cache

@@ -20,9 +20,9 @@ from tests.verification.effects import (
     tabulated,
 )
 
+from turnout.core.scheme import Scheme
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.load import LoadedPanel
-from turnout.scheme import Scheme
 
 PANEL = studied(DEFAULT)
 

@@ -12,9 +12,9 @@ from tests.verification.flutter import (
     unsymmetric_panel,
 )
 
-from turnout.analysis.sliding import complex_modes, steady_sliding
-from turnout.analysis.stability import friction_stability
-from turnout.condense.condense import condense
+from turnout.metric.sliding import complex_modes, steady_sliding
+from turnout.metric.stability import friction_stability
+from turnout.solver.condense import condense
 
 NONE = np.zeros(0)
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from tests.verification.hand_made import energy_residual, hand_made, linear_spring, run
 
-from turnout.errors import PanelError
+from turnout.core.errors import PanelError
 from turnout.law.friction_course import FrictionCourses
 from turnout.law.obstruction import BREAKS_AWAY, no_obstructions
 from turnout.law.table import LawTableBuilder
 from turnout.panel.load import load_panel
-from turnout.response.simulate import simulate
+from turnout.throw.simulate import simulate
 
 PANEL = load_panel("uic60-760-1-15")
 

@@ -12,7 +12,7 @@ from tests.verification.independent_switch import switch_of, throw
 
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
-from turnout.response.simulate import simulate
+from turnout.throw.simulate import simulate
 
 RMS, LARGEST = 0.015, 0.05
 OBJECTS = (None, ForeignObject(0.013, "sleeper 6"), ForeignObject(0.008, "drive 2"))

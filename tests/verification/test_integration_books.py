@@ -1,6 +1,6 @@
 """The energy residual close to 1e-6 of their scale, and a wrong entry in any of them shows.
 
-Reference: the identity of the energy balance over a step (turnout.integrate.energy). The scale is
+Reference: the identity of the energy balance over a step (turnout.solver.energy). The scale is
 the largest sum of work and stored energy of the run. The mechanism is made so that every term takes
 part: two masses and a rocker on springs of the linear system, a bilinear bushing, feet that slip,
 lift and return, a dashpot matrix, weight, an object that comes and goes, and one that dents.
@@ -21,12 +21,12 @@ from tests.verification.hand_made import (
     run,
 )
 
-from turnout.integrate import energy, march
-from turnout.integrate import integration as run_module
-from turnout.integrate.integration import History
 from turnout.law import compression as curves
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism
+from turnout.solver import energy, march
+from turnout.solver import integration as run_module
+from turnout.solver.integration import History
 
 CLOSED = 1e-6
 MISSED = 1e-5

@@ -11,11 +11,11 @@ import pytest
 from scipy.optimize import brentq
 from tests.verification.hand_made import ALL_MODES, hand_made, linear_spring
 
-from turnout.errors import MechanicsError
-from turnout.integrate.integration import History, integrate
+from turnout.core.errors import MechanicsError
+from turnout.core.scheme import Scheme
 from turnout.law.table import LawTable, LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism
-from turnout.scheme import Scheme
+from turnout.solver.integration import History, integrate
 
 SOFT, BEND = 1e3, 0.01
 

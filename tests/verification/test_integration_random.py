@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from tests.verification.hand_made import ALL_MODES, energy_residual, hand_made
 
-from turnout.integrate.integration import History, integrate
+from turnout.core.scheme import Scheme
 from turnout.law.table import LawTable, LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism
-from turnout.scheme import Scheme
+from turnout.solver.integration import History, integrate
 
 SEEDS = range(200)
 

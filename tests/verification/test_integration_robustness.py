@@ -14,11 +14,11 @@ from tests.verification.hand_made import (
     run,
 )
 
-from turnout.integrate.integration import History, integrate
-from turnout.integrate.outcome import Code
+from turnout.core.scheme import Scheme
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism
-from turnout.scheme import Scheme
+from turnout.solver.integration import History, integrate
+from turnout.solver.outcome import Code
 
 N_FEET = 8
 

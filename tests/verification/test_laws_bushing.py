@@ -15,8 +15,8 @@ from tests.verification.hand_made import (
     smooth_ramp,
 )
 
-from turnout.integrate.integration import History
 from turnout.law.table import LawTableBuilder
+from turnout.solver.integration import History
 
 STIFF, SOFT, BEND, HOLD = 7.5e5, 2e4, 0.0077, 3e5
 SLIP_FORCE = STIFF * BEND

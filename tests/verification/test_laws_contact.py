@@ -10,8 +10,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from tests.verification.hand_made import energy_residual, hand_made, linear_spring, run
 
-from turnout.integrate.integration import History
 from turnout.law.table import LawTableBuilder
+from turnout.solver.integration import History
 
 MASS, GRAVITY, CONTACT = 3.0, 9.81, 3e6
 BOOKS = 1e-6

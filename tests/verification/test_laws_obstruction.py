@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from tests.verification.hand_made import energy_residual, hand_made, linear_spring, obstruction, run
 
-from turnout.integrate.integration import History
 from turnout.law import compression as curves
 from turnout.law.compression import Compression
 from turnout.law.table import LawTableBuilder
+from turnout.solver.integration import History
 
 CLOSE = 1e-6
 CONTACT, SIZE, CLEARANCE = 40e6, 0.02, 0.003

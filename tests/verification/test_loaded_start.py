@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from turnout.errors import SolverError
-from turnout.integrate import start
-from turnout.integrate.outcome import NotConverged
+from turnout.core.errors import SolverError
+from turnout.core.scheme import Mode, Scheme
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel, load_panel
-from turnout.response.simulate import simulate, solve
-from turnout.scheme import Mode, Scheme
+from turnout.solver import start
+from turnout.solver.outcome import NotConverged
+from turnout.throw.simulate import simulate, solve
 
 DEFAULT = "uic60-760-1-15"
 BEFORE = 0.19

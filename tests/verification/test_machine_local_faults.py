@@ -8,7 +8,7 @@ resistance in the circuit.
 import numpy as np
 import pytest
 
-from turnout.errors import MachineError
+from turnout.core.errors import MachineError
 from turnout.machine.machine_file import load_machines
 from turnout.machine.one_mass_throw import MachineThrow, throw_one_mass
 

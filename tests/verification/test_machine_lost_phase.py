@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from tests.verification.test_machine_induction import bare, random_motor, reference_motor
 
-from turnout.errors import MachineError
+from turnout.core.errors import MachineError
 from turnout.machine.components import Machine
 from turnout.machine.compute import places as at
 from turnout.machine.compute.lost_phase import lost_phase_circuit

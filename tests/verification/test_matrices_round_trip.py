@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from tests.verification.runs import DEFAULT, throw
 
-from turnout.analysis.export import export_matrices
+from turnout.metric.export import export_matrices
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
-from turnout.response.simulate import simulate
+from turnout.throw.simulate import simulate
 
 LIMITS = {"drive_force": 1e-9, "gap": 1e-9, "chair_normal_force": 1e-9, "object_force": 1e-8}
 

@@ -17,11 +17,11 @@ from tests.verification.prismatic_panel import (
     prismatic_panel,
 )
 
-from turnout.analysis.modes import modes
+from turnout.beam.spectrum import modes_below
 from turnout.mechanism.build import rail_data
 from turnout.mechanism.structure import point_rows, rail_structure
+from turnout.metric.modes import modes
 from turnout.panel.load import load_panel
-from turnout.reduction.spectrum import modes_below
 
 UNDAMPED = {"damping.ratio": 0.0, "chair.damping": 0.0, "fastening.damping_y": 0.0}
 LIMIT = 100.0

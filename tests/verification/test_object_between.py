@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 from tests.verification.runs import DEFAULT, STUDIED
 
-from turnout.integrate.integration import History
+from turnout.core.scheme import Scheme
 from turnout.mechanism import build
 from turnout.mechanism.mechanism import Mechanism
 from turnout.mechanism.offnode_objects import is_off_node, offnode_row
 from turnout.panel.foreign_object import ForeignObject, PlacedObject, resolve_objects
 from turnout.panel.load import LoadedPanel, load_panel
-from turnout.response.simulate import solve_placed
-from turnout.scheme import Scheme
+from turnout.solver.integration import History
+from turnout.throw.simulate import solve_placed
 
 
 @pytest.fixture(scope="module")

@@ -14,17 +14,17 @@ import xarray as xr
 from tests.verification.open_position import beam, position
 from tests.verification.runs import DEFAULT, SYMMETRIC, energy_balance
 
-from turnout.analysis.panel_check import resting_concerns
+from turnout.core.errors import MechanicsError, PanelError
+from turnout.core.scheme import Scheme
 from turnout.core.toml import parse_toml
-from turnout.errors import MechanicsError, PanelError
 from turnout.mechanism.build import build_mechanism
+from turnout.metric.panel_check import resting_concerns
 from turnout.metric.slip import last_instant_at
 from turnout.panel.load import LoadedPanel, library_text, load_panel, panel_from_file
 from turnout.panel.markers import marker_offsets, marker_positions
 from turnout.panel.stored import panel_data, panel_from_data
-from turnout.response.save import Save
-from turnout.response.simulate import simulate
-from turnout.scheme import Scheme
+from turnout.throw.save import Save
+from turnout.throw.simulate import simulate
 
 STROKES = (0.075, 0.080, 0.090)
 SLIDING = {"chair.friction_coefficient": 0.0}

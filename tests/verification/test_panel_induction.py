@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from turnout.analysis.panel_check import blind_concerns
+from turnout.core.scheme import Scheme
+from turnout.metric.panel_check import blind_concerns
 from turnout.panel.load import LoadedPanel, load_panel
-from turnout.response.simulate import simulate
-from turnout.scheme import Scheme
+from turnout.throw.simulate import simulate
 
 CLUTCH = {"machine.s700k.clutch.torque": 2.6}  # the default panel's Drive 2 needs more than 6 kN
 

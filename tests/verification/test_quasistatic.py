@@ -10,12 +10,12 @@ from tests.verification import inertia
 from tests.verification.friction_block import LIMIT, SERIES, STICK, block, drive_force
 from tests.verification.hand_made import energy_residual, hand_made, linear_spring
 
-from turnout.integrate.integration import History, integrate
-from turnout.integrate.outcome import Code
+from turnout.core.scheme import Scheme
 from turnout.law.table import LawTableBuilder
 from turnout.panel.load import LoadedPanel, load_panel
-from turnout.response.simulate import simulate
-from turnout.scheme import Scheme
+from turnout.solver.integration import History, integrate
+from turnout.solver.outcome import Code
+from turnout.throw.simulate import simulate
 
 STATIC = Scheme.of("quasi-static")
 

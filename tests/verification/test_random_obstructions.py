@@ -3,7 +3,7 @@
 import pytest
 from tests.verification.random_obstructions import throws
 
-from turnout.integrate.outcome import CLOSES
+from turnout.solver.outcome import CLOSES
 
 
 @pytest.mark.parametrize("count", [25, pytest.param(500, marks=pytest.mark.long)])

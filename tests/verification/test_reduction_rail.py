@@ -11,11 +11,11 @@ import scipy.linalg
 import scipy.sparse as sp
 
 from turnout.beam.assembly import assemble_beam, dof_index, point_row
+from turnout.beam.craig_bampton import craig_bampton, reduce_vector
 from turnout.beam.material import Material
 from turnout.beam.mesh import mesh_nodes
-from turnout.reduction.craig_bampton import craig_bampton, reduce_vector
-from turnout.reduction.truncation import reduction_report
-from turnout.section.properties import SectionProperties, interpolate_sections
+from turnout.beam.section_properties import SectionProperties, interpolate_sections
+from turnout.beam.truncation import reduction_report
 
 STEEL = Material(youngs_modulus=2.1e11, poisson_ratio=0.3, density=7850.0)
 LENGTH = 6.0

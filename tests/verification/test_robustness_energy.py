@@ -11,11 +11,11 @@ import pytest
 import xarray as xr
 from tests.verification.runs import DEFAULT, energy_balance, throw
 
+from turnout.core.scheme import Scheme
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
-from turnout.response.save import Save
-from turnout.response.simulate import simulate
-from turnout.scheme import Scheme
+from turnout.throw.save import Save
+from turnout.throw.simulate import simulate
 
 STEPS = (4e-3, 2e-3, 1e-3, 5e-4)
 """Name: panel, object's place, largest loss, measured rate of the loss."""

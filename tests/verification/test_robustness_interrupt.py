@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from turnout.response.store import open_response
+from turnout.throw.store import open_response
 
 # Millions of steps, of which few are kept, so that there is not much to be written.
 LONG = ("--step=0.005 ms", "--every=20 ms")

@@ -20,10 +20,10 @@ from tests.verification.robustness_scenarios import (
     scenario,
 )
 
-from turnout.integrate.outcome import Code, NotConverged
+from turnout.core.scheme import Scheme
 from turnout.panel.load import library_names, load_panel
-from turnout.response.simulate import simulate
-from turnout.scheme import Scheme
+from turnout.solver.outcome import Code, NotConverged
+from turnout.throw.simulate import simulate
 
 QUICK: dict[str, float | None] = {
     "movement.throw.start": 0.1,

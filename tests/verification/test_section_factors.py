@@ -22,10 +22,10 @@ from tests.verification.prismatic_panel import (
     prismatic_panel,
 )
 
-from turnout.analysis.export import export_matrices
-from turnout.analysis.modes import modes
-from turnout.errors import PanelError
+from turnout.core.errors import PanelError
 from turnout.mechanism.build import build_mechanism, rail_data
+from turnout.metric.export import export_matrices
+from turnout.metric.modes import modes
 from turnout.panel.load import LoadedPanel, load_panel
 
 DEFAULT = "uic60-760-1-15"

@@ -15,8 +15,8 @@ from tests.verification.section_shapes import (
     ring,
 )
 
-from turnout.section.analyse import SectionAnalysis, analyse_outline
-from turnout.section.outline import Outline, make_outline
+from turnout.beam.outline import Outline, make_outline
+from turnout.beam.section_analysis import SectionAnalysis, analyse_outline
 
 SIDE = 0.1
 

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 from tests.verification.planed_rail import FIGURES, columns_of, cuts, page, reference
 
-from turnout.section.analyse import analyse_outline, analyse_outlines
-from turnout.section.outline import outline_of, polygon_of
-from turnout.section.rail_outlines import load_rail_outline
+from turnout.beam.outline import outline_of, polygon_of
+from turnout.beam.rail_outlines import load_rail_outline
+from turnout.beam.section_analysis import analyse_outline, analyse_outlines
 
 RELATIVE = {
     "area": 0.02,

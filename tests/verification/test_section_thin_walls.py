@@ -16,9 +16,9 @@ from tests.verification.section_shapes import (
     z_section,
 )
 
-from turnout.section.analyse import analyse_outline
-from turnout.section.geometry import area_moments, principal_moments
-from turnout.section.outline import make_outline
+from turnout.beam.outline import make_outline
+from turnout.beam.section_analysis import analyse_outline
+from turnout.beam.section_geometry import area_moments, principal_moments
 
 RADIUS, WALL = 0.1, 0.004
 CORNERS = 96

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from tests.verification.runs import SYMMETRIC, end_force, energy_balance, throw
 
-from turnout.errors import PanelError
+from turnout.core.errors import PanelError
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel, library_text, load_panel
-from turnout.response.simulate import simulate
+from turnout.throw.simulate import simulate
 
 EXTRA = (Path(__file__).parent / "stock_rails.toml").read_text(encoding="utf-8")
 

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from turnout.calibration.load_study import load_study
 from turnout.metric.sweep_map import SLIPS, STATES, sweep_map
-from turnout.study.load_study import load_study
-from turnout.sweep.read import read_labels
-from turnout.sweep.run import run_sweep
+from turnout.study.sweep.read import read_labels
+from turnout.study.sweep.run import run_sweep
 
 
 @pytest.fixture(scope="module")

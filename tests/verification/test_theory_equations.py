@@ -14,11 +14,11 @@ from tests.verification.hand_made import LEDGER, STORED, hand_made, linear_sprin
 
 from turnout.beam.element import element_gravity_load, element_mass, element_stiffness
 from turnout.beam.material import Material
+from turnout.beam.section_properties import SectionProperties
 from turnout.calibration.noise import Noise
-from turnout.integrate.integration import History
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.offnode_objects import offnode_row
-from turnout.section.properties import SectionProperties
+from turnout.solver.integration import History
 
 ROUNDING = 1e-12
 STEEL = Material(youngs_modulus=2.1e11, poisson_ratio=0.3, density=7850.0)

@@ -17,10 +17,10 @@ from turnout.calibration.evaluate import Evaluator
 from turnout.calibration.result import Calibration
 from turnout.calibration.stages import CalibrationPlan as Stages
 from turnout.calibration.stages import default_plan
+from turnout.calibration.validation.acceptance import Acceptance, judge
+from turnout.calibration.validation.validate import validate
 from turnout.panel.load import LoadedPanel, load_panel
-from turnout.validation.acceptance import Acceptance, judge
-from turnout.validation.validate import validate
-from turnout.virtual.campaign_plan import CampaignPlan
+from turnout.study.virtual.campaign_plan import CampaignPlan
 
 LIBRARY = Path(__file__).parents[2] / "src" / "turnout" / "panel" / "library" / "sb1.toml"
 CASES = (

@@ -13,8 +13,8 @@ from turnout.metric.throw_table import throw_table
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
 from turnout.panel.object_kind import DIMENSIONS, KINDS
-from turnout.response.drift import Drift
-from turnout.response.sequence import simulate_sequence
+from turnout.throw.drift import Drift
+from turnout.throw.sequence import simulate_sequence
 
 PAGE = Path(__file__).parents[2] / "docs" / "objects.md"
 SIZES = (10, 15, 20, 25, 30)

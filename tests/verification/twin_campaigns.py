@@ -12,19 +12,19 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from turnout.core.scheme import Scheme
 from turnout.measurement.campaign.build_campaign import stacked
 from turnout.measurement.campaign.find_throws import FoundThrow
 from turnout.measurement.campaign.recorded_throw import RecordedThrow
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel, load_panel
-from turnout.response.save import Save
-from turnout.response.simulate import simulate
-from turnout.scheme import Scheme
-from turnout.virtual.campaign_files import WrittenThrow, true_sheet_row
-from turnout.virtual.campaign_plan import CampaignPlan, Case, overrides_for, throw_generator
-from turnout.virtual.disturbance import add_disturbance
-from turnout.virtual.record_throw import Window, record_throw
-from turnout.virtual.series import FIELDS
+from turnout.study.virtual.campaign_files import WrittenThrow, true_sheet_row
+from turnout.study.virtual.campaign_plan import CampaignPlan, Case, overrides_for, throw_generator
+from turnout.study.virtual.disturbance import add_disturbance
+from turnout.study.virtual.record_throw import Window, record_throw
+from turnout.study.virtual.series import FIELDS
+from turnout.throw.save import Save
+from turnout.throw.simulate import simulate
 
 WINDOW = Window(lead=1.0, length=5.0)
 # Each drive is loaded by an object beside it and by others; two throws are free.

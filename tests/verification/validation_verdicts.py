@@ -22,16 +22,16 @@ from tests.verification.resumable import Record, command_line, put_section
 from turnout.calibration.calibrate import calibrate
 from turnout.calibration.evaluate import Evaluator
 from turnout.calibration.stages import default_plan
-from turnout.errors import TurnoutError
+from turnout.calibration.validation.acceptance import judge
+from turnout.calibration.validation.validate import validate
+from turnout.core.errors import TurnoutError
+from turnout.figures.validation import plot_comparison, plot_error_map
 from turnout.measurement.campaign.build_campaign import build_campaign
 from turnout.panel.load import LoadedPanel, load_panel
-from turnout.plot.validation import plot_comparison, plot_error_map
-from turnout.response.store import open_response, save_response
-from turnout.validation.acceptance import judge
-from turnout.validation.validate import validate
-from turnout.virtual.campaign_files import CHANNELS
-from turnout.virtual.campaign_plan import CampaignPlan
-from turnout.virtual.make_campaign import make_virtual_campaign
+from turnout.study.virtual.campaign_files import CHANNELS
+from turnout.study.virtual.campaign_plan import CampaignPlan
+from turnout.study.virtual.make_campaign import make_virtual_campaign
+from turnout.throw.store import open_response, save_response
 
 NAME = "uic60-760-1-15"
 LIBRARY = Path(__file__).parents[2] / "src" / "turnout" / "panel" / "library" / f"{NAME}.toml"

@@ -7,8 +7,8 @@ import xarray as xr
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from turnout.figures.report.view import View
     from turnout.metric.verdict import Verdict
-    from turnout.report.view import View
 
 
 @xr.register_dataset_accessor("turnout")  # type: ignore[no-untyped-call]
@@ -35,7 +35,7 @@ class TurnoutAccessor:
         View
             Prints as lines of text.
         """
-        from turnout.report.view import view
+        from turnout.figures.report.view import view
 
         return view(self._dataset)
 
@@ -45,7 +45,7 @@ class TurnoutAccessor:
         Parameters
         ----------
         \**options
-            As the function of `turnout.plot` takes that draws it: `plot_throw` for a run,
+            As the function of `turnout.figures` takes that draws it: `plot_throw` for a run,
             `plot_measured` for a recording, `plot_overview` for a campaign (`plot_stacked` with
             ``place``), `plot_sweep_map` for a sweep, `plot_error_map` for a validation
             (`plot_comparison` with ``place``), `plot_modes` for modes.

@@ -14,11 +14,11 @@ from turnout.calibration.result import Calibration
 from turnout.calibration.result import load_calibration as read_record
 from turnout.calibration.stage_progress import CalibrationProgress
 from turnout.calibration.stages import default_plan
+from turnout.core.errors import FileError
 from turnout.core.html_table import html_table
+from turnout.core.scheme import Mode, chosen_scheme
 from turnout.core.value_text import value_text
-from turnout.errors import FileError
 from turnout.panel.load import LoadedPanel, library_names, load_panel
-from turnout.scheme import Mode, chosen_scheme
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -38,7 +38,7 @@ class CalibrationResult:
     before : LoadedPanel
         The panel before calibration; its other values are unchanged.
     sweeps : tuple of xarray.Dataset
-        The grid searches over the measurement, one a stage, for `turnout.plot.plot_grid_search`;
+        The grid searches over the measurement, one a stage, for `turnout.figures.plot_grid_search`;
         a calibration that was read from its file has none.
     """
 
@@ -112,7 +112,7 @@ class CalibrationResult:
         ax : matplotlib.axes.Axes, optional
             Where to draw; default a new figure.
         """
-        from turnout.plot.calibration import plot_intervals
+        from turnout.figures.calibration import plot_intervals
 
         fitted = self.record.fitted
         values = {

@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
+from turnout.core.errors import FileError, MeasurementError, PanelError
 from turnout.core.html_table import html_table
+from turnout.core.scheme import Mode, chosen_scheme
 from turnout.core.units import LENGTH, parse_quantity
-from turnout.errors import FileError, MeasurementError, PanelError
 from turnout.measurement.campaign.build_campaign import build_campaign as read_folder
 from turnout.measurement.campaign.campaign_folder import throw_store
 from turnout.measurement.campaign.run_sheet import normal_place
 from turnout.metric.campaign_statistics import object_places
 from turnout.panel.load import LoadedPanel
-from turnout.response.store import open_response, save_response
-from turnout.scheme import Mode, chosen_scheme
-from turnout.virtual.campaign_plan import SIZES, CampaignPlan, places_with_room
-from turnout.virtual.make_campaign import make_virtual_campaign
+from turnout.study.virtual.campaign_plan import SIZES, CampaignPlan, places_with_room
+from turnout.study.virtual.make_campaign import make_virtual_campaign
+from turnout.throw.store import open_response, save_response
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -73,7 +73,7 @@ class Campaign:
         direction : str
             "closing" or "opening".
         """
-        from turnout.plot.campaign import plot_overview, plot_stacked
+        from turnout.figures.campaign import plot_overview, plot_stacked
 
         if place is None:
             return plot_overview(self.dataset, direction=direction)

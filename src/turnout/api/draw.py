@@ -5,17 +5,17 @@ from typing import TYPE_CHECKING, Any
 import xarray as xr
 
 from turnout.api.sweep import cells_of
-from turnout.errors import ResponseError
+from turnout.core.errors import ResponseError
+from turnout.figures.campaign import plot_overview, plot_stacked
+from turnout.figures.draw import draw_sheet
+from turnout.figures.modes import plot_modes
+from turnout.figures.recording import plot_measured
+from turnout.figures.report.sequence import sequence_sheet
+from turnout.figures.report.view import kind_of
+from turnout.figures.sweep import plot_sweep_map
+from turnout.figures.throw import plot_throw
+from turnout.figures.validation import plot_comparison, plot_error_map
 from turnout.metric.throw_table import throw_table
-from turnout.plot.campaign import plot_overview, plot_stacked
-from turnout.plot.draw import draw_sheet
-from turnout.plot.modes import plot_modes
-from turnout.plot.recording import plot_measured
-from turnout.plot.sweep import plot_sweep_map
-from turnout.plot.throw import plot_throw
-from turnout.plot.validation import plot_comparison, plot_error_map
-from turnout.report.sequence import sequence_sheet
-from turnout.report.view import kind_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

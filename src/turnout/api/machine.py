@@ -9,7 +9,7 @@ import xarray as xr
 from turnout.api.campaign import Campaign, dataset_of
 from turnout.calibration.machine_fit import Gauge, MachineFit, Sister
 from turnout.calibration.machine_fit import fit_machines as fit_dataset
-from turnout.errors import MachineError
+from turnout.core.errors import MachineError
 
 
 def fit_machines(

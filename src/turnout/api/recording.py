@@ -4,8 +4,8 @@ from pathlib import Path
 
 import xarray as xr
 
+from turnout.core.errors import FileError
 from turnout.core.units import TIME, parse_quantity
-from turnout.errors import FileError
 from turnout.measurement.chain.apply import apply_chain, load_channel_map
 from turnout.measurement.chain.condition import condition
 from turnout.measurement.formats.file_format import read_recording

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
 
-from turnout.lazy import home_of
+from turnout.core.lazy import home_of
 
-PACKAGES = ("turnout", "turnout.plot", "turnout.detection")
+PACKAGES = ("turnout", "turnout.figures", "turnout.detection")
 
 
 def stub_text(package: str) -> str:
@@ -17,7 +17,7 @@ def stub_text(package: str) -> str:
 
     Examples
     --------
-    >>> "from turnout.errors import PanelError as PanelError" in stub_text("turnout")
+    >>> "from turnout.core.errors import PanelError as PanelError" in stub_text("turnout")
     True
     """
     table: Mapping[str, str] = import_module(package).NAMES

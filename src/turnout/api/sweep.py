@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING
 
 import xarray as xr
 
+from turnout.calibration.load_study import load_study
+from turnout.core.errors import StudyError
 from turnout.core.html_table import html_table
-from turnout.errors import StudyError
 from turnout.metric.sweep_map import STATES, end_state, sweep_map
-from turnout.study.load_study import load_study
 from turnout.study.study import Study
-from turnout.sweep.effects import sweep_effects
-from turnout.sweep.export import sweep_table
-from turnout.sweep.read import open_sweep as open_batches
-from turnout.sweep.read import read_labels
-from turnout.sweep.run import SweepProgress
-from turnout.sweep.run import run_sweep as run_batches
+from turnout.study.sweep.effects import sweep_effects
+from turnout.study.sweep.export import sweep_table
+from turnout.study.sweep.read import open_sweep as open_batches
+from turnout.study.sweep.read import read_labels
+from turnout.study.sweep.run import SweepProgress
+from turnout.study.sweep.run import run_sweep as run_batches
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -74,13 +74,13 @@ class Sweep:
         direction : str
             Movement whose forces are shown.
         """
-        from turnout.plot.sweep import plot_sweep_map
+        from turnout.figures.sweep import plot_sweep_map
 
         return plot_sweep_map(cells_of(self.labels, x=x, y=y, direction=direction))
 
     def plot_effects(self) -> "Figure":
         """Draw the sensitivity of each output: Sobol indices of the inputs and main effects."""
-        from turnout.plot.sweep import plot_sweep_effects
+        from turnout.figures.sweep import plot_sweep_effects
 
         return plot_sweep_effects(
             sweep_effects(self.labels), title=str(self.labels.attrs.get("name", ""))

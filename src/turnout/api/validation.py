@@ -10,11 +10,11 @@ import xarray as xr
 from turnout.api.calibration import CalibrationResult
 from turnout.api.campaign import Campaign, dataset_of, throw_store_of
 from turnout.calibration.evaluate import Evaluator
+from turnout.calibration.validation.acceptance import Acceptance, judge
+from turnout.calibration.validation.validate import validate as predict
+from turnout.core.errors import MeasurementError
 from turnout.core.html_table import html_table
-from turnout.errors import MeasurementError
-from turnout.response.store import save_response
-from turnout.validation.acceptance import Acceptance, judge
-from turnout.validation.validate import validate as predict
+from turnout.throw.store import save_response
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -74,7 +74,7 @@ class Validation:
         place : str, optional
             Such as "sleeper 6".
         """
-        from turnout.plot.validation import plot_comparison, plot_error_map
+        from turnout.figures.validation import plot_comparison, plot_error_map
 
         if place is None:
             return plot_error_map(self.dataset)

@@ -10,8 +10,8 @@ import scipy.sparse as sp
 from turnout.beam.element import element_matrices
 from turnout.beam.material import Material
 from turnout.beam.mesh import MERGE_DISTANCE
-from turnout.errors import MechanicsError
-from turnout.section.properties import SectionProperties
+from turnout.beam.section_properties import SectionProperties
+from turnout.core.errors import MechanicsError
 
 FloatArray = npt.NDArray[np.float64]
 

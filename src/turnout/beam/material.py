@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from turnout.errors import MechanicsError
+from turnout.core.errors import MechanicsError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 import numpy.typing as npt
 
-from turnout.errors import MechanicsError
+from turnout.core.errors import MechanicsError
 
 MERGE_DISTANCE = 1e-6
 """Forced positions closer than this become one node [m]."""

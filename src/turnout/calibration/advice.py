@@ -25,7 +25,7 @@ from turnout.calibration.parameter import free_parameter, prior_information, pri
 from turnout.calibration.predict import predicted
 from turnout.calibration.sensors import FoundSensor
 from turnout.calibration.shared import GAIN, shared_of
-from turnout.errors import PanelError, SolverError
+from turnout.core.errors import PanelError, SolverError
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel
 

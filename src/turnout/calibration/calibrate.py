@@ -72,11 +72,11 @@ from turnout.calibration.stage_progress import (
 )
 from turnout.calibration.stages import JOINT_MOVEMENTS, CalibrationPlan, Stage, default_plan
 from turnout.calibration.starts import last_start, nearest_fit, starts_of, with_movements
+from turnout.core.errors import PanelError
 from turnout.core.provenance import provenance
+from turnout.core.scheme import Scheme
 from turnout.core.threads import one_blas_thread
-from turnout.errors import PanelError
 from turnout.panel.load import LoadedPanel
-from turnout.scheme import Scheme
 
 Floats = NDArray[np.float64]
 # A lead of the motors that is seen before any cause is looked for [s].

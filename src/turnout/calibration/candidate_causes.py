@@ -30,7 +30,7 @@ from turnout.calibration.evaluate import Response
 from turnout.calibration.parameter import Parameter, free_parameter
 from turnout.calibration.result import Fitted
 from turnout.calibration.stages import MILLIMETRE, known_to
-from turnout.errors import PanelError
+from turnout.core.errors import PanelError
 from turnout.measurement.chain.recorder_response import (
     BESSEL,
     BUTTERWORTH,

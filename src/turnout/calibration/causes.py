@@ -34,8 +34,8 @@ from turnout.calibration.noise import peaks_of
 from turnout.calibration.result_entries import channel_name
 from turnout.calibration.sensors import found_sensors, needs_lead
 from turnout.calibration.shared import model_error
+from turnout.core.errors import SolverError
 from turnout.core.threads import one_blas_thread
-from turnout.errors import SolverError
 from turnout.panel.load import LoadedPanel
 
 Floats = NDArray[np.float64]

@@ -13,18 +13,18 @@ from typing import Self, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.core.errors import FileError, TurnoutError
 from turnout.core.files import make_folder, write_atomic
 from turnout.core.processes import Tasks, end_pool, no_broken_pool, worker_processes
 from turnout.core.provenance import content_hash, version
+from turnout.core.scheme import Scheme
 from turnout.core.stored_arrays import arrays_from_bytes, arrays_to_bytes
 from turnout.core.threads import one_blas_thread
-from turnout.errors import FileError, TurnoutError
-from turnout.integrate.outcome import Code
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel
-from turnout.response.route import throws
-from turnout.response.simulate import Solved, solve
-from turnout.scheme import Scheme
+from turnout.solver.outcome import Code
+from turnout.throw.route import throws
+from turnout.throw.simulate import Solved, solve
 
 Floats = NDArray[np.float64]
 # Means over cells of this length are kept [s]: an impact keeps its impulse.

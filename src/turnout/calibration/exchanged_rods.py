@@ -11,7 +11,7 @@ from turnout.calibration.measured_movements import BIN, MeasuredMovement, observ
 from turnout.calibration.predict import predicted
 from turnout.calibration.requirements import unmeasured_drives
 from turnout.calibration.stages import spread
-from turnout.errors import MeasurementError
+from turnout.core.errors import MeasurementError
 from turnout.measurement.campaign.sheet_checks import (
     UNTOLD,
     RodCheck,

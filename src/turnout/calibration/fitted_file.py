@@ -7,9 +7,9 @@ import xarray as xr
 from turnout.calibration.fit import Fit
 from turnout.calibration.movement_rows import fitted_signals
 from turnout.calibration.result import Calibration
-from turnout.errors import FileError
-from turnout.response.store import open_response, save_response
-from turnout.schema.channels import SCHEMA_VERSION
+from turnout.core.channels import SCHEMA_VERSION
+from turnout.core.errors import FileError
+from turnout.throw.store import open_response, save_response
 
 KIND = "fitted forces"
 

@@ -10,7 +10,7 @@ import numpy as np
 from turnout.calibration.evaluate import Response
 from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.parameter import Parameter
-from turnout.errors import SolverError
+from turnout.core.errors import SolverError
 
 T = TypeVar("T")
 # Far enough for the noise of the solver, near enough for a straight line [coordinate]: of quick

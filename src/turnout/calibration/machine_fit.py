@@ -21,7 +21,7 @@ from turnout.calibration.running_spans import (
     ran_spans,
     steady_and_slipping,
 )
-from turnout.errors import MeasurementError
+from turnout.core.errors import MeasurementError
 from turnout.machine.clutch_fit import ClutchTrend, SlipLevel, clutch_trend, slip_estimate
 from turnout.machine.current_fit import (
     Estimate,

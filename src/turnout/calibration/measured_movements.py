@@ -10,8 +10,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.calibration.stages import ANY, NONE, Selection, spread
+from turnout.core.errors import MeasurementError, PanelError
 from turnout.core.problems import choices
-from turnout.errors import MeasurementError, PanelError
 from turnout.measurement.campaign.sheet_checks import exchange_remarks
 from turnout.measurement.chain.recorder_response import (
     LEAST_INTERVAL,
@@ -22,7 +22,7 @@ from turnout.measurement.chain.recorder_response import (
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel
 from turnout.panel.markers import movement_time, ordered_movements
-from turnout.virtual.record_throw import DIRECTIONS
+from turnout.study.virtual.record_throw import DIRECTIONS
 
 Floats = NDArray[np.float64]
 # Whole periods of mains of 50 Hz, so that hum averages out; short against a build-up of force [s].

@@ -22,7 +22,7 @@ from turnout.calibration.linearisation import (
 from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.parameter import Parameter, overrides_of
 from turnout.calibration.shared import Shared, shared_of
-from turnout.errors import SolverError
+from turnout.core.errors import SolverError
 
 Floats = NDArray[np.float64]
 

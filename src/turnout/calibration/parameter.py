@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel
 
-from turnout.errors import PanelError
+from turnout.core.errors import PanelError
 from turnout.panel.document import FAMILIES
 from turnout.panel.keys import records_in
 from turnout.panel.load import LoadedPanel

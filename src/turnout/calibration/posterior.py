@@ -12,7 +12,7 @@ from turnout.calibration.covariance import Spread
 from turnout.calibration.emulator import Emulator, emulate, monomial_slopes, reach_of
 from turnout.calibration.fit import Fit
 from turnout.calibration.parameter import flat_information
-from turnout.errors import SolverError
+from turnout.core.errors import SolverError
 
 Floats = NDArray[np.float64]
 SAMPLES = 20_000

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.core.errors import FileError, PanelError
 from turnout.core.files import write_atomic
 from turnout.core.problems import choices, shortened
 from turnout.core.toml import decode, parse_toml, read_bytes
-from turnout.errors import FileError, PanelError
 from turnout.panel.load import LoadedPanel
 
 Floats = NDArray[np.float64]

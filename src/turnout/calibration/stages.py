@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from turnout.calibration.parameter import Parameter, free_parameter
+from turnout.core.errors import PanelError
 from turnout.core.problems import choices, nearest
-from turnout.errors import PanelError
 from turnout.panel.load import LoadedPanel
 
 METHODS = ("sweep", "fit", "sweep and fit")

@@ -10,7 +10,7 @@ from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.movement_effects import update_movement_effects
 from turnout.calibration.parameter import Parameter
-from turnout.errors import SolverError
+from turnout.core.errors import SolverError
 
 # How often movements that join a fit are thrown at their own values before it goes on.
 OWN_PASSES = 2

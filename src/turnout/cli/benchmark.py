@@ -68,8 +68,8 @@ def detection_command(
 ) -> None:
     """Make the benchmark and compare methods; the same command continues an interrupted run."""
     from turnout.cli.sweep import cores
+    from turnout.core.errors import StudyError
     from turnout.core.problems import choices
-    from turnout.errors import StudyError
     from turnout.open_benchmark.data_card import write_card
     from turnout.open_benchmark.definition import PRESETS
     from turnout.open_benchmark.make_throws import make_throws
@@ -132,9 +132,9 @@ def _order(
 
 
 def _figures(folder: Path, conditions: "Conditions", results: dict[str, Any]) -> list[Path]:
+    from turnout.figures.benchmark import plot_benchmark_pod, plot_benchmark_roc
     from turnout.open_benchmark.curves import benchmark_curves, bound_mid_span
     from turnout.open_benchmark.run_methods import RESULTS
-    from turnout.plot.benchmark import plot_benchmark_pod, plot_benchmark_roc
 
     own = results[conditions.name]
     place = folder / RESULTS / conditions.name

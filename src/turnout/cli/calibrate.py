@@ -267,10 +267,10 @@ def _draw(
     """Draw grid searches, intervals, correlations and each movement as fitted."""
     from turnout.cli.watch import Watch
     from turnout.core.files import write_atomic
-    from turnout.plot.calibration import plot_correlations, plot_fit, plot_sweep
-    from turnout.plot.draw import draw_sheet
-    from turnout.plot.style import rendered
-    from turnout.report.calibration import interval_sheet
+    from turnout.figures.calibration import plot_correlations, plot_fit, plot_sweep
+    from turnout.figures.draw import draw_sheet
+    from turnout.figures.report.calibration import interval_sheet
+    from turnout.figures.style import rendered
 
     made: dict[str, Callable[[], Any]] = {}
     for number, item in enumerate(sweeps, 1):

@@ -126,7 +126,7 @@ def build_command(
     )
     if not quiet and not as_json:
         _print_campaign(campaign, remarks=False)
-    from turnout.response.store import save_response
+    from turnout.throw.store import save_response
 
     save_response(usable_dataset(campaign, folder), target)
     if as_json:
@@ -167,15 +167,15 @@ def plot_command(
     target = out if out is not None else Path("campaign.png")
     check_outputs({"--out": target}, {"--out": FIGURES})
     if direction not in ("closing", "opening"):
-        from turnout.errors import FileError
+        from turnout.core.errors import FileError
 
         message = f"--direction {direction}: must be closing or opening"
         raise FileError(message)
     place = None if place is None else _place(place)
     dataset = dataset_of(source, channels, out=target, allow_outside=allow_outside, quiet=quiet)
     from turnout.core.files import write_atomic
-    from turnout.plot.campaign import plot_overview, plot_stacked
-    from turnout.plot.style import rendered
+    from turnout.figures.campaign import plot_overview, plot_stacked
+    from turnout.figures.style import rendered
 
     if place is None:
         figure = plot_overview(dataset, direction=direction)
@@ -187,7 +187,7 @@ def plot_command(
 
 
 def _place(text: str) -> str:
-    from turnout.errors import FileError
+    from turnout.core.errors import FileError
     from turnout.measurement.campaign.run_sheet import normal_place
 
     try:
@@ -251,11 +251,11 @@ def dataset_of(
     if out is not None:
         refuse_to_write_outside(out, received)
     if source.suffix.lower() == ".nc":
-        from turnout.response.store import open_response
+        from turnout.throw.store import open_response
 
         dataset = open_response(source)
         if "movement" not in dataset.dims:
-            from turnout.errors import FileError
+            from turnout.core.errors import FileError
 
             message = f"{source}: holds one run, not a campaign; `turnout simulate --plot` draws it"
             raise FileError(message)
@@ -272,7 +272,7 @@ def dataset_of(
 def usable_dataset(campaign: "BuiltCampaign", source: Path) -> "xr.Dataset":
     """Return the dataset of a campaign, which must have a usable movement."""
     if campaign.dataset is None:
-        from turnout.errors import MeasurementError
+        from turnout.core.errors import MeasurementError
 
         problems = [f"{who}: {'; '.join(reasons)}" for who, reasons in excluded_movements(campaign)]
         raise MeasurementError(problems, source=f"{source}: no movement is usable")

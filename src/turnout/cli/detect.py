@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
     from turnout.detection.detector.knowledge import Knowledge
     from turnout.detection.detector.throw_verdict import Verdict
-    from turnout.sweep.run import SweepProgress
+    from turnout.study.sweep.run import SweepProgress
 
 EXIT_NOT_SOUND = 1
 WORTH_SAYING = 1.2
@@ -112,13 +112,13 @@ def train_command(
 ) -> None:
     """Throw a population of switches with and without objects, and learn to distinguish them."""
     check_outputs({"--out": out}, {"--out": (".detector",)})
+    from turnout.calibration.load_study import load_study
     from turnout.cli.options import opened_panel
     from turnout.cli.sweep import cores
     from turnout.detection.detector.allowances import Allowances
     from turnout.detection.detector.detector import Detector
     from turnout.detection.detector.train_detector import train_detector
     from turnout.detection.detector.training_sets import Counts
-    from turnout.study.load_study import load_study
 
     allowances = Allowances(discrepancy=discrepancy)
     counts = {"sound": sound, "objects": objects, "defects": defects, "switches": switches}
@@ -151,8 +151,8 @@ def train_command(
 
 
 def _quantity(channels: str) -> str:
+    from turnout.core.errors import FileError
     from turnout.detection.conditions import UNITS
-    from turnout.errors import FileError
 
     if channels not in UNITS:
         message = f"--channels {channels}: allowed are {', '.join(UNITS)}"
@@ -231,9 +231,9 @@ def learn_command(
 ) -> None:
     """Add sound throws of one switch to its detector; what is not called sound is left out."""
     check_outputs({"--out": out}, {"--out": (".detector",)})
+    from turnout.core.errors import FileError
     from turnout.detection.detector.another_switch import misfit_remark
     from turnout.detection.detector.detector import Detector
-    from turnout.errors import FileError
 
     found = Detector.load(detector)
     if reset:
@@ -321,8 +321,8 @@ def report_command(
     """Judge throws and write one HTML file: findings, a row a throw, trend of friction."""
     check_outputs({"--out": out}, {"--out": (".html",)})
     from turnout.detection.detector.detector import Detector
-    from turnout.report.detection import detection_page
-    from turnout.report.page import page_html
+    from turnout.figures.report.detection import detection_page
+    from turnout.figures.report.page import page_html
 
     found = Detector.load(detector, false_alarm_rate=known_rate(far))
     verdicts = found.predict(read_recordings(recordings, channels, found))

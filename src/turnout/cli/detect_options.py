@@ -40,8 +40,8 @@ RateOption = Annotated[
 
 def known_rate(far: float) -> float:
     """Return a rate of false alarms for which thresholds are known."""
+    from turnout.core.errors import FileError
     from turnout.detection.alarm_threshold import RATES
-    from turnout.errors import FileError
 
     if far not in RATES:
         allowed = ", ".join(f"{rate:g}" for rate in RATES)
@@ -57,9 +57,9 @@ def read_recordings(
 
     Where one names another panel than the detector's, a note goes to stderr.
     """
+    from turnout.core.errors import FileError
     from turnout.detection.detector.another_switch import panel_remark
     from turnout.detection.detector.reading import read_throws
-    from turnout.errors import FileError
 
     found = []
     for path in recordings:

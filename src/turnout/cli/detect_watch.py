@@ -39,8 +39,8 @@ def watch_command(
     ] = False,
 ) -> None:
     """Judge each new file of a folder once, until interrupted; a bad file stops nothing."""
+    from turnout.core.errors import FileError
     from turnout.detection.detector.detector import Detector
-    from turnout.errors import FileError
 
     found = Detector.load(detector, false_alarm_rate=known_rate(far))
     if not folder.is_dir():
@@ -84,8 +84,8 @@ def _files(folder: Path) -> list[tuple[Path, tuple[int, int]]]:
 
 
 def _judge_file(found: "Detector", path: Path, channels: Path | None, *, as_json: bool) -> None:
+    from turnout.core.errors import TurnoutError
     from turnout.detection.detector.throw_verdict import cannot_judge
-    from turnout.errors import TurnoutError
 
     try:
         verdicts = found.predict(read_recordings([path], channels, found))

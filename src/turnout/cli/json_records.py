@@ -9,19 +9,19 @@ if TYPE_CHECKING:
     import numpy as np
     import xarray as xr
 
-    from turnout.analysis.panel_check import Concern
-    from turnout.analysis.test_piece import PieceLimit
     from turnout.calibration.drive_law.compare import LawComparison
     from turnout.calibration.result import Calibration
+    from turnout.calibration.validation.acceptance import Acceptance
     from turnout.cli.show import Thrown
     from turnout.measurement.campaign.build_campaign import BuiltCampaign
     from turnout.measurement.chain.apply import MappedChannel
     from turnout.measurement.recording import Recording
+    from turnout.metric.panel_check import Concern
     from turnout.metric.sensitivity import OutputEffects
+    from turnout.metric.test_piece import PieceLimit
     from turnout.panel.load import LoadedPanel
     from turnout.study.study import Study
-    from turnout.sweep.forecast import Forecast
-    from turnout.validation.acceptance import Acceptance
+    from turnout.study.sweep.forecast import Forecast
 
 Record = dict[str, Any]
 
@@ -73,8 +73,8 @@ def run_record(dataset: "xr.Dataset") -> tuple[Record, dict[str, str]]:
 def panel_record(panel: "LoadedPanel", thrown: "Thrown | None" = None) -> Record:
     """Return a panel with every value and its origin, and the results of its throws."""
     from turnout.cli.show import gap_places
+    from turnout.figures.report.values import value_groups
     from turnout.panel.layout import resting_gap
-    from turnout.report.values import value_groups
 
     record: Record = {
         "panel": panel.name,
@@ -151,7 +151,7 @@ def check_record(
 
 def mode_record(dataset: "xr.Dataset", panel: "LoadedPanel", factors: Sequence[float]) -> Record:
     """Return frequencies and motions of every mode, and the stability of sliding."""
-    from turnout.analysis.stability import friction_stability
+    from turnout.metric.stability import friction_stability
 
     sliding = bool(panel.movement and panel.chair)
     stability = [friction_stability(panel, friction_factor=item) for item in factors if sliding]

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from turnout.detection.reference import Conditions
     from turnout.detection.throws import Throws
     from turnout.panel.load import LoadedPanel
-    from turnout.sweep.run import SweepProgress
+    from turnout.study.sweep.run import SweepProgress
 
 TEXTS = {
     "sound": "sound throws",
@@ -241,9 +241,9 @@ def conditions_of_options(**values: float | int | str) -> "Conditions":
     """Return conditions; refuse what has no meaning by its option, warn of an exact model."""
     from types import SimpleNamespace
 
+    from turnout.core.errors import StudyError
     from turnout.detection.conditions import condition_faults
     from turnout.detection.reference import Conditions
-    from turnout.errors import StudyError
 
     faults = condition_faults(SimpleNamespace(**values))
     if faults:
@@ -299,8 +299,8 @@ def _members(
     panels: str | None, given: "LoadedPanel | None", *, over_travel: bool, most: int | None
 ) -> "list[Member]":
     """Return the panels that bands are wanted for."""
+    from turnout.core.errors import FileError
     from turnout.detection.limit.bands import over_travels, panels_of
-    from turnout.errors import FileError
 
     if panels is None:
         if most is not None:
@@ -314,7 +314,7 @@ def _members(
 
 
 def _of_one_panel(options: "Mapping[str, bool]") -> None:
-    from turnout.errors import FileError
+    from turnout.core.errors import FileError
 
     wanted = [name for name, given in options.items() if given]
     if wanted:

@@ -38,12 +38,12 @@ def write_bands(
 
     still = quiet or as_json
     if out is not None:
-        from turnout.response.store import response_bytes
+        from turnout.throw.store import response_bytes
 
         write_and_report(out, response_bytes(found), quiet=still)
     if plot is not None:
-        from turnout.plot.limit import plot_bands
-        from turnout.plot.style import rendered
+        from turnout.figures.limit import plot_bands
+        from turnout.figures.style import rendered
 
         write_and_report(plot, rendered(plot_bands(found), plot.suffix), quiet=still)
     rows = band_rows(found)
@@ -85,12 +85,12 @@ def write_map(
 
     still = quiet or as_json
     if out is not None:
-        from turnout.response.store import response_bytes
+        from turnout.throw.store import response_bytes
 
         write_and_report(out, response_bytes(found), quiet=still)
     if plot is not None:
-        from turnout.plot.limit import plot_limit
-        from turnout.plot.style import rendered
+        from turnout.figures.limit import plot_limit
+        from turnout.figures.style import rendered
 
         write_and_report(plot, rendered(plot_limit(found), plot.suffix), quiet=still)
     if as_json:

@@ -9,7 +9,7 @@ from turnout.cli.json_output import JsonOption, print_json, print_library
 from turnout.cli.machine_fit import fit_command
 from turnout.cli.machine_monitor import monitor_command
 from turnout.cli.options import FIGURES, check_outputs, first_sentence
-from turnout.errors import FileError, SolverError
+from turnout.core.errors import FileError, SolverError
 
 if TYPE_CHECKING:
     from turnout.machine.machine_file import LoadedMachines
@@ -101,7 +101,7 @@ def run_command(
     from turnout.machine.compute.one_mass import throw as kernel
     from turnout.machine.machine_file import load_machines
     from turnout.machine.one_mass_throw import throw_one_mass
-    from turnout.response.compilation import must_compile
+    from turnout.throw.compilation import must_compile
 
     loaded = load_machines(machine)
     if settings:
@@ -146,17 +146,17 @@ def _write(throw: "MachineThrow", out: Path | None, plot: Path | None) -> None:
     """Write the histories and the figure, to the given paths."""
     if out is None and plot is None:
         return
-    from turnout.response.machine import machine_dataset
+    from turnout.throw.machine import machine_dataset
 
     dataset = machine_dataset(throw)
     if out is not None:
-        from turnout.response.store import save_response
+        from turnout.throw.store import save_response
 
         save_response(dataset, out)
     if plot is not None:
         from turnout.core.files import write_atomic
-        from turnout.plot.machine import plot_machine
-        from turnout.plot.style import rendered
+        from turnout.figures.machine import plot_machine
+        from turnout.figures.style import rendered
 
         write_atomic(plot, rendered(plot_machine(dataset), plot.suffix))
 

@@ -96,7 +96,7 @@ def fit_command(
             f"drive {name} has an anchor but no --idle {name}='...': the current with the rod off"
         )
     if problems:
-        from turnout.errors import MachineError
+        from turnout.core.errors import MachineError
 
         raise MachineError(problems, source="options")
     dataset = dataset_of(source, None, allow_outside=allow_outside, quiet=quiet or as_json)

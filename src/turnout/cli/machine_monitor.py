@@ -47,7 +47,7 @@ def monitor_command(
         monitoring_recording,
     )
     from turnout.measurement.formats.file_format import write_recording
-    from turnout.response.store import open_response
+    from turnout.throw.store import open_response
 
     chosen = monitoring_of(rate=rate, together=together, current_step=current_step)
     stored = monitored(open_response(run), chosen)

@@ -13,8 +13,8 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from turnout.cli.options import INTERRUPTED
+from turnout.core.errors import TurnoutError
 from turnout.core.lean_imports import without_blas_threads, without_plugins
-from turnout.errors import TurnoutError
 
 BAD_INPUT = 2
 

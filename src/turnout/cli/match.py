@@ -18,10 +18,10 @@ from turnout.cli.options import (
 from turnout.core.value_text import shown_unit
 
 if TYPE_CHECKING:
-    from turnout.matching.facts import Facts
-    from turnout.matching.match import Matching, MatchProgress
-    from turnout.matching.remaining import Gain, Range
-    from turnout.matching.survey import Survey
+    from turnout.calibration.matching.facts import Facts
+    from turnout.calibration.matching.match import Matching, MatchProgress
+    from turnout.calibration.matching.remaining import Gain, Range
+    from turnout.calibration.matching.survey import Survey
 
 SECONDS_BETWEEN_LINES = 10.0
 DRAWN = 8
@@ -59,9 +59,9 @@ def match_command(
     emulators of the earlier ones leave facts possible.
     """
     check_outputs({"--study": study, "--plot": plot}, {"--study": (".toml",), "--plot": FIGURES})
-    from turnout.matching.facts import load_facts
-    from turnout.matching.match import match_panel
-    from turnout.matching.survey import survey
+    from turnout.calibration.matching.facts import load_facts
+    from turnout.calibration.matching.match import match_panel
+    from turnout.calibration.matching.survey import survey
 
     read = load_facts(facts)
     log = _Log(quiet=quiet)
@@ -114,17 +114,17 @@ def _write(
     plot: Path | None,
     quiet: bool,
 ) -> None:
-    from turnout.matching.propose import farthest_points
+    from turnout.calibration.matching.propose import farthest_points
 
     if study is not None and len(shown.points):
-        from turnout.matching.ensemble import study_text
+        from turnout.calibration.matching.ensemble import study_text
 
         chosen = shown.points[farthest_points(shown.points, choose)]
         write_and_report(study, study_text(facts, chosen, name=study.stem), quiet=quiet)
     if plot is not None and len(shown.points) > 2:
-        from turnout.matching.remaining import ranges
-        from turnout.plot.pairs import plot_pairs
-        from turnout.plot.style import rendered
+        from turnout.calibration.matching.remaining import ranges
+        from turnout.figures.pairs import plot_pairs
+        from turnout.figures.style import rendered
 
         left = [item.left for item in ranges(facts, shown.points)]
         numbers = sorted(sorted(range(len(left)), key=left.__getitem__)[:DRAWN])
@@ -147,7 +147,7 @@ def _axis(name: str, unit: str) -> tuple[str, float]:
 
 def match_record(found: "Matching", shown: "Survey") -> dict[str, object]:
     """Return a matching for `--json`, in SI."""
-    from turnout.matching.remaining import answer_rows, combinations, gains, ranges
+    from turnout.calibration.matching.remaining import answer_rows, combinations, gains, ranges
 
     facts, points = found.facts, shown.points
     known = len(points) > 2
@@ -185,7 +185,7 @@ def waves(found: "Matching") -> list[dict[str, float]]:
 
 def match_lines(found: "Matching", shown: "Survey") -> list[str]:
     """Return a matching as lines for the screen."""
-    from turnout.matching.remaining import (
+    from turnout.calibration.matching.remaining import (
         FEWEST,
         answer_rows,
         combinations,

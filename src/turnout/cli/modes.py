@@ -16,7 +16,7 @@ from turnout.cli.options import (
     opened_panel,
     write_and_report,
 )
-from turnout.errors import FileError
+from turnout.core.errors import FileError
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -69,19 +69,19 @@ def modes_command(
         raise FileError(message)
     loaded = opened_panel(panel, settings, calibration)
 
-    from turnout.analysis.modes import modes
+    from turnout.metric.modes import modes
 
     dataset = modes(loaded, count=count)
     figure = b""
     if plot is not None:
-        from turnout.plot.modes import plot_modes
-        from turnout.plot.style import rendered
+        from turnout.figures.modes import plot_modes
+        from turnout.figures.style import rendered
 
         figure = rendered(plot_modes(dataset, system=system), plot.suffix)
     if not as_json:
         _print_modes(loaded, dataset, reduction=reduction)
     if out is not None:
-        from turnout.response.store import save_response
+        from turnout.throw.store import save_response
 
         save_response(dataset, out)
         if not as_json:
@@ -100,7 +100,7 @@ def _print_modes(panel: "LoadedPanel", dataset: "xr.Dataset", *, reduction: bool
     for line in (*mode_lines(dataset), *stability_lines(panel)):
         typer.echo(line)
     if reduction:
-        from turnout.analysis.modes import reduction_texts
+        from turnout.metric.modes import reduction_texts
 
         for name, text in reduction_texts(panel).items():
             typer.echo(f"\nreduction of rail {name}\n{text}")
@@ -131,7 +131,7 @@ def mode_lines(dataset: "xr.Dataset") -> Iterator[str]:
 
 def stability_lines(panel: "LoadedPanel") -> Iterator[str]:
     """Yield the stability of steady sliding, at the panel's friction and at 1.25 times it."""
-    from turnout.analysis.stability import friction_stability
+    from turnout.metric.stability import friction_stability
 
     if not panel.movement or not panel.chair:
         return

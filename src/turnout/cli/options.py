@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
-from turnout.errors import FileError, TurnoutError
+from turnout.core.errors import FileError, TurnoutError
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -215,7 +215,7 @@ def opened_panel(
         From `turnout calibrate`. If it is of another panel, a note goes to stderr; if the panel
         lacks a calibrated key, that is an error.
     """
-    from turnout.study.case import load_panel_or_case
+    from turnout.calibration.case import load_panel_or_case
 
     if calibration is None:
         panel = load_panel_or_case(name if name is not None else DEFAULT_PANEL)

@@ -22,7 +22,7 @@ from turnout.cli.options import (
     print_schema,
     write_and_report,
 )
-from turnout.errors import FileError
+from turnout.core.errors import FileError
 
 app = typer.Typer(
     help="Switch panels: list, show, new, check, match, sections, modes, export, schema.",
@@ -64,8 +64,8 @@ def show_command(
 ) -> None:
     """Show a panel: plan, closed gap, force margins, test piece, assumptions."""
     check_outputs({"--plot": plot}, {"--plot": FIGURES})
+    from turnout.calibration.case import case_of
     from turnout.cli.show import panel_lines, thrown
-    from turnout.study.case import case_of
 
     opened = opened_panel(panel, settings, calibration)
     found = thrown(opened) if throw else None
@@ -73,8 +73,8 @@ def show_command(
         for line in panel_lines(opened, case=case_of(panel), thrown=found, values=values):
             typer.echo(line)
     if plot is not None:
-        from turnout.plot.plan import plot_plan
-        from turnout.plot.style import rendered
+        from turnout.figures.plan import plot_plan
+        from turnout.figures.style import rendered
 
         figure = plot_plan(opened, dataset=found.dataset if found else None)
         write_and_report(plot, rendered(figure, plot.suffix), quiet=as_json)
@@ -142,14 +142,14 @@ def check_command(
     panel = opened_panel(file, settings, calibration)
     if not as_json:
         typer.echo(f"{file}: OK ({panel.name}, hash {panel.hash[:12]})")
-    from turnout.analysis.panel_check import (
+    from turnout.cli.show import least_pieces, thrown_alone
+    from turnout.metric.panel_check import (
         concern_lines,
         file_concerns,
         panel_concerns,
         piece_concerns,
         piece_lines,
     )
-    from turnout.cli.show import least_pieces, thrown_alone
 
     dataset = thrown_alone(panel) if throw else None
     found = file_concerns(panel) if dataset is None else panel_concerns(panel, dataset)
@@ -190,7 +190,7 @@ def sections_command(
 
     opened = opened_panel(panel, settings, calibration)
     if not as_json:
-        from turnout.analysis.panel_check import planing_concerns
+        from turnout.metric.panel_check import planing_concerns
 
         for line in section_lines(opened):
             typer.echo(line)
@@ -198,7 +198,7 @@ def sections_command(
             typer.echo(f"turnout: warning: {concern.text}", err=True)
     if plot is not None:
         from turnout.cli.sections import section_figure
-        from turnout.plot.style import rendered
+        from turnout.figures.style import rendered
 
         figure = section_figure(opened, opened.instrumented_rail)
         write_and_report(plot, rendered(figure, plot.suffix), quiet=as_json)
@@ -227,8 +227,8 @@ def export_command(
     calibration: CalibrationOption = None,
 ) -> None:
     """Write the full and reduced matrices of every rail for other programs (.mat)."""
-    from turnout.analysis.export import export_matrices
     from turnout.cli.options import made_folder
+    from turnout.metric.export import export_matrices
 
     opened = opened_panel(panel, settings, calibration)
     folder = made_folder("--out", out)

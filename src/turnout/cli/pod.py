@@ -121,8 +121,8 @@ def pod_command(
         write_and_report(out, _content(found, out.suffix.lower()), quiet=still)
     if plot is not None:
         from turnout.detection.pod.pod_result import pod_dataset
-        from turnout.plot.pod import plot_pod
-        from turnout.plot.style import rendered
+        from turnout.figures.pod import plot_pod
+        from turnout.figures.style import rendered
 
         write_and_report(plot, rendered(plot_pod(pod_dataset(found)), plot.suffix), quiet=still)
     if roc is not None:
@@ -148,11 +148,11 @@ def _roc_figure(
     """Return the figure of detections against false alarms; empty where it is not wanted."""
     if path is None:
         return b""
+    from turnout.core.errors import FileError
     from turnout.detection.pod.roc import campaign_roc
-    from turnout.errors import FileError
-    from turnout.plot.roc import plot_roc
-    from turnout.plot.style import rendered
-    from turnout.response.store import open_response
+    from turnout.figures.roc import plot_roc
+    from turnout.figures.style import rendered
+    from turnout.throw.store import open_response
 
     if limit is None:
         message = "--roc: name the bound, a file of `turnout limit -o`, as --limit FILE.nc"
@@ -168,8 +168,8 @@ def _roc_figure(
 
 def _responses(texts: dict[str, str | None], throws: "TestThrows") -> dict[str, float]:
     """Return the responses that options give, in the unit of the table, or refuse them at once."""
+    from turnout.core.errors import StudyError
     from turnout.detection.pod.pod_table import response_value
-    from turnout.errors import StudyError
 
     found, faults = {}, []
     for option, text in texts.items():
@@ -190,7 +190,7 @@ def _content(found: "Pod", suffix: str) -> bytes | str:
 
     dataset = pod_dataset(found)
     if suffix == ".nc":
-        from turnout.response.store import response_bytes
+        from turnout.throw.store import response_bytes
 
         return response_bytes(dataset)
     names = ("required_size", "required_size_bound")

@@ -86,8 +86,8 @@ def _checked(
     channels: str | None, *, out: Path | None, suggest: Path | None, smooth: str | None
 ) -> float | None:
     """Refuse conflicting options, all at once; return the filter window [s]."""
+    from turnout.core.errors import FileError
     from turnout.core.units import TIME, parse_quantity
-    from turnout.errors import FileError
 
     problems = []
     if channels is None:
@@ -126,8 +126,8 @@ def _list(
         typer.echo(line)
     if plot is not None:
         from turnout.core.files import write_atomic
-        from turnout.plot.recording import Trace, plot_columns
-        from turnout.plot.style import rendered
+        from turnout.figures.recording import Trace, plot_columns
+        from turnout.figures.style import rendered
 
         traces = [Trace(c.name, c.unit, c.time, c.values) for c in recording.channels.values()]
         title = Path(recording.source).name
@@ -194,14 +194,14 @@ def _convert(
     for line in () if as_json else summary(dataset, channel_map):
         typer.echo(line)
     if out is not None:
-        from turnout.response.store import save_response
+        from turnout.throw.store import save_response
 
         save_response(dataset, out)
         _written(out, as_json=as_json)
     if plot is not None:
         from turnout.core.files import write_atomic
-        from turnout.plot.recording import plot_measured
-        from turnout.plot.style import rendered
+        from turnout.figures.recording import plot_measured
+        from turnout.figures.style import rendered
 
         title = Path(recording.source).name
         write_atomic(plot, rendered(plot_measured(dataset, title=title), plot.suffix))

@@ -18,8 +18,8 @@ from turnout.cli.options import (
 if TYPE_CHECKING:
     import xarray as xr
 
+    from turnout.figures.report.page import Page
     from turnout.panel.load import LoadedPanel
-    from turnout.report.page import Page
 
 FORMS = (".pdf", ".png", ".svg")
 # In the folder that `turnout validate -o` fills.
@@ -68,7 +68,7 @@ def report_command(
     else:
         page, files = _file_page(source, panel, drawn=folder is not None)
     from turnout.core.files import write_atomic
-    from turnout.report.page import page_html
+    from turnout.figures.report.page import page_html
 
     if folder is not None:
         for name, content in {**_pictures(page), **files}.items():
@@ -91,10 +91,10 @@ def _pictures(page: "Page") -> dict[str, bytes]:
 
 def _sweep_page(source: Path, *, drawn: bool) -> "tuple[Page, Mapping[str, bytes]]":
     """Return the page of a sweep's folder, with sensitivities where the sampling allows them."""
-    from turnout.errors import ResponseError
-    from turnout.report.sweep import sweep_figures, sweep_page
-    from turnout.sweep.effects import sweep_effects
-    from turnout.sweep.read import read_labels
+    from turnout.core.errors import ResponseError
+    from turnout.figures.report.sweep import sweep_figures, sweep_page
+    from turnout.study.sweep.effects import sweep_effects
+    from turnout.study.sweep.read import read_labels
 
     labels = read_labels(source)
     try:
@@ -110,7 +110,7 @@ def _folder_page(
     source: Path, channels: str | None, *, drawn: bool, quiet: bool
 ) -> "tuple[Page, Mapping[str, bytes]]":
     """Return the page of a campaign's folder, with exclusions and reasons."""
-    from turnout.report.campaign import campaign_figures, campaign_page
+    from turnout.figures.report.campaign import campaign_figures, campaign_page
 
     campaign = built_campaign(source, channels, strict=False, quiet=quiet)
     dataset = usable_dataset(campaign, source)
@@ -129,9 +129,9 @@ def _calibration_page(
     """Return the page of a calibration, with the inputs of its panel if that can be loaded."""
     from turnout.calibration.fitted_file import load_signals
     from turnout.calibration.result import load_calibration
-    from turnout.errors import FileError, PanelError
+    from turnout.core.errors import FileError, PanelError
+    from turnout.figures.report.calibration import calibration_page
     from turnout.panel.load import load_panel
-    from turnout.report.calibration import calibration_page
 
     calibration = load_calibration(source)
     used: LoadedPanel | None = None
@@ -159,39 +159,39 @@ def _file_page(
     source: Path, panel: str | None, *, drawn: bool
 ) -> "tuple[Page, Mapping[str, bytes]]":
     """Return the page of a dataset: one run, a campaign or a validation."""
-    from turnout.response.store import open_response
+    from turnout.throw.store import open_response
 
     dataset = open_response(source)
     forms = FORMS if drawn else FORMS[:1]
     if dataset.attrs.get("kind") == "validation":
-        from turnout.report.validation import validation_figures, validation_page
+        from turnout.figures.report.validation import validation_figures, validation_page
 
         files = validation_figures(dataset, suffixes=FORMS) if drawn else {}
         return validation_page(dataset, suffixes=forms), files
     if "throw" in dataset.dims:
-        from turnout.report.sequence import sequence_page
+        from turnout.figures.report.sequence import sequence_page
 
         return sequence_page(dataset), {}
     if dataset.attrs.get("kind") == "limit":
-        from turnout.report.blind_zones import blind_zone_page
+        from turnout.figures.report.blind_zones import blind_zone_page
 
         return blind_zone_page(dataset, suffixes=forms), {}
     if "movement" not in dataset.dims:
         return _run_page(dataset, source, panel), {}
-    from turnout.report.campaign import campaign_figures, campaign_page
+    from turnout.figures.report.campaign import campaign_figures, campaign_page
 
     page = campaign_page(dataset, suffixes=forms)
     return page, campaign_figures(dataset, suffixes=FORMS) if drawn else {}
 
 
 def _run_page(dataset: "xr.Dataset", source: Path, panel: str | None) -> "Page":
-    from turnout.report.inputs import panel_of
-    from turnout.report.run import run_page
+    from turnout.figures.report.inputs import panel_of
+    from turnout.figures.report.run import run_page
 
     given = opened_panel(panel, []) if panel is not None else None
     used = panel_of(dataset.attrs, panel=given)
     if given is not None and used is None:
-        from turnout.errors import FileError
+        from turnout.core.errors import FileError
 
         message = (
             f"--panel {panel}: is not the panel of {source}, which is "

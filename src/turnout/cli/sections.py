@@ -35,7 +35,7 @@ def section_figure(panel: "LoadedPanel", rail: str) -> Any:
     section = panel.rail[rail].section
     if section in panel.outline_section or section in panel.planed_section:
         return _outlines(panel, rail)
-    from turnout.plot.sections import plot_section_values
+    from turnout.figures.sections import plot_section_values
 
     x = rail_stations(panel, rail)
     title = f"{panel.name}: section '{section}' of rail {rail}"
@@ -43,8 +43,8 @@ def section_figure(panel: "LoadedPanel", rail: str) -> Any:
 
 
 def _outlines(panel: "LoadedPanel", rail: str) -> Any:
+    from turnout.figures.sections import plot_section_outlines
     from turnout.mechanism.rail_sections import in_panel_axes, section_outlines, station_columns
-    from turnout.plot.sections import plot_section_outlines
 
     section = panel.rail[rail].section
     pairs = section_outlines(panel, section)

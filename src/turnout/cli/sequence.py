@@ -10,10 +10,10 @@ import typer
 if TYPE_CHECKING:
     import xarray as xr
 
+    from turnout.core.scheme import Scheme
     from turnout.panel.foreign_object import ForeignObject
     from turnout.panel.load import LoadedPanel
-    from turnout.response.drift import Drift
-    from turnout.scheme import Scheme
+    from turnout.throw.drift import Drift
 
 MOST_ROWS = 20
 """Throws that are printed; all are in the file and in --json."""
@@ -34,9 +34,9 @@ def read_drift(settings: Sequence[str]) -> "Drift":
     """
     from dataclasses import fields
 
+    from turnout.core.errors import FileError, ResponseError
     from turnout.core.problems import choices, nearest
-    from turnout.errors import FileError, ResponseError
-    from turnout.response.drift import Drift
+    from turnout.throw.drift import Drift
 
     names = [item.name for item in fields(Drift)]
     found: dict[str, Any] = {}
@@ -68,7 +68,7 @@ def read_drift(settings: Sequence[str]) -> "Drift":
 
 def _number_or_text(key: str, value: str) -> int | float | str:
     """Return a plain number; what needs a unit keeps its text, and a bare number is refused."""
-    from turnout.response.drift import WITH_UNIT
+    from turnout.throw.drift import WITH_UNIT
 
     if key in WITH_UNIT:
         return value
@@ -89,7 +89,7 @@ def run_sequence(
 ) -> "xr.Dataset":
     """Make the throws with progress; those until an interruption or a failure come back."""
     from turnout.cli.watch import watched
-    from turnout.response.sequence import simulate_sequence
+    from turnout.throw.sequence import simulate_sequence
 
     with watched(f"simulating {throws} throws of {panel.name}", quiet=quiet) as watch:
         return simulate_sequence(

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from turnout.figures.report.values import assumption_lines, value_lines
 from turnout.panel.layout import extent, resting_gap, stands_at
 from turnout.panel.unusual import unusual_values
-from turnout.report.values import assumption_lines, value_lines
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from turnout.analysis.test_piece import PieceLimit, PieceResult
+    from turnout.metric.test_piece import PieceLimit, PieceResult
     from turnout.panel.load import LoadedPanel
     from turnout.panel.model import Panel
     from turnout.panel.records import Rail
@@ -323,7 +323,7 @@ def _bushing_note(panel: "LoadedPanel") -> Iterator[str]:
 def thrown_alone(panel: "LoadedPanel", *, quiet: bool = False) -> "xr.Dataset":
     """Throw a panel without a foreign object; a run that ends early comes back as it is."""
     from turnout.cli.watch import watched
-    from turnout.response.simulate import simulate
+    from turnout.throw.simulate import simulate
 
     with watched(f"throwing {panel.name}", quiet=quiet) as watch:
         return simulate(panel, throw=False, report=watch.report)
@@ -331,9 +331,9 @@ def thrown_alone(panel: "LoadedPanel", *, quiet: bool = False) -> "xr.Dataset":
 
 def thrown_on_pieces(panel: "LoadedPanel") -> "list[PieceResult]":
     """Throw a panel on a test piece at each of its drives."""
-    from turnout.analysis.test_piece import PieceResult, check_piece
     from turnout.cli.watch import watched
-    from turnout.errors import PanelError
+    from turnout.core.errors import PanelError
+    from turnout.metric.test_piece import PieceResult, check_piece
 
     results = []
     for drive, size in panel.gap_limits().items():
@@ -348,8 +348,8 @@ def thrown_on_pieces(panel: "LoadedPanel") -> "list[PieceResult]":
 
 def least_pieces(panel: "LoadedPanel", *, quiet: bool = False) -> "list[PieceLimit]":
     """Find the least piece at each drive that keeps a panel from locking."""
-    from turnout.analysis.test_piece import least_piece
     from turnout.cli.watch import watched
+    from turnout.metric.test_piece import least_piece
 
     found = []
     for drive in panel.drive:

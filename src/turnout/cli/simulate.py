@@ -31,8 +31,8 @@ from turnout.core.lean_imports import import_scipy, without_packages
 if TYPE_CHECKING:
     import xarray as xr
 
+    from turnout.core.scheme import Scheme
     from turnout.panel.load import LoadedPanel
-    from turnout.scheme import Scheme
 
 
 def simulate_command(
@@ -178,9 +178,9 @@ def _simulate_throws(
 ) -> None:
     """Simulate throws in a row and show or write them; those until an interruption too."""
     from turnout.cli.sequence import print_sequence, read_drift, run_sequence, sequence_record
-    from turnout.errors import FileError
+    from turnout.core.errors import FileError
     from turnout.panel.object_text import parse_objects
-    from turnout.response.store import save_response
+    from turnout.throw.store import save_response
 
     if throws is None:
         message = "--drift: changes from throw to throw; say how many with --throws"
@@ -216,10 +216,10 @@ def preload(*, plots: bool) -> None:
     failure here occurs again, with its message, when the dataset is made.
     """
     with contextlib.suppress(Exception):
-        importlib.import_module("turnout.response.dataset")
+        importlib.import_module("turnout.throw.dataset")
         importlib.import_module("xarray")
         if plots:
-            importlib.import_module("turnout.plot.throw")
+            importlib.import_module("turnout.figures.throw")
 
 
 def _run(
@@ -238,7 +238,7 @@ def _run(
     from turnout.cli.watch import watched
     from turnout.panel.foreign_object import resolve_objects
     from turnout.panel.object_text import parse_objects
-    from turnout.response.save import Save
+    from turnout.throw.save import Save
 
     panel, foreign, (chosen, save, _) = collect_errors(
         lambda: opened_panel(name, settings, calibration),
@@ -247,8 +247,8 @@ def _run(
     )
     objects_placed = resolve_objects(panel, foreign)
 
-    from turnout.response.placed import check_placed
-    from turnout.response.simulate import release_memory, simulate_placed
+    from turnout.throw.placed import check_placed
+    from turnout.throw.simulate import release_memory, simulate_placed
 
     rehearsal = threading.Thread(target=preload, kwargs={"plots": plots}, daemon=True)
 
@@ -281,7 +281,7 @@ def _overlaid(overlay: Path | None, plot: Path | None) -> "xr.Dataset | None":
     if overlay is None:
         return None
     if plot is None:
-        from turnout.errors import FileError
+        from turnout.core.errors import FileError
 
         message = f"--overlay {overlay}: is drawn in the figure; name one with --plot"
         raise FileError(message)
@@ -292,9 +292,9 @@ def _overlaid(overlay: Path | None, plot: Path | None) -> "xr.Dataset | None":
 
 def _scheme(mode: str, *, step: str, cutoff: str, every: str) -> "Scheme":
     """Return the scheme of a mode, with what is given instead of its own choices."""
+    from turnout.core.errors import FileError
+    from turnout.core.scheme import Scheme
     from turnout.core.units import FREQUENCY, TIME, parse_quantity
-    from turnout.errors import FileError
-    from turnout.scheme import Scheme
 
     changes: dict[str, float] = {}
     problems = []
@@ -321,12 +321,12 @@ def _write(
     written = []
     figure = b""
     if plot is not None and dataset.sizes["time"] > 1:
-        from turnout.plot.style import rendered
-        from turnout.plot.throw import plot_throw
+        from turnout.figures.style import rendered
+        from turnout.figures.throw import plot_throw
 
         figure = rendered(plot_throw(dataset, overlay=overlay), plot.suffix)
     if out is not None:
-        from turnout.response.store import save_response
+        from turnout.throw.store import save_response
 
         save_response(dataset, out)
         written.append(out)

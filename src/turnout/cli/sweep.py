@@ -28,9 +28,9 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
     from turnout.study.study import Study
-    from turnout.sweep.cluster import Cluster
-    from turnout.sweep.forecast import Forecast
-    from turnout.sweep.run import SweepProgress, SweepResult
+    from turnout.study.sweep.cluster import Cluster
+    from turnout.study.sweep.forecast import Forecast
+    from turnout.study.sweep.run import SweepProgress, SweepResult
 
 
 StudyArgument = Annotated[
@@ -51,8 +51,8 @@ def plan_command(
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")] = False,
 ) -> None:
     """Show the inputs of a study, its number of throws, run time and disk space."""
-    from turnout.report.study import study_lines
-    from turnout.study.load_study import load_study
+    from turnout.calibration.load_study import load_study
+    from turnout.figures.report.study import study_lines
 
     loaded = load_study(study, calibration=calibration)
     for text in loaded.remarks:
@@ -74,14 +74,14 @@ def plan_command(
 
 def _forecast(loaded: "Study", trials: int, *, quiet: bool) -> "Forecast":
     from turnout.cli.watch import watched
-    from turnout.sweep.forecast import forecast
+    from turnout.study.sweep.forecast import forecast
 
     with watched("throwing trials", quiet=quiet) as watch:
         return forecast(loaded, trials=trials, report=watch.report)
 
 
 def _print_forecast(loaded: "Study", found: "Forecast", *, used: int, busy: int) -> None:
-    from turnout.report.study import duration_text, line, size_text
+    from turnout.figures.report.study import duration_text, line, size_text
 
     bound = "at most " if loaded.rule is not None else ""
     total = duration_text(found.duration(loaded.count, workers=busy))
@@ -137,10 +137,10 @@ def run_command(
 ) -> None:
     """Run every scenario of a study; the same command continues an interrupted run."""
     import_scipy()
-    from turnout.errors import FileError
-    from turnout.study.load_study import load_study
-    from turnout.sweep.folder import check_folder
-    from turnout.sweep.run import run_sweep
+    from turnout.calibration.load_study import load_study
+    from turnout.core.errors import FileError
+    from turnout.study.sweep.folder import check_folder
+    from turnout.study.sweep.run import run_sweep
 
     if scheduler is not None and slurm is not None:
         message = "--scheduler and --slurm: use only one"
@@ -194,14 +194,14 @@ def export_command(
 ) -> None:
     """Write inputs, outcomes, labels and features, one row per scenario."""
     from turnout.cli.options import check_outputs
-    from turnout.errors import FileError
+    from turnout.core.errors import FileError
 
     paths = {"--parquet": parquet, "--csv": csv, "--mat": mat}
     check_outputs(paths, {option: (f".{option.strip('-')}",) for option in paths})
     if not any(paths.values()):
         message = "sweep export: name at least one of --parquet, --csv, --mat with a file"
         raise FileError(message)
-    from turnout.sweep.export import export_bytes, sweep_table
+    from turnout.study.sweep.export import export_bytes, sweep_table
 
     table = sweep_table(folder)
     for path in paths.values():
@@ -221,7 +221,7 @@ def _cluster(scheduler: str | None, slurm: Path | None) -> Iterator["Cluster | N
     if scheduler is None and slurm is None:
         yield None
         return
-    from turnout.sweep.cluster import scheduler_cluster, slurm_cluster
+    from turnout.study.sweep.cluster import scheduler_cluster, slurm_cluster
 
     if slurm is not None:
         with slurm_cluster(slurm) as cluster:
@@ -261,7 +261,7 @@ class SweepWatch:
     def __enter__(self) -> "SweepWatch":
         """Stay silent for two seconds, but announce compilation at once."""
         from turnout.cli.watch import COMPILING
-        from turnout.response.compilation import must_compile
+        from turnout.throw.compilation import must_compile
 
         self._due = time.monotonic() + FIRST_LINE_AFTER
         if must_compile() and not self._quiet:
@@ -343,7 +343,7 @@ app.command("export", short_help="Write a table with one row per scenario.")(exp
 @app.command("list")
 def list_command(as_json: JsonOption = False) -> None:
     """List the library studies."""
-    from turnout.study.load_study import load_study, study_names
+    from turnout.calibration.load_study import load_study, study_names
 
     rows = [
         {"name": name, "throws": item.count, "description": first_sentence(item.description)}
@@ -360,7 +360,7 @@ def list_command(as_json: JsonOption = False) -> None:
 @app.command("show")
 def show_command(study: StudyArgument) -> None:
     """Print the file of a library study, as a template."""
-    from turnout.study.load_study import study_text
+    from turnout.calibration.load_study import study_text
 
     typer.echo(study_text(study).rstrip())
 

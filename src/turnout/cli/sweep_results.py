@@ -34,7 +34,7 @@ def map_command(
     """Count the end states of a sweep, and draw forces, gaps and end states over two inputs."""
     check_outputs({"--out": out}, {"--out": FIGURES})
     from turnout.metric.sweep_map import STATES, end_state, sweep_map
-    from turnout.sweep.read import read_labels
+    from turnout.study.sweep.read import read_labels
 
     labels = read_labels(folder)
     along = y or ("object.at" if "object.at" in labels.coords else "object.x")
@@ -47,8 +47,8 @@ def map_command(
             if count:
                 typer.echo(f"{count:>8}  {name}")
     if out is not None:
-        from turnout.plot.style import rendered
-        from turnout.plot.sweep import plot_sweep_map
+        from turnout.figures.style import rendered
+        from turnout.figures.sweep import plot_sweep_map
 
         write_and_report(out, rendered(plot_sweep_map(cells), out.suffix), quiet=as_json)
     if as_json:
@@ -72,8 +72,8 @@ def effects_command(
 ) -> None:
     """Show the sensitivity of each output (Sobol indices), and draw main effects."""
     check_outputs({"--out": out}, {"--out": FIGURES})
-    from turnout.sweep.effects import sweep_effects
-    from turnout.sweep.read import read_labels
+    from turnout.study.sweep.effects import sweep_effects
+    from turnout.study.sweep.read import read_labels
 
     labels = read_labels(folder)
     found = sweep_effects(labels, names=tuple(feature) or None)
@@ -81,8 +81,8 @@ def effects_command(
     if not as_json:
         _print_all_effects(labels, found, notes)
     if out is not None:
-        from turnout.plot.style import rendered
-        from turnout.plot.sweep import plot_sweep_effects
+        from turnout.figures.style import rendered
+        from turnout.figures.sweep import plot_sweep_effects
 
         figure = plot_sweep_effects(found, title=str(labels.attrs["name"]))
         write_and_report(out, rendered(figure, out.suffix), quiet=as_json)

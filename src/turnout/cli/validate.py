@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
     from turnout.calibration.drive_law.compare import LawComparison
     from turnout.calibration.result import Calibration
+    from turnout.calibration.validation.acceptance import Acceptance
     from turnout.panel.load import LoadedPanel
-    from turnout.validation.acceptance import Acceptance
 
 PAGE, TABLE, DATASET = "validation.md", "movements.csv", "validation.nc"
 MAP, COMPARISON = "errors.png", "comparison.png"
@@ -87,8 +87,8 @@ def validate_command(
         drive_laws(loaded, laws)
     for text in check_provenance(known, loaded):
         typer.echo(f"turnout: {calibration}: {text}", err=True)
-    from turnout.validation.acceptance import judge
-    from turnout.validation.verdict_text import acceptance_lines, notes
+    from turnout.calibration.validation.acceptance import judge
+    from turnout.calibration.validation.verdict_text import acceptance_lines, notes
 
     found = _validated(source, dataset, loaded, known, workers=workers, quiet=quiet)
     verdict = judge(found)
@@ -124,8 +124,8 @@ def _print_laws(compared: "LawComparison | None", *, as_json: bool) -> None:
 
 def _check_place(dataset: "xr.Dataset", place: str) -> None:
     """Refuse a place without movements before anything is thrown."""
+    from turnout.core.errors import FileError
     from turnout.core.problems import choices
-    from turnout.errors import FileError
     from turnout.metric.campaign_statistics import object_places
 
     known = object_places(dataset)
@@ -144,8 +144,8 @@ def _validated(
     quiet: bool,
 ) -> "xr.Dataset":
     from turnout.calibration.evaluate import Evaluator
+    from turnout.calibration.validation.validate import validate
     from turnout.cli.watch import watched
-    from turnout.validation.validate import validate
 
     try:
         with (
@@ -197,11 +197,11 @@ def _interrupted() -> NoReturn:
 def _write(
     out: Path, found: "xr.Dataset", verdict: "Acceptance", *, place: str | None, quiet: bool
 ) -> list[Path]:
+    from turnout.calibration.validation.verdict_text import page_text, table_text
+    from turnout.figures.style import rendered
+    from turnout.figures.validation import plot_comparison, plot_error_map
     from turnout.metric.campaign_statistics import object_places
-    from turnout.plot.style import rendered
-    from turnout.plot.validation import plot_comparison, plot_error_map
-    from turnout.response.store import save_response
-    from turnout.validation.verdict_text import page_text, table_text
+    from turnout.throw.store import save_response
 
     figures = [MAP]
     write_and_report(out / MAP, rendered(plot_error_map(found), ".png"), quiet=quiet)

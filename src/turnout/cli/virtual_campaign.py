@@ -20,7 +20,7 @@ from turnout.core.value_text import count_text
 if TYPE_CHECKING:
     from turnout.measurement.chain.monitoring import Monitoring
     from turnout.panel.load import LoadedPanel
-    from turnout.virtual.campaign_plan import CampaignPlan
+    from turnout.study.virtual.campaign_plan import CampaignPlan
 
 
 def virtual_command(
@@ -113,14 +113,14 @@ def virtual_command(
 ) -> None:
     """Make a campaign of simulated throws in the formats of a data acquisition system."""
     from turnout.measurement.chain.typed_recorder import typed_recorder
-    from turnout.virtual.campaign_plan import virtual_plan
-    from turnout.virtual.record_throw import finer_panel, finer_scheme
+    from turnout.study.virtual.campaign_plan import virtual_plan
+    from turnout.study.virtual.record_throw import finer_panel, finer_scheme
 
     recorder = typed_recorder(
         average=recorded_average, low_pass=recorded_filter, rate=recorded_rate
     )
     if hide_recorder and not recorder:
-        from turnout.errors import FileError
+        from turnout.core.errors import FileError
 
         message = "--hide-recorder: there is nothing to hide; give --recorded-average, for example"
         raise FileError(message)
@@ -146,7 +146,7 @@ def virtual_command(
 
 
 def _monitoring(rate: str | None, together: list[str]) -> "Monitoring | None":
-    from turnout.errors import FileError
+    from turnout.core.errors import FileError
     from turnout.measurement.chain.monitoring import monitoring_of
 
     if rate is None:
@@ -167,9 +167,9 @@ def _make(
     quiet: bool,
 ) -> None:
     from turnout.cli.watch import Watch
-    from turnout.response.compilation import must_compile
-    from turnout.scheme import Scheme
-    from turnout.virtual.make_campaign import make_virtual_campaign
+    from turnout.core.scheme import Scheme
+    from turnout.study.virtual.make_campaign import make_virtual_campaign
+    from turnout.throw.compilation import must_compile
 
     text = f"throwing {panel.name}"
     try:

@@ -19,7 +19,7 @@ TICK_ON_TERMINAL, TICK = 1.0, 15.0
 
 def watched(text: str, *, quiet: bool = False) -> "Watch":
     """Return a watch that announces compilation, and a cache that cannot be written."""
-    from turnout.response.compilation import cache_fault, must_compile
+    from turnout.throw.compilation import cache_fault, must_compile
 
     compiling = must_compile()
     fault = cache_fault()

@@ -21,11 +21,11 @@ from turnout.core.cache_folder import (
     user_cache_folder,
     why_private,
 )
+from turnout.core.errors import FileError
 from turnout.core.files import write_atomic
 from turnout.core.lru_cache import LRUCache
 from turnout.core.sources import RAILS, digest_of_sources
 from turnout.core.stored_arrays import DamagedError, arrays_from_bytes, arrays_to_bytes
-from turnout.errors import FileError
 
 Arrays = dict[str, NDArray[np.float64]]
 

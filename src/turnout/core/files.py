@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from turnout.errors import FileError
+from turnout.core.errors import FileError
 
 _NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _TEMPORARY = re.compile(r"\.(.+)\.[a-z0-9_]{8}(\.[^.]+)")
@@ -221,7 +221,7 @@ def require_regular_file(path: Path | str) -> None:
     >>> require_regular_file(Path(__file__).parent)
     Traceback (most recent call last):
         ...
-    turnout.errors.FileError: ...core: is a folder, not a file; name a file inside it
+    turnout.core.errors.FileError: ...core: is a folder, not a file; name a file inside it
     """
     try:
         mode = os.stat(path).st_mode

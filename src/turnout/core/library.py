@@ -4,9 +4,9 @@ from functools import cache
 from importlib import resources
 from pathlib import Path
 
+from turnout.core.errors import FileError
 from turnout.core.problems import choices, nearest
 from turnout.core.toml import decode
-from turnout.errors import FileError
 
 
 def names_a_file(name_or_path: str | Path) -> bool:

@@ -178,7 +178,7 @@ def no_broken_pool() -> Iterator[None]:
     try:
         yield
     except BrokenExecutor:
-        from turnout.errors import FileError
+        from turnout.core.errors import FileError
 
         message = (
             "a worker process was ended from outside, often because memory ran out; what was "

@@ -10,16 +10,15 @@ from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
-KERNELS = ("kernels", "law", "integrate", "machine/compute")
+KERNELS = ("kernels", "law", "solver", "machine/compute")
 """Sources that are compiled into kernels."""
 
-RAILS = ("section", "beam", "reduction", "mechanism")
+RAILS = ("beam", "mechanism")
 """Sources that compute sections and superelements, whose inputs are part of their keys."""
 
 THROWS = (
-    *("scheme.py", "core", "kernels", "schema", "panel", "section", "beam", "reduction", "law"),
-    *("machine", "mechanism", "condense", "integrate", "response", "metric", "study", "sweep"),
-    "measurement/chain/recorder.py",
+    *("core", "kernels", "panel", "beam", "law", "machine", "mechanism", "solver", "throw"),
+    *("metric", "study", "measurement/chain/recorder.py"),
 )
 """Sources that compute or change a number that a sweep stores."""
 

@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from turnout.core.errors import FileError
 from turnout.core.files import read_fault, require_regular_file
 from turnout.core.problems import shortened
-from turnout.errors import FileError
 
 MOST_NESTED = 30
 """Deepest nesting of lists and tables, and most names in one key."""

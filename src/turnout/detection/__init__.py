@@ -1,6 +1,6 @@
 """What can be seen of a trapped object, and the detector: floor, bound, training, verdicts."""
 
-from turnout.lazy import loader
+from turnout.core.lazy import loader
 
 NAMES = {
     "Detector": "turnout.detection.detector.detector",

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from turnout.errors import StudyError
+from turnout.core.errors import StudyError
 
 KERNELS = ("exponential", "matern 3/2")
 FORCE, CURRENT, POWER = "force", "current", "power"

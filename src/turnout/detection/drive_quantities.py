@@ -6,16 +6,16 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from turnout.core.errors import StudyError
 from turnout.core.problems import choices
+from turnout.core.scheme import Scheme
 from turnout.detection.conditions import CURRENT, FORCE, POWER, Conditions
 from turnout.detection.signal_discrepancy import Signal
-from turnout.errors import StudyError
 from turnout.panel.foreign_object import resolve_objects
 from turnout.panel.load import LoadedPanel
-from turnout.response.drives import HELD, INRUSH, OFF
-from turnout.response.signals import drive_signals
-from turnout.response.simulate import solve_placed
-from turnout.scheme import Scheme
+from turnout.throw.drives import HELD, INRUSH, OFF
+from turnout.throw.signals import drive_signals
+from turnout.throw.simulate import solve_placed
 
 Floats = NDArray[np.float64]
 

@@ -34,7 +34,7 @@ def with_held_rails(study: Study) -> Study:
 
     Examples
     --------
-    >>> from turnout.study.load_study import load_study
+    >>> from turnout.calibration.load_study import load_study
     >>> study = load_study("detection-reference")
     >>> with_held_rails(study) is study
     True

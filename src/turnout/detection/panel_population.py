@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.errors import PanelError, StudyError
+from turnout.core.errors import PanelError, StudyError
 from turnout.panel.load import LoadedPanel
 from turnout.study.design import Drawn
 from turnout.study.distribution import Choice, Distribution
@@ -61,7 +61,7 @@ def population_for(study: Study, panel: LoadedPanel) -> Study:
     Examples
     --------
     >>> from turnout.panel.load import load_panel
-    >>> from turnout.study.load_study import load_study
+    >>> from turnout.calibration.load_study import load_study
     >>> made = population_for(load_study("detection-reference"), load_panel("60e1-300-1-9"))
     >>> law = next(d.law for d in made.design.drawn if d.name == "drive.1.over_travel_closed")
     >>> [round(1e3 * value, 6) for value in law.bounds]

@@ -7,6 +7,7 @@ history that is known of a switch, and the rates of false alarms.
 
 from dataclasses import replace
 
+from turnout.calibration.load_study import load_study
 from turnout.detection.conditions import Conditions
 from turnout.detection.drive_quantities import stored_channels
 from turnout.detection.held_rails import with_held_rails
@@ -15,7 +16,6 @@ from turnout.panel.load import LoadedPanel
 from turnout.panel.records import Drive
 from turnout.study.design import Drawn
 from turnout.study.distribution import Distribution
-from turnout.study.load_study import load_study
 from turnout.study.study import Study
 
 STUDY = "detection-reference"

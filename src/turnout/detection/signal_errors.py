@@ -5,13 +5,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.core.scheme import Scheme
 from turnout.detection.conditions import FORCE
 from turnout.detection.drive_quantities import after_inrush, force_peaks, read_signals
 from turnout.detection.signal_discrepancy import Signal, SignalErrors, forces_only
 from turnout.panel.load import LoadedPanel
-from turnout.response.force_gain import gain_along
-from turnout.response.simulate import simulate
-from turnout.scheme import Scheme
+from turnout.throw.force_gain import gain_along
+from turnout.throw.simulate import simulate
 
 Floats = NDArray[np.float64]
 

@@ -13,6 +13,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from turnout.core.errors import StudyError
 from turnout.core.files import make_folder
 from turnout.detection.conditions import FORCE
 from turnout.detection.drive_quantities import read_signals, signals_of
@@ -27,16 +28,15 @@ from turnout.detection.reference import (
 )
 from turnout.detection.signal_discrepancy import Signal, SignalErrors
 from turnout.detection.signal_errors import signal_errors
-from turnout.errors import StudyError
 from turnout.panel.load import LoadedPanel
 from turnout.panel.object_kind import kind_faults
 from turnout.study.design import Axis
 from turnout.study.random_inputs import TemperatureLaw
 from turnout.study.scenario import Output
 from turnout.study.study import Study
+from turnout.study.sweep.read import open_sweep
+from turnout.study.sweep.run import SweepProgress, run_sweep
 from turnout.study.variable import Variable, value_kind
-from turnout.sweep.read import open_sweep
-from turnout.sweep.run import SweepProgress, run_sweep
 
 Floats = NDArray[np.float64]
 Report = Callable[[SweepProgress], None]

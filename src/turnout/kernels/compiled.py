@@ -120,7 +120,7 @@ class Kernel:
 
     @property
     def full_name(self) -> str:
-        """Module and name, such as "turnout.integrate.march.march"."""
+        """Module and name, such as "turnout.solver.march.march"."""
         return f"{self.py_func.__module__}.{self.py_func.__qualname__}"
 
     def identity(self, kinds: tuple[Kind, ...]) -> str | None:

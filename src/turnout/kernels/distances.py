@@ -51,7 +51,7 @@ def lessen_distances(
 ) -> None:
     r"""Subtract from distances along rails what instants lessen them by.
 
-    The force on a row is :math:`\lambda = k g - \sum F`, see `turnout.response.recovery`. At most
+    The force on a row is :math:`\lambda = k g - \sum F`, see `turnout.throw.recovery`. At most
     instants few of the rows have one, so that few columns are read.
 
     Parameters

@@ -20,8 +20,8 @@ from typing import Any, Self
 
 from llvmlite import binding
 
+from turnout.core.errors import TurnoutError
 from turnout.core.files import write_atomic
-from turnout.errors import TurnoutError
 from turnout.kernels.arguments import NOTHING, Kind, format_of, result_from
 
 LAPACK = "turnout_lapack_"

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.errors import MachineError
+from turnout.core.errors import MachineError
 from turnout.machine.current_fit import BLOCK, Estimate
 
 Floats = NDArray[np.float64]

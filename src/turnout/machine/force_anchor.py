@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from turnout.errors import MachineError
+from turnout.core.errors import MachineError
 from turnout.machine.current_fit import Estimate, series_current
 
 AnchorKind = Literal["force at the drive", "clutch-force gauge", "sister machine"]

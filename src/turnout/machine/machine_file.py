@@ -14,12 +14,12 @@ from typing import Any, Self
 
 from pydantic import BaseModel, PrivateAttr, ValidationError
 
+from turnout.core.errors import MachineError
 from turnout.core.library import names_a_file, names_in_library, text_in_library
 from turnout.core.problems import choices, describe_error, nearest
 from turnout.core.quantity import unit_of
 from turnout.core.toml import Origin, TomlFile, parse_toml, read_toml
 from turnout.core.units import SI
-from turnout.errors import MachineError
 from turnout.machine.components import Machine, MachineFile
 
 PACKAGE = "turnout.machine"

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.errors import MachineError, SolverError
+from turnout.core.errors import MachineError, SolverError
 from turnout.law.table import Floats
 from turnout.machine.components import Machine, OneMassRail, Throw
 from turnout.machine.compute import places as at

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.core.errors import MeasurementError
 from turnout.core.problems import choices, nearest
-from turnout.errors import MeasurementError
 
 # A hole in a time column is filled with NaN as long as the channel grows by no more than this.
 MOST_GROWTH = 3.0

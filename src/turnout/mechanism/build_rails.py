@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from turnout.beam.material import Material
 from turnout.beam.mesh import mesh_nodes
-from turnout.errors import MechanicsError
+from turnout.core.errors import MechanicsError
 from turnout.mechanism.mechanism import Point, RailData, Support, rayleigh_factors
 from turnout.mechanism.rail_sections import (
     FOOT_EDGES,

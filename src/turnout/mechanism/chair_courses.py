@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from turnout.errors import MechanicsError
+from turnout.core.errors import MechanicsError
 from turnout.law.friction_course import FrictionCourses, no_courses
 from turnout.mechanism.build_rails import SIGN
 from turnout.mechanism.mechanism import LawIndex

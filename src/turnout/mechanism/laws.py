@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.errors import MechanicsError
+from turnout.core.errors import MechanicsError
 from turnout.law.table import LawTable, LawTableBuilder, SharedTableParts
 from turnout.mechanism.build_rails import SIGN, approach_ends, rail_feet, stands_on
 from turnout.mechanism.mechanism import LawIndex, Point

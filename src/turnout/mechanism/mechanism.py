@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.beam.material import Material
+from turnout.beam.section_properties import SectionProperties
 from turnout.law.friction_course import FrictionCourses, no_courses
 from turnout.law.obstruction import Obstructions, no_obstructions
 from turnout.law.table import LawTable
 from turnout.machine.components import Machine
 from turnout.panel.profile import Spline
 from turnout.panel.records import RailMatrices
-from turnout.section.properties import SectionProperties
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -19,16 +19,16 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from turnout.beam.craig_bampton import Superelement
+from turnout.beam.spectrum import Factor, factorise
+from turnout.core.errors import MechanicsError
 from turnout.core.lru_cache import LRUCache
-from turnout.errors import MechanicsError
 from turnout.mechanism.build_rails import approach_ends
 from turnout.mechanism.mechanism import RailBody, RailData
 from turnout.mechanism.reduce import content_key, superelement_of
 from turnout.mechanism.structure import Structure
 from turnout.panel.foreign_object import PlacedObject
 from turnout.panel.model import Panel
-from turnout.reduction.craig_bampton import Superelement
-from turnout.reduction.spectrum import Factor, factorise
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]

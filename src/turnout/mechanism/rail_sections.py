@@ -12,8 +12,10 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import NDArray
 
+from turnout.beam.outline import Outline, make_outline, ring_area
+from turnout.beam.section_properties import SectionProperties
 from turnout.core.content_cache import cached_arrays
-from turnout.errors import MechanicsError
+from turnout.core.errors import MechanicsError
 from turnout.panel.model import Panel
 from turnout.panel.profile import (
     between_stations,
@@ -23,11 +25,9 @@ from turnout.panel.profile import (
 )
 from turnout.panel.records import ScaledSection
 from turnout.panel.section_records import PlanedSection
-from turnout.section.outline import Outline, make_outline, ring_area
-from turnout.section.properties import SectionProperties
 
 if TYPE_CHECKING:
-    from turnout.section.taper import PlanedOutline, Planing
+    from turnout.beam.section_taper import PlanedOutline, Planing
 
 Floats = NDArray[np.float64]
 
@@ -129,7 +129,7 @@ def planed_outlines(panel: Panel, section: str) -> "list[PlanedOutline]":
     MechanicsError
         If planing leaves nothing at some station.
     """
-    from turnout.section.taper import planed_sections
+    from turnout.beam.section_taper import planed_sections
 
     planed = panel.planed_section[section]
     try:
@@ -265,7 +265,7 @@ def _points(panel: Panel, outline: str) -> Floats:
 
 
 def _planing(panel: Panel, planed: PlanedSection) -> "Planing":
-    from turnout.section.taper import Planing
+    from turnout.beam.section_taper import Planing
 
     return Planing(
         running_edge_switch=float(panel.outline[planed.outline].running_edge or 0.0),
@@ -280,8 +280,8 @@ def _planing(panel: Panel, planed: PlanedSection) -> "Planing":
 
 def _computed(panel: Panel, section: str) -> dict[str, Floats]:
     """Analyse the outlines of a section and turn them to y towards the stock rail."""
-    from turnout.section.analyse import analyse_outlines
-    from turnout.section.geometry import foot_edges
+    from turnout.beam.section_analysis import analyse_outlines
+    from turnout.beam.section_geometry import foot_edges
 
     outlines = [outline for outline, _ in section_outlines(panel, section)]
     found = analyse_outlines(outlines, poisson_ratio=panel.material.poisson_ratio).properties

@@ -7,19 +7,19 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from turnout.core.content_cache import cached_arrays, counts, digest
-from turnout.core.lru_cache import LRUCache
-from turnout.mechanism.mechanism import RailBody, RailData, ReducedRail
-from turnout.mechanism.structure import Structure, clear_structures, point_rows, rail_structure
-from turnout.panel.records import RailMatrices
-from turnout.reduction.craig_bampton import (
+from turnout.beam.craig_bampton import (
     InnerShapes,
     Superelement,
     inner_shapes,
     reduce_vector,
     superelement_in,
 )
-from turnout.reduction.truncation import ReductionReport, reduction_report
+from turnout.beam.truncation import ReductionReport, reduction_report
+from turnout.core.content_cache import cached_arrays, counts, digest
+from turnout.core.lru_cache import LRUCache
+from turnout.mechanism.mechanism import RailBody, RailData, ReducedRail
+from turnout.mechanism.structure import Structure, clear_structures, point_rows, rail_structure
+from turnout.panel.records import RailMatrices
 
 Floats = NDArray[np.float64]
 MOST_RAILS = 24

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from turnout.beam.assembly import DOF, assemble_beam
 from turnout.beam.mesh import MERGE_DISTANCE
+from turnout.core.errors import MechanicsError
 from turnout.core.lru_cache import LRUCache
-from turnout.errors import MechanicsError
 from turnout.mechanism.mechanism import Point, RailData, Support
 from turnout.panel.records import RailMatrices
 

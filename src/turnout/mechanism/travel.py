@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
+from turnout.core.errors import MechanicsError
 from turnout.core.lru_cache import LRUCache
-from turnout.errors import MechanicsError
 from turnout.mechanism.mechanism import RailShape, ReducedRail
 from turnout.panel.model import Panel
 from turnout.panel.profile import contact_height, cubic_spline, evaluate_profile, stock_rail_gap

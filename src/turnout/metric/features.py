@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.core.errors import ResponseError
 from turnout.core.moving_average import WINDOW, row_levels, window_samples
 from turnout.core.running_current import running_time
-from turnout.errors import ResponseError
 from turnout.kernels.efforts import find_places, find_rises, integrate_work
 from turnout.metric.slip import TIME_TOLERANCE, Span, movements
 

@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from turnout.errors import ResponseError
+from turnout.core.errors import ResponseError
 
 Floats = NDArray[np.float64]
 

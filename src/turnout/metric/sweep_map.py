@@ -4,7 +4,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from turnout.errors import ResponseError
+from turnout.core.errors import ResponseError
 
 STATES = (
     "locked, in control",

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
+from turnout.calibration.load_study import load_study
+from turnout.core.errors import StudyError
 from turnout.core.json_files import to_plain
 from turnout.core.provenance import content_hash
 from turnout.detection.reference import reference_study
-from turnout.errors import StudyError
-from turnout.study.load_study import load_study
 from turnout.study.study import Study
 
 VERSION = 2

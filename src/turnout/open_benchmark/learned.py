@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from turnout.errors import TurnoutError
+from turnout.core.errors import TurnoutError
 from turnout.open_benchmark.classical import (
     Components,
     ComponentsMethod,

@@ -18,11 +18,11 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from turnout.core.errors import FileError
 from turnout.core.files import atomic_path, make_folder, write_atomic
 from turnout.core.provenance import version
 from turnout.detection.detector.throw_layout import Layout, throw_features
 from turnout.detection.detector.training import layout_of_panel
-from turnout.errors import FileError
 from turnout.open_benchmark.definition import (
     VERSION,
     Counts,
@@ -32,10 +32,10 @@ from turnout.open_benchmark.definition import (
     switches_of,
 )
 from turnout.open_benchmark.switch_throws import SwitchThrows, throws_of_switch
-from turnout.response.compilation import must_compile
-from turnout.response.simulate import compile_kernels
-from turnout.sweep.read import open_sweep
-from turnout.sweep.run import local_pool, run_sweep
+from turnout.study.sweep.read import open_sweep
+from turnout.study.sweep.run import local_pool, run_sweep
+from turnout.throw.compilation import must_compile
+from turnout.throw.simulate import compile_kernels
 
 Floats = NDArray[np.float64]
 Report = Callable[[int, int], None]

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import rankdata
 
+from turnout.core.errors import StudyError
 from turnout.detection.alarm_threshold import share_interval
 from turnout.detection.pod.estimate import estimate_pod
 from turnout.detection.pod.pod_result import PodModel
 from turnout.detection.pod.pod_table import TestThrows
-from turnout.errors import StudyError
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]

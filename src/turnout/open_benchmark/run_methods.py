@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.core.errors import StudyError
 from turnout.core.files import write_atomic
 from turnout.core.json_files import to_plain
 from turnout.core.processes import Tasks, closing_pool, worker_processes
@@ -23,7 +24,6 @@ from turnout.core.provenance import content_hash
 from turnout.core.sources import digest_of_sources
 from turnout.core.threads import one_blas_thread
 from turnout.detection.detector.allowances import Allowances
-from turnout.errors import StudyError
 from turnout.open_benchmark.classical import ComponentsMethod, LimitsMethod, WarpingMethod
 from turnout.open_benchmark.definition import MARKERS, TEST, TRAIN, WITH_MACHINES
 from turnout.open_benchmark.learned import BoostingMethod, ForestMethod, RocketMethod

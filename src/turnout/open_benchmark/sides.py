@@ -14,10 +14,10 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from turnout.core.errors import FileError, StudyError
 from turnout.detection.detector.allowances import Allowances
 from turnout.detection.detector.throw_layout import Layout
 from turnout.detection.detector.training import layout_of_panel
-from turnout.errors import FileError, StudyError
 from turnout.open_benchmark.definition import HISTORY, MARKERS, TEST, TRAIN, VERSION, panels_study
 from turnout.open_benchmark.make_throws import MISSING, THROWS, data_digest, fine_layout
 from turnout.open_benchmark.recorder_errors import Recorder, amplitudes, recorded

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.core.errors import PanelError, StudyError
 from turnout.detection.detector.training_plan import (
     ADJUSTED,
     CLUTCH,
@@ -29,7 +30,6 @@ from turnout.detection.detector.training_plan import (
 )
 from turnout.detection.reference import TEMPERATURE, reference_study
 from turnout.detection.throws import places_of
-from turnout.errors import PanelError, StudyError
 from turnout.open_benchmark.definition import (
     HISTORY,
     OBJECT,

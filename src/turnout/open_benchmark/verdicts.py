@@ -12,9 +12,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from turnout.core.errors import FileError
 from turnout.core.files import atomic_path
 from turnout.core.problems import choices, nearest
-from turnout.errors import FileError
 
 Floats = NDArray[np.float64]
 

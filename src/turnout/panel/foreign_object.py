@@ -5,9 +5,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
+from turnout.core.errors import PanelError
 from turnout.core.problems import choices, nearest, show_value
 from turnout.core.units import LENGTH, STIFFNESS, TIME, Dimension, parse_quantity
-from turnout.errors import PanelError
 from turnout.panel.layout import largest_opening
 from turnout.panel.markers import ordered_movements
 from turnout.panel.model import Panel

@@ -81,7 +81,7 @@ def _named(tree: dict[str, Any]) -> Iterator[str]:
 
 
 def _folder() -> Any:
-    return resources.files("turnout").joinpath("section", "outlines")
+    return resources.files("turnout").joinpath("beam", "outlines")
 
 
 def _outline(name: str) -> TomlFile:

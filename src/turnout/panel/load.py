@@ -11,13 +11,13 @@ from typing import Any, Self
 
 from pydantic import BaseModel, PrivateAttr
 
+from turnout.core.errors import FileError, PanelError
 from turnout.core.files import user_path
 from turnout.core.html_table import html_table
 from turnout.core.library import names_a_file, names_in_library, text_in_library
 from turnout.core.problems import Problem, choices
 from turnout.core.provenance import content_hash
 from turnout.core.toml import Origin, TomlFile, parse_toml, read_toml
-from turnout.errors import FileError, PanelError
 from turnout.panel.document import Document, expand
 from turnout.panel.document_check import CheckedDocument, check_document
 from turnout.panel.model import Panel

@@ -18,11 +18,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from turnout.core.errors import FileError
 from turnout.core.files import user_path
 from turnout.core.problems import Problem, shortened, show_value
 from turnout.core.toml import decode, read_bytes
 from turnout.core.units import MOST_VALUES, SI
-from turnout.errors import FileError
 from turnout.panel.document import Document
 from turnout.panel.model import Panel
 from turnout.panel.records import Drive, Movement

@@ -21,10 +21,10 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from turnout.core.errors import FileError
 from turnout.core.files import user_path
 from turnout.core.problems import Problem, choices, nearest, show_value
 from turnout.core.toml import read_bytes
-from turnout.errors import FileError
 from turnout.panel.records import RailMatrices
 
 Floats = NDArray[np.float64]

@@ -3,9 +3,9 @@
 from collections.abc import Iterable
 from typing import Any
 
+from turnout.core.errors import PanelError
 from turnout.core.problems import choices, nearest
 from turnout.core.units import LENGTH, parse_quantity
-from turnout.errors import PanelError
 from turnout.panel.foreign_object import PANEL_DEFAULTS, ForeignObject
 from turnout.panel.object_kind import PARAMETERS
 

@@ -8,7 +8,10 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from turnout.core.channels import unknown_channels
+from turnout.core.errors import SolverError, StudyError
 from turnout.core.problems import choices, describe_error, nearest, show_value
+from turnout.core.scheme import MODES, Scheme
 from turnout.core.toml import TomlFile
 from turnout.core.units import (
     FORCE,
@@ -17,12 +20,9 @@ from turnout.core.units import (
     TIME,
     Dimension,
 )
-from turnout.errors import SolverError, StudyError
 from turnout.panel.keys import records_in
 from turnout.panel.load import LoadedPanel
 from turnout.panel.schema import DRAFT, tidy
-from turnout.schema.channels import unknown_channels
-from turnout.scheme import MODES, Scheme
 from turnout.study.design import Axis, Design
 from turnout.study.distribution import PARAMETERS
 from turnout.study.random_inputs import (

@@ -8,9 +8,9 @@ import numpy as np
 
 from turnout.core.json_files import to_plain
 from turnout.core.provenance import content_hash
+from turnout.core.scheme import Scheme
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel
-from turnout.scheme import Scheme
 from turnout.study.design import Design
 from turnout.study.random_inputs import RandomField, TemperatureLaw
 from turnout.study.sampling import FIELDS, SCENARIOS

@@ -3,8 +3,8 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TypeVar
 
+from turnout.core.errors import PanelError
 from turnout.core.problems import show_value
-from turnout.errors import PanelError
 from turnout.measurement.chain.recorder import recorder_faults
 from turnout.panel.foreign_object import object_faults
 from turnout.panel.load import LoadedPanel

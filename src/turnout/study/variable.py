@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from turnout.core.errors import PanelError
 from turnout.core.lru_cache import LRUCache
 from turnout.core.problems import nearest
 from turnout.core.quantity import dimension_of
@@ -22,7 +23,6 @@ from turnout.core.units import (
     is_finite,
     parse_quantity,
 )
-from turnout.errors import PanelError
 from turnout.measurement.chain.recorder import ERRORS, Recorder
 from turnout.panel.document import FAMILIES
 from turnout.panel.foreign_object import ForeignObject

@@ -15,8 +15,8 @@ from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
-from turnout.errors import FileError, TurnoutError
-from turnout.report.page import plotly_script
+from turnout.core.errors import FileError, TurnoutError
+from turnout.figures.report.page import plotly_script
 from turnout.web.guard import LARGEST_UPLOAD, TooLargeError
 from turnout.web.measured import campaign_file, plain_name
 from turnout.web.process import without_folders

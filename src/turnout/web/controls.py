@@ -3,12 +3,12 @@
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from turnout.figures.moving_plan import plan_record
 from turnout.panel.foreign_object import resolve_objects
 from turnout.panel.load import LoadedPanel
 from turnout.panel.markers import ordered_movements
 from turnout.panel.model import Panel
 from turnout.panel.object_kind import KINDS
-from turnout.plot.moving_plan import plan_record
 from turnout.web.measured import Measured
 
 KILO, MILLI = 1e3, 1e-3

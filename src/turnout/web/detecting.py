@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from turnout.core.errors import FileError
 from turnout.detection.conditions import FORCE
 from turnout.detection.detector.another_switch import misfit_remark, panel_remark
 from turnout.detection.detector.detector import Detector
@@ -19,11 +20,10 @@ from turnout.detection.detector.throw_verdict import Verdict
 from turnout.detection.detector.throws_of_dataset import throws_of_dataset
 from turnout.detection.detector.trends import staying_causes
 from turnout.detection.detector.words_of_verdict import CANNOT
-from turnout.errors import FileError
+from turnout.figures.detection import trend_sheet
+from turnout.figures.sheet import Line, Row, Sheet, sheet_record
 from turnout.measurement.chain.apply import apply_chain
 from turnout.measurement.formats.history import is_history, read_history
-from turnout.plot.detection import trend_sheet
-from turnout.plot.sheet import Line, Row, Sheet, sheet_record
 from turnout.web.measured import channel_map_of, sent_recording
 from turnout.web.netcdf import sent_dataset
 

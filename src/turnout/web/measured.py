@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from turnout.core.errors import FileError
 from turnout.core.library import names_a_file
 from turnout.core.toml import parse_toml
-from turnout.errors import FileError
+from turnout.figures.sheet import Line, Row
 from turnout.measurement.campaign.build_campaign import CHANNEL_FILE, BuiltCampaign
 from turnout.measurement.campaign.find_throws import find_throws
 from turnout.measurement.chain.apply import (
@@ -27,7 +28,6 @@ from turnout.measurement.formats.history import READ, read_history
 from turnout.measurement.recording import Recording, overview
 from turnout.metric.channel_features import filtered
 from turnout.metric.slip import movements
-from turnout.plot.sheet import Line, Row
 
 WINDOW = 0.1
 DRAWN = ("drive_force", "object_force", "drive_displacement", "drive_gap")
@@ -92,7 +92,7 @@ def campaign_file(folder: Path, name: str) -> Path:
     --------
     >>> campaign_file(Path("autumn"), "../secret.csv")
     Traceback (most recent call last):
-    turnout.errors.FileError: ../secret.csv: lies outside the folder of the campaign; ...
+    turnout.core.errors.FileError: ../secret.csv: lies outside the folder of the campaign; ...
     """
     root = folder.resolve()
     with suppress(OSError, ValueError):

@@ -8,10 +8,10 @@ import h5py
 import numpy as np
 import xarray as xr
 
-from turnout.errors import FileError, ResponseError
+from turnout.core.errors import FileError, ResponseError
 from turnout.measurement.formats.hdf5 import Content
 from turnout.metric.blade_map import PlaceSeen, blade_maps
-from turnout.response.store import open_response
+from turnout.throw.store import open_response
 
 LIMIT_CHANNELS = ("pod", "a90", "touch_floor")
 CONDITIONS = ("discrepancy", "false_alarm_rate", "history", "states", "bound")

@@ -2,13 +2,13 @@
 
 from typing import Any
 
-from turnout.errors import FileError, PanelError
+from turnout.core.errors import FileError, PanelError
+from turnout.core.scheme import Scheme
 from turnout.metric.verdict import verdict
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel
-from turnout.response.save import Save
-from turnout.response.simulate import simulate
-from turnout.scheme import Scheme
+from turnout.throw.save import Save
+from turnout.throw.simulate import simulate
 from turnout.web.question import Question, Superseded
 from turnout.web.request import MapRequest
 

@@ -22,8 +22,8 @@ from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 
+from turnout.core.errors import TurnoutError
 from turnout.core.processes import FreshProcesses
-from turnout.errors import TurnoutError
 from turnout.web.question import (
     MEMORY_LIMIT,
     Question,

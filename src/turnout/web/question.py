@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Self
 
-from turnout.errors import FileError
+from turnout.core.errors import FileError
 
 # Limits of a reply: time and memory.
 TIME_LIMIT = 10.0

@@ -4,8 +4,8 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from turnout.core.errors import FileError
 from turnout.core.problems import describe_error
-from turnout.errors import FileError
 
 
 class PageRequest(BaseModel):

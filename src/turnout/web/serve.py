@@ -10,7 +10,7 @@ from types import FrameType
 
 import uvicorn
 
-from turnout.errors import FileError
+from turnout.core.errors import FileError
 from turnout.web.app import studio_app
 from turnout.web.guard import LARGEST_UPLOAD, Guard
 from turnout.web.studio import Studio

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from turnout.core.errors import FileError
 from turnout.core.provenance import version
 from turnout.core.toml import decode, read_bytes
-from turnout.errors import FileError
 from turnout.measurement.campaign.build_campaign import BuiltCampaign
 from turnout.panel.load import LoadedPanel, library_names, library_text
-from turnout.response.compilation import must_compile
+from turnout.throw.compilation import must_compile
 from turnout.web.controls import described, measured_record
 from turnout.web.measured import campaign_movements
 from turnout.web.tasks import Opening

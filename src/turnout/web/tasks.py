@@ -16,17 +16,20 @@ from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
-from turnout.analysis.panel_check import (
+from turnout.core.errors import FileError, PanelError, TurnoutError
+from turnout.core.lru_cache import LRUCache
+from turnout.core.scheme import Scheme
+from turnout.core.toml import decode, parse_toml
+from turnout.figures.sheet import sheet_record
+from turnout.figures.throw_sheet import throw_sheet
+from turnout.measurement.formats.history import is_history
+from turnout.metric.panel_check import (
     concern_lines,
     panel_concerns,
     piece_concerns,
     piece_lines,
 )
-from turnout.analysis.test_piece import least_piece
-from turnout.core.lru_cache import LRUCache
-from turnout.core.toml import decode, parse_toml
-from turnout.errors import FileError, PanelError, TurnoutError
-from turnout.measurement.formats.history import is_history
+from turnout.metric.test_piece import least_piece
 from turnout.panel.load import (
     LoadedPanel,
     library_names,
@@ -34,10 +37,7 @@ from turnout.panel.load import (
     load_panel,
     panel_from_file,
 )
-from turnout.plot.sheet import sheet_record
-from turnout.plot.throw_sheet import throw_sheet
-from turnout.response.simulate import simulate
-from turnout.scheme import Scheme
+from turnout.throw.simulate import simulate
 from turnout.web.controls import described, measured_record
 from turnout.web.kept import measured_from_bytes, measured_to_bytes
 from turnout.web.measured import (

@@ -7,7 +7,13 @@ from typing import Any
 
 import xarray as xr
 
-from turnout.errors import PanelError, SolverError
+from turnout.core.errors import PanelError, SolverError
+from turnout.core.scheme import Scheme
+from turnout.figures.moving_plan import FRAMES, motion_record
+from turnout.figures.sheet import MOST_POINTS, sheet_record
+from turnout.figures.style import rendered
+from turnout.figures.throw import plot_throw
+from turnout.figures.throw_sheet import throw_sheet
 from turnout.measurement.formats.history import history_text
 from turnout.metric.finding import headline
 from turnout.metric.key_figure import KeyFigure, key_figures
@@ -18,16 +24,10 @@ from turnout.metric.verdict import verdict
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel
 from turnout.panel.model import Panel
-from turnout.plot.moving_plan import FRAMES, motion_record
-from turnout.plot.sheet import MOST_POINTS, sheet_record
-from turnout.plot.style import rendered
-from turnout.plot.throw import plot_throw
-from turnout.plot.throw_sheet import throw_sheet
-from turnout.response.placed import check_placed
-from turnout.response.save import Save
-from turnout.response.simulate import prepare, simulate
-from turnout.response.store import response_bytes
-from turnout.scheme import Scheme
+from turnout.throw.placed import check_placed
+from turnout.throw.save import Save
+from turnout.throw.simulate import prepare, simulate
+from turnout.throw.store import response_bytes
 from turnout.web.controls import controls
 from turnout.web.question import Question, Superseded
 from turnout.web.request import RunRequest

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
-from turnout.errors import FileError
+from turnout.core.errors import FileError
 from turnout.web.process import EndedError, Prepare, Process
 from turnout.web.question import MEMORY_LIMIT, Reply, Superseded, Task
 

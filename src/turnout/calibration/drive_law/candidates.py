@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from turnout.calibration.evaluate import Response
 from turnout.calibration.parameter import Parameter
+from turnout.core.errors import PanelError
 from turnout.core.problems import choices, nearest
-from turnout.errors import PanelError
 from turnout.panel.load import LoadedPanel
 
 Floats = NDArray[np.float64]

@@ -34,8 +34,8 @@ from turnout.calibration.noise import Noise, measured_noise
 from turnout.calibration.parameter import Parameter
 from turnout.calibration.result import Calibration
 from turnout.calibration.stages import Selection
+from turnout.core.errors import MeasurementError
 from turnout.core.threads import one_blas_thread
-from turnout.errors import MeasurementError
 from turnout.panel.load import LoadedPanel
 
 # "Very strong" evidence (Kass and Raftery 1995, doi 10.1080/01621459.1995.10476572, section 3.2).

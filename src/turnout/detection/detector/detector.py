@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Self, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.core.errors import FileError, TurnoutError
 from turnout.core.threads import one_blas_thread
 from turnout.detection.conditions import FORCE
 from turnout.detection.detector.align_onsets import Aligner
@@ -32,7 +33,6 @@ from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.detector.throw_verdict import Verdict, cannot_judge, verdict_on
 from turnout.detection.detector.words_of_verdict import CANNOT, SOUND
 from turnout.detection.detector.wrong_channels import wrong_features
-from turnout.errors import FileError, TurnoutError
 
 if TYPE_CHECKING:
     import xarray as xr

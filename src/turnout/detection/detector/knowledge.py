@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.core.errors import FileError
 from turnout.core.files import write_atomic
 from turnout.core.provenance import version
 from turnout.detection.conditions import FORCE, UNITS
@@ -30,7 +31,6 @@ from turnout.detection.detector.switch_history import ThrowErrors
 from turnout.detection.detector.throw_layout import Layout, Part
 from turnout.detection.likelihood import Signatures
 from turnout.detection.signal_discrepancy import SignalErrors
-from turnout.errors import FileError
 
 Floats = NDArray[np.float64]
 

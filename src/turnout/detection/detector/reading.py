@@ -7,12 +7,12 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from turnout.core.errors import FileError
 from turnout.detection.conditions import FORCE
 from turnout.detection.detector.recorded import Recorded
 from turnout.detection.detector.throw_layout import CLOSING
 from turnout.detection.detector.throw_rows import read_table
 from turnout.detection.detector.throws_of_dataset import faulty, throws_of_dataset, unmarked
-from turnout.errors import FileError
 from turnout.measurement.campaign.build_campaign import (
     CHANNEL_FILE,
     BuiltCampaign,
@@ -53,7 +53,7 @@ def read_throws(
         dataset = apply_chain(read_recording(place), load_channel_map(channels))
         return throws_of_dataset(dataset, name=place.name, quantity=quantity)
     if place.suffix == ".nc":
-        from turnout.response.store import open_response
+        from turnout.throw.store import open_response
 
         return throws_of_dataset(open_response(place), name=place.name, quantity=quantity)
     if place.suffix == ".csv":

@@ -11,12 +11,12 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from turnout.core.errors import FileError, TurnoutError
 from turnout.detection.conditions import CURRENT, FORCE, POWER, UNITS
 from turnout.detection.detector.recorded import Recorded
 from turnout.detection.detector.throw_layout import CLOSING, LEAST_SAMPLES, OPENING
 from turnout.detection.detector.throws_of_dataset import faulty, throws_of_dataset
 from turnout.detection.drive_quantities import CHANNELS
-from turnout.errors import FileError, TurnoutError
 from turnout.measurement.formats.text_layout import encoding_of
 
 Floats = NDArray[np.float64]

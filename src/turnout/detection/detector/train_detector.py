@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.core.errors import StudyError
 from turnout.core.files import make_folder
 from turnout.core.threads import one_blas_thread
 from turnout.detection.conditions import FORCE
@@ -34,10 +35,9 @@ from turnout.detection.detector.training_sets import (
 from turnout.detection.drive_quantities import signals_of
 from turnout.detection.reference import NOMINAL_FRICTION, reference_study
 from turnout.detection.throws import nominal_amplitude, of_kind
-from turnout.errors import StudyError
 from turnout.panel.load import LoadedPanel
 from turnout.study.study import Study
-from turnout.sweep.run import SweepProgress
+from turnout.study.sweep.run import SweepProgress
 
 FOLDS = 8
 """Parts of the switches; thresholds of each come from a detector that learned from the others. Of

@@ -8,6 +8,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
+from turnout.core.errors import StudyError
 from turnout.detection.conditions import FORCE
 from turnout.detection.detector.allowances import Allowances, gain_times
 from turnout.detection.detector.judging import SPEED, UNUSUAL
@@ -40,7 +41,6 @@ from turnout.detection.likelihood import Signatures
 from turnout.detection.reference import FRICTION, NOMINAL_FRICTION
 from turnout.detection.signal_errors import signal_errors
 from turnout.detection.throws import of_kind, places_of
-from turnout.errors import StudyError
 from turnout.panel.load import LoadedPanel
 
 Floats = NDArray[np.float64]

@@ -24,8 +24,8 @@ from turnout.detection.detector.training_plan import (
 )
 from turnout.detection.throws import of_kind, places_of
 from turnout.study.study import Study
-from turnout.sweep.read import open_sweep
-from turnout.sweep.run import SweepProgress, run_sweep
+from turnout.study.sweep.read import open_sweep
+from turnout.study.sweep.run import SweepProgress, run_sweep
 
 Report = Callable[[SweepProgress], None]
 

@@ -21,6 +21,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from turnout.core.errors import StudyError
 from turnout.detection.conditions import Conditions
 from turnout.detection.drive_quantities import ALL
 from turnout.detection.limit.limit_map import limit_map
@@ -37,10 +38,9 @@ from turnout.detection.throws import (
     places_of,
     throw_all,
 )
-from turnout.errors import StudyError
 from turnout.panel.load import LoadedPanel, panel_from_document
-from turnout.sweep.read import open_sweep
-from turnout.sweep.run import run_sweep
+from turnout.study.sweep.read import open_sweep
+from turnout.study.sweep.run import run_sweep
 
 Floats = NDArray[np.float64]
 

@@ -12,6 +12,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from turnout.calibration.load_study import load_study
+from turnout.core.errors import StudyError
 from turnout.detection.conditions import FORCE, Conditions
 from turnout.detection.limit.limit_map import limit_map
 from turnout.detection.throws import (
@@ -22,9 +24,7 @@ from turnout.detection.throws import (
     closing_time,
     throw_all,
 )
-from turnout.errors import StudyError
 from turnout.panel.load import LoadedPanel, load_panel
-from turnout.study.load_study import load_study
 
 Floats = NDArray[np.float64]
 

@@ -19,6 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from turnout.core.errors import StudyError
+from turnout.core.scheme import Scheme
 from turnout.core.threads import one_blas_thread
 from turnout.detection.conditioning import conditioned
 from turnout.detection.features import (
@@ -30,13 +32,11 @@ from turnout.detection.features import (
 from turnout.detection.limit.bound import detection_index
 from turnout.detection.reference import FRICTION, Conditions, reference_study, slip_level_key
 from turnout.detection.throws import closing_time, places_of
-from turnout.errors import StudyError
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel
-from turnout.response.signals import drive_signals
-from turnout.response.simulate import solve_placed
-from turnout.scheme import Scheme
 from turnout.study.variable import values_at
+from turnout.throw.signals import drive_signals
+from turnout.throw.simulate import solve_placed
 
 Floats = NDArray[np.float64]
 Report = Callable[[int, int], None]
@@ -221,7 +221,7 @@ def candidates(
 
 
 def _fits(panel: LoadedPanel, place: str, size: float) -> bool:
-    from turnout.errors import PanelError
+    from turnout.core.errors import PanelError
 
     try:
         resolve_objects(panel, _objects(place, size))

@@ -22,8 +22,8 @@ from turnout.detection.reference import Conditions, reference_study
 from turnout.detection.throws import Report, Throws, objects_study
 from turnout.panel.load import LoadedPanel
 from turnout.study.study import Study
-from turnout.sweep.read import open_sweep
-from turnout.sweep.run import run_sweep
+from turnout.study.sweep.read import open_sweep
+from turnout.study.sweep.run import run_sweep
 
 Floats = NDArray[np.float64]
 

@@ -8,6 +8,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
+from turnout.core.channels import SCHEMA_VERSION
 from turnout.core.threads import one_blas_thread
 from turnout.detection.conditions import FORCE
 from turnout.detection.drive_quantities import noise_of, quantities_of
@@ -20,7 +21,6 @@ from turnout.detection.population import local_models
 from turnout.detection.reference import Conditions
 from turnout.detection.signal_discrepancy import Signal, discrepancy_of_signals
 from turnout.detection.throws import Throws
-from turnout.schema.channels import SCHEMA_VERSION
 
 Floats = NDArray[np.float64]
 

@@ -13,12 +13,12 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from turnout.core.errors import StudyError
 from turnout.core.problems import choices
 from turnout.detection.limit.bound import repeated_alarm_rate
 from turnout.detection.limit.limit_map import limit_map, sound_throws
 from turnout.detection.reference import THROWS_A_DAY, Conditions
 from turnout.detection.throws import Throws
-from turnout.errors import StudyError
 
 Floats = NDArray[np.float64]
 

@@ -14,6 +14,7 @@ from scipy.optimize import minimize
 from scipy.special import expit, xlogy
 from scipy.stats import chi2
 
+from turnout.core.errors import StudyError
 from turnout.detection.alarm_threshold import share_interval
 from turnout.detection.pod.pod_bound import confidence_bound, separated, upper_bound
 from turnout.detection.pod.pod_fit import Fit, detected_size, is_endless, maximise
@@ -27,7 +28,6 @@ from turnout.detection.pod.pod_likelihood import (
 )
 from turnout.detection.pod.pod_result import Pod, PodModel, alarms_of
 from turnout.detection.pod.pod_table import TestThrows
-from turnout.errors import StudyError
 
 Floats = NDArray[np.float64]
 

@@ -6,11 +6,11 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from turnout.core.channels import SCHEMA_VERSION
+from turnout.core.errors import StudyError
 from turnout.detection.pod.pod_bound import DRAWN
 from turnout.detection.pod.pod_likelihood import Campaigns, marginal_probability
 from turnout.detection.pod.pod_table import TestThrows
-from turnout.errors import StudyError
-from turnout.schema.channels import SCHEMA_VERSION
 
 Floats = NDArray[np.float64]
 

@@ -14,10 +14,10 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.core.errors import StudyError
 from turnout.core.problems import choices, nearest, show_value
 from turnout.core.toml import decode, read_bytes
 from turnout.core.units import DIMENSIONS, Dimension, parse_quantity, unit_factor
-from turnout.errors import StudyError
 from turnout.measurement.campaign.run_sheet import object_size, parse_yes_no
 
 Floats = NDArray[np.float64]

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 from scipy.stats import norm
 
+from turnout.core.errors import StudyError
 from turnout.core.problems import choices
 from turnout.detection.alarm_threshold import share_interval
 from turnout.detection.pod.pod_table import TestThrows
-from turnout.errors import StudyError
 
 Floats = NDArray[np.float64]
 

@@ -13,9 +13,10 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from turnout.core.channels import SCHEMA_VERSION, label
+from turnout.core.errors import ListedError, MeasurementError, TurnoutError
 from turnout.core.moving_average import moving_average
 from turnout.core.provenance import provenance
-from turnout.errors import ListedError, MeasurementError, TurnoutError
 from turnout.measurement.campaign.campaign_folder import STORE, refuse_links_outside, refuse_outside
 from turnout.measurement.campaign.dead_rods import change_of_rods, exchanged_cell, without_dead_rods
 from turnout.measurement.campaign.find_throws import Detection
@@ -43,7 +44,6 @@ from turnout.measurement.quality.throw_faults import (
     open_level,
     typical_profile,
 )
-from turnout.schema.channels import SCHEMA_VERSION, label
 
 
 def stacked(

@@ -7,7 +7,7 @@ files that are then read, or to files that are then replaced.
 import os
 from pathlib import Path
 
-from turnout.errors import FileError
+from turnout.core.errors import FileError
 
 # What is kept beside the recordings of a campaign: cut pieces and throws.
 STORE = ".turnout"

@@ -7,7 +7,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from turnout.errors import TurnoutError
+from turnout.core.errors import TurnoutError
 from turnout.measurement.campaign.motion_signals import force_changes
 from turnout.measurement.campaign.recorded_throw import RecordedThrow
 from turnout.measurement.quality.judge import ThrowQuality

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from turnout.core.errors import FileError, MeasurementError, TurnoutError
 from turnout.core.files import require_regular_file, write_atomic
 from turnout.core.provenance import content_hash, version
 from turnout.core.stored_arrays import arrays_from_bytes, arrays_to_bytes
-from turnout.errors import FileError, MeasurementError, TurnoutError
 from turnout.measurement.campaign.campaign_folder import STORE
 from turnout.measurement.campaign.find_throws import Detection, FoundThrow, find_throws
 from turnout.measurement.campaign.run_sheet import SheetRow

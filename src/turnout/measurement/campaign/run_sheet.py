@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from turnout.core.errors import FileError, MeasurementError
 from turnout.core.problems import choices, nearest, show_value
 from turnout.core.toml import decode, parse_toml, read_bytes
 from turnout.core.units import LENGTH, parse_quantity
-from turnout.errors import FileError, MeasurementError
 from turnout.measurement.campaign.motion_signals import CLOSING, OPENING
 
 # A larger object does not fit into any flangeway: its unit is wrong [m].

@@ -12,9 +12,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from turnout.core.errors import MeasurementError
 from turnout.core.problems import nearest
 from turnout.core.saturating_force import saturates
-from turnout.errors import MeasurementError
 from turnout.measurement.campaign.campaign_folder import PERMIT, describe_target, is_outside
 from turnout.measurement.campaign.run_sheet import SHEETS, RunSheet, SheetRow
 from turnout.measurement.formats.file_format import FORMATS

@@ -17,13 +17,14 @@ import xarray as xr
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
+from turnout.core.channels import SCHEMA_VERSION, label
+from turnout.core.errors import FileError, MeasurementError
 from turnout.core.files import require_regular_file, user_path
 from turnout.core.library import names_a_file
 from turnout.core.problems import choices, nearest
 from turnout.core.provenance import content_hash, version
 from turnout.core.toml import TomlFile, decode, parse_toml, read_toml
 from turnout.core.units import CURRENT, FORCE, Dimension
-from turnout.errors import FileError, MeasurementError
 from turnout.measurement.chain.channel_map import (
     AnySensor,
     ChannelMap,
@@ -33,7 +34,6 @@ from turnout.measurement.chain.condition import SAME_STEP, common_time, resample
 from turnout.measurement.chain.map_problems import map_problem
 from turnout.measurement.chain.sensor import SensorLine, describe_sensor, line_of, other_unit
 from turnout.measurement.recording import RecordedChannel, Recording
-from turnout.schema.channels import SCHEMA_VERSION, label
 
 
 def load_channel_map(name_or_path: Path | str) -> ChannelMap:

@@ -12,9 +12,9 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
+from turnout.core.channels import label
 from turnout.core.moving_average import moving_average, window_samples
 from turnout.measurement.recording import RecordedChannel
-from turnout.schema.channels import label
 
 ORDER = 4
 FILTERED = ("drive_force", "drive_current", "object_force")

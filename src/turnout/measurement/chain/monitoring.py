@@ -14,8 +14,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from turnout.core.errors import MeasurementError
 from turnout.core.units import CURRENT, FREQUENCY, parse_quantity
-from turnout.errors import MeasurementError
 from turnout.measurement.recording import RecordedChannel, Recording
 
 Floats = NDArray[np.float64]

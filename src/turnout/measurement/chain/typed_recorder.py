@@ -4,8 +4,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from turnout.core.errors import FileError, TurnoutError
 from turnout.core.toml import parse_toml
-from turnout.errors import FileError, TurnoutError
 from turnout.measurement.chain.channel_map import ChannelMap
 from turnout.measurement.chain.map_problems import map_problem
 from turnout.measurement.chain.recorder_response import LEAST_INTERVAL, RecorderResponse

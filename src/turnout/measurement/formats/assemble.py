@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.core.errors import FileError
 from turnout.core.problems import choices
-from turnout.errors import FileError
 from turnout.measurement.formats.extent import MOST_CHANNELS
 from turnout.measurement.recording import RecordedChannel, Recording, TimeGrid, on_grid, time_grid
 

@@ -9,8 +9,8 @@ import pandas as pd
 from numpy.typing import NDArray
 from pandas.errors import ParserError, ParserWarning
 
+from turnout.core.errors import FileError, MeasurementError
 from turnout.core.problems import choices
-from turnout.errors import FileError, MeasurementError
 from turnout.measurement.formats.assemble import FileColumn, assemble, is_time_name, seconds_of
 from turnout.measurement.formats.extent import MOST_CHANNELS
 from turnout.measurement.formats.text_layout import EMPTY, SAMPLE_SIZE, TextLayout, layout_of

@@ -6,7 +6,7 @@ is added up before its samples are read, and compared with its size.
 
 from pathlib import Path
 
-from turnout.errors import FileError
+from turnout.core.errors import FileError
 
 # Of a small file: 8 channels at 20 kHz for 78 s, 100 MB as float64.
 MOST_SAMPLES = 12_500_000
@@ -55,7 +55,7 @@ class Declared:
     >>> declared = Declared(Path(__file__))
     >>> declared.add(10**10)
     Traceback (most recent call last):
-    turnout.errors.FileError: ...extent.py: declares 10000000000 samples...
+    turnout.core.errors.FileError: ...extent.py: declares 10000000000 samples...
     """
 
     def __init__(self, path: Path) -> None:

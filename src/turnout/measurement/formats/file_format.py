@@ -7,8 +7,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from turnout.core.errors import FileError
 from turnout.core.files import require_regular_file, write_atomic
-from turnout.errors import FileError
 from turnout.measurement.formats.csv_text import csv_bytes, read_text
 from turnout.measurement.formats.hdf5 import hdf5_bytes
 from turnout.measurement.formats.isolated import read_isolated
@@ -258,7 +258,7 @@ def require(package: str, *, extra: str, purpose: str, load: bool = True) -> Any
     --------
     >>> require("no_such_package", extra="daq", purpose="TDMS files")
     Traceback (most recent call last):
-    turnout.errors.FileError: TDMS files need no_such_package; pip install 'turnout[daq]', ...
+    turnout.core.errors.FileError: TDMS files need no_such_package; pip install 'turnout[daq]', ...
     """
     if find_spec(package) is None:
         message = (

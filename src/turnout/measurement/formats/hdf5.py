@@ -15,8 +15,8 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.core.errors import FileError
 from turnout.core.problems import choices
-from turnout.errors import FileError
 from turnout.measurement.formats.assemble import RATE_NAME, FileColumn, assemble, tidy_unit
 from turnout.measurement.formats.extent import MOST_CHANNELS, Declared
 from turnout.measurement.formats.named_arrays import NAME_LISTS, NO_TIME, columns_of_arrays

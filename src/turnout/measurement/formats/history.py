@@ -12,13 +12,13 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from turnout.core.channels import check_schema, label
+from turnout.core.errors import FileError
 from turnout.core.problems import choices, nearest
 from turnout.core.toml import decode, read_bytes
 from turnout.core.units import FORCE, LENGTH, TIME, Dimension, unit_factor
 from turnout.core.value_text import shown_unit
-from turnout.errors import FileError
 from turnout.measurement.formats.assemble import split_unit
-from turnout.schema.channels import check_schema, label
 
 Floats = NDArray[np.float64]
 

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from turnout.errors import FileError
+from turnout.core.errors import FileError
 from turnout.measurement.formats.extent import most_memory, most_seconds
 from turnout.measurement.formats.reader_process import ARRAYS, FAULT
 from turnout.measurement.recording import RecordedChannel, Recording

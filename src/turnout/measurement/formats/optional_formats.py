@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from turnout.errors import FileError
+from turnout.core.errors import FileError
 from turnout.measurement.formats.assemble import (
     RATE_NAME,
     FileColumn,

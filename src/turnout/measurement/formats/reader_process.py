@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from turnout.errors import FileError
+from turnout.core.errors import FileError
 from turnout.measurement.recording import Recording
 
 ARRAYS = "arrays.npz"

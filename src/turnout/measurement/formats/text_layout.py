@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from turnout.errors import FileError
+from turnout.core.errors import FileError
 from turnout.measurement.formats.assemble import RATE_NAME, UNIT_TEXTS, split_unit, tidy_unit
 
 # So much of a file is read to recognise its layout [bytes].

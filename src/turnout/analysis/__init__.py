@@ -1,1 +1,0 @@
-"""What a panel is like apart from one response: modes, stability, matrices, checks."""

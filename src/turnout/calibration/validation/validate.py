@@ -1,0 +1,419 @@
+"""Predict every movement of a campaign, with the band in which the measurement should lie."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from turnout.calibration.evaluate import Evaluator, Response
+from turnout.calibration.linearisation import stepped_value
+from turnout.calibration.measured_movements import MeasuredMovement, observe
+from turnout.calibration.noise import measured_noise
+from turnout.calibration.parameter import Parameter
+from turnout.calibration.requirements import exclude_oversized_objects
+from turnout.calibration.result import Calibration, Fitted
+from turnout.calibration.result_entries import excluded_movements
+from turnout.calibration.validation.acceptance import judged_movements
+from turnout.calibration.validation.bends import with_bends
+from turnout.calibration.validation.coverage import BandParts, coverage_limits
+from turnout.calibration.validation.grid import DRIVE, OBJECT, Grid, later
+from turnout.calibration.validation.leave_out import LeftOut, leave_out_places
+from turnout.calibration.validation.measuring_chain import (
+    OTHER_CHAIN,
+    chain_directions,
+    chain_variance,
+    found_chain,
+)
+from turnout.calibration.validation.onset import onset_shifts
+from turnout.calibration.validation.scatter import Direction, ThrowScatter, scatter_of
+from turnout.calibration.validation.seen_throws import PREDICTING, Report, Seen
+from turnout.core.channels import SCHEMA_VERSION
+from turnout.core.errors import MeasurementError
+from turnout.core.provenance import provenance
+from turnout.core.threads import one_blas_thread
+from turnout.metric.agreement import (
+    band_coverage,
+    channel_scale,
+    nrmse,
+    repeat_groups,
+    repeat_spread,
+    rms_difference,
+)
+from turnout.metric.channel_features import channel_features, contact_time
+from turnout.panel.load import LoadedPanel
+
+Floats = NDArray[np.float64]
+# 95 % of a normal distribution lie within so many standard deviations.
+QUANTILE = 1.959964
+# Parameters that a throw can have of its own, by the end of their key, and how much is expected.
+FRICTION, LEVEL = ("friction_coefficient", 0.02), ("saturation_force", 0.01)
+# Standard uncertainty of an onset, from motor currents or from the free part [s].
+ONSET = 0.005
+SHEET = ("direction", "size", "place", "repeat", "slipped")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Model:
+    """What the model says: forces, their slope with parameters and onset, first touches [s].
+
+    Slopes come from the throws `asides`, forces at other values from `seen`.
+    """
+
+    forces: Floats
+    slopes: Mapping[str, Floats]
+    asides: Mapping[str, Sequence[Response]]
+    later: Floats
+    shifts: Floats
+    contacts: Floats
+    seen: Seen
+
+
+@one_blas_thread()
+def validate(
+    dataset: xr.Dataset,
+    panel: LoadedPanel,
+    calibration: Calibration,
+    *,
+    evaluator: Evaluator,
+    report: Report | None = None,
+) -> xr.Dataset:
+    r"""Predict every movement of a campaign and set it beside what was measured.
+
+    The variance of a measured instant about its prediction is that of the parameters, of what
+    differs from throw to throw (friction, slip levels, the marked onset), and of what is left of
+    the difference between repeats, noise among it:
+
+    .. math:: v(t) = J(t) C J(t)^T + \sum_s \sigma_s^2 J_s(t)^2 + r^2
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        From `build_campaign`, with dimensions movement and time.
+    panel : LoadedPanel
+        As it was before the calibration.
+    calibration : Calibration
+        Values and covariance; what it was fitted to is marked as used.
+    evaluator : Evaluator
+        Open; throws the same panel.
+    report : callable, optional
+        As of `Seen`: called with the stage, and the throws done and in all of that stage.
+
+    Returns
+    -------
+    xarray.Dataset
+        `measured`, `predicted`, `low`, `high` (channel, movement, time) [N]; `rms`, `nrmse`,
+        `cover`, and features as `slope_measured`, `slope_predicted` and so on (channel, movement);
+        `repeat_spread`, `scale` (channel); `used`, `left_out` (whether it is predicted from other
+        places alone), `cover_limit`, `cover_samples` (channel): least coverage of its band, and the
+        independent instants that this rests on; `change` (parameter, channel, movement, time) [N
+        for all of a value, N/m for a length], and `bend` (side, ...), by how much more upwards and
+        downwards with the square of a change, thrown where a model that is not refused would notice
+        it (0 where a throw fails, with the reason as JSON in the attribute `unchecked`);
+        `touched`, when the model touches the object, and `onset_shift`, how much later than
+        marked a movement without motor currents began (movement) [s].
+
+    Raises
+    ------
+    MeasurementError
+        When the campaign does not fit the panel, or no throw can be simulated.
+    """
+    movements, oversized = exclude_oversized_objects(observe(dataset, panel), panel)
+    grid = Grid.of(movements)
+    chain = found_chain(dataset, calibration)
+    model = _model(movements, grid, calibration, evaluator, chain, report)
+    sheet = dataset.sel(movement=[item.name for item in movements])
+    groups = repeat_groups(sheet)
+    measured = _array(grid, grid.measured(movements), sheet)
+    directions = _directions(model, calibration)
+    noise = _noise(movements, grid)
+    scatter = scatter_of(measured.values, directions, groups=groups, noise=noise)
+    used = np.isin(sheet["movement"].values, _used(calibration))
+    left = _left_out(model, measured.values, calibration, movements, (scatter, directions), used)
+    forecast = measured.copy(data=left.forces)
+    of_chain = chain_variance(model.forces, model.later, grid, chain)
+    reach = QUANTILE * np.sqrt(scatter.variance + left.variance + of_chain)
+    low, high = forecast - reach, forecast + reach
+    parts = _band_parts(
+        (model, chain, calibration),
+        (scatter, directions),
+        left,
+        reach=np.where(np.isfinite(measured.values), reach, np.nan),
+        grid=grid,
+        judged=judged_movements(used, left.predicted),
+    )
+    found = xr.Dataset(
+        {
+            "measured": measured,
+            "predicted": forecast,
+            "low": low,
+            "high": high,
+            "rms": rms_difference(measured, forecast),
+            "nrmse": nrmse(measured, forecast),
+            "cover": band_coverage(measured, low, high),
+            "scale": channel_scale(measured),
+            "repeat_spread": _spread(measured, groups, scatter),
+            "used": ("movement", used),
+            "left_out": ("movement", left.predicted),
+            "onset_shift": ("movement", model.shifts, {"units": "s"}),
+            **_least_covers(parts),
+            "touched": ("movement", model.contacts, {"units": "s"}),
+            "change": _changes(model, measured, calibration),
+            **_features(measured, forecast),
+        },
+        attrs={
+            **_origin(dataset, panel, calibration),
+            "scatter": json.dumps({**scatter.sizes, "repeats": scatter.repeated}),
+            "left_out": json.dumps([*excluded_movements(dataset), *oversized]),
+            "onsets": "marked" if all(item.clocked for item in movements) else "fitted",
+            "chain": "" if chain or not calibration.chain else OTHER_CHAIN,
+        },
+    )
+    return with_bends(
+        found,
+        calibration,
+        forces=model.forces,
+        slopes=model.slopes,
+        asides=model.asides,
+        seen=model.seen,
+    )
+
+
+def _origin(dataset: xr.Dataset, panel: LoadedPanel, calibration: Calibration) -> dict[str, object]:
+    """Return what was validated, and by what."""
+    return {
+        "title": str(dataset.attrs.get("title", "campaign")),
+        "synthetic": str(dataset.attrs.get("synthetic", "")),
+        "kind": "validation",
+        **provenance(),
+        "schema_version": SCHEMA_VERSION,
+        "panel": panel.name,
+        "panel_hash": panel.hash,
+        "calibration_panel_hash": calibration.panel_hash,
+    }
+
+
+def _least_covers(parts: BandParts) -> dict[str, tuple[str, Floats]]:
+    limit, samples = coverage_limits(parts)
+    return {"cover_limit": ("channel", limit), "cover_samples": ("channel", samples)}
+
+
+def _changes(model: _Model, measured: xr.DataArray, calibration: Calibration) -> xr.DataArray:
+    """Return how much forces change with each parameter: for all of it [N], a length [N/m]."""
+    # The size of a cause is no value of the panel that anyone could have got wrong.
+    fitted = [item for item in calibration.fitted if item.keys]
+    rows = [model.slopes[i.name] * (1.0 if i.unit == "m" else i.value) for i in fitted]
+    stacked = np.stack(rows) if rows else np.zeros((0, *measured.shape))
+    known = stacked.astype(np.float32)
+    coordinates = {
+        **measured.coords,
+        "parameter": [item.name for item in fitted],
+        "unit": ("parameter", np.array([item.unit for item in fitted], dtype=np.str_)),
+    }
+    return xr.DataArray(known, coordinates, ("parameter", *measured.dims))
+
+
+def _band_parts(
+    found: tuple[_Model, Mapping[str, tuple[float, float]], Calibration],
+    scattered: tuple[ThrowScatter, Sequence[Direction]],
+    left: LeftOut,
+    *,
+    reach: Floats,
+    grid: Grid,
+    judged: NDArray[np.intp],
+) -> BandParts:
+    """Return what the bands of the movements that are judged are made of."""
+    model, chain, calibration = found
+    scatter, directions = scattered
+    common = chain_directions(model.forces, model.later, grid, chain)
+    if model.slopes:
+        stacked = np.stack(list(model.slopes.values()))
+        values, vectors = np.linalg.eigh(calibration.covariance)
+        roots = vectors * np.sqrt(np.maximum(values, 0.0))
+        plain = _of_parameters(model, calibration)
+        # Where a place is predicted without itself, less is known of it.
+        wider = np.sqrt(np.divide(left.variance, plain, out=np.ones_like(plain), where=plain > 0.0))
+        common = np.concatenate((common, np.tensordot(roots.T, stacked, axes=1) * wider))
+    own = np.stack([scatter.sizes[item.name] * item.slope for item in directions])
+    return BandParts(
+        reach=reach[:, judged],
+        common=common[:, :, judged],
+        own=own[:, :, judged],
+        freedom=np.array([scatter.freedom[item.name] for item in directions]),
+        rest=scatter.rest,
+        decay=scatter.decay,
+    )
+
+
+def _used(calibration: Calibration) -> list[str]:
+    """Return every movement that any stage was fitted to."""
+    names = [*calibration.movements, *(n for stage in calibration.stages for n in stage.movements)]
+    return list(dict.fromkeys(names))
+
+
+def _model(
+    movements: Sequence[MeasuredMovement],
+    grid: Grid,
+    calibration: Calibration,
+    evaluator: Evaluator,
+    chain: Mapping[str, tuple[float, float]],
+    report: Report | None,
+) -> _Model:
+    """Simulate all movements at the calibrated values and one step away for each parameter.
+
+    Through the chain as it was found: a sound prediction would differ by the gains of the gauges.
+    """
+    steps: dict[str, float] = {}
+    settings: list[dict[str, float]] = [calibration.values]
+    for item in calibration.fitted:
+        aside = stepped_value(_parameter(item), item.value)
+        steps[item.name] = aside - item.value
+        settings.append({**calibration.values, item.name: aside})
+    seen = Seen(
+        movements=tuple(movements),
+        grid=grid,
+        calibration=calibration,
+        evaluator=evaluator,
+        chain=chain,
+        report=report,
+    )
+    thrown, seen = seen.thrown(settings, stage=PREDICTING)
+    responses = thrown[0]
+    failed = [
+        f"{item.text}: cannot be simulated: {response.failure}"
+        for item, response in zip(movements, responses, strict=True)
+        if response.failure
+    ]
+    if len(failed) == len(movements):
+        raise MeasurementError(failed[:3], source="validation")
+    shifts = onset_shifts(movements, responses)
+    seen = replace(seen, shifts=shifts)
+    sets = [seen.forces(row) for row in thrown]
+    slopes = {
+        name: (aside - sets[0]) / step
+        for (name, step), aside in zip(steps.items(), sets[1:], strict=True)
+    }
+    contacts = np.array(
+        [
+            response.contact_time - response.onsets[item.direction] + shift
+            if item.size > 0 and not response.failure
+            else np.nan
+            for item, response, shift in zip(movements, responses, shifts, strict=True)
+        ]
+    )
+    return _Model(
+        forces=sets[0],
+        slopes=slopes,
+        asides=dict(zip(steps, thrown[1:], strict=True)),
+        later=later(sets[0]),
+        shifts=shifts,
+        contacts=contacts,
+        seen=seen,
+    )
+
+
+def _parameter(item: Fitted) -> Parameter:
+    return Parameter(
+        name=item.name,
+        keys=item.keys,
+        start=item.value,
+        lower=item.lower,
+        upper=item.upper,
+        unit=item.unit,
+        transform="log" if item.lower > 0 else "linear",
+    )
+
+
+def _directions(model: _Model, calibration: Calibration) -> list[Direction]:
+    found = []
+    for item in calibration.fitted:
+        for ending, share in (FRICTION, LEVEL):
+            if any(key.endswith(ending) for key in item.keys):
+                known = calibration.scatter.get(item.name, share)
+                slope = model.slopes[item.name] * item.value
+                found.append(Direction(name=item.name, slope=slope, expected=known))
+    found.append(Direction(name="onset [s]", slope=model.later, expected=ONSET))
+    return found
+
+
+def _of_parameters(model: _Model, calibration: Calibration) -> Floats:
+    """Return the variance from the uncertainty of the fitted parameters [N^2]."""
+    if not model.slopes:
+        return np.zeros_like(model.forces)
+    stacked = np.stack(list(model.slopes.values()))
+    found = np.einsum("i...,ij,j...->...", stacked, calibration.covariance, stacked)
+    return np.asarray(found, dtype=np.float64)
+
+
+def _left_out(
+    model: _Model,
+    measured: Floats,
+    calibration: Calibration,
+    movements: Sequence[MeasuredMovement],
+    scattered: tuple[ThrowScatter, Sequence[Direction]],
+    used: NDArray[np.bool_],
+) -> LeftOut:
+    """Predict as the fit does, or each place from the others where it has seen all movements."""
+    scatter, directions = scattered
+    if used.all() and model.slopes:
+        return leave_out_places(
+            measured,
+            model.forces,
+            model.slopes,
+            places=[item.place for item in movements],
+            variance=np.broadcast_to(scatter.rest[:, None, None] ** 2, measured.shape),
+            covariance=calibration.covariance,
+            alike=[scatter.sizes[item.name] * item.slope for item in directions],
+        )
+    return LeftOut(
+        forces=model.forces,
+        variance=_of_parameters(model, calibration),
+        predicted=np.zeros(used.size, dtype=np.bool_),
+    )
+
+
+def _noise(movements: Sequence[MeasuredMovement], grid: Grid) -> Floats:
+    known = {
+        f"{DRIVE}{drive}" if drive else OBJECT: noise.total
+        for (_, drive), noise in measured_noise(movements).items()
+    }
+    return np.array([known[name] for name in grid.channels])
+
+
+def _spread(measured: xr.DataArray, groups: list[list[int]], scatter: ThrowScatter) -> xr.DataArray:
+    """Return the spread of repeats; where none were made, what scatter found elsewhere implies.
+
+    Load cells are seldom mounted twice for one size and place, so that friction's share of their
+    spread has to be carried over from the rods.
+    """
+    spread = repeat_spread(measured, groups)
+    variance = measured.copy(data=scatter.variance).where(measured.notnull())
+    implied = variance.mean(("movement", "time")) ** 0.5
+    return spread.fillna(implied).assign_attrs(units="N", long_name="spread of repeats")
+
+
+def _array(grid: Grid, values: Floats, sheet: xr.Dataset) -> xr.DataArray:
+    kept = {key: ("movement", sheet[key].values) for key in SHEET if key in sheet.coords}
+    coordinates = {
+        "channel": list(grid.channels),
+        "movement": sheet["movement"].values,
+        "time": grid.time,
+        **kept,
+    }
+    return xr.DataArray(values, coordinates, ("channel", "movement", "time"), attrs={"units": "N"})
+
+
+def _features(measured: xr.DataArray, forecast: xr.DataArray) -> dict[str, xr.DataArray]:
+    """Return features of both, where there is a measurement."""
+    found: dict[str, xr.DataArray] = {}
+    pairs = (("measured", measured), ("predicted", forecast.where(measured.notnull())))
+    for label, forces in pairs:
+        contact = xr.full_like(forces.isel(channel=0, time=0, drop=True), np.nan)
+        if OBJECT in forces["channel"]:
+            contact = contact_time(forces.sel(channel=OBJECT, drop=True))
+        end = float(forces["time"][-1])
+        for name, values in channel_features(forces, contact=contact, end=end).data_vars.items():
+            found[f"{name}_{label}"] = values
+    return found

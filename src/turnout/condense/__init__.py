@@ -1,1 +1,0 @@
-"""Condense reduced rails to modes and residual flexibility, block by block."""

@@ -1,0 +1,80 @@
+"""One error class a stage, so that a caller can distinguish bad input from a failed solution."""
+
+
+class TurnoutError(Exception):
+    """Base of everything that turnout raises on purpose; its text is fit for the screen."""
+
+
+class FileError(TurnoutError):
+    """A file cannot be read or written; the text names the path and the remedy."""
+
+
+MOST_LISTED, LONGEST_MESSAGE = 200, 2000
+"""Problems in the text of an error, and characters of each; a file can have as many as it likes."""
+
+
+class ListedError(TurnoutError):
+    """Input with problems, reported all at once.
+
+    Parameters
+    ----------
+    problems : sequence of str
+        Every problem found, each naming the key's path, the value and what is allowed.
+    source : str
+        Where the values came from (a file, a library panel, an option).
+    """
+
+    def __init__(self, problems: list[str] | tuple[str, ...], *, source: str) -> None:
+        self.problems = tuple(problems)
+        self.source = source
+        count = len(self.problems)
+        heading = f"{source}: {count} problem{'s' if count != 1 else ''}"
+        listed = tuple(
+            text if len(text) <= LONGEST_MESSAGE else f"{text[:LONGEST_MESSAGE]} ..."
+            for text in self.problems[:MOST_LISTED]
+        )
+        if count > MOST_LISTED:
+            listed = (*listed, f"and {count - MOST_LISTED} more")
+        super().__init__("\n  - ".join((heading, *listed)))
+
+
+class PanelError(ListedError):
+    """A panel, an override or a foreign object is not valid; takes what `ListedError` takes."""
+
+    def __init__(self, problems: list[str] | tuple[str, ...], *, source: str = "panel") -> None:
+        super().__init__(problems, source=source)
+
+
+class MeasurementError(ListedError):
+    """A recording, a channel map or a campaign is not valid; takes what `ListedError` takes."""
+
+    def __init__(
+        self, problems: list[str] | tuple[str, ...], *, source: str = "measurement"
+    ) -> None:
+        super().__init__(problems, source=source)
+
+
+class StudyError(ListedError):
+    """A study of many throws is not valid; takes what `ListedError` takes."""
+
+    def __init__(self, problems: list[str] | tuple[str, ...], *, source: str = "study") -> None:
+        super().__init__(problems, source=source)
+
+
+class MechanicsError(TurnoutError):
+    """A mesh, a reduction or a mechanism cannot be built from what was given."""
+
+
+class SolverError(TurnoutError):
+    """A simulation ended early; see `turnout.solver.outcome` for what it carries."""
+
+
+class ResponseError(TurnoutError):
+    """A response cannot be made, read or written."""
+
+
+class MachineError(ListedError):
+    """A point machine, or what changes it, is not valid; takes what `ListedError` takes."""
+
+    def __init__(self, problems: list[str] | tuple[str, ...], *, source: str = "machine") -> None:
+        super().__init__(problems, source=source)

@@ -1,0 +1,240 @@
+"""The test-piece check: which piece keeps the panel from locking, and by what.
+
+On the track a gauge piece is held between switch rail and stock rail at a drive, and the switch is
+thrown: the drive must not confirm locking. Here the piece is a foreign object at the drive. One as
+thick as the gap limit is thrown on, and the least size from which lock is refused is found.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from turnout.core.errors import PanelError
+from turnout.metric.slip import last_instant_at
+from turnout.panel.foreign_object import ForeignObject
+from turnout.panel.load import LoadedPanel
+from turnout.throw.save import Save
+from turnout.throw.simulate import simulate
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+RESOLUTION = 1e-4
+"""Resolution of the least size [m]."""
+LARGEST = 3.0
+"""The largest piece that is tried, as a multiple of the gap limit at the drive [-]."""
+
+CHANNELS = ("drive_force", "object_force", "locked", "drive_gap", "drive_slipping", "object_placed")
+
+
+@dataclass(frozen=True, slots=True)
+class PieceResult:
+    """How a throw on a test piece ended.
+
+    Attributes
+    ----------
+    drive : str
+        Where the piece is.
+    size : float
+        Its thickness [m].
+    seen : bool
+        Whether the panel does not lock, by its own rule.
+    by : str
+        The part of the rule that refuses: "slip", "gap" or "slip and gap"; empty if none does.
+    drive_force, piece_force : float
+        On the rail and on the piece once the movement is over [N].
+    largest_force : float
+        Of any drive, in any direction, while the piece is held [N].
+    gap : float
+        Raw gap at the drive then [m].
+    fault : str
+        Why there is no result; empty if there is one.
+    """
+
+    drive: str
+    size: float
+    seen: bool
+    drive_force: float
+    piece_force: float
+    largest_force: float
+    gap: float
+    by: str = ""
+    fault: str = ""
+
+    @classmethod
+    def without(cls, drive: str, size: float, fault: str) -> "PieceResult":
+        """Return a result that only says why there is none."""
+        nothing = math.nan
+        return cls(drive, size, False, nothing, nothing, nothing, nothing, fault=fault)
+
+
+@dataclass(frozen=True, slots=True)
+class PieceLimit:
+    """The least piece at a drive that keeps the panel from locking.
+
+    Attributes
+    ----------
+    drive : str
+        Where the piece is.
+    size : float
+        Its thickness, to `RESOLUTION` from above [m]; infinite where even the largest locks.
+    by : str
+        The part of the rule that refuses: "slip", "gap" or "slip and gap".
+    largest : float
+        The largest piece that was tried [m].
+    fault : str
+        Why there is no result; empty if there is one.
+    """
+
+    drive: str
+    size: float
+    by: str
+    largest: float
+    fault: str = ""
+
+    @property
+    def text(self) -> str:
+        """From which piece on the drive refuses to lock, and by which part of the rule."""
+        if self.fault:
+            return f"drive {self.drive}: least piece that is refused not known: {self.fault}"
+        if math.isinf(self.size):
+            return f"drive {self.drive} locks on every piece up to {1e3 * self.largest:g} mm"
+        return f"drive {self.drive} refuses to lock from {1e3 * self.size:.1f} mm on, by {self.by}"
+
+
+def check_piece(
+    panel: LoadedPanel,
+    drive: str,
+    *,
+    size: float | None = None,
+    report: Callable[[int, int], None] | None = None,
+) -> PieceResult:
+    """Throw a panel with a test piece at one of its drives.
+
+    Parameters
+    ----------
+    panel : LoadedPanel
+        The panel.
+    drive : str
+        Name of the drive.
+    size : float, optional
+        Thickness of the piece [m], default the gap limit of the drive.
+    report : callable, optional
+        As for `simulate`.
+
+    Returns
+    -------
+    PieceResult
+        How it ended; a run that ends early and a piece without room are given as a fault.
+
+    Raises
+    ------
+    PanelError
+        When the piece does not fit into the opening, or the rail has no stock rail.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> check_piece(load_panel("sb2"), "1").seen  # doctest: +SKIP
+    False
+    """
+    thickness = panel.gap_limits()[drive] if size is None else size
+    rail = panel.drive[drive].rail
+    piece = ForeignObject(thickness, f"drive {drive}", rail=rail)
+    save = Save(fields=CHANNELS)
+    dataset = simulate(panel, foreign_object=piece, save=save, throw=False, report=report)
+    fault = ""
+    if not dataset.attrs["complete"]:
+        fault = str(dataset.attrs["outcome_message"])
+    elif not dataset["object_placed"]:
+        fault = "the piece does not fit: the gap is smaller at all times"
+    if fault:
+        return PieceResult.without(drive, thickness, fault)
+    held = dataset["object_force"].values > 0
+    forces = np.abs(dataset["drive_force"].values[:, held])
+    end = last_instant_at(dataset, to="closed" if panel.rail[rail].closes == "+y" else "open")
+    return PieceResult(
+        drive=drive,
+        size=thickness,
+        seen=not bool(end["locked"]),
+        by="" if bool(end["locked"]) else _refused_by(panel, end),
+        drive_force=float(end["drive_force"].sel(drive=drive)),
+        piece_force=float(end["object_force"]),
+        largest_force=float(np.max(forces, initial=0.0)),
+        gap=float(end["drive_gap"].sel(drive=drive)),
+    )
+
+
+def least_piece(
+    panel: LoadedPanel, drive: str, *, report: Callable[[int, int], None] | None = None
+) -> PieceLimit:
+    """Find the least piece at a drive from which the panel refuses to lock, by bisection.
+
+    Parameters
+    ----------
+    panel : LoadedPanel
+        The panel.
+    drive : str
+        Name of the drive.
+    report : callable, optional
+        Called with throws done and throws in all.
+
+    Returns
+    -------
+    PieceLimit
+        Of a panel that locks on smaller pieces and refuses larger ones. A piece that does not fit
+        into the opening, and a rail without a stock rail, are given as a fault.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> least = least_piece(load_panel("uic60-760-1-15"), "2")  # doctest: +SKIP
+    >>> round(1e3 * least.size, 1), least.by  # doctest: +SKIP
+    (4.9, 'slip')
+    """
+    try:
+        return _bisected(panel, drive, report)
+    except PanelError as error:
+        return PieceLimit(drive, math.nan, "", math.nan, "; ".join(error.problems))
+
+
+def _bisected(
+    panel: LoadedPanel, drive: str, report: Callable[[int, int], None] | None
+) -> PieceLimit:
+    count = round(LARGEST * panel.gap_limits()[drive] / RESOLUTION)
+    throws = 1 + math.ceil(math.log2(count))
+    largest = count * RESOLUTION
+    locks, refuses = 0, count  # in steps of the resolution
+    refused = check_piece(panel, drive, size=largest)
+    done = 1
+    while not refused.fault and refused.seen and refuses - locks > 1:
+        if report is not None:
+            report(done, throws)
+        middle = (locks + refuses) // 2
+        tried = check_piece(panel, drive, size=middle * RESOLUTION)
+        done += 1
+        if tried.fault:
+            refused = tried
+        elif tried.seen:
+            refused, refuses = tried, middle
+        else:
+            locks = middle
+    if refused.fault:
+        return PieceLimit(drive, math.nan, "", largest, refused.fault)
+    if not refused.seen:
+        return PieceLimit(drive, math.inf, "", largest)
+    if refuses == 1:
+        fault = "lock is refused without a piece, too"
+        return PieceLimit(drive, math.nan, refused.by, largest, fault)
+    return PieceLimit(drive, refuses * RESOLUTION, refused.by, largest)
+
+
+def _refused_by(panel: LoadedPanel, end: "xr.Dataset") -> str:
+    """Return which part of the panel's lock rule refuses at the end."""
+    limits = np.array(list(panel.gap_limits().values()))
+    slip = panel.lock.rule != "raw gap" and bool(end["drive_slipping"].any())
+    wide = panel.lock.rule != "no slip" and bool((end["drive_gap"].values >= limits).any())
+    return " and ".join(part for part, holds in (("slip", slip), ("gap", wide)) if holds)

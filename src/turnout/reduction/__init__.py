@@ -1,1 +1,0 @@
-"""Reduction of linear structures, matrices to smaller matrices, independent of rails."""

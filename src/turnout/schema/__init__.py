@@ -1,1 +1,0 @@
-"""The table of channels that simulations and measurements share."""

@@ -1,1 +1,0 @@
-"""Cross-sections: from an outline to the numbers that a beam needs, along the rail."""

@@ -1,0 +1,305 @@
+"""Condense a mechanism for the kernels.
+
+Runs that differ only in values of laws (friction, clearances, saturation forces, times) or in the
+motion share modes and structure, which are therefore condensed once and cached. Mechanisms built
+from the same records share their matrices, which are read-only then; the cache knows them by their
+identity. The rows of foreign objects come last and are added to the condensed rails, so that an
+object in another place costs its own displacements and flexibilities, and no modes.
+"""
+
+from collections.abc import Hashable
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.core.errors import MechanicsError
+from turnout.core.lru_cache import LRUCache
+from turnout.core.scheme import Scheme
+from turnout.kernels.shared_record import record_like, shared_record
+from turnout.law.table import LawTable
+from turnout.mechanism.mechanism import Mechanism
+from turnout.solver.blocks import drop_joining_bases
+from turnout.solver.condense import (
+    BasePlaces,
+    BlockModel,
+    CondensedRails,
+    base_places,
+    condense_blocks,
+    folded_stiffness,
+    sum_at_rows,
+)
+from turnout.solver.followers import Leading
+from turnout.solver.levels import clear_levels
+from turnout.solver.modal import ModalModel
+from turnout.solver.numbering import PLACED, Places, number_places, place_laws
+from turnout.solver.scratch import Work, release_buffers
+from turnout.solver.state import State
+from turnout.solver.system import System, check_normals, condensed_system, refill_system
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Templates = dict[tuple[int, int], tuple[State, Work]]
+
+MOST_KEPT = 12
+"""Condensed rails in the cache, the latest used; ten megabytes each with all that they hold."""
+MOST_PLACED = 96
+"""Objects in other places that each of them keeps, under a megabyte each in quick mode."""
+MOST_LAYOUTS = 24
+"""Systems in the cache that rails of other sections are filled into, the latest used."""
+
+
+@dataclass(frozen=True, slots=True)
+class Arrangement:
+    """A condensed mechanism.
+
+    Attributes
+    ----------
+    mechanism : Mechanism
+        What was condensed; keeps alive the matrices whose identities are the key of the cache.
+    laws : LawTable
+        The laws as integrated: those that join rails are not part of the linear system.
+    table : LawTable
+        The same for the kernels, as a shared record whose rows are places.
+    condensed : CondensedRails
+        Modes and flexibility of the rails, in the coordinates of the mechanism.
+    system : System
+        Condensed system of the model, laid out for the kernels.
+    templates : dict
+        States at rest and scratch arrays, by numbers of inputs and of levels, for runs to copy.
+    known : bool
+        Whether these rails have been arranged before.
+    """
+
+    mechanism: Mechanism
+    laws: LawTable
+    table: LawTable
+    condensed: CondensedRails
+    system: System
+    templates: Templates
+    known: bool
+
+    @property
+    def model(self) -> ModalModel:
+        """Modes and flexibility of the rails, in the coordinates of the mechanism."""
+        return self.condensed.model
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Frame:
+    """What does not depend on where in its blocks an object stands."""
+
+    system: System
+    places: Places
+    templates: Templates
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rails:
+    """Condensed rails without objects; frames by the blocks that each object joins.
+
+    The mechanism keeps alive the matrices whose identities are the key of the cache; `placed` are
+    the arrangements by the identity of their rows.
+    """
+
+    mechanism: Mechanism
+    parts: tuple[BlockModel, ...]
+    base_segment: NDArray[np.int64]
+    frames: dict[Hashable, _Frame]
+    placed: LRUCache[Arrangement]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _SystemLayout:
+    """A system with its places; the choices of leading rows are kept, as their identity is used."""
+
+    system: System
+    places: Places
+    leading: tuple[Leading, ...]
+
+
+class _Indices(NamedTuple):
+    """Where laws act, as bytes, and which of them have base segments."""
+
+    contents: tuple[bytes, ...]
+    bases: BasePlaces
+
+
+@dataclass(frozen=True, slots=True)
+class _Structure:
+    """What condensed rails depend on, but for their rows: matrices by identity, and the laws."""
+
+    matrices: tuple[int, ...]
+    laws: Hashable
+
+
+_rails_cache = LRUCache[_Rails](MOST_KEPT)
+_indices = LRUCache[tuple["_Indices", tuple[Ints, ...]]](MOST_PLACED)
+_layouts = LRUCache[_SystemLayout](MOST_LAYOUTS)
+
+
+def arrange(mechanism: Mechanism, scheme: Scheme) -> Arrangement:
+    """Condense the rails apart from each other; in one piece if one is held by another only.
+
+    Raises
+    ------
+    MechanicsError
+        If a rail is not held, or a law of friction cannot be integrated.
+    """
+    check_normals(mechanism.laws)
+    structure = _structure(mechanism, scheme)
+    rails = _find_rails(mechanism, scheme, structure)
+    found = None if structure is None else rails.placed.get(id(mechanism.rows))
+    if found is None:
+        made = _arranged(mechanism, rails, structure)
+        return made if structure is None else rails.placed.put(id(mechanism.rows), made)
+    laws = mechanism.laws._replace(base_segment=found.laws.base_segment)
+    placed = {name: getattr(found.table, name) for name in PLACED}
+    table = record_like(found.table, laws._replace(**placed))
+    return replace(found, mechanism=mechanism, laws=laws, table=table, known=True)
+
+
+def clear_memory() -> None:
+    """Clear the cache of condensed mechanisms, and release the buffers of histories."""
+    _rails_cache.clear()
+    _indices.clear()
+    _layouts.clear()
+    clear_levels()
+    release_buffers()
+
+
+def _structure(mechanism: Mechanism, scheme: Scheme) -> _Structure | None:
+    """Return what condensed rails depend on, but for their rows; None for writeable matrices."""
+    matrices = (
+        mechanism.stiffness,
+        mechanism.mass,
+        mechanism.damping,
+        mechanism.load,
+        mechanism.rows,
+    )
+    if any(matrix.flags.writeable for matrix in matrices):
+        return None
+    laws = mechanism.laws
+    indices = _indices_of(laws)
+    values = (
+        folded_stiffness(laws, indices.bases),
+        np.isfinite(laws.appears) | np.isfinite(laws.disappears) | (laws.waits == 1),
+        laws.stick_stiffness,
+    )
+    same = tuple([id(matrix) for matrix in matrices[:-1]])
+    rails = tuple([(rail.first, rail.count) for rail in mechanism.rails])
+    of_values = [part.tobytes() for part in values]
+    return _Structure(same, (rails, scheme.cutoff_frequency, indices.contents, *of_values))
+
+
+def _indices_of(laws: LawTable) -> _Indices:
+    """Return where laws act; of arrays that throws share the same bytes, whose hash is known."""
+    arrays = (
+        *(laws.row, laws.input_index, laws.base_segment, laws.segment_start),
+        *(laws.friction_row, laws.friction_normal),
+    )
+    key = tuple(map(id, arrays))
+    known = _indices.get(key)
+    if known is not None:
+        return known[0]
+    found = _Indices(tuple([array.tobytes() for array in arrays]), base_places(laws))
+    if not any(array.flags.writeable for array in arrays):
+        _indices.put(key, (found, arrays))
+    return found
+
+
+def _find_rails(mechanism: Mechanism, scheme: Scheme, structure: _Structure | None) -> _Rails:
+    """Condense the rails without objects, or find them."""
+    key = (id(mechanism.rows if mechanism.core is None else mechanism.core), structure)
+    rails = None if structure is None else _rails_cache.get(key)
+    if rails is None:
+        rails = _condense_rails(_without_objects(mechanism), scheme.cutoff_frequency)
+        if structure is not None:
+            _rails_cache.put(key, rails)
+    return rails
+
+
+def _arranged(mechanism: Mechanism, rails: _Rails, structure: _Structure | None) -> Arrangement:
+    """Put the objects in their places."""
+    first = mechanism.rows.shape[0] if mechanism.core is None else mechanism.core.shape[0]
+    parts, joined = _with_objects(rails.parts, mechanism.rows, first=first)
+    further = np.full(mechanism.laws.row.size - rails.base_segment.size, -1)
+    laws = mechanism.laws._replace(base_segment=np.concatenate((rails.base_segment, further)))
+    frame = rails.frames.get(joined)
+    known = frame is not None
+    if frame is None:
+        layout, system = _laid_out(parts, laws, structure, fixed_rows=first)
+        rails.frames[joined] = frame = _Frame(system, layout.places, {})
+    else:
+        system = refill_system(frame.system, parts, laws, frame.places)
+    n_rows, n_coordinates = mechanism.rows.shape
+    row_stiffness = sum_at_rows(laws, folded_stiffness(laws), n_rows)
+    row_stiffness.flags.writeable = False  # throws share it
+    condensed = CondensedRails(parts, n_coordinates=n_coordinates, row_stiffness=row_stiffness)
+    table = shared_record(place_laws(laws, system.row_place))
+    return Arrangement(mechanism, laws, table, condensed, system, frame.templates, known)
+
+
+def _laid_out(
+    parts: tuple[BlockModel, ...],
+    laws: LawTable,
+    structure: _Structure | None,
+    *,
+    fixed_rows: int,
+) -> tuple[_SystemLayout, System]:
+    """Lay out the system, or fill one of rails that differ in their sections."""
+    bases = [part if part.before is None else part.before for part in parts]
+    leading = tuple(part.leading for part in bases)
+    shapes = tuple((p.model.load.size, p.block.rows.tobytes(), id(p.leading)) for p in bases)
+    ends = (fixed_rows, *(part.block.rows.tobytes() for part in parts))
+    key = None if structure is None else (structure.laws, laws.base_segment.tobytes(), shapes, ends)
+    layout = None if key is None else _layouts.get(key)
+    if layout is not None:
+        return layout, refill_system(layout.system, parts, laws, layout.places)
+    places = number_places(parts)
+    system = condensed_system(parts, laws, places, fixed_rows=fixed_rows)
+    layout = _SystemLayout(system, places, leading)
+    if key is not None:
+        _layouts.put(key, layout)
+    return layout, layout.system
+
+
+def _condense_rails(mechanism: Mechanism, cutoff_frequency: float) -> _Rails:
+    """Condense rails each on its own, or together where one is held by another only."""
+    laws = drop_joining_bases(mechanism, mechanism.laws)
+    try:
+        parts = condense_blocks(mechanism, laws, cutoff_frequency=cutoff_frequency)
+    except MechanicsError:
+        laws = mechanism.laws
+        parts = condense_blocks(mechanism, laws, cutoff_frequency=cutoff_frequency)
+    return _Rails(mechanism, parts, laws.base_segment, {}, LRUCache[Arrangement](MOST_PLACED))
+
+
+def _without_objects(mechanism: Mechanism) -> Mechanism:
+    """Return a mechanism without the objects whose rows were added to the others."""
+    core, laws = mechanism.core, mechanism.laws
+    if core is None:
+        return mechanism
+    count = int(np.count_nonzero(laws.row < core.shape[0]))
+    trimmed = laws._replace(
+        row=laws.row[:count],
+        input_index=laws.input_index[:count],
+        base_segment=laws.base_segment[:count],
+        segment_start=laws.segment_start[: count + 1],
+    )
+    return replace(mechanism, rows=core, laws=trimmed, core=None)
+
+
+def _with_objects(
+    parts: tuple[BlockModel, ...], rows: Floats, *, first: int
+) -> tuple[tuple[BlockModel, ...], Hashable]:
+    """Add the rows from the `first` on to the blocks they reach into; return which these are."""
+    found, joined = [], []
+    for part in parts:
+        own = rows[first:, part.block.coordinates]
+        reaching = np.flatnonzero(own.any(axis=1))
+        added = part.with_ends(first + reaching, own[reaching]) if reaching.size else part
+        found.append(added)
+        joined.append(tuple(reaching.tolist()))
+    return tuple(found), tuple(joined)

@@ -1,0 +1,353 @@
+r"""Solved columns of the implicit step, their rank-one updates, and the coupling of blocks.
+
+The implicit step asks for
+
+.. math:: A q = p + \Phi^T\lambda,\quad A = \iota I + \nu C + K,\qquad
+          e = \Phi q + R\lambda + r,\qquad \lambda = D g + b
+
+with modes and residual flexibility of a block at its ends `e`. Modes count as ends, on which `p` is
+the force. Without deviations a unit force on an end or a mode displaces ends and modes by a row of
+the *compliance*
+
+.. math:: S = \begin{pmatrix} R + \Phi A^{-1}\Phi^T & \Phi A^{-1} \\ A^{-1}\Phi^T & A^{-1}
+              \end{pmatrix},
+
+which depends on the length of the step alone (`turnout.solver.compliance`). Its sums run entry
+by entry in an order that does not depend on the number of ends, so that one more end changes no bit
+of the others. With the deviations of the block's own rows
+
+.. math:: \begin{pmatrix} e \\ q \end{pmatrix} = \sum_j p_j\, P e_j + c, \qquad
+          c = (I + P D)\,r + P\,b, \qquad P = (I - S D)^{-1} S .
+
+`State` keeps `c` and the columns :math:`P e_j` of all modes and of the *active* ends, those with a
+deviation, each for leading ends and modes; the displacement of an end that follows is the weighted
+sum of those of leading ends. A law that changes its segment changes one row of `D` by :math:`d^T`
+and its entry of `b` by :math:`\beta`, and by the Sherman-Morrison formula every column of the block
+becomes
+
+.. math:: x \leftarrow x + P e_r\,\frac{d^T x}{1 - d^T P e_r}
+
+(for `c` with :math:`d^T c + \beta`), without a factorisation.
+
+Rows that join two blocks are solved last (`turnout.solver.coupling`).
+
+Columns of active ends are rows of `State.columns`; each block has its own range of slots there.
+"""
+
+from turnout.kernels.compiled import compiled
+from turnout.kernels.vector import (
+    add_multiple,
+    copy,
+    scale,
+    sum_weighted_rows,
+    update_rank_one,
+    update_rank_two,
+)
+from turnout.law.kernel import STICK
+from turnout.law.table import LawTable
+from turnout.solver.state import (
+    COUNT_FLIPS,
+    COUNT_JOINING,
+    COUNT_REBUILDS,
+    COUNT_RECENT,
+    COUPLED,
+    LEVEL,
+    PENDING,
+    UNSOLVED,
+    State,
+)
+from turnout.solver.system import Floats, Ints, System
+
+REBUILD_AFTER = 2000
+"""Flips after which the columns are rebuilt at the end of the step in any case."""
+
+
+@compiled
+def evaluate_deviation(
+    system: System, table: LawTable, state: State, row: int, slopes: Floats
+) -> float:
+    """Evaluate the deviation of a row: write its slope per term [N/m], return its shift [N]."""
+    start, stop = system.term_start[row], system.term_start[row + 1]
+    slopes[: stop - start] = 0.0
+    shift = 0.0
+    for i in range(system.row_law_start[row], system.row_law_start[row + 1]):
+        law = system.row_law_list[i]
+        slopes[0] += system.base_slope[law] - state.slope[law]
+        shift -= state.constant[law]
+    for i in range(system.row_friction_start[row], system.row_friction_start[row + 1]):
+        friction = system.row_friction_list[i]
+        branch = state.friction[friction]
+        if branch == STICK:
+            slopes[0] -= table.stick_stiffness[friction]
+            shift += table.stick_stiffness[friction] * state.anchor[friction]
+            continue
+        normal = table.friction_normal[friction]
+        gain = branch * table.friction_coefficient[friction]
+        normal_row = table.row[normal]
+        for k in range(start, stop):
+            if system.term_list[k] == normal_row:
+                slopes[k - start] -= gain * state.slope[normal]
+                break
+        shift -= gain * state.constant[normal]
+    return shift
+
+
+@compiled
+def activate(system: System, state: State, end: int, row: int, weights: Floats) -> int:
+    """Assemble the column of an end that becomes active; return its slot.
+
+    `weights` is scratch memory with room for the slots of a block.
+    """
+    block = system.block_of_end[end]
+    start = system.end_start[block]
+    width = system.end_start[block + 1] - start
+    first = system.slot_start[block]
+    slot: int = first + state.slots[block]
+    column = state.columns[slot, :width]
+    base = state.compliance[state.counters[LEVEL], end, :width]
+    for other in range(first, slot):
+        other_row, weight = state.row_of_slot[other], 0.0
+        if system.row_ends[other_row, 1] < 0:
+            for k in range(system.pattern_start[other_row], system.pattern_start[other_row + 1]):
+                weight += state.entries[k] * base[system.pattern_at[k]]
+        weights[other - first] = weight
+    sum_weighted_rows(base, weights[: slot - first], state.columns[first:slot], column)
+    state.end_of_slot[slot] = end
+    state.row_of_slot[slot] = row
+    state.slot_of_end[end] = slot
+    state.slots[block] += 1
+    return slot
+
+
+@compiled
+def deactivate(system: System, state: State, end: int) -> None:
+    """Remove the column of an end whose deviation has vanished."""
+    block = system.block_of_end[end]
+    slot = state.slot_of_end[end]
+    state.slots[block] -= 1
+    last = system.slot_start[block] + state.slots[block]
+    if slot != last:
+        moved = state.end_of_slot[last]
+        copy(state.columns[last], state.columns[slot])
+        state.end_of_slot[slot] = moved
+        state.row_of_slot[slot] = state.row_of_slot[last]
+        state.slot_of_end[moved] = slot
+    state.end_of_slot[last] = -1
+    state.row_of_slot[last] = -1
+    state.slot_of_end[end] = -1
+
+
+@compiled
+def update_row(
+    system: System, table: LawTable, state: State, row: int, scratch: Floats, defer: bool
+) -> None:
+    """Update one row to the present state of its laws.
+
+    `scratch` holds the terms and entries of the row and one column. With `defer` most columns may
+    wait for the next row, so that both take one pass; `finish_pending` must follow the last row.
+    """
+    start, stop = system.pattern_start[row], system.pattern_start[row + 1]
+    n_terms = system.term_start[row + 1] - system.term_start[row]
+    slopes, entries = scratch[:n_terms], scratch[n_terms : n_terms + stop - start]
+    shift = evaluate_deviation(system, table, state, row, slopes)
+    vanished = shift == 0.0 and system.pinned[row] == 0
+    changed = False
+    for k in range(stop - start):
+        entries[k] = system.pattern_weight[start + k] * slopes[system.pattern_term[start + k]]
+        if entries[k] != 0.0:
+            vanished = False
+        if entries[k] != state.entries[start + k]:
+            changed = True
+    if not changed and shift == state.shift[row]:
+        return
+    shift_change = shift - state.shift[row]
+    state.shift[row] = shift
+    state.counters[COUNT_FLIPS] += 1
+    state.counters[COUNT_RECENT] += 1
+    if system.row_ends[row, 1] >= 0:
+        finish_pending(system, state)
+        state.entries[start] = entries[0]
+        _update_joining_row(system, state, row, not vanished, scratch[n_terms + stop - start :])
+        return
+    end = system.row_ends[row, 0]
+    rest = scratch[n_terms + stop - start :]
+    if state.slot_of_end[end] < 0:
+        finish_pending(system, state)
+        activate(system, state, end, row, rest)
+    for k in range(stop - start):
+        delta = entries[k] - state.entries[start + k]
+        state.entries[start + k] = entries[k]
+        entries[k] = delta
+    if changed:
+        _update_columns(system, state, row, entries, rest, shift_change, defer)
+    else:
+        finish_pending(system, state)
+        _shift_constant(system, state, end, shift_change)
+    if vanished:
+        finish_pending(system, state)
+        deactivate(system, state, end)
+
+
+@compiled
+def _dot_pattern(change: Floats, at: Ints, column: Floats) -> float:
+    """Return the scalar product of the changed entries of a row with a column."""
+    total = 0.0
+    for k in range(change.size):
+        total += change[k] * column[at[k]]
+    return total
+
+
+@compiled
+def _shift_constant(system: System, state: State, end: int, shift_change: float) -> None:
+    """Add the displacements from a change of the shift of a row [N]."""
+    block = system.block_of_end[end]
+    first, stop = system.end_start[block], system.end_start[block + 1]
+    state.counters[UNSOLVED] |= 1 << block
+    add_multiple(
+        shift_change, state.columns[state.slot_of_end[end]], state.constant_column[first:stop]
+    )
+
+
+@compiled
+def _update_columns(
+    system: System,
+    state: State,
+    row: int,
+    change: Floats,
+    scratch: Floats,
+    shift_change: float,
+    defer: bool,
+) -> None:
+    """Update all columns of a block for a change of entries of a row and of its shift [N].
+
+    `scratch` holds one column.
+    """
+    end = system.row_ends[row, 0]
+    block = system.block_of_end[end]
+    first = system.end_start[block]
+    width = system.end_start[block + 1] - first
+    slot = state.slot_of_end[end]
+    pivot, scaled = state.columns[slot, :width], scratch[:width]
+    at = system.pattern_at[system.pattern_start[row] : system.pattern_start[row + 1]]
+    before = state.counters[PENDING] - 1
+    if before >= 0 and system.block_of_end[system.row_ends[before, 0]] != block:
+        finish_pending(system, state)
+        before = -1
+    if before >= 0:
+        slot_before = state.slot_of_end[system.row_ends[before, 0]]
+        change_before, at_before = _pending_change(system, state, before)
+        moved = state.columns[slot_before, :width]
+        add_multiple(_dot_pattern(change_before, at_before, pivot), moved, pivot)
+    denominator = 1.0
+    for k in range(change.size):
+        denominator -= change[k] * pivot[at[k]]
+    constant = state.constant_column[first : first + width]
+    scale(1.0 / denominator, pivot, scaled)
+    add_multiple(shift_change + _dot_pattern(change, at, constant), scaled, constant)
+    state.counters[UNSOLVED] |= 1 << block
+    state.drift[0] *= max(abs(denominator), 1.0 / abs(denominator))
+    if state.counters[COUPLED] != 0:
+        state.counters[COUPLED] |= 2 << block
+    copy(scaled, pivot)
+    if before >= 0:
+        one, other = (change_before, at_before, moved), (change, at, scaled)
+        low, high = min(slot, slot_before), max(slot, slot_before)
+        slots = system.slot_start[block]
+        update_rank_two(one, other, state.columns[slots:low])
+        update_rank_two(one, other, state.columns[low + 1 : high])
+        update_rank_two(one, other, state.columns[high + 1 : slots + state.slots[block]])
+        modes = system.mode_start[block], system.mode_start[block + 1]
+        update_rank_two(one, other, state.mode_columns[modes[0] : modes[1]])
+        add_multiple(_dot_pattern(change, at, moved), scaled, moved)
+        state.counters[PENDING] = 0
+        return
+    copy(change, state.pending)
+    state.counters[PENDING] = row + 1
+    if not defer:
+        finish_pending(system, state)
+
+
+@compiled
+def _pending_change(system: System, state: State, row: int) -> tuple[Floats, Ints]:
+    """Return the change of the entries of a row that most columns wait for, and their places."""
+    start, stop = system.pattern_start[row], system.pattern_start[row + 1]
+    return state.pending[: stop - start], system.pattern_at[start:stop]
+
+
+@compiled
+def finish_pending(system: System, state: State) -> None:
+    """Update the columns that wait for the change of a row, if there is one."""
+    row = state.counters[PENDING] - 1
+    if row < 0:
+        return
+    state.counters[PENDING] = 0
+    end = system.row_ends[row, 0]
+    block, slot = system.block_of_end[end], state.slot_of_end[end]
+    change, at = _pending_change(system, state, row)
+    pivot = state.columns[slot, : system.end_start[block + 1] - system.end_start[block]]
+    slots = system.slot_start[block]
+    update_rank_one(change, at, pivot, state.columns[slots:slot])
+    update_rank_one(change, at, pivot, state.columns[slot + 1 : slots + state.slots[block]])
+    modes = system.mode_start[block], system.mode_start[block + 1]
+    update_rank_one(change, at, pivot, state.mode_columns[modes[0] : modes[1]])
+
+
+@compiled
+def _update_joining_row(
+    system: System, state: State, row: int, active: bool, scratch: Floats
+) -> None:
+    """Activate or deactivate both ends of a row that joins blocks, and list the row or not."""
+    state.counters[COUPLED] = 0
+    for side in range(2):
+        end = system.row_ends[row, side]
+        has_column = state.slot_of_end[end] >= 0
+        if active and not has_column:
+            activate(system, state, end, row, scratch)
+        if has_column and not active:
+            deactivate(system, state, end)
+    count = state.counters[COUNT_JOINING]
+    at = 0
+    while at < count and state.joining[at] != row:
+        at += 1
+    if active and at == count:
+        state.joining[count] = row
+        state.counters[COUNT_JOINING] = count + 1
+    if not active and at < count:
+        state.joining[at] = state.joining[count - 1]
+        state.joining[count - 1] = -1
+        state.counters[COUNT_JOINING] = count - 1
+
+
+@compiled
+def rebuild(system: System, table: LawTable, state: State, level: int, scratch: Floats) -> None:
+    """Rebuild every column for the step of a level, which removes the drift of many updates.
+
+    The level must have been assembled.
+    """
+    state.counters[LEVEL] = level
+    state.drift[0] = 1.0
+    state.entries[:] = 0.0
+    state.shift[:] = 0.0
+    state.slot_of_end[:] = -1
+    state.end_of_slot[:] = -1
+    state.row_of_slot[:] = -1
+    state.slots[:] = 0
+    state.joining[:] = -1
+    state.counters[COUNT_JOINING] = 0
+    state.counters[COUPLED] = 0
+    state.counters[UNSOLVED] = -1  # all blocks
+    copy(system.end_load, state.constant_column)
+    for block in range(system.end_stop.size):
+        stop, start = system.end_stop[block], system.mode_start[block]
+        for mode in range(start, system.mode_start[block + 1]):
+            copy(state.compliance[level, stop + mode - start], state.mode_columns[mode])
+    for row in range(system.row_ends.shape[0]):
+        if system.row_ends[row, 0] < 0:  # no row has this place
+            continue
+        if system.pinned[row] and system.row_ends[row, 1] < 0:
+            activate(system, state, system.row_ends[row, 0], row, scratch)
+        elif system.pinned[row]:
+            _update_joining_row(system, state, row, True, scratch)
+        update_row(system, table, state, row, scratch, defer=False)
+    state.counters[COUNT_RECENT] = 0
+    state.counters[COUNT_REBUILDS] += 1

@@ -1,0 +1,328 @@
+"""Condense a mechanism to the modes of its blocks and the residual flexibility above them.
+
+The stiffness of the laws on their base segments is part of the linear system; for modes and
+flexibility see `turnout.solver.modal`. Of a driven law (the bushing of a drive) it is not its own
+stiffness but the *home* one next to it, so that drives of many stiffnesses share one condensation;
+the difference is a deviation like that of any law off its base segment.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property, lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.core.content_cache import digest
+from turnout.core.lru_cache import LRUCache
+from turnout.law.table import LawTable
+from turnout.mechanism.mechanism import Mechanism, ReducedRail
+from turnout.solver.blocks import Block, split_blocks
+from turnout.solver.followers import Leading, leading_rows
+from turnout.solver.modal import (
+    ModalModel,
+    Omitted,
+    diagonalise_damping,
+    modal_model,
+    split_modes,
+    with_rows,
+)
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+_MATRICES = ("stiffness", "mass", "damping")
+
+
+MOST_MODELS = 32
+"""So many blocks are kept in memory, the latest used."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Given:
+    """What the modal model of a block follows from, and the rail that it is if it is one alone.
+
+    `at_rows` are the stiffnesses of laws at its rows [N/m]; the rows that are `first` lead if they
+    can.
+    """
+
+    stiffness: Floats
+    mass: Floats
+    damping: Floats
+    load: Floats
+    rows: Floats
+    at_rows: Floats
+    first: NDArray[np.bool_]
+    rail: ReducedRail | None
+
+    def key(self, cutoff_frequency: float) -> tuple[object, ...]:
+        """Return what names this: a rail is known by identity, all else by its content."""
+        matrices = (self.stiffness, self.mass, self.damping, self.load)
+        beside = digest((self.rows, self.at_rows, self.first, cutoff_frequency))
+        if self.rail is None:
+            return digest(matrices), beside
+        of_rail = (self.rail.stiffness, self.rail.mass, self.rail.damping, self.rail.load)
+        return tuple(map(id, of_rail)), beside
+
+
+_models = LRUCache[tuple[ModalModel, Leading, Omitted, ReducedRail | None]](MOST_MODELS)
+
+
+def _cached_model(given: _Given, *, cutoff_frequency: float) -> tuple[ModalModel, Leading, Omitted]:
+    """Return the modal model of a block, leading rows, and other modes, all read-only.
+
+    Its damping is diagonal. Throws that differ in friction, objects or motion only share them.
+    """
+    key = given.key(cutoff_frequency)
+    found = _models.get(key)
+    if found is None:
+        model, omitted = split_modes(
+            given.stiffness + (given.rows.T * given.at_rows) @ given.rows,
+            given.mass,
+            damping=given.damping,
+            rows=given.rows,
+            load=given.load,
+            cutoff_frequency=cutoff_frequency,
+        )
+        model = diagonalise_damping(model)
+        for record in (model, omitted):
+            for item in fields(record):
+                getattr(record, item.name).flags.writeable = False
+        leading = leading_rows(given.rows, first=given.first)
+        found = _models.put(key, (model, leading, omitted, given.rail))
+    return found[:3]
+
+
+@dataclass(frozen=True, slots=True)
+class BlockModel:
+    """A block of a mechanism with its modal model, whose rows are the ends of the block.
+
+    `leading` holds the ends that the others follow from. `omitted` are the modes above the cut-off,
+    where further ends are wanted. `before` is the block without the ends that were added to it.
+    """
+
+    block: Block
+    model: ModalModel
+    leading: Leading
+    omitted: Omitted | None = None
+    before: "BlockModel | None" = None
+
+    def with_ends(self, numbers: Ints, rows: Floats) -> "BlockModel":
+        """Return the block with further ends, which all lead.
+
+        Parameters
+        ----------
+        numbers : ndarray of int, shape (n_added,)
+            Of their rows, beyond those of the block.
+        rows : ndarray, shape (n_added, n_coordinates)
+            In the coordinates of the block.
+        """
+        if self.omitted is None:
+            message = "a block without its omitted modes takes no further ends"
+            raise ValueError(message)
+        block, count = self.block, self.block.rows.size
+        weights = np.zeros((count + numbers.size, self.leading.leaders.size + numbers.size))
+        weights[:count, : -numbers.size] = self.leading.weights
+        weights[count:, -numbers.size :] = np.eye(numbers.size)
+        added = count + np.arange(numbers.size)
+        return BlockModel(
+            block=Block(block.coordinates, np.concatenate((block.rows, numbers))),
+            model=with_rows(self.model, self.omitted, rows),
+            leading=Leading(np.concatenate((self.leading.leaders, added)), weights),
+            before=self,
+        )
+
+
+class CondensedRails:
+    """All blocks of a mechanism; `model` puts them together on first use.
+
+    Parameters
+    ----------
+    parts : sequence of BlockModel
+        The blocks.
+    n_coordinates : int
+        Of the mechanism.
+    row_stiffness : ndarray, shape (n_rows,)
+        Stiffness at each row of the mechanism that the linear system holds [N/m].
+    """
+
+    def __init__(
+        self, parts: Sequence[BlockModel], *, n_coordinates: int, row_stiffness: Floats
+    ) -> None:
+        self.parts, self.row_stiffness = tuple(parts), row_stiffness
+        self._n_coordinates = n_coordinates
+
+    @cached_property
+    def model(self) -> ModalModel:
+        """The modal model of the whole mechanism, its modes in the order of the blocks."""
+        return assemble_model(self.parts, self._n_coordinates, self.row_stiffness.size)
+
+
+def condense_blocks(
+    mechanism: Mechanism, laws: LawTable, *, cutoff_frequency: float
+) -> tuple[BlockModel, ...]:
+    """Return the modal model of each block, the base segments of its laws included.
+
+    Raises
+    ------
+    MechanicsError
+        If a block is not held.
+    """
+    at_rows = sum_at_rows(laws, folded_stiffness(laws), mechanism.rows.shape[0])
+    rubs = np.zeros(at_rows.size, dtype=bool)
+    rubs[laws.friction_row] = rubs[laws.row[laws.friction_normal]] = True
+    found = []
+    for block in split_blocks(mechanism, laws):
+        given = _of_block(mechanism, block, at_rows=at_rows[block.rows], first=rubs[block.rows])
+        model, leading, omitted = _cached_model(given, cutoff_frequency=cutoff_frequency)
+        found.append(BlockModel(block, model, leading, omitted))
+    return tuple(found)
+
+
+def _of_block(
+    mechanism: Mechanism, block: Block, *, at_rows: Floats, first: NDArray[np.bool_]
+) -> _Given:
+    """Return what the model of a block follows from, in its coordinates."""
+    at = block.coordinates
+    if at.size and at[-1] - at[0] == at.size - 1 and np.all(np.diff(at) == 1):
+        own: slice | Ints = slice(int(at[0]), int(at[-1]) + 1)
+        square: Any = (own, own)
+    else:
+        own, square = at, np.ix_(at, at)
+    matrices = {name: getattr(mechanism, name)[square] for name in _MATRICES}
+    load, rail = mechanism.load[own], None
+    for one in mechanism.reduced:
+        same = (
+            one.body.first == at[0] and one.body.count == at.size and not one.load.flags.writeable
+        )
+        if same and np.array_equal(one.load, load):
+            pairs = ((getattr(one, name), matrix) for name, matrix in matrices.items())
+            rail = one if all(np.array_equal(a, b) for a, b in pairs) else None
+    if rail is not None:  # not views of matrices of the whole mechanism, which would stay in memory
+        matrices, load = {name: getattr(rail, name) for name in _MATRICES}, rail.load
+    return _Given(
+        **matrices,
+        load=load,
+        rows=mechanism.rows[block.rows][:, own],
+        at_rows=at_rows,
+        first=first,
+        rail=rail,
+    )
+
+
+def assemble_model(parts: Sequence[BlockModel], n: int, n_rows: int) -> ModalModel:
+    """Return the modal model of a mechanism of `n` coordinates and `n_rows` rows."""
+    modes = np.cumsum([0, *(part.model.eigenvalues.size for part in parts)])
+    whole = ModalModel(
+        eigenvalues=np.concatenate([part.model.eigenvalues for part in parts]),
+        stiffness=np.zeros((modes[-1], modes[-1])),
+        damping=np.zeros((modes[-1], modes[-1])),
+        modes=np.zeros((n, modes[-1])),
+        row_modes=np.zeros((n_rows, modes[-1])),
+        flexibility=np.zeros((n_rows, n_rows)),
+        residual_shapes=np.zeros((n, n_rows)),
+        load=np.concatenate([part.model.load for part in parts]),
+        residual_load=np.zeros(n),
+        row_load=np.zeros(n_rows),
+    )
+    for part, first, last in zip(parts, modes[:-1], modes[1:], strict=True):
+        rows, at, model = part.block.rows, part.block.coordinates, part.model
+        whole.stiffness[first:last, first:last] = model.stiffness
+        whole.damping[first:last, first:last] = model.damping
+        whole.modes[at, first:last] = model.modes
+        whole.row_modes[rows, first:last] = model.row_modes
+        whole.flexibility[np.ix_(rows, rows)] += model.flexibility
+        whole.residual_shapes[np.ix_(at, rows)] = model.residual_shapes
+        whole.residual_load[at] = model.residual_load
+        whole.row_load[rows] += model.row_load
+    return whole
+
+
+def condense(mechanism: Mechanism, *, cutoff_frequency: float) -> ModalModel:
+    """Return the modal model of a whole mechanism, the base segments of its laws included."""
+    return modal_model(
+        linear_stiffness(mechanism.stiffness, mechanism.rows, mechanism.laws),
+        mechanism.mass,
+        damping=mechanism.damping,
+        rows=mechanism.rows,
+        load=mechanism.load,
+        cutoff_frequency=cutoff_frequency,
+    )
+
+
+class BasePlaces(NamedTuple):
+    """Laws that have a base segment, its place in the table for each, and the driven laws."""
+
+    laws: Ints
+    segments: Ints
+    driven: list[int]
+
+
+def base_places(table: LawTable) -> BasePlaces:
+    """Return which laws of a table have base segments; it depends on its indices alone."""
+    laws = np.flatnonzero(table.base_segment >= 0)
+    segments = table.segment_start[laws] + table.base_segment[laws]
+    return BasePlaces(laws, segments, np.flatnonzero(table.input_index >= 0).tolist())
+
+
+def base_stiffness(table: LawTable, places: BasePlaces | None = None) -> Floats:
+    """Return the stiffness of each law on its base segment [N/m], zero for none.
+
+    `places` are the `base_places` of the table where they are known.
+    """
+    laws, segments, _ = base_places(table) if places is None else places
+    slope = np.zeros(table.row.size)
+    slope[laws] = table.slope[segments]
+    return slope
+
+
+MOST_HOMES = 256
+"""Stiffnesses whose homes are in memory, the latest used."""
+HOMES = (750e3, 810e3)
+"""Home stiffnesses of one octave, those of the published drives, so that throws of library panels
+are condensed as they are [N/m]."""
+
+
+@lru_cache(maxsize=MOST_HOMES)
+def home_stiffness(stiffness: float) -> float:
+    """Return the home next to a stiffness by ratio: `HOMES` times a power of two [N/m].
+
+    It depends on the stiffness alone, so that a throw does not depend on those before it. What is
+    not positive is its own home.
+
+    Examples
+    --------
+    >>> home_stiffness(750e3), home_stiffness(790e3), home_stiffness(81e3), home_stiffness(0.0)
+    (750000.0, 810000.0, 93750.0, 0.0)
+    """
+    if not 0.0 < stiffness < math.inf:
+        return stiffness
+    octave = math.floor(math.log2(stiffness / HOMES[0]))
+    homes = [home * 2.0 ** (octave + more) for more in (-1, 0, 1) for home in HOMES]
+    return min(homes, key=lambda home: abs(math.log(stiffness / home)))
+
+
+def folded_stiffness(table: LawTable, places: BasePlaces | None = None) -> Floats:
+    """Return the stiffness of each law in the condensed linear system [N/m], zero for none.
+
+    It is `base_stiffness` but for driven laws, which have that of their home.
+    """
+    places = base_places(table) if places is None else places
+    slope = base_stiffness(table, places)
+    for law in places.driven:
+        slope[law] = home_stiffness(float(slope[law]))
+    return slope
+
+
+def linear_stiffness(stiffness: Floats, rows: Floats, table: LawTable) -> Floats:
+    """Return the stiffness matrix with the base segment of every law added."""
+    at_rows = sum_at_rows(table, base_stiffness(table), rows.shape[0])
+    folded: Floats = stiffness + (rows.T * at_rows) @ rows
+    return folded
+
+
+def sum_at_rows(table: LawTable, stiffness: Floats, n_rows: int) -> Floats:
+    """Return the sum of the stiffnesses of all laws at each row [N/m]."""
+    found: Floats = np.bincount(table.row, stiffness, n_rows).astype(np.float64)
+    return found

@@ -1,0 +1,295 @@
+"""Machines of drives in a run: arranged for the kernels, and what they leave behind."""
+
+import functools
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.core.errors import SolverError
+from turnout.core.scheme import Scheme
+from turnout.kernels.shared_record import shared_record
+from turnout.machine.components import Machine
+from turnout.machine.compute import places as at
+from turnout.machine.line_power import field_energies
+from turnout.machine.rows import machine_room
+from turnout.mechanism.mechanism import DriveMachines, Mechanism
+from turnout.solver.duty import Duty, machine_duties
+from turnout.solver.prepared_run import PreparedRun
+from turnout.solver.rods import Rods
+from turnout.solver.scratch import acquire_buffer
+
+Floats = NDArray[np.float64]
+
+MOST_EVENTS = 64
+"""So many events of a machine are kept; a throw has five."""
+LONGEST_TRANSIENT = 2e-3
+"""In longer steps of the rails an induction motor is a steady circuit [s]."""
+STORES = {
+    at.CURRENT: at.INDUCTANCE,
+    at.SPEED: at.MOTOR_INERTIA,
+    at.GEAR_SPEED: at.GEAR_INERTIA,
+    at.TWIST: at.CLUTCH_STIFFNESS,
+}
+"""States of a machine that hold energy, with what half of their square is multiplied by."""
+CONTINUOUS = [
+    *range(at.INTEGRATED),
+    *(at.SLIP, at.ROD_POSITION, at.ROD_FORCE, at.CLUTCH_TEMPERATURE),
+    *range(at.ENERGIES, at.STATES),
+]
+"""States that may be interpolated."""
+LOSSES = {
+    "copper": (at.COPPER,),
+    "line": (at.LINE, at.SNUB),
+    "brush": (at.BRUSH,),
+    "field": (at.FIELD,),
+    "motor friction": (at.MOTOR_FRICTION, at.MOTOR_DRAG_HEAT),
+    "gear": (at.GEAR, at.GEAR_DRAG_HEAT),
+    "clutch": (at.CLUTCH,),
+}
+"""Sums of a machine's own losses by what they are."""
+
+
+@dataclass(frozen=True, eq=False)
+class MachineHistory:
+    """What the machines of a run leave behind, at its stored instants.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n_times,)
+        [s].
+    names : tuple of str
+        Of the drives that are machines.
+    records : tuple of Machine
+        As fitted to the drives.
+    constants : ndarray, shape (n, CONSTANTS)
+    commands : ndarray, shape (n, n_commands, 2)
+        Time [s] and direction; what fills the table up is infinite.
+    inputs : ndarray of int, shape (n,)
+        Column of the inputs that each machine moves.
+    shift : ndarray, shape (n,)
+        Input less rod position [m].
+    states : ndarray, shape (n_times, n, STATES)
+        See `turnout.machine.compute.places`.
+    given : ndarray, shape (n_times, n)
+        Work of the rod ends on the rods, by the sums of the rails [J].
+    events : tuple of tuple of (float, str)
+        Time [s] and what happened, machine by machine.
+    imbalance : float
+        Largest movement of a rod end that a step left uncorrected [m].
+    """
+
+    time: Floats
+    names: tuple[str, ...]
+    records: tuple[Machine, ...]
+    constants: Floats
+    commands: Floats
+    inputs: NDArray[np.int64]
+    shift: Floats
+    states: Floats
+    given: Floats
+    events: tuple[tuple[tuple[float, str], ...], ...]
+    imbalance: float
+
+    def at(self, instants: Floats, positions: Floats) -> "MachineHistory":
+        """Return the history at other instants, linear in between, and write its inputs.
+
+        Parameters
+        ----------
+        instants : ndarray, shape (n,)
+            [s].
+        positions : ndarray, shape (n, n_inputs)
+            Receives the inputs of the machines [m].
+        """
+        number = np.clip(np.searchsorted(self.time, instants, side="right") - 1, 0, None)
+        number = np.minimum(number, self.time.size - 2)
+        share = (instants - self.time[number]) / (self.time[number + 1] - self.time[number])
+
+        def between(values: Floats) -> Floats:
+            part = share.reshape(-1, *[1] * (values.ndim - 1))
+            return values[number] + part * (values[number + 1] - values[number])
+
+        states = self.states[number + (share > 0.5)]  # flags and times of switching
+        states[:, :, CONTINUOUS] = between(self.states[:, :, CONTINUOUS])
+        positions[:, self.inputs] = states[:, :, at.ROD_POSITION] + self.shift
+        return replace(self, time=instants, states=states, given=between(self.given))
+
+    def select(self, index: NDArray[np.int64] | slice) -> "MachineHistory":
+        """Return the history at some of its instants; what was done on commands stays."""
+        chosen = replace(
+            self, time=self.time[index], states=self.states[index], given=self.given[index]
+        )
+        chosen.__dict__["duties"] = self.duties  # found with every instant
+        return chosen
+
+    @cached_property
+    def duties(self) -> tuple[Duty, ...]:
+        """What every machine did on every command that it was given."""
+        return tuple(
+            duty
+            for number, name in enumerate(self.names)
+            for duty in machine_duties(
+                name,
+                commands=self.commands[number],
+                events=self.events[number],
+                time=self.time,
+                states=self.states[:, number],
+            )
+        )
+
+    @cached_property
+    def _energies(self) -> Floats:
+        """Sums of energy, shape (n_sums, n_times, n) [J]."""
+        return np.ascontiguousarray(self.states[:, :, at.ENERGIES :].transpose(2, 0, 1))
+
+    def sums(self, *places: int) -> Floats:
+        """Return sums of energy over time, shape (n_times, n) [J]."""
+        return functools.reduce(np.add, (self._energies[place] for place in places))
+
+    @cached_property
+    def losses(self) -> Mapping[str, Floats]:
+        """What each machine lost by `LOSSES`, shape (n_times, n) [J]."""
+        return {name: self.sums(*places) for name, places in LOSSES.items()}
+
+    @cached_property
+    def stored(self) -> Floats:
+        """Change of energy in coil, inertias and clutch, shape (n_times, n) [J]."""
+        energy = np.zeros(self.given.shape)
+        for state, constant in STORES.items():
+            energy += 0.5 * self.constants[:, constant] * self.states[:, :, state] ** 2
+        for number in np.flatnonzero(self.constants[:, at.THREE_PHASE]):
+            energy[:, number] += field_energies(self.constants[number], self.states[:, number])
+        return np.asarray(energy - energy[0])
+
+    @cached_property
+    def numerical(self) -> Floats:
+        """What the schemes lose, shape (n_times, n) [J].
+
+        In what a machine stores, and where its work into the rod by its own sums differs from that
+        by the sums of the rails.
+        """
+        own = self.sums(at.INTO_STORES) - self.stored
+        return np.asarray(own + self.sums(at.ROD_INPUT) - self.given)
+
+    @cached_property
+    def residual(self) -> Floats:
+        """Residual of the energy balance of each machine, shape (n_times, n) [J]."""
+        spent = sum(self.losses.values(), self.stored + self.numerical + self.given)
+        return np.asarray(self.sums(at.SUPPLY, at.HAND) - spent)
+
+    def with_balance(self, residual: float, scale: float) -> tuple[float, float]:
+        """Add the machines to residual and scale of the rails' balance [J]."""
+        if not self.time.size:
+            return residual, scale
+        worst = sum_machines(np.abs(self.residual)).max()
+        turned_over = sum_machines(np.abs(self.sums(at.SUPPLY, at.HAND))).max()
+        return residual + float(worst), scale + float(turned_over)
+
+
+def sum_machines(values: Floats) -> Floats:
+    """Return the sum over machines of values of shape (n_times, n), column by column.
+
+    NumPy sums along short rows far more slowly.
+    """
+    return functools.reduce(np.add, values.T)
+
+
+def run_constants(given: DriveMachines, scheme: Scheme) -> Floats:
+    """Return the constants of the machines in a run of a scheme.
+
+    In long steps, as those of quick mode, induction motors are steady circuits.
+    """
+    three_phase = given.constants[:, at.THREE_PHASE] > 0.0
+    if not three_phase.any() or scheme.step <= LONGEST_TRANSIENT:
+        return given.constants
+    found = given.constants.copy()
+    found[three_phase, at.STEADY_CIRCUIT] = 1.0
+    found[three_phase, at.LONGEST_STEP] = np.inf
+    return found
+
+
+def new_rods(run: PreparedRun, mechanism: Mechanism, scheme: Scheme, count: int) -> Rods | None:
+    """Arrange the machines of a mechanism for the kernels; None where there are none.
+
+    Raises
+    ------
+    SolverError
+        For a scheme without inertia: machines have a time of their own.
+    """
+    given = mechanism.machines
+    if given is None:
+        return None
+    if not scheme.inertia:
+        drives = ", ".join(given.names)
+        message = (
+            f'mode "quasi-static" has no time for the machines of drives {drives}; take "quick" or '
+            '"waveform", or leave out drive.N.machine'
+        )
+        raise SolverError(message)
+    n = len(given.names)
+    size = count * n * at.STATES
+    rods = Rods(
+        constants=run_constants(given, scheme),
+        tables=given.tables,
+        commands=given.commands,
+        shared_resistance=np.array([given.shared_resistance]),
+        **machine_room(n, events=MOST_EVENTS)._asdict(),
+        place=run.system.row_place[run.laws.row[given.laws]].astype(np.int64),
+        law=given.laws,
+        input=given.inputs,
+        shift=given.shift,
+        lock_gap=given.lock_gap,
+        state=given.start.copy(),
+        trial=given.start.copy(),
+        start=np.zeros(n),
+        speed=np.zeros(n),
+        free=np.zeros(n),
+        compliance=np.zeros((n, n)),
+        before=np.zeros((2, n)),
+        rod_before=np.zeros((2, n)),
+        lengths=np.full(2, float(scheme.step)),
+        force=np.zeros(n),
+        given=np.zeros(n),
+        left=np.zeros(1),
+        kept=acquire_buffer(size)[:size].reshape(count, n, at.STATES),
+        kept_given=np.zeros((count, n)),
+    )
+    return shared_record(rods)
+
+
+def start_rods(run: PreparedRun) -> None:
+    """Start the machines from the rails at rest, and store the first instant."""
+    rods = run.rods
+    if rods is None:
+        return
+    rods.before[:] = run.state.g[rods.place] - rods.shift
+    rods.rod_before[:] = rods.state[:, at.ROD_POSITION]
+    rods.force[:] = run.work.force[rods.law]
+    rods.state[:, at.ROD_FORCE] = -rods.force
+    rods.kept[0] = rods.state
+
+
+def machine_history(run: PreparedRun, mechanism: Mechanism, kept: int) -> MachineHistory | None:
+    """Return what the machines of a run left behind, up to a number of stored instants."""
+    rods, given = run.rods, mechanism.machines
+    if rods is None or given is None:
+        return None
+    counts = rods.state[:, at.EVENTS].astype(int)
+    return MachineHistory(
+        time=run.stepping.step * run.stepping.stride * np.arange(kept, dtype=np.float64),
+        names=given.names,
+        records=given.records,
+        constants=rods.constants,
+        commands=given.commands,
+        inputs=given.inputs,
+        shift=given.shift,
+        states=rods.kept[:kept],
+        given=rods.kept_given[:kept],
+        events=tuple(
+            tuple((float(time), at.EVENT_TEXTS[int(event)]) for time, event in rows[:count])
+            for rows, count in zip(rods.log, counts, strict=True)
+        ),
+        imbalance=float(rods.left[0]),
+    )

@@ -1,0 +1,209 @@
+"""Path following, the last resort of a step: event by event from the last instant.
+
+Right side and inputs of the step move in a straight line from values for which the last instant is
+the solution to those of the new instant. With piecewise-linear laws the solution is piecewise
+linear too, with a kink where a law leaves its segment or a foot its branch; that law is changed,
+and the path is followed further. Without guesses the iteration cannot cycle, except where the path
+itself turns back; that ends with an outcome code.
+"""
+
+from turnout.kernels.compiled import compiled
+from turnout.kernels.vector import add_scaled, copy, dot
+from turnout.law.kernel import SLIP_BACKWARD, SLIP_FORWARD, STICK
+from turnout.law.table import LawTable
+from turnout.solver.scratch import Work
+from turnout.solver.solution import evaluate_deviation_forces, gather_modes, solve_displacements
+from turnout.solver.solve import (
+    CONVERGED,
+    NOT_CONVERGED,
+    STOPPED,
+    Tolerances,
+    evaluate,
+    mark_law,
+    mark_row,
+    update_marked,
+)
+from turnout.solver.state import UNSOLVED, State, set_segment
+from turnout.solver.system import Floats, System
+
+EVENTS, EVENTS_AT_ONE_PLACE = 2000, 400
+"""Most events of a path, in all and without progress; it is given up beyond."""
+
+
+@compiled
+def _assemble_path_start(
+    system: System, table: LawTable, state: State, work: Work, inertia: float, viscosity: float
+) -> None:
+    """Assemble the right side for which the present state solves the step."""
+    evaluate_deviation_forces(system, table, state, work)
+    for block in range(system.mode_start.size - 1):
+        first, last = system.mode_start[block], system.mode_start[block + 1]
+        q, side = state.q[first:last], work.right_side_start[first:last]
+        for i in range(last - first):
+            mode = first + i
+            side[i] = (inertia + viscosity * system.damping[mode]) * q[i]
+            side[i] += dot(q, system.stiffness[mode])
+        start = system.slot_start[block]
+        for slot in range(start, start + state.slots[block]):
+            add_scaled(-work.slot_force[slot], system.end_modes[state.end_of_slot[slot]], side)
+
+
+@compiled
+def _solve_at(
+    system: System,
+    table: LawTable,
+    state: State,
+    work: Work,
+    inputs: tuple[Floats, Floats],
+    share: float,
+) -> None:
+    """Solve for the displacements of the present contact set at a share of the path [0 to 1]."""
+    start, end = work.right_side_start, work.right_side_end
+    for i in range(work.right_side.size):
+        work.right_side[i] = start[i] + share * (end[i] - start[i])
+    for k in range(state.inputs.size):
+        state.inputs[k] = inputs[0][k] + share * (inputs[1][k] - inputs[0][k])
+    state.counters[UNSOLVED] = -1
+    solve_displacements(system, table, state, work)
+
+
+@compiled
+def _share_until_zero(margin: float, margin_end: float) -> float:
+    """Return the share of a path at which a margin becomes zero; 0 if it already is negative."""
+    return margin / (margin - margin_end) if margin > 0.0 else 0.0
+
+
+@compiled
+def _law_event(
+    table: LawTable, state: State, law: int, end: tuple[Floats, Floats], gap: float
+) -> tuple[float, int]:
+    """Return where on the path a law leaves its segment [share, 2 for never], and to which side."""
+    row, index = table.row[law], table.input_index[law]
+    argument, argument_end = state.g[row], end[0][row]
+    if index >= 0:
+        argument -= state.inputs[index]
+        argument_end -= end[1][index]
+    if argument_end > state.upper[law] + gap:
+        return _share_until_zero(state.upper[law] - argument, state.upper[law] - argument_end), 1
+    if argument_end < state.lower[law] - gap:
+        return _share_until_zero(argument - state.lower[law], argument_end - state.lower[law]), -1
+    return 2.0, 0
+
+
+@compiled
+def _friction_event(
+    table: LawTable, state: State, friction: int, end: Floats, force: float
+) -> tuple[float, int]:
+    """Return where on the path a friction leaves its branch [share, 2 for never], and to which."""
+    normal, row = table.friction_normal[friction], table.friction_row[friction]
+    slope, constant = state.slope[normal], state.constant[normal]
+    normal_row, stiffness = table.row[normal], table.stick_stiffness[friction]
+    coefficient, anchor = table.friction_coefficient[friction], state.anchor[friction]
+    limit = coefficient * (slope * state.g[normal_row] + constant)
+    limit_end = coefficient * (slope * end[normal_row] + constant)
+    trial = stiffness * (state.g[row] - anchor)
+    trial_end = stiffness * (end[row] - anchor)
+    branch = int(state.friction[friction])
+    if branch == STICK:
+        for side in (SLIP_FORWARD, SLIP_BACKWARD):
+            margin, margin_end = limit - side * trial, limit_end - side * trial_end
+            if margin_end < -force:
+                return _share_until_zero(margin, margin_end), side
+        return 2.0, branch
+    if limit <= 0.0 and limit_end <= 0.0:
+        return 2.0, branch
+    margin, margin_end = branch * trial - limit, branch * trial_end - limit_end
+    if margin_end < -force:
+        return _share_until_zero(margin, margin_end), STICK
+    return 2.0, branch
+
+
+@compiled
+def find_next_event(
+    table: LawTable, state: State, end: tuple[Floats, Floats], tolerances: Tolerances
+) -> tuple[float, int, int]:
+    """Find the first event on the straight path from the present state to `end`.
+
+    Parameters
+    ----------
+    end : tuple of two ndarray
+        Displacements and inputs at the end of the path, for the present contact set [m].
+
+    Returns
+    -------
+    share, which, to : float, int, int
+        Position as a share of the path; the law, or beyond the laws the friction, -1 for none; and
+        the side to which a law, or the branch to which a friction changes.
+    """
+    share, which, to = 1.0, -1, 0
+    n_laws = table.row.size
+    for law in range(n_laws):
+        candidate, side = _law_event(table, state, law, end, tolerances.gap)
+        if candidate < share:
+            share, which, to = candidate, law, side
+    for friction in range(table.friction_row.size):
+        candidate, branch = _friction_event(table, state, friction, end[0], tolerances.force)
+        if candidate < share:
+            share, which, to = candidate, n_laws + friction, branch
+    return share, which, to
+
+
+@compiled
+def apply_event(
+    system: System, table: LawTable, state: State, work: Work, which: int, to: int
+) -> None:
+    """Change the law or friction of an event and flag its row as unconverged."""
+    n_laws = table.row.size
+    if which < n_laws:
+        set_segment(table, state, which, state.segment[which] + to)
+        count = mark_law(system, table, state, work, 0, which)
+    else:
+        state.friction[which - n_laws] = to
+        count = mark_row(work, 0, table.friction_row[which - n_laws])
+    for i in range(count):
+        work.unconverged[work.dirty_list[i]] = 1
+    update_marked(system, table, state, work, count)
+
+
+@compiled
+def follow_path(
+    system: System,
+    table: LawTable,
+    state: State,
+    work: Work,
+    tolerances: Tolerances,
+    inputs: tuple[Floats, Floats],
+    inertia: float,
+    viscosity: float,
+) -> int:
+    """Follow the path from the present state to its end; return CONVERGED or what prevented it.
+
+    Parameters
+    ----------
+    inputs : tuple of two ndarray, shape (n_inputs,)
+        Marker positions at the start and at the end [m].
+    inertia, viscosity : float
+        Factors of identity [1/s2] and damping [1/s] in the matrix of the step.
+    """
+    copy(work.right_side, work.right_side_end)
+    _assemble_path_start(system, table, state, work, inertia, viscosity)
+    share, stalled = 0.0, 0
+    for _ in range(EVENTS):
+        if work.stop[0]:
+            return STOPPED
+        if stalled >= EVENTS_AT_ONE_PLACE:
+            break
+        _solve_at(system, table, state, work, inputs, 1.0)
+        copy(state.g, work.g_end)
+        _solve_at(system, table, state, work, inputs, share)
+        advance, which, to = find_next_event(table, state, (work.g_end, inputs[1]), tolerances)
+        if which < 0:
+            _solve_at(system, table, state, work, inputs, 1.0)
+            gather_modes(system, state)
+            evaluate(table, state, work)
+            return CONVERGED
+        stalled = stalled + 1 if advance * (1.0 - share) < 1e-12 else 0
+        share += advance * (1.0 - share)
+        work.unconverged[:] = 0
+        apply_event(system, table, state, work, which, to)
+    return NOT_CONVERGED

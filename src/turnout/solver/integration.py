@@ -1,0 +1,449 @@
+"""Integrate a mechanism from where it starts through a motion of its markers."""
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.core.errors import SolverError
+from turnout.core.scheme import Scheme
+from turnout.core.threads import one_blas_thread
+from turnout.kernels.interrupt import call_interruptible, one_thread
+from turnout.law.obstruction import Obstructions
+from turnout.law.table import LawTable
+from turnout.mechanism.mechanism import Mechanism
+from turnout.solver.accuracy import equilibrium_residual
+from turnout.solver.arrange import arrange
+from turnout.solver.condense import CondensedRails
+from turnout.solver.dense import interpolate_record
+from turnout.solver.driven import MachineHistory, machine_history, new_rods, start_rods
+from turnout.solver.energy import energy_balance, folded_energy
+from turnout.solver.march import march, march_with_machines, store_instant
+from turnout.solver.modal import ModalModel
+from turnout.solver.outcome import Code, Outcome, is_closed
+from turnout.solver.prepared_run import PreparedRun, RunSetup, prepare, set_up_run
+from turnout.solver.record import kept_obstructions, trim_record
+from turnout.solver.seen import seen_weights
+from turnout.solver.start import PriorMotion, StartPlan, find_start, plan_start
+from turnout.solver.state import COUNT_FLIPS, COUNT_HALVED, COUNT_ITERATIONS
+from turnout.solver.watch import (
+    StepRecord,
+    Watch,
+    Watched,
+    WatchPlan,
+    plan_watch,
+    trim_watched,
+)
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+# Progress is reported, and other signals than Ctrl-C are handled, after so many seconds [s], the
+# first time after so many steps; Ctrl-C ends a run within a step.
+REPORT_INTERVAL, FIRST_REPORT, FIRST_WITHOUT_REPORT = 0.1, 100, 4000
+# Most memory of a history [bytes], and most steps.
+MOST_MEMORY = 2e9
+MOST_STEPS = 2_000_000
+# Outcomes without a single instant.
+WITHOUT_START = (Code.NO_EQUILIBRIUM, Code.NO_LOADED_START)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class History:
+    """Stored instants and outcome of a run; n is the number of stored instants.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+        Stored instants [s].
+    inputs : ndarray, shape (n, n_inputs)
+        Marker positions [m].
+    q : ndarray, shape (n, n_modes)
+        Coordinates of the kept modes, in the shapes of `model`.
+    g : ndarray, shape (n, n_rows)
+        Row displacements [m].
+    law_force, friction_force : ndarray, shape (n, n_laws), (n, n_frictions)
+        Forces with which laws and frictions resist [N].
+    stored, ledger : ndarray, shape (n, 4), (n, 7)
+        Stored energies, and work since the start; columns as in `turnout.solver.energy` [J].
+    law_placed, law_first : ndarray, shape (n_laws,)
+        Times at which a law that does not always act (an object) appeared, and first had a force
+        [s]; NaN where it did not, as an object that never fits, and for all other laws.
+    condensed : CondensedRails
+        The condensed system, from which shapes are recovered; `model` is the whole of it.
+    laws : LawTable
+        The laws as integrated: those that join rails are not part of the linear system.
+    outcome : Outcome
+        How the run ended.
+    obstructions : Obstructions
+        What the obstructions with memory have become.
+    iterations, flips, halved : int
+        Contact-set iterations, rank-one updates, halved steps.
+    machines : MachineHistory, optional
+        Of the drives that are machines.
+    watched : Watched, optional
+        What a complete watched run leaves of all its instants; the history then holds few of them.
+    """
+
+    time: Floats
+    inputs: Floats
+    q: Floats
+    g: Floats
+    law_force: Floats
+    friction_force: Floats
+    stored: Floats
+    ledger: Floats
+    law_placed: Floats
+    law_first: Floats
+    condensed: CondensedRails
+    laws: LawTable
+    outcome: Outcome
+    iterations: int
+    flips: int
+    halved: int
+    obstructions: Obstructions
+    machines: MachineHistory | None = None
+    watched: Watched | None = None
+
+    def forces(self, laws: Sequence[int]) -> Floats:
+        """Return the forces of some laws, shape (n, n_laws) [N]."""
+        return self.law_force[:, list(laws)]
+
+    @property
+    def model(self) -> ModalModel:
+        """The condensed system in the coordinates of the mechanism."""
+        return self.condensed.model
+
+
+def integrate(
+    mechanism: Mechanism,
+    scheme: Scheme,
+    *,
+    inputs: Callable[[Floats], Floats],
+    end: float,
+    prior: PriorMotion | None = None,
+    report: Callable[[int, int], None] | None = None,
+    watch: Watch | None = None,
+) -> History:
+    """Find where the run starts, then step to `end`.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Reduced rails and their laws.
+    scheme : Scheme
+        Step, cut-off frequency, tolerances and output.
+    inputs : callable
+        Marker positions, shape (n_inputs, n), for times of shape (n,) [m].
+    end : float
+        Duration, rounded to whole output intervals [s].
+    prior : PriorMotion, optional
+        The motion before the start, whose friction the rails take over. Default static equilibrium
+        without friction.
+    report : callable, optional
+        Called with steps done and steps in all.
+    watch : Watch, optional
+        What alone is wanted of the run. It is not heeded where drives are machines, or instants
+        lie between the steps.
+
+    Returns
+    -------
+    History
+        Complete, or up to where `outcome` says that it ended.
+    """
+    with one_blas_thread():  # nested limits are free
+        plan = plan_run(mechanism, scheme, inputs=inputs, end=end, prior=prior, watch=watch)
+        return carry_out(plan, report=report)
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """Numbers of steps and stored instants; `last` is the last instant that is wanted [s]."""
+
+    n_steps: int
+    n_stored: int
+    stride: int
+    filled_in: bool
+    last: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunPlan:
+    """A run that can be carried out, with all that it needs but the memory of its state.
+
+    Attributes
+    ----------
+    mechanism : Mechanism
+        Reduced rails and their laws.
+    scheme : Scheme
+        Numerical choices.
+    inputs : callable
+        Marker positions by time, as `integrate` takes them.
+    grid : Grid
+        Its steps and stored instants.
+    setup : RunSetup
+        The condensed mechanism, its laws, and numbers of the run.
+    start : StartPlan, optional
+        The motion before the start.
+    watched : WatchPlan, optional
+        What alone is kept, and where.
+    """
+
+    mechanism: Mechanism
+    scheme: Scheme
+    inputs: Callable[[Floats], Floats]
+    grid: Grid
+    setup: RunSetup
+    start: StartPlan | None
+    watched: WatchPlan | None
+
+
+def plan_run(
+    mechanism: Mechanism,
+    scheme: Scheme,
+    *,
+    inputs: Callable[[Floats], Floats],
+    end: float,
+    prior: PriorMotion | None = None,
+    watch: Watch | None = None,
+) -> RunPlan:
+    """Do all of `integrate` that comes before its kernels; parameters are the same.
+
+    Some throws planned one after another take half of the time that they take between throws, whose
+    histories drive all else out of the processor's caches.
+    """
+    with one_blas_thread():
+        grid = _choose_grid(mechanism, scheme, end)
+        arrangement = arrange(mechanism, scheme)
+        watched = None
+        if watch is not None and mechanism.machines is None and not grid.filled_in:
+            interval = scheme.step * grid.stride
+            places, laws = arrangement.system.row_place, arrangement.laws
+            weights = seen_weights(watch.seen(arrangement.condensed), laws, places)
+            watched = (plan_watch(watch, interval, grid.n_stored), weights)
+        positions = np.ascontiguousarray(inputs(_times(scheme.step, grid.n_steps + 1)).T)
+        if mechanism.machines is not None:
+            positions = positions.copy()  # machines write to them, and throws may share them
+        # before the table gets the dents that objects have already
+        start = None if prior is None else plan_start(arrangement, scheme, prior)
+        setup = set_up_run(
+            arrangement,
+            scheme,
+            positions,
+            grid.n_stored,
+            filled_in=grid.filled_in,
+            watched=watched,
+        )
+        return RunPlan(
+            mechanism=mechanism,
+            scheme=scheme,
+            inputs=inputs,
+            grid=grid,
+            setup=setup,
+            start=start,
+            watched=None if watched is None else watched[0],
+        )
+
+
+@lru_cache(maxsize=16)
+def _times(interval: float, count: int) -> Floats:
+    """Return instants from 0 on, read-only, as throws share them [s]."""
+    times = interval * np.arange(count, dtype=np.float64)
+    times.flags.writeable = False
+    return times
+
+
+def carry_out(given: RunPlan, *, report: Callable[[int, int], None] | None = None) -> History:
+    """Carry out a planned run, once; `report` is called with steps done and steps in all."""
+    with one_blas_thread():
+        return _carry_out(given, report)
+
+
+def _carry_out(given: RunPlan, report: Callable[[int, int], None] | None) -> History:
+    mechanism, scheme, inputs = given.mechanism, given.scheme, given.inputs
+    grid, plan, arrangement = given.grid, given.watched, given.setup.arrangement
+    positions, stride = given.setup.positions, grid.stride
+    run = prepare(given.setup)
+    rods = new_rods(run, mechanism, scheme, grid.n_stored)
+    if rods is not None:
+        run = replace(run, rods=rods)
+    _compile_march(run, after_motion=given.start is not None)
+    with one_thread() as thread:
+        code, done = find_start(run, arrangement, thread, given.start), 0
+        if code == Code.COMPLETE:
+            start_rods(run)
+            store_instant(run.system, run.table, run.state, run.work, run.record, 0)
+            code, done = _march_in_chunks(run, report, thread)
+    kept = 0 if code in WITHOUT_START else done // stride + 1
+    of_energy = kept if plan is None else plan.balanced_before(kept)
+    balance = energy_balance(run.record.stored[:of_energy], run.record.ledger[:of_energy])
+    machines = machine_history(run, mechanism, kept)
+    if machines is not None:
+        balance = machines.with_balance(*balance)
+    if code == Code.COMPLETE and not is_closed(*balance):
+        folded = folded_energy(run.system, run.table, run.state)
+        code = Code.COMPLETE if is_closed(*balance, folded) else Code.INACCURATE
+    residual = equilibrium_residual(run.system, run.table, run.state, run.work)
+    outcome = Outcome(
+        code=code,
+        time=done * scheme.step,
+        step=done,
+        residual=max(float(run.record.residual[0]), float(residual)),
+        contacts=_name_unconverged(mechanism, run),
+        energy_residual=balance[0],
+        energy_scale=balance[1],
+    )
+    record = trim_record(run.record, run.system, run.laws, kept, plan)
+    instants = _times(scheme.step * stride, grid.n_stored)[:kept]
+    positions = positions[::stride][:kept].view()
+    if grid.filled_in and kept > 1:
+        count = int((min(grid.last, instants[-1]) + 1e-9) / scheme.output_interval) + 1
+        instants = scheme.output_interval * np.arange(count, dtype=np.float64)
+        positions = np.ascontiguousarray(inputs(instants).T).view()
+        if machines is not None:
+            positions = positions.copy()
+            machines = machines.at(instants, positions)
+        between = {"instants": instants, "inputs": positions, "modes": arrangement.model.row_modes}
+        record = interpolate_record(record, step=scheme.step, laws=arrangement.laws, **between)
+    positions.flags.writeable = False  # throws may share them
+    history = _assemble_history(
+        run, record, arrangement.condensed, outcome, instants, positions, machines, plan
+    )
+    run.give_back()
+    return history
+
+
+def _choose_grid(mechanism: Mechanism, scheme: Scheme, end: float) -> Grid:
+    """Choose the steps; refuse a run with too many of them, or too large for the memory."""
+    for interval, what in ((scheme.step, "steps"), (scheme.output_interval, "stored instants")):
+        if end / interval > MOST_STEPS:
+            msg = (
+                f"end = {end:g} s with {what} every {interval:g} s makes {end / interval:.3g} of "
+                f"them, at most {MOST_STEPS} are made; end sooner (schedule.end) or less often"
+            )
+            raise SolverError(msg)
+    n_out = round(end / scheme.output_interval) + 1
+    if n_out < 2:
+        msg = f"end = {end:g} s is shorter than one output interval"
+        raise SolverError(msg)
+    stride, filled_in = max(scheme.stride, 1), scheme.stride == 0
+    last = (n_out - 1) * scheme.output_interval
+    share = last / scheme.step
+    n_steps = math.ceil(share - 1e-6) if filled_in else (n_out - 1) * stride
+    n_stored = n_steps // stride + 1
+    a_row = 8 * (mechanism.rows.shape[0] + mechanism.laws.row.size + mechanism.rows.shape[1])
+    if max(n_stored, n_out) * a_row > MOST_MEMORY:
+        msg = (
+            f"end = {end:g} s with an output interval of {scheme.output_interval:g} s makes "
+            f"{max(n_stored, n_out):.3g} instants, too many to hold; end sooner or store less often"
+        )
+        raise SolverError(msg)
+    return Grid(n_steps, n_stored, stride, filled_in, last)
+
+
+def _assemble_history(
+    run: PreparedRun,
+    record: StepRecord,
+    condensed: CondensedRails,
+    outcome: Outcome,
+    instants: Floats,
+    positions: Floats,
+    machines: MachineHistory | None,
+    plan: WatchPlan | None,
+) -> History:
+    """Return a history, of a watched run one of its whole instants with what was watched."""
+    state, watched = run.state, None
+    placed = state.law_placed.copy()
+    first = np.where(np.isinf(state.law_first), np.nan, state.law_first)
+    if plan is not None:
+        if outcome.complete:
+            every = {"time": instants, "inputs": positions, "law_first": first}
+            watched = trim_watched(run.record, plan, **every, law_placed=placed)
+        whole = plan.whole_instants[: plan.whole_before(instants.size)]
+        instants, positions = instants[whole], positions[whole]
+    return History(
+        time=instants,
+        inputs=positions,
+        q=record.q,
+        g=record.g,
+        law_force=record.law,
+        friction_force=record.friction,
+        stored=record.stored,
+        ledger=record.ledger,
+        law_placed=placed,
+        law_first=first,
+        condensed=condensed,
+        laws=run.laws,
+        machines=machines,
+        outcome=outcome,
+        iterations=int(state.counters[COUNT_ITERATIONS]),
+        flips=int(state.counters[COUNT_FLIPS]),
+        halved=int(state.counters[COUNT_HALVED]),
+        obstructions=kept_obstructions(run.obstructions),
+        watched=watched,
+    )
+
+
+def _march(run: PreparedRun, first: int, last: int) -> tuple[int, int]:
+    given = (run.system, run.table, run.state, run.work, run.tolerances, run.stepping)
+    record = (run.record, run.obstructions, run.courses)
+    if run.rods is not None:
+        return march_with_machines(*given, run.positions, first, last, *record, run.rods)
+    return march(*given, run.positions, first, last, *record, None)
+
+
+# Whether the kernels for drives that are machines, and for others, are at hand.
+_at_hand: set[bool] = set()
+
+
+def _compile_march(run: PreparedRun, *, after_motion: bool) -> None:
+    """Compile or load the time loop on its first use, while Ctrl-C still ends the program at once.
+
+    A motion before the start knows no machines.
+    """
+    for machines in (run.rods is not None, False) if after_motion else (run.rods is not None,):
+        if machines not in _at_hand:
+            _march(run if machines else replace(run, rods=None), 0, 0)
+            _at_hand.add(machines)
+
+
+def _march_in_chunks(
+    run: PreparedRun, report: Callable[[int, int], None] | None, thread: Executor | None
+) -> tuple[Code, int]:
+    """March in chunks of about `REPORT_INTERVAL`, and report after each."""
+    n_steps = run.positions.shape[0] - 1
+    done, chunk = 0, FIRST_WITHOUT_REPORT if report is None else FIRST_REPORT
+    try:
+        while done < n_steps:
+            began = time.perf_counter()
+            last = min(done + chunk, n_steps)
+            number, done = call_interruptible(thread, run.work.stop, _march, run, done, last)
+            if number != Code.COMPLETE:
+                return Code(number), done
+            took = max(time.perf_counter() - began, 1e-3)
+            chunk = max(1, round(chunk * min(REPORT_INTERVAL / took, 4.0)))
+            if report is not None:
+                report(done, n_steps)
+    except KeyboardInterrupt:  # between two kernels
+        return Code.INTERRUPTED, done
+    stopped = bool(run.work.stop[0])  # in the last kernel, after its last step
+    return (Code.INTERRUPTED if stopped else Code.COMPLETE), done
+
+
+def _name_unconverged(mechanism: Mechanism, run: PreparedRun) -> tuple[str, ...]:
+    """Return the names of the laws on rows that still changed when the last attempt ended."""
+    rows, table = run.work.unconverged, run.table
+    if not np.count_nonzero(rows):
+        return ()
+    names = [name for name, row in zip(mechanism.law_names, table.row, strict=True) if rows[row]]
+    names += [
+        f"friction {name}"
+        for name, row in zip(mechanism.friction_names, table.friction_row, strict=True)
+        if rows[row]
+    ]
+    return tuple(dict.fromkeys(names))

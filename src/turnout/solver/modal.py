@@ -1,0 +1,311 @@
+r"""Condense a linear system: its low modes with their inertia, all above as flexibility.
+
+With :math:`K \phi = \lambda M \phi`, :math:`\phi^T M \phi = 1`, modes up to a cut-off are kept as
+coordinates `q`; the modes above respond statically:
+
+.. math:: g = G^T u = \Phi q + R\,\lambda + r, \qquad R = \Phi_o \Lambda_o^{-1} \Phi_o^T
+
+where the columns of `G` are the rows along which forces :math:`\lambda` act, index `o` marks the
+modes above the cut-off projected on the rows, and `r` is the static share of the constant load.
+This is mode-acceleration (static correction) in Craig's sense; without it a truncated basis misses
+the local flexibility that contacts feel. `R` is a sum over the omitted modes and therefore positive
+semi-definite, free of the cancellation of "static minus modal" flexibility.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+
+from turnout.core.errors import MechanicsError
+
+Floats = NDArray[np.float64]
+
+RIGID = 1e-12
+"""Eigenvalues below this share of the largest belong to rigid-body modes [-]."""
+NEGATIVE = 1e-10
+"""A damping below minus this share of the largest is more than rounding [-]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ModalModel:
+    """Kept modes and residual flexibility of one linear system.
+
+    Attributes
+    ----------
+    eigenvalues : ndarray, shape (n_modes,)
+        Squared angular frequencies of the kept modes [1/s2]; not those of single columns of
+        `modes` after `diagonalise_damping`.
+    stiffness, damping : ndarray, shape (n_modes, n_modes)
+        In the columns of `modes` [1/s2, 1/s]; at most one of the two is not diagonal, see
+        `diagonalise_damping`.
+    modes : ndarray, shape (n_dof, n_modes)
+        Mass-normalised shapes that span the kept modes [1/sqrt(kg)].
+    row_modes : ndarray, shape (n_rows, n_modes)
+        Displacements of the rows in these shapes.
+    flexibility : ndarray, shape (n_rows, n_rows)
+        Residual flexibility [m/N].
+    residual_shapes : ndarray, shape (n_dof, n_rows)
+        Static shape of the omitted part for a unit force along each row [m/N].
+    load : ndarray, shape (n_modes,)
+        Constant load, projected on the shapes.
+    residual_load : ndarray, shape (n_dof,)
+        Static shape of the omitted part under the constant load [m].
+    row_load : ndarray, shape (n_rows,)
+        The same at the rows [m].
+    """
+
+    eigenvalues: Floats
+    stiffness: Floats
+    damping: Floats
+    modes: Floats
+    row_modes: Floats
+    flexibility: Floats
+    residual_shapes: Floats
+    load: Floats
+    residual_load: Floats
+    row_load: Floats
+
+    @property
+    def frequencies(self) -> Floats:
+        """Natural frequencies of the kept modes [Hz]."""
+        return np.sqrt(np.maximum(self.eigenvalues, 0.0)) / (2.0 * np.pi)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Omitted:
+    """Modes above the cut-off, from which the flexibility of further rows follows.
+
+    Attributes
+    ----------
+    eigenvalues : ndarray, shape (n_omitted,)
+        Squared angular frequencies [1/s2].
+    modes : ndarray, shape (n_dof, n_omitted)
+        Mass-normalised shapes [1/sqrt(kg)].
+    row_modes : ndarray, shape (n_rows, n_omitted)
+        Displacements of the rows in these shapes.
+    """
+
+    eigenvalues: Floats
+    modes: Floats
+    row_modes: Floats
+
+
+def modal_model(
+    stiffness: Floats,
+    mass: Floats,
+    *,
+    damping: Floats,
+    rows: Floats,
+    load: Floats,
+    cutoff_frequency: float,
+) -> ModalModel:
+    """Condense a linear system at a cut-off frequency; see `split_modes`."""
+    return split_modes(
+        stiffness, mass, damping=damping, rows=rows, load=load, cutoff_frequency=cutoff_frequency
+    )[0]
+
+
+def split_modes(
+    stiffness: Floats,
+    mass: Floats,
+    *,
+    damping: Floats,
+    rows: Floats,
+    load: Floats,
+    cutoff_frequency: float,
+) -> tuple[ModalModel, Omitted]:
+    """Condense a linear system at a cut-off frequency.
+
+    Parameters
+    ----------
+    stiffness, mass, damping : ndarray, shape (n_dof, n_dof)
+        Symmetric; stiffness and mass positive definite.
+    rows : ndarray, shape (n_rows, n_dof)
+        Rows along which forces act and displacements are read.
+    load : ndarray, shape (n_dof,)
+        Constant load [N].
+    cutoff_frequency : float
+        Modes up to here keep their inertia [Hz].
+
+    Returns
+    -------
+    ModalModel
+        With the modes up to the cut-off.
+    Omitted
+        All others.
+
+    Raises
+    ------
+    MechanicsError
+        If the stiffness is not positive definite, so that a rail could float away.
+    """
+    eigenvalues, shapes = eigh(stiffness, mass, check_finite=True)
+    if eigenvalues[0] <= 10.0 * np.finfo(float).eps * eigenvalues[-1]:
+        msg = (
+            "a rail is not held: the supports leave a rigid-body motion free; "
+            "clamp the heel or add fastenings"
+        )
+        raise MechanicsError(msg)
+    shapes = _fix_signs(shapes)
+    limit = (2.0 * np.pi * cutoff_frequency) ** 2
+    kept = max(int(np.searchsorted(eigenvalues, limit, side="right")), 1)
+    low, high = shapes[:, :kept], shapes[:, kept:]
+    of_rows = _sparse(rows)
+    scaled = high / eigenvalues[kept:]
+    residual_load = scaled @ (high.T @ load)
+    yielding = scaled @ high.T
+    residual_shapes = (of_rows @ (0.5 * (yielding + yielding.T))).T
+    model = ModalModel(
+        eigenvalues=eigenvalues[:kept].copy(),
+        stiffness=np.diag(eigenvalues[:kept]),
+        damping=low.T @ damping @ low,
+        modes=np.ascontiguousarray(low),
+        row_modes=of_rows @ low,
+        flexibility=of_rows @ residual_shapes,
+        residual_shapes=np.ascontiguousarray(residual_shapes),
+        load=low.T @ load,
+        residual_load=residual_load,
+        row_load=of_rows @ residual_load,
+    )
+    return model, Omitted(eigenvalues[kept:], high, of_rows @ high)
+
+
+def with_rows(model: ModalModel, omitted: Omitted, rows: Floats) -> ModalModel:
+    """Return a model with further rows, which come last.
+
+    Parameters
+    ----------
+    model : ModalModel
+        In any shapes of its kept modes.
+    omitted : Omitted
+        The modes that it leaves out.
+    rows : ndarray, shape (n_added, n_dof)
+        Further rows.
+
+    Examples
+    --------
+    >>> spring = np.array([[2.0, -1.0], [-1.0, 2.0]])
+    >>> given = {"damping": 0.0 * spring, "load": np.ones(2), "cutoff_frequency": 0.2}
+    >>> both = modal_model(spring, np.eye(2), rows=np.eye(2), **given)
+    >>> model, omitted = split_modes(spring, np.eye(2), rows=np.eye(2)[:1], **given)
+    >>> found = with_rows(model, omitted, np.eye(2)[1:])
+    >>> bool(np.allclose(found.flexibility, both.flexibility, rtol=1e-14))
+    True
+    """
+    of_rows = _sparse(rows)
+    own = of_rows @ omitted.modes
+    before, squares = omitted.row_modes, omitted.eigenvalues
+    beside = _multiply_by_rows(before / squares, own)
+    below = _multiply_by_rows(own / squares, np.concatenate((before, own)))
+    return replace(
+        model,
+        row_modes=np.concatenate((model.row_modes, of_rows @ model.modes)),
+        flexibility=np.concatenate((np.hstack((model.flexibility, beside)), below)),
+        residual_shapes=np.hstack((model.residual_shapes, (omitted.modes / squares) @ own.T)),
+        row_load=np.concatenate((model.row_load, of_rows @ model.residual_load)),
+    )
+
+
+def diagonalise_damping(model: ModalModel) -> ModalModel:
+    """Return the same model in shapes that make its damping diagonal.
+
+    Any rotation of the kept modes stays orthonormal in the mass. The stiffness matrix is needed
+    once for each length of a step, damping in every step, so it is damping that is diagonalised.
+
+    Raises
+    ------
+    MechanicsError
+        If the damping matrix is not positive semidefinite.
+
+    Examples
+    --------
+    >>> spring = np.array([[2.0, -1.0], [-1.0, 2.0]])
+    >>> given = {"rows": np.eye(2), "load": np.zeros(2), "cutoff_frequency": 10.0}
+    >>> model = modal_model(spring, np.eye(2), damping=np.diag([0.0, 0.5]), **given)
+    >>> diagonalise_damping(model).damping.round(9).tolist()
+    [[0.0, 0.0], [0.0, 0.5]]
+    """
+    of_shapes, turn = np.diagonal(model.damping), None
+    if np.any(
+        np.abs(model.damping - np.diag(of_shapes)) > 1e-13 * np.abs(of_shapes).max(initial=0)
+    ):
+        of_shapes, turn = eigh(model.damping, check_finite=True)
+    if np.min(of_shapes, initial=0.0) < -NEGATIVE * np.abs(of_shapes).max(initial=0.0):
+        msg = (
+            "the damping matrix of a rail is not positive semidefinite, it would add energy; "
+            "check its sign"
+        )
+        raise MechanicsError(msg)
+    damping = np.diag(np.maximum(of_shapes, 0.0))
+    if turn is None:
+        return replace(model, damping=damping)
+    turn = _fix_signs(turn)
+    stiffness = (turn.T * model.eigenvalues) @ turn
+    return replace(
+        model,
+        stiffness=0.5 * (stiffness + stiffness.T),
+        damping=damping,
+        modes=np.ascontiguousarray(model.modes @ turn),
+        row_modes=_multiply_by_rows(model.row_modes, turn.T),
+        load=turn.T @ model.load,
+    )
+
+
+def _sparse(rows: Floats) -> sp.csr_array:
+    """Return rows, of which most reach few coordinates, as a sparse matrix.
+
+    Its products are summed row by row: one more row changes no bit of the others.
+    """
+    return sp.csr_array(rows)
+
+
+def _fix_signs(shapes: Floats) -> Floats:
+    """Return shapes with signs that make the largest entry of each positive."""
+    at = np.argmax(np.abs(shapes), axis=0)
+    found: Floats = shapes * np.sign(shapes[at, np.arange(shapes.shape[1])])
+    return found
+
+
+def _multiply_by_rows(a: Floats, b: Floats) -> Floats:
+    """Return ``a @ b.T`` summed entry by entry: one more row changes no bit of the others."""
+    found: Floats = np.einsum("ik,jk->ij", np.ascontiguousarray(a), np.ascontiguousarray(b))
+    return found
+
+
+def free_model(stiffness: Floats, mass: Floats, *, damping: Floats) -> ModalModel:
+    """Return all modes of a free body; it has no rows and no load.
+
+    Parameters
+    ----------
+    stiffness, mass, damping : ndarray, shape (n_dof, n_dof)
+        Symmetric; the mass positive definite.
+
+    Returns
+    -------
+    ModalModel
+        The eigenvalue of a rigid-body mode is zero.
+
+    Examples
+    --------
+    >>> spring = np.array([[1.0, -1.0], [-1.0, 1.0]])
+    >>> free_model(spring, np.eye(2), damping=0 * spring).eigenvalues.round(9).tolist()
+    [0.0, 2.0]
+    """
+    eigenvalues, shapes = eigh(stiffness, mass, check_finite=True)
+    eigenvalues[eigenvalues < RIGID * eigenvalues[-1]] = 0.0
+    none = np.zeros((0, eigenvalues.size))
+    return ModalModel(
+        eigenvalues=eigenvalues,
+        stiffness=np.diag(eigenvalues),
+        damping=shapes.T @ damping @ shapes,
+        modes=shapes,
+        row_modes=none,
+        flexibility=np.zeros((0, 0)),
+        residual_shapes=np.zeros((eigenvalues.size, 0)),
+        load=np.zeros(eigenvalues.size),
+        residual_load=np.zeros(eigenvalues.size),
+        row_load=np.zeros(0),
+    )

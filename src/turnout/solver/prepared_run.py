@@ -1,0 +1,254 @@
+"""Prepare a run of a condensed mechanism: numbers and laws first, memory when it begins.
+
+What needs no memory of its own is set up with the plans of other throws, while what Python needs
+for it is in the processor's caches; state and scratch arrays are those of the run before.
+"""
+
+from dataclasses import dataclass
+from functools import cache, lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.core.scheme import AlphaCoefficients, Scheme
+from turnout.kernels.shared_record import clone_record, copy_vectors, shared_record
+from turnout.law.friction_course import FrictionCourses, no_courses
+from turnout.law.obstruction import Obstructions, no_obstructions, remember
+from turnout.law.table import LawTable
+from turnout.solver.arrange import Arrangement, Templates
+from turnout.solver.levels import give_back_memory, take_memory
+from turnout.solver.record import empty_record
+from turnout.solver.rods import Rods
+from turnout.solver.scratch import Work, new_work
+from turnout.solver.seen import SeenWeights
+from turnout.solver.solve import Tolerances
+from turnout.solver.state import State, fresh_copy, fresh_state, refill_state
+from turnout.solver.step import Stepping
+from turnout.solver.system import System
+from turnout.solver.watch import StepRecord, WatchPlan
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunSetup:
+    """All of a run but the memory of its state; it can be prepared once.
+
+    Attributes
+    ----------
+    arrangement : Arrangement
+        The condensed mechanism.
+    laws, table : LawTable
+        Its laws, or others in the same places; the table is changed by the run.
+    stepping : Stepping
+        Lengths of steps.
+    tolerances : Tolerances
+        Of its iterations.
+    positions : ndarray, shape (n_steps + 1, n_inputs)
+        Marker positions at the ends of the steps [m].
+    n_stored : int
+        Instants of the record.
+    velocity : bool
+        Whether velocities are stored too.
+    obstructions : Obstructions
+        Laws with memory.
+    courses : FrictionCourses
+        Friction along the stroke.
+    present : ndarray of bool, shape (n_laws,)
+        Whether each law acts at the start.
+    record : StepRecord, optional
+        Of a watched run, which is small; others get theirs when they begin.
+    """
+
+    arrangement: Arrangement
+    laws: LawTable
+    table: LawTable
+    stepping: Stepping
+    tolerances: Tolerances
+    positions: Floats
+    n_stored: int
+    velocity: bool
+    obstructions: Obstructions
+    courses: FrictionCourses
+    present: NDArray[np.bool_]
+    record: StepRecord | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PreparedRun:
+    """All data of one run; `positions` are the inputs at the ends of the steps [m].
+
+    `present` are the laws that act at the start.
+    `templates` are those of its arrangement, whose rails may be `known` from other runs.
+    """
+
+    system: System
+    laws: LawTable
+    table: LawTable
+    state: State
+    work: Work
+    tolerances: Tolerances
+    stepping: Stepping
+    positions: Floats
+    record: StepRecord
+    obstructions: Obstructions
+    courses: FrictionCourses
+    present: NDArray[np.bool_]
+    templates: Templates
+    known: bool
+    rods: Rods | None = None
+
+    def give_back(self, *, record: bool = False) -> None:
+        """Give back, at its end, what another run of these rails can use; maybe its record too."""
+        if self.known:
+            memory = (self.state, self.work, self.record if record else None)
+            give_back_memory(self.templates, self.system, self.stepping, *memory)
+
+
+def set_up_run(
+    arrangement: Arrangement,
+    scheme: Scheme,
+    positions: Floats,
+    n_stored: int,
+    *,
+    filled_in: bool = False,
+    watched: tuple[WatchPlan, SeenWeights] | None = None,
+    laws: tuple[LawTable, LawTable] | None = None,
+) -> RunSetup:
+    """Set up a run.
+
+    Parameters
+    ----------
+    arrangement : Arrangement
+        From `arrange`.
+    scheme : Scheme
+        Step [s], spectral radius, tolerances and halvings.
+    positions : ndarray, shape (n_steps + 1, n_inputs)
+        Marker positions at the ends of the steps [m].
+    n_stored : int
+        Instants of the record.
+    filled_in : bool
+        Whether instants between the steps are wanted, which needs velocities.
+    watched : tuple of WatchPlan and SeenWeights, optional
+        Which instants are stored whole and kept, and what is seen of these; default all of them.
+    laws : tuple of LawTable, optional
+        Laws and table in place of those of the arrangement.
+    """
+    of_run, table = laws or (arrangement.laws, arrangement.table)
+    mechanism, velocity = arrangement.mechanism, filled_in and scheme.inertia
+    record = None
+    if watched is not None:
+        system = arrangement.system
+        record = empty_record(system, of_run, n_stored, velocity=velocity, watched=watched)
+    return RunSetup(
+        arrangement=arrangement,
+        laws=of_run,
+        table=table,
+        stepping=_stepping(scheme),
+        tolerances=Tolerances(
+            float(scheme.gap_tolerance), float(scheme.force_tolerance), scheme.iterations
+        ),
+        positions=positions,
+        n_stored=n_stored,
+        velocity=velocity,
+        obstructions=_set_up_obstructions(mechanism.obstructions, table),
+        courses=_set_up_courses(mechanism.courses),
+        present=present_at_start(of_run),
+        record=record,
+    )
+
+
+def present_at_start(laws: LawTable) -> NDArray[np.bool_]:
+    """Return whether each law acts at the start, shape (n_laws,)."""
+    present: NDArray[np.bool_] = (laws.appears <= 1e-9) & (laws.disappears >= -1e-9)
+    return np.asarray(present & (laws.waits == 0))
+
+
+@lru_cache(maxsize=16)
+def _stepping(scheme: Scheme) -> Stepping:
+    alpha = AlphaCoefficients.from_spectral_radius(scheme.spectral_radius)
+    return Stepping(
+        float(scheme.step),
+        alpha.alpha_m,
+        alpha.alpha_f,
+        alpha.beta,
+        alpha.gamma,
+        scheme.halvings,
+        scheme.follow_path,
+        max(scheme.stride, 1),
+        scheme.inertia,
+    )
+
+
+def prepare(setup: RunSetup) -> PreparedRun:
+    """Give a run that was set up its state, scratch arrays and record; nothing has moved yet."""
+    arrangement = setup.arrangement
+    state, work, record = _copy_templates(setup)
+    state.inputs[:] = setup.positions[0]
+    if setup.record is not None:
+        record = setup.record
+    elif record is None or record.q.shape[0] != setup.n_stored or setup.velocity:
+        system, count = arrangement.system, setup.n_stored
+        record = empty_record(system, setup.laws, count, velocity=setup.velocity, watched=None)
+    record.residual[:] = 0.0
+    return PreparedRun(
+        system=arrangement.system,
+        laws=setup.laws,
+        table=setup.table,
+        state=state,
+        work=work,
+        tolerances=setup.tolerances,
+        stepping=setup.stepping,
+        positions=setup.positions,
+        record=record,
+        obstructions=setup.obstructions,
+        courses=setup.courses,
+        present=setup.present,
+        templates=arrangement.templates,
+        known=arrangement.known,
+    )
+
+
+def _set_up_obstructions(given: Obstructions, table: LawTable) -> Obstructions:
+    """Return the obstructions of a run; their laws get the dents that they have already."""
+    if given.law.size == 0:
+        return _without_obstructions()
+    obstructions = shared_record(given)
+    remember(table, obstructions)
+    return obstructions
+
+
+@cache
+def _without_obstructions() -> Obstructions:
+    return shared_record(no_obstructions())
+
+
+def _set_up_courses(courses: FrictionCourses) -> FrictionCourses:
+    """Return the courses of a run; where there are none, all runs share them."""
+    return shared_record(courses) if courses.friction.size else _without_courses()
+
+
+@cache
+def _without_courses() -> FrictionCourses:
+    return shared_record(no_courses())
+
+
+def _copy_templates(setup: RunSetup) -> tuple[State, Work, StepRecord | None]:
+    """Return a state at rest and scratch arrays, copied from the templates.
+
+    Their memory is that of a run before, where there is one, and the record that one left.
+    """
+    arrangement, table, stepping = setup.arrangement, setup.table, setup.stepping
+    sizes = setup.positions.shape[1], stepping.halvings + 2  # levels: halvings, and no inertia
+    template = arrangement.templates.get(sizes)
+    if template is None:
+        n_inputs, levels = sizes
+        fresh = fresh_state(arrangement.system, table, n_inputs=n_inputs, levels=levels)
+        template = arrangement.templates[sizes] = fresh, new_work(arrangement.system, table)
+    state, work = template
+    memory = take_memory(arrangement.templates, stepping, sizes)
+    if memory is None:
+        return fresh_copy(state), clone_record(work), None
+    refill_state(memory.state, state, memory.ready_for(arrangement.system))
+    copy_vectors(work, memory.work)
+    return memory.state, memory.work, memory.record

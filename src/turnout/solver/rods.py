@@ -1,0 +1,240 @@
+"""The machines of drives in the implicit step: their rod ends are inputs that follow from the step.
+
+The rod ends are first taken to go on as they move, and the rails are solved with that. The machines
+then meet the rails where they have come to, the rails the rod ends, and so on until no rod end
+moves any more: rod ends and rails then hold at once, as in one large implicit step. A machine has
+so much inertia and yields so little that its rod end mostly is where it was expected; each
+correction takes the change down to a hundredth.
+"""
+
+import math
+from typing import NamedTuple
+
+from turnout.kernels.compiled import compiled, compiled_part
+from turnout.law.table import LawTable
+from turnout.machine.compute.couple import Machines, Room, accept_machines, try_machines
+from turnout.machine.compute.places import (
+    DIRECTION,
+    LOCK_ALLOWED,
+    ROD_POSITION,
+)
+from turnout.solver.scratch import Work
+from turnout.solver.solve import CONVERGED, NOT_CONVERGED, Tolerances, iterate_contact_set
+from turnout.solver.state import State
+from turnout.solver.system import Floats, Ints, System
+
+ROD_TOLERANCE = 1e-8
+"""Movement of a rod end or its rail from one correction to the next that is overlooked [m]."""
+CORRECTIONS = 12
+
+
+class Rods(NamedTuple):
+    """Machines of a run, one row each; `state` to `given` change as it goes on.
+
+    Attributes
+    ----------
+    constants, tables, commands, shared_resistance
+        See `turnout.machine.compute.couple.Machines`; the last as an array of one.
+    rails, work, log, plain
+        See `turnout.machine.compute.couple.Room`.
+    place, law, input : ndarray of int, shape (n,)
+        Place of each rod's row, its law, its input.
+    shift : ndarray, shape (n,)
+        Input less the rod position of the machine [m].
+    lock_gap : ndarray, shape (n,)
+        The limit contact acts in closing only with the rail so near to home [m].
+    state, trial : ndarray, shape (n, STATES)
+        Of the machines; at the end of the step that is tried.
+    start, speed, free : ndarray, shape (n,)
+        Of the rails at the rods: position and speed at the start of the step, position at its end.
+    compliance : ndarray, shape (n, n)
+        Zero: what a rod's force does to the rails is found by solving them.
+    before, rod_before : ndarray, shape (2, n)
+        Positions of rails and rods one and two steps ago [m].
+    lengths : ndarray, shape (2,)
+        Of these steps [s].
+    force, given : ndarray, shape (n,)
+        Force of each law at the last instant [N]; work of the rod ends on the rods so far [J].
+    left : ndarray, shape (1,)
+        Largest movement of a rod end that was left over when a step was accepted [m].
+    kept : ndarray, shape (n_stored, n, STATES)
+        States at the stored instants.
+    kept_given : ndarray, shape (n_stored, n)
+    """
+
+    constants: Floats
+    tables: Floats
+    commands: Floats
+    shared_resistance: Floats
+    rails: Floats
+    work: Floats
+    log: Floats
+    plain: Floats
+    place: Ints
+    law: Ints
+    input: Ints
+    shift: Floats
+    lock_gap: Floats
+    state: Floats
+    trial: Floats
+    start: Floats
+    speed: Floats
+    free: Floats
+    compliance: Floats
+    before: Floats
+    rod_before: Floats
+    lengths: Floats
+    force: Floats
+    given: Floats
+    left: Floats
+    kept: Floats
+    kept_given: Floats
+
+
+@compiled_part
+def _machines_of(rods: Rods) -> tuple[Machines, Room]:
+    shared: float = rods.shared_resistance[0]
+    machines = Machines(rods.constants, rods.tables, rods.commands, shared)
+    return machines, Room(rods.rails, rods.work, rods.log, rods.plain)
+
+
+@compiled
+def _try_rods(
+    rods: Rods, state: State, span: tuple[float, float], overlooked: float
+) -> tuple[int, float]:
+    """Take the machines over a step; return how far the farthest rod end has moved.
+
+    Inputs are written if that is more than is overlooked [m].
+    """
+    machines, room = _machines_of(rods)
+    ends = (rods.start, rods.speed, rods.free, rods.compliance)
+    if try_machines(machines, rods.state, rods.trial, ends, span, room) != CONVERGED:
+        return NOT_CONVERGED, 0.0
+    farthest = 0.0
+    for k in range(rods.input.size):
+        x = rods.trial[k, ROD_POSITION] + rods.shift[k]
+        farthest = max(farthest, abs(x - state.inputs[rods.input[k]]))
+    if farthest > overlooked:
+        for k in range(rods.input.size):
+            state.inputs[rods.input[k]] = rods.trial[k, ROD_POSITION] + rods.shift[k]
+    return CONVERGED, farthest
+
+
+@compiled
+def move_rods(rods: Rods, state: State, inputs: Floats, span: tuple[float, float]) -> None:
+    """Predict the rod ends at the end of a step: they go on with speed and acceleration.
+
+    Parameters
+    ----------
+    inputs : ndarray, shape (n_inputs,)
+        At the end of the step; those of the rods are written, here and in the state [m].
+    span : tuple of float
+        Start and length of the step [s].
+    """
+    before, rod_before, lengths, h = rods.before, rods.rod_before, rods.lengths, span[1]
+    for k in range(rods.input.size):
+        y, x = state.g[rods.place[k]] - rods.shift[k], rods.state[k, ROD_POSITION]
+        rods.start[k] = y
+        rods.speed[k], _ = _speed_and_bend(y, before[0, k], before[1, k], lengths)
+        speed, bend = _speed_and_bend(x, rod_before[0, k], rod_before[1, k], lengths)
+        predicted = x + h * (speed + h * bend)
+        state.inputs[rods.input[k]] = predicted + rods.shift[k]
+        inputs[rods.input[k]] = state.inputs[rods.input[k]]
+        near = rods.state[k, DIRECTION] < 0.0 or y >= -rods.lock_gap[k]
+        rods.state[k, LOCK_ALLOWED] = 1.0 if near else 0.0
+
+
+@compiled_part
+def _speed_and_bend(now: float, one: float, two: float, lengths: Floats) -> tuple[float, float]:
+    """Return speed and half the acceleration of the parabola through three positions in time.
+
+    Parameters
+    ----------
+    now, one, two : float
+        Positions now, and one and two steps ago [m].
+    lengths : ndarray, shape (2,)
+        Of these steps [s].
+    """
+    last = (now - one) / lengths[0]
+    bend = (last - (one - two) / lengths[1]) / (lengths[0] + lengths[1])
+    return last + bend * lengths[0], bend
+
+
+@compiled
+def iterate_rods(
+    rods: Rods,
+    system: System,
+    table: LawTable,
+    state: State,
+    work: Work,
+    tolerances: Tolerances,
+    span: tuple[float, float],
+) -> int:
+    """Correct rod ends and rails in turn until they hold at once."""
+    for number in range(CORRECTIONS):
+        off = 0.0
+        for k in range(rods.input.size):
+            y = state.g[rods.place[k]] - rods.shift[k]
+            off = max(off, abs(y - rods.free[k]))
+            rods.free[k] = y
+        if number > 0 and off <= ROD_TOLERANCE:  # a rod end moves by less than its rail
+            return CONVERGED
+        code, moved = _try_rods(rods, state, span, ROD_TOLERANCE)
+        if code != CONVERGED:
+            return code
+        if moved <= ROD_TOLERANCE:
+            rods.left[0] = max(rods.left[0], moved)
+            return CONVERGED
+        code = iterate_contact_set(system, table, state, work, tolerances)
+        if code != CONVERGED:
+            return code
+    return NOT_CONVERGED
+
+
+@compiled
+def meet_rods(rods: Rods, state: State, span: tuple[float, float]) -> int:
+    """Take the machines to where the rails have come to, which stay there."""
+    for k in range(rods.input.size):
+        rods.free[k] = state.g[rods.place[k]] - rods.shift[k]
+    code, moved = _try_rods(rods, state, span, math.inf)
+    rods.left[0] = max(rods.left[0], moved)
+    return code
+
+
+@compiled
+def accept_rods(
+    rods: Rods, state: State, work: Work, begin: Floats, span: tuple[float, float]
+) -> None:
+    """Accept the end of a step as the machines' state, and add their work on the rods.
+
+    Parameters
+    ----------
+    begin : ndarray, shape (n_inputs,)
+        Inputs at the start of the step [m].
+    span : tuple of float
+        Its start and length [s].
+    """
+    rod_before = rods.rod_before
+    for k in range(rods.input.size):
+        rod_before[1, k], rod_before[0, k] = rod_before[0, k], rods.state[k, ROD_POSITION]
+    machines, room = _machines_of(rods)
+    accept_machines(machines, rods.state, rods.trial, span, room)
+    rods.lengths[1], rods.lengths[0] = rods.lengths[0], span[1]
+    for k in range(rods.input.size):
+        force, number = work.force[rods.law[k]], rods.input[k]
+        rods.given[k] -= 0.5 * (force + rods.force[k]) * (state.inputs[number] - begin[number])
+        rods.force[k] = force
+        rods.before[1, k], rods.before[0, k] = rods.before[0, k], rods.start[k]
+
+
+@compiled
+def store_rods(rods: Rods, state: State, inputs: Floats, row: int) -> None:
+    """Write the inputs of the rods, and their machines where an instant is stored."""
+    for k in range(rods.input.size):
+        inputs[rods.input[k]] = state.inputs[rods.input[k]]
+    if row < 0:
+        return
+    for k in range(rods.input.size):
+        rods.kept_given[row, k] = rods.given[k]
+        for place in range(rods.state.shape[1]):
+            rods.kept[row, k, place] = rods.state[k, place]

@@ -1,0 +1,192 @@
+r"""Displacements of a few points that are written while a run goes on, as weighted sums.
+
+A seen displacement is, with the displacements of rows g and the modes and static shapes of its own
+(`turnout.throw.recovery`),
+
+.. math:: s = A g + \Phi_s q + R_s \lambda + r_s
+
+where the forces beyond the linear system are those of laws, less their stiffness in that system
+times their displacement, and those of frictions, both with the other sign. Where a few rows give it
+the rest is zero; what no seen displacement depends on has no weight.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from turnout.core.lru_cache import LRUCache
+from turnout.kernels.compiled import compiled_loop, compiled_part
+from turnout.kernels.lanes import (
+    LANES,
+    broadcast,
+    gather_neighbours,
+    load,
+    store,
+    whole_lines,
+    zeros_in_lines,
+)
+from turnout.kernels.vector import copy, gather_all
+from turnout.law.table import LawTable
+from turnout.solver.numbering import as_unsigned
+from turnout.solver.system import Floats, Ints, System
+
+if TYPE_CHECKING:
+    from turnout.solver.watch import StepRecord
+
+MOST_WEIGHTS = 128
+"""Weights of seen displacements in memory, the latest used; some 10 kB each."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SeenRows:
+    """Weights of displacements that are to be seen.
+
+    Attributes
+    ----------
+    stored : ndarray, shape (n_seen, n_rows)
+        Of the displacements of the rows of the mechanism [-].
+    modes : ndarray, shape (n_seen, n_modes)
+        Of modal coordinates.
+    shapes : ndarray, shape (n_seen, n_rows)
+        Of forces along the rows beyond the linear system [m/N].
+    load : ndarray, shape (n_seen,)
+        Displacements under the constant load alone [m].
+    """
+
+    stored: Floats
+    modes: Floats
+    shapes: Floats
+    load: Floats
+
+
+class SeenWeights(NamedTuple):
+    """Weights of seen displacements as the kernel takes them, see `StepRecord`."""
+
+    seen_load: Floats
+    stored_list: Ints
+    stored_rows: Floats
+    mode_list: Ints
+    mode_rows: Floats
+    law_list: Ints
+    law_places: Ints
+    law_rows: Floats
+    friction_list: Ints
+    friction_rows: Floats
+
+
+# Rails with their objects and rows of laws are shared by many throws.
+_weights = LRUCache[tuple[SeenWeights, object]](MOST_WEIGHTS)
+
+
+def seen_weights(seen: SeenRows, laws: LawTable, row_place: Ints) -> SeenWeights:
+    """Return the weights of what is seen; found once where what they are made of is the same.
+
+    Parameters
+    ----------
+    seen : SeenRows
+        What is wanted.
+    laws : LawTable
+        By rows of the mechanism.
+    row_place : ndarray of int, shape (n_rows,)
+        Place of each row in the vector of displacements.
+    """
+    parts, places = (seen.stored, seen.modes, seen.shapes, seen.load), row_place.tobytes()
+    key = (*map(id, parts), laws.row.tobytes(), laws.friction_row.tobytes(), places)
+    kept = _weights.get(key)
+    if kept is not None:
+        return kept[0]
+    count = seen.load.size
+    width = int(whole_lines(count))
+    stored, mode, law, friction = (
+        _listed(weights, width)
+        for weights in (
+            seen.stored,
+            seen.modes,
+            -seen.shapes[:, laws.row],
+            -seen.shapes[:, laws.friction_row],
+        )
+    )
+    made = SeenWeights(
+        np.pad(seen.load, (0, width - count)),
+        as_unsigned(row_place[stored[0]].astype(np.int64)),
+        stored[1],
+        *mode,
+        law[0],
+        as_unsigned(row_place[laws.row[law[0]]].astype(np.int64)),
+        law[1],
+        *friction,
+    )
+    if not any(part.flags.writeable for part in parts):
+        _weights.put(key, (made, parts))
+    return made
+
+
+def _listed(weights: Floats, width: int) -> tuple[Ints, Floats]:
+    """Return which columns have a weight, and these as padded rows; both fill whole cache lines."""
+    used = np.flatnonzero(weights.any(axis=0))
+    count = int(whole_lines(used.size))
+    rows = zeros_in_lines(count, width)
+    rows[: used.size, : weights.shape[0]] = weights[:, used].T
+    return as_unsigned(np.pad(used, (0, count - used.size))), rows
+
+
+@compiled_loop
+def _pick_deviations(
+    g: Floats, slope: Floats, forces: Floats, laws: Ints, places: Ints, to: Floats
+) -> None:
+    """Write by how much the forces of some laws differ from those in the linear system [N]."""
+    for i in range(0, to.size, LANES):
+        held = gather_neighbours(slope, laws, i) * gather_neighbours(g, places, i)
+        store(gather_neighbours(forces, laws, i) - held, to, i)
+
+
+@compiled_loop
+def _add_rows(weights: Floats, rows: Floats, to: Floats) -> None:
+    """Add a weighted sum of rows that fill whole cache lines; four sums keep the processor busy."""
+    n = weights.size
+    for i in range(0, to.size, LANES):
+        a, b, c, d = broadcast(0.0), broadcast(0.0), broadcast(0.0), broadcast(0.0)
+        r = 0
+        while r + 4 <= n:
+            a = a + broadcast(weights[r]) * load(rows[r], i)
+            b = b + broadcast(weights[r + 1]) * load(rows[r + 1], i)
+            c = c + broadcast(weights[r + 2]) * load(rows[r + 2], i)
+            d = d + broadcast(weights[r + 3]) * load(rows[r + 3], i)
+            r += 4
+        while r < n:
+            a = a + broadcast(weights[r]) * load(rows[r], i)
+            r += 1
+        store(load(to, i) + ((a + b) + (c + d)), to, i)
+
+
+@compiled_part
+def store_seen(
+    system: System,
+    motion: tuple[Floats, Floats],
+    forces: tuple[Floats, Floats],
+    record: "StepRecord",
+    kept: int,
+) -> None:
+    """Write the seen displacements of the present instant.
+
+    Parameters
+    ----------
+    motion, forces : tuple of ndarray
+        Modal coordinates and displacements; forces of laws and of frictions.
+    """
+    q, g = motion
+    to = record.seen[kept]
+    copy(record.seen_load, to)
+    picked = record.picked[: record.stored_list.size]
+    gather_all(g, record.stored_list, picked)
+    _add_rows(picked, record.stored_rows, to)
+    picked = record.picked[: record.mode_list.size]
+    gather_all(q, record.mode_list, picked)
+    _add_rows(picked, record.mode_rows, to)
+    picked = record.picked[: record.law_list.size]
+    _pick_deviations(g, system.base_slope, forces[0], record.law_list, record.law_places, picked)
+    _add_rows(picked, record.law_rows, to)
+    picked = record.picked[: record.friction_list.size]
+    gather_all(forces[1], record.friction_list, picked)
+    _add_rows(picked, record.friction_rows, to)

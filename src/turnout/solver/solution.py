@@ -1,0 +1,157 @@
+"""Displacements of one implicit step for a given contact set, from its columns and coupling."""
+
+from turnout.kernels.compiled import compiled, compiled_loop, compiled_part
+from turnout.kernels.lanes import LANES, broadcast, gather, gather_neighbours, load, store
+from turnout.kernels.vector import (
+    add_multiple,
+    add_two_multiples,
+    copy,
+    gather_all,
+    sum_weighted_rows,
+)
+from turnout.law.table import LawTable
+from turnout.solver.coupling import assemble_coupling, solve_coupling, value_at_end
+from turnout.solver.scratch import Work
+from turnout.solver.state import COUNT_JOINING, COUPLED, UNSOLVED, State
+from turnout.solver.system import Floats, Ints, System
+
+
+@compiled
+def solve_displacements(system: System, table: LawTable, state: State, work: Work) -> None:
+    """Solve for all displacements of the present contact set from ``work.right_side``.
+
+    Blocks whose columns and right side are the same (`UNSOLVED`) move as in the last solution but
+    for the forces of inputs and joining rows.
+    """
+    end_start, mode_start = system.end_start, system.mode_start
+    force, g, columns = work.right_side, state.g, state.mode_columns
+    constant = state.constant_column
+    for block in range(end_start.size - 1):
+        first, last = mode_start[block], mode_start[block + 1]
+        start, stop = end_start[block], end_start[block + 1]
+        free = work.free[start:stop]
+        if state.counters[UNSOLVED] >> block & 1:
+            sum_weighted_rows(constant[start:stop], force[first:last], columns[first:last], free)
+        copy(free, g[start:stop])
+    state.counters[UNSOLVED] = 0
+    _evaluate_inputs(system, table, state, work)
+    gather_all(work.input_force, system.input_end, work.input_end_force)
+    _apply_end_forces(system, state, system.input_end, work.input_end_force)
+    if state.counters[COUNT_JOINING]:
+        apply_joining_forces(system, state, work, 1.0)
+    else:
+        state.counters[COUPLED] = 1
+    expand_displacements(system, state)
+
+
+@compiled_part
+def _evaluate_inputs(system: System, table: LawTable, state: State, work: Work) -> None:
+    """Write the inputs of all laws [m] and their forces on the rows [N]; a row may have several."""
+    force = work.input_force
+    for k in range(system.input_row.size):
+        force[system.input_row[k]] = 0.0
+    for k in range(system.input_law.size):
+        law = system.input_law[k]
+        force[table.row[law]] += state.slope[law] * state.inputs[table.input_index[law]]
+    for k in range(1, work.padded_inputs.size):
+        work.padded_inputs[k] = state.inputs[k - 1]
+    for k in range(system.input_group.size):
+        at = system.input_group[k]
+        store(gather(work.padded_inputs, system.input_place, at), work.law_input, at)
+
+
+@compiled_part
+def expand_displacements(system: System, state: State) -> None:
+    """Write the displacements of following ends and joining rows from those of the leading ends."""
+    leaders, weights = system.follower_list, system.follower_weight
+    _expand_followers(state.g, leaders, weights, state.g[system.follower_start[0] :])
+    _sum_joining_ends(state.g, system.joining_ends, state.g[system.follower_start[-1] :])
+
+
+@compiled_loop
+def _expand_followers(g: Floats, leaders: Ints, weights: Floats, following: Floats) -> None:
+    for i in range(0, leaders.shape[1], LANES):
+        sums = broadcast(0.0)
+        for term in range(leaders.shape[0]):
+            sums = sums + load(weights[term], i) * gather_neighbours(g, leaders[term], i)
+        store(sums, following, i)
+
+
+@compiled_loop
+def _sum_joining_ends(g: Floats, ends: Ints, joining: Floats) -> None:
+    for i in range(0, ends.shape[1], LANES):
+        store(gather(g, ends[0], i) + gather_neighbours(g, ends[1], i), joining, i)
+
+
+@compiled_part
+def _apply_end_forces(system: System, state: State, ends: Ints, force: Floats) -> None:
+    """Add the displacements from forces on active ends, two neighbours of a block at a time."""
+    columns, slot, g = state.columns, state.slot_of_end, state.g
+    k, count = 0, force.size
+    while k < count:
+        end = ends[k]
+        block = system.block_of_end[end]
+        block_g = g[system.end_start[block] : system.end_start[block + 1]]
+        column = columns[slot[end]]
+        if k + 1 < count and system.block_of_end[ends[k + 1]] == block:
+            next_end = ends[k + 1]
+            add_two_multiples(force[k], column, force[k + 1], columns[slot[next_end]], block_g)
+            k += 2
+        else:
+            add_multiple(force[k], column, block_g)
+            k += 1
+
+
+@compiled
+def apply_joining_forces(system: System, state: State, work: Work, constant: float) -> None:
+    """Solve for the forces of the joining rows, and add the displacements from them.
+
+    `constant` is 1 for a solution; 0 for a correction, which leaves out the forces that do not
+    depend on displacements.
+    """
+    count = state.counters[COUNT_JOINING]
+    if state.counters[COUPLED] != 1:
+        assemble_coupling(system, state)
+    force = work.joining[:count]
+    for i in range(count):
+        row = state.joining[i]
+        gap = 0.0
+        for side in range(2):
+            end = system.row_ends[row, side]
+            first = system.end_start[system.block_of_end[end]]
+            gap += value_at_end(system, state.g[first:], end)
+        entry = state.entries[system.pattern_start[row]]
+        force[i] = constant * (state.shift[row] + work.input_force[row]) + entry * gap
+    solve_coupling(state.coupling, state.pivots, force)
+    for side in range(2):
+        for i in range(count):
+            work.coupled_end[i] = system.row_ends[state.joining[i], side]
+        _apply_end_forces(system, state, work.coupled_end, force)
+
+
+@compiled
+def evaluate_deviation_forces(system: System, table: LawTable, state: State, work: Work) -> None:
+    """Write the deviation force of every active end to ``work.slot_force`` [N]."""
+    row_of_slot, slot_force, shift, input_force = (
+        state.row_of_slot,
+        work.slot_force,
+        state.shift,
+        work.input_force,
+    )
+    pattern_start, pattern_list, entries = system.pattern_start, system.pattern_list, state.entries
+    g = state.g
+    _evaluate_inputs(system, table, state, work)
+    for block in range(system.end_start.size - 1):
+        first = system.slot_start[block]
+        for slot in range(first, first + state.slots[block]):
+            row = row_of_slot[slot]
+            force = shift[row] + input_force[row]
+            for k in range(pattern_start[row], pattern_start[row + 1]):
+                force += entries[k] * g[pattern_list[k]]
+            slot_force[slot] = force
+
+
+@compiled_part
+def gather_modes(system: System, state: State) -> None:
+    """Gather the modal coordinates from the displacements."""
+    gather_all(state.g, system.mode_place, state.q)

@@ -1,0 +1,364 @@
+"""Contact-set iteration of one implicit step: solve, check every law, flip those that changed.
+
+With an unchanged contact set a solution is a few small matrix-vector products; each row that
+changes costs one rank-one update. The check compares the solution with the segment or friction
+branch of every law that it was computed with, so the last solution of a converged step satisfies
+every law. Modal coordinates are gathered once the set has converged.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from turnout.kernels.compiled import compiled, compiled_loop, compiled_part
+from turnout.kernels.lanes import (
+    LANES,
+    Bools,
+    absolute,
+    any_true,
+    broadcast,
+    gather,
+    gather_neighbours,
+    greater,
+    greater_or_nan,
+    load,
+    logical_or,
+    select,
+    store,
+)
+from turnout.kernels.vector import copy
+from turnout.law.kernel import (
+    STICK,
+    any_not_finite,
+    friction_state,
+    segment_for,
+)
+from turnout.law.table import LawTable
+from turnout.solver.columns import finish_pending, update_row
+from turnout.solver.scratch import FRICTIONS, LAWS, Work
+from turnout.solver.solution import gather_modes, solve_displacements
+from turnout.solver.state import COUNT_ITERATIONS, State, set_segment
+from turnout.solver.system import Floats, Ints, System
+
+CONVERGED, NOT_CONVERGED, NOT_FINITE, STOPPED = 0, 1, 2, 4
+
+NO_NUMBERS = -1
+"""In place of a number of rows: displacements are NaN or infinite."""
+
+ALL_AT_ONCE = 8
+"""Share of the iterations, one in so many, in which every violated law changes; then one law does.
+
+Of the 40 of a step these are the first five, and nearly all sets settle within four. What has not
+done so goes in a cycle, in which several laws undo each other.
+"""
+
+
+class Tolerances(NamedTuple):
+    """Largest violation of a law: gap [m] and force [N]; and most iterations of a step."""
+
+    gap: float
+    force: float
+    iterations: int
+
+
+@compiled
+def mark_row(work: Work, count: int, row: int) -> int:
+    """Add a row to the list of rows to be updated, once; its laws have changed."""
+    work.changed[FRICTIONS] = 1  # or laws, as `mark_law` says
+    if work.dirty[row]:
+        return count
+    work.dirty[row] = 1
+    work.dirty_list[count] = row
+    return count + 1
+
+
+@compiled
+def mark_law(
+    system: System, table: LawTable, state: State, work: Work, count: int, law: int
+) -> int:
+    """Mark the row of a law and the rows of slipping frictions that it limits."""
+    work.changed[LAWS] = 1
+    count = mark_row(work, count, table.row[law])
+    for i in range(system.normal_friction_start[law], system.normal_friction_start[law + 1]):
+        friction = system.normal_friction_list[i]
+        if state.friction[friction] != STICK:
+            count = mark_row(work, count, table.friction_row[friction])
+    return count
+
+
+@compiled
+def update_marked(system: System, table: LawTable, state: State, work: Work, count: int) -> None:
+    """Update every marked row to the present states of its laws."""
+    for i in range(count):
+        row = work.dirty_list[i]
+        work.dirty[row] = 0
+        update_row(system, table, state, row, work.row, defer=True)
+    finish_pending(system, state)
+
+
+@compiled_part
+def evaluate_laws(table: LawTable, state: State, work: Work, gap: float) -> bool:
+    """Evaluate argument [m] (row displacement less input) and force [N] of every law.
+
+    The force is that of the present segment, as in the solution: a contact that ends within the
+    tolerance pulls slightly. Returns whether any law has left its segment by more than `gap`, or
+    has no number as its argument.
+    """
+    line = (state.slope, state.constant)
+    bounds = (state.lower, state.upper)
+    return _evaluate_laws(
+        state.g, table.row, work.law_input, line, bounds, gap, work.argument, work.force
+    )
+
+
+@compiled_loop
+def _evaluate_laws(
+    g: Floats,
+    row: Ints,
+    inputs: Floats,
+    line: tuple[Floats, Floats],
+    bounds: tuple[Floats, Floats],
+    gap: float,
+    arguments: Floats,
+    forces: Floats,
+) -> bool:
+    slope, constant = line
+    lower, upper = bounds
+    tolerance = broadcast(gap)
+    outside = greater(tolerance, tolerance)
+    for i in range(0, forces.size, LANES):
+        argument = gather(g, row, i) - load(inputs, i)
+        store(argument, arguments, i)
+        store(load(slope, i) * argument + load(constant, i), forces, i)
+        above = greater_or_nan(argument, load(upper, i) + tolerance)
+        outside = logical_or(
+            outside, logical_or(above, greater_or_nan(load(lower, i) - tolerance, argument))
+        )
+    return any_true(outside)
+
+
+@compiled_part
+def evaluate_frictions(table: LawTable, state: State, work: Work, force: float) -> bool:
+    """Evaluate the trial force of every friction and its limit from the normal law [N].
+
+    ``work.force`` is that of the solution. Returns whether any friction violates its branch by more
+    than `force` [N], or has no number as its force.
+    """
+    of_normals = (work.force, table.friction_normal, table.friction_coefficient)
+    springs = (state.anchor, table.stick_stiffness)
+    return _evaluate_frictions(
+        of_normals, state.g, table.friction_row, springs, state.friction, force,
+        work.trial, work.limit,
+    )  # fmt: skip
+
+
+@compiled_loop
+def _evaluate_frictions(
+    of_normals: tuple[Floats, Ints, Floats],
+    g: Floats,
+    row: Ints,
+    springs: tuple[Floats, Floats],
+    branches: Floats,
+    tolerance: float,
+    trials: Floats,
+    limits: Floats,
+) -> bool:
+    force, normal, coefficient = of_normals
+    anchor, stiffness = springs
+    zero, tolerance_8 = broadcast(0.0), broadcast(tolerance)
+    violated = greater(zero, zero)
+    for i in range(0, trials.size, LANES):
+        limit = load(coefficient, i) * gather_neighbours(force, normal, i)
+        trial = load(stiffness, i) * (gather(g, row, i) - load(anchor, i))
+        store(limit, limits, i)
+        store(trial, trials, i)
+        violated = logical_or(violated, _violated(trial, limit, load(branches, i), tolerance_8))
+    return any_true(violated)
+
+
+@compiled
+def evaluate(table: LawTable, state: State, work: Work) -> None:
+    """Evaluate all laws and frictions at the displacements last solved for."""
+    evaluate_laws(table, state, work, 0.0)
+    evaluate_frictions(table, state, work, 0.0)
+
+
+@compiled_part
+def update_segments(
+    system: System, table: LawTable, state: State, work: Work, gap: float, one_at_a_time: bool
+) -> int:
+    """Move laws whose argument has left its segment; return how many rows are marked.
+
+    Their forces become those of the new segment. Returns `NO_NUMBERS` where there is no solution.
+    """
+    if not evaluate_laws(table, state, work, gap):
+        return 0
+    if any_not_finite(state.g):
+        return NO_NUMBERS
+    argument, lower, upper = work.argument, state.lower, state.upper
+    count = 0
+    for first in range(0, argument.size, LANES):
+        if not _any_outside(argument, lower, upper, gap, first):
+            continue
+        for law in range(first, min(first + LANES, argument.size)):
+            if argument[law] > upper[law] + gap or argument[law] < lower[law] - gap:
+                e = argument[law] - table.offset[law]
+                present = state.segment[law]
+                segment = segment_for(table, law, e, present, gap)
+                # to the neighbour only: a jump over a segment can go back and forth for ever
+                segment = min(max(segment, present - 1), present + 1)
+                set_segment(table, state, law, segment)
+                work.force[law] = state.slope[law] * argument[law] + state.constant[law]
+                count = mark_law(system, table, state, work, count, law)
+                if one_at_a_time:
+                    return count
+    return count
+
+
+@compiled_loop
+def _any_outside(argument: Floats, lower: Floats, upper: Floats, gap: float, at: int) -> bool:
+    """Return whether one of eight laws has left its segment."""
+    tolerance, value = broadcast(gap), load(argument, at)
+    above = greater(value, load(upper, at) + tolerance)
+    return any_true(logical_or(above, greater(load(lower, at) - tolerance, value)))
+
+
+@compiled_part
+def update_branches(
+    table: LawTable, state: State, work: Work, count: int, force: float, one_at_a_time: bool
+) -> int:
+    """Move frictions between stick and slip; return how many rows are marked in all.
+
+    Returns `NO_NUMBERS` where there is no solution.
+    """
+    if not evaluate_frictions(table, state, work, force):
+        return count
+    if count == 0 and any_not_finite(state.g):
+        return NO_NUMBERS
+    trial, limit, branches = work.trial, work.limit, state.friction
+    for first in range(0, trial.size, LANES):
+        if not _any_violated(trial, limit, branches, force, first):
+            continue
+        for friction in range(first, min(first + LANES, trial.size)):
+            positive_limit = max(limit[friction], 0.0)
+            branch = friction_state(trial[friction], positive_limit, branches[friction], force)
+            if branch != branches[friction]:
+                branches[friction] = branch
+                count = mark_row(work, count, table.friction_row[friction])
+                if one_at_a_time:
+                    return count
+    return count
+
+
+@compiled_loop
+def _any_violated(
+    trials: Floats, limits: Floats, branches: Floats, tolerance: float, at: int
+) -> bool:
+    """Return whether one of eight frictions violates its branch by more than a force [N]."""
+    return any_true(
+        _violated(load(trials, at), load(limits, at), load(branches, at), broadcast(tolerance))
+    )
+
+
+@compiled_loop
+def _violated(trial: Floats, limit: Floats, branch: Floats, tolerance: Floats) -> Bools:
+    """Return which of eight frictions violate their branches.
+
+    Stick is violated by a trial force above the limit, slip by one below.
+    """
+    zero = broadcast(0.0)
+    slips, closed = greater(absolute(branch), zero), greater(limit, zero)
+    positive_limit = select(closed, limit, zero)
+    lowest = select(closed, positive_limit - tolerance, broadcast(-np.inf))
+    larger = select(slips, lowest, absolute(trial))
+    return greater_or_nan(larger, select(slips, branch * trial, positive_limit + tolerance))
+
+
+@compiled_part
+def update_contact_set(
+    system: System,
+    table: LawTable,
+    state: State,
+    work: Work,
+    tolerances: Tolerances,
+    one_at_a_time: bool,
+) -> int:
+    """Move every law (or the first) that the solution violates; return how many rows are marked.
+
+    Returns `NO_NUMBERS` where there is no solution.
+    """
+    count = update_segments(system, table, state, work, tolerances.gap, one_at_a_time)
+    if count < 0 or (one_at_a_time and count > 0):
+        return count
+    return update_branches(table, state, work, count, tolerances.force, one_at_a_time)
+
+
+@compiled
+def iterate_contact_set(
+    system: System, table: LawTable, state: State, work: Work, tolerances: Tolerances
+) -> int:
+    """Iterate the contact set of one step; return CONVERGED or what prevented it.
+
+    After the first of them laws change one at a time, which breaks cycles, see `ALL_AT_ONCE`.
+    """
+    for iteration in range(tolerances.iterations):
+        solve_displacements(system, table, state, work)
+        state.counters[COUNT_ITERATIONS] += 1
+        if work.stop[0]:
+            return STOPPED
+        one_at_a_time = ALL_AT_ONCE * iteration >= tolerances.iterations
+        count = update_contact_set(system, table, state, work, tolerances, one_at_a_time)
+        if count == 0:
+            gather_modes(system, state)
+            return CONVERGED
+        if count == NO_NUMBERS:
+            return NOT_FINITE
+        if iteration == tolerances.iterations - 1:
+            copy(work.dirty, work.unconverged)
+        update_marked(system, table, state, work, count)
+    return NOT_CONVERGED
+
+
+@compiled_part
+def save_contact_set(state: State, work: Work) -> None:
+    """Save the displacements, and the contact set if it has changed since it was saved."""
+    copy(state.g, work.g_start)
+    if work.changed[LAWS]:
+        copy(state.segment, work.saved_segment)
+        work.changed[LAWS] = 0
+    if work.changed[FRICTIONS]:
+        copy(state.friction, work.saved_friction)
+        work.changed[FRICTIONS] = 0
+
+
+@compiled
+def restore_contact_set(system: System, table: LawTable, state: State, work: Work) -> None:
+    """Restore the contact set saved in `work`."""
+    count = 0
+    for law in range(table.row.size):
+        if state.segment[law] != work.saved_segment[law]:
+            set_segment(table, state, law, work.saved_segment[law])
+            count = mark_law(system, table, state, work, count, law)
+    for friction in range(table.friction_row.size):
+        if state.friction[friction] != work.saved_friction[friction]:
+            state.friction[friction] = work.saved_friction[friction]
+            count = mark_row(work, count, table.friction_row[friction])
+    # a friction that returned to slip after its normal law was handled still needs its row
+    for friction in range(table.friction_row.size):
+        count = mark_row(work, count, table.friction_row[friction])
+    update_marked(system, table, state, work, count)
+
+
+@compiled
+def evaluate_row_forces(system: System, table: LawTable, state: State, force: Floats) -> None:
+    """Evaluate the deviation force of every row from the forces of its laws [N]."""
+    force[:] = 0.0
+    for law in range(table.row.size):
+        row = table.row[law]
+        deviation = system.base_slope[law] - state.slope[law]
+        force[row] += deviation * state.g[row] - state.constant[law]
+    for k in range(system.input_law.size):
+        law = system.input_law[k]
+        force[table.row[law]] += state.slope[law] * state.inputs[table.input_index[law]]
+    for friction in range(table.friction_row.size):
+        force[table.friction_row[friction]] -= state.friction_force[friction]

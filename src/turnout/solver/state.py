@@ -1,0 +1,241 @@
+"""The state of a run, as arrays that kernels change in place."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from turnout.kernels.compiled import compiled
+from turnout.kernels.lanes import zeros_in_lines
+from turnout.kernels.shared_record import clone_record, copy_vectors, shared_record
+from turnout.law.kernel import segment_for
+from turnout.law.table import LawTable
+from turnout.solver.scratch import lines_from_buffer
+from turnout.solver.system import Floats, Ints, System
+
+
+class State(NamedTuple):
+    """All that changes during a run; kernels change it in place.
+
+    Laws: on its present `segment` a law resists with ``slope * (g - input) + constant`` [N] for
+    ``g - input`` between ``lower`` and ``upper`` [m]; at its argument e [m] it stores
+    ``(slope * e / 2 + intercept) * e + potential`` [J]; `set_segment` keeps these together.
+    ``present`` is 0 for an absent law. ``input_law_force`` are the forces of the driven laws at the
+    last instant [N], ``jump`` the force that a law lost when it was switched [N]; ``law_placed``
+    and ``law_first`` are the times at which a law that does not always act appeared, and first had
+    a force [s].
+
+    Frictions: ``friction`` is the branch, see `turnout.law.kernel`, ``anchor`` the displacement at
+    which the stick spring is free [m], ``friction_force`` what it resists with [N].
+
+    Motion: modal coordinates ``q`` with their velocities ``v``, algorithmic accelerations ``a`` and
+    accelerations ``acceleration``, `turnout.solver.step`; ``g`` holds the displacements of all
+    places [m], `turnout.solver.numbering`. ``q_rest``, ``modal_force_rest``, ``law_rest_offset``
+    and ``friction_rest_offset`` are the reference of the energies, and ``ledger`` sums up work [J],
+    `turnout.solver.energy`.
+
+    Solution: ``entries`` and ``shift`` are the deviations of the rows; the columns with their
+    slots, and the coupling of the blocks as ``assembled`` and factorised with its ``pivots``, are
+    those of `turnout.solver.columns` for the step of the present level. ``compliance`` depends
+    on the length of the step alone and is kept level by level, ``level_ready`` says which levels
+    have been assembled (`turnout.solver.levels`). ``drift`` is the growth of rounding since it
+    was last measured [-].
+    ``counters``: active rows that join blocks, flips since the last rebuild, all flips, all
+    iterations, halved steps, rebuilds, the level, the state of the coupling: 0 unknown, 1 up to
+    date, else 1 and a bit, from the second on, for each block whose columns have changed; a bit for
+    each block whose columns or right side have changed since the last solution, -1 for all; and one
+    more than the row for whose change most columns of its block still wait, 0 for none
+    (``pending`` holds this change).
+    """
+
+    segment: Ints
+    present: Ints
+    slope: Floats
+    constant: Floats
+    lower: Floats
+    upper: Floats
+    intercept: Floats
+    potential: Floats
+    friction: Floats
+    anchor: Floats
+    friction_force: Floats
+    input_law_force: Floats
+    jump: Floats
+    q_rest: Floats
+    modal_force_rest: Floats
+    law_rest_offset: Floats
+    friction_rest_offset: Floats
+    entries: Floats
+    shift: Floats
+    pending: Floats
+    slot_of_end: Ints
+    end_of_slot: Ints
+    row_of_slot: Ints
+    slots: Ints
+    columns: Floats
+    joining: Ints
+    coupling: Floats
+    assembled: Floats
+    pivots: Ints
+    level_ready: Ints
+    mode_columns: Floats
+    constant_column: Floats
+    compliance: Floats
+    q: Floats
+    v: Floats
+    a: Floats
+    acceleration: Floats
+    g: Floats
+    inputs: Floats
+    ledger: Floats
+    counters: Ints
+    drift: Floats
+    law_placed: Floats
+    law_first: Floats
+
+
+@compiled
+def set_segment(table: LawTable, state: State, law: int, segment: int) -> None:
+    """Move a law to a segment; an absent law keeps it but has neither force nor bounds."""
+    state.segment[law] = segment
+    if state.present[law] == 0:
+        state.slope[law] = 0.0
+        state.constant[law] = 0.0
+        state.intercept[law] = 0.0
+        state.potential[law] = 0.0
+        state.lower[law] = -np.inf
+        state.upper[law] = np.inf
+        return
+    at = table.segment_start[law] + segment
+    state.slope[law] = table.slope[at]
+    state.constant[law] = table.intercept[at] - table.slope[at] * table.offset[law]
+    state.intercept[law] = table.intercept[at]
+    state.potential[law] = table.potential[at]
+    state.lower[law] = table.segment_lower[at] + table.offset[law]
+    state.upper[law] = table.segment_upper[at] + table.offset[law]
+
+
+(
+    COUNT_JOINING,
+    COUNT_RECENT,
+    COUNT_FLIPS,
+    COUNT_ITERATIONS,
+    COUNT_HALVED,
+    COUNT_REBUILDS,
+    LEVEL,
+    COUPLED,
+    UNSOLVED,
+    PENDING,
+) = range(10)
+
+
+@compiled
+def set_home_segments(table: LawTable, state: State) -> None:
+    """Put every law on its base segment, or on the one that holds the argument zero."""
+    for law in range(table.row.size):
+        segment = table.base_segment[law]
+        if segment < 0:
+            segment = segment_for(table, law, 0.0, 0, 0.0)
+        set_segment(table, state, law, segment)
+
+
+@compiled
+def set_segments(table: LawTable, state: State, segments: Ints) -> None:
+    """Put every law on a segment."""
+    for law in range(table.row.size):
+        set_segment(table, state, law, segments[law])
+
+
+def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) -> State:
+    """Return a state at rest with every law on its base segment (or where its argument is 0).
+
+    Parameters
+    ----------
+    levels : int
+        How many lengths of a step there are.
+    """
+    n_modes, n_places = system.load.size, system.row_ends.shape[0]
+    n_ends, n_slots = int(system.follower_start[-1]), int(system.slot_start[-1])
+    widest = int(np.max(np.diff(system.end_start), initial=0))
+    n_laws, n_frictions = table.row.size, table.friction_row.size
+    n_joining = int(np.sum(system.row_ends[:, 1] >= 0))
+    modal, of_laws, of_frictions = np.zeros(n_modes), np.zeros(n_laws), np.zeros(n_frictions)
+    state = shared_record(
+        State(
+            segment=np.zeros(n_laws, dtype=np.int64),
+            present=np.ones(n_laws, dtype=np.int64),
+            slope=of_laws.copy(),
+            constant=of_laws.copy(),
+            lower=of_laws.copy(),
+            upper=of_laws.copy(),
+            intercept=of_laws.copy(),
+            potential=of_laws.copy(),
+            friction=of_frictions.copy(),
+            anchor=of_frictions.copy(),
+            friction_force=of_frictions.copy(),
+            input_law_force=np.zeros(system.input_law.size),
+            jump=of_laws.copy(),
+            q_rest=modal.copy(),
+            modal_force_rest=modal.copy(),
+            law_rest_offset=of_laws.copy(),
+            friction_rest_offset=of_frictions.copy(),
+            entries=np.zeros(system.pattern_list.size),
+            shift=np.zeros(n_places),
+            pending=np.zeros(int(np.max(np.diff(system.pattern_start), initial=1))),
+            slot_of_end=np.full(n_ends, -1, dtype=np.int64),
+            end_of_slot=np.full(n_slots, -1, dtype=np.int64),
+            row_of_slot=np.full(n_slots, -1, dtype=np.int64),
+            slots=np.zeros(system.end_stop.size, dtype=np.int64),
+            columns=zeros_in_lines(n_slots, widest),
+            joining=np.full(n_joining, -1, dtype=np.int64),
+            coupling=np.zeros((n_joining, n_joining)),
+            assembled=np.zeros((n_joining, n_joining)),
+            pivots=np.zeros(n_joining, dtype=np.int64),
+            level_ready=np.zeros(levels, dtype=np.int64),
+            mode_columns=zeros_in_lines(n_modes, widest),
+            constant_column=np.zeros(int(system.end_start[-1])),
+            compliance=lines_from_buffer(levels, n_ends, widest),
+            q=modal.copy(),
+            v=modal.copy(),
+            a=modal.copy(),
+            acceleration=modal.copy(),
+            g=np.zeros(n_places),
+            inputs=np.zeros(n_inputs),
+            ledger=np.zeros(7),
+            counters=np.zeros(10, dtype=np.int64),
+            drift=np.ones(1),
+            law_placed=np.full(n_laws, np.nan),
+            law_first=np.full(n_laws, np.inf),
+        ),
+        lower=-np.inf,
+        upper=np.inf,
+    )
+    set_home_segments(table, state)
+    return state
+
+
+def fresh_copy(state: State) -> State:
+    """Return a copy of a state from `fresh_state`; its laws are still to be put on a segment."""
+    return clone_record(
+        state,
+        columns=lines_from_buffer(*state.columns.shape),
+        coupling=np.zeros(state.coupling.shape),
+        assembled=np.zeros(state.assembled.shape),
+        mode_columns=lines_from_buffer(*state.mode_columns.shape),
+        compliance=lines_from_buffer(*state.compliance.shape),
+    )
+
+
+def refill_state(used: State, fresh: State, ready: Ints) -> None:
+    """Bring the state of a run that has ended to rest, for another run of these rails.
+
+    Parameters
+    ----------
+    used : State
+        From `fresh_copy` of the second one; its laws are then to be put on a segment.
+    fresh : State
+        From `fresh_state`.
+    ready : ndarray of int, shape (n_levels,)
+        Which compliances are known.
+    """
+    copy_vectors(fresh, used)
+    used.level_ready[:] = ready

@@ -1,0 +1,363 @@
+"""The condensed system of a run, as arrays for the kernels.
+
+Laws act on *rows*. The mechanism is split into blocks (rails that only laws join), and a row has an
+*end* in each block that it reaches into: one, or two if it joins two blocks. All ends, modes and
+rows have a place in one vector of displacements, `turnout.solver.numbering`, and are numbered by
+it. The linear system (beams, linear supports, and the base segments of the laws) is solved once; a
+law away from its base segment adds a *deviation* ``lambda = D g + b`` on its row. A row of ``D``
+has few entries: at the row itself and, for friction, at the rows of the normal laws. How the system
+is solved is described in `turnout.solver.columns`.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.core.errors import MechanicsError
+from turnout.kernels.lanes import LANES, whole_lines, zeros_in_lines
+from turnout.kernels.shared_record import clone_record, shared_record
+from turnout.law.table import LawTable
+from turnout.solver.condense import BlockModel, folded_stiffness
+from turnout.solver.numbering import Places, Terms, as_unsigned, number_places
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class System(NamedTuple):
+    """Constants of a run: blocks, modes, ends and rows of the linear system, by place.
+
+    Blocks: block `b` has the leading ends ``end_start[b]`` to ``end_stop[b]``; the places from
+    there to ``end_start[b + 1]`` are its modes, so that one column holds the response of both. Its
+    other ends, which follow, are ``follower_start[b]`` to ``follower_start[b + 1]``; its columns
+    have the slots from ``slot_start[b]``. Modes are numbered from ``mode_start[b]`` when counted
+    without ends, and their places are ``mode_place``.
+
+    Matrices with two indices hold, for each end or mode, the entries of its own block only, from
+    the left: ``stiffness`` [1/s2], ``end_modes`` (modes at the ends) and its transpose
+    ``mode_ends``, and ``flexibility``, the residual one to leading ends [m/N]. ``damping`` [1/s] is
+    one number for each mode. ``end_load`` is the static displacement of an end from the constant
+    load beyond the modes [m]; ``law_load`` and ``friction_load`` are the same at the rows of laws
+    and frictions.
+
+    Rows: ``row_place`` are the places of the rows of the mechanism, ``row_ends`` the ends of the
+    row at a place (-1 for none). A following end is the sum over the rows of ``follower_list`` with
+    ``follower_weight``, a column for each such end; a joining row is the sum over ``joining_ends``.
+    The pairs ``..._start`` / ``..._list`` are ragged lists in compressed form: the rows that the
+    deviation of a row depends on (``term``), and the same as leading ends (``pattern``), with
+    weights and indices within the block; the laws and frictions of a row; the frictions of a
+    normal law. ``pinned`` rows stay active.
+
+    Inputs: ``input_law`` are the driven laws and ``input_row`` their rows; ``input_end`` are those
+    of the rows that are an end. ``input_place`` is the number of a law's input, from one, or zero,
+    and ``input_group`` where the groups of eight laws with any input begin. ``timed_law`` lists the
+    laws that do not always act, ``moved_end`` the ends of rows that stand elsewhere in another
+    system of the same rails.
+    """
+
+    load: Floats
+    stiffness: Floats
+    damping: Floats
+    end_load: Floats
+    end_modes: Floats
+    mode_ends: Floats
+    flexibility: Floats
+    end_start: Ints
+    end_stop: Ints
+    mode_start: Ints
+    mode_place: Ints
+    follower_start: Ints
+    slot_start: Ints
+    block_of_end: Ints
+    row_ends: Ints
+    row_place: Ints
+    follower_list: Ints
+    follower_weight: Floats
+    joining_ends: Ints
+    term_start: Ints
+    term_list: Ints
+    pattern_start: Ints
+    pattern_list: Ints
+    pattern_at: Ints
+    pattern_term: Ints
+    pattern_weight: Floats
+    row_law_start: Ints
+    row_law_list: Ints
+    row_friction_start: Ints
+    row_friction_list: Ints
+    normal_friction_start: Ints
+    normal_friction_list: Ints
+    base_slope: Floats
+    law_load: Floats
+    friction_load: Floats
+    stick_flexibility: Floats
+    pinned: Ints
+    input_law: Ints
+    input_row: Ints
+    input_place: Ints
+    input_group: Ints
+    input_end: Ints
+    timed_law: Ints
+    moved_end: Ints
+
+
+def condensed_system(
+    parts: Sequence[BlockModel],
+    laws: LawTable,
+    places: Places | None = None,
+    *,
+    fixed_rows: int | None = None,
+) -> System:
+    """Assemble modal models and their laws for the kernels.
+
+    Parameters
+    ----------
+    parts : sequence of BlockModel
+        Of the linear system with the base segments of the laws; every row has one end or two.
+    laws : LawTable
+        All laws, by rows of the mechanism.
+    places : Places, optional
+        Of the parts.
+    fixed_rows : int, optional
+        Rows beyond these are those of objects, which may be filled in elsewhere; default none.
+
+    Returns
+    -------
+    System
+        As a shared record.
+    """
+    places = number_places(parts) if places is None else places
+    count = places.row_ends.shape[0]
+    row_place = places.of_row
+    models = [part.model for part in parts]
+    row_law = _compress(_invert(row_place[laws.row], count))
+    row_friction = _compress(_invert(row_place[laws.friction_row], count))
+    normal_friction = _compress(_invert(laws.friction_normal, laws.row.size))
+    of_ends = _assemble_ends(parts, places)
+    pinned = np.zeros(count, dtype=np.int64)
+    driven = np.flatnonzero(laws.input_index >= 0)
+    driven_rows = np.unique(row_place[laws.row[driven]])
+    pinned[driven_rows] = 1
+    system = System(
+        load=np.concatenate([model.load for model in models]),
+        stiffness=_stack_padded([model.stiffness for model in models]),
+        damping=np.concatenate([np.diagonal(model.damping) for model in models]),
+        **of_ends,
+        end_start=places.end_start,
+        end_stop=places.end_stop,
+        mode_start=places.mode_start,
+        mode_place=_number_mode_places(places),
+        follower_start=places.follower_start,
+        slot_start=np.concatenate(([0], np.cumsum([p.block.rows.size for p in parts]))),
+        block_of_end=_number_blocks(places),
+        row_ends=places.row_ends,
+        row_place=as_unsigned(row_place),
+        **_assemble_followers(places),
+        joining_ends=_joining_ends(places),
+        **_assemble_patterns(laws, places),
+        row_law_start=row_law[0],
+        row_law_list=row_law[1],
+        row_friction_start=row_friction[0],
+        row_friction_list=row_friction[1],
+        normal_friction_start=normal_friction[0],
+        normal_friction_list=normal_friction[1],
+        base_slope=folded_stiffness(laws),
+        law_load=of_ends["end_load"][row_place[laws.row]],
+        friction_load=of_ends["end_load"][row_place[laws.friction_row]],
+        stick_flexibility=1.0 / laws.stick_stiffness,
+        pinned=pinned,
+        input_law=driven.astype(np.int64),
+        input_row=driven_rows,
+        input_place=as_unsigned(laws.input_index + 1),
+        input_group=np.unique(driven // LANES) * LANES,
+        input_end=np.sort(driven_rows[places.row_ends[driven_rows, 1] < 0]),
+        timed_law=np.flatnonzero(
+            np.isfinite(laws.appears) | np.isfinite(laws.disappears) | (laws.waits == 1)
+        ),
+        moved_end=_moved_ends(parts, places, fixed_rows),
+    )
+    return shared_record(system)
+
+
+def refill_system(
+    system: System, parts: Sequence[BlockModel], laws: LawTable, places: Places
+) -> System:
+    """Return a system of rails of other sections, or whose objects stand elsewhere.
+
+    Parameters
+    ----------
+    system : System
+        From `condensed_system`.
+    parts : sequence of BlockModel
+        With as many modes and ends, of which the same lead, as those that it was assembled from.
+    laws : LawTable
+        All laws; they differ from those of the system in values alone.
+    places : Places
+        Of the parts.
+    """
+    of_ends = _assemble_ends(parts, places)
+    models = [part.model for part in parts]
+    others = ("row_ends", "follower_list", "follower_weight", "joining_ends")
+    matrices = {name: getattr(system, name) for name in others}
+    matrices |= {name: of_ends[name] for name in ("end_modes", "mode_ends", "flexibility")}
+    matrices["stiffness"] = _stack_padded([model.stiffness for model in models])
+    found = clone_record(system, **matrices)
+    found.load[:] = np.concatenate([model.load for model in models])
+    found.damping[:] = np.concatenate([np.diagonal(model.damping) for model in models])
+    found.end_load[:] = of_ends["end_load"]
+    found.law_load[:] = of_ends["end_load"][places.of_row[laws.row]]
+    found.friction_load[:] = of_ends["end_load"][places.of_row[laws.friction_row]]
+    return found
+
+
+def _moved_ends(parts: Sequence[BlockModel], places: Places, fixed_rows: int | None) -> Ints:
+    """Return the ends of the rows from a number on."""
+    if fixed_rows is None:
+        return np.zeros(0, dtype=np.int64)
+    found = [
+        at[part.block.rows >= fixed_rows] for part, at in zip(parts, places.of_end, strict=True)
+    ]
+    return np.concatenate(found).astype(np.int64)
+
+
+def _assemble_ends(parts: Sequence[BlockModel], places: Places) -> dict[str, Any]:
+    """Assemble load, modes and residual flexibility at the ends, by place."""
+    n_modes = [part.model.eigenvalues.size for part in parts]
+    widest = int(whole_lines(max(part.leading.leaders.size for part in parts)))
+    found = {
+        "end_load": np.zeros(places.row_ends.shape[0]),
+        "end_modes": np.zeros((places.row_ends.shape[0], max(n_modes))),
+        "mode_ends": zeros_in_lines(sum(n_modes), widest),
+        "flexibility": zeros_in_lines(places.row_ends.shape[0], widest),
+    }
+    for block, part in enumerate(parts):
+        at, model = places.of_end[block], part.model
+        leaders = np.argsort(at)[: part.leading.leaders.size]  # by place; others come after them
+        modes = slice(places.mode_start[block], places.mode_start[block + 1])
+        found["end_load"][at] = model.row_load
+        found["end_modes"][at, : n_modes[block]] = model.row_modes
+        found["mode_ends"][modes, : leaders.size] = model.row_modes[leaders].T
+        found["flexibility"][at, : leaders.size] = model.flexibility[:, leaders]
+    joins = places.row_ends[:, 1] >= 0
+    found["end_load"][joins] = found["end_load"][places.row_ends[joins]].sum(axis=1)
+    return found
+
+
+def _number_mode_places(places: Places) -> Ints:
+    """Return the places of the modes, padded to whole cache lines with a place of zero."""
+    pairs = zip(places.end_stop, np.diff(places.mode_start), strict=True)
+    listed = [np.arange(stop, stop + count) for stop, count in pairs]
+    n_modes = int(places.mode_start[-1])
+    padding = whole_lines(n_modes) - n_modes
+    return as_unsigned(np.concatenate([*listed, np.full(padding, places.zero)]))
+
+
+def _number_blocks(places: Places) -> Ints:
+    """Return the number of the block of every end and mode."""
+    blocks = np.arange(places.end_stop.size)
+    return np.concatenate(
+        (
+            np.repeat(blocks, np.diff(places.end_start)),
+            np.repeat(blocks, np.diff(places.follower_start)),
+        )
+    )
+
+
+def _assemble_followers(places: Places) -> dict[str, Any]:
+    """Assemble leading ends and weights of the following ends, padded with terms of zero weight."""
+    sums = places.terms[places.solved :]
+    most, count = max((len(terms) for terms in sums), default=0), len(sums)
+    listed, weights = np.zeros((most, count), dtype=np.int64), np.zeros((most, count))
+    for end, terms in enumerate(sums):
+        for k, (leader, weight) in enumerate(terms):
+            listed[k, end], weights[k, end] = leader, weight
+    return {"follower_list": as_unsigned(listed), "follower_weight": weights}
+
+
+def _joining_ends(places: Places) -> Ints:
+    """Return both ends of every row that joins blocks; the padding may be any place."""
+    joining = places.row_ends[int(places.follower_start[-1]) : places.zero]
+    return as_unsigned(np.ascontiguousarray(np.maximum(joining.T, 0)))
+
+
+def _assemble_patterns(laws: LawTable, places: Places) -> dict[str, Any]:
+    """Assemble the rows and leading ends that the deviation of every row depends on."""
+    rows: list[list[int]] = [[] for _ in range(places.row_ends.shape[0])]
+    for row in places.of_row.tolist():
+        rows[row].append(row)
+    normals = places.of_row[laws.row[laws.friction_normal]]
+    of_frictions = places.of_row[laws.friction_row]
+    for row, normal in zip(of_frictions.tolist(), normals.tolist(), strict=True):
+        if normal not in rows[row]:
+            rows[row].append(normal)
+    patterns: list[Terms] = []
+    number: list[int] = []
+    for members in rows:
+        pattern: Terms = []
+        for term, row in enumerate(members):
+            joins = places.row_ends[row, 1] >= 0
+            of_row = [(row, 1.0)] if joins else places.terms[row]
+            pattern += of_row
+            number += [term] * len(of_row)
+        patterns.append(pattern)
+    start, flat = _compress_terms(patterns)
+    ends = np.array([end for end, _ in flat], dtype=np.int64)
+    block = np.searchsorted(places.end_start, ends, side="right") - 1
+    term_start, term_list = _compress(rows)
+    return {
+        "term_start": term_start,
+        "term_list": term_list,
+        "pattern_start": start,
+        "pattern_list": ends,
+        "pattern_at": as_unsigned(
+            np.where(ends < places.solved, ends - places.end_start[block], 0)
+        ),
+        "pattern_term": np.array(number, dtype=np.int64),
+        "pattern_weight": np.array([weight for _, weight in flat], dtype=np.float64),
+    }
+
+
+def check_normals(table: LawTable) -> None:
+    """Refuse frictions whose normal law is not a contact.
+
+    Raises
+    ------
+    MechanicsError
+        If the normal law of a friction is driven or can pull.
+    """
+    normals = table.friction_normal
+    if (table.input_index[normals] >= 0).any():
+        msg = "the normal law of a friction row cannot be driven by a marker"
+        raise MechanicsError(msg)
+    lowest = table.segment_start[normals]
+    if table.slope[lowest].any() or table.intercept[lowest].any():
+        msg = "the normal law of a friction row must be a contact, which never pulls"
+        raise MechanicsError(msg)
+
+
+def _stack_padded(blocks: Sequence[Floats]) -> Floats:
+    """Stack matrices, each padded with zeros on the right."""
+    widest = max(block.shape[1] for block in blocks)
+    padded = [np.pad(block, ((0, 0), (0, widest - block.shape[1]))) for block in blocks]
+    return np.ascontiguousarray(np.concatenate(padded))
+
+
+def _invert(targets: Ints, count: int) -> list[list[int]]:
+    """Return, for each of `count` targets, the indices that name it."""
+    lists: list[list[int]] = [[] for _ in range(count)]
+    for index, target in enumerate(targets):
+        lists[target].append(index)
+    return lists
+
+
+def _compress(lists: list[list[int]]) -> tuple[Ints, Ints]:
+    """Return a ragged list in compressed form: starts, then all entries."""
+    start = np.concatenate(([0], np.cumsum([len(x) for x in lists]))).astype(np.int64)
+    return start, np.array([i for x in lists for i in x], dtype=np.int64)
+
+
+def _compress_terms(lists: Sequence[Terms]) -> tuple[Ints, Terms]:
+    start = np.concatenate(([0], np.cumsum([len(x) for x in lists]))).astype(np.int64)
+    return start, [term for terms in lists for term in terms]

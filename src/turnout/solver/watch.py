@@ -1,0 +1,274 @@
+"""What is taken of a run while it goes on, where its whole instants would be more than is wanted.
+
+Labels and features need the forces of a few laws at every instant and the displacements of a few
+points at some; a whole instant is fifty times as much, and most of it would go to memory and back
+for nothing. A record may therefore hold whole instants at some times alone, and beside them forces
+of *watched* laws at all stored instants and *seen* displacements at those that are *kept*.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.core.lru_cache import LRUCache
+from turnout.kernels.lanes import empty_in_lines
+from turnout.kernels.shared_record import clone_record, shared_record
+from turnout.solver.condense import CondensedRails
+from turnout.solver.numbering import as_unsigned
+from turnout.solver.seen import SeenRows, SeenWeights
+from turnout.solver.system import Floats, Ints
+
+TIME_TOLERANCE = 1e-9
+MOST_TEMPLATES = 128
+"""Records of watched runs that others are copied from, the latest used; some 2 kB each."""
+BALANCE_EVERY = 8
+"""Kept instants of a watched run from one check of its energy balance to the next."""
+
+
+# Unsigned as those of watched runs: other kinds of arrays are other kernels.
+_NO_PLACES = as_unsigned(np.zeros(0, dtype=np.int64))
+
+
+class StepRecord(NamedTuple):
+    """Stored instants, one row each, and the largest equilibrium residual so far [m].
+
+    `q` and `v` are modal coordinates and velocities, `g` the displacements of the rows [m],
+    `friction` and `law` forces [N], `stored` and `ledger` energies and work [J]
+    (`turnout.solver.energy`). Rows of `q`, `g`, `friction`, `law` and `v` fill whole cache
+    lines; those of the first four begin at one.
+
+    Of a watched run `places` are, of each stored instant, the row of `q`, `g`, `friction` and `law`
+    in which it is stored whole, that of `seen`, and that of `stored` and `ledger`, -1 for none;
+    without entries every instant has its own. `effort` are the forces of the laws `watched` at all
+    instants [N]; `seen` displacements [m] are `seen_load` under the constant load and the sum over
+    the places, modes, laws and frictions of ``..._list`` with a row of weights in ``..._rows`` for
+    each. The lists fill whole cache lines; `picked` is scratch for the longest.
+
+    `cached` is 1 if the first four are stored through the processor's caches, 0 if past them.
+    """
+
+    q: Floats
+    g: Floats
+    friction: Floats
+    law: Floats
+    stored: Floats
+    ledger: Floats
+    residual: Floats
+    v: Floats
+    places: Ints = np.zeros((0, 3), dtype=np.int64)
+    watched: Ints = np.zeros(0, dtype=np.int64)
+    effort: Floats = np.zeros((0, 0))
+    seen: Floats = np.zeros((0, 0))
+    seen_load: Floats = np.zeros(0)
+    stored_list: Ints = _NO_PLACES
+    stored_rows: Floats = np.zeros((0, 0))
+    mode_list: Ints = _NO_PLACES
+    mode_rows: Floats = np.zeros((0, 0))
+    law_list: Ints = _NO_PLACES
+    law_places: Ints = _NO_PLACES
+    law_rows: Floats = np.zeros((0, 0))
+    friction_list: Ints = _NO_PLACES
+    friction_rows: Floats = np.zeros((0, 0))
+    picked: Floats = np.zeros(0)
+    cached: Ints = np.zeros(1, dtype=np.int64)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Watch:
+    """What is wanted of a run.
+
+    Attributes
+    ----------
+    laws : sequence of int
+        Whose forces are wanted at every stored instant.
+    stride : int
+        Every so many stored instants one is kept, with displacements; every `BALANCE_EVERY` of
+        these with energies.
+    whole : sequence of float
+        The first stored instants from these times on are stored whole, and the last one [s].
+    count : int
+        Number of rows that are to be seen.
+    seen : callable
+        Takes the condensed rails and returns the weights of these rows.
+    """
+
+    laws: Sequence[int]
+    stride: int
+    whole: Sequence[float]
+    count: int
+    seen: Callable[[CondensedRails], SeenRows]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Watched:
+    """What a watched run leaves of instants that are not stored whole; n is the number of them all.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+        Stored instants [s].
+    inputs : ndarray, shape (n, n_inputs)
+        Marker positions [m].
+    law_first, law_placed : ndarray, shape (n_laws,)
+        As of `History`.
+    stride : int
+        Of the instants that are kept.
+    seen : ndarray, shape (n_kept, n_seen)
+        Displacements every `stride` instants [m].
+    seen_last : ndarray, shape (1, n_seen)
+        At the last instant [m].
+    laws : sequence of int
+        The watched laws.
+    effort : ndarray, shape (n_watched, n)
+        Their forces [N].
+    """
+
+    time: Floats
+    inputs: Floats
+    law_first: Floats
+    law_placed: Floats
+    stride: int
+    seen: Floats
+    seen_last: Floats
+    laws: Sequence[int]
+    effort: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WatchPlan:
+    """Which stored instants have which place in a record.
+
+    `places` are those of `StepRecord`; of what is seen the instants that are wanted regularly come
+    first. `whole_instants` and `balanced_instants` are the numbers of the instants that are stored
+    whole, and with energies, as the last one is. `n_seen` instants are seen, `n_regular` of them
+    regularly; `whole_balanced` are the places of energies of whole instants.
+    """
+
+    watch: Watch
+    places: Ints
+    whole_instants: Ints
+    balanced_instants: Ints
+    whole_balanced: Ints
+    n_seen: int
+    n_regular: int
+
+    def whole_before(self, count: int) -> int:
+        """Return how many of the first `count` stored instants are stored whole."""
+        return int(self.whole_instants.searchsorted(count))
+
+    def balanced_before(self, count: int) -> int:
+        """Return of how many of the first `count` stored instants the energies are stored."""
+        return int(self.balanced_instants.searchsorted(count))
+
+
+def plan_watch(watch: Watch, interval: float, count: int) -> WatchPlan:
+    """Choose the places of stored instants in the record of a watched run.
+
+    Parameters
+    ----------
+    watch : Watch
+        What is wanted.
+    interval : float
+        Time between stored instants [s].
+    count : int
+        Of stored instants.
+
+    Examples
+    --------
+    >>> watch = Watch([0], 2, [0.3], 0, lambda rails: SeenRows(*[np.zeros((0, 0))] * 4))
+    >>> plan = plan_watch(watch, 0.1, 7)
+    >>> whole, seen, balanced = plan.places.T.tolist()
+    >>> whole, seen
+    ([-1, -1, -1, 0, -1, -1, 1], [0, -1, 1, 4, 2, -1, 3])
+    >>> balanced
+    [0, -1, -1, 1, -1, -1, 2]
+    """
+    return WatchPlan(watch, *_places(tuple(watch.whole), watch.stride, interval, count))
+
+
+@lru_cache(maxsize=16)
+def _places(
+    wanted: tuple[float, ...], stride: int, interval: float, count: int
+) -> tuple[Ints, Ints, Ints, Ints, int, int]:
+    """Return all of a `WatchPlan` but what is wanted."""
+    times = interval * np.arange(count, dtype=np.float64)
+    first = np.searchsorted(times, np.array(wanted, dtype=np.float64) - TIME_TOLERANCE)
+    whole = np.unique(np.append(first[first < count], count - 1))
+    regular = np.arange(0, count, stride)
+    seen = np.append(regular, np.setdiff1d(whole, regular))
+    balanced = np.union1d(np.arange(0, count, stride * BALANCE_EVERY), whole)
+    places = np.full((count, 3), -1, dtype=np.int64)
+    for column, chosen in enumerate((whole, seen, balanced)):
+        places[chosen, column] = np.arange(chosen.size)
+    found = places, whole, balanced, places[whole, 2]
+    for part in found:
+        part.flags.writeable = False
+    return *found, seen.size, regular.size
+
+
+# Throws that share rails and times share what their records hold before they begin. It is named by
+# identity, and kept beside so that nothing else takes its place.
+_templates = LRUCache[tuple[StepRecord, object]](MOST_TEMPLATES)
+
+
+def watched_record(
+    arrays: dict[str, NDArray[Any]], plan: WatchPlan, weights: SeenWeights
+) -> StepRecord:
+    """Return the record of a watched run, copied from one of the same plan and weights.
+
+    Parameters
+    ----------
+    arrays : dict of str to ndarray
+        Those of a record that have a row for each instant that is stored whole, or balanced; the
+        others are added.
+    plan : WatchPlan
+        Which instants these are.
+    weights : SeenWeights
+        Of what is seen.
+    """
+    arrays["effort"] = np.empty((len(plan.watch.laws), plan.places.shape[0]))
+    arrays["seen"] = empty_in_lines(plan.n_seen, weights.seen_load.size)
+    shared = {name: part for name, part in weights._asdict().items() if part.ndim > 1}
+    shared["places"] = plan.places
+    key = (id(plan.places), id(weights), tuple(plan.watch.laws))
+    kept = _templates.get(key)
+    if kept is None:
+        nothing: dict[str, NDArray[Any]] = dict.fromkeys(arrays, np.zeros((0, 0)))
+        template = StepRecord(
+            **nothing,
+            **weights._asdict(),
+            residual=np.zeros(1),
+            places=plan.places,
+            watched=np.asarray(plan.watch.laws, dtype=np.int64),
+            picked=np.zeros(max(part.size for part in weights if part.ndim == 1)),
+        )
+        kept = _templates.put(key, (shared_record(template), weights))
+    return clone_record(kept[0], **arrays, **shared)
+
+
+def trim_watched(
+    record: StepRecord,
+    plan: WatchPlan,
+    *,
+    time: Floats,
+    inputs: Floats,
+    law_first: Floats,
+    law_placed: Floats,
+) -> Watched:
+    """Return what a run to its last instant left; of all its instants, as of `Watched`."""
+    count = plan.watch.count
+    return Watched(
+        time=time,
+        inputs=inputs,
+        law_first=law_first,
+        law_placed=law_placed,
+        stride=plan.watch.stride,
+        seen=record.seen[: plan.n_regular, :count],
+        seen_last=record.seen[plan.places[-1, 1] :][:1, :count],
+        laws=tuple(plan.watch.laws),
+        effort=record.effort,
+    )

@@ -1,0 +1,242 @@
+"""Signals of many throws at once: forces, markers, slips and gaps over time.
+
+Arrays of a single throw are so small that calling NumPy takes longer than what it does, so signals
+of throws that have their instants and movements in common lie in one array, a throw after another.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.measurement.chain.recorder import Recorder, recorded_force
+from turnout.mechanism.mechanism import LawIndex
+from turnout.metric.slip import Span
+from turnout.panel.load import LoadedPanel
+from turnout.panel.markers import marker_offsets
+from turnout.solver.watch import Watched
+from turnout.throw.flangeway import MovementEnds
+from turnout.throw.gaps import split_gaps_of
+from turnout.throw.labels import state_limits
+from turnout.throw.route import Throw
+from turnout.throw.signals import (
+    Variable,
+    object_channels,
+    object_rows,
+    slip_forces,
+    slips,
+)
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Variables = dict[str, Variable]
+
+GAPS = ("drive_gap", "sensor_gap")
+OF_DRIVES = ("drive_force", "drive_displacement", "drive_slipping")
+OF_OBJECTS = ("object_force", "single_object_force")
+LAID_TOGETHER = (*OF_DRIVES, *OF_OBJECTS, *GAPS)
+"""Channels that are made for many throws at once."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ThrowSignals:
+    """What is taken of a complete throw while its rails and its history are there.
+
+    Attributes
+    ----------
+    panel : LoadedPanel
+        What was thrown.
+    index : LawIndex
+        Laws of its mechanism, which is not kept: rails of its own take megabytes.
+    disappears : ndarray, shape (n_laws,)
+        When each law ends to act [s].
+    watched : Watched
+        Forces of drives and objects and marker positions at every instant that the solver kept,
+        and open distances at the rate of the study.
+    labels : dict
+        What is left of objects, and labels of machines.
+    ends : MovementEnds, optional
+        What the flangeways at the ends of the movements follow from.
+    clutches : tuple of list and ndarray, optional
+        The drives that are machines, and when their clutches slip, shape (n_machines, n_times).
+    recorder : Recorder
+        Of forces.
+    kept : dict
+        Further histories at the rate of the study.
+    moved : tuple of Throw
+        The movements as they were made.
+    """
+
+    panel: LoadedPanel
+    index: LawIndex
+    disappears: Floats
+    watched: Watched
+    labels: Variables
+    ends: MovementEnds | None
+    clutches: tuple[list[int], Flags] | None
+    recorder: Recorder
+    kept: Variables
+    moved: tuple[Throw, ...]
+
+    @property
+    def spans(self) -> tuple[Span, ...]:
+        """The movements with their directions."""
+        return tuple(Span(item.name, item.to, item.start, item.end) for item in self.moved)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AlikeThrows:
+    """Signals of n throws with the same instants, movements, and numbers of drives and sensors.
+
+    Attributes
+    ----------
+    runs : sequence of ThrowSignals
+        The throws.
+    spans : tuple of Span
+        Their movements.
+    time : ndarray, shape (n_times,)
+        Every instant that the solver kept [s].
+    force, recorded_force : ndarray, shape (n, n_drives, n_times)
+        Of the drives, true and as recorded [N].
+    displacement : ndarray, shape (n, n_drives, n_times) or (1, n_drives, n_times)
+        Of their markers; one for all throws where they share it [m].
+    slipping : ndarray of bool, shape (n, n_drives, n_times)
+        Whether drives slip.
+    slip_limits : ndarray, shape (n, n_drives)
+        Forces at which they do [N].
+    on_objects : dict
+        Forces on the objects: their dimensions, and values with throws first.
+    drive_gap, sensor_gap : ndarray of float32, shape (n, n_drives, n_kept), (n, n_sensors, n_kept)
+        At the rate of the study; without instants where that is not wanted [m].
+    end_gaps, gap_limits : tuple of ndarray, shapes (n, n_drives, 1) and (n, n_sensors, 1)
+        Gaps at drives and sensors at the end, and their limits without the last axis [m].
+    """
+
+    runs: Sequence[ThrowSignals]
+    spans: tuple[Span, ...]
+    time: Floats
+    force: Floats
+    recorded_force: Floats
+    displacement: Floats
+    slipping: Flags
+    slip_limits: Floats
+    on_objects: Variables
+    drive_gap: NDArray[np.float32]
+    sensor_gap: NDArray[np.float32]
+    end_gaps: tuple[Floats, Floats]
+    gap_limits: tuple[Floats, Floats]
+
+
+def group_by_layout(runs: Sequence[ThrowSignals]) -> list[list[int]]:
+    """Return the numbers of throws whose signals fit in one array, group by group."""
+    found: dict[tuple[object, ...], list[int]] = {}
+    for number, run in enumerate(runs):
+        panel, time, seen = run.panel, run.watched.time, run.watched.seen
+        lock = (panel.lock.rule, panel.schedule.starts, panel.instrumented_rail, *panel.rail)
+        counts = (len(panel.drive), len(panel.sensor), run.watched.stride)
+        objects: object = run.watched.effort.shape
+        if len(run.index.object_parts) > 1:
+            objects = tuple(map(tuple, object_rows(run.index)))
+        own = [(name, *v.shape) for name, (_, v) in (*run.kept.items(), *run.labels.items())]
+        key = (run.moved, time.size, float(time[-1]), seen.shape, counts, objects, lock, *own)
+        found.setdefault(key, []).append(number)
+    return list(found.values())
+
+
+def lay_together(runs: Sequence[ThrowSignals]) -> AlikeThrows:
+    """Return the signals of throws that are alike."""
+    panel, time, stride = runs[0].panel, runs[0].watched.time, runs[0].watched.stride
+    count = len(panel.drive)
+    force = np.empty((len(runs), count, time.size))
+    on_objects = np.empty((len(runs), len(runs[0].watched.laws) - count, time.size))
+    for number, run in enumerate(runs):
+        effort = run.watched.effort  # of drives, then of objects
+        np.subtract(0.0, effort[:count], out=force[number])  # no negative zeros of free drives
+        on_objects[number] = effort[count:]
+    slip_limits = np.array([slip_forces(run.panel) for run in runs])
+    slipping = slips(force, slip_limits)
+    for flags, run in zip(slipping, runs, strict=True):
+        if run.clutches is not None:
+            drives, slip = run.clutches
+            flags[drives] = slip
+    recorded, perfect = force, Recorder()
+    if any(run.recorder != perfect for run in runs):
+        recorded = np.array(
+            [recorded_force(one, time, run.recorder) for one, run in zip(force, runs, strict=True)]
+        )
+    kept = time[::stride][: runs[0].watched.seen.shape[0]]
+    gaps = split_gaps_of(panel, [run.watched.seen.T for run in runs], kept, kind=np.float32)
+    ends = [run.watched.seen_last.T for run in runs]
+    end_gaps = split_gaps_of(panel, ends, time[-1:], kind=np.float64)
+    limits = [state_limits(run.panel) for run in runs]
+    return AlikeThrows(
+        runs=runs,
+        spans=runs[0].spans,
+        time=time,
+        force=force,
+        recorded_force=recorded,
+        displacement=_displacements(runs),
+        slipping=slipping,
+        slip_limits=slip_limits,
+        on_objects=object_channels(runs[0].index, on_objects),
+        drive_gap=gaps[0],
+        sensor_gap=gaps[1],
+        end_gaps=end_gaps,
+        gap_limits=(np.array([one for one, _ in limits]), np.array([one for _, one in limits])),
+    )
+
+
+def _displacements(runs: Sequence[ThrowSignals]) -> Floats:
+    """Return the positions of the markers of some throws, once where all share them [m].
+
+    Throws have inputs in the same memory only where the offsets of their markers are the same.
+    """
+    all_inputs = [run.watched.inputs for run in runs]
+    if len({id(own if own.base is None else own.base) for own in all_inputs}) == 1:
+        runs = runs[:1]
+    offsets = np.array([marker_offsets(run.panel) for run in runs])
+    inputs = np.array([run.watched.inputs.T for run in runs])
+    found: Floats = inputs - offsets[..., np.newaxis]
+    return found
+
+
+def kept_histories(throws: AlikeThrows, wanted: Sequence[str]) -> Variables:
+    """Return the histories that are stored of some throws, in single precision, throws first.
+
+    Parameters
+    ----------
+    throws : AlikeThrows
+        The throws.
+    wanted : sequence of str
+        Names of channels.
+    """
+    drive, stride = ("drive", "time"), throws.runs[0].watched.stride
+    made: dict[str, tuple[tuple[str, ...], NDArray[np.generic], int]] = {
+        "drive_force": (drive, throws.recorded_force, stride),
+        "drive_displacement": (drive, throws.displacement, stride),
+        "drive_slipping": (drive, throws.slipping, stride),
+        **{name: (dims, values, stride) for name, (dims, values) in throws.on_objects.items()},
+        "drive_gap": (drive, throws.drive_gap, 1),
+        "sensor_gap": (("sensor", "time"), throws.sensor_gap, 1),
+    }
+    stored = {
+        name: (dims, _of_each(single_precision(values[..., ::step]), len(throws.runs)))
+        for name, (dims, values, step) in made.items()
+        if name in wanted and values.size
+    }
+    for name, (dims, _) in throws.runs[0].kept.items():
+        stored[name] = (dims, np.array([run.kept[name][1] for run in throws.runs]))
+    return stored
+
+
+def _of_each(values: NDArray[np.generic], count: int) -> NDArray[np.generic]:
+    """Return values of each throw, of which there may be one for all."""
+    return np.broadcast_to(values, (count, *values.shape[1:]))
+
+
+def single_precision(values: NDArray[np.generic]) -> NDArray[np.generic]:
+    """Return numbers in single precision; states and logical values stay."""
+    if values.dtype.kind != "f":
+        return values.copy()
+    return values.astype(np.float32, order="C", copy=False)

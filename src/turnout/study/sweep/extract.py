@@ -1,0 +1,193 @@
+"""What a sweep takes of a throw while its history is there.
+
+Where gaps, forces and markers alone are wanted, the throw is *watched*: the solver keeps the forces
+of drives and objects at every instant and the gaps at the rate of the study, and only the ends of
+the movements whole. Other channels need the whole history.
+"""
+
+import math
+from collections.abc import Callable, Container
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.core.errors import FileError
+from turnout.measurement.chain.recorder import Recorder, clocked
+from turnout.mechanism.mechanism import Mechanism
+from turnout.panel.load import LoadedPanel
+from turnout.solver.integration import History
+from turnout.solver.watch import Watch, Watched
+from turnout.study.study import Study
+from turnout.study.sweep.alike_throws import GAPS, LAID_TOGETHER, ThrowSignals, single_precision
+from turnout.throw.dataset import response_channels
+from turnout.throw.drives import machine_signals, machine_slips, moved_throws
+from turnout.throw.gaps import gaps_over_time, watched_gaps
+from turnout.throw.labels import flangeway_ends
+from turnout.throw.recovery import Motion, recover_motion
+from turnout.throw.route import throws
+from turnout.throw.save import Save
+from turnout.throw.signals import Variable, object_memory
+from turnout.throw.simulate import Solved
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Variables = dict[str, Variable]
+
+WATCHED = ("drive_force", "drive_displacement", "drive_slipping", "object_force", *GAPS)
+"""Channels that a watched throw gives."""
+
+
+def watch_of(study: Study, panel: LoadedPanel) -> Callable[[Mechanism], Watch] | None:
+    """Return what is wanted of a throw of a mechanism, None where it needs its whole history."""
+    if not {*study.output.channels} <= {*WATCHED}:
+        return None
+    ends = [throw.end for throw in throws(panel)]
+    count = 2 * len(panel.drive) + len(panel.sensor)
+
+    def watch(mechanism: Mechanism) -> Watch:
+        laws, seen = watched_laws(panel, mechanism), watched_gaps(panel, mechanism)
+        return Watch(laws, output_stride(study), ends, count, seen)
+
+    return watch
+
+
+def watched_laws(panel: LoadedPanel, mechanism: Mechanism) -> list[int]:
+    """Return the laws of drives, then those of objects."""
+    index = mechanism.index
+    return [*(index.drive[name] for name in panel.drive), *index.object.values()]
+
+
+def extract_signals(
+    study: Study, panel: LoadedPanel, solved: Solved, *, recorder: Recorder
+) -> ThrowSignals:
+    """Return what is stored of a complete throw, and what its labels are made of.
+
+    Parameters
+    ----------
+    study : Study
+        What is kept, at which rate.
+    panel : LoadedPanel
+        What was thrown.
+    solved : Solved
+        The throw.
+    recorder : Recorder
+        Of what is kept of forces and currents over time, and of their features.
+    """
+    mechanism, history = solved.mechanism, solved.history
+    motion, moved = recover_motion(mechanism, history), moved_throws(panel, history)
+    labels = object_memory(mechanism, history)
+    watched, kept = history.watched, Variables()
+    if watched is None:
+        watched = _watched_of(study, panel, motion, mechanism)
+        of_machines = machine_signals(panel, history)
+        labels |= {name: value for name, value in of_machines.items() if "time" not in value[0]}
+        kept = _kept_of_machines(study, of_machines, history.time, recorder)
+        kept |= _further_channels(study, panel, solved, known={*of_machines, *LAID_TOGETHER})
+    return ThrowSignals(
+        panel=panel,
+        index=mechanism.index,
+        disappears=mechanism.laws.disappears,
+        watched=watched,
+        labels=labels,
+        ends=flangeway_ends(panel, motion, moved),
+        clutches=_clutches(panel, history),
+        recorder=recorder,
+        kept=kept,
+        moved=moved,
+    )
+
+
+def _clutches(panel: LoadedPanel, history: History) -> tuple[list[int], Flags] | None:
+    """Return the drives that are machines, and when their clutches slip; None without machines."""
+    if history.machines is None:
+        return None
+    flags = np.zeros((len(panel.drive), history.time.size), dtype=np.bool_)
+    machine_slips(history, flags)
+    drives = list(history.machines.inputs)
+    return drives, flags[drives]
+
+
+def _kept_of_machines(
+    study: Study, signals: Variables, time: Floats, recorder: Recorder
+) -> Variables:
+    """Return what is kept of the channels of machines, currents as a recorder gives them."""
+    found, stride = Variables(), output_stride(study)
+    for name, (dims, values) in signals.items():
+        if name in study.output.channels and "time" in dims:
+            is_current = name == "drive_current"
+            seen = clocked(np.asarray(values), time, recorder) if is_current else values
+            found[name] = (dims, single_precision(seen[..., ::stride]))
+    return found
+
+
+def _further_channels(
+    study: Study, panel: LoadedPanel, solved: Solved, *, known: Container[str]
+) -> Variables:
+    """Return what is kept of channels that come from the whole history alone."""
+    further = tuple(name for name in study.output.channels if name not in known)
+    if not further:
+        return {}
+    sparse = select_instants(solved.history, slice(None, None, output_stride(study)))
+    made = response_channels(panel, solved.mechanism, sparse, save=Save(fields=further))
+    return {name: (dims, single_precision(values)) for name, (dims, values) in made.items()}
+
+
+def _watched_of(study: Study, panel: LoadedPanel, motion: Motion, mechanism: Mechanism) -> Watched:
+    """Return of a whole history what a watched throw leaves, but gaps only if they are wanted."""
+    history, laws = motion.history, watched_laws(panel, mechanism)
+    gaps, last = _recovered_gaps(study, panel, motion)
+    return Watched(
+        time=history.time,
+        inputs=history.inputs,
+        law_first=history.law_first,
+        law_placed=history.law_placed,
+        stride=output_stride(study),
+        seen=gaps.T,
+        seen_last=last.T,
+        laws=laws,
+        effort=history.forces(laws).T,
+    )
+
+
+def _recovered_gaps(study: Study, panel: LoadedPanel, motion: Motion) -> tuple[Floats, Floats]:
+    """Return open distances at the instants that are kept, if wanted, and at the last instant."""
+    stride, history = output_stride(study), motion.history
+    end = replace(motion, history=select_instants(history, slice(-1, None)))
+    if not {*study.output.channels} & {*GAPS}:
+        last = gaps_over_time(panel, end)
+        return last[:, :0], last
+    sparse = replace(motion, history=select_instants(history, slice(None, None, stride)))
+    gaps = gaps_over_time(panel, sparse)
+    evenly = (history.time.size - 1) % stride == 0
+    return gaps, gaps[:, -1:] if evenly else gaps_over_time(panel, end)
+
+
+def select_instants(history: History, index: NDArray[np.int64] | slice) -> History:
+    """Return a history at some of its instants; what was gathered from every step stays.
+
+    A slice copies nothing.
+    """
+    names = ("time", "inputs", "q", "g", "law_force", "friction_force", "stored", "ledger")
+    machines = history.machines.select(index) if history.machines is not None else None
+    found = {name: getattr(history, name)[index] for name in names}
+    return replace(history, **found, machines=machines)
+
+
+def output_stride(study: Study) -> int:
+    """Return how many instants of the solver there are to one that is kept.
+
+    Raises
+    ------
+    FileError
+        When the rates do not fit together.
+    """
+    fine = study.scheme.output_interval
+    stride = round(study.output.interval / fine)
+    if stride < 1 or not math.isclose(stride * fine, study.output.interval, rel_tol=1e-6):
+        message = (
+            f"output.rate = {study.output.rate:g} Hz: the solver keeps an instant every "
+            f"{1e3 * fine:g} ms; take a rate that divides {1.0 / fine:g} Hz"
+        )
+        raise FileError(message)
+    return stride

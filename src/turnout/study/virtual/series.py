@@ -1,0 +1,277 @@
+"""Throw the series of a virtual campaign, in one process or several; each throw is kept."""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from turnout.core.files import write_atomic
+from turnout.core.processes import Tasks, closing_pool, worker_processes
+from turnout.core.running_current import running_time
+from turnout.core.stored_arrays import arrays_from_bytes, arrays_to_bytes
+from turnout.measurement.campaign.find_throws import FoundThrow
+from turnout.measurement.campaign.recorded_throw import RecordedThrow
+from turnout.measurement.campaign.run_sheet import LOAD_CELL_FROM
+from turnout.measurement.chain.channel_map import ChannelMap
+from turnout.measurement.chain.monitoring import monitored, monitoring_recording
+from turnout.measurement.formats.file_format import write_recording
+from turnout.panel.foreign_object import ForeignObject
+from turnout.panel.load import LoadedPanel
+from turnout.study.virtual.campaign_files import write_throw
+from turnout.study.virtual.campaign_plan import CampaignPlan, Case, overrides_for, throw_generator
+from turnout.study.virtual.disturbance import add_disturbance
+from turnout.study.virtual.record_throw import extend_schedule, record_powers, record_throw
+from turnout.throw.save import Save
+from turnout.throw.simulate import simulate
+
+STATE, MONITORING = ".virtual", "monitoring"
+FIELDS = (
+    *("drive_force", "drive_displacement", "drive_slipping", "drive_current", "object_force"),
+    "contact_time",
+)
+POWERS = ("drive_power", "drive_apparent_power")
+# Rest and hold that the truth keeps around a throw, as a build of the campaign does [s].
+AROUND = 1.0
+POLL = 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Job:
+    """One series of throws and all that is needed to make it in another process."""
+
+    panel: LoadedPanel
+    plan: CampaignPlan
+    cases: tuple[Case, ...]
+    folder: Path
+    suffix: str
+    channel_map: ChannelMap
+    first_number: int
+    note: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """What is kept of a throw: its truth, or why there is none."""
+
+    piece: RecordedThrow
+    slipped: bool
+    overrides: Mapping[str, float]
+    failure: str
+
+
+def run_jobs(
+    jobs: Sequence[Job],
+    *,
+    folder: Path,
+    workers: int,
+    report: Callable[[int, int], None] | None,
+) -> None:
+    """Make every series that is not there yet.
+
+    Parameters
+    ----------
+    jobs : sequence of Job
+        One a series.
+    folder : Path
+        Of the campaign.
+    workers : int
+        Processes; with one, all is done in this one.
+    report : callable or None
+        Called now and then with throws done and throws at most.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        On Ctrl-C; what was thrown by then is kept.
+    """
+    total = sum(len(job.cases) for job in jobs)
+
+    def report_one() -> None:
+        if report is not None:
+            report(len(list((folder / STATE).glob("*.npz"))), total)
+
+    if workers <= 1:
+        for job in jobs:
+            make_series(job, report=report_one)
+        return
+    with closing_pool(worker_processes(min(workers, len(jobs)))) as pool:
+        tasks: Tasks[None] = Tasks(pool)
+        for job in jobs:
+            tasks.submit(make_series, job)
+        while tasks.waiting:
+            done = tasks.next_done(timeout=POLL)
+            if done is not None:
+                done.result()
+            report_one()
+
+
+def make_series(job: Job, *, report: Callable[[], None] | None = None) -> None:
+    """Throw one series until a drive slips with an object, or the solver gives up."""
+    for number, case in enumerate(job.cases):
+        part = read_part(job.folder, case)
+        if part is None:
+            part = make_throw(job, case, number=job.first_number + number)
+            write_atomic(_part_path(job.folder, case), _packed(part, case.name))
+        if report is not None:
+            report()
+        if part.failure or stops_series(part, case, job.plan):
+            return
+
+
+def stops_series(part: Part, case: Case, plan: CampaignPlan) -> bool:
+    """Return whether no larger object is tried after this throw."""
+    return part.slipped and case.size >= plan.at_least - 1e-9
+
+
+def make_throw(job: Job, case: Case, *, number: int) -> Part:
+    """Simulate one throw, write its recording, and return its truth.
+
+    Parameters
+    ----------
+    job : Job
+        Panel, plan and folder.
+    case : Case
+        Direction, size and place.
+    number : int
+        Number of the throw in the campaign.
+
+    Returns
+    -------
+    Part
+    """
+    plan, rng = job.plan, throw_generator(job.plan, case)
+    overrides = overrides_for(plan, job.panel, rng)
+    panel = job.panel.with_overrides(dict(overrides)) if overrides else job.panel
+    foreign = ForeignObject(case.size, case.place) if case.size > 0 else None
+    run = simulate(
+        extend_schedule(panel),
+        foreign_object=foreign,
+        scheme=plan.scheme,
+        save=Save(fields=FIELDS if plan.monitoring is None else (*FIELDS, *_powers(panel))),
+        throw=False,
+    )
+    if not run.attrs["complete"]:
+        if run.attrs["outcome"] == "interrupted":
+            raise KeyboardInterrupt
+        return Part(_empty_part(), False, overrides, str(run.attrs["outcome_message"]))
+    lag = plan.defects.build_up_lag
+    true = record_throw(
+        run,
+        direction=case.direction,
+        window=plan.window,
+        law=plan.law,
+        build_up_lag={plan.defects.drive: lag} if lag else None,
+    )
+    seen = add_disturbance(
+        _without_idle_cell(true, case),
+        rng=rng,
+        disturbance=plan.disturbance,
+        response=plan.recorder,
+    )
+    write_throw(
+        seen,
+        job.folder / f"{case.name}{job.suffix}",
+        channel_map=job.channel_map,
+        number=number,
+        note=job.note,
+    )
+    if plan.monitoring is not None:
+        powers = record_powers(run, true, direction=case.direction, window=plan.window)
+        target = job.folder / MONITORING / f"{case.name}.csv"
+        target.parent.mkdir(exist_ok=True)
+        stored = monitored(powers, plan.monitoring)
+        write_recording(monitoring_recording(stored, source=job.note), target)
+    return Part(_true_piece(true, case), bool(true.attrs["slipped"]), overrides, "")
+
+
+def _powers(panel: LoadedPanel) -> tuple[str, ...]:
+    """Return the channels of power that a panel's drives have."""
+    kinds = [panel.machine[d.machine].motor.kind for d in panel.drive.values() if d.machine]
+    return POWERS[: 0 if not kinds else 2 if "induction" in kinds else 1]
+
+
+def read_part(folder: Path, case: Case) -> Part | None:
+    """Return what is kept of a throw; None where there is nothing yet, or it is damaged."""
+    try:
+        arrays = arrays_from_bytes(_part_path(folder, case).read_bytes(), case.name)
+        known: dict[str, Any] = json.loads(str(arrays["known"]))
+        dataset = xr.Dataset(
+            {
+                "drive_force": (("drive", "time"), arrays["drive_force"]),
+                "drive_current": (("drive", "time"), arrays["drive_current"]),
+                "object_force": ("time", arrays["object_force"]),
+            },
+            {"time": arrays["time"], "drive": arrays["drive"]},
+        )
+    except (OSError, ValueError, KeyError):
+        return None
+    throw = _throw(
+        onset=known["onset"],
+        end=known["end"],
+        direction=case.direction,
+        count=dataset.sizes["time"],
+    )
+    piece = RecordedThrow(dataset, throw, "", ())
+    return Part(piece, known["slipped"], known["overrides"], known["failure"])
+
+
+def _without_idle_cell(true: xr.Dataset, case: Case) -> xr.Dataset:
+    """Return a throw as recorded: a load cell that is thinner than the object, or nothing on it."""
+    if case.size >= LOAD_CELL_FROM - 1e-9:
+        return true
+    return true.assign(object_force=0.0 * true["object_force"])
+
+
+def _true_piece(true: xr.Dataset, case: Case) -> RecordedThrow:
+    """Cut the truth as a build cuts a recording."""
+    time = true["time"].values
+    offs = [running_time(time, row)[1] for row in true["drive_current"].values]
+    onset, end = float(true.attrs["onset"]), float(np.nanmax(offs))
+    kept = true.sel(time=slice(onset - AROUND, end + AROUND)).drop_attrs()
+    throw = _throw(onset=onset, end=end, direction=case.direction, count=kept.sizes["time"])
+    return RecordedThrow(kept, throw, "", ())
+
+
+def _throw(*, onset: float, end: float, direction: str, count: int) -> FoundThrow:
+    return FoundThrow(0, count, onset, end, (), "simulation", direction)
+
+
+def _empty_part() -> RecordedThrow:
+    empty = np.zeros((0, 2))
+    dataset = xr.Dataset(
+        {
+            "drive_force": (("drive", "time"), empty),
+            "drive_current": (("drive", "time"), empty),
+            "object_force": ("time", np.zeros(2)),
+        },
+        {"time": [0.0, 1.0], "drive": np.array([], dtype=np.str_)},
+    )
+    return RecordedThrow(dataset, _throw(onset=0.0, end=0.0, direction="unknown", count=2), "", ())
+
+
+def _packed(part: Part, name: str) -> bytes:
+    known = {
+        "slipped": part.slipped,
+        "overrides": dict(part.overrides),
+        "failure": part.failure,
+        "onset": part.piece.throw.onset,
+        "end": part.piece.throw.end,
+    }
+    dataset = part.piece.dataset
+    arrays = {
+        "time": dataset["time"].values,
+        "drive": dataset["drive"].values.astype(np.str_),
+        "drive_force": dataset["drive_force"].values,
+        "drive_current": dataset["drive_current"].values,
+        "object_force": dataset["object_force"].values,
+        "known": np.array(json.dumps(known)),
+    }
+    return arrays_to_bytes(arrays, name)
+
+
+def _part_path(folder: Path, case: Case) -> Path:
+    return folder / STATE / f"{case.name}.npz"

@@ -1,0 +1,26 @@
+"""Whether a run must first compile the kernels, and where they cannot be kept."""
+
+from typing import Any
+
+from turnout.core.cache_folder import why_private
+from turnout.solver import march
+
+
+def must_compile(kernel: Any = march.march) -> bool:
+    """Return whether the next run compiles the kernels, which takes half a minute or more.
+
+    Parameters
+    ----------
+    kernel : compiled function
+        The last to be compiled; by default that of the rails' time loop.
+    """
+    return not (kernel.is_loaded or kernel.is_kept())
+
+
+def cache_fault() -> str:
+    """Say why compiled kernels are not kept for the next run; empty where they are."""
+    reason = why_private()
+    return reason and (
+        f"{reason}, so the kernels are compiled again in each run; set TURNOUT_CACHE_DIR to a "
+        "folder that only you can write"
+    )

@@ -1,0 +1,235 @@
+"""Names and places of the members of a panel as coordinates of a dataset."""
+
+from collections.abc import Callable, Container, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.core.lru_cache import LRUCache
+from turnout.mechanism.mechanism import LawIndex, Mechanism
+from turnout.panel.model import Panel
+from turnout.panel.records import Drive, Placed
+from turnout.throw.labels import DIRECTIONS
+from turnout.throw.save import Save
+from turnout.throw.signals import AXES, Variable, slip_forces, stop_names
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from xarray.core.indexes import Index
+
+Floats = NDArray[np.float64]
+
+MOST_KEPT = 64
+"""Indexes of names are kept in memory, the latest used: making one takes longer than a channel."""
+_indexes = LRUCache[tuple["Index", "xr.Variable"]](MOST_KEPT)
+
+MOST_PANELS = 8
+"""Panels whose stations and coordinates are kept in memory, the latest used."""
+MOST_FAMILIES = 64
+"""Families of members whose coordinates are kept likewise, each for itself."""
+
+# Throws share what names and places are of. It is named by identity, and kept beside so that
+# nothing else takes its place.
+_single = LRUCache[tuple[dict[str, Variable], object]](MOST_FAMILIES)
+_together = LRUCache[tuple[dict[str, Variable], object]](MOST_PANELS)
+_stations = LRUCache[tuple[Floats, object]](MOST_PANELS)
+
+
+def stations(panel: Panel, mechanism: Mechanism, save: Save) -> Floats:
+    """Return the places of `gap` and `lateral_displacement`, rising [m]."""
+    if save.stations == "all":
+        first = next(iter(panel.rail))
+        return next(body.x.copy() for body in mechanism.rails if body.name == first)
+    if save.stations is not None:
+        return np.array(save.stations, dtype=float)
+    return default_stations(panel)
+
+
+def default_stations(panel: Panel) -> Floats:
+    """Return the places of chairs and drives, rising [m]."""
+    families = (panel.chair, panel.drive)
+    key = tuple(map(id, families))
+    kept = _stations.get(key)
+    if kept is None:
+        places = [item.x for family in families for item in family.values()]
+        kept = _stations.put(key, (np.unique(np.round(places, 9)), families))
+    return kept[0].copy()
+
+
+def dimensions_of(channels: Mapping[str, Variable]) -> set[str]:
+    """Return the dimensions that some channels use."""
+    return {dim for dims, _ in channels.values() for dim in dims}
+
+
+def coordinates(panel: Panel, index: LawIndex, *, used: Container[str]) -> dict[str, Variable]:
+    """Return the coordinates of some dimensions, but time and "x", as bare arrays.
+
+    Parameters
+    ----------
+    panel, index
+        What was thrown, and its laws.
+    used : container of str
+        The dimensions.
+    """
+    dimensions = [dimension for dimension in _DIMENSIONS if dimension in used]
+    named = [name for dimension in dimensions for name in _families_of(dimension)]
+    families = [getattr(panel, name) for name in named]
+    key = (*dimensions, *map(id, families))
+    kept = _together.get(key)
+    if kept is None:
+        made = shared_coordinates([panel], used=dimensions)
+        alone = {name: v if v[0] == (name,) else (v[0], v[1][0]) for name, v in made.items()}
+        kept = _together.put(key, (alone, families))
+    found = {name: (dims, values.copy()) for name, (dims, values) in kept[0].items()}
+    return found | object_coordinate(index, used=used)
+
+
+def shared_coordinates(panels: Sequence[Panel], *, used: Container[str]) -> dict[str, Variable]:
+    """Return coordinates of some panels that differ in values alone.
+
+    Returns
+    -------
+    dict of str to (dims, ndarray)
+        Those of dimensions once, all others with panels first. Throws share the arrays, which none
+        may change.
+    """
+    found: dict[str, Variable] = {}
+    for dimension in _DIMENSIONS:
+        if dimension == "drive" and dimension in used:
+            found |= _of_drives(panels)
+        elif dimension in used:
+            found |= _stack([_of_dimension(panel, dimension) for panel in panels])
+    return found
+
+
+def _stack(made: Sequence[dict[str, Variable]]) -> dict[str, Variable]:
+    """Return coordinates of panels, which are mostly the very same, stacked."""
+    alike, found = all(one is made[0] for one in made), dict[str, Variable]()
+    for name, (dims, values) in made[0].items():
+        if dims == (name,):
+            found[name] = (dims, values)
+        elif alike:
+            found[name] = (dims, np.broadcast_to(values, (len(made), *values.shape)))
+        else:
+            found[name] = (dims, np.array([one[name][1] for one in made]))
+    return found
+
+
+def object_coordinate(index: LawIndex, *, used: Container[str]) -> dict[str, Variable]:
+    """Return the names of the objects, where their dimension is used and there are any."""
+    if "object" not in used or not index.object_parts:
+        return {}
+    return {"object": _names("object", index.object_parts)}
+
+
+def _families_of(dimension: str) -> tuple[str, ...]:
+    """Return the families of a panel from which the coordinates of a dimension are made."""
+    return ("drive", "machine") if dimension == "drive" else _MAKERS[dimension][0]
+
+
+def _of_dimension(panel: Panel, dimension: str) -> dict[str, Variable]:
+    """Return the coordinates of a dimension, found once: throws vary few of the families."""
+    names, make = _MAKERS[dimension]
+    families = [getattr(panel, name) for name in names]
+    key = (dimension, *map(id, families))
+    kept = _single.get(key)
+    return _single.put(key, (make(panel), families))[0] if kept is None else kept[0]
+
+
+def _of_drives(panels: Sequence[Panel]) -> dict[str, Variable]:
+    """Return what is made for each throw, since most studies vary something of drives."""
+    drives = [panel.drive.values() for panel in panels]
+    return {
+        "drive": _names("drive", panels[0].drive),
+        "drive_x": _numbers("drive", [[drive.x for drive in own] for own in drives]),
+        "saturation_force": (("drive",), np.array([slip_forces(panel) for panel in panels])),
+        "drive_stiffness": _numbers("drive", [[*map(_stiffness, own)] for own in drives]),
+    }
+
+
+def _of_stops(panel: Panel) -> dict[str, Variable]:
+    both = {**panel.stop, **{f"stud {name}": stud for name, stud in panel.stud.items()}}
+    return {"stop": _names("stop", stop_names(panel)), "stop_x": _places("stop", both)}
+
+
+def _of_sensors(panel: Panel) -> dict[str, Variable]:
+    limits = [sensor.limit for sensor in panel.sensor.values()]
+    return {
+        "sensor": _names("sensor", panel.sensor),
+        "sensor_x": _places("sensor", panel.sensor),
+        "sensor_limit": _numbers("sensor", limits),
+    }
+
+
+_MAKERS: Mapping[str, tuple[tuple[str, ...], Callable[[Panel], dict[str, Variable]]]] = {
+    "rail": (("rail",), lambda panel: {"rail": _names("rail", panel.rail)}),
+    "direction": ((), lambda _: {"direction": _names("direction", DIRECTIONS)}),
+    "chair": (("chair",), lambda panel: _members("chair", panel.chair)),
+    "stop": (("stop", "stud"), _of_stops),
+    "fastening": (("fastening",), lambda panel: _members("fastening", panel.fastening)),
+    "axis": ((), lambda _: {"axis": _names("axis", AXES)}),
+    "link": (("link",), lambda panel: _members("link", panel.link)),
+    "sensor": (("sensor",), _of_sensors),
+}
+"""By dimension, but for drives, the families from which its coordinates are made, and how."""
+_DIMENSIONS = ("rail", "drive", *(name for name in _MAKERS if name != "rail"))
+
+
+def _members(dimension: str, family: Mapping[str, Placed]) -> dict[str, Variable]:
+    """Return names and places of some members."""
+    return {dimension: _names(dimension, family), f"{dimension}_x": _places(dimension, family)}
+
+
+def indexed(coordinates: Mapping[str, Variable]) -> "xr.Coordinates":
+    """Return coordinates with the indexes that xarray would make of them each time.
+
+    Parameters
+    ----------
+    coordinates : dict of str to (dims, ndarray)
+        Those named like their dimension have an index.
+    """
+    import xarray as xr
+
+    variables: dict[str, xr.Variable] = {}
+    indexes: dict[str, Index] = {}
+    for name, (dims, values) in coordinates.items():
+        if dims == (name,):
+            indexes[name], variables[name] = _index_of(name, values)
+        else:
+            variables[name] = xr.Variable(dims, values)
+    return xr.Coordinates(variables, indexes)
+
+
+def _index_of(name: str, values: NDArray[np.generic]) -> "tuple[Index, xr.Variable]":
+    """Return the index of a dimension, kept where it holds names: throws have the same ones."""
+    import pandas as pd
+    import xarray as xr
+
+    key = (name, values.dtype.str, values.tobytes())
+    kept = _indexes.get(key)
+    if kept is not None:
+        return kept
+    held = values.copy()
+    held.flags.writeable = False  # datasets of other throws may share the index
+    # Of an array xarray makes the same index, but first loads every library of arrays it knows.
+    index = xr.indexes.PandasIndex(pd.Index(held), name, coord_dtype=values.dtype)
+    made: tuple[Index, xr.Variable] = index, index.create_variables()[name]
+    return _indexes.put(key, made) if values.dtype.kind == "U" else made
+
+
+def _stiffness(drive: Drive) -> float:
+    """Return the one stiffness of a bushing [N/m]; NaN where its law is a table, which has many."""
+    return drive.stiffness if drive.extension is None else float("nan")
+
+
+def _names(dimension: str, names: object) -> Variable:
+    return (dimension,), np.array(list(names), dtype=np.str_)  # type: ignore[call-overload]
+
+
+def _places(dimension: str, family: Mapping[str, Placed]) -> Variable:
+    return _numbers(dimension, [item.x for item in family.values()])
+
+
+def _numbers(dimension: str, values: list[float] | list[list[float]]) -> Variable:
+    return (dimension,), np.array(values, dtype=float)

@@ -1,0 +1,372 @@
+"""A run as a dataset in the terms of the schema."""
+
+import json
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.core.channels import SCHEMA_VERSION
+from turnout.core.lru_cache import LRUCache
+from turnout.core.provenance import provenance
+from turnout.core.scheme import Scheme
+from turnout.mechanism.drive_machines import blind_currents
+from turnout.mechanism.mechanism import Mechanism
+from turnout.panel.foreign_object import PlacedObject
+from turnout.panel.load import LoadedPanel
+from turnout.panel.model import Panel
+from turnout.panel.object_kind import KINDS
+from turnout.panel.records import Placed
+from turnout.solver.integration import History
+from turnout.throw.alike import labelled_dataset
+from turnout.throw.channel_rows import FLANGEWAYS, channel_rows
+from turnout.throw.coordinates import coordinates, dimensions_of, stations
+from turnout.throw.drives import (
+    duties,
+    duty_records,
+    machine_energies,
+    machine_signals,
+    machine_slips,
+    machine_supplies,
+    moved_throws,
+)
+from turnout.throw.gaps import split_gaps
+from turnout.throw.labels import (
+    contact_labels,
+    control_states,
+    flangeway_ends,
+    flangeway_labels,
+    force_margins,
+)
+from turnout.throw.recovery import PLACE_TOLERANCE, recover_motion
+from turnout.throw.route import Throw
+from turnout.throw.save import Save
+from turnout.throw.signals import (
+    ENERGIES,
+    FASTENINGS,
+    Variable,
+    drive_channels,
+    energy_channels,
+    energy_scale,
+    fastening_signals,
+    object_channels,
+    object_memory,
+)
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Floats = NDArray[np.float64]
+Attributes = dict[str, str | int | float | bool]
+
+MOST_DESCRIBED = 8
+"""Panels with their objects whose attributes are kept in memory, the latest used."""
+
+_AS_WRITTEN = {
+    "link_force": ("link", "time"),
+    "chair_normal_force": ("rail", "chair", "time"),
+    "chair_friction_force": ("rail", "chair", "time"),
+    "stop_force": ("rail", "stop", "time"),
+    "gap": ("rail", "x", "time"),
+    "lateral_displacement": ("rail", "x", "time"),
+}
+"""Dimensions of the channels that are rows over time, as they are."""
+
+# What throws share is named by identity, and kept beside so that nothing else takes its place.
+_described = LRUCache[tuple[tuple[Attributes, Attributes, str], object]](MOST_DESCRIBED)
+
+
+def response_dataset(
+    panel: Panel, mechanism: Mechanism, history: History, *, save: Save | None = None
+) -> "xr.Dataset":
+    """Turn a run into a dataset, complete or up to where it ended.
+
+    Parameters
+    ----------
+    panel : Panel
+        What was simulated.
+    mechanism : Mechanism
+        Its mechanics, with the foreign objects.
+    history : History
+        What the integration left behind.
+    save : Save, optional
+        What to keep; default everything at chairs and drives.
+
+    Returns
+    -------
+    xarray.Dataset
+        Labelled and checked; ``attrs`` are left to `describe_run`.
+    """
+    save = save or Save()
+    channels = response_channels(panel, mechanism, history, save=save)
+    coords = coordinates_of(channels, panel, mechanism, time=history.time, save=save)
+    return labelled_dataset(channels, coords)
+
+
+def response_channels(
+    panel: Panel, mechanism: Mechanism, history: History, *, save: Save
+) -> dict[str, Variable]:
+    """Return the channels of `response_dataset` as bare arrays, for datasets of many runs.
+
+    Parameters
+    ----------
+    panel, mechanism, history
+        As for `response_dataset`.
+    save : Save
+        What to keep; nothing else is computed, but for what costs nothing.
+
+    Returns
+    -------
+    dict of str to (dims, ndarray)
+        By the names of the schema, in SI.
+    """
+    motion = recover_motion(mechanism, history)
+    arrays = channel_rows(panel, mechanism, motion, save)
+    channels = drive_channels(panel, arrays["drive_force"], history.inputs)
+    machine_slips(history, np.asarray(channels["drive_slipping"][1]))
+    channels |= machine_signals(panel, history)
+    moved = moved_throws(panel, history)
+    if "object" in arrays:
+        channels |= object_channels(mechanism.index, arrays["object"])
+    channels |= {name: (dims, arrays[name]) for name, dims in _AS_WRITTEN.items() if name in arrays}
+    if panel.fastening and save.keeps(*FASTENINGS):
+        channels |= fastening_signals(panel, motion)
+    if "places" in arrays:
+        channels |= _gaps(panel, arrays["places"], history.time)
+    if save.keeps(*FLANGEWAYS):
+        of_run = flangeway_labels([flangeway_ends(panel, motion, moved)])
+        channels |= {name: (dims, values[0, ...]) for name, (dims, values) in of_run.items()}
+    objects = list(mechanism.index.object.values())
+    first, placed = history.law_first[objects], history.law_placed[objects]
+    channels |= contact_labels(mechanism.index, first, placed)
+    channels |= object_memory(mechanism, history)
+    if save.keeps(*ENERGIES):
+        channels |= energy_channels(history.stored, history.ledger)
+        channels |= machine_energies(history, channels)
+    channels |= _states(panel, history.time, channels, save, moved)
+    return save.kept(channels)
+
+
+def coordinates_of(
+    channels: Mapping[str, Variable],
+    panel: Panel,
+    mechanism: Mechanism,
+    *,
+    time: Floats,
+    save: Save,
+) -> dict[str, Variable]:
+    """Return the coordinates of some channels as bare arrays, and time in any case.
+
+    Parameters
+    ----------
+    channels : mapping of str to (dims, ndarray)
+        From `response_channels`.
+    panel, mechanism
+        As there.
+    time : ndarray, shape (n_times,)
+        [s]
+    save : Save
+        With the places of `gap` and `lateral_displacement`.
+    """
+    used = dimensions_of(channels)
+    found = {"time": (("time",), time), **coordinates(panel, mechanism.index, used=used)}
+    if "x" in used:
+        found["x"] = (("x",), stations(panel, mechanism, save))
+    return found
+
+
+def _gaps(panel: Panel, places: Floats, time: Floats) -> dict[str, Variable]:
+    """Return gaps at drives and sensors from those at all places."""
+    gap, at_sensors = split_gaps(panel, places, time)
+    last = gap[:, -1] if time.size else np.full(gap.shape[0], np.nan)
+    found: dict[str, Variable] = {
+        "drive_gap": (("drive", "time"), gap),
+        "end_gap": (("drive",), last.copy()),
+    }
+    if panel.sensor:
+        found["sensor_gap"] = (("sensor", "time"), at_sensors)
+    return found
+
+
+def _states(
+    panel: Panel,
+    time: Floats,
+    channels: dict[str, Variable],
+    save: Save,
+    moved: Sequence[Throw],
+) -> dict[str, Variable]:
+    """Return what follows from forces and gaps, as far as these were made."""
+
+    def values(name: str) -> Floats:
+        return np.asarray(channels[name][1], dtype=float)
+
+    found: dict[str, Variable] = {}
+    if save.keeps("force_margin"):
+        margins = force_margins(panel, time=time, drive_force=values("drive_force"))
+        found["force_margin"] = (("drive", "direction"), margins)
+    if "drive_gap" in channels and save.keeps("locked", "in_control"):
+        found |= control_states(
+            panel,
+            time=time,
+            slipping=np.asarray(channels["drive_slipping"][1], dtype=np.bool_),
+            drive_gap=values("drive_gap"),
+            sensor_gap=values("sensor_gap") if "sensor_gap" in channels else None,
+            moved=moved,
+        )
+    return found
+
+
+def describe_run(
+    panel: LoadedPanel,
+    mechanism: Mechanism,
+    history: History,
+    *,
+    scheme: Scheme,
+    objects: Sequence[PlacedObject],
+    wall_time: float,
+    solver_time: float,
+) -> Attributes:
+    """Return what made the numbers, as attributes of a dataset; records as JSON text."""
+    outcome, made = history.outcome, duties(history)
+    end = float(history.time[-1]) if history.time.size else 0.0
+    described = (id(panel), scheme, *objects, *map(id, mechanism.rails))
+    kept = _described.get(described)
+    if kept is None:
+        texts = _inputs(panel, objects), _rules(panel, scheme), _superelements(mechanism)
+        kept = _described.put(described, (texts, (panel, mechanism.rails)))
+    inputs, rules, superelements = kept[0]
+    return {
+        **inputs,
+        "movements": movement_records(moved_throws(panel, history)),
+        **({"machine_throws": duty_records(panel, made, end)} if made else {}),
+        **rules,
+        "outcome": outcome.code.name.lower().replace("_", " "),
+        "outcome_message": outcome.message(),
+        "complete": outcome.complete,
+        "residual": outcome.residual,
+        "steps": outcome.step,
+        "iterations": history.iterations,
+        "flips": history.flips,
+        "halved_steps": history.halved,
+        "wall_time": wall_time,
+        "solver_time": solver_time,
+        "modes": history.model.eigenvalues.size,
+        "highest_mode_frequency": float(history.model.frequencies[-1]),
+        "superelements": superelements,
+        "energy_scale": outcome.energy_scale
+        if history.machines or scheme.stride  # else the run had other instants than its history
+        else energy_scale(history.stored, history.ledger),
+    }
+
+
+def clear_descriptions() -> None:
+    """Clear the cache of attributes that runs of a panel share."""
+    _described.clear()
+
+
+def _inputs(panel: LoadedPanel, objects: Sequence[PlacedObject]) -> Attributes:
+    """Return what was simulated, and by what."""
+    return {
+        "title": f"Throw of {panel.name}",
+        "kind": "simulation",
+        **provenance(),
+        "schema_version": SCHEMA_VERSION,
+        "panel": panel.name,
+        "panel_hash": panel.hash,
+        "overrides": json.dumps(dict(panel.overrides), default=_plain),
+        "foreign_objects": json.dumps([_object_record(panel, item) for item in objects]),
+    }
+
+
+def _rules(panel: LoadedPanel, scheme: Scheme) -> Attributes:
+    """Return what feeds the machines of a panel, what it is judged by, and how it was solved."""
+    return {
+        **({"machine_supplies": json.dumps(fed)} if (fed := machine_supplies(panel)) else {}),
+        **({"blind_currents": json.dumps(blind)} if (blind := blind_currents(panel)) else {}),
+        "lock_rule": panel.lock.rule,
+        "lock_gap_limit": panel.lock.gap_limit,
+        "lock_gap_limits": json.dumps(panel.gap_limits()),
+        "flangeway_limit": panel.flangeway.limit if panel.flangeway else float("nan"),
+        "instrumented_rail": panel.instrumented_rail,
+        "scheme": scheme.describe(),
+        "mode": scheme.mode,
+        "step": scheme.step,
+        "cutoff_frequency": scheme.cutoff_frequency,
+        "spectral_radius": scheme.spectral_radius,
+        "gap_tolerance": scheme.gap_tolerance,
+        "force_tolerance": scheme.force_tolerance,
+        "output_interval": scheme.output_interval,
+    }
+
+
+def _object_record(panel: Panel, item: PlacedObject) -> dict[str, object]:
+    times = {"appears": item.appears, "disappears": item.disappears}
+    return {
+        "name": item.name,
+        "size": item.size,
+        "x": item.x,
+        "place": _place_name(panel, item.x),
+        "rail": item.rail,
+        "height": item.height,
+        "stiffness": item.stiffness,
+        **_kind_record(item),
+        **{key: value if np.isfinite(value) else None for key, value in times.items()},
+    }
+
+
+def _kind_record(item: PlacedObject) -> dict[str, object]:
+    """Return kind and parameters of an object that is no spring."""
+    if item.kind == "spring":
+        return {}
+    return {"kind": item.kind} | {name: getattr(item, name) for name in KINDS[item.kind]}
+
+
+def _place_name(panel: Panel, x: float) -> str:
+    """Return what stands at a place, as it is called in the field."""
+    families: dict[str, Mapping[str, Placed]] = {
+        "sleeper": panel.sleeper,
+        "drive": panel.drive,
+        "sensor": panel.sensor,
+    }
+    for family, members in families.items():
+        for name, member in members.items():
+            if abs(member.x - x) < PLACE_TOLERANCE:
+                return f"{family} {name}"
+    return f"x = {x:g} m"
+
+
+@lru_cache(maxsize=MOST_DESCRIBED)
+def movement_records(moved: tuple[Throw, ...]) -> str:
+    """Return movements as JSON text, as a dataset names them in its attributes."""
+    return json.dumps(
+        [
+            {"name": throw.name, "to": throw.to, "start": throw.start, "end": throw.end}
+            for throw in moved
+        ]
+    )
+
+
+def _superelements(mechanism: Mechanism) -> str:
+    """Return how the rails were reduced, as JSON text."""
+    return json.dumps(
+        [
+            {
+                "rail": body.name,
+                "frequency_kept": body.frequency_kept if np.isfinite(body.frequency_kept) else None,
+                "frequency_omitted": body.frequency_omitted
+                if np.isfinite(body.frequency_omitted)
+                else None,
+                "dofs": body.n_full,
+                "dofs_kept": body.count,
+                "dofs_interface": body.n_interface,
+            }
+            for body in mechanism.rails
+        ]
+    )
+
+
+def _plain(value: object) -> object:
+    """Turn a number of an override into one that JSON knows."""
+    return value.tolist() if hasattr(value, "tolist") else str(value)

@@ -1,0 +1,278 @@
+"""Channels of the drives that are machines: current, power, clutch, state, energies, throw times.
+
+Rows of drives that are markers are NaN, and none of these channels is made where all are.
+"""
+
+import functools
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.machine.compute import places as at
+from turnout.machine.line_power import machine_powers
+from turnout.machine.rows import supply_voltage
+from turnout.machine.steady import shaft_travel
+from turnout.panel.markers import movement_time
+from turnout.panel.model import Panel
+from turnout.solver.driven import MachineHistory, sum_machines
+from turnout.solver.duty import Duty
+from turnout.solver.integration import History
+from turnout.throw.route import Throw, throws
+from turnout.throw.signals import Variable
+
+Floats = NDArray[np.float64]
+
+OFF, ON, SLIPS, HELD = range(4)
+"""Values of `drive_state`."""
+LEAST_SLIP = 1e-4
+"""Slip of a clutch on one command, as travel of the rod, that is overlooked: a lock that opens
+under load lets the rod throw the gear back by less than its backlash [m]."""
+INRUSH = 0.3
+"""After the contactor, when the inrush is over [s]."""
+LAST = 0.1
+"""Before the cut-off, over which the last current is averaged [s]."""
+SLIP_ROUNDING = 1e-6
+"""From one stored instant to the next [rad]."""
+_slips: WeakKeyDictionary[MachineHistory, NDArray[np.bool_]] = WeakKeyDictionary()
+"""Slips of histories that are in use: states and labels both ask for them."""
+_ENERGIES = {
+    "energy_copper": ("copper", "field"),
+    "energy_line": ("line",),
+    "energy_brush": ("brush",),
+    "energy_motor_friction": ("motor friction",),
+    "energy_gear": ("gear",),
+}
+
+
+def duties(history: History) -> tuple[Duty, ...]:
+    """Return what every machine did on every command that it was given."""
+    return history.machines.duties if history.machines is not None else ()
+
+
+def moved_throws(panel: Panel, history: History) -> tuple[Throw, ...]:
+    """Return the movements with the times at which their last drive came to rest."""
+    made = duties(history)
+    if history.machines is None:
+        return throws(panel)
+    found = []
+    for throw in throws(panel):
+        movement = panel.movement[throw.name]
+        ends = []
+        for name, drive in panel.drive.items():
+            if drive.machine is None:
+                ends.append(movement.start + movement_time(movement, name))
+                continue
+            begins = movement.start + movement.extra_time.get(name, 0.0)
+            own = [d.rest for d in made if d.drive == name and abs(d.command - begins) < 1e-9]
+            ends.append(own[0] if own and not np.isnan(own[0]) else np.inf)
+        last = max(panel.schedule.end, float(history.time[-1]) if history.time.size else 0.0)
+        found.append(replace(throw, end=min(max(ends), throw.until, last + 1.0)))
+    return tuple(found)
+
+
+def duty_records(panel: Panel, made: Sequence[Duty], end: float) -> str:
+    """Return what the machines did until the end of a run [s] as JSON text, for its attributes."""
+    fed = machine_supplies(panel)
+
+    def lost(duty: Duty) -> float | None:
+        """Return when the machine lost a phase, unless that was later than this command."""
+        time = fed[duty.drive]["phase_lost_at"]
+        until = end if np.isnan(duty.off) else duty.off
+        return time if time is not None and time <= until else None
+
+    return json.dumps(
+        [
+            {
+                "drive": duty.drive,
+                "machine": panel.drive[duty.drive].machine,
+                "to": duty.to,
+                "outcome": duty.outcome,
+                "on": duty.on,
+                "off": None if np.isnan(duty.off) else duty.off,
+                "phase_lost": lost(duty),
+            }
+            for duty in made
+        ]
+    )
+
+
+def machine_supplies(panel: Panel) -> dict[str, dict[str, float | None]]:
+    """Return what feeds the drives that are machines.
+
+    Returns
+    -------
+    dict
+        By drive `frequency`, 0 of direct current [Hz], and `phase_lost_at` [s] or None.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> panel = load_panel("sb1", overrides={"drive.1.machine": "s700k"})
+    >>> machine_supplies(panel)
+    {'1': {'frequency': 50.0, 'phase_lost_at': None}}
+    """
+    named = {name: drive.machine for name, drive in panel.drive.items() if drive.machine}
+    records = {name: panel.machine[machine] for name, machine in named.items()}
+    return {
+        name: {
+            "frequency": machine.motor.frequency or 0.0,
+            "phase_lost_at": machine.supply.phase_lost_at,
+        }
+        for name, machine in records.items()
+    }
+
+
+def machine_signals(panel: Panel, history: History) -> dict[str, Variable]:
+    """Return the channels of machines; none where all drives are markers.
+
+    `drive_slipping` is not among them, see `machine_slips`.
+    """
+    machines = history.machines
+    if machines is None:
+        return {}
+    state, made = machines.states, duties(history)
+
+    def of_drives(values: Floats) -> Variable:
+        found = np.full((len(panel.drive), values.shape[0]), np.nan)
+        found[machines.inputs] = values.T
+        return ("drive", "time"), found
+
+    voltage, lead = state[:, :, at.SUPPLIED], state[:, :, at.CURRENT]
+    power, apparent = np.empty_like(lead), np.empty_like(lead)
+    for number, constants in enumerate(machines.constants):
+        power[:, number], apparent[:, number] = machine_powers(constants, state[:, number])
+    three_phase = machines.constants[:, at.THREE_PHASE] > 0.0
+    rated = np.array([supply_voltage(machine) for machine in machines.records])
+    places = [machine.circuit.measured_current for machine in machines.records]
+    from_supply = (np.array(places) == "supply") & ~three_phase  # a line's current is in both
+    current = np.where(from_supply, power / rated, lead)
+    return {
+        "drive_current": of_drives(current),
+        "drive_voltage": of_drives(voltage),
+        "drive_power": of_drives(power),
+        **({"drive_apparent_power": of_drives(apparent)} if three_phase.any() else {}),
+        "motor_speed": of_drives(state[:, :, at.SPEED]),
+        "clutch_slip": of_drives(state[:, :, at.SLIP]),
+        "clutch_heat": of_drives(machines.sums(at.CLUTCH)),
+        "drive_state": _states(panel, machines),
+        **_duty_labels(panel, made, machines, np.abs(current)),
+    }
+
+
+def _clutch_slips(machines: MachineHistory) -> NDArray[np.bool_]:
+    """Return whether each clutch slips, beyond what is overlooked, shape (n, n_times)."""
+    known = _slips.get(machines)
+    return known if known is not None else _slips.setdefault(machines, _found_slips(machines))
+
+
+def _found_slips(machines: MachineHistory) -> NDArray[np.bool_]:
+    found = np.zeros((len(machines.names), machines.time.size), dtype=np.bool_)
+    for number, (machine, events) in enumerate(zip(machines.records, machines.events, strict=True)):
+        slip, travel = machines.states[:, number, at.SLIP], shaft_travel(machine)
+        ons = [time for time, text in events if text == "on"]
+        first = np.maximum(np.searchsorted(machines.time, ons, side="right") - 1, 0)
+        begun = np.searchsorted(ons, machines.time, side="right") - 1
+        before = np.where(begun >= 0, slip[first[begun]] if ons else 0.0, 0.0)
+        goes_on = np.abs(np.diff(slip, prepend=slip[:1])) > SLIP_ROUNDING
+        found[number] = goes_on & (np.abs(slip - before) * travel > LEAST_SLIP)
+    return found
+
+
+def machine_slips(history: History, flags: NDArray[np.bool_]) -> None:
+    """Put the clutches in the place of saturation forces, where drives are machines.
+
+    A machine that was switched off before its limit contact stays marked until its next throw: its
+    end position is not proved, as that of a drive which rests at its saturation force.
+
+    Parameters
+    ----------
+    flags : ndarray of bool, shape (n_drives, n_times)
+        `drive_slipping`; rows of machines are written.
+    """
+    machines = history.machines
+    if machines is None:
+        return
+    flags[machines.inputs] = _clutch_slips(machines)
+    rows = dict(zip(machines.names, machines.inputs, strict=True))
+    made = duties(history)
+    for duty in made:
+        if duty.outcome == "limit" or np.isnan(duty.off):
+            continue
+        later = [d.on for d in made if d.drive == duty.drive and d.on > duty.on]
+        until = min(later, default=np.inf)
+        flags[rows[duty.drive]] |= (history.time >= duty.off) & (history.time < until)
+
+
+def _states(panel: Panel, machines: MachineHistory) -> Variable:
+    state = machines.states
+    value = np.where(state[:, :, at.ENERGISED] > 0.0, ON, OFF)
+    value = np.where((state[:, :, at.LOCKED] > 0.0) & (value == OFF), HELD, value)
+    value[_clutch_slips(machines).T & (value == ON)] = SLIPS
+    found = np.full((len(panel.drive), value.shape[0]), -1, dtype=np.int64)
+    found[machines.inputs] = value.T
+    return ("drive", "time"), found
+
+
+def _duty_labels(
+    panel: Panel, made: Sequence[Duty], machines: MachineHistory, current: Floats
+) -> dict[str, Variable]:
+    """Return throw time and currents of the last throw in each direction, opening first."""
+    names, time = list(panel.drive), machines.time
+    found = np.full((3, len(names), 2), np.nan)
+    for duty in made:
+        row = current[:, machines.names.index(duty.drive)]
+        off = duty.off if np.isfinite(duty.off) else np.inf
+        means = [
+            row[begin:end].mean() if end > begin else np.nan
+            for begin, end in (
+                np.searchsorted(time, [duty.on + INRUSH, off]),
+                np.searchsorted(time, [max(off - LAST, duty.on), off]),
+            )
+        ]
+        place = names.index(duty.drive), int(duty.to == "closed")
+        found[(slice(None), *place)] = duty.off - duty.on, *means
+    dims = ("drive", "direction")
+    labels = zip(("throw_time", "mean_current", "end_current"), found, strict=True)
+    return {name: (dims, values) for name, values in labels}
+
+
+def machine_energies(history: History, channels: dict[str, Variable]) -> dict[str, Variable]:
+    """Return the energies of all machines, and the energy balance of rails and machines together.
+
+    Parameters
+    ----------
+    history : History
+    channels : dict
+        From `energy_channels`, of the rails.
+
+    Returns
+    -------
+    dict
+        Supply = copper + line + brush + motor friction + gear + clutch heat + work of the rods +
+        what the machines store + what the schemes lose.
+    """
+    machines = history.machines
+    if machines is None:
+        return {}
+    losses = machines.losses
+
+    def total(values: Floats) -> Variable:
+        return ("time",), sum_machines(values)
+
+    found = {
+        name: total(functools.reduce(np.add, (losses[part] for part in parts)))
+        for name, parts in _ENERGIES.items()
+    }
+    numerical = np.asarray(channels["energy_numerical"][1], dtype=np.float64)
+    residual = np.asarray(channels["energy_residual"][1], dtype=np.float64)
+    return found | {
+        "energy_supply": total(machines.sums(at.SUPPLY, at.HAND)),
+        "energy_machine": total(machines.stored),
+        "work_rods": total(machines.given),
+        "energy_numerical": (("time",), numerical + sum_machines(machines.numerical)),
+        "energy_residual": (("time",), residual - sum_machines(machines.residual)),
+    }

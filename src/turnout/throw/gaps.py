@@ -1,0 +1,271 @@
+"""Open distances between switch rails and stock rails."""
+
+from collections.abc import Callable, Sequence
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from turnout.core.lru_cache import LRUCache
+from turnout.mechanism.mechanism import Mechanism, RailBody
+from turnout.mechanism.travel import unloaded_gap
+from turnout.panel.layout import SIDE
+from turnout.panel.model import Panel
+from turnout.panel.profile import contact_height
+from turnout.panel.records import StockRail
+from turnout.solver.condense import CondensedRails
+from turnout.solver.seen import SeenRows
+from turnout.throw.recipes import Recipe, RowBlock
+from turnout.throw.recovery import (
+    CondensedShapes,
+    Motion,
+    Parts,
+    Seen,
+    condensed_shapes,
+    histories_of,
+    lateral_rows,
+    row_blocks_of,
+    seen_by,
+    seen_recipe,
+    stacked,
+)
+from turnout.throw.route import closed_rail, closed_spans
+from turnout.throw.rows_over_time import write_rows
+
+Floats = NDArray[np.float64]
+AnyFloat = TypeVar("AnyFloat", np.float32, np.float64)
+Place = tuple[str, Floats, Floats]
+"""Rail, places along it and heights of some points [m]."""
+
+MOST_ROWS = 64
+"""Rows to so many lines of points are kept in memory, the latest made."""
+MOST_WATCHED = 128
+"""What is watched of so many rails with their objects, the latest used."""
+
+# Rails are shared by many throws. What rows depend on is named by identity, and kept beside them so
+# that nothing else takes its place.
+_rows = LRUCache[tuple[list[Floats], list[object]]](MOST_ROWS)
+_watched = LRUCache[tuple[SeenRows, list[object]]](MOST_WATCHED)
+_heights = LRUCache[tuple[list[Floats], list[object]]](MOST_ROWS)
+_places = LRUCache[tuple[list[Place], list[object]]](MOST_ROWS)
+
+
+def _frozen(values: ArrayLike) -> Floats:
+    """Return an array that many share and none may change."""
+    array = np.asarray(values, dtype=np.float64)
+    array.flags.writeable = False
+    return array
+
+
+def _contact_heights(panel: Panel, x: Floats) -> list[Floats]:
+    """Return `contact_height` at some places for each rail, found once for throws that share it."""
+    named = [panel.rail, panel.stop, panel.stud, panel.object_defaults]
+    key = (*map(id, named), x.tobytes())
+    kept = _heights.get(key)
+    if kept is None:
+        heights = [_frozen(contact_height(panel, name, x)) for name in panel.rail]
+        kept = _heights.put(key, (heights, named))
+    return kept[0]
+
+
+def stock_gap(panel: Panel, motion: CondensedShapes, rail: str, x: Floats) -> Floats:
+    """Return the gap of the unloaded rail, shape (n,) [m]; NaN without a stock rail."""
+    gap = unloaded_gap(panel, motion.shapes.get(rail), rail, x)
+    return np.full(np.shape(x), np.nan) if gap is None else gap
+
+
+def shape_block(panel: Panel, motion: Motion, x: Floats) -> RowBlock:
+    """Return lateral displacements of all rails at contact height, and the open distances there.
+
+    Parameters
+    ----------
+    panel, motion
+        Panel and run.
+    x : ndarray, shape (n_points,)
+        Places along the rails [m].
+
+    Returns
+    -------
+    RowBlock
+        "lateral_displacement", positive in +y, and "gap" [m]; NaN beyond a rail.
+    """
+    moved, open_distances = list[Recipe](), list[Recipe]()
+    for name, height in zip(panel.rail, _contact_heights(panel, x), strict=True):
+        start, parts = gap_rows(panel, motion, name, x, height)
+        towards = seen_by(motion, parts[:1])
+        less = seen_by(motion, parts) if parts[1:] else towards
+        minus = SIDE[panel.rail[name].closes] < 0
+        moved.append(seen_recipe(motion, towards, minus=minus))
+        open_distances.append(seen_recipe(motion, less, start=start, minus=True))
+    shape = len(moved), x.size
+    parts_of = {"lateral_displacement": (0, shape), "gap": (len(moved) * x.size, shape)}
+    return RowBlock([(recipe, x.size) for recipe in moved + open_distances], parts_of)
+
+
+def gap_rows(
+    panel: Panel, motion: CondensedShapes, rail: str, x: Floats, z: Floats
+) -> tuple[Floats, Parts]:
+    """Return open distances of the unloaded rail, and rows by which coordinates lessen them.
+
+    Returns
+    -------
+    start : ndarray, shape (n_points,)
+        [m]
+    parts : sequence of (RailBody, ndarray)
+        Rows, shape (n_points, body.count), over the coordinates of the rail and of stock rails that
+        bend with it; shared and therefore not writeable.
+    """
+    record = panel.rail[rail]
+    faced, involved = bodies_at_gap(panel, motion, rail)
+    named = [*faced, *(body.recovery for body in involved)]
+    key = (record.closes, *map(id, named), x.tobytes(), z.tobytes())
+    found = _rows.get(key)
+    if found is None:
+        side = SIDE[record.closes]
+        rows = [side * lateral_rows(involved[0], x, z)]
+        for stock, body in zip(faced, involved[1:], strict=True):
+            inside = np.clip(x, stock.start, stock.end)  # beyond its ends it is held
+            rows.append(-side * lateral_rows(body, inside, z - stock.foot_height))
+        found = _rows.put(key, ([_frozen(row) for row in rows], named))
+    return stock_gap(panel, motion, rail, x), list(zip(involved, found[0], strict=True))
+
+
+def gap_places(panel: Panel) -> list[Place]:
+    """Return where `split_gaps` needs gaps: at the drives on both rails, then at sensors."""
+    named = [panel.sensor, panel.rail]
+    # drives by their places: a study may vary what they are with each throw
+    at = [(drive.x, drive.height) for drive in panel.drive.values()]
+    key = (panel.instrumented_rail, *at, *map(id, named))
+    kept = _places.get(key)
+    if kept is None:
+        x = _frozen([drive.x for drive in panel.drive.values()])
+        z = _frozen([drive.height for drive in panel.drive.values()])
+        rails = [closed_rail(panel, position) for position in ("closed", "open")]
+        sensors = [(s.rail, _frozen([s.x]), _frozen([s.height])) for s in panel.sensor.values()]
+        kept = _places.put(key, ([*((rail, x, z) for rail in rails), *sensors], named))
+    return kept[0]
+
+
+def split_gaps(panel: Panel, gaps: Floats, time: Floats) -> tuple[Floats, Floats]:
+    """Return gaps at drives and at sensors of open distances at the `gap_places` one by one.
+
+    The gap at a drive's rod is that of the rail that should be closed: the one which the present or
+    last movement closes, before the first movement the one that is closed where the schedule
+    starts. A panel with one rail has no choice.
+
+    Parameters
+    ----------
+    panel : Panel
+    gaps : ndarray, shape (n_places, n_times)
+        [m]
+    time : ndarray, shape (n_times,)
+        [s]
+
+    Returns
+    -------
+    at_drives : ndarray, shape (n_drives, n_times)
+        [m]
+    at_sensors : ndarray, shape (n_sensors, n_times)
+        [m]
+    """
+    at_drives, at_sensors = split_gaps_of(panel, [gaps], time, kind=np.float64)
+    return at_drives[0], at_sensors[0]
+
+
+def split_gaps_of(
+    panel: Panel, throws: Sequence[Floats], time: Floats, *, kind: type[AnyFloat]
+) -> tuple[NDArray[AnyFloat], NDArray[AnyFloat]]:
+    """Return what `split_gaps` does of many throws of the same movements, as numbers of a kind.
+
+    Parameters
+    ----------
+    panel : Panel
+        Of one of them.
+    throws : sequence of ndarray, shape (n_places, n_times)
+        Open distances of each [m].
+    time : ndarray, shape (n_times,)
+        [s]
+    kind : type
+        ``numpy.float32`` or ``numpy.float64``.
+
+    Returns
+    -------
+    at_drives, at_sensors : ndarray, shapes (n, n_drives, n_times), (n, n_sensors, n_times)
+        [m]
+    """
+    count, spans = len(panel.drive), closed_spans(panel, time)
+    size = (len(throws), time.size)
+    at_drives = np.empty((size[0], count, size[1]), dtype=kind)
+    at_sensors = np.empty((size[0], len(throws[0]) - 2 * count, size[1]), dtype=kind)
+    for gaps, own_drives, own_sensors in zip(throws, at_drives, at_sensors, strict=True):
+        # at any instant one of the two is wanted closed
+        first, second = gaps[:count], gaps[count : 2 * count]
+        for begin, end, closed in spans:
+            own_drives[:, begin:end] = (first if closed else second)[:, begin:end]
+        own_sensors[...] = gaps[2 * count :]
+    return at_drives, at_sensors
+
+
+def place_block(panel: Panel, motion: Motion) -> RowBlock:
+    """Return the open distances at all `gap_places`, which `split_gaps` takes: "places" [m]."""
+    start, less = _seen_together(panel, motion, gap_places(panel))
+    recipe = seen_recipe(motion, less, start=start, minus=True, near=True)
+    return RowBlock([(recipe, start.size)], {"places": (0, start.shape)})
+
+
+def gaps_over_time(panel: Panel, motion: Motion) -> Floats:
+    """Return the open distances at all `gap_places`, shape (n_places, n_times) [m]."""
+    named = (gap_places(panel), panel.rail, panel.stock_rail)
+    (block,) = row_blocks_of(motion, named, ("gaps",), lambda: [place_block(panel, motion)])
+    arrays, rows = block.lay_out(motion.history.time.size)
+    write_rows(rows, histories_of(motion.history))
+    return arrays["places"]
+
+
+def watched_gaps(panel: Panel, mechanism: Mechanism) -> Callable[[CondensedRails], SeenRows]:
+    """Return what `Watch` takes to see the gaps at the `gap_places` of a mechanism."""
+    places = gap_places(panel)
+
+    named = [mechanism.shapes, mechanism.rows, panel.rail, panel.stock_rail]
+    at = tuple((rail, x.tobytes(), z.tobytes()) for rail, x, z in places)
+
+    def seen(condensed: CondensedRails) -> SeenRows:
+        key = (*at, *map(id, named), id(condensed))
+        kept = _watched.get(key)
+        if kept is None:
+            shapes = condensed_shapes(mechanism, condensed)
+            start, less = _seen_together(panel, shapes, places)
+            stored = np.zeros(less.shapes.shape) if less.stored is None else less.stored
+            parts = (-stored, -less.modes, -less.shapes, start - less.load)
+            made = SeenRows(*(_frozen(part) for part in parts))
+            kept = _watched.put(key, (made, [condensed, *named]))
+        return kept[0]
+
+    return seen
+
+
+def _seen_together(
+    panel: Panel, motion: CondensedShapes, places: Sequence[Place]
+) -> tuple[Floats, Seen]:
+    """Return unloaded distances of some points of several rails, and rows that lessen them."""
+    found: dict[int, tuple[Floats, Seen]] = {}
+    for rail in dict.fromkeys(rail for rail, _, _ in places):  # large matrices once a rail
+        mine = [number for number, place in enumerate(places) if place[0] == rail]
+        x, z = (np.concatenate([places[number][axis] for number in mine]) for axis in (1, 2))
+        start, parts = gap_rows(panel, motion, rail, x, z)
+        seen, first = seen_by(motion, parts), 0
+        for number in mine:
+            own = slice(first, first := first + places[number][1].size)
+            found[number] = start[own], seen.of(own)
+    ordered = [found[number] for number in range(len(places))]
+    together = stacked([seen for _, seen in ordered])
+    return np.concatenate([start for start, _ in ordered]), together
+
+
+def bodies_at_gap(
+    panel: Panel, motion: CondensedShapes, rail: str
+) -> tuple[list[StockRail], list[RailBody]]:
+    """Return the stock rails that bend beside a rail, and all that take part in its gap."""
+    faced = [(name, stock) for name, stock in panel.stock_rail.items() if stock.faces == rail]
+    bodies = [motion.rails[rail], *(motion.rails[f"stock rail {name}"] for name, _ in faced)]
+    return [stock for _, stock in faced], bodies

@@ -1,0 +1,181 @@
+"""Single numbers and states of a run: contact, margins, control, lock, least flangeway."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.mechanism.mechanism import LawIndex
+from turnout.panel.model import Panel
+from turnout.throw.flangeway import MovementEnds, least_flangeways, movement_ends
+from turnout.throw.recovery import Motion
+from turnout.throw.route import Throw, at_rest, rail_closes, throws
+from turnout.throw.signals import Variable, object_rows, slip_forces
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+DIRECTIONS = ("opening", "closing")
+TIME_TOLERANCE = 1e-9
+
+
+def contact_labels(index: LawIndex, first: Floats, placed: Floats) -> dict[str, Variable]:
+    """Return whether foreign objects had room and were touched, and when, from every step.
+
+    Parameters
+    ----------
+    index : LawIndex
+        For what is part of which object.
+    first, placed : ndarray, shape (..., n_laws)
+        First contact with, and placing of, what each law of an object stands for, in the order of
+        the index; NaN for never; also of many throws with the same `object_rows` [s].
+    """
+    labels: dict[str, Variable] = {
+        "object_placed": ((), np.asarray(~np.isnan(placed).any(axis=-1))),
+        "object_touched": ((), np.asarray(~np.isnan(first).all(axis=-1))),
+        "contact_time": ((), _earliest(first)),
+    }
+    if len(index.object_parts) > 1:
+        earliest_of = [_earliest(first[..., own]) for own in object_rows(index)]
+        labels["object_contact_time"] = (("object",), np.stack(earliest_of, axis=-1))
+    return labels
+
+
+def _earliest(times: Floats) -> Floats:
+    """Return the least time along the last axis that is known, NaN without one."""
+    found: Floats = np.asarray(np.fmin.reduce(times, axis=-1, initial=np.nan))
+    return found
+
+
+def force_margins(
+    panel: Panel, *, time: Floats, drive_force: Floats, limits: Floats | None = None
+) -> Floats:
+    """Return what is left below the saturation force in opening and in closing movements.
+
+    Only force in the direction of the movement counts. At the onset of a movement a drive still
+    holds the rail with the force of the one before, the other way round; that is not its effort.
+
+    Parameters
+    ----------
+    panel : Panel
+        For saturation forces and movements.
+    time : ndarray, shape (n_times,)
+        [s]
+    drive_force : ndarray, shape (..., n_drives, n_times)
+        Also of many throws [N].
+    limits : ndarray, shape (..., n_drives), optional
+        Saturation forces; default those of the panel [N].
+
+    Returns
+    -------
+    ndarray, shape (..., n_drives, 2)
+        Saturation force less the largest force in the direction of a movement, from its onset to
+        that of the next one; opening first [N]. NaN where there is no such movement.
+    """
+    if limits is None:
+        limits = slip_forces(panel)
+    margins = np.full((*limits.shape, len(DIRECTIONS)), np.nan)
+    for throw in throws(panel):
+        bounds = (throw.start - TIME_TOLERANCE, throw.until - TIME_TOLERANCE)
+        first, last = time.searchsorted(bounds).tolist()
+        if first == last:
+            continue
+        during = drive_force[..., first:last]
+        if throw.to == "closed":
+            effort = np.maximum.reduce(during, axis=-1)
+        else:
+            effort = -np.minimum.reduce(during, axis=-1)
+        margin = limits - np.maximum(effort, 0.0)
+        column = DIRECTIONS.index(throw.direction)
+        margins[..., column] = np.fmin(margins[..., column], margin)
+    return margins
+
+
+def control_states(
+    panel: Panel,
+    *,
+    time: Floats,
+    slipping: Flags,
+    drive_gap: Floats,
+    sensor_gap: Floats | None,
+    moved: Sequence[Throw] | None = None,
+    limits: tuple[Floats, Floats] | None = None,
+) -> dict[str, Variable]:
+    """Return `in_control` of every sensor and `locked` by the panel's rule.
+
+    Nothing is locked while a movement is under way, from its onset until the last marker rests.
+    "slip or gap" refuses where a drive slips or a gap at a drive is at its limit or above, "no
+    slip" and "raw gap" use one of the two. A single rail that should be open has no gap to be
+    judged: its drives hold it by not slipping.
+
+    Parameters
+    ----------
+    panel : Panel
+        For the rule and the limits.
+    time : ndarray, shape (n_times,)
+        [s]
+    slipping : ndarray of bool, shape (..., n_drives, n_times)
+        Whether a drive is at its saturation force; like the others also of many throws.
+    drive_gap : ndarray, shape (..., n_drives, n_times)
+        Raw gap at the rods [m].
+    sensor_gap : ndarray, shape (..., n_sensors, n_times), optional
+        [m]
+    moved : sequence of Throw, optional
+        The movements as they were made; default those of the schedule.
+    limits : tuple of ndarray, optional
+        Of gaps at drives and at sensors, shapes (..., n_drives) and (..., n_sensors); default those
+        of the panel [m].
+    """
+    at_drives, at_sensors = state_limits(panel) if limits is None else limits
+    held = ~np.logical_or.reduce(slipping, axis=-2)
+    if panel.lock.rule == "raw gap":
+        small = (drive_gap < at_drives[..., np.newaxis]).all(axis=-2)
+        held = np.where(rail_closes(panel, time), small, held)
+    elif panel.lock.rule == "slip or gap":
+        # a gap that is not known is never wide
+        wide = np.logical_or.reduce(drive_gap >= at_drives[..., np.newaxis], axis=-2)
+        held &= ~(wide & rail_closes(panel, time))
+    states: dict[str, Variable] = {"locked": (("time",), held & at_rest(panel, time, moved))}
+    if sensor_gap is not None:
+        states["in_control"] = (("sensor", "time"), sensor_gap < at_sensors[..., np.newaxis])
+    return states
+
+
+def state_limits(panel: Panel) -> tuple[Floats, Floats]:
+    """Return the gaps from which drives refuse lock, and sensors control [m]."""
+    at_sensors = [sensor.limit for sensor in panel.sensor.values()]
+    return np.array(list(panel.gap_limits().values())), np.array(at_sensors)
+
+
+def flangeway_ends(panel: Panel, motion: Motion, moved: Sequence[Throw]) -> MovementEnds | None:
+    """Return what the flangeways at the ends of the movements as they were made follow from."""
+    time = motion.history.time
+    ends = [(throw, _end_index(throw, time)) for throw in moved]
+    return movement_ends(panel, motion, [(throw, at) for throw, at in ends if at is not None])
+
+
+def flangeway_labels(runs: Sequence[MovementEnds | None]) -> dict[str, Variable]:
+    """Return the least flangeway at the end of any movement, its place and its rail, for some runs.
+
+    Parameters
+    ----------
+    runs : sequence of MovementEnds or None
+        From `flangeway_ends`.
+
+    Returns
+    -------
+    dict of str to (dims, ndarray)
+        Runs first; the dimensions are those of one run. Flangeways and places in [m].
+    """
+    width, x, rail = zip(*least_flangeways(runs), strict=True)
+    return {
+        "least_flangeway": ((), np.array(width)),
+        "least_flangeway_x": ((), np.array(x)),
+        "least_flangeway_rail": ((), np.array(rail)),
+    }
+
+
+def _end_index(throw: Throw, time: Floats) -> int | None:
+    """Return the first stored instant at which a movement is over, None where the run is not."""
+    at = int(time.searchsorted(throw.end - TIME_TOLERANCE))
+    return at if at < time.size else None

@@ -1,0 +1,54 @@
+"""Whether a foreign object finds room between the rails at its place."""
+
+from turnout.core.scheme import Scheme
+from turnout.panel.foreign_object import OPENING_MARGIN, ForeignObject, resolve_objects
+from turnout.panel.layout import largest_opening
+from turnout.panel.load import LoadedPanel
+from turnout.throw.save import Save
+from turnout.throw.simulate import simulate
+
+
+def object_fits(panel: LoadedPanel, size: float, place: str) -> bool:
+    """Return whether the rails stand far enough apart at a place for an object to be there.
+
+    An object is placed between the rails as soon as they stand far enough apart; where they never
+    do, a throw with it is one without. The opening is estimated from the panel; only objects near
+    the estimate are thrown to find out.
+
+    Parameters
+    ----------
+    panel : LoadedPanel
+        A panel that knows the place.
+    size : float
+        Of the object [m].
+    place : str
+        Such as "sleeper 6".
+
+    Raises
+    ------
+    PanelError
+        When the panel has no such place, or the object is far larger than the opening.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> object_fits(load_panel("sb1"), 0.005, "sleeper 6")
+    True
+    """
+    item = ForeignObject(size, place)
+    opening = estimated_opening(panel, resolve_objects(panel, [item])[-1].x)
+    if opening is None or size < opening - OPENING_MARGIN:
+        return True
+    run = simulate(
+        panel,
+        foreign_object=item,
+        scheme=Scheme.of("quick"),
+        save=Save(fields=("object_placed",)),
+        throw=False,
+    )
+    return bool(run.get("object_placed", True))
+
+
+def estimated_opening(panel: LoadedPanel, x: float) -> float | None:
+    """Return about how far the rails stand apart at a position, at most [m]."""
+    return largest_opening(panel, str(panel.object_defaults.rail), x)

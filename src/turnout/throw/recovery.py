@@ -1,0 +1,394 @@
+r"""Displacements of any point of a rail from the coordinates that a run has kept.
+
+The condensed system gives the reduced coordinates of all rails as
+
+.. math:: u = \Phi q + R \lambda + r
+
+with the kept modes, the static shapes of the omitted part under the row forces :math:`\lambda`, and
+their share of the constant load. :math:`\lambda` is what the laws add to the linear system:
+``base_slope g - F`` summed over the laws of a row, less its friction forces. A rail's recovery
+matrix then gives its nodes. Where displacements that the run has stored say the same, they are
+used instead (`turnout.throw.stored_displacements`), which is ten times as fast.
+"""
+
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.core.lru_cache import LRUCache
+from turnout.mechanism.mechanism import Mechanism, RailBody, RailShape
+from turnout.solver.condense import (
+    BlockModel,
+    CondensedRails,
+)
+from turnout.solver.integration import History
+from turnout.throw.block_products import block_of, in_block
+from turnout.throw.recipes import (
+    Recipe,
+    RowBlock,
+    evenly_spaced,
+    kept_row_blocks,
+    products_of,
+    products_with,
+)
+from turnout.throw.rows_over_time import Product, Rows, rows_in_lines, write_rows
+from turnout.throw.stored_displacements import stored_rows, stored_share
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+Parts = Sequence[tuple[RailBody, Floats]]
+"""Rails, and rows over the reduced coordinates of each; what they come to is summed."""
+
+UY, RX, PER_NODE = 1, 3, 6
+PLACE_TOLERANCE = 1e-6
+MOST_SEEN = 64
+"""Sets of rows in terms of blocks in memory, the latest used."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CondensedShapes:
+    """What shapes are recovered from, but for the run.
+
+    Attributes
+    ----------
+    rails : dict of str to RailBody
+        Reduced rails by name.
+    shapes : dict of str to RailShape
+        Way of each switch rail from closed to open.
+    condensed : CondensedRails
+        With modes and static shapes of the whole mechanism.
+    rows : ndarray, shape (n_rows, n_coordinates)
+        Of the mechanism.
+    """
+
+    rails: dict[str, RailBody]
+    shapes: dict[str, RailShape]
+    condensed: CondensedRails
+    rows: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Motion(CondensedShapes):
+    """All that shapes are recovered from.
+
+    Attributes
+    ----------
+    history : History
+        The run.
+    """
+
+    history: History
+
+    @property
+    def slope(self) -> Floats:
+        """Stiffness at each row that the linear system holds already, shape (n_rows,) [N/m]."""
+        return self.condensed.row_stiffness
+
+
+def condensed_shapes(mechanism: Mechanism, condensed: CondensedRails) -> CondensedShapes:
+    """Collect what the recovery of shapes needs before a run."""
+    rails = {body.name: body for body in mechanism.rails}
+    return CondensedShapes(rails, mechanism.shapes, condensed, mechanism.rows)
+
+
+def recover_motion(mechanism: Mechanism, history: History) -> Motion:
+    """Collect what the recovery of shapes needs from a run."""
+    condensed = history.condensed
+    before = condensed_shapes(mechanism, condensed)
+    return Motion(before.rails, before.shapes, condensed, before.rows, history)
+
+
+def force_motion(motion: Motion, shapes: Floats, *, at: Ints | None = None) -> Floats:
+    """Return what displacements by row forces come to under those of the laws over time.
+
+    The force on a row is that of laws and frictions beyond the linear system. It is never formed
+    for all rows and instants: each kind of force goes by its own columns.
+
+    Parameters
+    ----------
+    motion : Motion
+        The run.
+    shapes : ndarray, shape (n, n_rows)
+        Displacements for a unit force along each row [m/N].
+    at : ndarray of int, optional
+        Indices of the wanted instants; default all.
+
+    Returns
+    -------
+    ndarray, shape (n, n_times)
+        [m]
+    """
+    moved = np.zeros((shapes.shape[0], (motion.history.time if at is None else at).size))
+    products = _force_products(motion, shapes, slice(0, shapes.shape[0]))
+    write_rows([Rows(products, moved)], histories_of(motion.history, at))
+    return moved
+
+
+def _force_products(motion: Motion, shapes: Floats, rows: slice | Ints) -> list[Product]:
+    """Return the products of `force_motion` that are added to rows."""
+    laws = motion.history.laws
+    return [
+        *products_with(shapes * motion.slope, "g", rows=rows),
+        *products_with(-shapes[:, laws.row], "law_force", rows=rows),
+        *products_with(-shapes[:, laws.friction_row], "friction_force", rows=rows),
+    ]
+
+
+def histories_of(history: History, at: Ints | None = None) -> dict[str, Floats]:
+    """Return what rows over time are made of, at some instants or all."""
+    names = ("q", "g", "law_force", "friction_force")
+    return {name: _at(getattr(history, name), at) for name in names}
+
+
+def lateral_rows(body: RailBody, x: Floats, z: Floats) -> Floats:
+    """Return rows that take a rail's reduced coordinates to lateral displacements.
+
+    A point at height z moves by ``u_y - r_x z``; between nodes both vary linearly.
+
+    Parameters
+    ----------
+    body : RailBody
+        The rail.
+    x, z : ndarray, shape (n_points,)
+        Places along the rail and heights above the reference line [m].
+
+    Returns
+    -------
+    ndarray, shape (n_points, body.count)
+        NaN where x lies beyond the rail.
+    """
+    left = np.clip(np.searchsorted(body.x, x, side="right") - 1, 0, body.x.size - 2)
+    share = (x - body.x[left]) / (body.x[left + 1] - body.x[left])
+    beyond = (x < body.x[0] - PLACE_TOLERANCE) | (x > body.x[-1] + PLACE_TOLERANCE)
+    share = np.where(beyond, np.nan, np.clip(share, 0.0, 1.0))[:, np.newaxis]
+    lateral, roll = body.recovery[UY::PER_NODE], body.recovery[RX::PER_NODE]
+    at_left = lateral[left] - z[:, np.newaxis] * roll[left]
+    at_right = lateral[left + 1] - z[:, np.newaxis] * roll[left + 1]
+    rows: Floats = at_left + share * (at_right - at_left)
+    return rows
+
+
+def lateral_displacement(
+    motion: Motion, rail: str, *, x: Floats, z: Floats, at: Ints | None = None
+) -> Floats:
+    """Return lateral displacements of points of a rail over time, positive in +y.
+
+    Parameters
+    ----------
+    motion : Motion
+        The run.
+    rail : str
+        Name of the rail.
+    x, z : ndarray, shape (n_points,)
+        Places and heights above the reference line [m].
+    at : ndarray of int, optional
+        Indices of the wanted instants; default all.
+
+    Returns
+    -------
+    ndarray, shape (n_points, n_times)
+        [m]; NaN beyond the rail.
+    """
+    body = motion.rails[rail]
+    return row_motion(motion, [(body, lateral_rows(body, x, z))], at=at)
+
+
+def row_motion(motion: Motion, parts: Parts, *, at: Ints | None = None) -> Floats:
+    """Return what rows over the reduced coordinates of some rails come to over time.
+
+    Parameters
+    ----------
+    motion : Motion
+        The run.
+    parts : sequence of (RailBody, ndarray)
+        Rails, and rows over the coordinates of each, shape (n_rows, body.count), that are summed.
+    at : ndarray of int, optional
+        Indices of the wanted instants; default all.
+
+    Returns
+    -------
+    ndarray, shape (n_rows, n_times)
+    """
+    seen = seen_by(motion, parts)
+    found = rows_in_lines(seen.load.size, (motion.history.time if at is None else at).size)
+    write_rows([seen_rows(motion, seen, found)], histories_of(motion.history, at))
+    return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Seen:
+    """Rows in terms of what a run has kept.
+
+    Attributes
+    ----------
+    modes : ndarray, shape (n_rows, n_modes)
+        For unit modal coordinates.
+    shapes : ndarray, shape (n_rows, n_law_rows)
+        For unit forces of the laws, above the modes.
+    load : ndarray, shape (n_rows,)
+        Under the constant load, above the modes.
+    stored : ndarray, shape (n_rows, n_law_rows), optional
+        For unit stored displacements of the laws' rows; what these give is in no other attribute.
+    """
+
+    modes: Floats
+    shapes: Floats
+    load: Floats
+    stored: Floats | None = None
+
+    def of(self, own: slice | Ints) -> "Seen":
+        """Return some of the rows."""
+        stored = None if self.stored is None else self.stored[own]
+        return Seen(self.modes[own], self.shapes[own], self.load[own], stored)
+
+
+# Rails without objects and rows are shared by many throws; named by identity and kept beside.
+_seen = LRUCache[tuple[Seen, Parts, object]](MOST_SEEN)
+_shares = LRUCache[tuple[Floats, Parts, object]](MOST_SEEN)
+_of_stored = LRUCache[tuple[list[Product], object]](MOST_SEEN)
+
+
+def seen_by(motion: CondensedShapes, parts: Parts, *, with_stored: bool = True) -> Seen:
+    """Return rows of some rails in terms of what a run has kept.
+
+    `with_stored` says whether the run stores the displacements of all rows of its laws.
+    """
+    blocks = motion.condensed.parts
+    core = tuple(part.before or part for part in blocks)
+    n_rows = motion.rows.shape[0]
+    of_parts = ((body.first, id(rows)) for body, rows in parts)
+    key = (n_rows, with_stored, *map(id, core), *of_parts)
+    kept = _seen.get(key)
+    if kept is None:
+        stored, rest = _stored_share(motion, core, parts) if with_stored else (None, parts)
+        found = replace(_seen_without_objects(core, rest, n_rows=n_rows), stored=stored)
+        if not any(rows.flags.writeable for _, rows in parts):
+            _seen.put(key, (found, rest, (core, parts)))
+    else:
+        found, rest, _ = kept
+    return replace(found, shapes=_with_objects(blocks, rest, found.shapes))
+
+
+def _stored_share(
+    motion: CondensedShapes, core: Sequence[BlockModel], parts: Parts
+) -> tuple[Floats, Parts]:
+    """Return the weights of stored displacements, and what these do not give of the rows."""
+    usable = np.unique(np.concatenate([part.block.rows for part in core]))
+    named = [motion.rows, *(rows for _, rows in parts)]
+    key = (*map(id, named), *(body.first for body, _ in parts), usable.size)
+    kept = _shares.get(key)
+    if kept is not None:
+        return kept[:2]
+    stored, rails = stored_rows(motion.rows, usable), tuple(motion.rails.values())
+    wanted = np.zeros((parts[0][1].shape[0], motion.rows.shape[1]))
+    for body, rows in parts:
+        wanted[:, body.first : body.first + body.count] += rows
+    shares = [stored_share(stored, [(b.first, b.count) for b in rails], row) for row in wanted]
+    weights, rest = np.array([share[0] for share in shares]), np.array([s[1] for s in shares])
+    found = [(body, rest[:, body.first : body.first + body.count]) for body in rails]
+    left = [part for part in found if part[1].any()] or found[:1]
+    weights.flags.writeable = False
+    if not any(array.flags.writeable for array in named):
+        _shares.put(key, (weights, left, named))
+    return weights, left
+
+
+def _seen_without_objects(blocks: Sequence[BlockModel], parts: Parts, *, n_rows: int) -> Seen:
+    """Return rows in terms of blocks to which nothing was added."""
+    ends = np.cumsum([0, *(part.model.eigenvalues.size for part in blocks)])
+    count = parts[0][1].shape[0]
+    modes, load, shapes = np.zeros((count, ends[-1])), np.zeros(count), np.zeros((count, n_rows))
+    for body, rows in parts:
+        number, first = block_of(blocks, body)
+        part, own = blocks[number], slice(first, first + body.count)
+        of_modes, of_shapes, of_load = in_block(part, rows, own)
+        modes[:, ends[number] : ends[number + 1]] += of_modes
+        shapes[:, part.block.rows] += of_shapes
+        load += of_load
+    return Seen(modes, shapes, load)
+
+
+def _with_objects(blocks: Sequence[BlockModel], parts: Parts, shapes: Floats) -> Floats:
+    """Return static shapes with those of the ends that were added to the blocks."""
+    found = shapes
+    for body, rows in parts:
+        number, first = block_of(blocks, body)
+        part = blocks[number]
+        if part.before is None:
+            continue
+        if found is shapes:
+            found = shapes.copy()
+        known = part.before.block.rows.size
+        further = part.model.residual_shapes[first : first + body.count, known:]
+        found[:, part.block.rows[known:]] += rows @ further
+    return found
+
+
+def stacked(seen: Sequence[Seen]) -> Seen:
+    """Return several rows as one."""
+    stored = [item.stored for item in seen if item.stored is not None]
+    return Seen(
+        np.concatenate([item.modes for item in seen]),
+        np.concatenate([item.shapes for item in seen]),
+        np.concatenate([item.load for item in seen]),
+        np.concatenate(stored) if stored else None,
+    )
+
+
+def seen_rows(motion: Motion, seen: Seen, out: Floats) -> Rows:
+    """Return how such rows are written over time."""
+    return seen_recipe(motion, seen).into(out)
+
+
+def seen_recipe(
+    motion: Motion,
+    seen: Seen,
+    *,
+    start: Floats | None = None,
+    minus: bool = False,
+    near: bool = False,
+) -> Recipe:
+    """Return how such rows are made, beyond where they start, shape (n_rows,)."""
+    products = list(_stored_products(seen.stored, seen.load.size))
+    left = np.flatnonzero(seen.modes.any(axis=1) | seen.shapes.any(axis=1))
+    if left.size:
+        rows = evenly_spaced(left)
+        products += products_with(seen.modes[left], "q", rows=rows)
+        products += _force_products(motion, seen.shapes[left], rows)
+    begun = seen.load
+    if minus or start is not None:
+        begun = (0.0 if start is None else start) + (-seen.load if minus else seen.load)
+    return Recipe(tuple(products), begun if begun.any() else None, minus, near)
+
+
+def row_blocks_of(
+    motion: Motion,
+    named: Sequence[object],
+    values: Sequence[Hashable],
+    make: Callable[[], Sequence[RowBlock]],
+) -> tuple[RowBlock, ...]:
+    """Return blocks that depend on the rails and the laws of a run too, see `kept_row_blocks`."""
+    laws = motion.history.laws
+    of_rails = (motion.shapes, motion.rows, motion.condensed)
+    of_laws = (part.tobytes() for part in (motion.slope, laws.row, laws.friction_row))
+    return kept_row_blocks((*named, *of_rails), (*values, *of_laws), make)
+
+
+def _stored_products(stored: Floats | None, count: int) -> Sequence[Product]:
+    """Return the products of stored displacements, found once for those that are shared."""
+    if stored is None:
+        return products_of(np.zeros((count, 0)), "g")
+    kept = _of_stored.get(id(stored))
+    if kept is not None:
+        return kept[0]
+    found = products_of(stored, "g")
+    if not stored.flags.writeable:
+        _of_stored.put(id(stored), (found, stored))
+    return found
+
+
+def _at(values: Floats, at: Ints | None) -> Floats:
+    return values if at is None else values[at]

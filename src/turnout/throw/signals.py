@@ -1,0 +1,304 @@
+"""Channels of a run in the terms of the schema: forces, displacements, energies, fastenings.
+
+Forces and displacements of drives, chairs, stops, links and objects, turned to the schema.
+
+A law with force F resists its own argument; the force on the structure along its row is -F. Rows of
+drives point to +y, rows of stops and objects towards the stock rail, rows of chairs down, and
+those of links are their lengthening.
+
+The energy balance of a run in the terms of the schema. Forces of the fastenings on the switch
+rails, from the motion of the rails at their places.
+
+Forces are those of the springs; the share of the dampers, which is small while a switch is thrown,
+is left out. A force acts at the place of the fastening, a moment turns the section.
+"""
+
+import itertools
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.mechanism.build_rails import fastening_offset
+from turnout.mechanism.drive_machines import slip_force
+from turnout.mechanism.mechanism import LawIndex, Mechanism, RailBody
+from turnout.mechanism.object_laws import named_obstructions
+from turnout.panel.markers import marker_offsets
+from turnout.panel.model import Panel
+from turnout.panel.records import Fastening
+from turnout.solver.energy import (
+    CONTACT,
+    DAMPING,
+    FRICTION,
+    GRAVITY,
+    KINETIC,
+    MARKERS,
+    OBJECTS,
+    STRAIN,
+    SWITCHED,
+    energy_balance,
+)
+from turnout.solver.energy_rows import NUMERICAL, RESIDUAL, ROWS, STORED, write_energies
+from turnout.solver.integration import History
+from turnout.throw.recipes import Recipe, RowBlock, sums_of_columns
+from turnout.throw.recovery import Motion, row_motion
+from turnout.throw.rows_over_time import Product
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Variable = tuple[tuple[str, ...], NDArray[np.generic]]
+
+
+def drive_signals(panel: Panel, mechanism: Mechanism, history: History) -> dict[str, Variable]:
+    """Return force on the rail (closing positive), marker position and slip of every drive."""
+    columns = [mechanism.index.drive[name] for name in panel.drive]
+    force = np.empty((len(columns), history.time.size))
+    np.subtract(0.0, history.forces(columns).T, out=force)  # no negative zeros of free drives
+    return drive_channels(panel, force, history.inputs)
+
+
+def drive_channels(panel: Panel, force: Floats, inputs: Floats) -> dict[str, Variable]:
+    """Return `drive_signals` from forces on the rail, shape (n_drives, n_times) [N].
+
+    `inputs` are the marker positions, shape (n_times, n_drives) [m].
+    """
+    displacement = np.empty(force.shape)  # a drive in a piece, as features sum it
+    np.subtract(inputs.T, marker_offsets(panel)[:, np.newaxis], out=displacement)
+    dims = ("drive", "time")
+    return {
+        "drive_force": (dims, force),
+        "drive_displacement": (dims, displacement),
+        "drive_slipping": (dims, slips(force, slip_forces(panel))),
+    }
+
+
+def slip_forces(panel: Panel) -> Floats:
+    """Return the force at which each drive slips, shape (n_drives,) [N]."""
+    return np.array([slip_force(panel, name) for name in panel.drive])
+
+
+def slips(force: Floats, limits: Floats) -> Flags:
+    """Return whether drives are at the force at which they slip.
+
+    Parameters
+    ----------
+    force : ndarray, shape (..., n_times)
+        [N]
+    limits : ndarray, shape (...)
+        [N]
+    """
+    bounds = limits[..., np.newaxis]
+    found = force >= bounds
+    found |= force <= -bounds  # makes no array of magnitudes
+    return found
+
+
+def object_channels(index: LawIndex, force: Floats) -> dict[str, Variable]:
+    """Return the force on the foreign objects: their sum, and each where there are several.
+
+    Parameters
+    ----------
+    index : LawIndex
+        For what is part of which object.
+    force : ndarray, shape (..., n_laws, n_times)
+        Of the laws of all objects in the order of the index, also of many throws with the same
+        `object_rows` [N].
+    """
+    total = force[..., 0, :] if force.shape[-2] == 1 else np.sum(force, axis=-2)
+    signals: dict[str, Variable] = {"object_force": (("time",), total)}
+    rows = object_rows(index)
+    if len(rows) > 1:
+        single = [force[..., own, :].sum(axis=-2) for own in rows]
+        signals["single_object_force"] = (("object", "time"), np.stack(single, axis=-2))
+    return signals
+
+
+def object_rows(index: LawIndex) -> list[list[int]]:
+    """Return which of the laws of all objects are those of each object."""
+    row = {law: number for number, law in enumerate(index.object.values())}
+    return [[row[law] for law in laws] for laws in index.object_laws.values()]
+
+
+def force_block(panel: Panel, mechanism: Mechanism, *, objects: bool, links: bool) -> RowBlock:
+    """Return forces of drives, and of all laws of objects and of links where these are wanted.
+
+    On the rail "drive_force", on objects "object" and in links "link_force", of their laws [N].
+    """
+    index = mechanism.index
+    drives = [index.drive[name] for name in panel.drive]
+    of_objects = list(index.object.values()) if objects else []
+    of_links = [index.link[name] for name in panel.link] if links else []
+
+    def sums(laws: Sequence[int], *, minus: bool) -> tuple[Recipe, int]:
+        columns = np.array(laws, dtype=np.int64)[:, np.newaxis]
+        products = sums_of_columns("law_force", columns, rows=np.arange(len(laws)))
+        return Recipe(tuple(products), minus=minus, near=True), len(laws)
+
+    parts = {"drive_force": (0, (len(drives),))}
+    if objects:
+        parts["object"] = (len(drives), (len(of_objects),))
+    if of_links:
+        parts["link_force"] = (len(drives) + len(of_objects), (len(of_links),))
+    return RowBlock([sums(drives, minus=True), sums(of_objects + of_links, minus=False)], parts)
+
+
+def object_memory(mechanism: Mechanism, history: History) -> dict[str, Variable]:
+    """Return what the foreign objects have become at the end, where any of them remembers.
+
+    The size of an object in several parts is that of its largest part.
+    """
+    obstructions, index = history.obstructions, mechanism.index
+    rows = named_obstructions(obstructions, index.object)
+    if not rows:
+        return {}
+    left = np.full(len(index.object_parts), np.nan)
+    broken = np.zeros(left.size, dtype=np.int64)
+    for number, parts in enumerate(index.object_parts.values()):
+        own = [rows[part] for part in parts if part in rows]
+        if own:
+            left[number] = np.max(obstructions.size[own] - lasting_dents(mechanism, history)[own])
+            broken[number] = np.sum(obstructions.broken[own])
+    return {"object_left": (("object",), left), "object_broken": (("object",), broken)}
+
+
+def lasting_dents(mechanism: Mechanism, history: History) -> Floats:
+    """Return the compression of every obstruction that stays without force [m]."""
+    obstructions, laws = history.obstructions, mechanism.laws
+    found = np.zeros(obstructions.law.size)
+    for row, law in enumerate(obstructions.law.tolist()):
+        first, end = laws.segment_start[law], laws.segment_start[law + 1]
+        e = obstructions.deepest[row]
+        if e > 0.0:
+            at = first + np.searchsorted(laws.segment_upper[first : end - 1], e)
+            force = laws.slope[at] * e + laws.intercept[at]
+            found[row] = max(0.0, e - force / obstructions.unloading[row])
+    return found
+
+
+def chair_block(panel: Panel, mechanism: Mechanism) -> RowBlock:
+    """Return normal force and friction on the rail at every chair, summed over its foot points."""
+    index, chairs = mechanism.index, list(itertools.product(panel.rail, panel.chair))
+    normal = _sums_at("law_force", chairs, index.chair)
+    # 0.0 - F: no negative zeros of friction
+    friction = _sums_at("friction_force", chairs, index.chair_friction, minus=True)
+    shape, count = (len(panel.rail), len(panel.chair)), len(chairs)
+    parts = {"chair_normal_force": (0, shape), "chair_friction_force": (count, shape)}
+    return RowBlock([(normal, count), (friction, count)], parts)
+
+
+def _sums_at(
+    history: str,
+    places: Sequence[tuple[str, str]],
+    laws: Mapping[tuple[str, str], Sequence[int]],
+    *,
+    minus: bool = False,
+) -> Recipe:
+    """Return the sum of the forces of all laws at each place; of places without any it is NaN."""
+    found: list[Product] = []
+    for count in {len(own) for own in laws.values()}:
+        rows = [n for n, place in enumerate(places) if len(laws.get(place, ())) == count]
+        columns = np.array([laws[places[n]] for n in rows], dtype=np.int64)
+        found += sums_of_columns(history, columns, rows=np.array(rows))
+    unknown = tuple(number for number, place in enumerate(places) if not laws.get(place))
+    return Recipe(tuple(found), minus=minus, unknown=unknown)
+
+
+def stop_block(panel: Panel, mechanism: Mechanism) -> RowBlock:
+    """Return the force at every stop and stud, positive in compression."""
+    places = list(itertools.product(panel.rail, stop_names(panel)))
+    laws = {place: (law,) for place, law in mechanism.index.stop.items()}
+    shape = len(panel.rail), len(panel.stop) + len(panel.stud)
+    recipe = _sums_at("law_force", places, laws)
+    return RowBlock([(recipe, len(places))], {"stop_force": (0, shape)})
+
+
+def stop_names(panel: Panel) -> list[str]:
+    """Return stops by their name and studs as "stud N", in the order of the panel."""
+    return [*panel.stop, *(f"stud {name}" for name in panel.stud)]
+
+
+_ENERGY_ROWS = {
+    "energy_kinetic": KINETIC,
+    "energy_strain": STRAIN,
+    "energy_contact": CONTACT,
+    "energy_gravity": GRAVITY,
+    "work_markers": STORED + MARKERS,
+    "energy_friction": STORED + FRICTION,
+    "energy_damping": STORED + DAMPING,
+    "energy_object_switched": STORED + SWITCHED,
+    "energy_object_dissipated": STORED + OBJECTS,
+    "energy_numerical": NUMERICAL,
+    "energy_residual": RESIDUAL,
+}
+ENERGIES = tuple(_ENERGY_ROWS)
+"""Channels that `energy_channels` makes."""
+
+
+def energy_channels(stored: Floats, ledger: Floats) -> dict[str, Variable]:
+    """Return all energies; stored ones as change from the first instant.
+
+    `energy_residual` is the only one that is a remainder: the stored change less what was put in
+    and not taken out. The others come each from its own history.
+
+    Parameters
+    ----------
+    stored : ndarray, shape (n_times, 4)
+        Columns of `turnout.solver.energy`, kinetic first [J].
+    ledger : ndarray, shape (n_times, 7)
+        Columns of `turnout.solver.energy`, work of markers first [J].
+
+    Returns
+    -------
+    dict
+        Channel name to dimensions and values.
+    """
+    # Rows over time, which later reading takes one after the other.
+    rows = np.empty((ROWS, stored.shape[0]))
+    write_energies(np.ascontiguousarray(stored), np.ascontiguousarray(ledger), rows)
+    return {name: (("time",), rows[row]) for name, row in _ENERGY_ROWS.items()}
+
+
+def energy_scale(stored: Floats, ledger: Floats) -> float:
+    """Return the largest sum of marker work and stored change of a run, for ratios [J]."""
+    return float(energy_balance(stored, ledger)[1])
+
+
+AXES = ("x", "y", "z")
+FASTENINGS = ("fastening_force", "fastening_moment")
+
+
+def fastening_signals(panel: Panel, motion: Motion) -> dict[str, Variable]:
+    """Return force and moment of every fastening on the switch rails.
+
+    NaN where a fastening does not hold a rail, or is part of matrices of another program.
+    """
+    shape = (len(panel.rail), len(panel.fastening), len(AXES), motion.history.time.size)
+    force, moment = np.full(shape, np.nan), np.full(shape, np.nan)
+    for r, rail in enumerate(panel.rail):
+        body = motion.rails[rail]
+        for f, fastening in enumerate(panel.fastening.values()):
+            if body.with_supports or (fastening.rails is not None and rail not in fastening.rails):
+                continue
+            offset = fastening_offset(panel, rail, fastening)
+            rows = _rows(body, fastening, offset=offset)
+            moved = row_motion(motion, [(body, rows)])
+            spring = np.array(
+                [
+                    *(fastening.stiffness_x, fastening.stiffness_y, fastening.stiffness_z),
+                    *(fastening.stiffness_roll, fastening.stiffness_pitch, fastening.stiffness_yaw),
+                ]
+            )
+            resisted = 0.0 - spring[:, np.newaxis] * moved
+            force[r, f], moment[r, f] = resisted[:3], resisted[3:]
+    dims = ("rail", "fastening", "axis", "time")
+    return {"fastening_force": (dims, force), "fastening_moment": (dims, moment)}
+
+
+def _rows(body: RailBody, fastening: Fastening, *, offset: float) -> Floats:
+    """Return rows to the motion of the rail where a fastening acts, shape (6, count)."""
+    node = int(np.argmin(np.abs(body.x - fastening.x)))
+    rows: Floats = body.recovery[6 * node : 6 * node + 6].copy()
+    rows[0] += fastening.height * rows[4] - offset * rows[5]
+    rows[1] -= fastening.height * rows[3]
+    rows[2] += offset * rows[3]
+    return rows
