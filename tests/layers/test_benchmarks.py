@@ -1,43 +1,67 @@
-"""Every benchmark can be loaded, so that a rename does not leave one behind."""
+"""Every benchmark and study can be loaded, so that a rename does not leave one behind."""
 
+import ast
 import re
+import runpy
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import pytest
 from benchmarks.sweep_rate import Thrower
 
 # These are programs of others, which only the extra `benchmark` brings.
 OTHERS = ("exudyn", "openseespy")
-NAMES = sorted(path.stem for path in (Path(__file__).parents[2] / "benchmarks").glob("*.py"))
+ROOT = Path(__file__).parents[2]
+PATHS = sorted((ROOT / "benchmarks").rglob("*.py"))
+PROGRAMS = [path for path in PATHS if "__main__" in path.read_text(encoding="utf-8")]
+STUDIES = "benchmarks.studies"
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_a_benchmark_loads(name: str) -> None:
+def name_of(path: Path) -> str:
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+
+
+def loaded(load: Callable[[], Any]) -> Any:
+    """Load a benchmark; skip where a program of others is not installed."""
     try:
-        loaded = import_module(f"benchmarks.{name}")
+        return load()
     except ModuleNotFoundError as error:
         if str(error.name).split(".")[0] not in OTHERS:
             raise
         pytest.skip(f"pip install 'turnout[benchmark]' brings {error.name}")
-    assert loaded.__doc__
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("path", PATHS, ids=name_of)
+def test_a_benchmark_loads(path: Path) -> None:
+    assert loaded(lambda: import_module(name_of(path))).__doc__
+
+
+@pytest.mark.parametrize("path", PROGRAMS, ids=name_of)
 def test_help_measures_nothing(
-    name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    try:
-        loaded = import_module(f"benchmarks.{name}")
-    except ModuleNotFoundError as error:
-        pytest.skip(f"pip install 'turnout[benchmark]' brings {error.name}")
-    if not hasattr(loaded, "main"):
-        return  # part of others
-    monkeypatch.setattr("sys.argv", [name, "--help"])
+    text = path.read_text(encoding="utf-8")
+    assert "ArgumentParser(" in text or "command_line(" in text, "would run instead"
+    monkeypatch.setattr("sys.argv", [path.stem, "--help"])
     with pytest.raises(SystemExit) as ended:
-        loaded.main()
+        loaded(lambda: runpy.run_path(str(path), run_name="__main__"))
     assert ended.value.code == 0
     assert capsys.readouterr().out.startswith("usage: ")
+
+
+def test_only_tests_run_studies() -> None:
+    """A study may take a reference of tests/verification, and no reference takes a study."""
+    faults = [
+        f"{path.relative_to(ROOT)} imports {node.module}"
+        for path in sorted((ROOT / "tests").rglob("*.py"))
+        if not path.name.startswith(("test_", "open_benchmark_page"))
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(STUDIES)
+    ]
+    assert PATHS
+    assert faults == []
 
 
 def test_a_checkout_that_is_too_old_for_sweep_rates_is_named(tmp_path: Path) -> None:

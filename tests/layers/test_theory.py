@@ -8,7 +8,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PAGES = sorted((ROOT / "docs" / "theory").glob("*.md"))
 SUBJECTS = [page for page in PAGES if page.name != "index.md"]
-NAMED = re.compile(r"`((?:src|tests|docs)/[\w./-]+)(?:::(\w+))?`")
+NAMED = re.compile(r"`((?:src|tests|benchmarks|docs)/[\w./-]+)(?:::(\w+))?`")
 LEAST_PAGES = 10
 """A folder that is not found would make all of these tests pass on nothing."""
 

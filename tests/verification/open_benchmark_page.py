@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from tests.verification.plausible_page import put
+from benchmarks.studies.plausible_page import put
 
 from turnout.open_benchmark.data_card import CARD
 from turnout.open_benchmark.order import margins_of, order_changes, order_table

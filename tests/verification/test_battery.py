@@ -1,9 +1,9 @@
 """Every figure that the page shows lies within its limits, and every rung can be drawn."""
 
 import pytest
+from benchmarks.studies.battery import RUNGS, Rung
+from benchmarks.studies.verification_page import DOCS
 from matplotlib.figure import Figure
-from tests.verification.battery import RUNGS, Rung
-from tests.verification.page import DOCS
 
 
 @pytest.mark.parametrize("rung", RUNGS, ids=lambda rung: rung.name)

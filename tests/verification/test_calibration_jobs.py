@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.verification.calibration_coverage import coverage
-from tests.verification.calibration_coverage import section as coverage_section
-from tests.verification.law_rates import WANTED, near
-from tests.verification.law_rates import section as law_section
-from tests.verification.resumable import RESULTS, Record, put_section, read_records
+from benchmarks.studies.calibration_coverage import coverage
+from benchmarks.studies.calibration_coverage import section as coverage_section
+from benchmarks.studies.law_rates import WANTED, near
+from benchmarks.studies.law_rates import section as law_section
+from benchmarks.studies.resumable import RESULTS, Record, put_section, read_records
 
 
 def record(index: int, error: float) -> Record:

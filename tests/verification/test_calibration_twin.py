@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.verification.calibration_coverage import result_of
+from benchmarks.studies.calibration_coverage import result_of
 
 from turnout.calibration.calibrate import calibrate
 from turnout.calibration.result import load_calibration

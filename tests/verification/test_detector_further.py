@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from benchmarks.studies.detector_further import recorded_like, scatters, verdict_times
 from tests.unit.detector_toy import toy_detector, toy_set
-from tests.verification.detector_further import recorded_like, scatters, verdict_times
 
 from turnout.detection.detector.recorded import features_of_recorded
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.verification.law_rates import near
+from benchmarks.studies.law_rates import near
 from typer.testing import CliRunner, Result
 
 from turnout.calibration.stages import default_plan

@@ -9,7 +9,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from tests.verification.effects import (
+from benchmarks.studies.effects import (
     DEFAULT,
     RADIUS,
     Figures,

@@ -4,7 +4,7 @@ The long job `machine_campaigns` makes 200 such campaigns; its table is on docs/
 """
 
 import pytest
-from tests.verification.machine_campaigns import WITHIN, Record, counted, result_of, section
+from benchmarks.studies.machine_campaigns import WITHIN, Record, counted, result_of, section
 
 
 def test_a_virtual_campaign_within_two_per_cent() -> None:

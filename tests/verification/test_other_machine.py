@@ -1,7 +1,7 @@
 """The tolerance that is stated for other machines, which `other_machine` plays."""
 
 import pytest
-from tests.verification.other_machine import TOLERANCE, differences, playable
+from benchmarks.studies.other_machine import TOLERANCE, differences, playable
 
 
 @pytest.mark.long

@@ -5,7 +5,7 @@ The long test takes 1,000 campaigns (12 minutes); 93 to 97 % of bounds must not 
 
 import numpy as np
 import pytest
-from tests.verification.pod_coverage import KINDS, LEAST, MOST, covered, result_of, section
+from benchmarks.studies.pod_coverage import KINDS, LEAST, MOST, covered, result_of, section
 
 
 def test_bounds_of_some_campaigns_are_ordered_and_hold() -> None:

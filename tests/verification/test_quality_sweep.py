@@ -4,7 +4,7 @@ The page docs/measurement-quality.md has more throws and the severities around e
 """
 
 import pytest
-from tests.verification.quality_sweep import (
+from benchmarks.studies.quality_sweep import (
     Level,
     Sweep,
     false_alarms,

@@ -6,7 +6,7 @@ ripple that inertia leaves at a quarter of the speed.
 
 import numpy as np
 import pytest
-from tests.verification import inertia
+from benchmarks.studies import inertia
 from tests.verification.friction_block import LIMIT, SERIES, STICK, block, drive_force
 from tests.verification.hand_made import energy_residual, hand_made, linear_spring
 

@@ -11,10 +11,10 @@ import weakref
 from pathlib import Path
 
 import pytest
-from tests.verification import robustness
-from tests.verification.robustness import is_defect, main, read_results, result_of, run_job
+from benchmarks.studies import robustness
+from benchmarks.studies.robustness import is_defect, main, read_results, result_of, run_job
+from benchmarks.studies.robustness_report import page
 from tests.verification.robustness_checks import seconds_deaf, simulate_module
-from tests.verification.robustness_report import page
 from tests.verification.robustness_scenarios import numbered_scenario
 
 COUNT = 2000
@@ -62,7 +62,7 @@ def test_a_job_goes_on_where_it_was_killed(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("worker_processes")
 def test_ctrl_c_keeps_what_there_is(tmp_path: Path) -> None:
-    module = "tests.verification.robustness"
+    module = "benchmarks.studies.robustness"
     command = [sys.executable, "-m", module, "run", "--count=2000", "--workers=1"]
     with subprocess.Popen(
         [*command, "--out", str(tmp_path)], cwd=ROOT, stderr=subprocess.PIPE, text=True

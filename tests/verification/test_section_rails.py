@@ -11,7 +11,7 @@ import re
 
 import numpy as np
 import pytest
-from tests.verification.planed_rail import FIGURES, columns_of, cuts, page, reference
+from benchmarks.studies.planed_rail import FIGURES, columns_of, cuts, page, reference
 
 from turnout.beam.outline import outline_of, polygon_of
 from turnout.beam.rail_outlines import load_rail_outline
@@ -112,7 +112,7 @@ def test_the_page_shows_these_figures() -> None:
     number = re.compile(r"[+-]?\d+(?:\.(\d+))?")
     shown = (FIGURES / "sections.txt").read_text(encoding="utf-8")
     computed = page()
-    advice = "run: python -m tests.verification.planed_rail"
+    advice = "run: python -m benchmarks.studies.planed_rail"
     assert number.sub("#", shown) == number.sub("#", computed), advice
     # Other triangles, from another version of a library, may turn the last digit.
     for old, new in zip(number.finditer(shown), number.finditer(computed), strict=True):

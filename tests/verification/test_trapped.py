@@ -1,7 +1,7 @@
 """The tables of docs/objects.md are what the program does; one row of each behaviour is thrown."""
 
 import pytest
-from tests.verification.trapped import PAGE, parameter_table, recorder_table, row
+from benchmarks.studies.trapped import PAGE, parameter_table, recorder_table, row
 
 
 def test_the_table_of_parameters_is_up_to_date() -> None:

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.verification import finer_twin, validation_verdicts
-from tests.verification.resumable import Record
-from tests.verification.validation_verdicts import ACCEPTED, KINDS
+from benchmarks.studies import finer_twin, validation_verdicts
+from benchmarks.studies.resumable import Record
+from benchmarks.studies.validation_verdicts import ACCEPTED, KINDS
 
 from turnout.panel.load import load_panel
 

@@ -1,0 +1,260 @@
+"""The throws behind the figures of the detector: for training, for judging, and further cases."""
+
+import io
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from benchmarks.studies.detector_cases import case_plans
+from turnout.calibration.load_study import load_study
+from turnout.core.files import write_atomic
+from turnout.core.sources import THROWS, digest_of_sources
+from turnout.detection.detector.throw_layout import Layout
+from turnout.detection.detector.throw_set import ThrowSet
+from turnout.detection.detector.training import read_set
+from turnout.detection.detector.training_plan import HISTORY, OBJECT, OBJECT_AT, OBJECT_SIZE, Plan
+from turnout.detection.detector.training_sets import (
+    Counts,
+    after_history,
+    throw_plans,
+    training_plans,
+)
+from turnout.detection.throws import places_of
+from turnout.study.study import Study
+from turnout.study.sweep.run import SweepProgress
+
+Arrays = dict[str, np.ndarray]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sizes:
+    """How many throws the figures rest on; by default as on docs/detection-results.md."""
+
+    sound: int = 4000
+    objects: int = 3000
+    switches: int = 200
+
+    @property
+    def training(self) -> Counts:
+        """For training."""
+        defects = max(40, self.sound // 10)
+        return Counts(
+            sound=self.sound,
+            objects=self.objects,
+            defects=defects,
+            switches=max(10, self.sound // 50),
+        )
+
+    @property
+    def test(self) -> Counts:
+        """For judging: other switches, each thrown 20 times before what is judged."""
+        return Counts(
+            sound=0, objects=0, defects=0, switches=self.switches, repeats=23, judged=3,
+            objects_each=9,
+        )  # fmt: skip
+
+
+class Throws:
+    """The throws of all plans, made when they are first needed and kept as arrays.
+
+    Beside each sweep lies `NAME.npz` with its features and labels, or `NAME forces.npz`. It is read
+    where it is of the same plan and of the same sources; where it comes from other sources, some of
+    its throws are thrown again, and it counts as it is only if these are the same.
+
+    Parameters
+    ----------
+    plans : mapping of str to mapping of str to Plan
+        By folder and name.
+    folder : Path
+        That holds these folders.
+    layout : Layout
+        Of the features.
+    workers : int
+        Processes.
+    """
+
+    def __init__(
+        self,
+        plans: Mapping[str, Mapping[str, Plan]],
+        folder: Path,
+        layout: Layout,
+        *,
+        workers: int = 1,
+    ) -> None:
+        self.plans, self._folder = plans, folder
+        self._layout, self._workers = layout, workers
+        self._read: dict[tuple[str, str], ThrowSet] = {}
+
+    def sets(self, folder: str, *names: str) -> dict[str, ThrowSet]:
+        """Return features and labels of some plans of a folder, or of all of them."""
+        found = {}
+        for name in names or self.plans[folder]:
+            if (folder, name) not in self._read:
+                arrays = self._arrays(folder, name, _stem(name), self._features)
+                own = ThrowSet(**{field: arrays[field] for field in ThrowSet.__slots__})
+                self._read[folder, name] = own
+            found[name] = self._read[folder, name]
+        return found
+
+    def forces(self, folder: str, name: str) -> Arrays:
+        """Return the drive forces of a plan as they are sampled, and labels."""
+        return self._arrays(folder, name, f"{_stem(name)} forces", _forces)
+
+    def _features(self, plan: Plan, dataset: xr.Dataset) -> Arrays:
+        found = read_set(plan, dataset, self._layout)
+        return {field: getattr(found, field) for field in ThrowSet.__slots__}
+
+    def _arrays(
+        self, folder: str, name: str, stem: str, read: Callable[[Plan, xr.Dataset], Arrays]
+    ) -> Arrays:
+        plan, place = self.plans[folder][name], self._folder / folder
+        path = place / f"{stem}.npz"
+        sources = digest_of_sources(THROWS)
+        arrays = _kept(path, plan)
+        if arrays is not None and str(arrays.pop("sources", "")) != sources:
+            if not self._same(plan, arrays, place / "again" / stem, read):
+                print(f"{path}: other sources gave other throws; they are thrown again", flush=True)
+                arrays = None
+            else:
+                print(f"{path}: {SAMPLE} of its throws thrown again are the same", flush=True)
+                _keep(path, plan, sources, arrays)
+        if arrays is None:
+            made = throw_plans({name: plan}, place, workers=self._workers, report=show)[name]
+            arrays = read(plan, made)
+            _keep(path, plan, sources, arrays)
+        return arrays
+
+    def _same(
+        self,
+        plan: Plan,
+        arrays: Arrays,
+        place: Path,
+        read: Callable[[Plan, xr.Dataset], Arrays],
+    ) -> bool:
+        """Whether some throws come out as they are kept, thrown again in a folder of its own."""
+        every = np.linspace(0, len(arrays["row"]) - 1, SAMPLE).astype(np.intp)
+        made = read(*_thrown_again(plan, arrays["row"][every], place / digest_of_sources(THROWS)))
+        return all(
+            np.allclose(made[name], arrays[name][every], rtol=0.0, atol=same, equal_nan=True)
+            for name, same in SAME.items()
+            if name in made
+        )
+
+
+SAMPLE = 6
+"""Throws of a kept sweep that are thrown again where the sources changed."""
+SAME = {"features": 1e-3, "force": 1e-3, "gaps": 1e-9}
+"""Difference that counts as rounding [N], [N], [m]: sweeps keep forces in single precision, so that
+5 kN move by 5e-4 N where a solver rounds otherwise."""
+
+
+def _thrown_again(plan: Plan, rows: np.ndarray, place: Path) -> tuple[Plan, xr.Dataset]:
+    """Throw some rows of a plan, and return them as a plan of their own."""
+    (axis,) = plan.study.design.axes
+    chosen = replace(axis, rows=tuple(axis.rows[row] for row in rows))
+    design = replace(plan.study.design, axes=(chosen,))
+    labels = {
+        name: getattr(plan, name)[rows]
+        for name in ("partner", "switch", "inputs", "level", "start")
+    }
+    own = replace(plan, study=replace(plan.study, design=design), **labels)
+    return own, throw_plans({"again": own}, place)["again"]
+
+
+def _forces(plan: Plan, dataset: xr.Dataset) -> Arrays:
+    complete = (dataset["outcome"].astype(str) == "complete").to_numpy()
+    row = dataset["scenario"].to_numpy()[complete]
+    return {
+        "time": dataset["time"].to_numpy(),
+        "force": dataset["drive_force"].to_numpy()[complete],
+        "switch": plan.switch[row],
+        "row": row,
+        "size": dataset[OBJECT_SIZE].to_numpy()[complete],
+        "x": dataset[OBJECT_AT].to_numpy()[complete],
+        "touch": dataset["object_force_peak"].to_numpy()[complete],
+    }
+
+
+def _stem(name: str) -> str:
+    return name.replace(", ", "-").replace(" ", "-")
+
+
+def _keep(path: Path, plan: Plan, sources: str, arrays: Arrays) -> None:
+    content = io.BytesIO()
+    of = {"study": np.array(plan.study.digest), "sources": np.array(sources)}
+    np.savez(content, allow_pickle=False, **of, **arrays)
+    write_atomic(path, content.getvalue())
+
+
+def _kept(path: Path, plan: Plan) -> Arrays | None:
+    if not path.exists():
+        return None
+    with np.load(path, allow_pickle=False) as content:
+        if str(content["study"]) != plan.study.digest:
+            return None
+        return {name: content[name] for name in content.files if name != "study"}
+
+
+def show(name: str) -> "Watch":
+    """Return what prints how far a sweep is."""
+    return Watch(name)
+
+
+class Watch:
+    """Prints each tenth of a sweep.
+
+    Parameters
+    ----------
+    name : str
+        Of the sweep.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._name, self._next = name, 0.0
+
+    def __call__(self, state: SweepProgress) -> None:
+        """Print what is done."""
+        if state.done >= self._next * state.total or state.done == state.total:
+            self._next = np.floor(10.0 * state.done / state.total + 1.0) / 10.0
+            print(f"{self._name}: {state.done} of {state.total}", flush=True)
+
+
+JUDGED_SEED = 540_000
+"""Of switches that no choice in the detector was made on [-]."""
+
+
+def plans_of(study: Study, sizes: Sizes, *, seed: int = JUDGED_SEED) -> dict[str, dict[str, Plan]]:
+    """Return all sweeps by folder; another seed judges other switches."""
+    return {
+        "train": training_plans(study, sizes.training),
+        "test": judged_plans(study, sizes.test, seed=seed),
+        "narrow": narrow_plans(sizes, seed=seed + 1),
+        "cases": case_plans(study),
+    }
+
+
+def judged_plans(study: Study, counts: Counts, *, seed: int) -> dict[str, Plan]:
+    """Return throws of switches with a history: judged after it, and as if there were none."""
+    found = training_plans(study, counts, seed=seed)
+    return {name: plan for name, plan in found.items() if name.startswith(HISTORY)}
+
+
+def narrow_plans(sizes: Sizes, *, seed: int) -> dict[str, Plan]:
+    """Return switches of the narrow population: no variation of sections, fit or stress-free state.
+
+    Their numbers compare with the study that the goals of the detector come from. Every judged
+    throw comes with an object at each place, so that a90/95 rests on some 300 objects a place.
+    """
+    study = load_study(NARROW)
+    each = len(places_of(study.panel))
+    switches = min(NARROW_SWITCHES, sizes.switches)
+    counts = replace(sizes.test, switches=switches, objects_each=each)
+    plans = judged_plans(study, counts, seed=seed)
+    return {name: plans[name] for name in (HISTORY, after_history(OBJECT))}
+
+
+NARROW = Path(__file__).with_name("detector_narrow.toml")
+NARROW_SWITCHES = 300
