@@ -7,8 +7,7 @@ import pytest
 import xarray as xr
 from tests.unit.recorded import changed, noisy, only, samples, typical
 
-from turnout.measurement.quality.channel_faults import KINDS, mostly_beyond
-from turnout.measurement.quality.hum import line_amplitude
+from turnout.measurement.quality.channel_faults import KINDS, line_amplitude, mostly_beyond
 from turnout.measurement.quality.judge import Expected, ThrowQuality, judge
 from turnout.measurement.quality.throw_faults import open_level
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from turnout.core.short_buffers import short_buffers
+from turnout.study.sweep.row import short_buffers
 
 ALONG_AN_AXIS = (
     lambda values: values.mean(axis=-1, keepdims=True),

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from turnout.measurement.chain.known_loads import fit_load_calibration
+from turnout.measurement.chain.channel_map import fit_load_calibration
 
 
 def test_two_points_leave_nothing_to_judge_by() -> None:

@@ -3,8 +3,8 @@
 import numpy as np
 import xarray as xr
 
-from turnout.web.kept import measured_from_bytes, measured_to_bytes
 from turnout.web.measured import Measured
+from turnout.web.tasks import measured_from_bytes, measured_to_bytes
 
 
 def movement() -> Measured:

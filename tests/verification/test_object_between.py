@@ -14,7 +14,7 @@ from tests.verification.runs import DEFAULT, STUDIED
 from turnout.core.scheme import Scheme
 from turnout.mechanism import build
 from turnout.mechanism.mechanism import Mechanism
-from turnout.mechanism.offnode_objects import is_off_node, offnode_row
+from turnout.mechanism.object_rows import is_off_node, offnode_row
 from turnout.panel.foreign_object import ForeignObject, PlacedObject, resolve_objects
 from turnout.panel.load import LoadedPanel, load_panel
 from turnout.solver.integration import History

@@ -17,7 +17,7 @@ from turnout.beam.material import Material
 from turnout.beam.section_properties import SectionProperties
 from turnout.calibration.noise import Noise
 from turnout.law.table import LawTableBuilder
-from turnout.mechanism.offnode_objects import offnode_row
+from turnout.mechanism.object_rows import offnode_row
 from turnout.solver.integration import History
 
 ROUNDING = 1e-12

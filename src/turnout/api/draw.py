@@ -1,4 +1,7 @@
-"""The usual figure of each kind of dataset."""
+"""The usual figure of each kind of dataset.
+
+Stands alone: it loads Matplotlib, which registering the accessor must not.
+"""
 
 from typing import TYPE_CHECKING, Any
 

@@ -16,7 +16,7 @@ from turnout.calibration.parameter import Parameter
 from turnout.calibration.predict import compared, predicted
 from turnout.calibration.shared import left_out, poorly_followed, shared_discrepancy, without_common
 from turnout.calibration.shared_estimates import shared_corrections
-from turnout.core.robust_deviation import MAD_TO_SIGMA
+from turnout.core.running_current import MAD_TO_SIGMA
 
 if TYPE_CHECKING:
     from turnout.calibration.fit import Fit

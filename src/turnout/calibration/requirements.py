@@ -18,7 +18,7 @@ from turnout.calibration.result import Calibration
 from turnout.calibration.stages import NONE, CalibrationPlan
 from turnout.core.errors import MeasurementError
 from turnout.panel.load import LoadedPanel
-from turnout.throw.object_room import object_fits
+from turnout.throw.object_fit import object_fits
 
 # A drive whose marker moves, but whose rod never changes by this, is dead or not there [N].
 LEAST_FORCE = 30.0

@@ -1,10 +1,12 @@
 """The command `turnout simulate`."""
 
 import contextlib
+import gc
 import importlib
 import math
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -25,7 +27,6 @@ from turnout.cli.options import (
     end_code,
     opened_panel,
 )
-from turnout.core.collector import without_collections
 from turnout.core.lean_imports import import_scipy, without_packages
 
 if TYPE_CHECKING:
@@ -247,7 +248,7 @@ def _run(
     )
     objects_placed = resolve_objects(panel, foreign)
 
-    from turnout.throw.placed import check_placed
+    from turnout.throw.object_fit import check_placed
     from turnout.throw.simulate import release_memory, simulate_placed
 
     rehearsal = threading.Thread(target=preload, kwargs={"plots": plots}, daemon=True)
@@ -355,3 +356,27 @@ def _print_summary(dataset: "xr.Dataset", written: list[Path]) -> None:
         typer.echo(f"{heading:<16}{coloured(text, 'bad') if fault else text}")
     for path in written:
         typer.echo(f"{'written':<16}{path} ({math.ceil(path.stat().st_size / 1000)} kB)")
+
+
+@contextmanager
+def without_collections() -> Iterator[None]:
+    """Collect no cycles for a while, as one that loads libraries and is soon over.
+
+    Loading makes some hundred thousand objects that stay, and each collection looks through all of
+    them: a seventh of a short command. Most memory is freed without collections.
+
+    Examples
+    --------
+    >>> with without_collections():
+    ...     gc.isenabled()
+    False
+    >>> gc.isenabled()
+    True
+    """
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()

@@ -1,4 +1,4 @@
-"""The moving average of measurements and features, which `turnout.kernels.efforts` makes too."""
+"""The moving average of measurements and features, which `turnout.kernels.force_features` makes too."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -9,7 +9,9 @@ running current is also where a centred moving average meets the instant of swit
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.core.robust_deviation import MAD_TO_SIGMA
+MAD_TO_SIGMA = 1.4826
+r""":math:`1 / \Phi^{-1}(3/4)`: half of all normal numbers lie within 0.6745 deviations [-]."""
+
 
 Floats = NDArray[np.float64]
 

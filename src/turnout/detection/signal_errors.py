@@ -10,7 +10,7 @@ from turnout.detection.conditions import FORCE
 from turnout.detection.drive_quantities import after_inrush, force_peaks, read_signals
 from turnout.detection.signal_discrepancy import Signal, SignalErrors, forces_only
 from turnout.panel.load import LoadedPanel
-from turnout.throw.force_gain import gain_along
+from turnout.throw.drives import gain_along
 from turnout.throw.simulate import simulate
 
 Floats = NDArray[np.float64]

@@ -4,7 +4,7 @@ One direction: file, document, overrides, records, checks, panel.
 """
 
 from collections.abc import Container, Iterable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Self
@@ -18,8 +18,11 @@ from turnout.core.library import names_a_file, names_in_library, text_in_library
 from turnout.core.problems import Problem, choices
 from turnout.core.provenance import content_hash
 from turnout.core.toml import Origin, TomlFile, parse_toml, read_toml
+from turnout.panel.check import check
 from turnout.panel.document import Document, expand
-from turnout.panel.document_check import CheckedDocument, check_document
+from turnout.panel.library_members import add_library_members
+from turnout.panel.markers import read_schedule_files
+from turnout.panel.matrices import check_matrices, read_matrices
 from turnout.panel.model import Panel
 from turnout.panel.override import (
     apply_overrides,
@@ -31,7 +34,7 @@ from turnout.panel.override import (
 from turnout.panel.pending_members import PendingPanel
 from turnout.panel.records import RailMatrices
 from turnout.panel.same_keys import PendingDocument, derive_panel, note_keys
-from turnout.panel.validate import Known, with_values
+from turnout.panel.validate import Known, validate, with_values
 
 # Neither changes what the panel is: the text about it, and where a schedule's numbers were read.
 _NOT_HASHED: dict[str, set[str]] = {"movement": {"table_file"}, "rail": {"matrices"}}
@@ -39,6 +42,69 @@ _HASHED = tuple(name for name in Panel.model_fields if name != "description")
 # For a notebook, and for completion.
 _COUNTED = ("chair", "fastening", "stop", "stud", "link", "sensor", "sleeper")
 _OWN = ("hash", "matrices", "origins", "overrides", "source", "with_overrides", "with_settings")
+
+
+@dataclass(frozen=True, slots=True)
+class CheckedDocument:
+    """A document after all checks.
+
+    Attributes
+    ----------
+    document : Document
+        With the columns of schedule files and the matrices that its tables name.
+    records : mapping of str to object
+        Value by field name of `Panel`; valid where there are no problems.
+    asked : mapping of str to frozenset of str
+        Fields of `Panel` that each check read, by the name of the check.
+    problems : tuple of Problem
+        In the order of the panel's keys, unknown keys first; empty for a valid panel.
+    """
+
+    document: Document
+    records: Mapping[str, Any]
+    asked: Mapping[str, frozenset[str]]
+    problems: tuple[Problem, ...]
+
+
+def check_document(
+    document: Document, *, folder: Path | None, known: Known | None = None
+) -> CheckedDocument:
+    """Read the files that a document names, make its records and check them.
+
+    Parameters
+    ----------
+    document : Document
+        With its families expanded and its overrides applied.
+    folder : Path or None
+        Where relative paths in its tables start.
+    known : Known, optional
+        A valid panel that this one was made from; what did not change is not checked again.
+
+    Returns
+    -------
+    CheckedDocument
+    """
+    document = add_library_members(document)
+    filled, file_problems = read_schedule_files(document, folder=folder)
+    matrices, matrix_problems = read_matrices(
+        document.tree.get("rail"), folder=folder, known=document.matrices
+    )
+    draft = validate(filled, known=known)
+    found = [*draft.problems, *file_problems, *matrix_problems, *check(draft, known=known)]
+    if not found:
+        found += check_matrices(draft.records, matrices)
+    return CheckedDocument(
+        document=replace(document, tables=filled.tables, matrices=matrices),
+        records=draft.records,
+        asked=draft.asked,
+        problems=tuple(sorted(found, key=_key_order)),
+    )
+
+
+def _key_order(problem: Problem) -> int:
+    """Return the place of a problem in the order of the panel's keys; -1 for unknown keys."""
+    known = list(Panel.model_fields)
+    return known.index(problem.path[0]) if problem.path and problem.path[0] in known else -1
 
 
 class LoadedPanel(PendingPanel):

@@ -15,16 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.lru_cache import LRUCache
-from turnout.kernels.distances import DistanceColumns, lessen_distances
+from turnout.kernels.gap_history import DistanceColumns, lessen_distances
 from turnout.kernels.lanes import empty_in_lines, whole_lines, zeros_in_lines
 from turnout.kernels.shared_record import shared_record
 from turnout.mechanism.mechanism import RailBody
 from turnout.panel.model import Panel
 from turnout.panel.profile import contact_height, running_edge_distance
 from turnout.solver.condense import BlockModel, CondensedRails
-from turnout.throw.block_products import block_of, multiply_by_block
 from turnout.throw.gaps import bodies_at_gap, gap_rows, stock_gap
-from turnout.throw.recovery import Motion
+from turnout.throw.recovery import Motion, block_of, multiply_by_block
 from turnout.throw.route import Throw, open_rail
 
 Floats = NDArray[np.float64]

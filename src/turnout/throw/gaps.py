@@ -15,7 +15,7 @@ from turnout.panel.profile import contact_height
 from turnout.panel.records import StockRail
 from turnout.solver.condense import CondensedRails
 from turnout.solver.seen import SeenRows
-from turnout.throw.recipes import Recipe, RowBlock
+from turnout.throw.output_weights import Recipe, RowBlock
 from turnout.throw.recovery import (
     CondensedShapes,
     Motion,

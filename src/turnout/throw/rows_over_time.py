@@ -1,7 +1,7 @@
 """Histories turned to channels: columns of stored instants become rows over time.
 
 Histories hold an instant after the other, channels a place after the other. What is wanted of them
-is collected here, and written by one kernel (`turnout.kernels.turned_rows`).
+is collected here, and written by one kernel (`turnout.kernels.transpose`).
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from turnout.core.lru_cache import LRUCache
 from turnout.kernels.lanes import LANES, whole_lines
 from turnout.kernels.shared_record import address_of, shared_record
-from turnout.kernels.turned_rows import (
+from turnout.kernels.transpose import (
     LINE,
     MINUS,
     PAIR,

@@ -40,7 +40,7 @@ from turnout.solver.energy import (
 )
 from turnout.solver.energy_rows import NUMERICAL, RESIDUAL, ROWS, STORED, write_energies
 from turnout.solver.integration import History
-from turnout.throw.recipes import Recipe, RowBlock, sums_of_columns
+from turnout.throw.output_weights import Recipe, RowBlock, sums_of_columns
 from turnout.throw.recovery import Motion, row_motion
 from turnout.throw.rows_over_time import Product
 

@@ -148,9 +148,9 @@ def simulate_placed(
 
 def release_memory() -> None:
     """Give back what a next run would use again: memory of histories, condensed rails."""
-    from turnout.throw.alike import clear_datasets
     from turnout.throw.dataset import clear_descriptions
-    from turnout.throw.recipes import clear_recipes
+    from turnout.throw.dataset_template import clear_datasets
+    from turnout.throw.output_weights import clear_recipes
 
     clear_memory()
     clear_recipes()
@@ -350,7 +350,7 @@ def compile_kernels(*, machines: bool = False) -> None:
         Whether the kernels for drives that are machines are wanted.
     """
     from turnout.throw.flangeway import compile_flangeways
-    from turnout.throw.recipes import sums_of_columns
+    from turnout.throw.output_weights import sums_of_columns
     from turnout.throw.rows_over_time import Rows, write_rows
     from turnout.throw.signals import energy_channels
 

@@ -14,11 +14,14 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from turnout.core.errors import FileError, PanelError, TurnoutError
 from turnout.core.lru_cache import LRUCache
 from turnout.core.scheme import Scheme
+from turnout.core.stored_arrays import arrays_from_bytes, arrays_to_bytes
 from turnout.core.toml import decode, parse_toml
 from turnout.figures.sheet import sheet_record
 from turnout.figures.throw_sheet import throw_sheet
@@ -39,7 +42,6 @@ from turnout.panel.load import (
 )
 from turnout.throw.simulate import simulate
 from turnout.web.controls import described, measured_record
-from turnout.web.kept import measured_from_bytes, measured_to_bytes
 from turnout.web.measured import (
     Measured,
     channel_map_of,
@@ -77,6 +79,7 @@ from turnout.web.throw import (
 
 if TYPE_CHECKING:
     from turnout.detection.detector.detector import Detector
+
 
 # Sizes of the caches.
 MOST_PANELS, MOST_RUNS, MOST_MEASURED, MOST_DETECTORS = 12, 3, 20, 2
@@ -386,3 +389,59 @@ def _other_files(data: Any, path: str = "") -> list[str]:
         elif isinstance(value, dict | list):
             found += _other_files(value, inner)
     return found
+
+
+PURPOSE = "movement of the studio"
+HEADER = "header"
+
+
+def measured_to_bytes(measured: Measured) -> bytes:
+    """Return a measured movement as bytes.
+
+    Parameters
+    ----------
+    measured : Measured
+        Its dataset has texts and numbers alone.
+
+    Examples
+    --------
+    >>> time = np.array([0.0, 0.1])
+    >>> run = xr.Dataset({"drive_force": ("time", time)}, {"time": time}, {"kind": "measurement"})
+    >>> kept = measured_from_bytes(measured_to_bytes(Measured("a", "closing", 0.0, "", run)))
+    >>> kept.title, kept.dataset.identical(run)
+    ('a', True)
+    """
+    dataset = measured.dataset
+    header = {
+        "fields": [measured.title, measured.direction, float(measured.size), measured.place],
+        "attributes": dataset.attrs,
+        "coordinates": [str(name) for name in dataset.coords],
+        "variables": {
+            str(name): {"dims": list(item.dims), "attributes": item.attrs}
+            for name, item in dataset.variables.items()
+        },
+    }
+    arrays: dict[str, NDArray[Any]] = {HEADER: np.array(json.dumps(header, default=_plain))}
+    for name, item in dataset.variables.items():
+        values = item.values
+        arrays[f"values {name}"] = values.astype(str) if values.dtype.hasobject else values
+    return arrays_to_bytes(arrays, PURPOSE)
+
+
+def measured_from_bytes(content: bytes) -> Measured:
+    """Return the movement that `measured_to_bytes` made bytes of."""
+    arrays = arrays_from_bytes(content, PURPOSE)
+    header = json.loads(str(arrays[HEADER]))
+    variables = {
+        name: (item["dims"], arrays[f"values {name}"], item["attributes"])
+        for name, item in header["variables"].items()
+    }
+    dataset = xr.Dataset(variables, attrs=header["attributes"])
+    dataset = dataset.set_coords([name for name in header["coordinates"] if name in dataset])
+    title, direction, size, place = header["fields"]
+    return Measured(title, direction, size, place, dataset)
+
+
+def _plain(value: Any) -> Any:
+    """Return a number of NumPy as one of JSON."""
+    return value.tolist()

@@ -24,7 +24,7 @@ from turnout.metric.verdict import verdict
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel
 from turnout.panel.model import Panel
-from turnout.throw.placed import check_placed
+from turnout.throw.object_fit import check_placed
 from turnout.throw.save import Save
 from turnout.throw.simulate import prepare, simulate
 from turnout.throw.store import response_bytes

@@ -19,7 +19,7 @@ from turnout.panel.load import LoadedPanel
 from turnout.solver.integration import History
 from turnout.solver.watch import Watch, Watched
 from turnout.study.study import Study
-from turnout.study.sweep.alike_throws import GAPS, LAID_TOGETHER, ThrowSignals, single_precision
+from turnout.study.sweep.throw_group import GAPS, LAID_TOGETHER, ThrowSignals, single_precision
 from turnout.throw.dataset import response_channels
 from turnout.throw.drives import machine_signals, machine_slips, moved_throws
 from turnout.throw.gaps import gaps_over_time, watched_gaps

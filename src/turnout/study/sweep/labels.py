@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.metric.features import FEATURES, run_features
-from turnout.metric.trapped import is_trapped
-from turnout.study.sweep.alike_throws import AlikeThrows, ThrowSignals
+from turnout.metric.verdict import is_trapped
+from turnout.study.sweep.throw_group import AlikeThrows, ThrowSignals
 from turnout.throw.labels import (
     contact_labels,
     control_states,

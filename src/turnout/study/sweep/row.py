@@ -6,7 +6,8 @@ the processor's caches: what need not be done beside it is done before and after
 once, which takes half the time: panels, mechanisms and motions before, signals and labels after.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +15,6 @@ from numpy.typing import NDArray
 
 from turnout.core.errors import PanelError, TurnoutError
 from turnout.core.scheme import Scheme
-from turnout.core.short_buffers import short_buffers
 from turnout.core.threads import one_blas_thread
 from turnout.mechanism.shape_key import LAWS_ALONE
 from turnout.panel.foreign_object import PlacedObject, resolve_objects
@@ -22,14 +22,14 @@ from turnout.panel.load import LoadedPanel
 from turnout.solver.outcome import Code
 from turnout.study.scenario import Scenario
 from turnout.study.study import Study
-from turnout.study.sweep.alike_throws import (
+from turnout.study.sweep.extract import extract_signals, watch_of
+from turnout.study.sweep.labels import compute_labels
+from turnout.study.sweep.throw_group import (
     ThrowSignals,
     group_by_layout,
     kept_histories,
     lay_together,
 )
-from turnout.study.sweep.extract import extract_signals, watch_of
-from turnout.study.sweep.labels import compute_labels
 from turnout.throw.coordinates import (
     default_stations,
     dimensions_of,
@@ -361,3 +361,30 @@ def refine_scheme(scheme: Scheme) -> Scheme:
 def rule_inputs(row: Row) -> Mapping[str, object]:
     """Return what the rule of a chain looks at."""
     return {"slipped": row.slipped, **row.scenario.inputs}
+
+
+ELEMENTS = 512
+"""Size of the buffer: shorter than the rows where it helps, long enough to convert types."""
+
+
+@contextmanager
+def short_buffers() -> Iterator[None]:
+    """Keep NumPy from copying rows into its buffers for a while.
+
+    Where an operand is not in one piece, or is repeated along the rows, NumPy copies as many whole
+    rows as fit its buffer of 8192 elements before it calculates with them, though no type has to be
+    converted. Rows that do not fit are taken as they are, which takes a third of the time. What
+    is calculated with is the same, and so are sums along an axis; a sum over all axes of an array
+    that is not in one piece adds in another order.
+
+    Examples
+    --------
+    >>> with short_buffers():
+    ...     np.getbufsize()
+    512
+    >>> np.getbufsize()
+    8192
+    """
+    with np.errstate():  # restores the size too
+        np.setbufsize(ELEMENTS)
+        yield

@@ -19,7 +19,7 @@ from turnout.panel.load import LoadedPanel
 from turnout.study.virtual.disturbance import Disturbance
 from turnout.study.virtual.record_throw import CurrentLaw, Window
 from turnout.throw.drives import machine_supplies
-from turnout.throw.object_room import estimated_opening, object_fits
+from turnout.throw.object_fit import estimated_opening, object_fits
 
 # The sizes of the published campaign; without an object there are repeats [m].
 SIZES = (0.005, 0.010, 0.013, 0.016, 0.018, 0.021, 0.023, 0.026, 0.029, 0.031)

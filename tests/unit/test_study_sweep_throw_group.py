@@ -13,8 +13,8 @@ from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
 from turnout.study.scenario import Scenario
 from turnout.study.study import Study
-from turnout.study.sweep import alike_throws
 from turnout.study.sweep import row as sweep_row
+from turnout.study.sweep import throw_group as alike_throws
 from turnout.throw.gaps import split_gaps, split_gaps_of
 from turnout.throw.simulate import simulate
 

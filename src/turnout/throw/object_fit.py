@@ -1,11 +1,17 @@
-"""Whether a foreign object finds room between the rails at its place."""
+"""Room for an object between the rails at its place, and the refusal where there never is any."""
 
+from typing import TYPE_CHECKING
+
+from turnout.core.errors import FileError
 from turnout.core.scheme import Scheme
 from turnout.panel.foreign_object import OPENING_MARGIN, ForeignObject, resolve_objects
 from turnout.panel.layout import largest_opening
 from turnout.panel.load import LoadedPanel
 from turnout.throw.save import Save
 from turnout.throw.simulate import simulate
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 def object_fits(panel: LoadedPanel, size: float, place: str) -> bool:
@@ -52,3 +58,29 @@ def object_fits(panel: LoadedPanel, size: float, place: str) -> bool:
 def estimated_opening(panel: LoadedPanel, x: float) -> float | None:
     """Return about how far the rails stand apart at a position, at most [m]."""
     return largest_opening(panel, str(panel.object_defaults.rail), x)
+
+
+def check_placed(dataset: "xr.Dataset") -> None:
+    """Refuse a whole run in which an object was never placed.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        From `simulate`.
+
+    Raises
+    ------
+    FileError
+        With what to change.
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> check_placed(xr.Dataset({"object_placed": True}, attrs={"complete": True}))
+    """
+    if dataset.attrs["complete"] and not dataset.get("object_placed", True):
+        message = (
+            "object: does not fit: the gap is smaller at all times from its onset on; "
+            "take a smaller size, another place or another time"
+        )
+        raise FileError(message)

@@ -5,8 +5,8 @@ import pytest
 import xarray as xr
 
 from turnout.core.errors import ResponseError
-from turnout.throw import alike
-from turnout.throw.alike import clear_datasets, labelled_dataset
+from turnout.throw import dataset_template as alike
+from turnout.throw.dataset_template import clear_datasets, labelled_dataset
 from turnout.throw.signals import Variable
 
 Variables = dict[str, Variable]

@@ -14,7 +14,7 @@ from turnout.panel.load import load_panel
 from turnout.panel.profile import contact_height
 from turnout.throw.coordinates import coordinates, indexed
 from turnout.throw.gaps import gap_places, gap_rows
-from turnout.throw.recipes import (
+from turnout.throw.output_weights import (
     Recipe,
     RowBlock,
     clear_recipes,

@@ -6,10 +6,8 @@ import pytest
 from turnout.core.scheme import Scheme
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
-from turnout.throw.block_products import block_of
-from turnout.throw.channel_rows import channel_rows
-from turnout.throw.dataset import response_channels
-from turnout.throw.recovery import recover_motion
+from turnout.throw.dataset import channel_rows, response_channels
+from turnout.throw.recovery import block_of, recover_motion
 from turnout.throw.save import Save
 from turnout.throw.signals import drive_signals, energy_scale, object_channels
 from turnout.throw.simulate import Solved, simulate, solve

@@ -1,4 +1,6 @@
-r"""Foreign objects between the nodes of the rails, which then stay the same for all their places.
+r"""Rows of foreign objects on the rails: at nodes, and between them.
+
+Between nodes, the rails stay the same for all places of an object.
 
 A point of a rail between two nodes follows the cubic through lateral displacement and slope at
 both, and the linear course of the roll. What a rail yields at such a point beyond its reduced
@@ -26,7 +28,7 @@ from turnout.core.lru_cache import LRUCache
 from turnout.mechanism.build_rails import approach_ends
 from turnout.mechanism.mechanism import RailBody, RailData
 from turnout.mechanism.reduce import content_key, superelement_of
-from turnout.mechanism.structure import Structure
+from turnout.mechanism.structure import Structure, form_rows
 from turnout.panel.foreign_object import PlacedObject
 from turnout.panel.model import Panel
 
@@ -169,3 +171,44 @@ def _residual(rail: _Inside, *, x: float, z: float) -> float:
     modes = element.transformation[rail.inner, element.interface.size :]
     kept = (modes.T @ row) / (2.0 * np.pi * element.frequencies_kept)
     return float(row @ rail.factor.solve(row) - kept @ kept)
+
+
+def node_rows(
+    panel: Panel,
+    objects: Sequence[PlacedObject],
+    rails: Sequence[RailData],
+    bodies: Sequence[RailBody],
+) -> list[Floats] | None:
+    """Return the rows of a switch rail's approach to its stock rail where objects stand.
+
+    Parameters
+    ----------
+    panel : Panel
+        The panel.
+    objects : sequence of PlacedObject
+        The objects.
+    rails : sequence of RailData
+        All rails without them.
+    bodies : sequence of RailBody
+        The same, reduced.
+
+    Returns
+    -------
+    list of ndarray, shape (n_coordinates,)
+        None if a rail needs a node or coordinates that it does not have.
+    """
+    by_name = {body.name: (data, body) for data, body in zip(rails, bodies, strict=True)}
+    rows = []
+    for item in objects:
+        row = np.zeros(sum(body.count for body in bodies))
+        for name, point in approach_ends(panel, item.rail, x=item.x, height=item.height):
+            data, body = by_name[name]
+            if data.matrices is None and np.round(point.x, 9) not in data.x:
+                return None
+            structure, element, _ = superelement_of(data)
+            own = form_rows(structure, (point,), name=name)
+            if not np.isin(own.indices[own.data != 0.0], element.interface).all():
+                return None
+            row[body.first : body.first + body.count] += (own @ element.transformation)[0]
+        rows.append(row)
+    return rows
