@@ -54,7 +54,7 @@ LONG = (
     "tests/faults/test_cli_campaign.py",
     "tests/unit/test_web_map.py",
     "tests/unit/test_study_discrepancy_fit.py",
-    "tests/unit/test_report_validation.py",
+    "tests/unit/test_figures_report_validation.py",
     "tests/unit/test_web_worker.py",
     "tests/unit/test_detection_pod.py",
     "tests/unit/test_detection_throws.py",

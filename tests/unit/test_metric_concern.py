@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from tests.unit.simulated import sb2_panel
-from tests.unit.test_response_simulate import interrupted
+from tests.unit.test_throw_simulate import interrupted
 
 from turnout.metric.panel_check import concerns
 from turnout.throw.simulate import simulate

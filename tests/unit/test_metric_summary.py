@@ -3,7 +3,7 @@
 import pytest
 import xarray as xr
 from tests.unit.simulated import sb1_dataset, sb1_panel, sb2_dataset
-from tests.unit.test_response_simulate import interrupted
+from tests.unit.test_throw_simulate import interrupted
 
 from turnout.metric.summary import summary
 from turnout.throw.simulate import simulate

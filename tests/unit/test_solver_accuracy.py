@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from tests.unit.test_integrate_columns import INERTIA, VISCOSITY, Setup, flip, setup
+from tests.unit.test_solver_columns import INERTIA, VISCOSITY, Setup, flip, setup
 
 from turnout.core.scheme import AlphaCoefficients
 from turnout.law.kernel import SLIP_FORWARD

@@ -11,7 +11,7 @@ from types import FrameType
 
 import numpy as np
 import pytest
-from tests.unit.test_integrate_columns import setup
+from tests.unit.test_solver_columns import setup
 
 from turnout.core.scheme import Scheme
 from turnout.kernels import flag_setter, interrupt

@@ -1,7 +1,7 @@
 """Memory of histories that are gone serves again; that of others is left alone."""
 
 import numpy as np
-from tests.unit.test_integrate_scheme import oscillator
+from tests.unit.test_solver_scheme import oscillator
 
 from turnout.solver.scratch import MOST_KEPT, acquire_buffer, release_buffers
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from tests.unit.simulated import sb1_dataset
-from tests.unit.test_response_simulate import interrupted
+from tests.unit.test_throw_simulate import interrupted
 
 from turnout.core.errors import FileError
 from turnout.throw.store import open_response, save_response

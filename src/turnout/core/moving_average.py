@@ -1,4 +1,4 @@
-"""The moving average of measurements and features, which `turnout.kernels.force_features` makes too."""
+"""Moving average of measurements and features; `turnout.kernels.force_features` computes the same."""
 
 import numpy as np
 from numpy.typing import NDArray
