@@ -1,4 +1,4 @@
-"""Moving average of measurements and features; `turnout.kernels.force_features` computes the same."""
+"""Moving average of measurements and features, as `turnout.kernels.force_features` makes it too."""
 
 import numpy as np
 from numpy.typing import NDArray
