@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from benchmarks.census import count
 
 SRC = Path(__file__).parents[2] / "src" / "turnout"
 MODULES = sorted(SRC.rglob("*.py"))
@@ -58,7 +59,12 @@ HEAVY: dict[str, set[str]] = {
     "numba": {"kernels"},
 }
 
-MOST_LINES_IN_A_FILE = 450
+MOST_LINES_IN_A_FILE = 800
+LEAST_LINES_OF_CODE = 60
+STANDS_ALONE = "Stands alone"
+"""How the head of a file begins the sentence that gives the reason for its size."""
+TO_BE_REWRITTEN = {"calibration", "detection", "kernels", "solver"}
+"""Rooms whose small files are merged when their insides are rewritten."""
 MOST_LINES_IN_A_FUNCTION = 59
 
 
@@ -143,12 +149,51 @@ def test_a_forbidden_import_is_seen(package: str, name: str, words: str) -> None
     assert words in (fault_of_import(package, name) or "")
 
 
-def test_files_stay_short() -> None:
-    lines = {path: len(path.read_text(encoding="utf-8").splitlines()) for path in MODULES}
-    long = [
-        f"{path.relative_to(SRC)}: {n}" for path, n in lines.items() if n > MOST_LINES_IN_A_FILE
+def code_lines(path: Path) -> int:
+    """Count the lines of a file that hold code, neither comments nor docstrings."""
+    return count(path)[1]
+
+
+def importers() -> dict[Path, set[Path]]:
+    """Return by file the other files that import it or a name of it."""
+    by_name = {
+        ".".join(path.relative_to(SRC.parent).with_suffix("").parts): path for path in MODULES
+    }
+    found: dict[Path, set[Path]] = {path: set() for path in MODULES}
+    for path in MODULES:
+        for node, name in imports_of(path):
+            names = [f"{name}.{alias.name}" for alias in getattr(node, "names", [])]
+            for full in (name, *names):
+                if full in by_name:
+                    found[by_name[full]].add(path)
+    return found
+
+
+def stands_alone_for_no_reason(path: Path, readers: set[Path]) -> str:
+    """Say what makes a file a crumb or a heap; empty where its head gives the reason."""
+    if STANDS_ALONE in (ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""):
+        return ""
+    if len(path.read_text(encoding="utf-8").splitlines()) > MOST_LINES_IN_A_FILE:
+        return f"has over {MOST_LINES_IN_A_FILE} lines: split it, or say '{STANDS_ALONE} ...'"
+    inside = len(readers) == 1 and package_of(next(iter(readers))) == package_of(path)
+    if (
+        inside
+        and code_lines(path) < LEAST_LINES_OF_CODE
+        and package_of(path) not in TO_BE_REWRITTEN
+    ):
+        return f"has one reader, {next(iter(readers)).name}: merge, or say '{STANDS_ALONE} ...'"
+    return ""
+
+
+def test_files_that_stand_alone_say_why() -> None:
+    found = importers()
+    assert sum(len(readers) for readers in found.values()) > len(MODULES)
+    faults = [
+        f"{path.relative_to(SRC)} {fault}"
+        for path, readers in found.items()
+        if (fault := stands_alone_for_no_reason(path, readers))
     ]
-    assert not long, f"over {MOST_LINES_IN_A_FILE} lines, so more than one idea: {long}"
+    assert not faults, "\n".join(faults)
 
 
 def test_functions_stay_short() -> None:
