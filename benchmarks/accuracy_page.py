@@ -113,7 +113,7 @@ def section(runs: Sequence[Run]) -> str:
         " not settle, and no error-controlled ones. `gap_tolerance` and `force_tolerance` are"
         " far below the errors here, so that step and cut-off decide.",
         "",
-        "![Error of drives, object and chairs against processor time](figures/accuracy.png)",
+        "![Error of drives, object and chairs against processor time](../figures/accuracy.png)",
         "",
         "Cases with a 13 mm object; small figures at the line of 300 Hz are steps [ms]. On SB1 the"
         " object vanishes at 4 s under 7 kN, which no switch does: that blow makes its errors.",

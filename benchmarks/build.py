@@ -2,9 +2,9 @@
 
     python -m benchmarks.build
 
-writes docs/performance-build.md. One core. "Cold" starts with an empty cache in a new process,
-"from files" in a new process with what that one left, "in memory" repeats it. Importing Python
-packages is separate, it is no build.
+writes docs/evidence/performance-build.md. One core. "Cold" starts with an empty cache in a new
+process, "from files" in a new process with what that one left, "in memory" repeats it. Importing
+Python packages is separate, it is no build.
 """
 
 import argparse
@@ -16,7 +16,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-PAGE = Path(__file__).parents[1] / "docs" / "performance-build.md"
+PAGE = Path(__file__).parents[1] / "docs" / "evidence" / "performance-build.md"
 REPEATS = 5
 
 PROBE = """

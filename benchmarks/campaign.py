@@ -1,11 +1,11 @@
-"""Time a virtual campaign of the published size and its build; write docs/campaign-performance.md.
+"""Time a virtual campaign of the published size and its build, for docs/evidence.
 
     python -m benchmarks.campaign [FOLDER]
 
 The campaign is made in FOLDER (default: a temporary one), or gone on with there, by the program
 itself in two processes. Its build is then timed from files to the dataset written, by the program
 too, as a user starts it: with nothing read before, and with everything read before. The figures of
-docs/how-to/campaign.md are drawn from what was built.
+docs/use/campaign.md are drawn from what was built.
 """
 
 import argparse
@@ -96,7 +96,7 @@ def main() -> None:
         again = timed_builds(folder, fresh=False)
         count = len(read_sheet(find_sheet(folder)).runs)
         text = page(count, made=made, fresh=fresh, again=again)
-        (DOCS / "campaign-performance.md").write_text(text, encoding="utf-8")
+        (DOCS / "evidence" / "campaign-performance.md").write_text(text, encoding="utf-8")
         draw(folder)
 
 

@@ -19,7 +19,7 @@ from pathlib import Path
 from benchmarks.machine import load, machine
 
 HERE = Path(__file__).parents[1]
-PAGE = HERE / "docs" / "performance-start.md"
+PAGE = HERE / "docs" / "evidence" / "performance-start.md"
 SIMULATE = ["simulate", "uic60-760-1-15", "--object", "13mm@sleeper6", "--quiet"]
 MACHINES = ["--set", "drive.1.machine=jea73", "--set", "drive.2.machine=jea73-drive2"]
 FIRST_STEP = f"""

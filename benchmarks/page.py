@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-PERFORMANCE = Path(__file__).parents[1] / "docs" / "performance.md"
+PERFORMANCE = Path(__file__).parents[1] / "docs" / "evidence" / "performance.md"
 HEAD = """# Performance
 
 Every section below is written by the command that it names. The machine and its load stand with

@@ -2,7 +2,7 @@
 
     python -m benchmarks.profile
 
-writes a section of docs/performance.md. Each kernel of a step is timed alone, thousands of
+writes a section of docs/evidence/performance.md. Each kernel of a step is timed alone, thousands of
 times on the state of a rail in motion; numbers and products are counted from the sizes. What the
 kernels do not add up to is the loop around them and memory that is touched for the first time.
 """

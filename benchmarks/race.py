@@ -2,7 +2,7 @@
 
     python -m benchmarks.race [FOLDER] [--again RACER ...]
 
-writes two sections of docs/performance.md. What was measured is kept in FOLDER (default
+writes two sections of docs/evidence/performance.md. What was measured is kept in FOLDER (default
 build/race), so that an interrupted race goes on where it stopped and slow programs run once;
 `--again` measures some racers afresh (`all` for everyone), which ratios ask for: they are of one
 run. Needs the extra `benchmark`; a program that is not installed is left out, saying so.
@@ -31,7 +31,7 @@ ROOT = Path(__file__).parents[1]
 NEEDS = {"exudyn": "exudyn", "exudyn-reduced": "exudyn", "opensees": "openseespy"}
 Found = dict[str, object]
 MODE_LINES = ("turnout-quick", "turnout-waveform")
-PICTURE = "![Processor time of every program that agrees](figures/race.png)\n"
+PICTURE = "![Processor time of every program that agrees](../figures/race.png)\n"
 
 TEXT = """One prismatic rail on 16 chairs, thrown and returned in 9 s: case A without an object,
 case B with 13 mm at x = 3.9 m. Every program solves the same laws, friction with exact stick and

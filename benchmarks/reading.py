@@ -1,4 +1,4 @@
-"""Time the reading of an hour of five channels at 1 kHz and write docs/performance-reading.md.
+"""Time the reading of an hour of five channels at 1 kHz, for docs/evidence.
 
     python -m benchmarks.reading
 
@@ -21,7 +21,7 @@ from benchmarks.machine import machine
 from turnout.measurement.formats.file_format import write_recording
 from turnout.measurement.recording import RecordedChannel, Recording
 
-PAGE = Path(__file__).parents[1] / "docs" / "performance-reading.md"
+PAGE = Path(__file__).parents[1] / "docs" / "evidence" / "performance-reading.md"
 SECONDS, RATE, CHANNELS = 3600, 1000, 5
 REPEATS = 3
 

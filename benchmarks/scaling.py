@@ -208,7 +208,7 @@ def section(measured: dict[str, tuple[str, list[Point]]], *, most: float) -> str
         " the displacements that laws read, flips the changes of a law's segment. The exponent is"
         " of the steps, fitted through all points of an axis, and between the last two.",
         "",
-        "![Time of the steps along four axes](figures/scaling.png)",
+        "![Time of the steps along four axes](../figures/scaling.png)",
         "",
         "| axis | value | rows | modes | checks of the set | flips | before steps [ms] "
         "| steps [ms] | exponent | at the end |",

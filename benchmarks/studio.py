@@ -1,4 +1,4 @@
-"""Time the answers of the studio over HTTP and write docs/performance-studio.md.
+"""Time the answers of the studio over HTTP and write docs/evidence/performance-studio.md.
 
     python -m benchmarks.studio
 
@@ -18,7 +18,7 @@ from tests.unit.served import Client, served
 from benchmarks.machine import load, machine
 from turnout.panel.load import load_panel
 
-PAGE = Path(__file__).parents[1] / "docs" / "performance-studio.md"
+PAGE = Path(__file__).parents[1] / "docs" / "evidence" / "performance-studio.md"
 PANEL = "uic60-760-1-15"
 COUNT = 20
 STEP = 0.05

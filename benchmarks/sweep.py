@@ -1,4 +1,4 @@
-"""Measure sweeps; write docs/performance-sweep.md.
+"""Measure sweeps; write docs/evidence/performance-sweep.md.
 
     python -m benchmarks.sweep FOLDER [--full 2000] [--small 20000] [--store 64] [--workers 2]
 
@@ -275,7 +275,7 @@ def main() -> None:
         result = json.loads((folder / "small.json").read_text(encoding="utf-8"))
         keep("small", result | {"curve": curve})
     keep("reading", reading(folder / "small"))
-    (DOCS / "performance-sweep.md").write_text(page(kept), encoding="utf-8")
+    (DOCS / "evidence" / "performance-sweep.md").write_text(page(kept), encoding="utf-8")
     peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1e3
     print(f"written; the largest process took {peak:.0f} MB")
 

@@ -1,4 +1,4 @@
-"""Measure throws of quick sweeps against older checkouts; write docs/performance-rate.md.
+"""Measure throws of quick sweeps against older checkouts; write docs/evidence/performance-rate.md.
 
     python -m benchmarks.sweep_rate OLDER ... [--batches 4] [--only million] [--note TEXT]
 
@@ -24,7 +24,7 @@ from pathlib import Path
 from benchmarks.machine import ONE_THREAD, load, machine
 
 ROOT = Path(__file__).parents[1]
-PAGE = ROOT / "docs" / "performance-rate.md"
+PAGE = ROOT / "docs" / "evidence" / "performance-rate.md"
 STUDIES = {
     "stiffness, slip, friction field, object size and place": ROOT / "benchmarks" / "million.toml",
     "population of sound switches": "detection-reference",
@@ -185,7 +185,7 @@ def page(found: dict[str, list[dict[str, float]]], names: Sequence[str], *, note
             *plan,
             "",
             "Make it a hundred sweeps of a million, one a `seed`, since a sweep plans all of its",
-            "batches at its start. [Workers of a cluster](how-to/sweep-run.md) write their batches",
+            "batches at its start. [Workers of a cluster](../use/sweep-run.md) write their batches",
             "themselves; one that is lost costs its batch, at most 1,024 throws, which another one",
             "throws again (`tests/unit/test_study_sweep_cluster.py`).",
             "",

@@ -1,4 +1,4 @@
-"""Show where the time of a throw of a quick sweep goes; write a section of docs/performance.md.
+"""Show where the time of a throw of a quick sweep goes, in docs/evidence/performance.md.
 
     python -m benchmarks.sweep_stages [STUDY] [--count 192] [--repeats 3]
 

@@ -1,4 +1,4 @@
-"""Time one throw of the default panel and write a section of docs/performance.md.
+"""Time one throw of the default panel and write a section of docs/evidence/performance.md.
 
     python -m benchmarks.throw
 

@@ -5,7 +5,7 @@ The parts are in `tests/attack`.
 Each attempt has a number and follows from it and the seed alone. What is done stands in a journal
 in the folder, a line an attempt: a job that was killed, or whose time was up, continues
 from the last line.
-At its end the table of all parts is written to docs/robustness.md.
+At its end the table of all parts is written to docs/evidence/robustness.md.
 """
 
 import argparse
@@ -25,7 +25,7 @@ from typing import Any
 
 from benchmarks.studies.resumable import RESULTS, put_section, read_records
 
-PAGE = Path(__file__).parents[2] / "docs" / "robustness.md"
+PAGE = Path(__file__).parents[2] / "docs" / "evidence" / "robustness.md"
 OUTCOMES = ("refused", "stopped", "answered", "fault")
 Record = dict[str, Any]
 Attacking = Callable[[int], AbstractContextManager[Callable[[int], Record]]]

@@ -9,7 +9,7 @@ truth is solved with half the mesh, twice the modes, quarter steps and other dam
 and cross-talk of the force channels are wrong by draws from what the intervals allow for
 (`Uncertainty`): common to a campaign, and sensitivity from movement to movement. The joint stage
 of the default calibration starts 5 % or so from the truth. A campaign is fixed by its index; a job
-that was stopped goes on. `report` writes into docs/calibration.md.
+that was stopped goes on. `report` writes into docs/evidence/calibration.md.
 
 Beside the intervals, every eighth record has their widths as they would be at the same fit without
 the discrepancy that movements share and without gains as unknowns, with a measuring chain that is
@@ -55,7 +55,7 @@ LEAST, MOST, GOAL = 0.90, 0.98, 0.95
 EVERY = 8
 # Uncertainty of all gains before they were unknowns of the fit [-].
 FORMER_GAIN = 1e-3
-PAGE = Path(__file__).parents[2] / "docs" / "calibration.md"
+PAGE = Path(__file__).parents[2] / "docs" / "evidence" / "calibration.md"
 
 
 def result_of(index: int) -> Record:

@@ -8,7 +8,7 @@
 mesh, shorter steps and more modes than a fit uses. `run` times the command, from
 the start with no throw kept, with two processes: on 20 movements, on all of them, and with the
 posterior of 20. Each takes its time from DIR/times.jsonl where it was measured before; delete the
-file to measure again. `report` writes into docs/calibration.md.
+file to measure again. `report` writes into docs/evidence/calibration.md.
 """
 
 import argparse
@@ -28,7 +28,7 @@ from turnout.panel.load import load_panel
 from turnout.throw.store import open_response
 
 PANEL = "uic60-760-1-15"
-PAGE = Path(__file__).parents[2] / "docs" / "calibration.md"
+PAGE = Path(__file__).parents[2] / "docs" / "evidence" / "calibration.md"
 TIMES, DATASET = "times.jsonl", "campaign.nc"
 SEED, WORKERS = 20261124, 2
 # Throws without an object in each direction: 96 movements in all.

@@ -1,6 +1,6 @@
 """What a detector sees of machines by force, current, power or all.
 
-Tables of docs/detection-results.md.
+Tables of docs/evidence/detection-results.md.
 
 ``python -m benchmarks.studies.detector_machines DIR`` throws switches whose drives are machines, to
 learn from and, with another seed, to be judged, trains a detector by each quantity with the same
@@ -8,7 +8,7 @@ throws, and judges the same switches by each. Throws, detectors and verdicts are
 that a stopped run goes on.
 
 By all means one likelihood of all signals: forces in their windows, currents and powers in windows
-eight times as long, as on docs/detection-limit.md, since few throws determine no more features. The
+eight times as long, as in `turnout limit`, since few throws determine no more features. The
 discrepancy of a force shows in current and power through the gain of the machine.
 """
 
@@ -174,7 +174,7 @@ def figures(
 
 
 def tables(said: Said) -> list[str]:
-    """Return the figures as tables of docs/detection-results.md."""
+    """Return the figures as tables of docs/evidence/detection-results.md."""
     first = next(iter(said.values()))["0"]["a90"]
     names = [name.replace("sleeper ", "").replace("drive ", "D") for name in first]
     lines = [f"| a90 [mm] | {' | '.join(names)} |", "|---|" + "--|" * len(names)]

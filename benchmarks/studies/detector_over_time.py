@@ -237,7 +237,7 @@ def _alarms(
 
 
 def year_table(months: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return false alarms and statuses of each month as a table of docs/detection-results.md."""
+    """Return false alarms and statuses of each month as a table."""
     lines = [
         "| | alarms, upper 95 % limit | at 1/10,000 | verdicts: sound | other cause | unknown "
         "| cannot judge | gaps called |",

@@ -31,7 +31,7 @@ Arrays = dict[str, np.ndarray]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sizes:
-    """How many throws the figures rest on; by default as on docs/detection-results.md."""
+    """How many throws the figures rest on; by default as on docs/evidence/detection-results.md."""
 
     sound: int = 4000
     objects: int = 3000

@@ -186,7 +186,7 @@ def _judged(study: Study, setting: Setting, folder: Path) -> Start:
 
 
 def table(found: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Return the figures as tables of docs/detection-results.md."""
+    """Return the figures as tables of docs/evidence/detection-results.md."""
     lines: list[str] = []
     for label, own in found.items():
         places = own["difference"]

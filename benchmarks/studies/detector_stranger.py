@@ -54,8 +54,8 @@ A90_KNOWN = {
     "sleeper 5": 11.7, "sleeper 6": 11.8, "sleeper 7": 9.8, "sleeper 8": 8.1, "sleeper 9": 5.9,
     "sleeper 10": 3.7, "sleeper 11": 3.2, "drive 2": 2.8,
 }  # fmt: skip
-"""a90 of the reference case on docs/detection-results.md, without and with a history [mm]: objects
-are of sizes about these, and a90 here is compared with them."""
+"""a90 of the reference case (docs/evidence/detection-results.md), without and with a history [mm]:
+objects are of sizes about these, and a90 here is compared with them."""
 
 
 def main() -> None:

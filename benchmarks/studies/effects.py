@@ -5,8 +5,8 @@ found can stand beside.
 
     python -m benchmarks.studies.effects
 
-writes docs/effects.md. Sections are changed in a table that has the numbers of the planed outlines
-and gives the very same throw as they do; stock rails are made rigid by leaving them out.
+writes docs/evidence/effects.md. Sections are changed in a table that has the numbers of the planed
+outlines and gives the very same throw as they do; stock rails are made rigid by leaving them out.
 """
 
 import argparse
@@ -284,7 +284,7 @@ def main() -> None:
     )
     parts = [HEAD, *(f"{table(size, found)}\n" for size, found in results.items()), reasons]
     parts += [f"| {name} | {size or 'none up to 35'} |\n" for name, size in slips]
-    (DOCS / "effects.md").write_text("".join(parts), encoding="utf-8")
+    (DOCS / "evidence" / "effects.md").write_text("".join(parts), encoding="utf-8")
 
 
 def _changes(base: Figures, other: Figures) -> np.ndarray:

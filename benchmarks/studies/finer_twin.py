@@ -7,7 +7,7 @@ Ten movements of the default panel, whose truth has elements half as long, modes
 frequency, steps of a quarter and other numerical damping (`turnout campaign virtual --finer`), with
 noise, drift, hum, cross-talk and friction that scatters by 2 % from throw to throw, written and
 built as a measured campaign. Index 0 starts from the library's values, 1 far from them. Each value
-must come within 1 %. `report` writes into docs/calibration.md.
+must come within 1 %. `report` writes into docs/evidence/calibration.md.
 """
 
 import sys
@@ -25,7 +25,7 @@ from turnout.study.virtual.make_campaign import make_virtual_campaign
 from turnout.study.virtual.record_throw import finer_panel, finer_scheme
 
 NAME = "uic60-760-1-15"
-PAGE = Path(__file__).parents[2] / "docs" / "calibration.md"
+PAGE = Path(__file__).parents[2] / "docs" / "evidence" / "calibration.md"
 SEED = 20251106
 LIMIT = 0.01
 TRUTH = {

@@ -48,7 +48,7 @@ from turnout.core.errors import TurnoutError
 from turnout.measurement.campaign.build_campaign import build_campaign
 from turnout.panel.load import load_panel
 
-PAGE = Path(__file__).parents[2] / "docs" / "calibration.md"
+PAGE = Path(__file__).parents[2] / "docs" / "evidence" / "calibration.md"
 NAMED = 3
 
 

@@ -2,7 +2,7 @@
 
     python -m benchmarks.studies.inertia
 
-writes docs/quasi-static.md and its figure.
+writes docs/evidence/quasi-static.md and its figure.
 """
 
 import argparse
@@ -119,7 +119,7 @@ no iteration, and no step but the pieces in which the path of the markers is dra
 and solved columns with the first and nothing of the stepping. Where rails move slowly the two must
 agree; where they do not, the difference is what inertia does.
 
-![Both integrators on the default panel](figures/quasi_static.png)
+![Both integrators on the default panel](../figures/quasi_static.png)
 
 The default panel with 13 mm at sleeper 6; with inertia less without:
 
@@ -187,7 +187,7 @@ def main() -> None:
     """Write the page and its figure."""
     argparse.ArgumentParser(description=__doc__).parse_args()
     figure().savefig(DOCS / "figures" / "quasi_static.png", dpi=150)
-    (DOCS / "quasi-static.md").write_text(page(), encoding="utf-8")
+    (DOCS / "evidence" / "quasi-static.md").write_text(page(), encoding="utf-8")
 
 
 if __name__ == "__main__":

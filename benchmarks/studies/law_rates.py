@@ -7,7 +7,7 @@ Index 3 n is a campaign without a defect, 3 n + 1 with a worn clutch on Drive 2 
 level, scattering by 5 %), 3 n + 2 with a soft build-up (a lag of 0.25 s after contact). Panel sb1,
 9 closing movements, truth and start as in the job on coverage: the truth is solved with half the
 mesh, twice the modes, quarter steps and other damping. A campaign is fixed by its index; a job that
-was stopped goes on. `report` writes into docs/calibration.md.
+was stopped goes on. `report` writes into docs/evidence/calibration.md.
 """
 
 from dataclasses import replace
@@ -34,7 +34,7 @@ DEFECTS = (
     Defects(slip_excess=0.15, slip_scatter=0.05),
     Defects(build_up_lag=0.25),
 )
-PAGE = Path(__file__).parents[2] / "docs" / "calibration.md"
+PAGE = Path(__file__).parents[2] / "docs" / "evidence" / "calibration.md"
 
 
 def near(truth: dict[str, float], rng: np.random.Generator) -> Calibration:

@@ -9,7 +9,7 @@ measuring chain (clamps: 10 mA, drift, hum, 16 bits; cross-talk between the forc
 from what the intervals allow for), read back, averaged over 0.1 s and fitted:
 four throws in each direction and three objects at each drive, on which its clutch slips. The truth
 is the closed form of the machine drawn. A campaign is fixed by its index; a job that was stopped
-continues. `report` writes into docs/machine.md.
+continues. `report` writes into docs/use/machines.md.
 """
 
 import tempfile
@@ -46,7 +46,7 @@ SPREADS = {
     "clutch.torque": 0.05,
 }
 WITHIN, LEAST, MOST = 0.02, 0.90, 0.98
-PAGE = Path(__file__).parents[2] / "docs" / "machine.md"
+PAGE = Path(__file__).parents[2] / "docs" / "use" / "machines.md"
 
 
 def drawn_panel(rng: np.random.Generator) -> LoadedPanel:

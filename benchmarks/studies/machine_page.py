@@ -1,4 +1,4 @@
-"""Write the results on docs/machine.md: every figure comes from what the tests call.
+"""Write the results on docs/use/machines.md: every figure comes from what the tests call.
 
     python -m benchmarks.studies.machine_page
 
@@ -28,7 +28,7 @@ from turnout.machine.machine_file import load_machines
 from turnout.machine.one_mass_throw import MachineThrow, throw_one_mass
 from turnout.throw.machine import machine_dataset
 
-PAGE = Path(__file__).parents[2] / "docs" / "machine.md"
+PAGE = Path(__file__).parents[2] / "docs" / "use" / "machines.md"
 MARK = "(machine-results)=\n"
 CHANNELS = ("current", "speed", "rod_force", "rod_position", "rail_position")
 
@@ -228,7 +228,7 @@ def main() -> None:
     argparse.ArgumentParser(description=__doc__).parse_args()
     start = time.perf_counter()
     held = machine_dataset(throw_one_mass("sb3", overrides=CASES["S3"]))
-    (PAGE.parent / "figures" / "machine.png").write_bytes(rendered(plot_machine(held), ".png"))
+    (PAGE.parents[1] / "figures" / "machine.png").write_bytes(rendered(plot_machine(held), ".png"))
     sections = (
         benchmark_lines,
         motor_lines,

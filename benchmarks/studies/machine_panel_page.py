@@ -1,4 +1,4 @@
-"""Write what machines do on panels into docs/machine.md, from what the tests call.
+"""Write what machines do on panels into docs/use/machines.md, from what the tests call.
 
 python -m benchmarks.studies.machine_panel_page
 
@@ -24,7 +24,7 @@ from benchmarks.studies.resumable import put_section
 from turnout.machine.steady import slip_point
 from turnout.mechanism.drive_machines import fitted_machine
 
-PAGE = Path(__file__).parents[2] / "docs" / "machine.md"
+PAGE = Path(__file__).parents[2] / "docs" / "use" / "machines.md"
 CHANNELS = {
     "rod force": ("drive_force", "rod_force"),
     "current": ("drive_current", "current"),

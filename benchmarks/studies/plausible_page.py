@@ -1,4 +1,4 @@
-"""The tables of docs/plausible-panels.md, from the folder of a matching of `paper-facts`.
+"""The tables of docs/evidence/plausible-panels.md, from the folder of a matching of `paper-facts`.
 
 `python -m benchmarks.studies.plausible_page FOLDER` writes them. What a matching does not throw,
 sizes seen at other frictions and the whole check of `turnout panel check`, is thrown here for the
@@ -41,7 +41,7 @@ from turnout.metric.panel_check import (
 from turnout.metric.stability import friction_stability
 from turnout.throw.simulate import simulate
 
-PAGE = Path(__file__).parents[2] / "docs" / "plausible-panels.md"
+PAGE = Path(__file__).parents[2] / "docs" / "evidence" / "plausible-panels.md"
 CHOSEN = 50
 FRICTIONS = (0.3, 0.4, 0.5)
 NEAR = 0.8

@@ -6,7 +6,7 @@
 Even numbers are campaigns of responses with a floor and slip, odd ones of hits and misses. Each
 has 6 switches with 10 sizes; the spread between switches is 0.8 of that between throws. The truth
 is the size that 90 % of all switches and throws detect. A campaign is fixed by its number; a job
-that was stopped continues. `report` writes into docs/detection-limit.md.
+that was stopped continues. `report` writes into docs/use/detection-limit.md.
 """
 
 from dataclasses import replace
@@ -24,7 +24,7 @@ SWITCHES, SIZES, SPREAD = 6, 10, 0.8
 DRAWN = 150
 KINDS = ("responses", "hits and misses")
 LEAST, MOST = 0.93, 0.97
-PAGE = Path(__file__).parents[2] / "docs" / "detection-limit.md"
+PAGE = Path(__file__).parents[2] / "docs" / "use" / "detection-limit.md"
 
 
 def design(kind: str) -> tuple[Campaigns, np.ndarray, float]:

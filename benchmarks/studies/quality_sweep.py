@@ -1,4 +1,4 @@
-"""Sweep the severity of every fault of a recorded throw; write docs/measurement-quality.md.
+"""Sweep the severity of every fault of a recorded throw, for docs/evidence.
 
     python -m benchmarks.studies.quality_sweep
 
@@ -20,7 +20,7 @@ from turnout.measurement.campaign.find_throws import find_throws
 from turnout.measurement.quality.channel_faults import Limits
 from turnout.measurement.quality.judge import Expected, ThrowQuality, judge
 
-PAGE = Path(__file__).parents[2] / "docs" / "measurement-quality.md"
+PAGE = Path(__file__).parents[2] / "docs" / "evidence" / "measurement-quality.md"
 FIRST_SEED, TRIALS, SOUND = 13_000, 24, 144
 SIZES, FRICTIONS = (0.0, 0.013, 0.026), (0.38, 0.4, 0.42)
 RATE = 1000.0

@@ -6,7 +6,7 @@
 A scenario is fixed by its index, and its result is one line of `DIR/runs.jsonl`, written at once:
 a job that was killed goes on where it was, Ctrl-C keeps what there is. A run that does not converge
 is repeated with steps of 0.1 ms; if it then does, that is a defect. `report` writes
-docs/robustness.md. `show INDEX` prints a scenario with what is wrong with it.
+docs/evidence/robustness.md. `show INDEX` prints a scenario with what is wrong with it.
 """
 
 import argparse
@@ -239,7 +239,7 @@ def main(arguments: list[str] | None = None) -> int:
     run.add_argument("--count", type=int, default=2000)
     run.add_argument("--out", type=Path, required=True)
     run.add_argument("--workers", type=int, default=os.cpu_count() or 1)
-    report = commands.add_parser("report", help="write docs/robustness.md")
+    report = commands.add_parser("report", help="write docs/evidence/robustness.md")
     report.add_argument("folder", type=Path)
     one = commands.add_parser("show", help="repeat one scenario")
     one.add_argument("index", type=int)

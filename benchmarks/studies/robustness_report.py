@@ -1,4 +1,4 @@
-"""Write docs/robustness.md from the results of the long job."""
+"""Write docs/evidence/robustness.md from the results of the long job."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -6,7 +6,7 @@ from pathlib import Path
 from statistics import median, quantiles
 from typing import Any
 
-PAGE = Path(__file__).parents[2] / "docs" / "robustness.md"
+PAGE = Path(__file__).parents[2] / "docs" / "evidence" / "robustness.md"
 Record = dict[str, Any]
 LIMITS = (0.005, 0.02, 0.2)
 """Shares of the energy scale that the table of losses counts beyond."""

@@ -1,4 +1,4 @@
-"""What each kind of object does on the default panel: the tables of docs/objects.md.
+"""What each kind of object does on the default panel: the tables of docs/use/objects.md.
 
 ``python -m benchmarks.studies.trapped`` throws each kind and size twice in mode quick, writes the
 tables into the page and measures how long 200 throws with an ice ramp take.
@@ -17,7 +17,7 @@ from turnout.panel.object_kind import DIMENSIONS, KINDS
 from turnout.throw.drift import Drift
 from turnout.throw.sequence import simulate_sequence
 
-PAGE = Path(__file__).parents[2] / "docs" / "objects.md"
+PAGE = Path(__file__).parents[2] / "docs" / "use" / "objects.md"
 SIZES = (10, 15, 20, 25, 30)
 PLACES = ("sleeper 6", "drive 1")
 SHOWN = {"N/m^2": (1e-6, "MPa"), "m": (1e3, "mm"), "kg/m^3": (1.0, "kg/m³"), "K": (1.0, "K")}

@@ -35,7 +35,7 @@ from turnout.throw.store import open_response, save_response
 
 NAME = "uic60-760-1-15"
 LIBRARY = Path(__file__).parents[2] / "src" / "turnout" / "panel" / "library" / f"{NAME}.toml"
-PAGE = Path(__file__).parents[2] / "docs" / "calibration.md"
+PAGE = Path(__file__).parents[2] / "docs" / "evidence" / "calibration.md"
 KINDS = ("as calibrated", "as calibrated, no currents", "free for 1 m more", "without links")
 ACCEPTED = KINDS[:2]
 SEED = 20251105
@@ -204,7 +204,7 @@ def report(records: list[Record]) -> None:
         lines=section(records),
     )
     drawn = open_response(Path(sys.argv[-1]) / "000" / "validation.nc")
-    figures = PAGE.parent / "figures"
+    figures = PAGE.parents[1] / "figures"
     plot_comparison(drawn, place="sleeper 6").savefig(figures / "validation_comparison.png", dpi=90)
     plot_error_map(drawn).savefig(figures / "validation_errors.png", dpi=90)
 

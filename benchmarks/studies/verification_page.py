@@ -1,4 +1,4 @@
-"""Write docs/verification.md: every figure on that page comes from the functions the tests call.
+"""Write docs/evidence/verification.md from the functions that the tests call.
 
     python -m benchmarks.studies.verification_page
 
@@ -48,7 +48,7 @@ in `tests/verification/data`.
 | contact, bushing, objects | closed forms: bounce, impact, blow | `test_laws_*`, `test_impact.py` |
 | integration | equilibrium, energy balance, no creep | `test_integration_*.py` |
 | the whole chain | orders 2 in element length and step | `test_orders.py` |
-| [point machines](machine.md) | closed forms, independent program SB3 | `test_machine_*.py` |
+| [point machines](machines.md) | closed forms, independent program SB3 | `test_machine_*.py` |
 | vibration, flutter | closed forms, full model, growth | `test_modes.py`, `test_flutter.py` |
 | rails as matrices | the rails that they came from | `test_matrices_round_trip.py` |
 | changing normal force, lift-off | independent fine-step program | `test_brute_force*.py` |
@@ -80,7 +80,7 @@ stick phases of a 5 Hz ripple and shrinks with the step.
 
 SB2_TEXT = """## SB2: the whole panel in 3-D, against an independent beam program
 
-![Drive and object forces of SB2 beside the independent program](figures/verification_sb2.png)
+![Drive and object forces of SB2 beside the independent program](../figures/verification_sb2.png)
 
 The benchmark lays the beam axis straight through the centroids of the tapered rail
 (`rail.axis = "centroid"`). The centroids of the real rail rise by 30 mm along the taper; lateral
@@ -265,13 +265,13 @@ def main() -> None:
         DOCS / "figures" / "verification_sb2.png", dpi=150
     )
     parts += facts_part()
-    (DOCS / "verification.md").write_text("\n".join(parts), encoding="utf-8")
+    (DOCS / "evidence" / "verification.md").write_text("\n".join(parts), encoding="utf-8")
 
 
 def rung_part(rung: Rung) -> str:
     """Draw the figure of a rung; return its text and table."""
-    image = f"figures/verification_{rung.name}.png"
-    rung.figure().savefig(DOCS / image, dpi=130)
+    image = f"../figures/verification_{rung.name}.png"
+    rung.figure().savefig(DOCS / "evidence" / image, dpi=130)
     return "\n".join(
         (
             f"### {rung.title}",

@@ -286,7 +286,7 @@ def test_the_memory_does_not_grow_with_throws(lasting: Started) -> None:
 @pytest.mark.long
 @pytest.mark.parametrize(("early", "late"), [(50, 150), (50, 1000)])
 def test_the_memory_does_not_grow_with_use(process: Started, early: int, late: int) -> None:
-    """The server and its processes; the figures of 1,000 requests are on docs/robustness.md."""
+    """The server and its processes; figures of 1,000 requests: docs/evidence/robustness.md."""
     client, random_numbers = process.client, random.Random(17)
     mark, before = mark_of(client), 0.0
     for number in range(1, late + 1):

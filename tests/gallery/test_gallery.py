@@ -27,15 +27,17 @@ def test_a_script_has_something_that_can_fail(script: Path) -> None:
 
 
 def test_the_page_shows_every_script_and_its_picture() -> None:
-    page = (DOCS / "gallery.md").read_text(encoding="utf-8")
+    page = (DOCS / "use" / "gallery.md").read_text(encoding="utf-8")
     for script in SCRIPTS:
-        assert f"](figures/gallery/{script.stem}.png)" in page
+        assert f"](../figures/gallery/{script.stem}.png)" in page
         assert f"gallery/{script.name}\n" in page
         assert (DOCS / "figures" / "gallery" / f"{script.stem}.png").is_file()
     assert page.count("literalinclude") == len(SCRIPTS) >= 10
 
 
-@pytest.mark.parametrize("notebook", sorted(DOCS.glob("*.ipynb")), ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "notebook", sorted((DOCS / "use").glob("*.ipynb")), ids=lambda path: path.stem
+)
 def test_a_notebook_is_kept_without_what_it_prints(notebook: Path) -> None:
     """The documentation runs it; stored answers would hide that it no longer gives them."""
     cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]

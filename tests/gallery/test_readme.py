@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PAGES = ("README.md", "docs/install.md")
+PAGES = ("README.md", "docs/use/install.md")
 PROGRAM = "sh bin/turnout "
 
 

@@ -8,7 +8,7 @@ from turnout.core.channels import CHANNELS
 @pytest.fixture(scope="module")
 def documented(pytestconfig: pytest.Config) -> dict[str, tuple[tuple[str, ...], str, str]]:
     """Return dimensions, unit and sign of each row of the table of variables."""
-    text = (pytestconfig.rootpath / "docs" / "conventions.md").read_text(encoding="utf-8")
+    text = (pytestconfig.rootpath / "docs" / "use" / "conventions.md").read_text(encoding="utf-8")
     rows = {}
     for line in text.split("(variables)=")[1].splitlines():
         if line.startswith("| `"):

@@ -156,7 +156,7 @@ def test_the_list_finds_what_it_should(text: str) -> None:
 
 
 def test_the_glossary_holds_each_term_once(pytestconfig: pytest.Config) -> None:
-    text = (pytestconfig.rootpath / "docs" / "glossary.md").read_text(encoding="utf-8")
+    text = (pytestconfig.rootpath / "docs" / "use" / "glossary.md").read_text(encoding="utf-8")
     terms, _, translated = text.partition("## In Swedish and German")
     for part in (terms, translated):
         rows = re.findall(r"^\| ([^|]+?) \|", part, flags=re.MULTILINE)

@@ -1,7 +1,7 @@
 """Which licences packages may have, what their wheels bundle, and the page that names both.
 
-``python -m tests.unit.licences`` writes docs/licences.md from what is installed; rows of packages
-that are not installed here (other extras, other systems) stay as they are.
+``python -m tests.unit.licences`` writes docs/project/licences.md from what is installed; rows of
+packages that are not installed here (other extras, other systems) stay as they are.
 """
 
 import re
@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).parents[2]
-PAGE = ROOT / "docs" / "licences.md"
+PAGE = ROOT / "docs" / "project" / "licences.md"
 CONSTRAINTS = ROOT / "constraints.txt"
 
 PERMISSIVE = {

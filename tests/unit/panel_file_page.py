@@ -4,12 +4,12 @@ from pathlib import Path
 
 from turnout.panel.key_reference import KeyRow, TableRows, key_tables
 
-PAGE = Path(__file__).parents[2] / "docs" / "panel-file.md"
+PAGE = Path(__file__).parents[2] / "docs" / "use" / "panel-file.md"
 
 HEAD = """# Keys of a panel file
 
 A panel file is TOML. `turnout panel new my-switch.toml` writes one to edit, with the meaning of
-each key above it; [your own switch](how-to/own-panel.md) shows the way from there. This page is
+each key above it; [your own switch](own-panel.md) shows the way from there. This page is
 generated from the records that read the file, by `python -m tests.unit.panel_file_page`.
 
 - **Units.** A value with a unit is text, such as `"750 kN/m"`; any unit of the same dimension does:

@@ -217,7 +217,7 @@ def table_of_measures() -> str:
 
 
 def test_the_page_holds_the_measures() -> None:
-    page = Path(__file__).parents[2] / "docs" / "plausible-panels.md"
+    page = Path(__file__).parents[2] / "docs" / "evidence" / "plausible-panels.md"
     assert table_of_measures() in page.read_text(encoding="utf-8")
 
 

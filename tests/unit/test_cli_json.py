@@ -42,7 +42,7 @@ def printed(*line: object, code: int = 0) -> dict[str, Any]:
 @pytest.fixture(scope="module")
 def documented(pytestconfig: pytest.Config) -> dict[str, set[str]]:
     """Return the keys that the page documents for each command."""
-    text = (pytestconfig.rootpath / "docs/how-to/json.md").read_text(encoding="utf-8")
+    text = (pytestconfig.rootpath / "docs/use/json.md").read_text(encoding="utf-8")
     pages = re.split(r"^### ", text, flags=re.MULTILINE)[1:]
     return {
         page.split("\n", 1)[0].replace("`", "").removeprefix("turnout ").strip(): {

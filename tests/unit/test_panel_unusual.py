@@ -25,7 +25,7 @@ FAR = [
 ]
 
 
-PAGE = Path(__file__).parents[2] / "docs" / "usual-values.md"
+PAGE = Path(__file__).parents[2] / "docs" / "use" / "usual-values.md"
 
 
 def table_of_usual_values() -> str:

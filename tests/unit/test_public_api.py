@@ -380,6 +380,6 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_the_reference_lists_every_name(package: str) -> None:
-    page = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "use" / "api.md").read_text(encoding="utf-8")
     listed = set(re.findall(rf"^    {re.escape(package)}\.(\w+)$", page, flags=re.M))
     assert listed == set(import_module(package).__all__) - {"figures", "detection", "__version__"}

@@ -95,7 +95,7 @@ def test_a_design_says_what_an_analysis_must_know() -> None:
 
 
 def test_the_file_of_the_documentation_is_a_study(pytestconfig: pytest.Config) -> None:
-    text = (pytestconfig.rootpath / "docs/how-to/sweep-study.md").read_text(encoding="utf-8")
+    text = (pytestconfig.rootpath / "docs/use/sweep-study.md").read_text(encoding="utf-8")
     first = text.split("```toml")[1].split("```")[0]
     shown = study_from_file(parse_toml(first, source="documentation", folder=Path.cwd()))
     assert shown.count == 13 * 4 * 200

@@ -1,4 +1,4 @@
-"""The tables and figures of docs/open-benchmark.md, from the folder of a benchmark that was run.
+"""The tables and figures of docs/evidence/open-benchmark.md, from the folder of a benchmark.
 
 `python -m tests.verification.open_benchmark_page FOLDER` writes them; run
 `turnout benchmark detection FOLDER` first. Conditions that were not run are left out, and the page
@@ -38,7 +38,7 @@ from turnout.open_benchmark.tables import (
 
 MACHINES = Conditions(track="machines").name
 DOCS = Path(__file__).parents[2] / "docs"
-PAGE = DOCS / "open-benchmark.md"
+PAGE = DOCS / "evidence" / "open-benchmark.md"
 FIGURES = {"roc.png": "benchmark_roc.png", "pod.png": "benchmark_pod.png"}
 Results = Mapping[str, Mapping[str, Any]]
 

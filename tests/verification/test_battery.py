@@ -26,7 +26,7 @@ def test_figures_show_what_was_found(rung: Rung) -> None:
 
 
 def test_the_page_has_every_rung() -> None:
-    page = (DOCS / "verification.md").read_text(encoding="utf-8")
+    page = (DOCS / "evidence" / "verification.md").read_text(encoding="utf-8")
     for rung in RUNGS:
         assert f"### {rung.title}" in page
         assert (DOCS / "figures" / f"verification_{rung.name}.png").is_file()

@@ -53,7 +53,7 @@ def test_sb3_rail(drive: str, channel: str, theirs: str, share: float) -> None:
 
 
 def test_sb3_rail_in_quick_steps() -> None:
-    """At 4 ms, as docs/machine.md states it; 20 ms is what both have in common."""
+    """At 4 ms, as docs/use/machines.md states it; 20 ms is what both have in common."""
     with np.load(DATA / "sb3_rail_A.npz") as file:
         for drive in RODS:
             run = sb3_run("quick").sel(drive=drive)

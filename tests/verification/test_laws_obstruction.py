@@ -1,6 +1,6 @@
 """Stone, ice, snow, wood and metal along a prescribed compression: force, memory, energy.
 
-Reference: the closed forms of docs/objects.md, written here again over the compression alone. A
+Reference: the closed forms of docs/use/objects.md, written here again over the compression alone. A
 light mass is moved in and out by a stiff spring; the force at each instant must be that of the
 closed form to 1e-6 of its peak, and what is dissipated the area of the loop.
 """

@@ -1,6 +1,6 @@
 """Machines found again from one virtual campaign, and what the long job counts.
 
-The long job `machine_campaigns` makes 200 such campaigns; its table is on docs/machine.md.
+The long job `machine_campaigns` makes 200 such campaigns; its table is on docs/use/machines.md.
 """
 
 import pytest

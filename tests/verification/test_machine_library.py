@@ -4,7 +4,7 @@ Sources: JEA 73: the paper (DC motor, 6 kN at most, clutch set to slip at 2 A) a
 study `jea73.md` of the benchmark SB3 (all else). ZD6: at most 2.0 A at 0.88 N m (2450 N), slip at
 2.3 to 2.9 A (360docs.net/doc/a89997606.html), 3.8 s at most. IRS: 5.3 A rated, 8.5 A at most,
 1700 rpm +-15 %, 440 W, 4.4 kN, 143 mm (pdfslide.net/document/point-machine.html), 4.0 s at most
-(scribd.com/doc/8242982), slip at 6 to 7 A. The table of docs/machine.md is printed by
+(scribd.com/doc/8242982), slip at 6 to 7 A. The table of docs/use/machines.md is printed by
 
 ZDJ9: 380 V, 2.5 kN over 220 mm in at most 5.8 s with at most 2.0 A behind 54 ohm a line; S700K:
 380 V, 3 kN over 220 mm in at most 6.6 s; M70: slips at about 150 % of the running current, 115 mm,

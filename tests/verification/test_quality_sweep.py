@@ -1,6 +1,6 @@
 """Every fault that is well above its limit is seen, and sound throws are left alone.
 
-The page docs/measurement-quality.md has more throws and the severities around each limit.
+The page docs/evidence/measurement-quality.md has more throws and the severities around each limit.
 """
 
 import pytest

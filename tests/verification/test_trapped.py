@@ -1,4 +1,4 @@
-"""The tables of docs/objects.md are what the program does; one row of each behaviour is thrown."""
+"""The tables of trapped objects are what the program does; one row per behaviour is thrown."""
 
 import pytest
 from benchmarks.studies.trapped import PAGE, parameter_table, recorder_table, row

@@ -10,7 +10,7 @@ size :math:`s` and the compression :math:`e`:
   :math:`\varrho = \varrho_0 s / (s - e_p)` with the lasting compression :math:`e_p`;
 - wood across the grain and metal yield at :math:`F = \sigma A` and harden.
 
-Sources and ranges stand in docs/objects.md; what is marked there as an assumption is one here too.
+Sources, ranges and assumptions: docs/use/objects.md.
 """
 
 from dataclasses import dataclass, replace

@@ -1,7 +1,7 @@
 """Verdicts on the throws of the benchmark: what a method says, and the file that says it.
 
 A table with a row a throw, CSV or Parquet. `throw`, `score` and `alarm` must be there; what else
-is there is judged too. The format is described in docs/open-benchmark.md.
+is there is judged too. The format is described in docs/evidence/open-benchmark.md.
 """
 
 from collections.abc import Sequence
@@ -123,7 +123,7 @@ def read_verdicts(path: Path, *, throws: NDArray[np.intp], positions: Sequence[s
         faults = _throw_faults(frame, throws) + _value_faults(frame)
     if faults:
         shown = "".join(f"\n  {text}" for text in faults)
-        message = f"{path}: cannot be scored:{shown}\nSee docs/open-benchmark.md for the format."
+        message = f"{path}: cannot be scored:{shown}\nFormat: docs/evidence/open-benchmark.md"
         raise FileError(message)
     return _verdicts(frame.set_index(THROW).loc[throws].reset_index(), positions)
 

@@ -69,7 +69,7 @@ def new_panel_text(source: str | FilePath, *, target: FilePath) -> str:
 # Change what differs on your switch, then run `turnout panel check {target.name}`.
 # A dimensional value is text with its unit. The comment behind a value says where it comes from:
 # "source: ...", "paper: ...", "computed: ..." or "assumption: ..."; change it with the value.
-# A line "# key = value" is an optional key with its default. All keys: docs/panel-file.md
+# A line "# key = value" is an optional key with its default. All keys: docs/use/panel-file.md
 
 """
     return head + _with_notes(text, read_layout(text)) + "".join(_missing_tables(text))
@@ -167,5 +167,5 @@ def _missing_tables(text: str) -> Iterable[str]:
         if table.path and table.path[0] not in headers and len(table.path) <= 2
         for line in _comment(f"{table.header}  {table.meaning}")
     ]
-    yield "\n# Tables that this panel does not have; docs/panel-file.md lists their keys:\n"
+    yield "\n# Tables that this panel does not have; docs/use/panel-file.md lists their keys:\n"
     yield from (f"{line}\n" for line in lines)

@@ -1,6 +1,6 @@
 """What changes from throw to throw: weather, friction, clutches, adjustment, and objects with them.
 
-Rates are constant, a temperature may take a course. Usual values and origins: docs/objects.md.
+Rates are constant, a temperature may take a course. Usual values and origins: docs/use/objects.md.
 """
 
 import math

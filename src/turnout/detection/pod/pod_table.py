@@ -1,6 +1,6 @@
 """The table of a test campaign: a row a throw, with size, response or hit, and switch.
 
-The format is described in docs/how-to/pod.md.
+The format is described in docs/use/pod.md.
 """
 
 import csv

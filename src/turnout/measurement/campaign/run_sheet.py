@@ -1,6 +1,6 @@
 """The run sheet of a campaign: which file holds which movement, and how its cells are read.
 
-The format is described in docs/campaign-format.md.
+The format is described in docs/use/campaign-format.md.
 """
 
 import csv
@@ -211,7 +211,7 @@ def find_sheet(folder: Path | str) -> Path:
         state = "is empty" if not any(folder.iterdir()) else "has no run sheet"
         message = (
             f"{folder}: {state}; put {' or '.join(SHEETS)} there, "
-            "as docs/campaign-format.md describes"
+            "as docs/use/campaign-format.md describes"
         )
         raise FileError(message)
     if len(found) > 1:

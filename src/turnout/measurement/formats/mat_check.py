@@ -1,7 +1,7 @@
 """Whether the parts of a MATLAB file of version 5 fit each other.
 
 `scipy.io.loadmat` trusts the sizes in a file: after one flipped bit it can return fewer variables,
-or a number in place of a structure, without an error (docs/decisions.md, section 13). The isolated
+or a number in place of a structure, without an error (docs/project/decisions.md). The isolated
 process answers crashes, memory and time, but not that; so this is checked here, and nothing else.
 Compressed variables carry a checksum that loadmat verifies. A bit flipped in the samples of an
 uncompressed variable cannot be seen.
