@@ -42,7 +42,6 @@ LONG = (
     "tests/faults/test_virtual_interrupt.py",
     "tests/faults/test_sweep_killed.py",
     "tests/unit/test_detection_known_place.py",
-    "tests/verification/test_battery.py",
     "tests/unit/test_web_studio.py",
     "tests/unit/test_public_api.py",
     "tests/verification/test_pod_coverage.py",

@@ -24,7 +24,7 @@ from tests.verification import test_laws_contact as contact
 from tests.verification.agreement import Check
 from tests.verification.hand_made import energy_residual
 
-from benchmarks.studies import battery_figures, flutter_figure
+from benchmarks.studies import battery_figures
 from turnout.beam.assembly import point_row
 
 
@@ -197,7 +197,7 @@ RUNGS = (
         "with an unsymmetric section and without dashpots",
         "`flutter.py`, `test_flutter.py`",
         flutter.checks,
-        flutter_figure.flutter,
+        battery_figures.flutter,
         "Left: line: complex modes, dots: closed form. Right: envelope of the chair forces while "
         "the panel is thrown at half speed; dashed: the growth that complex modes predict.",
     ),

@@ -13,14 +13,15 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 from tests.verification.agreement import Check, sb1_checks, sb2_checks
-from tests.verification.fact_scans import size_table, slope_table
 from tests.verification.facts import (
     ALL,
     FRICTIONS_F,
     build_up,
     fact_e,
     flangeways,
+    size_table,
     slips_on_return,
+    slope_table,
     smallest_seen,
 )
 from tests.verification.reference import Arrays, thinned
