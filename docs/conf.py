@@ -1,13 +1,10 @@
 """Sphinx settings; built with warnings as errors by .ci/run."""
 
+import sys
 from importlib.metadata import version as version_of
+from pathlib import Path
 
-from docutils import nodes
-from docutils.utils.math import MathError
-from docutils.utils.math.latex2mathml import tex2mathml
-from sphinx.application import Sphinx
-from sphinx.util import logging
-from sphinx.writers.html5 import HTML5Translator
+sys.path.insert(0, str(Path(__file__).parent))
 
 project = "turnout"
 author = "The turnout developers"
@@ -16,6 +13,7 @@ version = release = version_of("turnout")
 
 extensions = [
     *("myst_nb", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx.ext.napoleon"),
+    "equations",
 ]
 # The reference is read from the docstrings; types stand there in words.
 autodoc_typehints = "none"
@@ -36,25 +34,7 @@ nb_execution_timeout = 600
 nb_merge_streams = True
 html_theme = "furo"
 html_title = "turnout"
-# Equations are MathML in the page: nothing to load, with or without a network.
+# Equations are MathML in the page: nothing to load (equations.py).
 html_math_renderer = "mathml"
-
-
-def _render(translator: HTML5Translator, node: nodes.Element, *, block: bool) -> None:
-    """Write an equation as MathML; one that docutils cannot read fails the build."""
-    try:
-        equation = tex2mathml(node.astext(), as_block=block)
-    except MathError as error:
-        logging.getLogger(__name__).warning("equation: %s", error, location=node)
-        equation = translator.encode(node.astext())
-    translator.body.append(f"<div>{equation}</div>\n" if block else equation)
-    raise nodes.SkipNode
-
-
-def setup(app: Sphinx) -> None:
-    """Register the renderer of equations."""
-    app.add_html_math_renderer(
-        "mathml",
-        inline_renderers=(lambda translator, node: _render(translator, node, block=False), None),
-        block_renderers=(lambda translator, node: _render(translator, node, block=True), None),
-    )
+html_static_path = ["_static"]
+html_css_files = ["equations.css"]

@@ -1,11 +1,13 @@
 """The theory manual names files, tests and pages that exist, and every page names some."""
 
 import re
+import runpy
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[2]
+EQUATIONS = ROOT / "docs" / "equations.py"
 PAGES = sorted((ROOT / "docs" / "theory").glob("*.md"))
 SUBJECTS = [page for page in PAGES if page.name != "index.md"]
 NAMED = re.compile(r"`((?:src|tests|benchmarks|docs)/[\w./-]+)(?:::(\w+))?`")
@@ -45,3 +47,23 @@ def test_a_page_says_where_its_subject_lives_and_what_verifies_it(page: Path) ->
 def test_the_table_of_subjects_leads_to_every_page(page: Path) -> None:
     table = (ROOT / "docs" / "theory" / "index.md").read_text(encoding="utf-8")
     assert f"]({page.name})" in table
+
+
+@pytest.mark.parametrize(
+    ("equation", "shown"),
+    [
+        (r"\dot u_C^2", "<msubsup><mover><mi>u</mi>"),
+        (r"\lVert r\rVert^2", 'stretchy="false" form="postfix">‖</mo><mn>2</mn>'),
+        (r"k\ln n", '<mi>k</mi><mspace width="0.1667em" /><mi>ln</mi><mspace'),
+    ],
+)
+def test_an_equation_is_written_as_tex_shows_it(equation: str, shown: str) -> None:
+    pytest.importorskip("sphinx")
+    assert shown in runpy.run_path(str(EQUATIONS))["mathml"](equation, block=False)
+
+
+def test_a_fraction_without_braces_is_refused() -> None:
+    """Its digits would be read as one number, and the equation shown would be another one."""
+    pytest.importorskip("sphinx")
+    with pytest.raises(ValueError, match="in braces"):
+        runpy.run_path(str(EQUATIONS))["mathml"](r"\tfrac12 x", block=True)

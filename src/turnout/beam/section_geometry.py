@@ -7,10 +7,10 @@ from :math:`(y_i, z_i)` to :math:`(y_j, z_j)` that is a polynomial. With
 
 .. math::
 
-    A = \tfrac12 \sum c, \quad
-    \int y\,dA = \tfrac16 \sum c\,(y_i + y_j), \quad
-    \int y^2\,dA = \tfrac1{12} \sum c\,(y_i^2 + y_i y_j + y_j^2), \quad
-    \int y z\,dA = \tfrac1{24} \sum c\,(2 y_i z_i + y_i z_j + y_j z_i + 2 y_j z_j).
+    A = \tfrac{1}{2} \sum c, \quad
+    \int y\,dA = \tfrac{1}{6} \sum c\,(y_i + y_j), \quad
+    \int y^2\,dA = \tfrac{1}{12} \sum c\,(y_i^2 + y_i y_j + y_j^2), \quad
+    \int y z\,dA = \tfrac{1}{24} \sum c\,(2 y_i z_i + y_i z_j + y_j z_i + 2 y_j z_j).
 
 Clockwise holes count negative by themselves. Arcs are as accurate as the polygon that replaces
 them. The foot is the part of the section within a small height above its lowest point.

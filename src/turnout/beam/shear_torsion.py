@@ -39,8 +39,8 @@ bar by the linear function s(y, z) with :math:`\int y s\,dA = V_y` and
     \boldsymbol\tau = \nabla \varphi - c\,\boldsymbol d, \quad
     \int \boldsymbol\tau \cdot \nabla v\,dA = \int s v\,dA \ \text{for all } v, \quad
     c = \frac{\nu}{2 (1 + \nu)}, \quad
-    \boldsymbol d = \begin{pmatrix} \tfrac12 a (y^2 - z^2) + b\,y z \\
-    a\,y z + \tfrac12 b (z^2 - y^2) \end{pmatrix}, \quad s = a y + b z.
+    \boldsymbol d = \begin{pmatrix} \tfrac{1}{2} a (y^2 - z^2) + b\,y z \\
+    a\,y z + \tfrac{1}{2} b (z^2 - y^2) \end{pmatrix}, \quad s = a y + b z.
 
 The vector d is the sideways contraction of the stretched and compressed fibres; with Poisson's
 ratio zero it is absent. To make the force pass through the shear centre,

@@ -11,7 +11,7 @@ factor :math:`1 \pm \alpha` so that signatures reach those between them:
 :math:`w_{ic}` prefers signatures of about that friction level. The density of a throw that is
 further from what is expected than the noise explains falls less fast than the normal one:
 
-.. math:: \log N = -\tfrac12 \log\det C - \tfrac12 \begin{cases} Q & Q \le u \\
+.. math:: \log N = -\tfrac{1}{2} \log\det C - \tfrac{1}{2} \begin{cases} Q & Q \le u \\
     u\,(1 + \log(Q / u)) & Q > u \end{cases}, \qquad Q = (y - m)^T C^{-1} (y - m)
 
 with :math:`u = n + 3 \sqrt{2 n}`, within which :math:`Q` of n normal features stays but for one

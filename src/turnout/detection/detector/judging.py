@@ -1,6 +1,6 @@
 r"""From features of throws to log likelihood ratios: object against sound and every other cause.
 
-.. math:: \Lambda = \frac{\frac1P \sum_{p} p_p(y)}{p_0(y) + \sum_k \rho_k\, p_k(y)}
+.. math:: \Lambda = \frac{\frac{1}{P} \sum_{p} p_p(y)}{p_0(y) + \sum_k \rho_k\, p_k(y)}
 
 over places :math:`p` of objects and other causes :math:`k`. A throw is an alarm where
 :math:`\log \Lambda` is above a threshold. :math:`\rho` is small: a cause that explains a throw as

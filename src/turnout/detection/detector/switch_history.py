@@ -16,7 +16,7 @@ throws show. With :math:`S` the covariance of what a throw differs by from what 
 :math:`r`, and :math:`A = S^{-1/2}\, C\, S^{-T/2}`, :math:`w = S^{-1/2}\, r`, each throw moves it by
 
 .. math:: \Delta\lambda = \frac{w^T A\, w - \operatorname{tr} A}{2 I}, \qquad
-    I = I_0 + \tfrac12 \sum \operatorname{tr} A^2
+    I = I_0 + \tfrac{1}{2} \sum \operatorname{tr} A^2
 
 the score over the information of all throws so far (recursive maximum likelihood).
 """

@@ -195,7 +195,7 @@ def recorder_response_of(attributes: Mapping[Any, Any]) -> RecorderResponse:
 def trailing_mean(time: Floats, values: Floats, average: float) -> Floats:
     r"""Return a signal averaged over the time before each instant.
 
-    .. math:: \bar F(t) = \frac1T \int_{t-T}^{t} F \, dt
+    .. math:: \bar F(t) = \frac{1}{T} \int_{t-T}^{t} F \, dt
 
     Before its first sample the signal is taken as constant.
 
