@@ -1,5 +1,6 @@
 """A page of the documentation that several commands write, one section each."""
 
+import re
 from pathlib import Path
 
 PERFORMANCE = Path(__file__).parents[1] / "docs" / "evidence" / "performance.md"
@@ -38,6 +39,19 @@ def with_section(text: str, heading: str, body: str) -> str:
     known = [name for name in ORDER if name in sections]
     names = known + [name for name in sections if name not in ORDER]
     return "\n".join([HEAD, *(f"## {name}\n\n{sections[name]}\n" for name in names)])
+
+
+def put(text: str, name: str, content: str) -> str:
+    r"""Put a table between its marks.
+
+    Examples
+    --------
+    >>> put("<!-- a --> old <!-- end of a -->", "a", "new")
+    '<!-- a -->\nnew\n<!-- end of a -->'
+    """
+    marks = f"<!-- {name} -->", f"<!-- end of {name} -->"
+    pattern = re.compile(f"{re.escape(marks[0])}.*?{re.escape(marks[1])}", re.DOTALL)
+    return pattern.sub(lambda _: f"{marks[0]}\n{content}\n{marks[1]}", text)
 
 
 def write_section(heading: str, body: str, *, page: Path = PERFORMANCE) -> None:

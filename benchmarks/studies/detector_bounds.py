@@ -25,6 +25,7 @@ from statistics import median
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.detection.metrics import auroc
 from benchmarks.studies.detector import detector_file
 from benchmarks.studies.detector_figures import (
     alone_of,
@@ -57,7 +58,6 @@ from turnout.detection.detector.training_plan import HISTORY, LARGEST, OBJECT, S
 from turnout.detection.floor import TOUCH_FORCE
 from turnout.detection.reference import NOMINAL_FRICTION, reference_study
 from turnout.detection.throws import nominal_amplitude
-from turnout.open_benchmark.metrics import auroc
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]

@@ -11,12 +11,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.detection.metrics import auroc
 from turnout.detection.detector.calibrating import AT_ONCE
 from turnout.detection.detector.judging import View, evidence_of, unexplained
 from turnout.detection.detector.knowledge import Calibrated, Knowledge
 from turnout.detection.detector.throw_verdict import share_worse
 from turnout.detection.detector.training_plan import OBJECT, SOUND
-from turnout.open_benchmark.metrics import auroc
 
 Floats = NDArray[np.float64]
 Scores = dict[str, list[float]]

@@ -9,7 +9,6 @@ the library study `plausible-panels`, whose values are rounded.
 
 import argparse
 import json
-import re
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -17,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.page import put
 from turnout.calibration.case import load_panel_or_case
 from turnout.calibration.matching.facts import Facts, Sum, Term, load_facts
 from turnout.calibration.matching.match import Matching, match_panel
@@ -201,13 +201,6 @@ def growth_table(facts: Facts, values: Any, rows: list[dict[str, Any]]) -> str:
             grows = [int((np.diff(sizes[own], axis=1)[:, n] > 0.0).sum()) for n in (0, 1)]
             lines.append(f"| {name} | {own.sum()} | {medians} | {grows[0]} | {grows[1]} |")
     return "\n".join(lines)
-
-
-def put(text: str, name: str, content: str) -> str:
-    """Put a table between its marks."""
-    marks = f"<!-- {name} -->", f"<!-- end of {name} -->"
-    pattern = re.compile(f"{re.escape(marks[0])}.*?{re.escape(marks[1])}", re.DOTALL)
-    return pattern.sub(lambda _: f"{marks[0]}\n{content}\n{marks[1]}", text)
 
 
 def write(parts: dict[str, str]) -> None:

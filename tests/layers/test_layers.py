@@ -31,7 +31,6 @@ ALLOWED: dict[str, set[str]] = {
         *("core", "machine", "panel", "solver", "throw", "measurement", "metric", "study"),
     },
     "detection": {"core", "panel", "throw", "measurement", "study", "calibration"},
-    "open_benchmark": {"core", "panel", "throw", "study", "calibration", "detection"},
     "figures": {"core", "beam", "panel", "metric", "study", "calibration", "detection"},
     "api": {
         *("core", "panel", "throw", "measurement", "metric", "study", "calibration", "figures"),
@@ -39,7 +38,7 @@ ALLOWED: dict[str, set[str]] = {
     "web": {"core", "panel", "throw", "measurement", "metric", "detection", "figures"},
     "cli": {
         *("core", "machine", "panel", "mechanism", "throw", "measurement", "metric", "study"),
-        *("calibration", "detection", "open_benchmark", "figures", "web"),
+        *("calibration", "detection", "figures", "web"),
     },
     "__main__": {"cli"},
 }
@@ -47,7 +46,7 @@ ALLOWED: dict[str, set[str]] = {
 # Slow to load, or a matter of one layer only: who may import it, at any depth of a file.
 FACES = {
     *("core", "throw", "measurement", "metric", "study", "calibration", "detection"),
-    *("open_benchmark", "figures", "api", "web", "cli"),
+    *("figures", "api", "web", "cli"),
 }
 HEAVY: dict[str, set[str]] = {
     "xarray": FACES,

@@ -1,12 +1,12 @@
 """A benchmark of made-up throws: a hump that an object raises, on switches that differ a little."""
 
 import numpy as np
+from benchmarks.detection.data import Benchmark, Side, window_features
+from benchmarks.detection.definition import MID_SPAN, panels_study
+from benchmarks.detection.make_throws import fine_layout
 
 from turnout.detection.detector.allowances import Allowances
 from turnout.detection.detector.training import layout_of_panel
-from turnout.open_benchmark.definition import MID_SPAN, panels_study
-from turnout.open_benchmark.make_throws import fine_layout
-from turnout.open_benchmark.sides import Benchmark, Side, window_features
 
 LAYOUT = layout_of_panel(panels_study().panel)
 FINE = fine_layout(LAYOUT)

@@ -5,44 +5,48 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.stats import norm
-from tests.unit.benchmark_toy import POSITIONS, TIME, toy_benchmark, toy_side
-
-from turnout.core.errors import FileError, StudyError
-from turnout.detection.detector.allowances import Allowances
-from turnout.detection.detector.training_plan import Population
-from turnout.open_benchmark.classical import (
+from benchmarks.detection.classical import (
     NUMBERS,
     Limits,
     LimitsMethod,
     closing_of,
     peak_and_build_up,
 )
-from turnout.open_benchmark.definition import (
+from benchmarks.detection.data import Recorder, Side, correlated, recorded
+from benchmarks.detection.definition import (
     MACHINES,
     PRESETS,
     Counts,
     definition_digest,
     switches_of,
 )
-from turnout.open_benchmark.machine_kinds import less_offset, machine_offsets
-from turnout.open_benchmark.make_throws import claim_folder
-from turnout.open_benchmark.margin import margin_over, mid_span_draws, weighted_a90
-from turnout.open_benchmark.method import judged_of
-from turnout.open_benchmark.metrics import clustered_rate, detectable, roc_curve
-from turnout.open_benchmark.minirocket import fit_minirocket
-from turnout.open_benchmark.order import margins_from, order_changes, order_table
-from turnout.open_benchmark.recorder_errors import Recorder, correlated, recorded
-from turnout.open_benchmark.run_methods import Conditions
-from turnout.open_benchmark.sides import Side
-from turnout.open_benchmark.switch_throws import (
+from benchmarks.detection.make_throws import claim_folder
+from benchmarks.detection.method import judged_of
+from benchmarks.detection.metrics import clustered_rate, detectable, roc_curve, weighted_a90
+from benchmarks.detection.minirocket import fit_minirocket
+from benchmarks.detection.order import (
+    margin_over,
+    margins_from,
+    mid_span_draws,
+    order_changes,
+    order_table,
+)
+from benchmarks.detection.run_methods import Conditions
+from benchmarks.detection.switch_throws import (
     causes_of,
     fixed_state,
     holds_at_rest,
     shifts_of,
     study_of,
 )
-from turnout.open_benchmark.verdicts import Verdicts, read_verdicts, write_verdicts
+from benchmarks.detection.turnout_detector import less_offset, machine_offsets
+from benchmarks.detection.verdicts import Verdicts, read_verdicts, write_verdicts
+from scipy.stats import norm
+from tests.unit.benchmark_toy import POSITIONS, TIME, toy_benchmark, toy_side
+
+from turnout.core.errors import FileError, StudyError
+from turnout.detection.detector.allowances import Allowances
+from turnout.detection.detector.training_plan import Population
 
 # ---- definition
 

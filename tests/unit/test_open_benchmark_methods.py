@@ -2,34 +2,34 @@
 
 import ast
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
-from tests.unit.benchmark_toy import toy_benchmark
-from typer.testing import CliRunner
-
-from turnout.cli.main import app
-from turnout.open_benchmark import ours, run_methods
-from turnout.open_benchmark.definition import PRESETS, Counts
-from turnout.open_benchmark.make_throws import make_throws
-from turnout.open_benchmark.method import Method
-from turnout.open_benchmark.run_methods import (
+from benchmarks.detection import run_methods, turnout_detector
+from benchmarks.detection.__main__ import main
+from benchmarks.detection.data import open_benchmark
+from benchmarks.detection.definition import PRESETS, Counts
+from benchmarks.detection.make_throws import make_throws
+from benchmarks.detection.method import Method
+from benchmarks.detection.run_methods import (
     COMMON,
     USES,
     Conditions,
+    digest_of,
     folds_of,
     methods_for,
     run_method,
     sources_of,
 )
-from turnout.open_benchmark.score import score_verdicts
-from turnout.open_benchmark.sides import open_benchmark
-from turnout.open_benchmark.verdicts import Verdicts
+from benchmarks.detection.score import score_verdicts
+from benchmarks.detection.verdicts import Verdicts
+from tests.unit.benchmark_toy import toy_benchmark
 
 BENCH = toy_benchmark()
 BASELINES = [item for item in methods_for(Conditions()) if item.name != "turnout"]
@@ -69,32 +69,66 @@ def test_a_perfect_detector_has_the_figures_of_one() -> None:
 COUNTS = Counts(switches=4, machines=1, known=1, sound=1, objects=2, causes=1)
 
 
+Printed = Callable[..., Any]
+
+
+@pytest.fixture
+def printed(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Printed:
+    """Return a function that runs a command and returns its stdout, `out`, and stderr, `err`."""
+
+    def run(*line: str) -> Any:
+        monkeypatch.setattr("sys.argv", ["benchmark", *line])
+        main()
+        return capsys.readouterr()
+
+    return run
+
+
 def test_the_command_makes_compares_and_scores(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, printed: Printed
 ) -> None:
     tiny = Counts(switches=6, machines=0, known=2, sound=3, objects=3, causes=0)
     monkeypatch.setitem(PRESETS, "small", tiny)
     folder = tmp_path / "bench"
-    line = ["benchmark", "detection", str(folder), "--size", "small", "--workers", "1"]
+    line = ["run", str(folder), "--size", "small", "--workers", "1"]
     line += ["--method", "threshold", "--main"]
-    first = CliRunner().invoke(app, [*line, "--json"])
-    assert first.exit_code == 0, (first.output, first.exception)
-    found = json.loads(first.stdout)
+    first = printed(*line, "--json")
+    assert "methods: 2 of 2 done, last markers-force-h0-d5" in first.err
+    found = json.loads(first.out)
     assert set(found["results"]) == {"markers-force-h20-d5", "markers-force-h0-d5"}
     for name in ("data-card.md", "table.md", "roc.png", "pod.png"):
         assert (folder / name).stat().st_size > 100
     assert "Panels on both sides of the split: 0." in (folder / "data-card.md").read_text()
     # the second time nothing is run again, and the numbers are the same
-    again = json.loads(CliRunner().invoke(app, [*line, "--json", "--quiet"]).stdout)
-    assert again["results"] == found["results"]
+    again = printed(*line, "--json", "--quiet")
+    assert not again.err
+    assert json.loads(again.out)["results"] == found["results"]
+    assert f"numbers         {found['numbers']}" in printed(*line).out
     said = folder / "results" / "markers-force-h20-d5" / "threshold.csv"
-    score = CliRunner().invoke(app, ["benchmark", "score", str(folder), str(said), "--json"])
-    own = json.loads(score.stdout)["score"]
+    own = json.loads(printed("score", str(folder), str(said), "--json").out)["score"]
     assert own == found["results"]["markers-force-h20-d5"]["threshold"]["score"]
-    text = CliRunner().invoke(app, ["benchmark", "score", str(folder), str(said)]).output
-    assert "false alarms" in text
-    wrong = CliRunner().invoke(app, ["benchmark", "detection", str(folder), "--size", "huge"])
-    assert "huge" in str(wrong.exception)
+    assert "false alarms" in printed("score", str(folder), str(said)).out
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        (["run", "{}", "--size", "huge"], "invalid choice: 'huge' (choose from"),
+        (["run", "{}", "--workers", "0"], "--workers: 0: must be a whole number, 1 or more"),
+        (["run", "{}", "--size", "small"], "is not empty and holds no benchmark"),
+        (["score", "{}", "said.csv"], "run: python -m benchmarks.detection run"),
+        (["score", "{}", "said.csv", "--track", "all", "--history", "-1"], "2 problems"),
+    ],
+)
+def test_bad_input_is_one_message_and_code_2(
+    line: list[str], words: str, tmp_path: Path, printed: Printed,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(SystemExit) as ended:
+        printed(*(part.format(tmp_path) for part in line))
+    assert ended.value.code == 2
+    assert words in capsys.readouterr().err
 
 
 def test_an_interrupted_benchmark_goes_on_to_the_same_throws(tmp_path: Path) -> None:
@@ -126,7 +160,7 @@ def test_an_interrupted_benchmark_goes_on_to_the_same_throws(tmp_path: Path) -> 
         assert np.abs(change[:, before]).max() <= 1.0
 
 
-SOURCES = Path(run_methods.__file__).parents[1]
+SOURCES = Path(run_methods.__file__).parent
 MADE = {"definition", "make_throws", "switch_throws"}
 """Modules that what is stored of throws follows from: the digest of the data stands for them."""
 
@@ -140,21 +174,20 @@ def test_results_are_made_again_when_what_they_come_from_changes(method: Method)
     sources = sources_of(method)
     assert len(set(sources)) == len(sources)
     assert set(COMMON) < set(sources)
-    for name in [item for item in sources if item.startswith("open_benchmark/")]:
+    assert digest_of(sources) != digest_of(sources[1:])
+    for name in [item for item in sources if "/" not in item]:
         tree = ast.parse((SOURCES / name).read_text(encoding="utf-8"))
-        imported = [
-            node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)
-        ]
         own = {
-            item.split(".")[-1] for item in imported if item.startswith("turnout.open_benchmark")
-        }
-        assert {f"open_benchmark/{item}.py" for item in own - MADE} <= set(sources), name
+            (node.module or "").rpartition(".")[2] for node in ast.walk(tree)
+            if isinstance(node, ast.ImportFrom) and str(node.module).startswith("benchmarks.")
+        }  # fmt: skip
+        assert {f"{item}.py" for item in own - MADE} <= set(sources), name
 
 
 def test_a_baseline_does_not_depend_on_the_detector() -> None:
     pca = next(item for item in methods_for(Conditions()) if item.name == "pca")
-    assert not any("detection/" in name or "ours" in name for name in sources_of(pca))
-    assert "detection/detector" in USES["open_benchmark/machine_kinds.py"]
+    assert not any("detection/" in name or "detector" in name for name in sources_of(pca))
+    assert "detection/detector" in USES["turnout_detector.py"]
 
 
 def test_a_fault_of_a_method_is_raised_after_the_others_ran(
@@ -194,13 +227,13 @@ def test_every_fold_holds_back_as_many_switches_of_each_kind() -> None:
 
 
 def test_few_switches_have_fewer_components(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ours, "window_features", lambda clean, _: clean)
+    monkeypatch.setattr(turnout_detector, "window_features", lambda clean, _: clean)
     groups, rng = np.repeat(["a", "b", "c"], 20), np.random.default_rng(1)
     labels = {"role": np.full(60, "sound"), "level": rng.uniform(0.1, 0.4, 60)}
     clean = np.repeat(rng.standard_normal((3, 12)), 20, axis=0)
     side = SimpleNamespace(labels=labels, clean=clean, groups=groups)
-    found = ours.switch_components(side, None, count=6)
+    found = turnout_detector.switch_components(side, None, count=6)
     assert found.shape == (60, 2)
     np.testing.assert_allclose(found.std(axis=0), 1.0)
     one = SimpleNamespace(labels=labels, clean=clean, groups=np.full(60, "a"))
-    assert ours.switch_components(one, None, count=6).shape == (60, 0)
+    assert turnout_detector.switch_components(one, None, count=6).shape == (60, 0)

@@ -5,14 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks.detection import run_methods, switch_throws, turnout_detector
+from benchmarks.detection.data import Benchmark
+from benchmarks.detection.definition import Counts
+from benchmarks.detection.make_throws import make_throws
+from benchmarks.detection.method import Method, judged_of
+from benchmarks.detection.run_methods import Conditions, methods_for, numbers_digest, run_method
 
 from turnout.detection.detector import training
-from turnout.open_benchmark import ours, run_methods, switch_throws
-from turnout.open_benchmark.definition import Counts
-from turnout.open_benchmark.make_throws import make_throws
-from turnout.open_benchmark.method import Method, judged_of
-from turnout.open_benchmark.run_methods import Conditions, methods_for, numbers_digest, run_method
-from turnout.open_benchmark.sides import Benchmark
 
 MACHINES = Counts(switches=8, machines=8, known=3, sound=7, objects=3, causes=1)
 FEW = Counts(switches=6, machines=6, known=3, sound=3, objects=2, causes=1)
@@ -87,7 +87,7 @@ def test_machines_are_judged_by_force_current_and_power(
     conditions: Conditions, machines: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(training, "LEAST_SOUND", 30)  # so few throws are made here
-    monkeypatch.setattr(ours, "LEAST_SOUND", 30)
+    monkeypatch.setattr(turnout_detector, "LEAST_SOUND", 30)
     bench = conditions.open(machines)
     assert bench.signals == (f"{conditions.channels} 1", f"{conditions.channels} 2")
     role = bench.train.labels["role"]

@@ -45,7 +45,6 @@ COMMANDS = {
     "campaign": ("campaign:app", "Measured movements: check, build, plot, virtual."),
     "sweep": ("sweep:app", "Studies of many throws: plan, run, map, effects, export."),
     "detect": ("detect:app", "Detect objects from drive forces: train, learn, run."),
-    "benchmark": ("benchmark:app", "Open benchmark of detection: make, compare, score."),
 }
 """Commands in the order of the help: a function or a group of commands, and its line there."""
 

@@ -8,7 +8,6 @@ NAMES = {
     "Recorded": "turnout.detection.detector.recorded",
     "Allowances": "turnout.detection.detector.allowances",
     "Counts": "turnout.detection.detector.training_sets",
-    "open_benchmark": "turnout.open_benchmark.sides",
     "read_throws": "turnout.detection.detector.reading",
     "train": "turnout.detection.detector.train_detector:train_detector",
 }

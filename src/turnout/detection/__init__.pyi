@@ -7,7 +7,6 @@ from turnout.detection.detector.recorded import Recorded as Recorded
 from turnout.detection.detector.throw_verdict import Verdict as Verdict
 from turnout.detection.detector.train_detector import train_detector as train
 from turnout.detection.detector.training_sets import Counts as Counts
-from turnout.open_benchmark.sides import open_benchmark as open_benchmark
 
 __all__ = [
     "Allowances",
@@ -15,7 +14,6 @@ __all__ = [
     "Detector",
     "Recorded",
     "Verdict",
-    "open_benchmark",
     "read_throws",
     "train",
 ]

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.detection.method import FOLDS
 from turnout.core.files import write_atomic
-from turnout.open_benchmark.method import FOLDS
 
 TABLE = "table.md"
 NOTHING = "-"

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.detection.make_throws import STEP, fine_layout
+from benchmarks.detection.method import Judged, Model
 from turnout.detection.detector.throw_layout import CLOSING, Layout
-from turnout.open_benchmark.make_throws import STEP, fine_layout
-from turnout.open_benchmark.method import Judged, Model
 
 Floats = NDArray[np.float64]
 Settings = Sequence[Mapping[str, Any]]

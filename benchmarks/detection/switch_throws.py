@@ -10,6 +10,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.detection.definition import (
+    HISTORY,
+    OBJECT,
+    SEED,
+    SOUND,
+    TRAIN,
+    Counts,
+    Switch,
+    panels_study,
+)
 from turnout.core.errors import PanelError, StudyError
 from turnout.detection.detector.training_plan import (
     ADJUSTED,
@@ -30,16 +40,6 @@ from turnout.detection.detector.training_plan import (
 )
 from turnout.detection.reference import TEMPERATURE, reference_study
 from turnout.detection.throws import places_of
-from turnout.open_benchmark.definition import (
-    HISTORY,
-    OBJECT,
-    SEED,
-    SOUND,
-    TRAIN,
-    Counts,
-    Switch,
-    panels_study,
-)
 from turnout.panel.load import LoadedPanel
 from turnout.study.scenario import Output
 from turnout.study.study import Study

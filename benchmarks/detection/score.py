@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.open_benchmark.definition import EQUAL, HARD, MID_SPAN, OBJECT, SOUND
-from turnout.open_benchmark.margin import weighted_a90
-from turnout.open_benchmark.method import object_touched
-from turnout.open_benchmark.metrics import (
+from benchmarks.detection.data import Side
+from benchmarks.detection.definition import EQUAL, HARD, MID_SPAN, OBJECT, SOUND
+from benchmarks.detection.method import object_touched
+from benchmarks.detection.metrics import (
     Accuracy,
     Detectable,
     Rate,
@@ -20,10 +20,10 @@ from turnout.open_benchmark.metrics import (
     clustered_rate,
     detectable,
     macro_f1,
+    weighted_a90,
 )
-from turnout.open_benchmark.sides import Side
-from turnout.open_benchmark.switch_throws import UNKNOWN
-from turnout.open_benchmark.verdicts import Verdicts
+from benchmarks.detection.switch_throws import UNKNOWN
+from benchmarks.detection.verdicts import Verdicts
 
 Floats = NDArray[np.float64]
 
@@ -51,7 +51,7 @@ class Score:
         a90 by place, of stones and metal; by kind, sleepers 4 to 8.
     equal_place : mapping of str to float
         a90 by place where exactly 1 in 1,000 of the sound test throws is called, by the probit
-        curve of `margin` [m].
+        curve of `weighted_a90` [m].
     mid_span, equal_mid_span : float
         Mean a90 of sleepers 4 to 8 [m].
     excess : mapping of str to float

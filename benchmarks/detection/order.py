@@ -1,28 +1,41 @@
-"""Under which conditions this program's detector is the first, and by how much."""
+r"""Margin of this program's detector over the others, and the order of methods, by conditions.
+
+Throws of a switch are alike, so switches are drawn with replacement, for all methods the same ones
+(Efron and Tibshirani 1993, chapter 8). In each draw every method gets the threshold that
+1 in 1,000 of the sound throws drawn exceeds, and a90 at each place from `weighted_a90`, a throw
+weighing as often as its switch was drawn.
+"""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.detection.data import Side
+from benchmarks.detection.definition import EQUAL, HARD, MARKERS, MID_SPAN, SOUND
+from benchmarks.detection.metrics import weighted_a90
+from benchmarks.detection.run_methods import (
+    ASSUMED,
+    ASSUMING,
+    OURS,
+    RESULTS,
+    Conditions,
+    digest_of,
+)
+from benchmarks.detection.tables import NOTHING, markdown_table, millimetres
+from benchmarks.detection.verdicts import read_verdicts
 from turnout.core.files import write_atomic
 from turnout.core.json_files import to_plain
 from turnout.core.provenance import content_hash
-from turnout.core.sources import digest_of_sources
-from turnout.open_benchmark.definition import MARKERS
-from turnout.open_benchmark.margin import DRAWS, central_interval, margin_over, mid_span_draws
-from turnout.open_benchmark.run_methods import ASSUMED, ASSUMING, OURS, RESULTS, Conditions
-from turnout.open_benchmark.tables import NOTHING, markdown_table, millimetres
-from turnout.open_benchmark.verdicts import read_verdicts
 
 Floats = NDArray[np.float64]
 Results = Mapping[str, Mapping[str, Any]]
 
-SOURCES = ("open_benchmark/margin.py", "open_benchmark/order.py")
+SOURCES = ("metrics.py", "order.py")
 FILE = "margins.json"
 CLEAR = 2e-3
 """Margin that was wanted [m]."""
@@ -52,7 +65,7 @@ def margins_of(folder: Path, conditions: Conditions, results: Results) -> dict[s
     """
     path = folder / RESULTS / conditions.name / FILE
     key = content_hash([
-        {name: item["key"] for name, item in results.items()}, digest_of_sources(SOURCES), DRAWS
+        {name: item["key"] for name, item in results.items()}, digest_of(SOURCES), DRAWS
     ])  # fmt: skip
     try:
         found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
@@ -182,3 +195,128 @@ def order_changes(conditions: Sequence[Conditions], margins: Mapping[str, Any]) 
             at = low + (high - low) * above / (above - below)
             found.append(f"The order changes at a discrepancy of {at:.1%} (straight line).")
     return found or ["Under none of these conditions is a baseline first."]
+
+
+# ---- margins
+
+DRAWS = 1000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Margin:
+    """By how much smaller objects one method sees than another; positive where it is better.
+
+    Attributes
+    ----------
+    own, other : float
+        a90 of both, mean of sleepers 4 to 8 at equal false alarms [m]; infinite where some size is
+        never seen in nine of ten throws.
+    value, low, high : float
+        Other less own, and its 95 % interval over drawn switches [m].
+    ahead : float
+        Share of the draws in which it is positive [-].
+    """
+
+    own: float
+    other: float
+    value: float
+    low: float
+    high: float
+    ahead: float
+
+
+def mid_span_draws(
+    side: Side, scores: Mapping[str, Floats], *, draws: int = DRAWS, seed: int = 0
+) -> dict[str, Floats]:
+    """Return a90 of each method, of all switches first and then of draws of them.
+
+    Parameters
+    ----------
+    side : Side
+        Judged test throws.
+    scores : mapping of str to ndarray, shape (n,)
+        Of each method, higher where an object is likelier.
+    draws : int
+        Of switches.
+    seed : int
+        Of chance.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (1 + draws,)
+        Mean of sleepers 4 to 8, stones and metal, at equal false alarms [m].
+    """
+    switches, own = np.unique(side.groups, return_inverse=True)
+    chosen = np.random.default_rng(seed).integers(0, len(switches), (draws, len(switches)))
+    times = np.array([np.bincount(row, minlength=len(switches)) for row in chosen])
+    times = np.vstack([np.ones((1, len(switches))), times])
+    sound = side.labels["role"] == SOUND
+    hard = np.isin(side.labels["kind"], HARD)
+    places = [name for name in MID_SPAN if np.any(hard & (side.labels["place"] == name))]
+    found = {}
+    for name, score in scores.items():
+        level = equal_levels(score[sound], times[:, own[sound]])
+        each = []
+        for place in places:
+            rows = hard & (side.labels["place"] == place)
+            hit = score[rows] > level[:, np.newaxis]
+            each.append(weighted_a90(side.labels["size"][rows], hit, times[:, own[rows]]))
+        found[name] = np.mean(each, axis=0) if each else np.full(len(times), np.inf)
+    return found
+
+
+def equal_levels(score: Floats, weight: Floats) -> Floats:
+    """Return the score that a share `EQUAL` of weighted throws exceeds, shape (n_draws,).
+
+    Examples
+    --------
+    >>> equal_levels(np.arange(2000.0), np.ones((1, 2000))).tolist()
+    [1997.0]
+    """
+    order = np.argsort(score)[::-1]
+    above = np.cumsum(weight[:, order], axis=1)
+    allowed = EQUAL * above[:, -1:]
+    return np.asarray(score[order][np.argmax(above > allowed, axis=1)], dtype=np.float64)
+
+
+def margin_over(own: Floats, others: Sequence[Floats]) -> Margin:
+    """Return the margin over the best of some methods, which each draw chooses again.
+
+    Parameters
+    ----------
+    own : ndarray, shape (1 + n_draws,)
+        From `mid_span_draws`.
+    others : sequence of ndarray
+        Likewise.
+
+    Examples
+    --------
+    >>> found = margin_over(np.array([10.0, 9.0, 11.0]), [np.array([12.0, 12.0, 10.5])])
+    >>> found.value, found.ahead
+    (2.0, 0.5)
+    """
+    best = np.min(others, axis=0)
+    with np.errstate(invalid="ignore"):
+        margin = best - own
+    margin = np.where(np.isfinite(own), margin, np.where(np.isfinite(best), -np.inf, np.nan))
+    drawn = margin[1:][~np.isnan(margin[1:])]
+    if not drawn.size:
+        drawn = np.array([np.nan])
+    low, high = central_interval(drawn)
+    return Margin(
+        own=float(own[0]), other=float(best[0]), value=float(margin[0]),
+        low=low, high=high,
+        ahead=float(np.mean(drawn > 0.0)),
+    )  # fmt: skip
+
+
+def central_interval(drawn: Floats) -> tuple[float, float]:
+    """Return the ends between which 95 % of draws lie, infinite ones included.
+
+    Examples
+    --------
+    >>> central_interval(np.arange(100.0))
+    (2.0, 97.0)
+    """
+    rising, tail = np.sort(drawn), int(0.025 * len(drawn))
+    return float(rising[tail]), float(rising[-1 - tail])

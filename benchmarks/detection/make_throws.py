@@ -1,13 +1,14 @@
-"""Make the throws of the benchmark: switch by switch, each a file; interrupted, it goes on.
+"""Make and read the throws of the benchmark, and write their data card.
 
 A switch is thrown as a sweep; what the benchmark keeps of it goes to one file and the sweep is
-deleted. The files of all switches are joined at the end.
+deleted. The files of all switches are joined at the end. An interrupted run continues with the
+switches that have no file.
 """
 
 import hashlib
 import json
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict, replace
@@ -18,12 +19,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from turnout.core.errors import FileError
-from turnout.core.files import atomic_path, make_folder, write_atomic
-from turnout.core.provenance import version
-from turnout.detection.detector.throw_layout import Layout, throw_features
-from turnout.detection.detector.training import layout_of_panel
-from turnout.open_benchmark.definition import (
+from benchmarks.detection.definition import (
+    TEST,
+    TRAIN,
     VERSION,
     Counts,
     Switch,
@@ -31,7 +29,12 @@ from turnout.open_benchmark.definition import (
     panels_study,
     switches_of,
 )
-from turnout.open_benchmark.switch_throws import SwitchThrows, throws_of_switch
+from benchmarks.detection.switch_throws import SwitchThrows, throws_of_switch
+from turnout.core.errors import FileError
+from turnout.core.files import atomic_path, make_folder, write_atomic
+from turnout.core.provenance import version
+from turnout.detection.detector.throw_layout import Layout, throw_features
+from turnout.detection.detector.training import layout_of_panel
 from turnout.study.sweep.read import open_sweep
 from turnout.study.sweep.run import local_pool, run_sweep
 from turnout.throw.compilation import must_compile
@@ -45,7 +48,7 @@ STEP = 0.02
 """Samples of a history are means over so long [s]."""
 QUANTUM = {"force": 0.5, "current": 2e-3, "power": 0.25}
 """Histories are stored in whole multiples of this, [N], [A] and [W]: the noise is 10 times more."""
-DEFINITION, THROWS = "benchmark.json", "detection-benchmark.nc"
+DEFINITION, THROWS, CARD = "benchmark.json", "detection-benchmark.nc", "data-card.md"
 SWITCHES = "switches"
 
 
@@ -303,3 +306,102 @@ def data_digest(dataset: xr.Dataset) -> str:
             else np.ascontiguousarray(np.round(values, 9)).tobytes()
         )  # fmt: skip
     return found.hexdigest()
+
+
+def read_throws_file(folder: Path, *, recorded: bool = True) -> xr.Dataset:
+    """Return the stored throws, or what is known of them without their histories."""
+    path = folder / THROWS
+    try:
+        with xr.open_dataset(path, engine="h5netcdf") as found:
+            whole = (found if recorded else found.drop_vars("history")).load()
+        version = int(whole.attrs["benchmark"])
+    except FileNotFoundError:
+        run = f"python -m benchmarks.detection run {folder}"
+        message = f"{folder}: holds no finished benchmark; run: {run}"
+        raise FileError(message) from None
+    except (OSError, ValueError, KeyError) as error:
+        message = f"{path}: is damaged or no benchmark ({error}); delete it and make it again"
+        raise FileError(message) from None
+    if version != VERSION:
+        message = f"{path}: is version {version} of the benchmark; this program knows {VERSION}"
+        raise FileError(message)
+    return whole.assign_coords(throw=np.arange(whole.sizes["throw"]))
+
+
+# ---- data card
+
+
+def write_card(folder: Path) -> Path:
+    """Write the data card of a benchmark that was made."""
+    path = folder / CARD
+    write_atomic(path, data_card(read_throws_file(folder), size=(folder / THROWS).stat().st_size))
+    return path
+
+
+def data_card(whole: xr.Dataset, *, size: int) -> str:
+    """Return the data card as Markdown.
+
+    Parameters
+    ----------
+    whole : xarray.Dataset
+        The stored throws.
+    size : int
+        Of their file [bytes].
+    """
+    role, split = whole["role"].to_numpy(), whole["split"].to_numpy()
+    track, switch = whole["track"].to_numpy(), whole["switch"].to_numpy()
+    panel, kind = whole["panel"].to_numpy(), whole["kind"].to_numpy()
+    lines = [
+        f"# Data card: open benchmark of foreign-object detection in switches, version {VERSION}",
+        "",
+        f"{whole.sizes['throw']} simulated throws of {len(np.unique(switch))} switches with "
+        f"{len(np.unique(panel))} different panels; {size / 1e6:.1f} MB. Every throw is an opening "
+        "and a closing.",
+        "",
+        "| | " + " | ".join(f"{s}, {t}" for t in ("markers", "machines") for s in (TRAIN, TEST))
+        + " |",
+        "|---|" + "--:|" * 4,
+    ]  # fmt: skip
+    groups = [(track == t) & (split == s) for t in ("markers", "machines") for s in (TRAIN, TEST)]
+
+    def row(name: str, counts: Sequence[int]) -> str:
+        return f"| {name} | " + " | ".join(str(number) for number in counts) + " |"
+
+    lines += [
+        row("switches", [len(np.unique(switch[own])) for own in groups]),
+        row("panels", [len(np.unique(panel[own])) for own in groups]),
+        row("throws", [int(own.sum()) for own in groups]),
+    ]
+    lines += [
+        row(str(name), [int((role[own] == name).sum()) for own in groups])
+        for name in dict.fromkeys(role.tolist())
+    ]
+    lines += [
+        row(f"object: {name}", [int((kind[own] == name).sum()) for own in groups])
+        for name in np.unique(kind[kind != ""])
+    ]
+    both = set(panel[split == TRAIN].tolist()) & set(panel[split == TEST].tolist())
+    machine = whole["machine"].to_numpy()
+    named = ", ".join(sorted({str(name) for name in machine[machine != ""]})) or "none"
+    sized = whole["size"].to_numpy()[role == "object"]
+    force = whole["object_force"].to_numpy()[role == "object"]
+    rates = ", ".join(f"{rate:g}" for rate in np.unique(whole["rate"].to_numpy())[::-1])
+    lines += [
+        "",
+        f"- Panels on both sides of the split: {len(both)}.",
+        f"- Machines of Drive 1 on the track machines: {named}.",
+        f"- Objects: {1e3 * sized.min():.1f} to {1e3 * sized.max():.1f} mm; "
+        f"{100 * np.mean(force > 5.0):.0f} % are touched (more than 5 N).",
+        f"- Recorders: {rates} samples a second; histories are means over 20 ms.",
+        f"- Friction level: {whole['level'].to_numpy().min():.2f} to "
+        f"{whole['level'].to_numpy().max():.2f}.",
+        f"- Locked at the end: {100 * np.mean(whole['locked'].to_numpy() == 1):.0f} % of throws.",
+        "",
+        f"Definition `{whole.attrs['definition']}`",
+        "",
+        f"Data `{whole.attrs['data']}`",
+        "",
+        f"Made by turnout {whole.attrs['turnout']}.",
+        "",
+    ]
+    return "\n".join(lines)

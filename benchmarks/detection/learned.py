@@ -11,17 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from turnout.core.errors import TurnoutError
-from turnout.open_benchmark.classical import (
+from benchmarks.detection.classical import (
     Components,
     ComponentsMethod,
     closing_of,
     peak_and_duration,
     three_features,
 )
-from turnout.open_benchmark.make_throws import STEP
-from turnout.open_benchmark.method import Judged, Model
-from turnout.open_benchmark.minirocket import MiniRocket, fit_minirocket
+from benchmarks.detection.make_throws import STEP
+from benchmarks.detection.method import Judged, Model
+from benchmarks.detection.minirocket import MiniRocket, fit_minirocket
+from turnout.core.errors import TurnoutError
 
 Floats = NDArray[np.float64]
 Settings = Sequence[Mapping[str, Any]]

@@ -1,23 +1,19 @@
 """The tables and figures of docs/evidence/open-benchmark.md, from the folder of a benchmark.
 
-`python -m tests.verification.open_benchmark_page FOLDER` writes them; run
-`turnout benchmark detection FOLDER` first. Conditions that were not run are left out, and the page
-says so.
+`python -m benchmarks.detection page DIR` writes them after `run`. Conditions that were not run are
+left out, and the page says so.
 """
 
 import json
 import re
 import shutil
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from benchmarks.studies.plausible_page import put
-
-from turnout.open_benchmark.data_card import CARD
-from turnout.open_benchmark.order import margins_of, order_changes, order_table
-from turnout.open_benchmark.run_methods import (
+from benchmarks.detection.make_throws import CARD, read_throws_file
+from benchmarks.detection.order import margins_of, order_changes, order_table
+from benchmarks.detection.run_methods import (
     MAIN,
     OURS,
     RESULTS,
@@ -26,8 +22,7 @@ from turnout.open_benchmark.run_methods import (
     methods_for,
     numbers_digest,
 )
-from turnout.open_benchmark.sides import read_throws_file
-from turnout.open_benchmark.tables import (
+from benchmarks.detection.tables import (
     budget_table,
     kind_table,
     markdown_table,
@@ -35,6 +30,7 @@ from turnout.open_benchmark.tables import (
     said_table,
     table_of,
 )
+from benchmarks.page import put
 
 MACHINES = Conditions(track="machines").name
 DOCS = Path(__file__).parents[2] / "docs"
@@ -92,9 +88,8 @@ def known_throws(folder: Path) -> int:
     return int(max((history == switch).sum() for switch in set(history.tolist())))
 
 
-def main() -> None:
+def write_page(folder: Path) -> None:
     """Write the page."""
-    folder = Path(sys.argv[1])
     known = known_throws(folder)
     found = {own: stored(folder, own) for own in conditions_for(known)}
     wanted = [own for own, methods in found.items() if OURS in methods]
@@ -121,7 +116,3 @@ def main() -> None:
     PAGE.write_text(text, encoding="utf-8")
     for name, figure in FIGURES.items():
         shutil.copyfile(folder / name, DOCS / "figures" / figure)
-
-
-if __name__ == "__main__":
-    main()

@@ -16,20 +16,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.core.errors import StudyError
-from turnout.core.files import write_atomic
-from turnout.core.json_files import to_plain
-from turnout.core.processes import Tasks, closing_pool, worker_processes
-from turnout.core.provenance import content_hash
-from turnout.core.sources import digest_of_sources
-from turnout.core.threads import one_blas_thread
-from turnout.detection.detector.allowances import Allowances
-from turnout.open_benchmark.classical import ComponentsMethod, LimitsMethod, WarpingMethod
-from turnout.open_benchmark.definition import MARKERS, TEST, TRAIN, WITH_MACHINES
-from turnout.open_benchmark.learned import BoostingMethod, ForestMethod, RocketMethod
-from turnout.open_benchmark.machine_kinds import MachineDetectorMethod
-from turnout.open_benchmark.make_throws import data_digest
-from turnout.open_benchmark.method import (
+from benchmarks.detection.classical import ComponentsMethod, LimitsMethod, WarpingMethod
+from benchmarks.detection.data import (
+    TRACKS,
+    Benchmark,
+    Side,
+    judged_labels,
+    open_benchmark,
+    read_throws_file,
+)
+from benchmarks.detection.definition import MARKERS, TEST, TRAIN, WITH_MACHINES
+from benchmarks.detection.learned import BoostingMethod, ForestMethod, RocketMethod
+from benchmarks.detection.make_throws import data_digest
+from benchmarks.detection.method import (
     FOLDS,
     Floats,
     Keep,
@@ -38,34 +37,32 @@ from turnout.open_benchmark.method import (
     judged_of,
     tune,
 )
-from turnout.open_benchmark.ours import DetectorMethod
-from turnout.open_benchmark.score import plain, score_verdicts
-from turnout.open_benchmark.sides import (
-    TRACKS,
-    Benchmark,
-    Side,
-    judged_labels,
-    open_benchmark,
-    read_throws_file,
-)
-from turnout.open_benchmark.verdicts import Verdicts, read_verdicts, write_verdicts
+from benchmarks.detection.score import plain, score_verdicts
+from benchmarks.detection.turnout_detector import DetectorMethod, MachineDetectorMethod
+from benchmarks.detection.verdicts import Verdicts, read_verdicts, write_verdicts
+from turnout.core.errors import StudyError
+from turnout.core.files import write_atomic
+from turnout.core.json_files import to_plain
+from turnout.core.processes import Tasks, closing_pool, worker_processes
+from turnout.core.provenance import content_hash
+from turnout.core.sources import digest_of_sources
+from turnout.core.threads import one_blas_thread
+from turnout.detection.detector.allowances import Allowances
 
 RESULTS = "results"
 Report = Callable[[str, int, int], None]
 ASSUMED = 0.05
 """Usual discrepancy, which a detector assumes that does not know the true one [-]."""
-COMMON = tuple(f"open_benchmark/{name}.py" for name in ("method", "recorder_errors", "sides"))
+COMMON = ("data.py", "method.py")
 """Sources that verdicts of all methods depend on."""
-DETECTOR = ("detection/detector", "detection/likelihood.py", "detection/population.py")
 USES = {
-    "open_benchmark/learned.py": ("open_benchmark/classical.py", "open_benchmark/minirocket.py"),
-    "open_benchmark/ours.py": DETECTOR,
-    "open_benchmark/machine_kinds.py": ("open_benchmark/ours.py", *DETECTOR),
+    "learned.py": ("classical.py", "minirocket.py"),
+    "turnout_detector.py": (
+        *("detection/detector", "detection/likelihood.py", "detection/population.py"),
+    ),
 }
 """Further sources, by that of the method."""
-SCORES = tuple(f"open_benchmark/{name}.py" for name in ("margin", "metrics", "score")) + (
-    "detection/pod",
-)
+SCORES = ("metrics.py", "score.py", "detection/pod")
 """Sources that scores depend on."""
 
 
@@ -272,15 +269,19 @@ def _key(method: Method, data: str) -> str:
     """Return a digest of all that verdicts follow from."""
     settings = [dict(item) for item in method.settings]
     given = [str(getattr(method, name, "")) for name in ("errors", "details")]
-    return str(
-        content_hash([data, method.name, settings, given, digest_of_sources(sources_of(method))])
-    )
+    return str(content_hash([data, method.name, settings, given, digest_of(sources_of(method))]))
 
 
 def sources_of(method: Method) -> tuple[str, ...]:
     """Return the sources that verdicts of a method depend on."""
-    own = type(method).__module__.removeprefix("turnout.").replace(".", "/") + ".py"
+    own = type(method).__module__.rpartition(".")[2] + ".py"
     return (*COMMON, own, *USES.get(own, ()))
+
+
+def digest_of(sources: Sequence[str]) -> str:
+    """Return a digest of modules of this folder and, their names with a slash, of turnout."""
+    own = [Path(__file__).with_name(name).read_text("utf-8") for name in sources if "/" not in name]
+    return content_hash([own, digest_of_sources(tuple(name for name in sources if "/" in name))])
 
 
 def _kept(folder: Path, conditions: Conditions, method: Method, data: str) -> dict[str, Any] | None:
@@ -293,9 +294,9 @@ def _kept(folder: Path, conditions: Conditions, method: Method, data: str) -> di
         return None
     if found.get("key") != _key(method, data) or "score" not in found:
         return None
-    if found.get("scored") != digest_of_sources(SCORES):
+    if found.get("scored") != digest_of(SCORES):
         found["score"] = score_file(place / f"{method.name}.csv", folder, conditions)
-        found["scored"] = digest_of_sources(SCORES)
+        found["scored"] = digest_of(SCORES)
         write_atomic(path, json.dumps(found, indent=1) + "\n")
     return found
 
@@ -325,7 +326,7 @@ def run_method(method: Method, bench: Benchmark, place: Path, *, data: str) -> d
         "method": method.name,
         "title": method.title,
         "key": key,
-        "scored": digest_of_sources(SCORES),
+        "scored": digest_of(SCORES),
         "setting": dict(fitted.setting),
         "tried": [{"setting": dict(item), "detected": share} for item, share in fitted.tried],
         "tuning_time": tuned,

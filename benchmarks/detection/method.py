@@ -15,12 +15,12 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.detection.data import Benchmark, Side, window_features
+from benchmarks.detection.definition import HISTORY, OBJECT, SOUND
 from turnout.core.errors import StudyError
 from turnout.detection.alarm_threshold import threshold_for
 from turnout.detection.detector.throw_layout import Layout
 from turnout.detection.floor import TOUCH_FORCE
-from turnout.open_benchmark.definition import HISTORY, OBJECT, SOUND
-from turnout.open_benchmark.sides import Benchmark, Side, window_features
 
 Floats = NDArray[np.float64]
 

@@ -1,0 +1,1 @@
+"""Open benchmark of foreign-object detection: throws, metrics, methods, tables."""

@@ -1,1 +1,0 @@
-"""The open benchmark of foreign-object detection: throws, metrics, baselines, tables."""
