@@ -4,8 +4,8 @@
     python -m benchmarks.detection score DIR VERDICTS [--history 20] [--track machines] [--json]
     python -m benchmarks.detection page DIR
 
-The same command continues an interrupted run. docs/evidence/open-benchmark.md describes what is made, the
-table of verdicts and the keys of `--json`; `page` writes its tables.
+The same command continues an interrupted run. docs/evidence/open-benchmark.md describes the data,
+the table of verdicts and the keys of `--json`; `page` writes its tables.
 """
 
 import argparse
