@@ -22,7 +22,7 @@ from benchmarks.accuracy_page import draw, section
 from benchmarks.errors import Error, Run, contact_late, errors
 from benchmarks.kept import keep
 from benchmarks.machine import load, processor_seconds
-from benchmarks.page import write_section
+from benchmarks.page import ACCURACY, write_section
 from benchmarks.schemes import MODES
 from turnout.core.scheme import Scheme
 from turnout.mechanism.build import build_mechanism
@@ -148,7 +148,7 @@ def main() -> None:
     draw(runs).savefig(ROOT / "docs" / "figures" / "accuracy.png", dpi=130)
     missing = [case for case in CASES if case not in given.cases]
     text = f"\nLeft out of this run: {'; '.join(missing)}.\n" if missing else ""
-    write_section("Accuracy against cost", section(runs) + text)
+    write_section("Accuracy against cost", section(runs) + text, page=ACCURACY)
 
 
 if __name__ == "__main__":

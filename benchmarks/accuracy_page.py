@@ -28,7 +28,7 @@ COLOURS = {100.0: "#0072B2", 300.0: "#D55E00"}
 """Of the lines: the cut-offs of quick and of waveform mode."""
 OWN = "reference at twice the step"
 WORTH_TELLING = 0.05
-"""Of the reference's own error [% rms]."""
+"""Errors below are not shown [% rms]."""
 
 
 def draw(runs: Sequence[Run]) -> Figure:
@@ -185,12 +185,17 @@ def _channels(runs: Sequence[Run], mode: str) -> str:
     lines = [
         f"### {mode.capitalize()}: rms / largest [% of peak] / end",
         "",
-        "End in N, mm or J; bold is outside of what quick mode promises of drives and gaps.",
+        (
+            "End in N, mm or J; bold is outside of what quick mode promises of drives and gaps."
+            f" Channels that are within {WORTH_TELLING:g} % rms in all cases are left out."
+        ),
         "",
         "| channel | " + " | ".join(run.case for run in found) + " |",
         "|---|" + "---|" * len(found),
     ]
     for name in names:
+        if all(run.channels[name].rms < WORTH_TELLING for run in found if name in run.channels):
+            continue
         cells = [_cell(run.channels.get(name), name) for run in found]
         lines.append(f"| `{name}` | " + " | ".join(cells) + " |")
     touches = [f"{1e3 * run.contact_late:.1f} ms" for run in found]

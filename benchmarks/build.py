@@ -2,9 +2,9 @@
 
     python -m benchmarks.build
 
-writes docs/evidence/performance-build.md. One core. "Cold" starts with an empty cache in a new
-process, "from files" in a new process with what that one left, "in memory" repeats it. Importing
-Python packages is separate, it is no build.
+writes a section of docs/evidence/performance.md. One core. "Cold" starts with an empty cache in a
+new process, "from files" in a new process with what that one left, "in memory" repeats it.
+Importing Python packages is separate, it is no build.
 """
 
 import argparse
@@ -14,36 +14,33 @@ import statistics
 import subprocess
 import sys
 import tempfile
-from pathlib import Path
 
-PAGE = Path(__file__).parents[1] / "docs" / "evidence" / "performance-build.md"
+from benchmarks.machine import load, machine
+from benchmarks.page import write_section
+
 REPEATS = 5
 
 PROBE = """
 import json, time
-began = time.perf_counter()
+began = time.process_time()
 import skfem
-from turnout.mechanism import cache
 from turnout.mechanism.build import build_mechanism
 from turnout.mechanism.rail_sections import section_values
 from turnout.panel.load import load_panel
-from turnout.section import mesh, shear, torsion
-from turnout.beam import section_analysis as analyse
-from turnout.beam import section_taper as taper
-imported = time.perf_counter()
+from turnout.beam import section_analysis, section_taper, shear_torsion
+imported = time.process_time()
 panel = load_panel("uic60-760-1-15")
-loaded = time.perf_counter()
+loaded = time.process_time()
 section_values(panel, "straight", [0.0])
-sections = time.perf_counter()
+sections = time.process_time()
 mechanism = build_mechanism(panel)
-built = time.perf_counter()
+built = time.process_time()
 build_mechanism(panel.with_overrides({"chair.friction_coefficient": 0.3}))
-again = time.perf_counter()
+again = time.process_time()
 share = max(body.count / body.n_full for body in mechanism.rails)
 print(json.dumps({
     "import": imported - began, "panel": loaded - imported, "sections": sections - loaded,
     "rails": built - sections, "again": again - built, "share": share,
-    "counts": dict(cache.counts),
 }))
 """
 
@@ -70,7 +67,7 @@ def row(what: str, runs: list[dict[str, float]], *keys: str) -> str:
 
 
 def main() -> None:
-    """Measure and write the page."""
+    """Measure and write the section."""
     argparse.ArgumentParser(description=__doc__).parse_args()
     cold, warm = [], []
     for _ in range(REPEATS):
@@ -78,11 +75,10 @@ def main() -> None:
             cold.append(probe(folder))
             warm.append(probe(folder))
     lines = [
-        "# What comes before the first step",
-        "",
         "Written by `python -m benchmarks.build`: the default panel, 14 planed sections and the",
-        "stock rail's, two switch rails and two stock rails reduced. One core of a shared machine;",
-        f"median and spread of {REPEATS} runs, each in a new process.",
+        "stock rail's, two switch rails and two stock rails reduced. Processor seconds on",
+        f"{machine()}, at a load of {load():.0f}; median and",
+        f"spread of {REPEATS} runs, each in a new process.",
         "",
         "| what | median [s] | spread [s] |",
         "|---|---:|---:|",
@@ -96,9 +92,7 @@ def main() -> None:
         "",
         f"Kept of a rail's degrees of freedom: at most {100 * cold[0]['share']:.1f} %.",
     ]
-    text = "\n".join(lines) + "\n"
-    PAGE.write_text(text, encoding="utf-8")
-    print(text)
+    write_section("Building a mechanism", "\n".join(lines))
 
 
 if __name__ == "__main__":

@@ -9,8 +9,6 @@ docs/use/campaign.md are drawn from what was built.
 """
 
 import argparse
-import os
-import platform
 import shutil
 import statistics
 import subprocess
@@ -19,6 +17,8 @@ import tempfile
 import time
 from pathlib import Path
 
+from benchmarks.machine import load, machine
+from benchmarks.page import write_section
 from turnout.measurement.campaign.recorded_throw import STORE
 from turnout.measurement.campaign.run_sheet import find_sheet, read_sheet
 
@@ -52,14 +52,11 @@ def reported(seconds: list[float]) -> str:
     return f"{median:.1f} s ({min(seconds):.1f} ... {max(seconds):.1f})"
 
 
-def page(count: int, *, made: float, fresh: list[float], again: list[float]) -> str:
-    """Return the page."""
-    cores = os.cpu_count()
+def section(count: int, *, made: float, fresh: list[float], again: list[float]) -> str:
+    """Return the section."""
     what = f"build {count} movements of 12 s, in part CSV, in part MATLAB, nothing read before"
-    return f"""# Performance of campaigns
-
-Written by `python -m benchmarks.campaign` on {platform.machine()} with {cores} cores, Python
-{platform.python_version()}, load {os.getloadavg()[0]:.1f} at the end. Medians (least ... largest)
+    return f"""Written by `python -m benchmarks.campaign` on {machine()}, load {load():.1f}
+at the end. Medians (least ... largest)
 of {REPEATS} runs of the program, from its start to the dataset on disk.
 
 | what | seconds |
@@ -84,7 +81,7 @@ def draw(folder: Path) -> None:
 
 
 def main() -> None:
-    """Make, build, draw and write the page."""
+    """Make, build, draw and write the section."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", nargs="?", type=Path, help="where the campaign is made")
     chosen = parser.parse_args().folder
@@ -95,8 +92,7 @@ def main() -> None:
         fresh = timed_builds(folder, fresh=True)
         again = timed_builds(folder, fresh=False)
         count = len(read_sheet(find_sheet(folder)).runs)
-        text = page(count, made=made, fresh=fresh, again=again)
-        (DOCS / "evidence" / "campaign-performance.md").write_text(text, encoding="utf-8")
+        write_section("Campaigns", section(count, made=made, fresh=fresh, again=again))
         draw(folder)
 
 

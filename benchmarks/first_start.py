@@ -17,9 +17,9 @@ import tempfile
 from pathlib import Path
 
 from benchmarks.machine import load, machine
+from benchmarks.page import write_section
 
 HERE = Path(__file__).parents[1]
-PAGE = HERE / "docs" / "evidence" / "performance-start.md"
 SIMULATE = ["simulate", "uic60-760-1-15", "--object", "13mm@sleeper6", "--quiet"]
 MACHINES = ["--set", "drive.1.machine=jea73", "--set", "drive.2.machine=jea73-drive2"]
 FIRST_STEP = f"""
@@ -86,7 +86,7 @@ def measured(roots: dict[str, Path]) -> dict[str, dict[str, Used]]:
 
 
 def main() -> None:
-    """Measure and write the page."""
+    """Measure and write the section."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--older", type=Path, help="another checkout, measured beside this one")
     older = parser.parse_args().older
@@ -97,8 +97,6 @@ def main() -> None:
     head = "| command | processor time | memory |"
     head += " older | its memory | ratio |" if older else ""
     lines = [
-        "# Before the first throw",
-        "",
         f"Written by `python -m benchmarks.first_start{' --older FOLDER' if older else ''}` on",
         f"{machine()}, at a load of {begun:.0f} to {load():.0f}.",
         "Processor seconds, user and system, of whole commands in new processes; on an idle core",
@@ -114,11 +112,7 @@ def main() -> None:
             before, much = values["older"]
             own += f" {before:.2f} s | {much:.0f} MB | {before / seconds:.2f} |"
         lines.append(own)
-    known = PAGE.read_text(encoding="utf-8") if PAGE.exists() else ""
-    _, mark, notes = known.partition("\n## ")
-    text = "\n".join(lines) + "\n" + (mark + notes)
-    PAGE.write_text(text, encoding="utf-8")
-    print(text)
+    write_section("Before the first throw", "\n".join(lines))
 
 
 if __name__ == "__main__":

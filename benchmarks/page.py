@@ -1,44 +1,26 @@
-"""A page of the documentation that several commands write, one section each."""
+"""Pages of the documentation that several commands write, one section each."""
 
 import re
 from pathlib import Path
 
-PERFORMANCE = Path(__file__).parents[1] / "docs" / "evidence" / "performance.md"
-HEAD = """# Performance
-
-Every section below is written by the command that it names. The machine and its load stand with
-each; ratios are of figures from one run of one command. What comes before the first throw has
-[a page of its own](performance-start.md).
-"""
-ORDER = (
-    "One throw",
-    "The race",
-    "Against real time",
-    "Scaling",
-    "Accuracy against cost",
-    "Where the time goes",
-    "A throw of a sweep",
-)
+EVIDENCE = Path(__file__).parents[1] / "docs" / "evidence"
+PERFORMANCE = EVIDENCE / "performance.md"
+METHODS = EVIDENCE / "performance-methods.md"
+ACCURACY = EVIDENCE / "accuracy.md"
 
 
 def with_section(text: str, heading: str, body: str) -> str:
-    """Return a page with one of its sections put in, or in place of the old one.
-
-    Sections that `ORDER` names stand in its order, others after them as they stood.
+    r"""Return a page with a section in place of the old one of its heading, or at the end.
 
     Examples
     --------
-    >>> with_section("# Performance", "Scaling", "straight").splitlines()[-1]
-    'straight'
+    >>> with_section("# Performance\n\n## Scaling\n\nold", "Scaling", "new").splitlines()[-1]
+    'new'
     """
-    sections = {}
-    for part in ("\n" + text).split("\n## ")[1:]:
-        name, _, rest = part.partition("\n")
-        sections[name.strip()] = rest.strip()
-    sections[heading] = body.strip()
-    known = [name for name in ORDER if name in sections]
-    names = known + [name for name in sections if name not in ORDER]
-    return "\n".join([HEAD, *(f"## {name}\n\n{sections[name]}\n" for name in names)])
+    head, *parts = text.split("\n## ")
+    sections = dict(part.split("\n", 1) for part in parts)
+    sections[heading] = f"\n{body.strip()}\n"
+    return "\n## ".join([head, *(f"{name}\n{content}" for name, content in sections.items())])
 
 
 def put(text: str, name: str, content: str) -> str:
@@ -56,6 +38,5 @@ def put(text: str, name: str, content: str) -> str:
 
 def write_section(heading: str, body: str, *, page: Path = PERFORMANCE) -> None:
     """Put a section into a page and show it on the screen."""
-    text = page.read_text(encoding="utf-8") if page.exists() else ""
-    page.write_text(with_section(text, heading, body), encoding="utf-8")
+    page.write_text(with_section(page.read_text(encoding="utf-8"), heading, body), encoding="utf-8")
     print(body)

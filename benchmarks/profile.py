@@ -2,9 +2,10 @@
 
     python -m benchmarks.profile
 
-writes a section of docs/evidence/performance.md. Each kernel of a step is timed alone, thousands of
-times on the state of a rail in motion; numbers and products are counted from the sizes. What the
-kernels do not add up to is the loop around them and memory that is touched for the first time.
+writes a section of docs/evidence/performance-methods.md. Each kernel of a step is timed alone,
+thousands of times on the state of a rail in motion; numbers and products are counted from the
+sizes. What the kernels do not add up to is the loop around them and memory that is touched for
+the first time.
 """
 
 import argparse
@@ -16,7 +17,7 @@ import numba
 import numpy as np
 
 from benchmarks.machine import load, machine
-from benchmarks.page import write_section
+from benchmarks.page import METHODS, write_section
 from benchmarks.schemes import MODES
 from turnout.core.scheme import Scheme
 from turnout.core.threads import one_blas_thread
@@ -202,7 +203,7 @@ def main() -> None:
     """Profile every panel in both modes and write the section."""
     argparse.ArgumentParser(description=__doc__).parse_args()
     found = {(name, mode): profile(name, MODES[mode]) for name in PANELS for mode in MODES}
-    write_section("Where the time goes", section(found))
+    write_section("Where the time goes", section(found), page=METHODS)
 
 
 if __name__ == "__main__":

@@ -18,10 +18,10 @@ import pandas as pd
 from scipy.io import savemat
 
 from benchmarks.machine import machine
+from benchmarks.page import write_section
 from turnout.measurement.formats.file_format import write_recording
 from turnout.measurement.recording import RecordedChannel, Recording
 
-PAGE = Path(__file__).parents[1] / "docs" / "evidence" / "performance-reading.md"
 SECONDS, RATE, CHANNELS = 3600, 1000, 5
 REPEATS = 3
 
@@ -117,11 +117,9 @@ def measured(path: Path) -> tuple[list[float], float, float]:
 
 
 def main() -> None:
-    """Measure and write the page."""
+    """Measure and write the section."""
     argparse.ArgumentParser(description=__doc__).parse_args()
     lines = [
-        "# Reading recordings",
-        "",
         f"Written by `python -m benchmarks.reading` on {machine()}.",
         f"One hour of {CHANNELS} channels at 1 kHz, {SECONDS * RATE / 1e6:g} million samples each.",
         f"Median and spread of {REPEATS} readings, each in a process of its own. Processor time",
@@ -139,9 +137,8 @@ def main() -> None:
             times = f"{statistics.median(seconds):.2f} | {min(seconds):.2f} to {max(seconds):.2f}"
             row = f"| {name} | {size:.0f} | {times} | {processor:.2f} | {peak:.0f} |"
             lines.append(row)
-            print(row, flush=True)
     lines += ["", "Dewesoft's own format is not in the table: nothing but DewesoftX writes it."]
-    PAGE.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_section("Recordings", "\n".join(lines))
 
 
 if __name__ == "__main__":

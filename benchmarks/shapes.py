@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable
 
 from benchmarks.machine import load, machine
-from benchmarks.page import write_section
+from benchmarks.page import METHODS, write_section
 from turnout.core import content_cache
 from turnout.core.threads import one_blas_thread
 from turnout.mechanism import build, reduce
@@ -100,7 +100,7 @@ def main() -> None:
         "|---|---:|---:|",
         *rows,
     ]
-    write_section("Shapes from strokes", "\n".join(lines))
+    write_section("Shapes from strokes", "\n".join(lines), page=METHODS)
 
 
 if __name__ == "__main__":

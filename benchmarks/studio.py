@@ -1,4 +1,4 @@
-"""Time the answers of the studio over HTTP and write docs/evidence/performance-studio.md.
+"""Time the answers of the studio over HTTP and write a section of docs/evidence/performance.md.
 
     python -m benchmarks.studio
 
@@ -10,15 +10,14 @@ import argparse
 import statistics
 import time
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 from tests.unit.served import Client, served
 
 from benchmarks.machine import load, machine
+from benchmarks.page import write_section
 from turnout.panel.load import load_panel
 
-PAGE = Path(__file__).parents[1] / "docs" / "evidence" / "performance-studio.md"
 PANEL = "uic60-760-1-15"
 COUNT = 20
 STEP = 0.05
@@ -87,8 +86,8 @@ def measured() -> Iterator[tuple[str, list[float], list[float]]]:
             yield what, *seconds(client, questions)
 
 
-def page(rows: list[tuple[str, list[float], list[float]]], *, loads: tuple[float, float]) -> str:
-    """Return the page."""
+def section(rows: list[tuple[str, list[float], list[float]]], *, loads: tuple[float, float]) -> str:
+    """Return the section."""
     lines = []
     for what, waited, worked in rows:
         ninth = sorted(waited)[len(waited) * 9 // 10 - 1]
@@ -97,9 +96,7 @@ def page(rows: list[tuple[str, list[float], list[float]]], *, loads: tuple[float
     moving = [row for row in rows if row[0] != RESTS]
     waited = statistics.median(value for row in moving for value in row[1])
     worked = statistics.median(value for row in moving for value in row[2])
-    return f"""# How soon the studio answers
-
-Written by `python -m benchmarks.studio` on {machine()}, at a load of
+    return f"""Written by `python -m benchmarks.studio` on {machine()}, at a load of
 {loads[0]:.1f} before and {loads[1]:.1f} at the end. The default panel, {COUNT} questions of each
 kind over HTTP, from asking to the whole answer in hand: panel changed and checked, rails and
 mechanism, throw, lamps, words, curves and motion, JSON. What the browser takes to draw comes on
@@ -125,7 +122,7 @@ def main() -> None:
     argparse.ArgumentParser(description=__doc__).parse_args()
     before = load()
     rows = list(measured())
-    PAGE.write_text(page(rows, loads=(before, load())), encoding="utf-8")
+    write_section("The studio", section(rows, loads=(before, load())))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Measure sweeps; write docs/evidence/performance-sweep.md.
+"""Measure sweeps; write a section of docs/evidence/performance.md.
 
     python -m benchmarks.sweep FOLDER [--full 2000] [--small 20000] [--store 64] [--workers 2]
 
@@ -22,7 +22,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from benchmarks.sweep_page import page
+from benchmarks.page import write_section
+from benchmarks.sweep_page import section
 from turnout.calibration.load_study import load_study
 from turnout.study.read_study import scheme_for
 from turnout.study.study import Study
@@ -33,7 +34,6 @@ from turnout.study.sweep.read import open_sweep, read_labels
 from turnout.study.sweep.run import SweepProgress, run_sweep
 from turnout.throw.simulate import compile_kernels
 
-DOCS = Path(__file__).parents[1] / "docs"
 FULL = """
 schema_version = 1
 name = "full panel"
@@ -235,7 +235,7 @@ def campaign(folder: Path, *, workers: int) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Measure what was requested, keep it, and write the page."""
+    """Measure what was requested, keep it, and write the section."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--full", type=int, default=2000)
@@ -275,7 +275,7 @@ def main() -> None:
         result = json.loads((folder / "small.json").read_text(encoding="utf-8"))
         keep("small", result | {"curve": curve})
     keep("reading", reading(folder / "small"))
-    (DOCS / "evidence" / "performance-sweep.md").write_text(page(kept), encoding="utf-8")
+    write_section("Sweeps", section(kept))
     peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1e3
     print(f"written; the largest process took {peak:.0f} MB")
 

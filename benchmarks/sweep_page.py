@@ -1,4 +1,4 @@
-"""The page of `benchmarks.sweep`."""
+"""The section of `benchmarks.sweep`."""
 
 from typing import Any
 
@@ -9,15 +9,13 @@ from benchmarks.machine import machine
 SHARE, HOUR, CORES, CAMPAIGN = 0.9, 100_000, 2, 15.0
 
 
-def page(kept: dict[str, Any]) -> str:
-    """Return the page of what was measured."""
+def section(kept: dict[str, Any]) -> str:
+    """Return the section of what was measured."""
     small = kept["small"]
     curve = "\n".join(f"| {n} | {run:.0f} | {worker:.0f} |" for n, run, worker in thinned(small))
     store = "\n".join(f"| {name} | {size / 1e3:.1f} |" for name, size in kept["sizes"].items())
     look = "\n".join(f"| {name} | {seconds:.3f} |" for name, seconds in kept["reading"].items())
-    return f"""# Performance of sweeps
-
-Written by `python -m benchmarks.sweep` on {machine()}.
+    return f"""Written by `python -m benchmarks.sweep` on {machine()}.
 {rate_section(kept["full"], "quick")}
 Beside solving a worker makes the panels of its scenarios and places their objects, recovers gaps
 from the motion of the rails, takes labels and features from every instant, and compresses and
@@ -26,7 +24,7 @@ which weighs the less the more throws there are.
 {rate_section(kept["waveform"], "waveform")}
 What is done beside solving hardly depends on the mode, so that it weighs less in this one.
 {campaign_section(kept["campaign"])}
-## Memory
+### Memory
 
 {small["stored"]} small throws (`sb1`, cut short) in {small["workers"]} processes.
 
@@ -34,13 +32,13 @@ What is done beside solving hardly depends on the mode, so that it weighs less i
 |---|---|---|
 {curve}
 
-## Disk
+### Disk
 
 | kept of a throw of the default panel | kB |
 |---|---|
 {store}
 
-## Reading
+### Reading
 
 The sweep of {small["stored"]} small throws.
 
@@ -51,7 +49,7 @@ The sweep of {small["stored"]} small throws.
 
 
 def rate_section(full: dict[str, Any], mode: str) -> str:
-    """Return the section on rates of a mode: by the clock, and by processor time."""
+    """Return the part on rates of a mode: by the clock, and by processor time."""
     n, workers = full["thrown"], full["workers"]
     solved = full["solver"] / n, full["solver_processor"] / n
     work = full["busy"] / n, full["busy_processor"] / n
@@ -87,7 +85,7 @@ def rate_section(full: dict[str, Any], mode: str) -> str:
     ]
     table = "\n".join(f"| {what} | {clock} | {used} |" for what, clock, used in rows)
     return f"""
-## Rate in the mode {mode}
+### Rate in the mode {mode}
 
 {n} throws of the default panel in {workers} processes, each with its own friction, drive
 stiffness, object size and place. A throw is solved in what `simulate` reports as its `solver_time`:
@@ -104,10 +102,10 @@ throws waited for others on the machine, whose load was
 
 
 def campaign_section(campaign: dict[str, Any]) -> str:
-    """Return the section on the published campaign."""
+    """Return the part on the published campaign."""
     met = "meets" if campaign["wall"] < CAMPAIGN else "MISSES"
     return f"""
-## The published campaign
+### The published campaign
 
 `turnout sweep run paper-campaign --workers {campaign["workers"]}`: 13 places by 11 sizes, at each
 place until a drive slips. The whole command, from the start of Python to the data card, takes

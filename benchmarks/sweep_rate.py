@@ -1,4 +1,4 @@
-"""Measure throws of quick sweeps against older checkouts; write docs/evidence/performance-rate.md.
+"""Measure throws of quick sweeps against older checkouts, for docs/evidence/performance.md.
 
     python -m benchmarks.sweep_rate OLDER ... [--batches 4] [--only million] [--note TEXT]
 
@@ -22,9 +22,9 @@ from contextlib import suppress
 from pathlib import Path
 
 from benchmarks.machine import ONE_THREAD, load, machine
+from benchmarks.page import write_section
 
 ROOT = Path(__file__).parents[1]
-PAGE = ROOT / "docs" / "evidence" / "performance-rate.md"
 STUDIES = {
     "stiffness, slip, friction field, object size and place": ROOT / "benchmarks" / "million.toml",
     "population of sound switches": "detection-reference",
@@ -142,8 +142,8 @@ def _mean(pair: tuple[dict[str, float], dict[str, float]]) -> dict[str, float]:
     return {name: 0.5 * (one[name] + other[name]) for name in one}
 
 
-def page(found: dict[str, list[dict[str, float]]], names: Sequence[str], *, note: str) -> str:
-    """Return the page of what was measured; `names` are those of the codes."""
+def section(found: dict[str, list[dict[str, float]]], names: Sequence[str], *, note: str) -> str:
+    """Return the section of what was measured; `names` are those of the codes."""
     rows = [
         f"| {what} | {name} | {1e3 * item['all']:.1f} | {1e3 * item['solver']:.1f} | "
         f"{item['ratio']:.2f} | {2 * 3600 / item['all']:,.0f} |"
@@ -158,8 +158,6 @@ def page(found: dict[str, list[dict[str, float]]], names: Sequence[str], *, note
     ]
     return "\n".join(
         [
-            "# Rate of quick sweeps",
-            "",
             f"Written by `python -m benchmarks.sweep_rate OLDER ...` on {machine()}, at a",
             f"load of {load():.1f}. Processor time of one thread a throw, the same scenarios",
             "thrown by older codes and the present one, a batch each in turn; batches are made and",
@@ -172,7 +170,7 @@ def page(found: dict[str, list[dict[str, float]]], names: Sequence[str], *, note
             "|---|---|---:|---:|---:|---:|",
             *rows,
             "",
-            "## A hundred million throws",
+            "### A hundred million throws",
             "",
             f"From the first row: {1e3 * new['all']:.1f} ms, {new['features']:.0f} bytes a throw "
             'with `keep = "features"`,',
@@ -194,7 +192,7 @@ def page(found: dict[str, list[dict[str, float]]], names: Sequence[str], *, note
 
 
 def main() -> None:
-    """Measure all checkouts in turn and write the page."""
+    """Measure all checkouts in turn and write the section."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("older", type=Path, nargs="+")
     parser.add_argument("--batches", type=int, default=4)
@@ -208,7 +206,7 @@ def main() -> None:
         if chosen.only in str(study)
     }
     names = [*(revision(source) for source in sources[:-1]), "present"]
-    PAGE.write_text(page(found, names, note=chosen.note), encoding="utf-8")
+    write_section("Rate of quick sweeps", section(found, names, note=chosen.note))
 
 
 def revision(source: Path) -> str:

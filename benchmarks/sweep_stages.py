@@ -1,4 +1,4 @@
-"""Show where the time of a throw of a quick sweep goes, in docs/evidence/performance.md.
+"""Show where the time of a throw of a quick sweep goes, in docs/evidence/performance-methods.md.
 
     python -m benchmarks.sweep_stages [STUDY] [--count 192] [--repeats 3]
 
@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.machine import load, machine
-from benchmarks.page import write_section
+from benchmarks.page import METHODS, write_section
 from turnout.calibration.load_study import load_study
 from turnout.solver.start import clear_starts
 from turnout.study.study import Study
@@ -141,7 +141,7 @@ def main() -> None:
         lines.append(f"| {stage} | {1e3 * seconds:.2f} | {100 * seconds / total:.0f} % |")
     lines.append(f"| **all** | **{1e3 * total:.2f}** | |")
     print("\n".join(lines))
-    write_section("A throw of a sweep", "\n".join(lines))
+    write_section("A throw of a sweep", "\n".join(lines), page=METHODS)
 
 
 if __name__ == "__main__":

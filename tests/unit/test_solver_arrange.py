@@ -100,7 +100,7 @@ def test_condensing_at_the_home_changes_less_than_a_hundredth_of_the_error(
     clear_memory()
     monkeypatch.setattr(condense, "home_stiffness", lambda stiffness: stiffness)
     itself = drive_forces(given, scheme=scheme)
-    # quick mode is off by 2e-3 of the peak, waveform mode by 2e-4 (docs/evidence/performance.md)
+    # quick mode is off by 2e-3 of the peak, waveform mode by 2e-4 (docs/evidence/accuracy.md)
     limit = 2e-5 if scheme is QUICK else 2e-6
     difference = np.sqrt(np.mean((at_home - itself) ** 2, axis=0)).max()
     assert 0.0 < difference < limit * np.abs(itself).max()
