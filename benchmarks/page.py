@@ -1,9 +1,10 @@
-"""Pages of the documentation that several commands write, one section each."""
+"""Pages of the documentation that commands write: sections by heading, tables between marks."""
 
 import re
 from pathlib import Path
 
-EVIDENCE = Path(__file__).parents[1] / "docs" / "evidence"
+DOCS = Path(__file__).parents[1] / "docs"
+EVIDENCE = DOCS / "evidence"
 PERFORMANCE = EVIDENCE / "performance.md"
 METHODS = EVIDENCE / "performance-methods.md"
 ACCURACY = EVIDENCE / "accuracy.md"
@@ -40,3 +41,11 @@ def write_section(heading: str, body: str, *, page: Path = PERFORMANCE) -> None:
     """Put a section into a page and show it on the screen."""
     page.write_text(with_section(page.read_text(encoding="utf-8"), heading, body), encoding="utf-8")
     print(body)
+
+
+def put_section(page: Path, *, name: str, heading: str, lines: list[str]) -> None:
+    """Replace the part of a page between its marks, or add it at the end."""
+    text = page.read_text(encoding="utf-8") if page.exists() else "# Results\n"
+    if f"<!-- {name} -->" not in text:
+        text = f"{text.rstrip()}\n\n## {heading}\n\n<!-- {name} --><!-- end of {name} -->\n"
+    page.write_text(put(text, name, "\n".join(lines)), encoding="utf-8")

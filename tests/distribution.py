@@ -19,7 +19,6 @@ TRAINED = (
     "tests/unit/test_detector_nearest_samples.py",
     "tests/unit/test_detector_object_kinds.py",
     "tests/unit/test_detector_recorded.py",
-    "tests/verification/test_detector_further.py",
 )
 """Use the detector of the toy switch, which a process trains in 12 s: they share one process."""
 LONG = (
@@ -44,7 +43,7 @@ LONG = (
     "tests/unit/test_detection_known_place.py",
     "tests/unit/test_web_studio.py",
     "tests/unit/test_public_api.py",
-    "tests/verification/test_pod_coverage.py",
+    "tests/verification/test_studies.py",
     "tests/verification/test_validation_other_panel.py",
     "tests/faults/test_detection_limit.py",
     "tests/unit/test_calibration_causes.py",
@@ -59,7 +58,6 @@ LONG = (
     "tests/unit/test_detection_throws.py",
     "tests/unit/test_measurement_optional.py",
     "tests/unit/test_cli_simulate.py",
-    "tests/verification/test_robustness_long.py",
     "tests/verification/test_brute_force_agreement.py",
     "tests/layers/test_words.py",
 )

@@ -10,24 +10,21 @@ At its end the table of all parts is written to docs/evidence/robustness.md.
 
 import argparse
 import importlib
-import json
-import os
-import platform
 import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from benchmarks.studies.resumable import RESULTS, put_section, read_records
+from benchmarks.machine import machine
+from benchmarks.page import EVIDENCE, put_section
+from benchmarks.studies.resumable import Record, read_records, run_missing
 
-PAGE = Path(__file__).parents[2] / "docs" / "evidence" / "robustness.md"
+PAGE = EVIDENCE / "robustness.md"
 OUTCOMES = ("refused", "stopped", "answered", "fault")
-Record = dict[str, Any]
 Attacking = Callable[[int], AbstractContextManager[Callable[[int], Record]]]
 
 
@@ -54,28 +51,20 @@ PARTS = {
 def run(part: str, *, seed: int, count: int, out: Path, minutes: float) -> list[Record]:
     """Make the attempts that the journal lacks, until the time is up; return all there are."""
     attacking: Attacking = importlib.import_module(PARTS[part].module).attacking
-    folder = out / f"{part}-{seed}"
-    folder.mkdir(parents=True, exist_ok=True)
-    journal = folder / RESULTS
-    if journal.exists():
-        whole = journal.read_bytes()
-        journal.write_bytes(whole[: whole.rfind(b"\n") + 1])
-    known = {record["index"] for record in read_records(folder)}
-    missing = [index for index in range(count) if index not in known]
     until = time.monotonic() + 60 * minutes
-    if missing:
-        with attacking(seed) as attempt, journal.open("ab", buffering=0) as file:
+
+    def attempts(missing: list[int]) -> Iterator[Record]:
+        if not missing:
+            return
+        with attacking(seed) as attempt:
             for done, index in enumerate(missing):
                 if time.monotonic() > until:
-                    print(
-                        f"time is up with {len(missing) - done} left; "
-                        "run the same command to continue"
-                    )
+                    left = len(missing) - done
+                    print(f"time is up with {left} left; run the same command to continue")
                     break
-                file.write(json.dumps(attempt(index)).encode() + b"\n")
-                if done % 100 == 99:
-                    print(f"{part}: {done + 1} of {len(missing)}", file=sys.stderr, flush=True)
-    return [record for record in read_records(folder) if record["index"] < count]
+                yield attempt(index)
+
+    return run_missing(attempts, count, folder=out / f"{part}-{seed}")
 
 
 def table(records: list[Record]) -> list[str]:
@@ -93,13 +82,6 @@ def table(records: list[Record]) -> list[str]:
         counts = " | ".join(str(found[outcome]) for outcome in OUTCOMES)
         lines.append(f"| {kind} | {len(those)} | {counts} | {longest:.1f} s | {memory:.0f} MB |")
     return lines
-
-
-def machine() -> str:
-    """Return what the figures were measured on."""
-    cores = os.cpu_count()
-    system = f"{platform.system()} {platform.machine()}"
-    return f"{cores} cores, {system}, Python {platform.python_version()}"
 
 
 def section(found: dict[str, list[Record]], seed: int) -> list[str]:

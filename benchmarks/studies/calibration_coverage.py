@@ -17,12 +17,12 @@ known (gains, zeros and clock, as the former likelihood had it), and with known 
 """
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.studies.resumable import Record, command_line, put_section
+from benchmarks.page import EVIDENCE, put_section
+from benchmarks.studies.resumable import Record, command_line
 from benchmarks.studies.twin_campaigns import WINDOW, Twin, campaign, short_sb1
 from turnout.calibration.calibrate import calibrate
 from turnout.calibration.candidate_causes import FRICTION
@@ -55,7 +55,7 @@ LEAST, MOST, GOAL = 0.90, 0.98, 0.95
 EVERY = 8
 # Uncertainty of all gains before they were unknowns of the fit [-].
 FORMER_GAIN = 1e-3
-PAGE = Path(__file__).parents[2] / "docs" / "evidence" / "calibration.md"
+PAGE = EVIDENCE / "calibration.md"
 
 
 def result_of(index: int) -> Record:

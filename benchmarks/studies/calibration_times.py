@@ -7,29 +7,30 @@
 `make` writes and builds a virtual campaign of all places and sizes, its truth solved with another
 mesh, shorter steps and more modes than a fit uses. `run` times the command, from
 the start with no throw kept, with two processes: on 20 movements, on all of them, and with the
-posterior of 20. Each takes its time from DIR/times.jsonl where it was measured before; delete the
+posterior of 20. Each takes its time from DIR/results.jsonl where it was measured before; delete the
 file to measure again. `report` writes into docs/evidence/calibration.md.
 """
 
 import argparse
-import json
 import os
 import resource
 import shutil
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
-from benchmarks.studies.resumable import Record, put_section
+from benchmarks.page import EVIDENCE, put_section
+from benchmarks.studies.resumable import Record, read_records, run_missing
 from turnout.calibration.result import load_calibration
 from turnout.calibration.stages import default_plan
 from turnout.panel.load import load_panel
 from turnout.throw.store import open_response
 
 PANEL = "uic60-760-1-15"
-PAGE = Path(__file__).parents[2] / "docs" / "evidence" / "calibration.md"
-TIMES, DATASET = "times.jsonl", "campaign.nc"
+PAGE = EVIDENCE / "calibration.md"
+DATASET = "campaign.nc"
 SEED, WORKERS = 20261124, 2
 # Throws without an object in each direction: 96 movements in all.
 REPEATS = 10
@@ -137,22 +138,13 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     given = parser.parse_args()
     command, folder = given.command, given.folder
-    times = folder / TIMES
-    lines = times.read_text(encoding="utf-8").splitlines() if times.exists() else []
-    records = [json.loads(line) for line in lines]
     if command == "make":
         make(folder)
     elif command == "run":
-        known = {record["index"] for record in records}
-        for number in range(len(RUNS)):
-            if number not in known:
-                text = json.dumps(timed(folder, number))
-                with times.open("a", encoding="utf-8") as file:
-                    file.write(text + "\n")
+        run_missing(lambda missing: map(partial(timed, folder), missing), len(RUNS), folder=folder)
     else:
-        put_section(
-            PAGE, name="times", heading="How long it takes by the clock", lines=section(records)
-        )
+        lines = section(read_records(folder))
+        put_section(PAGE, name="times", heading="How long it takes by the clock", lines=lines)
 
 
 if __name__ == "__main__":

@@ -13,12 +13,12 @@ import argparse
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import xarray as xr
 from tests.verification.runs import STUDIED
 
+from benchmarks.page import EVIDENCE
 from turnout.core.scheme import Scheme
 from turnout.core.toml import parse_toml
 from turnout.mechanism.rail_sections import FOOT_EDGES, station_columns
@@ -27,7 +27,6 @@ from turnout.panel.load import LoadedPanel, library_text, load_panel, panel_from
 from turnout.throw.simulate import simulate
 
 DEFAULT = "uic60-760-1-15"
-DOCS = Path(__file__).parents[2] / "docs"
 SIZES = (None, 13, 29)
 SLIP_SIZES = range(25, 36)
 RADIUS, ROD = 760.7, 50e3
@@ -284,7 +283,7 @@ def main() -> None:
     )
     parts = [HEAD, *(f"{table(size, found)}\n" for size, found in results.items()), reasons]
     parts += [f"| {name} | {size or 'none up to 35'} |\n" for name, size in slips]
-    (DOCS / "evidence" / "effects.md").write_text("".join(parts), encoding="utf-8")
+    (EVIDENCE / "effects.md").write_text("".join(parts), encoding="utf-8")
 
 
 def _changes(base: Figures, other: Figures) -> np.ndarray:

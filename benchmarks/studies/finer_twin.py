@@ -15,7 +15,8 @@ import time
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from benchmarks.studies.resumable import Record, command_line, put_section
+from benchmarks.page import EVIDENCE, put_section
+from benchmarks.studies.resumable import Record, command_line
 from turnout.calibration.calibrate import calibrate
 from turnout.measurement.campaign.build_campaign import build_campaign
 from turnout.panel.load import LoadedPanel, load_panel
@@ -25,7 +26,7 @@ from turnout.study.virtual.make_campaign import make_virtual_campaign
 from turnout.study.virtual.record_throw import finer_panel, finer_scheme
 
 NAME = "uic60-760-1-15"
-PAGE = Path(__file__).parents[2] / "docs" / "evidence" / "calibration.md"
+PAGE = EVIDENCE / "calibration.md"
 SEED = 20251106
 LIMIT = 0.01
 TRUTH = {

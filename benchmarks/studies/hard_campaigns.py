@@ -28,6 +28,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+from benchmarks.page import EVIDENCE, put_section
 from benchmarks.studies.hard_cases import (
     ALL,
     CASES,
@@ -41,14 +42,13 @@ from benchmarks.studies.hard_cases import (
     Values,
     make,
 )
-from benchmarks.studies.resumable import put_section
 from turnout.calibration.calibrate import calibrate
 from turnout.calibration.stages import default_plan
 from turnout.core.errors import TurnoutError
 from turnout.measurement.campaign.build_campaign import build_campaign
 from turnout.panel.load import load_panel
 
-PAGE = Path(__file__).parents[2] / "docs" / "evidence" / "calibration.md"
+PAGE = EVIDENCE / "calibration.md"
 NAMED = 3
 
 

@@ -8,12 +8,12 @@ writes docs/evidence/quasi-static.md and its figure.
 import argparse
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
+from benchmarks.page import DOCS, EVIDENCE
 from benchmarks.studies.battery_figures import BLUE, ORANGE, labelled, new_figure
 from turnout.core.scheme import Scheme
 from turnout.panel.foreign_object import ForeignObject
@@ -22,7 +22,6 @@ from turnout.throw.simulate import simulate
 
 DEFAULT = "uic60-760-1-15"
 OBJECT = ForeignObject(0.013, "sleeper 6")
-DOCS = Path(__file__).parents[2] / "docs"
 PHASES = {
     "unlocking, opening": (0.2, 0.8),
     "moving": (0.8, 3.4),
@@ -187,7 +186,7 @@ def main() -> None:
     """Write the page and its figure."""
     argparse.ArgumentParser(description=__doc__).parse_args()
     figure().savefig(DOCS / "figures" / "quasi_static.png", dpi=150)
-    (DOCS / "evidence" / "quasi-static.md").write_text(page(), encoding="utf-8")
+    (EVIDENCE / "quasi-static.md").write_text(page(), encoding="utf-8")
 
 
 if __name__ == "__main__":

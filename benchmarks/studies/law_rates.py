@@ -11,12 +11,12 @@ was stopped goes on. `report` writes into docs/evidence/calibration.md.
 """
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
+from benchmarks.page import EVIDENCE, put_section
 from benchmarks.studies.calibration_coverage import START, TRUTH
-from benchmarks.studies.resumable import Record, command_line, put_section
+from benchmarks.studies.resumable import Record, command_line
 from benchmarks.studies.twin_campaigns import SB1_CASES, WINDOW, Twin, campaign, short_sb1
 from turnout.calibration.drive_law.candidates import PLAIN, SOFT, WORN
 from turnout.calibration.drive_law.compare import compare_laws
@@ -34,7 +34,7 @@ DEFECTS = (
     Defects(slip_excess=0.15, slip_scatter=0.05),
     Defects(build_up_lag=0.25),
 )
-PAGE = Path(__file__).parents[2] / "docs" / "evidence" / "calibration.md"
+PAGE = EVIDENCE / "calibration.md"
 
 
 def near(truth: dict[str, float], rng: np.random.Generator) -> Calibration:

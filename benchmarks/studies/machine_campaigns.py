@@ -18,7 +18,8 @@ from pathlib import Path
 import numpy as np
 from tests.verification.machine_panels import default_panel
 
-from benchmarks.studies.resumable import Record, command_line, put_section
+from benchmarks.page import DOCS, put_section
+from benchmarks.studies.resumable import Record, command_line
 from turnout.api.campaign import load_campaign
 from turnout.calibration.comparison import Uncertainty
 from turnout.calibration.machine_fit import MachineFit, fit_machines
@@ -46,7 +47,7 @@ SPREADS = {
     "clutch.torque": 0.05,
 }
 WITHIN, LEAST, MOST = 0.02, 0.90, 0.98
-PAGE = Path(__file__).parents[2] / "docs" / "use" / "machines.md"
+PAGE = DOCS / "use" / "machines.md"
 
 
 def drawn_panel(rng: np.random.Generator) -> LoadedPanel:

@@ -9,7 +9,6 @@ marks "machine-panels".
 import argparse
 import time
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import xarray as xr
@@ -33,7 +32,7 @@ from tests.verification.test_machine_coupling import coupled
 from tests.verification.test_machine_library import RATED, sheet_of
 from tests.verification.test_machine_sb3 import CASES
 
-from benchmarks.studies.resumable import put_section
+from benchmarks.page import DOCS, put_section
 from turnout.figures.machine import plot_machine
 from turnout.figures.style import rendered
 from turnout.machine.machine_file import load_machines
@@ -42,7 +41,7 @@ from turnout.machine.steady import slip_point
 from turnout.mechanism.drive_machines import fitted_machine
 from turnout.throw.machine import machine_dataset
 
-PAGE = Path(__file__).parents[2] / "docs" / "use" / "machines.md"
+PAGE = DOCS / "use" / "machines.md"
 MARK = "(machine-results)=\n"
 CHANNELS = ("current", "speed", "rod_force", "rod_position", "rail_position")
 

@@ -9,11 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.page import DOCS
 from turnout.beam.rail_outlines import planed_rail
 from turnout.beam.section_analysis import SectionAnalysis, analyse_outlines
 from turnout.beam.section_taper import PlanedOutline
 
-FIGURES = Path(__file__).parents[2] / "docs" / "figures"
+FIGURES = DOCS / "figures"
 UNITS = {"_mm": 1e-3, "_cm2": 1e-4, "_cm4": 1e-8}
 # The independent program had no Poisson effect in its shear factors.
 POISSON_RATIO = 0.0

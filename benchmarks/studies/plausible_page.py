@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.page import put
+from benchmarks.page import EVIDENCE, put
 from turnout.calibration.case import load_panel_or_case
 from turnout.calibration.matching.facts import Facts, Sum, Term, load_facts
 from turnout.calibration.matching.match import Matching, match_panel
@@ -41,7 +41,7 @@ from turnout.metric.panel_check import (
 from turnout.metric.stability import friction_stability
 from turnout.throw.simulate import simulate
 
-PAGE = Path(__file__).parents[2] / "docs" / "evidence" / "plausible-panels.md"
+PAGE = EVIDENCE / "plausible-panels.md"
 CHOSEN = 50
 FRICTIONS = (0.3, 0.4, 0.5)
 NEAR = 0.8

@@ -10,11 +10,11 @@ that was stopped continues. `report` writes into docs/use/detection-limit.md.
 """
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
-from benchmarks.studies.resumable import Record, command_line, put_section
+from benchmarks.page import DOCS, put_section
+from benchmarks.studies.resumable import Record, command_line
 from turnout.detection.pod.pod_bound import confidence_bound, upper_bound
 from turnout.detection.pod.pod_fit import detected_size, draw_campaigns, maximise
 from turnout.detection.pod.pod_likelihood import Campaigns
@@ -24,7 +24,7 @@ SWITCHES, SIZES, SPREAD = 6, 10, 0.8
 DRAWN = 150
 KINDS = ("responses", "hits and misses")
 LEAST, MOST = 0.93, 0.97
-PAGE = Path(__file__).parents[2] / "docs" / "use" / "detection-limit.md"
+PAGE = DOCS / "use" / "detection-limit.md"
 
 
 def design(kind: str) -> tuple[Campaigns, np.ndarray, float]:

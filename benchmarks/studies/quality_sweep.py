@@ -10,17 +10,17 @@ of the detection uses.
 import argparse
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import xarray as xr
 from tests.unit.recorded import changed, noisy, samples, typical
 
+from benchmarks.page import EVIDENCE
 from turnout.measurement.campaign.find_throws import find_throws
 from turnout.measurement.quality.channel_faults import Limits
 from turnout.measurement.quality.judge import Expected, ThrowQuality, judge
 
-PAGE = Path(__file__).parents[2] / "docs" / "evidence" / "measurement-quality.md"
+PAGE = EVIDENCE / "measurement-quality.md"
 FIRST_SEED, TRIALS, SOUND = 13_000, 24, 144
 SIZES, FRICTIONS = (0.0, 0.013, 0.026), (0.38, 0.4, 0.42)
 RATE = 1000.0

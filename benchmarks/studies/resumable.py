@@ -6,12 +6,14 @@ import multiprocessing
 import signal
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
 Record = dict[str, Any]
 RESULTS = "results.jsonl"
+SAID = 100
+"""Lines of progress, at most."""
 
 
 def read_records(folder: Path) -> list[Record]:
@@ -24,21 +26,19 @@ def read_records(folder: Path) -> list[Record]:
     return [found[index] for index in sorted(found)]
 
 
-def run_numbered(
-    job: Callable[[int], Record], count: int, *, folder: Path, workers: int
+def run_missing(
+    make: Callable[[list[int]], Iterable[Record]], count: int, *, folder: Path
 ) -> list[Record]:
     """Do what is missing of `count` pieces, and return all results.
 
     Parameters
     ----------
-    job : callable
-        From an index to its record; a function of a module, as worker processes load it.
+    make : callable
+        From the missing indices to their records, in any order; it may end before the last.
     count : int
         Pieces.
     folder : Path
-        Made if it is not there.
-    workers : int
-        Processes.
+        Made if it is not there. A record is a line in it as soon as it is there.
     """
     folder.mkdir(parents=True, exist_ok=True)
     known = {record["index"] for record in read_records(folder)}
@@ -47,29 +47,27 @@ def run_numbered(
     if path.exists():
         whole = path.read_bytes()
         path.write_bytes(whole[: whole.rfind(b"\n") + 1])
-    context = multiprocessing.get_context("spawn")
-    with path.open("ab", buffering=0) as file, context.Pool(workers, _deaf) as pool:
-        for done, record in enumerate(pool.imap_unordered(job, missing), 1):
+    every = max(1, len(missing) // SAID)
+    with path.open("ab", buffering=0) as file:
+        for done, record in enumerate(make(missing), 1):
             file.write(json.dumps(record).encode() + b"\n")
-            passed = time.monotonic() - began
-            left = passed / done * (len(missing) - done)
-            print(
-                f"{done} of {len(missing)}, {left / 60:.0f} min left", file=sys.stderr, flush=True
-            )
+            left = (time.monotonic() - began) / done * (len(missing) - done)
+            if done % every == 0 or done == len(missing):
+                text = f"{done} of {len(missing)}, {left / 60:.0f} min left"
+                print(text, file=sys.stderr, flush=True)
     return [record for record in read_records(folder) if record["index"] < count]
 
 
-def put_section(page: Path, *, name: str, heading: str, lines: list[str]) -> None:
-    """Replace the part of a page between its marks, or add it at the end."""
-    begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
-    body = "\n".join([begin, *lines, end])
-    text = page.read_text(encoding="utf-8") if page.exists() else "# Calibration\n"
-    if begin in text:
-        before, _, rest = text.partition(begin)
-        text = before + body + rest.partition(end)[2]
-    else:
-        text = f"{text.rstrip()}\n\n## {heading}\n\n{body}\n"
-    page.write_text(text, encoding="utf-8")
+def run_numbered(
+    job: Callable[[int], Record], count: int, *, folder: Path, workers: int
+) -> list[Record]:
+    """Do what is missing of `count` pieces in processes, and return all results.
+
+    `job` is a function of a module, as worker processes load it.
+    """
+    context = multiprocessing.get_context("spawn")
+    with context.Pool(workers, _deaf) as pool:
+        return run_missing(lambda missing: pool.imap_unordered(job, missing), count, folder=folder)
 
 
 def command_line(

@@ -6,8 +6,8 @@ tables into the page and measures how long 200 throws with an ice ramp take.
 
 import argparse
 import time
-from pathlib import Path
 
+from benchmarks.page import DOCS, put
 from turnout.core.units import Dimension
 from turnout.measurement.chain.recorder import ERRORS
 from turnout.metric.throw_table import throw_table
@@ -17,7 +17,7 @@ from turnout.panel.object_kind import DIMENSIONS, KINDS
 from turnout.throw.drift import Drift
 from turnout.throw.sequence import simulate_sequence
 
-PAGE = Path(__file__).parents[2] / "docs" / "use" / "objects.md"
+PAGE = DOCS / "use" / "objects.md"
 SIZES = (10, 15, 20, 25, 30)
 PLACES = ("sleeper 6", "drive 1")
 SHOWN = {"N/m^2": (1e-6, "MPa"), "m": (1e3, "mm"), "kg/m^3": (1.0, "kg/m³"), "K": (1.0, "K")}
@@ -101,9 +101,7 @@ def main() -> None:
     parts |= {place: object_table(place) for place in PLACES}
     text = PAGE.read_text(encoding="utf-8")
     for name, part in parts.items():
-        begin, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->"
-        before, rest = text.split(begin)
-        text = f"{before}{begin}\n{part}\n{end}{rest.split(end)[1]}"
+        text = put(text, name, f"\n{part}")
     PAGE.write_text(text, encoding="utf-8")
 
 

@@ -18,7 +18,8 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from benchmarks.studies.resumable import Record, command_line, put_section
+from benchmarks.page import EVIDENCE, put_section
+from benchmarks.studies.resumable import Record, command_line
 from turnout.calibration.calibrate import calibrate
 from turnout.calibration.evaluate import Evaluator
 from turnout.calibration.stages import default_plan
@@ -35,7 +36,7 @@ from turnout.throw.store import open_response, save_response
 
 NAME = "uic60-760-1-15"
 LIBRARY = Path(__file__).parents[2] / "src" / "turnout" / "panel" / "library" / f"{NAME}.toml"
-PAGE = Path(__file__).parents[2] / "docs" / "evidence" / "calibration.md"
+PAGE = EVIDENCE / "calibration.md"
 KINDS = ("as calibrated", "as calibrated, no currents", "free for 1 m more", "without links")
 ACCEPTED = KINDS[:2]
 SEED = 20251105

@@ -7,7 +7,6 @@ Run it after a change of the solver or of a library panel and read the differenc
 
 import argparse
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 import xarray as xr
@@ -27,10 +26,10 @@ from tests.verification.facts import (
 from tests.verification.reference import Arrays, thinned
 from tests.verification.runs import DEFAULT, energy_balance, throw
 
+from benchmarks.page import DOCS, EVIDENCE
 from benchmarks.studies.battery import RUNGS, Rung
 from turnout.panel.load import load_panel
 
-DOCS = Path(__file__).parents[2] / "docs"
 BLUE, ORANGE, BLACK = "#0072B2", "#D55E00", "#000000"
 
 HEAD = """# Verification
@@ -266,13 +265,13 @@ def main() -> None:
         DOCS / "figures" / "verification_sb2.png", dpi=150
     )
     parts += facts_part()
-    (DOCS / "evidence" / "verification.md").write_text("\n".join(parts), encoding="utf-8")
+    (EVIDENCE / "verification.md").write_text("\n".join(parts), encoding="utf-8")
 
 
 def rung_part(rung: Rung) -> str:
     """Draw the figure of a rung; return its text and table."""
     image = f"../figures/verification_{rung.name}.png"
-    rung.figure().savefig(DOCS / "evidence" / image, dpi=130)
+    rung.figure().savefig(EVIDENCE / image, dpi=130)
     return "\n".join(
         (
             f"### {rung.title}",

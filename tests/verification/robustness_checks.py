@@ -5,13 +5,9 @@ that pulls, no friction above its limit, every force on its law, friction that t
 equilibrium; and a run that ends early says when, where, why, and what to do.
 """
 
-import gc
 import hashlib
-import signal
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from types import FrameType
 from typing import Any
 from unittest.mock import patch
 
@@ -30,8 +26,6 @@ from turnout.solver.outcome import ADVICE, LEAST_SCALE, Code
 
 BOOKS = 1e-6
 """Largest energy residual, as a share of its scale."""
-WEAK = ("weakref", "_weakrefset")
-"""Modules whose functions the end of an object may call."""
 ROUNDING = 5e-13
 """What a run that is not complete may be off besides, as a share of the energy of the folded linear
 system.
@@ -86,49 +80,6 @@ def run_scenario(scenario: Scenario, *, step: float | None = None) -> Run:
         )
     mechanism, history = kept[-1]
     return Run(panel, mechanism, scheme, history, dataset)
-
-
-def seconds_deaf(scenario: Scenario, *, after: float) -> float:
-    """Press Ctrl-C so many seconds into a scenario; return how long it goes on after that [s].
-
-    Zero if it ended before. An alarm sends what Ctrl-C sends, to the main thread, between any two
-    instructions. Those of a finaliser are among them, and Python drops what a finaliser raises: the
-    interrupt would be lost, and the warning about it fail whichever test runs. So what waits for
-    the garbage collector, also of other tests, is finalised before, and nothing on the way; and
-    where what is freed by counting is being finalised, the alarm comes again at once.
-    """
-    panel, scheme = scenario.panel(), scenario.scheme()
-    gc.collect()
-    gc.disable()
-    before = signal.signal(signal.SIGALRM, interrupt_or_wait)
-    ctrl_c = signal.signal(signal.SIGINT, signal.default_int_handler)  # which workers ignore
-    began = time.perf_counter()
-    signal.setitimer(signal.ITIMER_REAL, after)
-    try:
-        try:
-            simulate_module.simulate(
-                panel, foreign_object=scenario.foreign_objects(), scheme=scheme, throw=False
-            )
-        finally:
-            signal.setitimer(signal.ITIMER_REAL, 0.0)
-            gc.enable()
-    except KeyboardInterrupt:  # before the first step or after the last
-        pass
-    finally:
-        signal.signal(signal.SIGALRM, before)
-        signal.signal(signal.SIGINT, ctrl_c)
-    return max(time.perf_counter() - began - after, 0.0)
-
-
-def interrupt_or_wait(number: int, frame: FrameType | None) -> None:
-    """Send what Ctrl-C sends, but in a millisecond where a finaliser may be running."""
-    inner = frame
-    while inner is not None:
-        if inner.f_code.co_name == "__del__" or inner.f_globals.get("__name__") in WEAK:
-            signal.setitimer(signal.ITIMER_REAL, 1e-3)
-            return
-        inner = inner.f_back
-    signal.raise_signal(signal.SIGINT)
 
 
 def digest(dataset: xr.Dataset) -> str:
