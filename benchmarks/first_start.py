@@ -26,7 +26,7 @@ FIRST_STEP = f"""
 import os, sys
 from turnout.cli import watch
 from turnout.cli.main import main
-watch.Watch.report = lambda *_: os._exit(0)
+watch.ProgressBar.report = lambda *_: os._exit(0)
 sys.argv = ["turnout", *{SIMULATE!r}]
 main()
 """

@@ -20,7 +20,7 @@ from turnout.detection.reference import Conditions
 from turnout.detection.throws import QUICK_STEPS, STEPS, Throws, closing_time, stored_throws
 from turnout.figures.limit import plot_bands
 from turnout.figures.style import rendered
-from turnout.study.sweep.read import open_sweep
+from turnout.study.sweep.read import open_batches
 
 FIGURE = Path(__file__).parents[1] / "docs" / "figures" / "limit_panels.png"
 STUDY = "plausible-panels"
@@ -55,7 +55,7 @@ def main() -> None:
 def thrown(folder: Path) -> bool:
     """Return whether all throws of a panel are there."""
     kept = folder / "objects"
-    return kept.exists() and not open_sweep(kept).attrs["missing"]
+    return kept.exists() and not open_batches(kept).attrs["missing"]
 
 
 def as_thrown(throws: Throws, *, states: int, sound: int) -> Throws:

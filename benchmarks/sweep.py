@@ -30,8 +30,8 @@ from turnout.study.study import Study
 from turnout.study.sweep.batch import batch_variables, throw_batch
 from turnout.study.sweep.batch_file import file_bytes
 from turnout.study.sweep.folder import JOURNAL
-from turnout.study.sweep.read import open_sweep, read_labels
-from turnout.study.sweep.run import SweepProgress, run_sweep
+from turnout.study.sweep.read import open_batches, read_labels
+from turnout.study.sweep.run import SweepProgress, throw_study
 from turnout.throw.simulate import compile_kernels
 
 FULL = """
@@ -110,7 +110,7 @@ def timed_run(study: Study, folder: Path, *, workers: int) -> dict[str, Any]:
     """Throw what is missing; return rates of this call, and sizes of the whole."""
     load, own = os.getloadavg()[0], time.process_time()
     began, used = time.perf_counter(), used_by_workers()
-    finished = run_sweep(study, folder, workers=workers, report=Reported())
+    finished = throw_study(study, folder, workers=workers, report=Reported())
     wall, used = time.perf_counter() - began, used_by_workers() - used
     used += time.process_time() - own
     batches = finished.batches
@@ -200,7 +200,7 @@ def sizes(study: Study, *, count: int) -> dict[str, float]:
 def reading(folder: Path) -> dict[str, float]:
     """Return the seconds that looking at a sweep takes."""
     began = time.perf_counter()
-    sweep = open_sweep(folder)
+    sweep = open_batches(folder)
     opened = time.perf_counter()
     sweep["drive_force"].isel(scenario=-1).load()
     one = time.perf_counter()

@@ -15,7 +15,7 @@ import h5py
 
 from turnout.study.sweep.batch import list_batches
 from turnout.study.sweep.folder import BATCHES
-from turnout.study.sweep.read import open_sweep, read_labels
+from turnout.study.sweep.read import open_batches, read_labels
 from turnout.study.sweep.verify import content_fault, read_origin
 
 
@@ -50,9 +50,9 @@ def main() -> None:
     size = sum(path.stat().st_size for path in paths)
     print(f"{len(paths)} batches, {size / 1e6:.1f} MB: verified in {1e3 * checking:.1f} ms")
     ways: dict[str, Callable[[], object]] = {
-        "open and read all": lambda: open_sweep(given.folder).load(),
+        "open and read all": lambda: open_batches(given.folder).load(),
         "read labels": lambda: read_labels(given.folder),
-        "open alone": lambda: open_sweep(given.folder),
+        "open alone": lambda: open_batches(given.folder),
     }
     for name, read in ways.items():
         spent = least(read, repeat=given.repeat)

@@ -35,8 +35,8 @@ from turnout.core.files import atomic_path, make_folder, write_atomic
 from turnout.core.provenance import version
 from turnout.detection.detector.throw_layout import Layout, throw_features
 from turnout.detection.detector.training import layout_of_panel
-from turnout.study.sweep.read import open_sweep
-from turnout.study.sweep.run import local_pool, run_sweep
+from turnout.study.sweep.read import open_batches
+from turnout.study.sweep.run import local_pool, throw_study
 from turnout.throw.compilation import must_compile
 from turnout.throw.simulate import compile_kernels
 
@@ -168,8 +168,8 @@ def _throw_switch(
 ) -> None:
     throws = throws_of_switch(switch, counts)
     sweep = path.with_suffix("")
-    run_sweep(throws.plan.study, sweep, workers=workers, pool=pool)
-    with open_sweep(sweep) as dataset:
+    throw_study(throws.plan.study, sweep, workers=workers, pool=pool)
+    with open_batches(sweep) as dataset:
         found = collected(switch, throws, dataset)
     with atomic_path(path) as temporary:
         found.to_netcdf(temporary, engine="h5netcdf", encoding=encoding_of(found))

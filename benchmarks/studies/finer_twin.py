@@ -18,9 +18,9 @@ from pathlib import Path
 from benchmarks.page import EVIDENCE, put_section
 from benchmarks.studies.resumable import Record, command_line
 from turnout.calibration.calibrate import calibrate
-from turnout.measurement.campaign.build_campaign import build_campaign
+from turnout.measurement.campaign.build_campaign import build_campaign_dataset
 from turnout.panel.load import LoadedPanel, load_panel
-from turnout.study.variable import values_at
+from turnout.study.variable import panel_values_at
 from turnout.study.virtual.campaign_plan import CampaignPlan
 from turnout.study.virtual.make_campaign import make_virtual_campaign
 from turnout.study.virtual.record_throw import finer_panel, finer_scheme
@@ -61,7 +61,7 @@ PLAN = CampaignPlan(
 
 def true_values(truth: LoadedPanel, names: Iterable[str]) -> dict[str, float]:
     """Return the values of a panel that a fit gives, by their names; one that many have is one."""
-    return {name: next(iter(values_at(truth, name).values())) for name in names}
+    return {name: next(iter(panel_values_at(truth, name).values())) for name in names}
 
 
 def result_of(index: int) -> Record:
@@ -70,7 +70,7 @@ def result_of(index: int) -> Record:
     folder.mkdir(parents=True, exist_ok=True)
     truth = finer_panel(load_panel(NAME).with_overrides(TRUTH))
     make_virtual_campaign(truth, folder / "campaign", plan=PLAN)
-    dataset = build_campaign(folder / "campaign", strict=True).dataset
+    dataset = build_campaign_dataset(folder / "campaign", strict=True).dataset
     assert dataset is not None
     name, start = STARTS[index]
     panel = load_panel(NAME).with_overrides(dict(start))

@@ -45,7 +45,7 @@ from benchmarks.studies.hard_cases import (
 from turnout.calibration.calibrate import calibrate
 from turnout.calibration.stages import default_plan
 from turnout.core.errors import TurnoutError
-from turnout.measurement.campaign.build_campaign import build_campaign
+from turnout.measurement.campaign.build_campaign import build_campaign_dataset
 from turnout.panel.load import load_panel
 
 PAGE = EVIDENCE / "calibration.md"
@@ -57,7 +57,7 @@ def result_of(case: Hard, folder: Path, *, truth: Values, throws: Path) -> dict[
     panel = load_panel("sb1", overrides=case.start)
     began = time.process_time()
     try:
-        built = build_campaign(folder)
+        built = build_campaign_dataset(folder)
         said = [*built.remarks, *(r for item in built.excluded for r in item.reasons)]
         if built.dataset is None:
             return {

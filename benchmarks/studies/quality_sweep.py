@@ -18,7 +18,7 @@ from tests.unit.recorded import changed, noisy, samples, typical
 from benchmarks.page import EVIDENCE
 from turnout.measurement.campaign.find_throws import find_throws
 from turnout.measurement.quality.channel_faults import Limits
-from turnout.measurement.quality.judge import Expected, ThrowQuality, judge
+from turnout.measurement.quality.judge import Expected, ThrowQuality, judge_recording
 
 PAGE = EVIDENCE / "measurement-quality.md"
 FIRST_SEED, TRIALS, SOUND = 13_000, 24, 144
@@ -52,7 +52,7 @@ def judged(dataset: xr.Dataset, *, direction: str = "closing") -> ThrowQuality |
     if not throws:
         return None
     expected = Expected(direction=direction, load_cell=True, rate=RATE, profile=typical("closing"))
-    return judge(dataset, throws[0], expected=expected)
+    return judge_recording(dataset, throws[0], expected=expected)
 
 
 def is_seen(verdict: ThrowQuality | None, kind: str) -> bool:

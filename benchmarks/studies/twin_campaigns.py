@@ -13,7 +13,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.core.scheme import Scheme
-from turnout.measurement.campaign.build_campaign import stacked
+from turnout.measurement.campaign.build_campaign import stack_movements
 from turnout.measurement.campaign.find_throws import FoundThrow
 from turnout.measurement.campaign.recorded_throw import RecordedThrow
 from turnout.panel.foreign_object import ForeignObject
@@ -87,7 +87,9 @@ def campaign(twin: Twin) -> xr.Dataset:
         name = f"{number}_{place.replace(' ', '-')}_{1e3 * size:g}mm"
         case = Case(name=name, direction="closing", size=size, place=place, repeat=number + 1)
         members.append(_member(twin, true_panel, case))
-    return stacked(members, [None] * len(members)).assign_attrs(title="twin", synthetic="synthetic")
+    return stack_movements(members, [None] * len(members)).assign_attrs(
+        title="twin", synthetic="synthetic"
+    )
 
 
 def _member(twin: Twin, panel: LoadedPanel, case: Case) -> tuple[object, RecordedThrow]:

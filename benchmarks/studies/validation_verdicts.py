@@ -27,7 +27,7 @@ from turnout.calibration.validation.acceptance import judge
 from turnout.calibration.validation.validate import validate
 from turnout.core.errors import TurnoutError
 from turnout.figures.validation import plot_comparison, plot_error_map
-from turnout.measurement.campaign.build_campaign import build_campaign
+from turnout.measurement.campaign.build_campaign import build_campaign_dataset
 from turnout.panel.load import LoadedPanel, load_panel
 from turnout.study.virtual.campaign_files import CHANNELS
 from turnout.study.virtual.campaign_plan import CampaignPlan
@@ -110,7 +110,7 @@ def result_of(index: int) -> Record:
     if "no currents" in kind:
         channels = re.sub(r"(?ms)^\[drive_current\..*?(?=^\[|\Z)", "", channels)
     (folder / CHANNELS).write_text(channels, encoding="utf-8")
-    dataset = build_campaign(folder / "campaign", channels=folder / CHANNELS).dataset
+    dataset = build_campaign_dataset(folder / "campaign", channels=folder / CHANNELS).dataset
     assert dataset is not None
     began = time.monotonic()
     panel = load_panel(NAME)

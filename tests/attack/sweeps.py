@@ -29,8 +29,8 @@ from tests.unit.sweeps import batch_names, here, small_study, study_file
 from turnout.core.errors import FileError
 from turnout.study.study import Study
 from turnout.study.sweep.folder import BATCHES, IDENTITY
-from turnout.study.sweep.read import open_sweep, read_labels
-from turnout.study.sweep.run import run_sweep
+from turnout.study.sweep.read import open_batches, read_labels
+from turnout.study.sweep.run import throw_study
 from turnout.study.sweep.stored_study import STUDY, load_stored_study
 from turnout.study.sweep.worker import initialize_worker
 
@@ -52,16 +52,16 @@ class Attacked:
         self.file = study_file(folder, count=COUNT)
         self.whole = folder / "whole"
         began = time.monotonic()
-        run_sweep(self.study, self.whole, pool=here)
+        throw_study(self.study, self.whole, pool=here)
         self.seconds = time.monotonic() - began
         self.names = batch_names(self.whole)
-        self.dataset: xr.Dataset = open_sweep(self.whole).load()
+        self.dataset: xr.Dataset = open_batches(self.whole).load()
         self.events = _count_events(self)
 
     def check_whole(self, folder: Path) -> None:
         """Find each scenario once, in the same bytes; names hold digests of them."""
         assert batch_names(folder) == self.names, "batches are lost, doubled or others"
-        found = open_sweep(folder).load()
+        found = open_batches(folder).load()
         xr.testing.assert_identical(found, self.dataset)
         assert not list((folder / BATCHES).glob(".*")), "leftovers"
 
@@ -134,7 +134,7 @@ def _killed(attacked: Attacked, place: Path, source: random.Random, number: int)
     if place.exists():
         attacked.check_part(place)
     kept = {path: path.stat().st_mtime_ns for path in _batches(place)}
-    run_sweep(attacked.study, place, pool=here)
+    throw_study(attacked.study, place, pool=here)
     attacked.check_whole(place)
     again = [path.name for path, stamp in kept.items() if path.stat().st_mtime_ns != stamp]
     assert not again, f"what was written was thrown again: {again}"
@@ -146,7 +146,7 @@ def _batches(place: Path) -> list[Path]:
 
 
 def _throw(attacked: Attacked, place: Path) -> None:
-    run_sweep(attacked.study, place, pool=here)
+    throw_study(attacked.study, place, pool=here)
 
 
 def _killed_in_batch(attacked: Attacked, place: Path, source: random.Random) -> bool:
@@ -246,7 +246,7 @@ def _flipped(attacked: Attacked, spoilt: Path, source: random.Random, index: int
     load_stored_study.cache_clear()
     said, outcome = "", "answered"
     try:
-        xr.testing.assert_identical(open_sweep(spoilt).load(), attacked.dataset)
+        xr.testing.assert_identical(open_batches(spoilt).load(), attacked.dataset)
         xr.testing.assert_identical(read_labels(spoilt), attacked.dataset.drop_dims("time"))
         kept = load_stored_study(spoilt, attacked.study.digest)
         assert kept.digest == attacked.study.digest
@@ -257,7 +257,7 @@ def _flipped(attacked: Attacked, spoilt: Path, source: random.Random, index: int
         if str(path) not in said or "sweep run" not in said or len(said.splitlines()) > 1:
             return {"kind": kind, "outcome": "fault", "text": f"bit {bit} of {path.name}: {said}"}
     if outcome == "refused" and index % MEND_EVERY == 0:
-        run_sweep(attacked.study, spoilt, pool=here)
+        throw_study(attacked.study, spoilt, pool=here)
         attacked.check_whole(spoilt)
         assert path.read_bytes() == content, "mended to other bytes"
     else:

@@ -14,7 +14,7 @@ from tests.unit.campaigns import copied
 from tests.unit.served import served
 from tests.unit.simulated import sb2_panel
 
-from turnout.measurement.campaign.build_campaign import build_campaign
+from turnout.measurement.campaign.build_campaign import build_campaign_dataset
 from turnout.web.studio import Opened
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ def browser() -> Iterator["Browser"]:
 def studio_address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, str]]:
     """Return the address and the cookie of a studio; the token is spent already."""
     folder = copied(tmp_path_factory.mktemp("browser"))
-    with served(sb2_panel(), Opened(folder, build_campaign(folder))) as client:
+    with served(sb2_panel(), Opened(folder, build_campaign_dataset(folder))) as client:
         client.enter()
         yield f"http://127.0.0.1:{client.port}", client.cookie
 

@@ -8,7 +8,7 @@ from tests.browser.conftest import ARGUMENTS, chromium, opened
 from tests.unit.served import served
 
 import turnout
-from turnout.figures.report.inputs import panel_of
+from turnout.figures.report.inputs import panel_of_result
 from turnout.figures.report.page import page_html
 from turnout.figures.report.run import run_page
 from turnout.panel.load import load_panel
@@ -23,7 +23,7 @@ def make_report(browser: Browser) -> None:
     page = browser.new_page(viewport={"width": 1280, "height": 720})
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "report.html"
-        report = run_page(dataset, panel=panel_of(dataset.attrs))
+        report = run_page(dataset, panel=panel_of_result(dataset.attrs))
         file.write_text(page_html(report), encoding="utf-8")
         page.goto(file.as_uri())
         page.wait_for_timeout(2000)

@@ -11,7 +11,7 @@ from turnout.calibration.load_study import load_study
 from turnout.cli.main import app
 from turnout.core.errors import TurnoutError
 from turnout.study.sweep.forecast import forecast
-from turnout.study.sweep.run import run_sweep
+from turnout.study.sweep.run import throw_study
 
 # The object of this panel comes a second late, unless another time is given.
 TRAPPED = STUDY.replace("[set]", '[set]\n"object_defaults.appears" = "0 s"')
@@ -58,7 +58,7 @@ def swept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the folder of a sweep of 3 states by 2 sizes by 2 places."""
     base = tmp_path_factory.mktemp("swept")
     study = load_study(study_file(base, text=TRAPPED, count=3, more=OBJECT))
-    run_sweep(study, base / "out", pool=here)
+    throw_study(study, base / "out", pool=here)
     return base / "out"
 
 
@@ -68,7 +68,7 @@ def saltelli(tmp_path_factory: pytest.TempPathFactory) -> Path:
     base = tmp_path_factory.mktemp("saltelli")
     text = TRAPPED.replace("[sampling]", '[sampling]\nmethod = "saltelli"') + STIFFNESS
     study = load_study(study_file(base, text=text, count=8))
-    run_sweep(study, base / "out", pool=here)
+    throw_study(study, base / "out", pool=here)
     return base / "out"
 
 

@@ -8,10 +8,10 @@ from tests.unit.sweeps import here, small_study, study_file
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
-from turnout.cli.sweep import described
+from turnout.cli.sweep import progress_line
 from turnout.core.errors import FileError, TurnoutError
 from turnout.study.sweep.read import read_labels
-from turnout.study.sweep.run import SweepProgress, run_sweep
+from turnout.study.sweep.run import SweepProgress, throw_study
 
 CLI = CliRunner()
 
@@ -25,7 +25,7 @@ def refused(*arguments: object) -> str:
 @pytest.fixture(scope="module")
 def swept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("swept")
-    run_sweep(small_study(folder, count=3), folder / "sweep", pool=here)
+    throw_study(small_study(folder, count=3), folder / "sweep", pool=here)
     return folder / "sweep"
 
 
@@ -72,7 +72,7 @@ def test_tables_hold_what_the_dataset_holds(swept: Path, tmp_path: Path) -> None
 
 
 def test_a_damaged_batch_is_named(swept: Path, tmp_path: Path) -> None:
-    run_sweep(small_study(tmp_path, count=3), tmp_path / "s", pool=here)
+    throw_study(small_study(tmp_path, count=3), tmp_path / "s", pool=here)
     batch = next((tmp_path / "s" / "batches").glob("*.nc"))
     batch.write_bytes(b"no netCDF")
     with pytest.raises(FileError, match=f"{batch.name}: is damaged.*throws these scenarios again"):
@@ -81,5 +81,5 @@ def test_a_damaged_batch_is_named(swept: Path, tmp_path: Path) -> None:
 
 def test_progress_is_one_line() -> None:
     state = SweepProgress(done=50, failed=2, total=250, rate=4.0)
-    assert described(state) == "50 of 250 done, 2 failed, 4 a second, 50 s left"
-    assert described(SweepProgress(0, 0, 9, 0.0)) == "0 of 9 done"
+    assert progress_line(state) == "50 of 250 done, 2 failed, 4 a second, 50 s left"
+    assert progress_line(SweepProgress(0, 0, 9, 0.0)) == "0 of 9 done"

@@ -8,7 +8,7 @@ import xarray as xr
 from tests.unit.recorded import changed, noisy, only, samples, typical
 
 from turnout.measurement.quality.channel_faults import KINDS, line_amplitude, mostly_beyond
-from turnout.measurement.quality.judge import Expected, ThrowQuality, judge
+from turnout.measurement.quality.judge import Expected, ThrowQuality, judge_recording
 from turnout.measurement.quality.throw_faults import open_level
 
 
@@ -18,7 +18,7 @@ def judged(
     expected = Expected(
         direction=direction, load_cell=load_cell, rate=1000.0, profile=typical(direction)
     )
-    return judge(dataset, only(dataset), expected=expected)
+    return judge_recording(dataset, only(dataset), expected=expected)
 
 
 def altered(
@@ -137,7 +137,9 @@ def test_spikes_and_drift_are_called_so(
     """Neither hides where the throw begins and ends, so that nothing else is found."""
     dataset = altered("drive_force 2", change)
     dataset = dataset if currents else dataset.drop_vars("drive_current")
-    verdict = judge(dataset, only(dataset), expected=Expected(direction="closing", rate=1000.0))
+    verdict = judge_recording(
+        dataset, only(dataset), expected=Expected(direction="closing", rate=1000.0)
+    )
     assert {fault.kind for fault in verdict.faults} == {kind}, verdict
 
 
@@ -148,14 +150,16 @@ def test_a_zero_offset_is_remarked(direction: str) -> None:
     known = Expected(direction=direction, load_cell=False, open_level=level)
     for seed in (42, 43):
         sound = noisy(seed, direction=direction)
-        assert not judge(sound, only(sound), expected=known).faults
+        assert not judge_recording(sound, only(sound), expected=known).faults
     sound["drive_force"][0] += 1500.0
-    verdict = judge(sound, only(sound), expected=known)
+    verdict = judge_recording(sound, only(sound), expected=known)
     assert verdict.usable
     (remark,) = verdict.remarks
     assert remark.startswith("zero offset of drive_force 1: ")
     sound["drive_current"][1] += 0.2
-    assert any("zero offset of drive_current 2" in r for r in judge(sound, only(sound)).remarks)
+    assert any(
+        "zero offset of drive_current 2" in r for r in judge_recording(sound, only(sound)).remarks
+    )
 
 
 def test_a_coarse_converter_is_remarked() -> None:
@@ -175,7 +179,7 @@ def test_a_throw_that_contradicts_its_sheet_says_so() -> None:
 
 def test_rods_of_different_sign_are_seen_without_a_sheet() -> None:
     dataset = altered("drive_force 1", lambda v: -v)
-    (reason,) = judge(dataset, only(dataset)).reasons
+    (reason,) = judge_recording(dataset, only(dataset)).reasons
     assert reason == "reversed polarity of drive_force: rod forces of different sign in one throw"
 
 

@@ -12,7 +12,7 @@ from tests.faults.test_cli_faults import turnout
 from tests.unit.campaigns import copied, edited
 
 from turnout.core.errors import FileError, MeasurementError
-from turnout.measurement.campaign.build_campaign import build_campaign
+from turnout.measurement.campaign.build_campaign import build_campaign_dataset
 from turnout.measurement.formats.file_format import read_recording
 
 ROD = np.sin(np.arange(500) / 50)
@@ -58,7 +58,7 @@ def test_a_file_outside_is_not_looked_for(folder: Path) -> None:
     name = _first(folder)
     edited(folder, name, "../none.csv")
     with pytest.raises(MeasurementError, match=r"\.\./none\.csv lies outside"):
-        build_campaign(folder)
+        build_campaign_dataset(folder)
 
 
 @pytest.mark.parametrize("name", ["runs.csv", "channels.toml"])
@@ -68,7 +68,7 @@ def test_a_sheet_or_map_that_is_a_link_is_not_quoted(tmp_path: Path, name: str) 
     (folder / name).unlink()
     (folder / name).symlink_to(secret)
     with pytest.raises(FileError, match="lies outside") as caught:
-        build_campaign(folder)
+        build_campaign_dataset(folder)
     assert "not to be read" not in str(caught.value)
 
 
@@ -143,18 +143,18 @@ def test_what_is_kept_of_a_campaign_stays_in_it(tmp_path: Path, depth: int) -> N
         (folder / ".turnout").mkdir()
     (folder / ".turnout" / "throws" if depth else folder / ".turnout").symlink_to(elsewhere)
     with pytest.raises(FileError, match="is not written through"):
-        build_campaign(folder, allow_outside=True)
+        build_campaign_dataset(folder, allow_outside=True)
     assert not list(elsewhere.iterdir())
 
 
 def test_a_piece_that_unpacks_to_much_is_cut_again(tmp_path: Path) -> None:
     folder = copied(tmp_path)
-    whole = build_campaign(folder).dataset
+    whole = build_campaign_dataset(folder).dataset
     for path in (folder / ".turnout").iterdir():
         with np.load(path) as arrays:
             content = dict(arrays)
         np.savez_compressed(path, **{**content, "time": np.zeros(1_000_000)})
-    again = build_campaign(folder)
+    again = build_campaign_dataset(folder)
     assert again.reused == 0
     assert again.dataset is not None
     assert whole is not None

@@ -9,7 +9,7 @@ from tests.verification.outsider import CASES, Case, Habits, Truth, write_campai
 from turnout.calibration.measured_movements import observe
 from turnout.calibration.requirements import exclude_oversized_objects
 from turnout.core.errors import MeasurementError
-from turnout.measurement.campaign.build_campaign import build_campaign
+from turnout.measurement.campaign.build_campaign import build_campaign_dataset
 from turnout.measurement.quality.channel_faults import Limits, run_faults
 from turnout.panel.load import load_panel
 
@@ -25,7 +25,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_all_movements_are_usable(folder: Path) -> None:
-    campaign = build_campaign(folder, strict=True)
+    campaign = build_campaign_dataset(folder, strict=True)
     assert campaign.dataset is not None
     assert campaign.dataset.sizes["movement"] == 7
     # A force that jumps at once marks its onset by the jump.
@@ -33,7 +33,7 @@ def test_all_movements_are_usable(folder: Path) -> None:
 
 
 def test_an_object_that_there_is_no_room_for_is_left_out(folder: Path) -> None:
-    dataset = build_campaign(folder).dataset
+    dataset = build_campaign_dataset(folder).dataset
     assert dataset is not None
     panel = load_panel("sb1")
     kept, texts = exclude_oversized_objects(observe(dataset, panel), panel)
@@ -61,6 +61,6 @@ def test_kilonewtons_that_were_written_in_newtons_are_reported_as_such(tmp_path:
     write_campaign(tmp_path, Truth(), cases=(Case(),), habits=Habits(rate=100.0))
     channels = (tmp_path / "channels.toml").read_text(encoding="utf-8")
     (tmp_path / "channels.toml").write_text(channels.replace('"N"', '"kN"'), encoding="utf-8")
-    (item,) = build_campaign(tmp_path).excluded
+    (item,) = build_campaign_dataset(tmp_path).excluded
     assert item.reasons[0].startswith("unit of drive_force 1: up to")
     assert item.reasons[0].endswith("check its unit")

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from turnout.cli.main import app
 from turnout.core.errors import FileError, PanelError, TurnoutError
-from turnout.measurement.campaign.build_campaign import build_campaign
+from turnout.measurement.campaign.build_campaign import build_campaign_dataset
 from turnout.panel.load import library_text, load_panel
 from turnout.web.serve import prepared
 from turnout.web.studio import Opened, Studio
@@ -22,7 +22,7 @@ from turnout.web.studio import Opened, Studio
 @pytest.fixture(scope="module")
 def campaign(tmp_path_factory: pytest.TempPathFactory) -> Opened:
     folder = copied(tmp_path_factory.mktemp("studio"))
-    return Opened(folder, build_campaign(folder))
+    return Opened(folder, build_campaign_dataset(folder))
 
 
 @pytest.fixture

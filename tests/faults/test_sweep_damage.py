@@ -24,8 +24,8 @@ from turnout.study.sweep import verify
 from turnout.study.sweep.batch import write_batch
 from turnout.study.sweep.export import sweep_table
 from turnout.study.sweep.folder import BATCHES, DAMAGED, IDENTITY
-from turnout.study.sweep.read import open_sweep, read_labels
-from turnout.study.sweep.run import run_sweep
+from turnout.study.sweep.read import open_batches, read_labels
+from turnout.study.sweep.run import throw_study
 from turnout.study.sweep.stored_study import STUDY, load_stored_study
 from turnout.study.sweep.verify import STABLE_AGE
 
@@ -40,7 +40,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
 @pytest.fixture(scope="module")
 def made(study: Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("made") / "sweep"
-    run_sweep(study, folder, pool=here)
+    throw_study(study, folder, pool=here)
     assert len(batch_names(folder)) == 2
     return folder
 
@@ -70,7 +70,7 @@ def flip(path: Path, bit: int) -> None:
 
 def test_every_flipped_bit_is_harmless_or_named(made: Path, study: Study, swept: Path) -> None:
     """In batches, in what the folder says of itself, and in the study that workers read."""
-    known = open_sweep(made).load()
+    known = open_batches(made).load()
     paths = [swept / IDENTITY, swept / STUDY, *(swept / BATCHES).glob("*.nc")]
     rng = np.random.default_rng(17)
     reported = 0
@@ -81,7 +81,7 @@ def test_every_flipped_bit_is_harmless_or_named(made: Path, study: Study, swept:
         load_stored_study.cache_clear()
         said = ""
         try:
-            xr.testing.assert_identical(open_sweep(swept).load(), known)
+            xr.testing.assert_identical(open_batches(swept).load(), known)
             xr.testing.assert_identical(read_labels(swept), known.drop_dims("time"))
             assert load_stored_study(swept, study.digest).scenario(5) == study.scenario(5)
             assert load_stored_study(swept, study.digest).panel.hash == study.panel.hash
@@ -99,7 +99,7 @@ def test_every_flipped_bit_is_harmless_or_named(made: Path, study: Study, swept:
 @pytest.mark.parametrize("lazily", [False, True])
 def test_damage_after_a_first_look_is_seen(lazily: bool, swept: Path, made: Path) -> None:
     """What was verified once is verified again when its time stamps are others."""
-    dataset = open_sweep(swept)
+    dataset = open_batches(swept)
     dataset["drive_force"].load()
     path = max((swept / BATCHES).glob("*.nc"))
     flip(path, 80_000)
@@ -127,7 +127,7 @@ def test_a_batch_is_digested_once_while_it_stays_as_it_is(
     read_labels(swept)
     assert (sorted(read) == batch_names(swept)) == finished
     before = len(read)
-    open_sweep(swept).load()
+    open_batches(swept).load()
     assert (len(read) == before) == finished
 
 
@@ -185,24 +185,24 @@ def test_the_same_run_mends_damage_and_keeps_what_was_damaged(
     assert (swept / BATCHES / names[0]).stat().st_mtime_ns == good
     kept = sorted(path.name for path in (swept / DAMAGED).iterdir())
     assert kept == sorted([names[1], f"{names[1]}.2", IDENTITY, f"{IDENTITY}.2"])
-    xr.testing.assert_identical(open_sweep(swept).load(), open_sweep(made).load())
+    xr.testing.assert_identical(open_batches(swept).load(), open_batches(made).load())
 
 
 def test_a_batch_of_another_seed_is_refused(swept: Path, study: Study, tmp_path: Path) -> None:
     other = replace(study, seed=4, design=replace(study.design, seed=4))
-    run_sweep(other, tmp_path / "other", pool=here)
+    throw_study(other, tmp_path / "other", pool=here)
     stranger = min((tmp_path / "other" / BATCHES).glob("*.nc"))
     mine = min((swept / BATCHES).glob("*.nc"))
     mine.unlink()
     copied = Path(shutil.copy(stranger, mine.parent))
-    for look in (open_sweep, read_labels, sweep_table):
+    for look in (open_batches, read_labels, sweep_table):
         with pytest.raises(FileError, match=f"{copied.name}: comes from another study .*move it"):
             look(swept)
     with pytest.raises(FileError, match="comes from another study"):
-        run_sweep(study, swept, pool=here)
+        throw_study(study, swept, pool=here)
     assert copied.exists()
     copied.unlink()
-    assert run_sweep(study, swept, pool=here).thrown == 8
+    assert throw_study(study, swept, pool=here).thrown == 8
 
 
 def test_a_batch_in_the_place_of_another_is_refused(swept: Path, study: Study) -> None:
@@ -210,7 +210,7 @@ def test_a_batch_in_the_place_of_another_is_refused(swept: Path, study: Study) -
     first, second = sorted((swept / BATCHES).glob("*.nc"))
     second.unlink()
     copied = Path(shutil.copy(first, first.with_name(first.name.replace("000000", "000001"))))
-    for look in (lambda: open_sweep(swept), lambda: run_sweep(study, swept, pool=here)):
+    for look in (lambda: open_batches(swept), lambda: throw_study(study, swept, pool=here)):
         with pytest.raises(FileError, match="is batch 0, not 1"):
             look()
     assert copied.exists()
@@ -228,7 +228,7 @@ def test_a_batch_without_an_origin_is_refused(swept: Path, study: Study) -> None
     path.unlink()
     bare = write_batch(swept / BATCHES, 0, content.getvalue())
     with pytest.raises(FileError, match=f"{bare.name}: does not say which study"):
-        open_sweep(swept)
+        open_batches(swept)
 
 
 def unsealed(folder: Path, name: str) -> dict[str, Any]:
@@ -263,7 +263,7 @@ def test_wrong_types_and_keys_are_reported(name: str, swept: Path) -> None:
     change, said = WRONG[name]
     (swept / IDENTITY).write_text(sealed_json(change(unsealed(swept, IDENTITY))))
     with pytest.raises(FileError, match=f"sweep.json: cannot be used.*{said}"):
-        open_sweep(swept)
+        open_batches(swept)
 
 
 TEXTS = {
@@ -285,7 +285,7 @@ def test_files_that_are_none_are_reported(file: str, name: str, swept: Path, stu
     (swept / file).write_bytes(TEXTS[name])
     load_stored_study.cache_clear()
     with pytest.raises(FileError, match=f"{file}: .*turnout sweep run"):
-        open_sweep(swept) if file == IDENTITY else load_stored_study(swept, study.digest)
+        open_batches(swept) if file == IDENTITY else load_stored_study(swept, study.digest)
 
 
 @pytest.mark.parametrize(
@@ -323,7 +323,7 @@ def test_hidden_and_other_files_survive(swept: Path, study: Study) -> None:
     for name in leftovers:
         (swept / name).write_text(name)
     min((swept / BATCHES).glob("[0-9]*.nc")).unlink()
-    run_sweep(study, swept, pool=here)
+    throw_study(study, swept, pool=here)
     assert [name for name in others if (swept / name).read_text() != name] == []
     assert [name for name in leftovers if (swept / name).exists()] == []
 
@@ -336,7 +336,7 @@ def test_a_folder_with_other_files_is_refused(name: str, study: Study, tmp_path:
     path.parent.mkdir(parents=True)
     path.write_text("mine")
     with pytest.raises(FileError, match="is not empty and holds no sweep"):
-        run_sweep(study, tmp_path / "full", pool=here)
+        throw_study(study, tmp_path / "full", pool=here)
     assert [p for p in (tmp_path / "full").rglob("*") if p.is_file()] == [path]
     assert path.read_text() == "mine"
 
@@ -348,7 +348,7 @@ def test_a_folder_of_the_form_with_a_pickle_is_refused(study: Study, swept: Path
     (swept / STUDY).unlink()
     (swept / "study.pickle").write_bytes(b"cos\nsystem\n(S'touch planted'\ntR.")
     before = {path: path.read_bytes() for path in swept.rglob("*") if path.is_file()}
-    for look in (lambda: open_sweep(swept), lambda: run_sweep(study, swept, pool=here)):
+    for look in (lambda: open_batches(swept), lambda: throw_study(study, swept, pool=here)):
         with pytest.raises(FileError, match="stored in form 1.*run the study again in another"):
             look()
     assert {path: path.read_bytes() for path in swept.rglob("*") if path.is_file()} == before
@@ -369,7 +369,7 @@ def test_a_study_made_in_python_is_stored_exactly(study: Study, tmp_path: Path) 
         design=replace(study.design, drawn=(Drawn(name=name, law=law),)),
         description='quote " and newline \n and 60E1 \u00e4',
     )
-    run_sweep(own, tmp_path / "s", pool=here)
+    throw_study(own, tmp_path / "s", pool=here)
     kept = load_stored_study((tmp_path / "s").absolute(), own.digest)
     assert kept.digest != study.digest
     assert kept.panel.hash == panel.hash
@@ -385,7 +385,7 @@ def test_a_study_that_no_file_can_hold_is_refused_before_anything_is_made(
 ) -> None:
     wrong = replace(study, rule=object())  # type: ignore[arg-type]
     with pytest.raises(FileError, match="study 'tiny': cannot be stored"):
-        run_sweep(wrong, tmp_path / "s", pool=here)
+        throw_study(wrong, tmp_path / "s", pool=here)
     assert not (tmp_path / "s").exists()
 
 

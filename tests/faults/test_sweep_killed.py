@@ -23,8 +23,8 @@ from tests.unit.sweeps import batch_names, here, small_study, study_file
 
 from turnout.core.files import make_durable
 from turnout.study.sweep import run
-from turnout.study.sweep.read import open_sweep
-from turnout.study.sweep.run import SweepProgress, run_sweep
+from turnout.study.sweep.read import open_batches
+from turnout.study.sweep.run import SweepProgress, throw_study
 
 pytestmark = pytest.mark.skipif(
     not Path("/proc/self/task").exists(), reason="finds the processes of a run in /proc"
@@ -36,14 +36,14 @@ COUNT = 48
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A sweep that nothing interrupted, made in one process."""
     folder = tmp_path_factory.mktemp("whole")
-    run_sweep(small_study(folder, count=COUNT), folder / "sweep", pool=here)
+    throw_study(small_study(folder, count=COUNT), folder / "sweep", pool=here)
     return folder / "sweep"
 
 
 def check_same(folder: Path, whole: Path) -> None:
     """Names of batches hold digests of their bytes; the datasets are compared as well."""
     assert batch_names(folder) == batch_names(whole)
-    mine, theirs = open_sweep(folder), open_sweep(whole)
+    mine, theirs = open_batches(folder), open_batches(whole)
     assert mine["scenario"].values.tolist() == list(range(COUNT))
     xr.testing.assert_identical(mine.load(), theirs.load())
     assert not list((folder / "batches").glob(".*"))
@@ -66,16 +66,16 @@ def test_a_batch_is_on_the_disk_before_it_counts(
 
     monkeypatch.setattr(run, "make_durable", wait)
     study = small_study(tmp_path, count=16)
-    run_sweep(study, tmp_path / "s", workers=1, report=report)
+    throw_study(study, tmp_path / "s", workers=1, report=report)
     assert counted == {(0, 0), (8, 1), (16, 2)}
     names = batch_names(tmp_path / "s")
     assert sorted(waited) == names
-    run_sweep(study, tmp_path / "other", pool=here)
+    throw_study(study, tmp_path / "other", pool=here)
     assert sorted(waited) == names
     # A run that was ended may have left a batch for which it had not waited yet.
     (tmp_path / "s" / "batches" / names[1]).unlink()
     waited.clear()
-    run_sweep(study, tmp_path / "s", pool=here)
+    throw_study(study, tmp_path / "s", pool=here)
     assert waited == names[:1]
 
 
@@ -132,7 +132,7 @@ def test_a_full_disk_is_one_message_and_goes_on(whole: Path, tmp_path: Path) -> 
     assert "no space left; free some" in run.stderr
     assert "Traceback" not in run.stderr
     assert batch_names(tmp_path / "a b") == []
-    run_sweep(small_study(tmp_path, count=COUNT), tmp_path / "a b", pool=here)
+    throw_study(small_study(tmp_path, count=COUNT), tmp_path / "a b", pool=here)
     check_same(tmp_path / "a b", whole)
 
 

@@ -17,7 +17,7 @@ from turnout.core import files
 from turnout.core.errors import FileError
 from turnout.core.json_files import sealed_json
 from turnout.study.sweep.folder import BATCHES, IDENTITY
-from turnout.study.sweep.run import run_sweep
+from turnout.study.sweep.run import throw_study
 
 COUNT = 3
 
@@ -26,7 +26,7 @@ COUNT = 3
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A sweep of the small study, to be copied."""
     folder = tmp_path_factory.mktemp("made")
-    run_sweep(small_study(folder, count=COUNT), folder / "sweep", pool=here)
+    throw_study(small_study(folder, count=COUNT), folder / "sweep", pool=here)
     return folder / "sweep"
 
 
@@ -219,8 +219,8 @@ def test_no_space_at_any_moment_is_reported_and_goes_on(
         full.setattr(files, "_flush", flush)
         full.setattr(Path, "open", opened)
         with pytest.raises(FileError, match="no space left; free some"):
-            run_sweep(study, folder, pool=here)
+            throw_study(study, folder, pool=here)
     assert len(written) == moment
     assert not [path for path in folder.rglob(".*") if path.name != ".lock"]
-    run_sweep(study, folder, pool=here)
+    throw_study(study, folder, pool=here)
     assert batch_names(folder) == batch_names(made)

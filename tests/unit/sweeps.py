@@ -7,8 +7,8 @@ from pathlib import Path
 
 from turnout.calibration.load_study import load_study
 from turnout.study.study import Study
-from turnout.study.sweep.row import Row
-from turnout.throw.signals import Variable
+from turnout.study.sweep.row import ScenarioRow
+from turnout.throw.signals import Channel
 
 STUDY = """
 schema_version = 1
@@ -53,7 +53,7 @@ def batch_names(folder: Path) -> list[str]:
     return sorted(path.name for path in (folder / "batches").glob("[0-9]*.nc"))
 
 
-def variables_of(row: Row) -> dict[str, Variable]:
+def variables_of(row: ScenarioRow) -> dict[str, Channel]:
     """Return histories, labels and features of a throw alone; nothing unless it is complete."""
     found = {} if row.stored is None else row.stored.variables
     return {name: (dims, values[row.number, ...]) for name, (dims, values) in found.items()}

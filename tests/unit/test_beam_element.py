@@ -11,11 +11,11 @@ import pytest
 
 from turnout.beam.assembly import DOF, assemble_beam, dof_index, point_row
 from turnout.beam.element import element_gravity_load, element_mass, element_stiffness
-from turnout.beam.material import Material
+from turnout.beam.material import ElasticMaterial
 from turnout.beam.section_properties import SectionProperties, mirror_sections
 from turnout.core.errors import MechanicsError
 
-STEEL = Material(youngs_modulus=2.1e11, poisson_ratio=0.3, density=7850.0)
+STEEL = ElasticMaterial(youngs_modulus=2.1e11, poisson_ratio=0.3, density=7850.0)
 E, G, RHO = STEEL.youngs_modulus, STEEL.shear_modulus, STEEL.density
 LENGTH = 0.4
 NAMES = [field.name for field in fields(SectionProperties)]

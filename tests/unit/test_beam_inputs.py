@@ -5,7 +5,7 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from turnout.beam.material import Material
+from turnout.beam.material import ElasticMaterial
 from turnout.beam.mesh import MERGE_DISTANCE, mesh_nodes
 from turnout.beam.section_properties import SectionProperties, interpolate_sections, mirror_sections
 from turnout.core.errors import MechanicsError
@@ -67,7 +67,7 @@ def test_impossible_product_of_inertia_is_refused():
 
 
 def test_shear_modulus():
-    steel = Material(youngs_modulus=2.6e11, poisson_ratio=0.3, density=7850.0)
+    steel = ElasticMaterial(youngs_modulus=2.6e11, poisson_ratio=0.3, density=7850.0)
     assert steel.shear_modulus == pytest.approx(1e11, rel=1e-15)
 
 
@@ -82,7 +82,7 @@ def test_shear_modulus():
 def test_impossible_material_is_refused(changes, text):
     values = {"youngs_modulus": 2e11, "poisson_ratio": 0.3, "density": 7850.0} | changes
     with pytest.raises(MechanicsError, match=text):
-        Material(**values)
+        ElasticMaterial(**values)
 
 
 class TestMesh:

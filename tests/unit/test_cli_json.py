@@ -19,7 +19,7 @@ from turnout.cli.main import app
 from turnout.measurement.formats.file_format import write_recording
 from turnout.measurement.recording import RecordedChannel, Recording
 from turnout.panel.load import load_panel
-from turnout.study.sweep.run import run_sweep
+from turnout.study.sweep.run import throw_study
 
 COMMON = {"command", "json_version", "units", "written"}
 
@@ -208,7 +208,7 @@ def test_a_sweep(tmp_path: Path, documented: dict[str, set[str]]) -> None:
     plan = printed("sweep", "plan", study, "--trials", 1)
     assert set(plan) - COMMON == documented["sweep plan"]
     assert plan["scenarios"] == 3
-    run_sweep(small_study(tmp_path, count=3), out, pool=here)
+    throw_study(small_study(tmp_path, count=3), out, pool=here)
     done = printed("sweep", "run", study, "-o", out)
     assert set(done) - COMMON == documented["sweep run"]
     key = "chair.friction_coefficient"
@@ -221,7 +221,7 @@ def test_a_sweep(tmp_path: Path, documented: dict[str, set[str]]) -> None:
 
 def test_one_throw_a_value_has_no_sensitivity(tmp_path: Path) -> None:
     out = tmp_path / "s"
-    run_sweep(small_study(tmp_path, count=3), out, pool=here)
+    throw_study(small_study(tmp_path, count=3), out, pool=here)
     done = CliRunner().invoke(app, ["sweep", "effects", str(out)])
     assert done.exit_code == 0, done.output
     assert "nan" not in done.stdout

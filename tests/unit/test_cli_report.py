@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from turnout.cli.main import app
 from turnout.core.errors import FileError
-from turnout.study.sweep.run import run_sweep
+from turnout.study.sweep.run import throw_study
 from turnout.throw.store import save_response
 
 
@@ -34,7 +34,7 @@ def test_a_report_and_its_figures_are_written(run_file: Path, tmp_path: Path) ->
 
 def test_the_folder_of_a_sweep_is_reported_from_that_of_a_campaign(tmp_path: Path) -> None:
     folder, out = tmp_path / "results", tmp_path / "sweep.html"
-    run_sweep(small_study(tmp_path, count=3), folder, pool=here)
+    throw_study(small_study(tmp_path, count=3), folder, pool=here)
     done = CliRunner().invoke(app, ["report", str(folder), "-o", str(out)])
     assert done.exit_code == 0, done.output
     html = out.read_text(encoding="utf-8")

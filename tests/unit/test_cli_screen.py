@@ -10,8 +10,8 @@ from tests.unit.simulated import sb2_panel
 
 from turnout.cli.options import check_outputs
 from turnout.cli.sections import section_lines
-from turnout.cli.show import Thrown, panel_lines
-from turnout.cli.watch import COMPILING, Watch, watched
+from turnout.cli.show import CheckThrows, panel_lines
+from turnout.cli.watch import COMPILING, ProgressBar, watched
 from turnout.core.errors import FileError
 from turnout.figures.plan import plot_plan
 from turnout.figures.report.values import shown, value_lines
@@ -51,12 +51,12 @@ def test_values_are_shown_with_their_origin(default: list[str], start: str, rest
     assert rest in line_of(default, start)
 
 
-def screen(thrown: Thrown | None = None, *, values: bool = False) -> list[str]:
+def screen(thrown: CheckThrows | None = None, *, values: bool = False) -> list[str]:
     return list(panel_lines(sb2_panel(), thrown=thrown, values=values))
 
 
 @pytest.fixture(scope="module")
-def thrown() -> Thrown:
+def thrown() -> CheckThrows:
     pieces = [
         PieceResult("1", 0.005, False, 2960.0, 2445.0, 3500.0, 0.00425),
         PieceResult("2", 0.005, True, -1.0, 0.0, 6001.0, 0.0123),
@@ -68,10 +68,10 @@ def thrown() -> Thrown:
         PieceLimit("2", float("inf"), "", 0.015),
         PieceLimit("3", nothing, "", nothing, "no room"),
     ]
-    return Thrown(simulate(sb2_panel()), pieces, limits)
+    return CheckThrows(simulate(sb2_panel()), pieces, limits)
 
 
-def test_the_screen_has_the_order_of_an_engineer(thrown: Thrown) -> None:
+def test_the_screen_has_the_order_of_an_engineer(thrown: CheckThrows) -> None:
     order = ("PLAN", "CLOSED GAP", "FORCE MARGINS", "LEAST FLANGEWAY", "TEST PIECE", "ASSUMPTIONS")
     for lines in (screen(), screen(thrown)):
         heads = [
@@ -82,7 +82,7 @@ def test_the_screen_has_the_order_of_an_engineer(thrown: Thrown) -> None:
         assert tuple(heads) == order
 
 
-def test_the_least_pieces_are_reported_with_the_part_of_the_rule(thrown: Thrown) -> None:
+def test_the_least_pieces_are_reported_with_the_part_of_the_rule(thrown: CheckThrows) -> None:
     text = "\n".join(screen(thrown))
     assert "drive 1 refuses to lock from 4.9 mm on, by slip" in text
     assert "drive 2 locks on every piece up to 15 mm" in text
@@ -95,7 +95,7 @@ def test_without_a_throw_the_screen_says_what_one_would_add() -> None:
     assert any("estimated from the strokes" in line for line in lines)
 
 
-def test_closed_gaps_are_those_of_the_run(thrown: Thrown) -> None:
+def test_closed_gaps_are_those_of_the_run(thrown: CheckThrows) -> None:
     lines = screen(thrown)
     at = [number for number, line in enumerate(lines) if line.startswith("  x [m]")]
     places = [float(cell) for number in at for cell in lines[number].split()[2:]]
@@ -105,7 +105,7 @@ def test_closed_gaps_are_those_of_the_run(thrown: Thrown) -> None:
     assert gaps == pytest.approx(1e3 * end.values, abs=0.0051)
 
 
-def test_margins_are_those_of_the_run(thrown: Thrown) -> None:
+def test_margins_are_those_of_the_run(thrown: CheckThrows) -> None:
     force = thrown.dataset["drive_force"].sel(drive="2")
     opening = -float(force.min()) / 1e3
     line = line_of(screen(thrown), "2 opening")
@@ -114,14 +114,14 @@ def test_margins_are_those_of_the_run(thrown: Thrown) -> None:
     assert "near" not in line_of(screen(thrown), "2 closing")
 
 
-def test_the_flangeway_is_reported_with_its_place(thrown: Thrown) -> None:
+def test_the_flangeway_is_reported_with_its_place(thrown: CheckThrows) -> None:
     least = float(thrown.dataset["least_flangeway"])
     rail = thrown.dataset["least_flangeway_rail"].values
     line = line_of(screen(thrown), f"{1e3 * least:.2f} mm, rail {rail} at x = ")
     assert line.endswith("TOO NARROW: at least 58 mm required")
 
 
-def test_test_pieces_are_reported(thrown: Thrown) -> None:
+def test_test_pieces_are_reported(thrown: CheckThrows) -> None:
     lines = screen(thrown)
     assert line_of(lines, "1 YES, not seen") == ("1 YES, not seen 2.96 kN 2.44 kN 3.50 kN 4.25 mm")
     assert line_of(lines, "2 no") == "2 no 0.00 kN 0.00 kN 6.00 kN 12.30 mm"
@@ -145,16 +145,16 @@ def test_only_assumptions_unless_all_values_are_asked_for() -> None:
     )
 
 
-def test_a_throw_without_equilibrium_shows_what_the_file_says(thrown: Thrown) -> None:
+def test_a_throw_without_equilibrium_shows_what_the_file_says(thrown: CheckThrows) -> None:
     nothing = thrown.dataset.isel(time=slice(0, 0))
     nothing = nothing.assign_attrs(complete=False, outcome_message="no equilibrium at t = 0")
-    lines = screen(Thrown(nothing, thrown.pieces))
+    lines = screen(CheckThrows(nothing, thrown.pieces))
     assert "THROW NOT COMPLETE: no equilibrium at t = 0" in lines
     assert any("estimated from the strokes" in line for line in lines)
     assert plot_plan(sb2_panel(), dataset=nothing).axes[1].get_ylabel().count("estimated") == 1
 
 
-def test_a_rail_without_stock_rail_has_no_closed_gap(thrown: Thrown) -> None:
+def test_a_rail_without_stock_rail_has_no_closed_gap(thrown: CheckThrows) -> None:
     panel = sb2_panel()
     bare = panel.rail["B"].model_copy(update={"stock_rail_gap": None})
     changed = panel.model_copy(update={"rail": {**panel.rail, "B": bare}})
@@ -264,7 +264,7 @@ def reported(capsys: pytest.CaptureFixture[str]) -> list[str]:
 
 
 def test_progress_is_silent_for_a_quick_run(capsys: pytest.CaptureFixture[str]) -> None:
-    with Watch("simulating", compiling=False, quiet=False) as watch:
+    with ProgressBar("simulating", compiling=False, quiet=False) as watch:
         watch.report(10, 100)
     assert reported(capsys) == []
 
@@ -275,7 +275,7 @@ def test_progress_is_a_plain_line_now_and_then(
     clock = iter([0.0, 1.0, 2.5, 3.0, 8.0])
     times = SimpleNamespace(monotonic=clock.__next__, perf_counter=time.perf_counter)
     monkeypatch.setattr("turnout.cli.watch.time", times)
-    with Watch("simulating", compiling=True, quiet=False) as watch:
+    with ProgressBar("simulating", compiling=True, quiet=False) as watch:
         for done in (10, 20, 30, 40):
             watch.report(done, 100)
     assert reported(capsys) == [
@@ -291,7 +291,7 @@ def test_quiet_is_quiet(
     clock = iter([0.0, 60.0])
     times = SimpleNamespace(monotonic=clock.__next__, perf_counter=time.perf_counter)
     monkeypatch.setattr("turnout.cli.watch.time", times)
-    with Watch("simulating", compiling=True, quiet=True) as watch:
+    with ProgressBar("simulating", compiling=True, quiet=True) as watch:
         watch.report(50, 100)
     assert reported(capsys) == []
 
@@ -300,7 +300,7 @@ def test_time_passes_while_kernels_compile(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("turnout.cli.watch.TICK", 0.01)
-    with Watch("simulating", compiling=True, quiet=False) as watch:
+    with ProgressBar("simulating", compiling=True, quiet=False) as watch:
         deadline = time.monotonic() + 10.0
         lines: list[str] = []
         while len(lines) < 3 and time.monotonic() < deadline:
@@ -318,7 +318,7 @@ def test_a_terminal_has_one_line_that_is_written_over(
 ) -> None:
     monkeypatch.setattr("turnout.cli.watch.TICK_ON_TERMINAL", 0.01)
     monkeypatch.setattr("sys.stderr.isatty", lambda: True)
-    with Watch("simulating", compiling=True, quiet=False):
+    with ProgressBar("simulating", compiling=True, quiet=False):
         time.sleep(0.2)
     text = capsys.readouterr().err
     assert text.count("\n") == 1

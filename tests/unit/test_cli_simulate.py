@@ -103,7 +103,7 @@ def test_ctrl_c_keeps_what_there_is(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         if done >= 1000:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr("turnout.cli.watch.Watch.report", press)
+    monkeypatch.setattr("turnout.cli.watch.ProgressBar.report", press)
     result = run("--out", tmp_path / "run.nc")
     assert result.exit_code == 130
     assert "interrupted at t = " in result.stderr

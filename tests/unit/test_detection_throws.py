@@ -16,8 +16,8 @@ from turnout.detection.throws import (
     stored_throws,
     throw_all,
 )
-from turnout.study.sweep.read import open_sweep
-from turnout.study.sweep.run import run_sweep
+from turnout.study.sweep.read import open_batches
+from turnout.study.sweep.run import throw_study
 
 PLACES = {"sleeper 6": (0.5e-3, 12e-3)}
 
@@ -26,9 +26,9 @@ PLACES = {"sleeper 6": (0.5e-3, 12e-3)}
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two states: sound, with gaps kept, and with objects too thin and thick enough."""
     place, study = tmp_path_factory.mktemp("limit"), reference_study(count=2)
-    run_sweep(study, place / "sound")
-    run_sweep(floor_study(study), place / "floor")
-    run_sweep(objects_study(study, PLACES), place / "objects")
+    throw_study(study, place / "sound")
+    throw_study(floor_study(study), place / "floor")
+    throw_study(objects_study(study, PLACES), place / "objects")
     return place
 
 
@@ -51,8 +51,8 @@ def test_a_kind_has_a_folder_of_its_own_and_is_reported_as_objects(tmp_path: Pat
 
 
 def test_an_object_that_is_not_touched_changes_nothing(folder: Path) -> None:
-    sound = open_sweep(folder / "sound")["drive_force"].to_numpy()
-    objects = open_sweep(folder / "objects")
+    sound = open_batches(folder / "sound")["drive_force"].to_numpy()
+    objects = open_batches(folder / "objects")
     peak = objects["object_force_peak"].to_numpy().reshape(2, 2)
     change = objects["drive_force"].to_numpy().reshape(2, 2, *sound.shape[1:]) - sound[:, None]
     assert touched(peak).tolist() == [[False, True]] * 2
@@ -61,15 +61,15 @@ def test_an_object_that_is_not_touched_changes_nothing(folder: Path) -> None:
 
 
 def test_before_the_object_appears_both_throws_are_the_same(folder: Path) -> None:
-    sound = open_sweep(folder / "sound")
-    objects = open_sweep(folder / "objects")["drive_force"].to_numpy()
+    sound = open_batches(folder / "sound")
+    objects = open_batches(folder / "objects")["drive_force"].to_numpy()
     before = sound["time"].to_numpy() < 4.3
     pairs = objects.reshape(2, 2, *objects.shape[1:]) - sound["drive_force"].to_numpy()[:, None]
     np.testing.assert_array_equal(pairs[..., before], 0.0)
 
 
 def test_gaps_after_closing_tell_what_is_touched(folder: Path) -> None:
-    gaps = gaps_at(open_sweep(folder / "floor"), np.array([0.3, 3.6]), rail="straight")
+    gaps = gaps_at(open_batches(folder / "floor"), np.array([0.3, 3.6]), rail="straight")
     assert gaps.shape == (2, 2)
     assert np.all(np.abs(gaps[:, 0]) < 1e-3)  # Drive 1 closes
     assert np.all((gaps[:, 1] > 0.5e-3) & (gaps[:, 1] < 12e-3))

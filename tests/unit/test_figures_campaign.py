@@ -7,7 +7,7 @@ from tests.unit.campaigns import made
 
 from turnout.core.errors import ResponseError
 from turnout.figures.campaign import plot_overview, plot_stacked
-from turnout.measurement.campaign.build_campaign import build_campaign
+from turnout.measurement.campaign.build_campaign import build_campaign_dataset
 from turnout.metric.campaign_statistics import end_values, object_places
 from turnout.throw.store import open_response
 
@@ -16,7 +16,7 @@ from turnout.throw.store import open_response
 def measured(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
     from tests.unit.campaigns import copied
 
-    dataset = build_campaign(copied(tmp_path_factory.mktemp("plot"))).dataset
+    dataset = build_campaign_dataset(copied(tmp_path_factory.mktemp("plot"))).dataset
     assert dataset is not None
     return dataset
 

@@ -7,7 +7,7 @@ import re
 import pytest
 from tests.unit.simulated import sb2_dataset, sb2_panel
 
-from turnout.figures.report.inputs import inputs_section, panel_of
+from turnout.figures.report.inputs import inputs_section, panel_of_result
 from turnout.figures.report.page import Page, Section, Table, page_html
 from turnout.figures.report.run import FIGURE_SUFFIXES, picture_of, run_page, run_sheets
 from turnout.panel.load import load_panel
@@ -19,7 +19,7 @@ VOCABULARIES = {"http://www.w3.org"}
 @pytest.fixture(scope="module")
 def html() -> str:
     dataset = sb2_dataset()
-    return page_html(run_page(dataset, panel=panel_of(dataset.attrs)))
+    return page_html(run_page(dataset, panel=panel_of_result(dataset.attrs)))
 
 
 def test_it_is_one_small_file_that_names_no_address(html: str) -> None:
@@ -64,12 +64,12 @@ def test_overrides_are_reported_and_the_panel_is_found_again_with_them() -> None
         "panel_hash": changed.hash,
         "overrides": json.dumps(dict(changed.overrides)),
     }
-    found = panel_of(attributes)
+    found = panel_of_result(attributes)
     assert found is not None
     assert found.hash == changed.hash
-    assert panel_of({**attributes, "overrides": "{}"}) is None
-    assert panel_of({**attributes, "panel": "nowhere"}) is None
-    assert panel_of(attributes, panel=load_panel("sb1")) is None
+    assert panel_of_result({**attributes, "overrides": "{}"}) is None
+    assert panel_of_result({**attributes, "panel": "nowhere"}) is None
+    assert panel_of_result(attributes, panel=load_panel("sb1")) is None
 
 
 def test_a_panel_that_is_not_at_hand_is_said_to_be() -> None:

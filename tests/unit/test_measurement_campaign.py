@@ -20,8 +20,8 @@ from turnout.measurement.campaign import recorded_throw
 from turnout.measurement.campaign.build_campaign import (
     BuiltCampaign,
     _slipped,
-    build_campaign,
-    stacked,
+    build_campaign_dataset,
+    stack_movements,
 )
 from turnout.measurement.campaign.find_throws import FoundThrow
 from turnout.measurement.campaign.recorded_throw import RecordedThrow
@@ -43,7 +43,7 @@ from turnout.measurement.recording import Recording
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> BuiltCampaign:
-    return build_campaign(copied(tmp_path_factory.mktemp("campaign")))
+    return build_campaign_dataset(copied(tmp_path_factory.mktemp("campaign")))
 
 
 def test_all_movements_are_in_one_dataset(built: BuiltCampaign) -> None:
@@ -84,8 +84,8 @@ def test_time_is_zero_at_the_onset(built: BuiltCampaign) -> None:
 
 def test_a_second_build_takes_up_the_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = copied(tmp_path)
-    first = build_campaign(folder)
-    second = build_campaign(folder)
+    first = build_campaign_dataset(folder)
+    second = build_campaign_dataset(folder)
     assert (first.reused, second.reused) == (0, 9)
     assert first.dataset is not None
     assert second.dataset is not None
@@ -94,10 +94,10 @@ def test_a_second_build_takes_up_the_first(tmp_path: Path, monkeypatch: pytest.M
 
 def test_a_damaged_piece_is_cut_again(tmp_path: Path) -> None:
     folder = copied(tmp_path)
-    build_campaign(folder)
+    build_campaign_dataset(folder)
     stored = sorted((folder / ".turnout").glob("*.npz"))
     stored[0].write_bytes(b"PK\x03\x04 and then nothing")
-    assert build_campaign(folder).reused == 8
+    assert build_campaign_dataset(folder).reused == 8
 
 
 def test_a_file_of_several_movements_is_read_once(
@@ -120,11 +120,11 @@ def test_a_file_of_several_movements_is_read_once(
         return read_recording(path, allow_outside=allow_outside)
 
     monkeypatch.setattr(recorded_throw, "read_recording", counted)
-    campaign = build_campaign(folder)
+    campaign = build_campaign_dataset(folder)
     assert [item.run.name for item in campaign.excluded] == ["none_closing_1#2"]
     assert sorted(read) == sorted({run.file for run in campaign.sheet.runs})
     read.clear()
-    assert build_campaign(folder).reused == 8
+    assert build_campaign_dataset(folder).reused == 8
     assert read == ["none_closing_1.csv"]
 
 
@@ -137,7 +137,7 @@ def test_what_several_recordings_say_is_said_once(tmp_path: Path) -> None:
         cells, before = lines[200].split(","), lines[199].split(",")
         lines[200] = ",".join([before[0], *cells[1:]])
         path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    said = [text for text in build_campaign(folder).remarks if "too coarsely" in text]
+    said = [text for text in build_campaign_dataset(folder).remarks if "too coarsely" in text]
     assert len(said) == 1
     assert "none_closing_1 and 1 more: channels 'Rod 1'" in said[0]
 
@@ -152,14 +152,14 @@ def test_an_interrupted_build_keeps_what_it_has(
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        build_campaign(folder, report=stop)
-    assert build_campaign(folder).reused == 4
+        build_campaign_dataset(folder, report=stop)
+    assert build_campaign_dataset(folder).reused == 4
 
 
 def test_a_bad_file_is_excluded_with_its_reason_and_loses_nothing(tmp_path: Path) -> None:
     folder = copied(tmp_path)
     (folder / "none_closing_2.csv").write_text("not a recording", encoding="utf-8")
-    campaign = build_campaign(folder)
+    campaign = build_campaign_dataset(folder)
     assert campaign.dataset is not None
     assert campaign.dataset.sizes["movement"] == 8
     (excluded,) = campaign.excluded
@@ -167,13 +167,13 @@ def test_a_bad_file_is_excluded_with_its_reason_and_loses_nothing(tmp_path: Path
     assert "none_closing_2.csv" in excluded.reasons[0]
     assert "none_closing_2" in campaign.dataset.attrs["excluded"]
     with pytest.raises(MeasurementError, match="none_closing_2"):
-        build_campaign(folder, strict=True)
+        build_campaign_dataset(folder, strict=True)
 
 
 def test_a_missing_file_is_refused_with_the_nearest(tmp_path: Path) -> None:
     folder = edited(copied(tmp_path), "none_closing_2.csv", "none-closing-2.csv")
     with pytest.raises(MeasurementError, match="nearest is 'none_closing_2.csv'"):
-        build_campaign(folder)
+        build_campaign_dataset(folder)
 
 
 @pytest.mark.parametrize(
@@ -187,13 +187,13 @@ def test_a_missing_file_is_refused_with_the_nearest(tmp_path: Path) -> None:
 def test_a_sheet_that_contradicts_the_recordings_is_remarked(
     old: str, new: str, words: str, tmp_path: Path
 ) -> None:
-    campaign = build_campaign(edited(copied(tmp_path), old, new))
+    campaign = build_campaign_dataset(edited(copied(tmp_path), old, new))
     assert any(words in remark for remark in campaign.remarks), campaign.remarks
 
 
 def test_a_turned_direction_excludes(tmp_path: Path) -> None:
     folder = edited(copied(tmp_path), "3.csv,closing,0,none,3", "3.csv,opening,0,none,9")
-    (excluded,) = build_campaign(folder).excluded
+    (excluded,) = build_campaign_dataset(folder).excluded
     assert "the sheet says opening, the rod forces closing" in excluded.reasons[0]
 
 
@@ -202,7 +202,7 @@ def test_an_extra_file_and_a_series_without_slip_are_remarked(tmp_path: Path) ->
     sheet = folder / "runs.csv"
     lines = sheet.read_text(encoding="utf-8").splitlines()
     sheet.write_text("\n".join(lines[:-1]) + "\n", encoding="utf-8")
-    remarks = build_campaign(folder).remarks
+    remarks = build_campaign_dataset(folder).remarks
     assert any("sleeper-6_31mm_1.mat: is in no line" in remark for remark in remarks)
     assert any("no drive slipped up to 13 mm" in remark for remark in remarks)
 
@@ -229,7 +229,7 @@ def test_a_movement_that_is_not_there_says_how_many_are(tmp_path: Path) -> None:
         for line in text.splitlines()
     ]
     (folder / "runs.csv").write_text("\n".join(rows), encoding="utf-8")
-    campaign = build_campaign(folder)
+    campaign = build_campaign_dataset(folder)
     assert campaign.dataset is None
     assert (
         "movement 2 is not in the recording: it holds one throw" in campaign.excluded[0].reasons[0]
@@ -256,7 +256,7 @@ def test_movements_cut_at_different_times_are_aligned() -> None:
         kept = clean(0.013).sel(time=slice(start, stop))
         throw = FoundThrow(0, kept.sizes["time"], 2.0, 5.4, (5.2, 5.4), "current", "closing")
         pieces.append(RecordedThrow(kept.drop_attrs(), throw, "", ()))
-    dataset = stacked(list(zip(runs, pieces, strict=True)), [False, False])
+    dataset = stack_movements(list(zip(runs, pieces, strict=True)), [False, False])
     force = dataset["drive_force_unfiltered"]
     assert (float(force["time"][0]), float(force["time"][-1])) == (-1.0, 4.5)
     both = force.sel(time=slice(-0.29, 3.9))
@@ -270,7 +270,7 @@ def test_movements_cut_at_different_times_are_aligned() -> None:
 def test_a_piece_with_a_changed_bit_is_cut_again(tmp_path: Path, part: str) -> None:
     """Also one whose zip checksum fits: it is rewritten as a whole."""
     folder = copied(tmp_path)
-    build_campaign(folder)
+    build_campaign_dataset(folder)
     stored = sorted((folder / ".turnout").glob("*.npz"))[0]
     with zipfile.ZipFile(stored) as archive:
         members = {name: bytearray(archive.read(name)) for name in archive.namelist()}
@@ -279,7 +279,7 @@ def test_a_piece_with_a_changed_bit_is_cut_again(tmp_path: Path, part: str) -> N
     with zipfile.ZipFile(stored, "w") as archive:
         for name, content in members.items():
             archive.writestr(name, bytes(content))
-    assert build_campaign(folder).reused == 8
+    assert build_campaign_dataset(folder).reused == 8
 
 
 @pytest.mark.parametrize(
@@ -309,7 +309,7 @@ def silenced(folder: Path, column: str, names: str) -> Path:
 
 def test_a_dead_rod_does_not_discard_its_movements(tmp_path: Path) -> None:
     """Six movements of nine were discarded, though rod 1 was measured in all."""
-    built = build_campaign(silenced(copied(tmp_path), "Rod 2", "none_*.csv"))
+    built = build_campaign_dataset(silenced(copied(tmp_path), "Rod 2", "none_*.csv"))
     assert built.excluded == ()
     assert built.dataset is not None
     known = np.isfinite(built.dataset["drive_force"]).any("time")
@@ -330,7 +330,7 @@ def test_the_map_states_gains_and_the_recorder(tmp_path: Path) -> None:
         'recorded_filter = { kind = "bessel", order = 4, corner = "6 Hz" }\n'
     )
     path.write_text(keys + text, encoding="utf-8")
-    built = build_campaign(folder)
+    built = build_campaign_dataset(folder)
     assert built.dataset is not None
     assert built.dataset.attrs["gain_uncertainty"] == '{"drive_force.1": 0.002}'
     assert built.dataset.attrs["clock_uncertainty"] == 1e-5
@@ -372,7 +372,7 @@ def test_a_rod_that_some_recordings_lack_costs_that_rod_alone(tmp_path: Path) ->
     folder = copied(tmp_path)
     path = folder / "none_closing_1.csv"
     path.write_text(path.read_text(encoding="utf-8").replace("Rod 2", "spare"), encoding="utf-8")
-    (out,) = build_campaign(folder).excluded
+    (out,) = build_campaign_dataset(folder).excluded
     assert out.reasons[0].startswith('drive_force.2.column = "Rod 2": is not in the file; there')
     assert out.reasons[0].endswith("where recordings may lack it, say optional = true")
     channels = folder / "channels.toml"
@@ -380,7 +380,7 @@ def test_a_rod_that_some_recordings_lack_costs_that_rod_alone(tmp_path: Path) ->
     channels.write_text(
         text.replace('column = "Rod 2"', 'column = "Rod 2"\noptional = true'), encoding="utf-8"
     )
-    built = build_campaign(folder)
+    built = build_campaign_dataset(folder)
     assert built.excluded == ()
     assert any("dead channel of drive_force 2: it was not recorded" in t for t in built.remarks)
     assert not any("missing samples" in text for text in built.remarks)
@@ -392,7 +392,7 @@ def test_a_unit_that_file_and_map_state_otherwise_is_remarked_upon(tmp_path: Pat
     text = path.read_text(encoding="utf-8")
     assert "Rod 1 [mV/V]" in text
     path.write_text(text.replace("Rod 1 [mV/V]", "Rod 1 [kN]"), encoding="utf-8")
-    (remark,) = [text for text in build_campaign(folder).remarks if "the file says" in text]
+    (remark,) = [text for text in build_campaign_dataset(folder).remarks if "the file says" in text]
     assert "drive_force.1 (column 'Rod 1'): the file says kN, the channel map mV/V" in remark
 
 
@@ -410,7 +410,7 @@ def test_a_rod_and_the_load_cell_that_are_exchanged_are_named_once(tmp_path: Pat
     for old, new in (("Rod 2", "other"), ("Load cell", "Rod 2"), ("other", "Load cell")):
         text = text.replace(f'column = "{old}"', f'column = "{new}"')
     channels.write_text(text, encoding="utf-8")
-    built = build_campaign(folder)
+    built = build_campaign_dataset(folder)
     assert built.dataset is not None
     assert built.dataset.attrs["swapped_cell"] == "2"
     assert built.remarks[0].startswith(

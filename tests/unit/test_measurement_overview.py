@@ -6,8 +6,8 @@ import pytest
 from turnout.core.toml import parse_toml
 from turnout.measurement.chain.apply import (
     apply_chain,
-    channel_rows,
     load_channel_map,
+    mapped_channels,
     parse_channel_map,
 )
 from turnout.measurement.chain.skeleton import skeleton
@@ -84,7 +84,7 @@ def test_nothing_that_looks_like_a_sensor() -> None:
 def test_rows_say_what_a_unit_stands_for() -> None:
     given = recording(("Rod 1", "mV/V"), ("Rod 2", "mV/V"), ("Clamp 1", "V"), ("Clamp 2", "V"))
     channel_map = load_channel_map("two-rods")
-    rows = {row.key: row for row in channel_rows(apply_chain(given, channel_map), channel_map)}
+    rows = {row.key: row for row in mapped_channels(apply_chain(given, channel_map), channel_map)}
     assert list(rows) == ["drive_force.1", "drive_force.2", "drive_current.1", "drive_current.2"]
     # 6 kN is 0.372611 mV/V: 16.103 kN for each mV/V
     assert rows["drive_force.1"].sensor == "strain bridge, 1 mV/V is 16.103 kN"
@@ -101,7 +101,7 @@ def test_rows_tell_how_well_a_calibration_is_known() -> None:
     loads = { unit = "kN", values = [0, 1, 4] }
     """
     channel_map = parse_channel_map(parse_toml(text, source="map"))
-    (row,) = channel_rows(apply_chain(recording(("F", "mV/V")), channel_map), channel_map)
+    (row,) = mapped_channels(apply_chain(recording(("F", "mV/V")), channel_map), channel_map)
     assert row.sensor == (
         "calibrated, 1 mV/V is 2 kN +- 29 %, zero at 0.1667 +- 0.34 mV/V, "
         "at most 17 % of the range off the line (3 points)"

@@ -24,15 +24,15 @@ TABLE = ["-8 mm", "-5 mm", "0 mm", "9 mm"]
 def fresh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """An empty memory and an empty folder."""
     monkeypatch.setenv("TURNOUT_CACHE_DIR", str(tmp_path))
-    cache.clear_memory()
+    cache.clear_content_cache()
     reduce.clear_memory()
-    build.clear_memory()
+    build.clear_mechanisms()
     cache.counts.clear()
     monkeypatch.setattr(cache, "_reported", set())
     yield tmp_path
-    cache.clear_memory()
+    cache.clear_content_cache()
     reduce.clear_memory()
-    build.clear_memory()
+    build.clear_mechanisms()
 
 
 def built(overrides: dict[str, object]) -> dict[str, int]:
@@ -77,9 +77,9 @@ def test_rails_of_other_sections_share_all_else(
     panel = PANEL.with_overrides(scaled)
     shared = build_mechanism(panel)
     assert built(scaled) == {}
-    build.clear_memory()
+    build.clear_mechanisms()
     reduce.clear_memory()
-    cache.clear_memory()
+    cache.clear_content_cache()
     made = build_mechanism(panel)
     for name in ("stiffness", "mass", "damping", "load", "rows"):
         np.testing.assert_array_equal(getattr(shared, name), getattr(made, name), err_msg=name)
@@ -92,9 +92,9 @@ def test_files_serve_the_next_process(fresh: Path, monkeypatch: pytest.MonkeyPat
     """Small superelements that a process computes after some others are made again."""
     monkeypatch.setattr(reduce, "FIRST_STORED", 1)
     first = build_mechanism(PANEL)
-    cache.clear_memory()
+    cache.clear_content_cache()
     reduce.clear_memory()
-    build.clear_memory()
+    build.clear_mechanisms()
     cache.counts.clear()
     second = build_mechanism(PANEL)
     assert cache.counts == {
@@ -118,18 +118,18 @@ def test_a_damaged_file_is_made_again_and_reported_once(
     assert len(files) == 2
     files[0].write_bytes(b"no archive")
     files[1].write_bytes(files[1].read_bytes()[:60])
-    cache.clear_memory()
+    cache.clear_content_cache()
     reduce.clear_memory()
-    build.clear_memory()
+    build.clear_mechanisms()
     with caplog.at_level(logging.WARNING, logger="turnout"):
         for number in (1, 2):
             again = cache.cached_arrays("a", [number], lambda: {"value": np.array([1.0, 2.0])})
             assert again["value"].tolist() == [1.0, 2.0]
     assert cache.counts["damaged"] == 2
     assert len(caplog.records) == 1
-    cache.clear_memory()
+    cache.clear_content_cache()
     reduce.clear_memory()
-    build.clear_memory()
+    build.clear_mechanisms()
     cache.cached_arrays("a", [1], lambda: {"value": np.zeros(0)})
     assert cache.counts["a from file"] == 1
 
@@ -221,7 +221,7 @@ def test_a_kept_linear_part_is_the_one_that_would_be_made(changes: dict[str, obj
     build_mechanism(PANEL, resolve_objects(PANEL, [ForeignObject("5 mm", "sleeper 6")]))
     objects = resolve_objects(panel, [ForeignObject("13 mm", "sleeper 6")])
     kept = build_mechanism(panel, objects)
-    build.clear_memory()
+    build.clear_mechanisms()
     made = build_mechanism(panel, objects)
     for name in ("stiffness", "mass", "damping", "load", "rows"):
         np.testing.assert_array_equal(getattr(kept, name), getattr(made, name), err_msg=name)
@@ -272,7 +272,7 @@ def test_panels_of_the_same_keys_share_what_shapes_them(fresh: Path) -> None:
         objects = [resolve_objects(panel, [ForeignObject(0.01, "sleeper 6")]) for panel in panels]
         made = [build_mechanism(*pair) for pair in zip(panels, objects, strict=True)]
         assert made[1].rows is made[2].rows
-        build.clear_memory()
+        build.clear_mechanisms()
         again = build_mechanism(panels[2], objects[2])
         for name, array in again.laws._asdict().items():
             np.testing.assert_array_equal(getattr(made[2].laws, name), array, strict=True)
@@ -293,7 +293,7 @@ def test_rails_made_with_an_object_at_their_nodes_are_those_without(
     bare, shared = build_mechanism(panel), build_mechanism(panel, objects)
     assert shared.stiffness is bare.stiffness
     assert shared.core is bare.rows
-    build.clear_memory()
+    build.clear_mechanisms()
     monkeypatch.setattr(build, "node_rows", lambda *_: None)
     made = build_mechanism(panel, objects)
     assert made.core is made.rows

@@ -7,12 +7,12 @@ import xarray as xr
 from turnout.metric.agreement import (
     band_coverage,
     channel_scale,
-    force_channels,
     nrmse,
     repeat_groups,
     repeat_spread,
     rms_difference,
     rms_over_movements,
+    stacked_forces,
 )
 from turnout.metric.channel_features import build_up_slope, channel_features, contact_time
 
@@ -30,7 +30,7 @@ def test_forces_stand_side_by_side_whatever_the_order_of_their_dimensions() -> N
         np.arange(12.0).reshape(2, 3, 2), {"drive": ["1", "2"]}, ("drive", "time", "movement")
     )
     cell = xr.DataArray(np.full((2, 3), 7.0), dims=("movement", "time"))
-    joined = force_channels(xr.Dataset({"drive_force": rods, "object_force": cell}))
+    joined = stacked_forces(xr.Dataset({"drive_force": rods, "object_force": cell}))
     assert joined["channel"].values.tolist() == ["drive 1", "drive 2", "object"]
     assert joined.sel(channel="drive 2").values[1].tolist() == [7.0, 9.0, 11.0]
     assert (joined.sel(channel="object") == 7.0).all()

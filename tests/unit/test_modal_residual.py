@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import eigh
 
 from turnout.beam.assembly import assemble_beam
-from turnout.beam.material import Material
+from turnout.beam.material import ElasticMaterial
 from turnout.beam.section_properties import SectionProperties
 from turnout.core.errors import MechanicsError
 from turnout.solver.modal import ModalModel, diagonalise_damping, modal_model
@@ -156,7 +156,7 @@ def test_damping_that_makes_energy_is_refused(full: bool) -> None:
 
 
 def bar(supported: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
-    steel = Material(youngs_modulus=2.1e11, poisson_ratio=0.3, density=7850.0)
+    steel = ElasticMaterial(youngs_modulus=2.1e11, poisson_ratio=0.3, density=7850.0)
     n = 8
     one = np.ones(n)
     section = SectionProperties(

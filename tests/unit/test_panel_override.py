@@ -14,7 +14,7 @@ from turnout.panel.document import FAMILIES
 from turnout.panel.keys import known_keys
 from turnout.panel.load import library_text, load_panel
 from turnout.panel.override import parse_setting
-from turnout.panel.validate import UNASKED, validate
+from turnout.panel.validate import UNASKED, validate_document
 
 PANEL = load_panel("uic60-760-1-15-symmetric")
 
@@ -287,7 +287,7 @@ def test_a_value_of_a_family_is_read_for_each_member_that_had_an_own_one() -> No
 def test_checks_ask_for_no_field_that_is_called_unasked() -> None:
     """A record without these fields passes all checks between records."""
     panel = load_panel("uic60-760-1-15")
-    draft = validate(panel._document)
+    draft = validate_document(panel._document)
     assert check(draft) == []
     for family, unasked in UNASKED.items():
         draft.records[family] = {

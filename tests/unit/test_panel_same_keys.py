@@ -10,7 +10,7 @@ from turnout.panel import check_rails, load
 from turnout.panel.check import check
 from turnout.panel.load import LoadedPanel, load_panel
 from turnout.panel.same_keys import PendingDocument
-from turnout.panel.validate import ASKED_ALONE, validate
+from turnout.panel.validate import ASKED_ALONE, validate_document
 
 FIRST = {
     "chair.friction_coefficient": 0.2,
@@ -91,7 +91,7 @@ def test_texts_and_lists_are_read_as_ever() -> None:
 
 def test_only_the_checks_of_what_is_asked_for_alone_ask_for_it() -> None:
     """All others pass on records without these fields."""
-    draft = validate(load_panel("uic60-760-1-15").document)
+    draft = validate_document(load_panel("uic60-760-1-15").document)
     for family, alone in ASKED_ALONE.items():
         draft.records[family] = {
             name: SimpleNamespace(**{k: v for k, v in dict(record).items() if k not in alone})

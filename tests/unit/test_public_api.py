@@ -70,7 +70,7 @@ def test_importing_loads_nothing_of_the_rest() -> None:
         "print(*{'typing', 'numpy', 'xarray', 'pydantic', 'matplotlib', 'numba'}"
         " & (set(sys.modules) - before))"
     )
-    assert reported.splitlines() == ["turnout turnout.core.lazy", ""]
+    assert reported.splitlines() == ["turnout turnout.core turnout.core.lazy", ""]
 
 
 def test_a_panel_needs_no_xarray() -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from turnout.core.scheme import Scheme
 from turnout.mechanism.build import build_mechanism
-from turnout.mechanism.build import clear_memory as clear_linear
+from turnout.mechanism.build import clear_mechanisms as clear_linear
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import load_panel

@@ -10,8 +10,8 @@ from tests.unit.sweeps import STUDY, here, study_file
 from turnout.calibration.load_study import load_study
 from turnout.core.errors import FileError, StudyError
 from turnout.measurement.chain.recorder import ERRORS, Recorder
-from turnout.study.sweep.read import open_sweep
-from turnout.study.sweep.run import run_sweep
+from turnout.study.sweep.read import open_batches
+from turnout.study.sweep.run import throw_study
 from turnout.study.virtual.disturbance import QUIET, Disturbance, add_disturbance
 
 ROWS = """
@@ -32,8 +32,8 @@ rows = [
 def test_what_a_recorder_changes_and_what_it_does_not(tmp_path: Path) -> None:
     head, _, _ = STUDY.partition("[[variable]]")
     study = load_study(study_file(tmp_path, text=head + ROWS))
-    run_sweep(study, tmp_path / "sweep", pool=here)
-    made = open_sweep(tmp_path / "sweep").load()
+    throw_study(study, tmp_path / "sweep", pool=here)
+    made = open_batches(tmp_path / "sweep").load()
     force, time = made["drive_force"].values.astype(float), made["time"].values
     np.testing.assert_allclose(force[1], 1.02 * force[0] + 50.0, rtol=1e-6, atol=1e-3)
     np.testing.assert_allclose(force[2], 6.0 * np.round(force[0] / 6.0), atol=3.001)

@@ -30,8 +30,8 @@ from turnout.study.sweep.batch_file import file_bytes
 from turnout.study.sweep.batch_index import label_arrays, read_index
 from turnout.study.sweep.folder import check_folder, lock_folder
 from turnout.study.sweep.labels import object_labels
-from turnout.study.sweep.read import open_sweep, read_labels
-from turnout.study.sweep.run import SweepProgress, run_sweep
+from turnout.study.sweep.read import open_batches, read_labels
+from turnout.study.sweep.run import SweepProgress, throw_study
 from turnout.throw.simulate import PlannedThrow, Solved, simulate, solve_planned
 
 
@@ -44,12 +44,12 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
 def whole(study: Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The sweep without any interruption; no test may change it."""
     folder = tmp_path_factory.mktemp("sweep") / "whole"
-    assert run_sweep(study, folder, pool=here).thrown == study.count
+    assert throw_study(study, folder, pool=here).thrown == study.count
     return folder
 
 
 def test_it_opens_as_one_dataset_and_reads_nothing_before_it_is_used(whole: Path) -> None:
-    dataset = open_sweep(whole)
+    dataset = open_batches(whole)
     assert dataset["drive_force"].dims == ("scenario", "drive", "time")
     assert dataset["scenario"].values.tolist() == list(range(20))
     assert set(FEATURES) <= set(dataset)
@@ -61,7 +61,7 @@ def test_it_opens_as_one_dataset_and_reads_nothing_before_it_is_used(whole: Path
 
 
 def test_values_are_those_of_a_single_throw(study: Study, whole: Path) -> None:
-    dataset = open_sweep(whole)
+    dataset = open_batches(whole)
     for index in (0, 13):
         scenario = study.scenario(index)
         run = simulate(study.panel.with_overrides(dict(scenario.overrides)), scheme=study.scheme)
@@ -111,19 +111,19 @@ def test_a_study_chooses_its_mode_and_a_rate_between_the_steps(tmp_path: Path) -
 def test_any_part_is_that_of_the_whole(
     whole: Path, look: Callable[[xr.Dataset], xr.DataArray]
 ) -> None:
-    lazy, loaded = open_sweep(whole), open_sweep(whole).load()
+    lazy, loaded = open_batches(whole), open_batches(whole).load()
     xr.testing.assert_identical(look(lazy).load(), look(loaded))
 
 
 def test_labels_in_one_pass_are_those_of_the_dataset(whole: Path) -> None:
-    xr.testing.assert_identical(read_labels(whole), open_sweep(whole).drop_dims("time").load())
+    xr.testing.assert_identical(read_labels(whole), open_batches(whole).drop_dims("time").load())
 
 
 def test_what_is_missing_is_thrown_and_comes_to_the_same_bits(
     study: Study, whole: Path, tmp_path: Path
 ) -> None:
     reported: list[SweepProgress] = []
-    run_sweep(study, tmp_path / "s", pool=here)
+    throw_study(study, tmp_path / "s", pool=here)
     names = batch_names(whole)
     assert batch_names(tmp_path / "s") == names
     assert len(names) == 3
@@ -132,26 +132,26 @@ def test_what_is_missing_is_thrown_and_comes_to_the_same_bits(
     torn.write_bytes(torn.read_bytes()[:-200])
     half = tmp_path / "s" / "batches" / f".{names[1][:-3]}.ab_cd123.nc"
     half.write_bytes(b"half")
-    assert open_sweep(whole).attrs["missing"] == 0
-    again = run_sweep(study, tmp_path / "s", pool=here, report=reported.append)
+    assert open_batches(whole).attrs["missing"] == 0
+    again = throw_study(study, tmp_path / "s", pool=here, report=reported.append)
     assert again.thrown == 12
     assert again.damaged == (tmp_path / "s" / "damaged" / names[2],)
     assert batch_names(tmp_path / "s") == names
     assert not list((tmp_path / "s" / "batches").glob(".*"))
     assert (reported[0].done, reported[-1].done, reported[-1].total) == (8, 20, 20)
     assert reported[-1].left == 0.0
-    assert run_sweep(study, tmp_path / "s", pool=here).thrown == 0
+    assert throw_study(study, tmp_path / "s", pool=here).thrown == 0
 
 
 def test_a_sweep_that_is_not_whole_says_what_is_missing(
     study: Study, whole: Path, tmp_path: Path
 ) -> None:
-    run_sweep(study, tmp_path / "s", pool=here)
+    throw_study(study, tmp_path / "s", pool=here)
     (tmp_path / "s" / "batches" / batch_names(tmp_path / "s")[0]).unlink()
-    dataset = open_sweep(tmp_path / "s")
+    dataset = open_batches(tmp_path / "s")
     assert dataset.attrs["missing"] == 8
     assert dataset["scenario"].values.tolist() == list(range(8, 20))
-    full = open_sweep(whole).isel(scenario=slice(8, None)).drop_attrs(deep=False)
+    full = open_batches(whole).isel(scenario=slice(8, None)).drop_attrs(deep=False)
     xr.testing.assert_identical(dataset.drop_attrs(deep=False).load(), full.load())
 
 
@@ -159,7 +159,7 @@ def test_another_study_is_refused_and_nothing_is_touched(whole: Path, tmp_path: 
     before = {p: p.stat().st_mtime_ns for p in whole.rglob("*")}
     other = small_study(tmp_path, count=21)
     with pytest.raises(FileError, match=r"holds the sweep 'tiny' \(20 scenarios.*another folder"):
-        run_sweep(other, whole, pool=here)
+        throw_study(other, whole, pool=here)
     assert {p: p.stat().st_mtime_ns for p in whole.rglob("*")} == before
 
 
@@ -177,27 +177,27 @@ def test_another_version_is_refused(
 ) -> None:
     monkeypatch.setattr(sweep_folder, "version", lambda: "9.9")
     with pytest.raises(FileError, match=r"begun with turnout .* this is 9\.9"):
-        run_sweep(study, whole, pool=here)
+        throw_study(study, whole, pool=here)
     known = json.loads((whole / "sweep.json").read_text(encoding="utf-8"))
     known.pop("checksum")
     (tmp_path / "sweep.json").write_text(sealed_json(known | {"store_version": 99}))
     with pytest.raises(FileError, match="stored in form 99, this turnout has form 2"):
-        open_sweep(tmp_path)
+        open_batches(tmp_path)
 
 
 def test_a_folder_with_something_else_is_refused(study: Study, tmp_path: Path) -> None:
     (tmp_path / "mine.txt").write_text("mine")
     with pytest.raises(FileError, match="is not empty and holds no sweep"):
-        run_sweep(study, tmp_path, pool=here)
+        throw_study(study, tmp_path, pool=here)
     assert [p.name for p in tmp_path.iterdir()] == ["mine.txt"]
     with pytest.raises(FileError, match="holds no sweep"):
-        open_sweep(tmp_path)
+        open_batches(tmp_path)
 
 
 def test_two_runs_do_not_write_to_one_folder(study: Study, tmp_path: Path) -> None:
     folder = tmp_path / "s"
     with lock_folder(folder), pytest.raises(FileError, match="another run writes to it now"):
-        run_sweep(study, folder, pool=here)
+        throw_study(study, folder, pool=here)
 
 
 def test_a_failed_throw_is_made_again_with_half_the_step(
@@ -303,7 +303,7 @@ def test_a_scenario_that_cannot_be_says_why(study: Study) -> None:
 def test_a_rate_that_does_not_fit_the_solver_is_refused(study: Study, tmp_path: Path) -> None:
     wrong = replace(study, output=replace(study.output, rate=300.0))
     with pytest.raises(FileError, match="300 Hz.*divides 1000 Hz"):
-        run_sweep(wrong, tmp_path / "s", pool=here)
+        throw_study(wrong, tmp_path / "s", pool=here)
     assert not (tmp_path / "s").exists()
 
 
@@ -335,7 +335,7 @@ def test_a_batch_is_read_as_its_format_says(whole: Path) -> None:
     path = sorted(whole.glob("batches/*.nc"))[0]
     options = {"decode_times": False, "decode_timedelta": False, "mask_and_scale": False}
     with xr.open_dataset(path, engine="h5netcdf", **options) as plain:
-        mine = open_sweep(whole).isel(scenario=slice(plain.sizes["scenario"])).load()
+        mine = open_batches(whole).isel(scenario=slice(plain.sizes["scenario"])).load()
         assert set(mine.variables) == set(plain.variables)
         assert set(mine.coords) == set(plain.coords)
         for name, variable in plain.variables.items():
@@ -353,7 +353,7 @@ def test_the_card_says_what_how_and_where_from(study: Study, whole: Path) -> Non
     text = (whole / "README.md").read_text(encoding="utf-8")
     for words in ("One rail, cut short", "Simulated, not measured", "seed 3", "never by row"):
         assert words in text
-    least = f"{float(open_sweep(whole)['chair.friction_coefficient'].min()):.6g}"
+    least = f"{float(open_batches(whole)['chair.friction_coefficient'].min()):.6g}"
     assert f"| `chair.friction_coefficient` | 1 | {least} |" in text
     assert "| complete | 20 |" in text
 

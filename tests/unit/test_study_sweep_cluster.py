@@ -20,7 +20,7 @@ from turnout.study.sweep.cluster import (
     read_profile,
     scheduler_cluster,
 )
-from turnout.study.sweep.run import SweepProgress, run_sweep
+from turnout.study.sweep.run import SweepProgress, throw_study
 
 distributed = pytest.importorskip("distributed", reason="pip install 'turnout[sweep]'")
 
@@ -43,7 +43,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
 @pytest.fixture(scope="module")
 def expected(study: Study, tmp_path_factory: pytest.TempPathFactory) -> list[str]:
     folder = tmp_path_factory.mktemp("here") / "sweep"
-    run_sweep(study, folder, pool=here)
+    throw_study(study, folder, pool=here)
     return batch_names(folder)
 
 
@@ -63,7 +63,7 @@ def test_a_local_cluster_comes_to_the_same_bits(
         scheduler_cluster(cluster.scheduler_address) as mine,
     ):
         assert mine.workers == 2
-        run_sweep(study, tmp_path / "s", workers=mine.workers, pool=mine.pool)
+        throw_study(study, tmp_path / "s", workers=mine.workers, pool=mine.pool)
     assert batch_names(tmp_path / "s") == expected
 
 
@@ -107,7 +107,7 @@ def test_a_scheduler_and_two_workers_over_tcp_come_to_the_same_bits(
     study: Study, expected: list[str], address: str, tmp_path: Path
 ) -> None:
     with scheduler_cluster(address) as mine:
-        done = run_sweep(study, tmp_path / "s", workers=mine.workers, pool=mine.pool)
+        done = throw_study(study, tmp_path / "s", workers=mine.workers, pool=mine.pool)
     assert done.thrown == study.count
     assert batch_names(tmp_path / "s") == expected
 
@@ -128,7 +128,7 @@ def test_a_worker_that_is_killed_costs_at_most_its_batch(
 
     with scheduler_cluster(address) as mine:
         assert mine.workers == 2
-        done = run_sweep(
+        done = throw_study(
             study,
             tmp_path / "s",
             workers=mine.workers,

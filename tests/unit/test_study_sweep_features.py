@@ -16,8 +16,8 @@ from turnout.study.sweep.batch import (
 )
 from turnout.study.sweep.batch_file import file_bytes
 from turnout.study.sweep.export import sweep_table
-from turnout.study.sweep.read import open_sweep, read_labels
-from turnout.study.sweep.run import run_sweep
+from turnout.study.sweep.read import open_batches, read_labels
+from turnout.study.sweep.run import throw_study
 
 FEATURES_ALONE = '\n[output]\nkeep = "features"\n'
 
@@ -26,10 +26,10 @@ def test_features_alone_are_those_of_a_sweep_with_histories(tmp_path: Path) -> N
     for name, more in (("whole", ""), ("features", FEATURES_ALONE)):
         (tmp_path / f"of-{name}").mkdir()
         study = small_study(tmp_path / f"of-{name}", count=10, more=more)
-        run_sweep(study, tmp_path / name, pool=here)
+        throw_study(study, tmp_path / name, pool=here)
     whole, features = read_labels(tmp_path / "whole"), read_labels(tmp_path / "features")
     assert set(features.variables) == set(whole.variables) - {"time"}
-    assert "drive_force" not in open_sweep(tmp_path / "features")
+    assert "drive_force" not in open_batches(tmp_path / "features")
     assert len(sweep_table(tmp_path / "features")) == 10
     for name in features.variables:
         found, exact = features[name].to_numpy(), whole[name].to_numpy()

@@ -9,8 +9,8 @@ from turnout.calibration.load_study import load_study
 from turnout.core.scheme import Scheme
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
-from turnout.study.sweep.read import open_sweep
-from turnout.study.sweep.run import run_sweep
+from turnout.study.sweep.read import open_batches
+from turnout.study.sweep.run import throw_study
 from turnout.throw.simulate import simulate
 
 STUDY = """
@@ -48,8 +48,8 @@ rate = "25 Hz"
 def swept(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
     folder = tmp_path_factory.mktemp("machines")
     (folder / "study.toml").write_text(STUDY, encoding="utf-8")
-    run_sweep(load_study(folder / "study.toml"), folder / "out", pool=here)
-    return open_sweep(folder / "out").load()
+    throw_study(load_study(folder / "study.toml"), folder / "out", pool=here)
+    return open_batches(folder / "out").load()
 
 
 def alone(size: float, voltage: float) -> xr.Dataset:

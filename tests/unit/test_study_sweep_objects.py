@@ -17,7 +17,7 @@ from turnout.study.sweep.batch import batch_variables
 from turnout.study.sweep.batch_file import file_bytes
 from turnout.study.sweep.read import read_labels
 from turnout.study.sweep.row import throw_scenarios
-from turnout.study.sweep.run import run_sweep
+from turnout.study.sweep.run import throw_study
 from turnout.throw.simulate import simulate
 
 STUDY = """
@@ -43,7 +43,7 @@ rows = [
 def test_an_object_that_is_gone_is_not_undetected(tmp_path: Path) -> None:
     """One stays; one is taken out after it was touched, and a stone breaks to nothing."""
     study = load_study(study_file(tmp_path, text=STUDY))
-    run_sweep(study, tmp_path / "sweep", pool=here)
+    throw_study(study, tmp_path / "sweep", pool=here)
     labels = read_labels(tmp_path / "sweep")
     assert labels["object_touched"].values.tolist() == [0, 1, 1, 1]
     assert labels["object_trapped"].values.tolist() == [0, 1, 0, 0]

@@ -243,8 +243,8 @@ def test_a_throw_that_the_solver_gives_up_ends_its_series(
 
 def test_a_series_ends_with_a_slip_but_not_before_a_load_cell_fits() -> None:
     plan = CampaignPlan(places=("drive 2",))
-    part = virtual_series.Part(virtual_series._empty_part(), True, {}, "")
-    held = virtual_series.Part(virtual_series._empty_part(), False, {}, "")
+    part = virtual_series.SeriesPart(virtual_series._empty_part(), True, {}, "")
+    held = virtual_series.SeriesPart(virtual_series._empty_part(), False, {}, "")
     cases = [
         Case(name="x", direction="closing", size=size, place="drive 2") for size in (0.01, 0.013)
     ]

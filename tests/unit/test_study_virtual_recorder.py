@@ -8,7 +8,7 @@ from tests.unit.recorded import clean
 from tests.unit.simulated import sb2_panel
 
 from turnout.core.errors import FileError, PanelError
-from turnout.measurement.campaign.build_campaign import build_campaign
+from turnout.measurement.campaign.build_campaign import build_campaign_dataset
 from turnout.measurement.chain.apply import load_channel_map
 from turnout.measurement.chain.recorder_response import NO_RESPONSE, LowPass, RecorderResponse
 from turnout.measurement.chain.typed_recorder import typed_recorder
@@ -70,7 +70,7 @@ def test_the_map_states_the_recorder_unless_it_is_hidden(stated: bool, tmp_path:
     make_virtual_campaign(sb2_panel(), tmp_path / "made", plan=plan)
     known = load_channel_map(tmp_path / "made" / "channels.toml").recorder_response()
     assert known == (AVERAGE if stated else NO_RESPONSE)
-    built = build_campaign(tmp_path / "made")
+    built = build_campaign_dataset(tmp_path / "made")
     assert built.dataset is not None
     assert built.recorder == (AVERAGE.text if stated else "")
     truth = open_response(tmp_path / "made" / "truth.nc")

@@ -7,9 +7,9 @@ import xarray as xr
 from turnout.core.errors import ResponseError
 from turnout.throw import dataset_template as alike
 from turnout.throw.dataset_template import clear_datasets, labelled_dataset
-from turnout.throw.signals import Variable
+from turnout.throw.signals import Channel
 
-Variables = dict[str, Variable]
+Variables = dict[str, Channel]
 
 
 def made(

@@ -10,10 +10,10 @@ from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
 from turnout.panel.model import Panel
 from turnout.panel.profile import contact_height, running_edge_distance
-from turnout.throw.flangeway import Flangeway, least_flangeways, movement_ends
+from turnout.throw.flangeway import LeastFlangeway, least_flangeways, movement_ends
 from turnout.throw.gaps import gap_rows
 from turnout.throw.recovery import Motion, recover_motion
-from turnout.throw.route import Throw, open_rail, throws
+from turnout.throw.route import DirectedMovement, open_rail, throws
 from turnout.throw.simulate import solve
 
 
@@ -57,7 +57,9 @@ def test_flangeway_of_any_motion_and_any_forces(name: str, at: str) -> None:
     assert flangeway_of(panel, motion, [*ends, ends[0]]) == min(single)
 
 
-def flangeway_of(panel: Panel, motion: Motion, ends: list[tuple[Throw, int]]) -> Flangeway:
+def flangeway_of(
+    panel: Panel, motion: Motion, ends: list[tuple[DirectedMovement, int]]
+) -> LeastFlangeway:
     (found,) = least_flangeways([movement_ends(panel, motion, ends)])
     return found
 

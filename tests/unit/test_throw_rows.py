@@ -12,7 +12,7 @@ from turnout.kernels.lanes import LANES, multiply_add
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
 from turnout.panel.profile import contact_height
-from turnout.throw.coordinates import coordinates, indexed
+from turnout.throw.coordinates import dataset_coordinates, indexed
 from turnout.throw.gaps import gap_places, gap_rows
 from turnout.throw.output_weights import (
     Recipe,
@@ -25,7 +25,7 @@ from turnout.throw.output_weights import (
     sums_of_columns,
 )
 from turnout.throw.recovery import histories_of, recover_motion, seen_by, seen_rows
-from turnout.throw.rows_over_time import Product, Rows, rows_in_lines, write_rows
+from turnout.throw.rows_over_time import Product, WeightedRows, rows_in_lines, write_rows
 from turnout.throw.save import Save
 from turnout.throw.simulate import Solved, simulate, solve
 from turnout.throw.stored_displacements import stored_rows, stored_share, stored_weights
@@ -115,7 +115,7 @@ def test_rows_are_written_over_all_blocks_of_instants() -> None:
     start = np.arange(6.0)
     for minus in (False, True):
         out = np.full((6, 601), np.nan)
-        rows = Rows(products_of(weights, "g"), out, start, minus)
+        rows = WeightedRows(products_of(weights, "g"), out, start, minus)
         write_rows([rows], {"g": values, "q": other})
         expected = start[:, np.newaxis] + (-1 if minus else 1) * weights @ values.T
         np.testing.assert_allclose(out, expected, atol=1e-13)
@@ -140,7 +140,7 @@ def test_rows_are_sums_in_the_order_of_their_products(count: int) -> None:
     start = np.arange(6.0)
     for memory in (np.full((6, count), np.nan), rows_in_lines(6, count)):
         memory[:] = np.nan
-        write_rows([Rows(products, memory, start, minus=True)], {"g": g, "q": q})
+        write_rows([WeightedRows(products, memory, start, minus=True)], {"g": g, "q": q})
         np.testing.assert_array_equal(memory, start[:, np.newaxis] - expected)
 
 
@@ -155,7 +155,7 @@ def test_histories_with_few_columns_or_columns_apart_are_read_as_they_are(count:
         *sums_of_columns("backwards", np.array([[11, 3]]), rows=np.array([4])),
     ]
     out = np.full((5, count), np.nan)
-    write_rows([Rows(products, out)], {"few": few, "apart": apart, "backwards": backwards})
+    write_rows([WeightedRows(products, out)], {"few": few, "apart": apart, "backwards": backwards})
     last = backwards[:, 11] + backwards[:, 3]
     expected = np.stack([few[:, 2], few[:, 0], apart[:, 9], apart[:, 4], last])
     np.testing.assert_array_equal(out, expected)
@@ -173,7 +173,9 @@ def fused(weights: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def test_rows_with_gaps_in_memory_are_refused() -> None:
-    rows = Rows(sums_of_columns("g", np.array([[0]]), rows=np.array([0])), np.zeros((1, 8))[:, ::2])
+    rows = WeightedRows(
+        sums_of_columns("g", np.array([[0]]), rows=np.array([0])), np.zeros((1, 8))[:, ::2]
+    )
     with pytest.raises(ValueError, match="without gaps"):
         write_rows([rows], {"g": np.zeros((4, 1))})
 
@@ -191,7 +193,7 @@ def test_kept_indexes_make_the_same_coordinates(solved: Solved) -> None:
     """And attributes of one dataset do not show in the next one."""
     panel = load_panel(DEFAULT)
     used = ("rail", "drive", "chair", "sensor")
-    made = coordinates(panel, solved.mechanism.index, used=used)
+    made = dataset_coordinates(panel, solved.mechanism.index, used=used)
     made["time"] = (("time",), solved.history.time)
     first, second = xr.Dataset(coords=indexed(made)), xr.Dataset(coords=indexed(made))
     assert first.identical(xr.Dataset(coords=made))
@@ -207,7 +209,7 @@ def test_coordinates_are_those_of_the_dimensions_that_are_used(
     solved: Solved, used: tuple[str, ...]
 ) -> None:
     panel = load_panel(DEFAULT)
-    made = coordinates(panel, solved.mechanism.index, used=used)
+    made = dataset_coordinates(panel, solved.mechanism.index, used=used)
     there = {dim for dim in used if dim in ("axis", "object") or len(getattr(panel, dim))}
     assert {dim for dims, _ in made.values() for dim in dims} <= {*used}
     assert there - {"object"} <= made.keys()
@@ -231,22 +233,24 @@ def test_what_the_kernel_would_misread_is_refused() -> None:
     fixed.flags.writeable = False
     whole: Any = np.zeros((2, 3), dtype=np.int64)
     for rows, message in (
-        (Rows(products, fixed), "writeable"),
-        (Rows(products, np.zeros((2, 6))[:, ::2]), "without gaps"),
-        (Rows(products, whole), "must be floats"),
-        (Rows(products, np.zeros((2, 4))), "history g must be floats of 4 instants"),
-        (Rows(products, out, start=np.zeros(1)), "a start for each row"),
+        (WeightedRows(products, fixed), "writeable"),
+        (WeightedRows(products, np.zeros((2, 6))[:, ::2]), "without gaps"),
+        (WeightedRows(products, whole), "must be floats"),
+        (WeightedRows(products, np.zeros((2, 4))), "history g must be floats of 4 instants"),
+        (WeightedRows(products, out, start=np.zeros(1)), "a start for each row"),
     ):
         with pytest.raises(ValueError, match=message):
             write_rows([rows], {"g": history})
     single: Any = history.astype(np.float32)
     with pytest.raises(ValueError, match="history g must be floats"):
-        write_rows([Rows(products, out)], {"g": single})
+        write_rows([WeightedRows(products, out)], {"g": single})
     with pytest.raises(ValueError, match="3 instants"):
-        write_rows([Rows(products, out), Rows(products, np.zeros((2, 2)))], {"g": history})
+        write_rows(
+            [WeightedRows(products, out), WeightedRows(products, np.zeros((2, 2)))], {"g": history}
+        )
     beyond = sums_of_columns("g", np.array([[0, 4], [2, 3]]), rows=np.arange(2))
     with pytest.raises(IndexError):
-        write_rows([Rows(beyond, out)], {"g": history, "q": history})
+        write_rows([WeightedRows(beyond, out)], {"g": history, "q": history})
 
 
 def test_recipes_are_made_once_for_rails_that_throws_share(solved: Solved) -> None:
@@ -289,7 +293,7 @@ def test_merged_blocks_hold_what_they_hold_apart() -> None:
 def test_rows_without_weights_are_what_they_start_with() -> None:
     out = np.empty((2, 13))
     nothing = Product("g", np.arange(3), slice(0, 2), np.zeros((2, 3)))
-    write_rows([Rows([nothing], out, start=np.array([1.0, 2.0]))], {"g": np.ones((13, 3))})
+    write_rows([WeightedRows([nothing], out, start=np.array([1.0, 2.0]))], {"g": np.ones((13, 3))})
     np.testing.assert_array_equal(out, np.broadcast_to([[1.0], [2.0]], out.shape))
 
 
@@ -326,8 +330,8 @@ def test_coordinates_of_other_dimensions_are_left_out(solved: Solved) -> None:
     panel = load_panel(DEFAULT)
     given = (panel, solved.mechanism.index)
     families = {"rail", "drive", "chair", "stop", "link", "sensor", "object"}
-    every = coordinates(*given, used=families)
-    some = coordinates(*given, used={"drive"})
+    every = dataset_coordinates(*given, used=families)
+    some = dataset_coordinates(*given, used={"drive"})
     assert set(some) == {name for name, (dims, _) in every.items() if dims[0] == "drive"}
     assert "object" in every
     for name, (dims, values) in some.items():

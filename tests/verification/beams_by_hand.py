@@ -7,14 +7,14 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from tests.verification.hand_made import ALL_MODES
 
-from turnout.beam.material import Material
+from turnout.beam.material import ElasticMaterial
 from turnout.beam.section_properties import SectionProperties
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism, Point, RailData, ReducedRail, Support
 from turnout.mechanism.reduce import reduce_rail
 
 Floats = NDArray[np.float64]
-STEEL = Material(youngs_modulus=2.1e11, poisson_ratio=0.3, density=7850.0)
+STEEL = ElasticMaterial(youngs_modulus=2.1e11, poisson_ratio=0.3, density=7850.0)
 E, G, RHO = STEEL.youngs_modulus, STEEL.shear_modulus, STEEL.density
 AREA, I_VERTICAL, I_LATERAL = 9.3e-3, 1.73e-5, 7.4e-6
 EI, LINE_MASS = E * I_LATERAL, RHO * AREA

@@ -10,10 +10,10 @@ import scipy.linalg
 from scipy.optimize import brentq
 
 from turnout.beam.assembly import assemble_beam
-from turnout.beam.material import Material
+from turnout.beam.material import ElasticMaterial
 from turnout.beam.section_properties import SectionProperties
 
-STEEL = Material(youngs_modulus=2.1e11, poisson_ratio=0.3, density=7850.0)
+STEEL = ElasticMaterial(youngs_modulus=2.1e11, poisson_ratio=0.3, density=7850.0)
 E, G, RHO = STEEL.youngs_modulus, STEEL.shear_modulus, STEEL.density
 
 SKEW = {

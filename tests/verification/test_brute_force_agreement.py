@@ -17,7 +17,7 @@ from tests.verification.brute_force import Laws, Path, brute_force
 from tests.verification.hand_made import energy_residual, hand_made, run, smooth_ramp
 
 from turnout.beam.assembly import assemble_beam, point_row
-from turnout.beam.material import Material
+from turnout.beam.material import ElasticMaterial
 from turnout.beam.section_properties import SectionProperties
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism
@@ -56,7 +56,7 @@ def beam() -> tuple[np.ndarray, ...]:
         shear_centre_y=0.0 * one,
         shear_centre_z=-0.02 * one,
     )
-    steel = Material(youngs_modulus=2.1e11, poisson_ratio=0.3, density=7850.0)
+    steel = ElasticMaterial(youngs_modulus=2.1e11, poisson_ratio=0.3, density=7850.0)
     model = assemble_beam(x, section, steel)
     side = [point_row(model, at, "uy", z=-FOOT_DEPTH) for at in CHAIRS]
     feet = [

@@ -14,7 +14,7 @@ from benchmarks.studies.calibration_coverage import result_of
 from turnout.calibration.calibrate import calibrate
 from turnout.calibration.result import load_calibration
 from turnout.cli.main import app
-from turnout.measurement.campaign.build_campaign import build_campaign
+from turnout.measurement.campaign.build_campaign import build_campaign_dataset
 from turnout.panel.load import load_panel
 from turnout.study.virtual.campaign_plan import CampaignPlan
 from turnout.study.virtual.make_campaign import make_virtual_campaign
@@ -52,7 +52,7 @@ def twin(tmp_path_factory: pytest.TempPathFactory) -> Path:
         seed=11,
     )
     make_virtual_campaign(truth, folder / "raw", plan=plan)
-    dataset = build_campaign(folder / "raw").dataset
+    dataset = build_campaign_dataset(folder / "raw").dataset
     assert dataset is not None
     save_response(dataset, folder / "campaign.nc")
     return folder / "campaign.nc"

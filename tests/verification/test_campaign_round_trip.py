@@ -17,7 +17,7 @@ import pytest
 import xarray as xr
 from tests.unit.simulated import sb2_panel
 
-from turnout.measurement.campaign.build_campaign import build_campaign
+from turnout.measurement.campaign.build_campaign import build_campaign_dataset
 from turnout.measurement.formats.file_format import WRITERS
 from turnout.study.virtual.campaign_plan import CampaignPlan
 from turnout.study.virtual.disturbance import QUIET
@@ -47,7 +47,7 @@ def pair(suffix: str, *, quiet: bool) -> tuple[xr.Dataset, xr.Dataset]:
     folder = Path(mkdtemp()) / "campaign"
     atexit.register(shutil.rmtree, folder.parent, ignore_errors=True)
     make_virtual_campaign(sb2_panel(), folder, plan=plan)
-    campaign = build_campaign(folder)
+    campaign = build_campaign_dataset(folder)
     assert campaign.dataset is not None
     assert campaign.excluded == ()
     truth = open_response(folder / "truth.nc")

@@ -44,9 +44,9 @@ def test_forces_are_those_with_nodes_at_the_object(
     between, found = thrown(panel, objects)
     with monkeypatch.context() as patch:
         patch.setattr(build, "is_off_node", lambda *_: False)
-        build.clear_memory()
+        build.clear_mechanisms()
         at_nodes, wanted = thrown(panel, objects)
-    build.clear_memory()
+    build.clear_mechanisms()
     assert min(abs(between.rails[0].x - x)) > 0.01
     assert at_nodes.stiffness.shape != between.stiffness.shape
     law = between.index.object["1"]

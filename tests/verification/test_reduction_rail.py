@@ -12,12 +12,12 @@ import scipy.sparse as sp
 
 from turnout.beam.assembly import assemble_beam, dof_index, point_row
 from turnout.beam.craig_bampton import craig_bampton, reduce_vector
-from turnout.beam.material import Material
+from turnout.beam.material import ElasticMaterial
 from turnout.beam.mesh import mesh_nodes
 from turnout.beam.section_properties import SectionProperties, interpolate_sections
 from turnout.beam.truncation import reduction_report
 
-STEEL = Material(youngs_modulus=2.1e11, poisson_ratio=0.3, density=7850.0)
+STEEL = ElasticMaterial(youngs_modulus=2.1e11, poisson_ratio=0.3, density=7850.0)
 LENGTH = 6.0
 SUPPORTS = np.arange(0.3, LENGTH, 0.6)
 THICK = [7e-3, 3e-5, 5e-6, 3e-7, 2e-6, 0.4, 0.5, 0.004, 0.08, 0.003, 0.05]

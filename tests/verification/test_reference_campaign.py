@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from turnout.calibration.calibrate import calibrate
-from turnout.measurement.campaign.build_campaign import build_campaign
+from turnout.measurement.campaign.build_campaign import build_campaign_dataset
 from turnout.panel.load import load_panel
 
 TRUE = {
@@ -74,7 +74,7 @@ def written(reference: Path, folder: Path) -> Path:
 def test_another_programs_campaign_gives_its_values_back(
     reference_dir: Path, tmp_path: Path
 ) -> None:
-    campaign = build_campaign(written(reference_dir, tmp_path), strict=True)
+    campaign = build_campaign_dataset(written(reference_dir, tmp_path), strict=True)
     assert campaign.dataset is not None
     assert campaign.dataset.sizes["movement"] == 3
     # The last starts from held forces that grow slowly, which once put it 0.25 s early.

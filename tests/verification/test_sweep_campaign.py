@@ -16,13 +16,13 @@ import xarray as xr
 from turnout.calibration.load_study import load_study
 from turnout.metric.sweep_map import SLIPS, STATES, sweep_map
 from turnout.study.sweep.read import read_labels
-from turnout.study.sweep.run import run_sweep
+from turnout.study.sweep.run import throw_study
 
 
 @pytest.fixture(scope="module")
 def labels(tmp_path_factory: pytest.TempPathFactory, worker_processes: None) -> xr.Dataset:
     folder: Path = tmp_path_factory.mktemp("campaign") / "out"
-    run_sweep(load_study("paper-campaign"), folder, workers=2)
+    throw_study(load_study("paper-campaign"), folder, workers=2)
     return read_labels(folder)
 
 

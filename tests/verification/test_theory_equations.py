@@ -13,7 +13,7 @@ import pytest
 from tests.verification.hand_made import LEDGER, STORED, hand_made, linear_spring, run
 
 from turnout.beam.element import element_gravity_load, element_mass, element_stiffness
-from turnout.beam.material import Material
+from turnout.beam.material import ElasticMaterial
 from turnout.beam.section_properties import SectionProperties
 from turnout.calibration.noise import Noise
 from turnout.law.table import LawTableBuilder
@@ -21,7 +21,7 @@ from turnout.mechanism.object_rows import offnode_row
 from turnout.solver.integration import History
 
 ROUNDING = 1e-12
-STEEL = Material(youngs_modulus=2.1e11, poisson_ratio=0.3, density=7850.0)
+STEEL = ElasticMaterial(youngs_modulus=2.1e11, poisson_ratio=0.3, density=7850.0)
 SPAN, WEIGHT = 0.3, 9.81
 SKEW = dict(
     zip(

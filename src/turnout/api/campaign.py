@@ -12,7 +12,7 @@ from turnout.core.errors import FileError, MeasurementError, PanelError
 from turnout.core.html_table import html_table
 from turnout.core.scheme import Mode, chosen_scheme
 from turnout.core.units import LENGTH, parse_quantity
-from turnout.measurement.campaign.build_campaign import build_campaign as read_folder
+from turnout.measurement.campaign.build_campaign import build_campaign_dataset as read_folder
 from turnout.measurement.campaign.campaign_folder import throw_store
 from turnout.measurement.campaign.run_sheet import normal_place
 from turnout.metric.campaign_statistics import object_places

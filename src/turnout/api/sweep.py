@@ -15,10 +15,9 @@ from turnout.metric.sweep_map import STATES, end_state, sweep_map
 from turnout.study.study import Study
 from turnout.study.sweep.effects import sweep_effects
 from turnout.study.sweep.export import sweep_table
-from turnout.study.sweep.read import open_sweep as open_batches
-from turnout.study.sweep.read import read_labels
+from turnout.study.sweep.read import open_batches, read_labels
 from turnout.study.sweep.run import SweepProgress
-from turnout.study.sweep.run import run_sweep as run_batches
+from turnout.study.sweep.run import throw_study as run_batches
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -8,7 +8,7 @@ import numpy.typing as npt
 import scipy.sparse as sp
 
 from turnout.beam.element import element_matrices
-from turnout.beam.material import Material
+from turnout.beam.material import ElasticMaterial
 from turnout.beam.mesh import MERGE_DISTANCE
 from turnout.beam.section_properties import SectionProperties
 from turnout.core.errors import MechanicsError
@@ -47,7 +47,7 @@ class BeamModel:
 def assemble_beam(
     x: npt.ArrayLike,
     sections: SectionProperties,
-    material: Material,
+    material: ElasticMaterial,
     *,
     y: npt.ArrayLike | None = None,
     gravity: float = 9.81,
@@ -91,7 +91,7 @@ def assemble_beam(
 
     Examples
     --------
-    >>> steel = Material(youngs_modulus=2e11, poisson_ratio=0.25, density=8000.0)
+    >>> steel = ElasticMaterial(youngs_modulus=2e11, poisson_ratio=0.25, density=8000.0)
     >>> two, nil = np.ones(2), np.zeros(2)
     >>> section = SectionProperties(1e-2 * two, *[1e-5 * two] * 2, nil, *[two] * 3, *[nil] * 4)
     >>> beam = assemble_beam([0.0, 1.0, 2.0], section, steel, gravity=10.0)
@@ -161,7 +161,7 @@ def dof_index(model: BeamModel, x: float, direction: str) -> int:
 
     Examples
     --------
-    >>> steel = Material(youngs_modulus=2e11, poisson_ratio=0.25, density=8000.0)
+    >>> steel = ElasticMaterial(youngs_modulus=2e11, poisson_ratio=0.25, density=8000.0)
     >>> one, nil = np.ones(1), np.zeros(1)
     >>> section = SectionProperties(*[one] * 3, nil, *[one] * 3, *[nil] * 4)
     >>> dof_index(assemble_beam([0.0, 1.0], section, steel), 1.0, "uy")
@@ -200,7 +200,7 @@ def point_row(
 
     Examples
     --------
-    >>> steel = Material(youngs_modulus=2e11, poisson_ratio=0.25, density=8000.0)
+    >>> steel = ElasticMaterial(youngs_modulus=2e11, poisson_ratio=0.25, density=8000.0)
     >>> one, nil = np.ones(1), np.zeros(1)
     >>> section = SectionProperties(*[one] * 3, nil, *[one] * 3, *[nil] * 4)
     >>> beam = assemble_beam([0.0, 1.0], section, steel)

@@ -32,7 +32,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from turnout.beam.material import Material
+from turnout.beam.material import ElasticMaterial
 from turnout.beam.section_properties import SectionProperties
 
 FloatArray = npt.NDArray[np.float64]
@@ -74,7 +74,7 @@ def offset_transformation(sections: SectionProperties) -> FloatArray:
 def element_matrices(
     length: npt.ArrayLike,
     sections: SectionProperties,
-    material: Material,
+    material: ElasticMaterial,
     *,
     gravity: float = 9.81,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -102,7 +102,7 @@ def element_matrices(
 
 
 def element_stiffness(
-    length: npt.ArrayLike, sections: SectionProperties, material: Material
+    length: npt.ArrayLike, sections: SectionProperties, material: ElasticMaterial
 ) -> FloatArray:
     """Form element stiffness matrices on the reference line.
 
@@ -122,7 +122,7 @@ def element_stiffness(
 
     Examples
     --------
-    >>> steel = Material(youngs_modulus=2e11, poisson_ratio=0.25, density=7850.0)
+    >>> steel = ElasticMaterial(youngs_modulus=2e11, poisson_ratio=0.25, density=7850.0)
     >>> one, nil = np.ones(1), np.zeros(1)
     >>> section = SectionProperties(1e-2 * one, *[1e-5 * one] * 2, nil, *[one] * 3, *[nil] * 4)
     >>> float(element_stiffness([2.0], section, steel)[0, 0, 0]) / 1e9  # E A / L
@@ -132,7 +132,7 @@ def element_stiffness(
 
 
 def element_mass(
-    length: npt.ArrayLike, sections: SectionProperties, material: Material
+    length: npt.ArrayLike, sections: SectionProperties, material: ElasticMaterial
 ) -> FloatArray:
     """Form consistent element mass matrices on the reference line.
 
@@ -159,7 +159,7 @@ def element_mass(
 def element_gravity_load(
     length: npt.ArrayLike,
     sections: SectionProperties,
-    material: Material,
+    material: ElasticMaterial,
     *,
     gravity: float = 9.81,
 ) -> FloatArray:
@@ -216,7 +216,7 @@ class _Shape:
 
 
 def _stiffness(
-    span: FloatArray, sections: SectionProperties, material: Material, flexure: _Flexure
+    span: FloatArray, sections: SectionProperties, material: ElasticMaterial, flexure: _Flexure
 ) -> FloatArray:
     """Form stiffness matrices, (n, 12, 12), over the section DOFs."""
     axial = (_AXIAL[1] - _AXIAL[0])[None, None, :]
@@ -235,7 +235,7 @@ def _stiffness(
 def _mass(
     span: FloatArray,
     sections: SectionProperties,
-    material: Material,
+    material: ElasticMaterial,
     shapes: tuple[_Shape, ...],
 ) -> FloatArray:
     """Form mass matrices, (n, 12, 12), over the section DOFs: sums over points of integration."""
@@ -281,7 +281,7 @@ def _second_moments(sections: SectionProperties) -> FloatArray:
     return np.moveaxis(np.array(rows), 2, 0)
 
 
-def _shear_flexibility(sections: SectionProperties, material: Material) -> FloatArray:
+def _shear_flexibility(sections: SectionProperties, material: ElasticMaterial) -> FloatArray:
     """Stack the shear flexibilities, (n, 2, 2), of forces along y and z."""
     flexibility = np.zeros((sections.area.size, 2, 2))
     rigidity = material.shear_modulus * sections.area
@@ -290,7 +290,7 @@ def _shear_flexibility(sections: SectionProperties, material: Material) -> Float
     return flexibility
 
 
-def _flexure(span: FloatArray, sections: SectionProperties, material: Material) -> _Flexure:
+def _flexure(span: FloatArray, sections: SectionProperties, material: ElasticMaterial) -> _Flexure:
     """Solve elements for their shear force."""
     bending = material.youngs_modulus * _second_moments(sections)
     shear_flexibility = _shear_flexibility(sections, material)

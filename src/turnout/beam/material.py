@@ -6,7 +6,7 @@ from turnout.core.errors import MechanicsError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Material:
+class ElasticMaterial:
     """Linear elastic, isotropic material.
 
     Parameters
@@ -20,7 +20,7 @@ class Material:
 
     Examples
     --------
-    >>> steel = Material(youngs_modulus=210e9, poisson_ratio=0.3, density=7850.0)
+    >>> steel = ElasticMaterial(youngs_modulus=210e9, poisson_ratio=0.3, density=7850.0)
     >>> round(steel.shear_modulus / 1e9, 2)
     80.77
     """

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from turnout.cli.campaign import OutsideOption, dataset_of
+from turnout.cli.campaign import OutsideOption, opened_campaign
 from turnout.cli.json_output import JsonOption, print_json
 from turnout.cli.options import (
     DEFAULT_PANEL,
@@ -109,7 +109,9 @@ def calibrate_command(
     try:
         # Processes load while the campaign is read.
         with throw_processes(loaded, workers, throw_store(source)) as pool:
-            dataset = dataset_of(source, None, out=out, allow_outside=allow_outside, quiet=quiet)
+            dataset = opened_campaign(
+                source, None, out=out, allow_outside=allow_outside, quiet=quiet
+            )
             from turnout.calibration.calibrate import calibrate
 
             outcome = calibrate(
@@ -159,7 +161,7 @@ def _print_verdict(calibration: "Calibration", out: Path, *, quiet: bool) -> Non
     from turnout.cli.colour import coloured
 
     level = "bad" if calibration.distrust else "good"
-    for line in verdict_lines(calibration):
+    for line in trust_lines(calibration):
         if not quiet or calibration.distrust:
             typer.echo(coloured(line, level) if line.startswith("verdict") else line)
 
@@ -227,7 +229,7 @@ def result_lines(calibration: "Calibration") -> list[str]:
     return lines
 
 
-def verdict_lines(calibration: "Calibration") -> list[str]:
+def trust_lines(calibration: "Calibration") -> list[str]:
     """Return whether a calibration is trustworthy, with the reasons if not."""
     if not calibration.distrust:
         how = ", with what is fitted as its cause" if calibration.fitted_causes else ""
@@ -265,7 +267,7 @@ def _draw(
     quiet: bool,
 ) -> list[Path]:
     """Draw grid searches, intervals, correlations and each movement as fitted."""
-    from turnout.cli.watch import Watch
+    from turnout.cli.watch import ProgressBar
     from turnout.core.files import write_atomic
     from turnout.figures.calibration import plot_correlations, plot_fit, plot_sweep
     from turnout.figures.draw import draw_sheet
@@ -284,7 +286,7 @@ def _draw(
         plain = re.sub(r"[^\w.-]+", "-", str(name))
         made[f"fit-{number:02d}-{plain}"] = partial(plot_fit, signals, str(name))
     written = []
-    with Watch("drawing", compiling=False, quiet=quiet) as watch:
+    with ProgressBar("drawing", compiling=False, quiet=quiet) as watch:
         for number, (name, draw) in enumerate(made.items(), 1):
             path = folder / f"{name}.png"
             write_atomic(path, rendered(draw(), ".png"))

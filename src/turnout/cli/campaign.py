@@ -48,7 +48,7 @@ OutsideOption = Annotated[
 
 
 @app.command("check", short_help="Check a run sheet and the quality of every movement.")
-def check_command(
+def campaign_check_command(
     folder: FolderArgument,
     channels: ChannelsOption = None,
     panel: Annotated[
@@ -172,7 +172,9 @@ def plot_command(
         message = f"--direction {direction}: must be closing or opening"
         raise FileError(message)
     place = None if place is None else _place(place)
-    dataset = dataset_of(source, channels, out=target, allow_outside=allow_outside, quiet=quiet)
+    dataset = opened_campaign(
+        source, channels, out=target, allow_outside=allow_outside, quiet=quiet
+    )
     from turnout.core.files import write_atomic
     from turnout.figures.campaign import plot_overview, plot_stacked
     from turnout.figures.style import rendered
@@ -206,12 +208,12 @@ def built_campaign(
     quiet: bool,
 ) -> "BuiltCampaign":
     """Read a campaign's folder with its progress shown; Ctrl-C loses nothing."""
-    from turnout.cli.watch import Watch
-    from turnout.measurement.campaign.build_campaign import build_campaign
+    from turnout.cli.watch import ProgressBar
+    from turnout.measurement.campaign.build_campaign import build_campaign_dataset
 
     try:
-        with Watch(f"reading {folder.name or folder}", compiling=False, quiet=quiet) as watch:
-            return build_campaign(
+        with ProgressBar(f"reading {folder.name or folder}", compiling=False, quiet=quiet) as watch:
+            return build_campaign_dataset(
                 folder,
                 channels=channels,
                 strict=strict,
@@ -227,7 +229,7 @@ def built_campaign(
         raise typer.Exit(INTERRUPTED) from None
 
 
-def dataset_of(
+def opened_campaign(
     source: Path,
     channels: str | None,
     *,
@@ -264,7 +266,7 @@ def dataset_of(
         source, channels, strict=False, allow_outside=allow_outside, quiet=quiet
     )
     dataset = usable_dataset(campaign, source)
-    for who, reasons in [] if quiet else excluded_movements(campaign):
+    for who, reasons in [] if quiet else reasons_to_exclude(campaign):
         typer.echo(f"turnout: excluded {who}: {'; '.join(reasons)}", err=True)
     return dataset
 
@@ -274,7 +276,7 @@ def usable_dataset(campaign: "BuiltCampaign", source: Path) -> "xr.Dataset":
     if campaign.dataset is None:
         from turnout.core.errors import MeasurementError
 
-        problems = [f"{who}: {'; '.join(reasons)}" for who, reasons in excluded_movements(campaign)]
+        problems = [f"{who}: {'; '.join(reasons)}" for who, reasons in reasons_to_exclude(campaign)]
         raise MeasurementError(problems, source=f"{source}: no movement is usable")
     return campaign.dataset
 
@@ -296,12 +298,12 @@ def _print_campaign(campaign: "BuiltCampaign", *, remarks: bool) -> None:
     if len(shown) < len(campaign.remarks):
         more = len(campaign.remarks) - len(shown)
         typer.echo(f"{'':<12}and {more} more; `turnout campaign check` shows all")
-    for who, reasons in excluded_movements(campaign):
+    for who, reasons in reasons_to_exclude(campaign):
         for number, reason in enumerate(reasons):
             typer.echo(f"{'excluded' if number == 0 else '':<12}{who}: {reason}")
 
 
-def excluded_movements(campaign: "BuiltCampaign") -> list[tuple[str, tuple[str, ...]]]:
+def reasons_to_exclude(campaign: "BuiltCampaign") -> list[tuple[str, tuple[str, ...]]]:
     """Return the reasons to leave movements out, each with the names that it holds for."""
     same: dict[tuple[str, ...], list[str]] = {}
     for item in campaign.excluded:

@@ -272,7 +272,7 @@ def _nothing_learned(verdicts: "Sequence[Verdict]", out: Path) -> str:
 
 
 @app.command("run", short_help="Judge recorded throws.")
-def run_command(
+def detect_run_command(
     detector: DetectorArgument,
     recordings: RecordingsArgument,
     channels: ChannelsOption = None,
@@ -311,7 +311,7 @@ def _summary(verdicts: "Sequence[Verdict]") -> str:
 
 
 @app.command("report", short_help="Write an HTML page about judged throws.")
-def report_command(
+def detect_report_command(
     detector: DetectorArgument,
     recordings: RecordingsArgument,
     out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE.html", help="The page.")],

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from turnout.calibration.drive_law.compare import LawComparison
     from turnout.calibration.result import Calibration
     from turnout.calibration.validation.acceptance import Acceptance
-    from turnout.cli.show import Thrown
+    from turnout.cli.show import CheckThrows
     from turnout.measurement.campaign.build_campaign import BuiltCampaign
     from turnout.measurement.chain.apply import MappedChannel
     from turnout.measurement.recording import Recording
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from turnout.study.study import Study
     from turnout.study.sweep.forecast import Forecast
 
-Record = dict[str, Any]
+JsonRecord = dict[str, Any]
 
 RUN_UNITS = {"energy_scale": "J", "wall_time": "s"}
 PANEL_UNITS = {
@@ -41,7 +41,7 @@ VALIDATION_UNITS |= {"plateau": "N", "nominal": "N"}
 SI_UNIT, SI_SIZE = {"kN": "N", "A": "A"}, {"kN": 1e3, "A": 1.0}
 
 
-def run_record(dataset: "xr.Dataset") -> tuple[Record, dict[str, str]]:
+def run_record(dataset: "xr.Dataset") -> tuple[JsonRecord, dict[str, str]]:
     """Return a run: verdict, key figures, energies, and the units of its keys."""
     from turnout.metric.key_figure import key_figures
     from turnout.metric.summary import numerical_share, residual_share
@@ -70,13 +70,13 @@ def run_record(dataset: "xr.Dataset") -> tuple[Record, dict[str, str]]:
     return record, {**RUN_UNITS, **{item.key: item.unit for item in figures}}
 
 
-def panel_record(panel: "LoadedPanel", thrown: "Thrown | None" = None) -> Record:
+def panel_record(panel: "LoadedPanel", thrown: "CheckThrows | None" = None) -> JsonRecord:
     """Return a panel with every value and its origin, and the results of its throws."""
-    from turnout.cli.show import gap_places
+    from turnout.cli.show import places_of_gap
     from turnout.figures.report.values import value_groups
     from turnout.panel.layout import resting_gap
 
-    record: Record = {
+    record: JsonRecord = {
         "panel": panel.name,
         "panel_hash": panel.hash,
         "description": " ".join(panel.description.split()),
@@ -87,13 +87,13 @@ def panel_record(panel: "LoadedPanel", thrown: "Thrown | None" = None) -> Record
         ],
     }
     if thrown is None:
-        x = gap_places(panel)
+        x = places_of_gap(panel)
         gaps = {name: resting_gap(panel, name, x, closed=True) for name in panel.rail}
         return {**record, "x": x, "closed_gap": gaps, "throw": None}
     return {**record, **_closed_gaps(panel, thrown.dataset), "throw": _throws(thrown)}
 
 
-def _closed_gaps(panel: "LoadedPanel", dataset: "xr.Dataset") -> Record:
+def _closed_gaps(panel: "LoadedPanel", dataset: "xr.Dataset") -> JsonRecord:
     from turnout.metric.slip import last_instant_at
 
     if not dataset.sizes["time"]:
@@ -107,7 +107,7 @@ def _closed_gaps(panel: "LoadedPanel", dataset: "xr.Dataset") -> Record:
     return {"x": dataset["x"].values, "closed_gap": gaps}
 
 
-def _throws(thrown: "Thrown") -> Record:
+def _throws(thrown: "CheckThrows") -> JsonRecord:
     from turnout.metric.slip import margins
 
     dataset = thrown.dataset
@@ -134,7 +134,7 @@ def check_record(
     found: "Sequence[Concern]",
     dataset: "xr.Dataset | None",
     pieces: "Sequence[PieceLimit]",
-) -> Record:
+) -> JsonRecord:
     """Return the result of a panel check: warnings, how its throw ended, least test pieces."""
     return {
         "file": file,
@@ -149,7 +149,9 @@ def check_record(
     }
 
 
-def mode_record(dataset: "xr.Dataset", panel: "LoadedPanel", factors: Sequence[float]) -> Record:
+def mode_record(
+    dataset: "xr.Dataset", panel: "LoadedPanel", factors: Sequence[float]
+) -> JsonRecord:
     """Return frequencies and motions of every mode, and the stability of sliding."""
     from turnout.metric.stability import friction_stability
 
@@ -183,7 +185,7 @@ def mode_record(dataset: "xr.Dataset", panel: "LoadedPanel", factors: Sequence[f
     }
 
 
-def recording_record(recording: "Recording", kind: str, *, steps: int) -> Record:
+def recording_record(recording: "Recording", kind: str, *, steps: int) -> JsonRecord:
     """Return the channels of a recording."""
     from turnout.measurement.recording import overview
 
@@ -196,7 +198,7 @@ def recording_record(recording: "Recording", kind: str, *, steps: int) -> Record
     }
 
 
-def quantity_record(dataset: "xr.Dataset", rows: "Sequence[MappedChannel]") -> Record:
+def quantity_record(dataset: "xr.Dataset", rows: "Sequence[MappedChannel]") -> JsonRecord:
     """Return the quantities of a recording, each with its unit."""
     return {
         "source": dataset.attrs["source"],
@@ -216,7 +218,7 @@ def quantity_record(dataset: "xr.Dataset", rows: "Sequence[MappedChannel]") -> R
     }
 
 
-def campaign_record(campaign: "BuiltCampaign") -> Record:
+def campaign_record(campaign: "BuiltCampaign") -> JsonRecord:
     """Return movements, exclusions with reasons, and remarks of a campaign."""
     sheet = campaign.sheet
     return {
@@ -233,7 +235,7 @@ def campaign_record(campaign: "BuiltCampaign") -> Record:
     }
 
 
-def calibration_record(calibration: "Calibration") -> tuple[Record, dict[str, str]]:
+def calibration_record(calibration: "Calibration") -> tuple[JsonRecord, dict[str, str]]:
     """Return a calibration, and the unit of each parameter."""
     names = (
         *("panel", "panel_hash", "data", "movements", "parameters", "covariance", "stages"),
@@ -256,7 +258,7 @@ def calibration_record(calibration: "Calibration") -> tuple[Record, dict[str, st
 
 def validation_record(
     verdict: "Acceptance", remarks: Sequence[str], laws: "LawComparison | None" = None
-) -> Record:
+) -> JsonRecord:
     """Return verdict, errors of each channel, and the comparison of drive laws."""
     return {
         "valid": verdict.accepted,
@@ -278,7 +280,7 @@ def validation_record(
     }
 
 
-def study_record(study: "Study", found: "Forecast | None", *, workers: int) -> Record:
+def study_record(study: "Study", found: "Forecast | None", *, workers: int) -> JsonRecord:
     """Return the size of a study and, after trial throws, its time and disk space."""
     return {
         "study": study.name,
@@ -296,7 +298,7 @@ def study_record(study: "Study", found: "Forecast | None", *, workers: int) -> R
     }
 
 
-def map_record(labels: "xr.Dataset", cells: "xr.Dataset") -> tuple[Record, dict[str, str]]:
+def map_record(labels: "xr.Dataset", cells: "xr.Dataset") -> tuple[JsonRecord, dict[str, str]]:
     """Return end states of a sweep and its map over two inputs."""
     from turnout.metric.sweep_map import STATES, end_state
 
@@ -319,7 +321,7 @@ def map_record(labels: "xr.Dataset", cells: "xr.Dataset") -> tuple[Record, dict[
 
 def effects_record(
     labels: "xr.Dataset", found: "Sequence[OutputEffects]", *, notes: Mapping[str, str]
-) -> Record:
+) -> JsonRecord:
     """Return Sobol indices and main effects of each output."""
     return {
         "sweep": labels.attrs.get("name"),

@@ -46,7 +46,7 @@ MachineSetOption = Annotated[
 
 
 @app.command("list")
-def list_command(as_json: JsonOption = False) -> None:
+def machine_list_command(as_json: JsonOption = False) -> None:
     """List the library machines."""
     from turnout.machine.machine_file import load_machines, machine_names
 
@@ -55,7 +55,7 @@ def list_command(as_json: JsonOption = False) -> None:
 
 
 @app.command("show", short_help="Show every value with its origin, and operating points.")
-def show_command(
+def machine_show_command(
     machine: MachineArgument,
     settings: MachineSetOption = [],  # noqa: B006 - typer copies it
     toml: Annotated[
@@ -83,7 +83,7 @@ def show_command(
 
 
 @app.command("run", short_help="Simulate a machine throwing a one-mass rail.")
-def run_command(
+def machine_run_command(
     machine: MachineArgument,
     settings: MachineSetOption = [],  # noqa: B006 - typer copies it
     out: Annotated[

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from turnout.cli.campaign import OutsideOption, dataset_of
+from turnout.cli.campaign import OutsideOption, opened_campaign
 from turnout.cli.json_output import JsonOption, print_json
 from turnout.cli.options import QuietOption
 
@@ -99,7 +99,7 @@ def fit_command(
         from turnout.core.errors import MachineError
 
         raise MachineError(problems, source="options")
-    dataset = dataset_of(source, None, allow_outside=allow_outside, quiet=quiet or as_json)
+    dataset = opened_campaign(source, None, allow_outside=allow_outside, quiet=quiet or as_json)
     from turnout.calibration.machine_fit import Gauge, Sister, fit_machines
 
     fit = fit_machines(

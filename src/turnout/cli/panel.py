@@ -36,7 +36,7 @@ app.command("match", short_help="Collect panels whose throws meet facts.")(match
 
 
 @app.command("list")
-def list_command(as_json: JsonOption = False) -> None:
+def panel_list_command(as_json: JsonOption = False) -> None:
     """List the library panels."""
     from turnout.panel.load import library_names, load_panel
 
@@ -45,7 +45,7 @@ def list_command(as_json: JsonOption = False) -> None:
 
 
 @app.command("show", short_help="Show plan, gaps, margins, test piece and assumptions.")
-def show_command(
+def panel_show_command(
     panel: PanelArgument = None,
     settings: SetOption = [],  # noqa: B006 - typer copies it
     calibration: CalibrationOption = None,
@@ -65,10 +65,10 @@ def show_command(
     """Show a panel: plan, closed gap, force margins, test piece, assumptions."""
     check_outputs({"--plot": plot}, {"--plot": FIGURES})
     from turnout.calibration.case import case_of
-    from turnout.cli.show import panel_lines, thrown
+    from turnout.cli.show import check_throws, panel_lines
 
     opened = opened_panel(panel, settings, calibration)
-    found = thrown(opened) if throw else None
+    found = check_throws(opened) if throw else None
     if not as_json:
         for line in panel_lines(opened, case=case_of(panel), thrown=found, values=values):
             typer.echo(line)
@@ -116,7 +116,7 @@ def new_command(
 
 
 @app.command("check", short_help="Check a panel file, and warn about small margins.")
-def check_command(
+def panel_check_command(
     file: Annotated[
         str,
         typer.Argument(
@@ -209,7 +209,7 @@ def sections_command(
 
 
 @app.command("export", short_help="Write the matrices of every rail (.mat).")
-def export_command(
+def panel_export_command(
     panel: Annotated[
         str,
         typer.Argument(
@@ -237,7 +237,7 @@ def export_command(
 
 
 @app.command("schema")
-def schema_command(
+def panel_schema_command(
     out: Annotated[
         Path | None, typer.Option("--out", "-o", metavar="FILE.json", help="Write it to a file.")
     ] = None,

@@ -68,13 +68,13 @@ def import_command(
     window = _checked(channels, out=out, suggest=suggest, smooth=smooth)
     from turnout.measurement.campaign.campaign_folder import refuse_to_write_outside
     from turnout.measurement.chain.apply import load_channel_map
-    from turnout.measurement.formats.file_format import format_of, read_recording
+    from turnout.measurement.formats.file_format import read_recording, recognise_format
 
     for target in (out, plot, suggest):
         if target is not None:
             refuse_to_write_outside(target, file.parent)
     channel_map = load_channel_map(channels) if channels is not None else None
-    kind = format_of(file).name
+    kind = recognise_format(file).name
     recording = read_recording(file, allow_outside=allow_outside)
     if channel_map is None:
         _list(recording, kind, plot=plot, suggest=suggest, as_json=as_json)
@@ -122,7 +122,7 @@ def _list(
 ) -> None:
     from turnout.measurement.chain.skeleton import skeleton
 
-    for line in () if as_json else listing(recording, kind):
+    for line in () if as_json else channel_lines(recording, kind):
         typer.echo(line)
     if plot is not None:
         from turnout.core.files import write_atomic
@@ -151,7 +151,7 @@ def _list(
         typer.echo(_plain(skeleton(recording)))
 
 
-def listing(recording: "Recording", kind: str) -> Iterator[str]:
+def channel_lines(recording: "Recording", kind: str) -> Iterator[str]:
     """Yield a row for each channel with its course, then what could not be read."""
     from turnout.measurement.recording import overview
 
@@ -185,13 +185,13 @@ def _convert(
     plot: Path | None,
     as_json: bool,
 ) -> None:
-    from turnout.measurement.chain.apply import apply_chain, channel_rows
+    from turnout.measurement.chain.apply import apply_chain, mapped_channels
     from turnout.measurement.chain.condition import condition
 
     dataset = apply_chain(recording, channel_map)
     if window is not None:
         dataset = condition(dataset, window=window)
-    for line in () if as_json else summary(dataset, channel_map):
+    for line in () if as_json else mapped_summary(dataset, channel_map):
         typer.echo(line)
     if out is not None:
         from turnout.throw.store import save_response
@@ -209,20 +209,20 @@ def _convert(
     if as_json:
         from turnout.cli.json_records import CHANNEL_UNITS, quantity_record
 
-        record = quantity_record(dataset, list(channel_rows(dataset, channel_map)))
+        record = quantity_record(dataset, list(mapped_channels(dataset, channel_map)))
         written = [path for path in (out, plot) if path is not None]
         print_json("import", record, units={**CHANNEL_UNITS, "end": "s"}, written=written)
 
 
-def summary(dataset: "xr.Dataset", channel_map: "ChannelMap") -> Iterator[str]:
+def mapped_summary(dataset: "xr.Dataset", channel_map: "ChannelMap") -> Iterator[str]:
     """Yield a row for each quantity with its sensor, then the repairs made."""
-    from turnout.measurement.chain.apply import channel_rows
+    from turnout.measurement.chain.apply import mapped_channels
 
     rate = 1.0 / float(dataset["time"][1] - dataset["time"][0])
     first, last = float(dataset["time"][0]), float(dataset["time"][-1])
     yield _plain(f"{dataset.attrs['source']}: {first:g} to {last:g} s at {rate:.6g} Hz")
     yield f"{'quantity':<18} {'column':<{COLUMN}} {'least':>10} {'largest':>10}      sensor"
-    for row in channel_rows(dataset, channel_map):
+    for row in mapped_channels(dataset, channel_map):
         yield _plain(
             f"{row.key:<18} {row.column:<{COLUMN}} {row.least:>10.4g} {row.largest:>10.4g} "
             f"{row.unit:<4} {row.sensor}"

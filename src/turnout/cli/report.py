@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from turnout.cli.campaign import ChannelsOption, built_campaign, excluded_movements, usable_dataset
+from turnout.cli.campaign import ChannelsOption, built_campaign, reasons_to_exclude, usable_dataset
 from turnout.cli.options import (
     QuietOption,
     check_outputs,
@@ -116,7 +116,7 @@ def _folder_page(
     dataset = usable_dataset(campaign, source)
     page = campaign_page(
         dataset,
-        excluded=excluded_movements(campaign),
+        excluded=reasons_to_exclude(campaign),
         remarks=campaign.remarks,
         suffixes=FORMS if drawn else FORMS[:1],
     )
@@ -185,11 +185,11 @@ def _file_page(
 
 
 def _run_page(dataset: "xr.Dataset", source: Path, panel: str | None) -> "Page":
-    from turnout.figures.report.inputs import panel_of
+    from turnout.figures.report.inputs import panel_of_result
     from turnout.figures.report.run import run_page
 
     given = opened_panel(panel, []) if panel is not None else None
-    used = panel_of(dataset.attrs, panel=given)
+    used = panel_of_result(dataset.attrs, panel=given)
     if given is not None and used is None:
         from turnout.core.errors import FileError
 

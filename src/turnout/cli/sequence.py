@@ -114,7 +114,7 @@ def sequence_record(dataset: "xr.Dataset") -> tuple[dict[str, Any], dict[str, st
         "complete": bool(attributes["complete"]),
         "outcome": attributes["outcome"],
         "outcome_message": attributes["outcome_message"],
-        "throws": throw_rows(dataset),
+        "throws": sequence_rows(dataset),
         "wall_time": attributes["wall_time"],
     }
     units = {
@@ -124,7 +124,7 @@ def sequence_record(dataset: "xr.Dataset") -> tuple[dict[str, Any], dict[str, st
     return record, units
 
 
-def throw_rows(dataset: "xr.Dataset") -> list[dict[str, Any]]:
+def sequence_rows(dataset: "xr.Dataset") -> list[dict[str, Any]]:
     """Return a row for each throw: objects before and after it, forces, lock and control."""
     from turnout.metric.throw_table import throw_table
 
@@ -140,7 +140,7 @@ def print_sequence(dataset: "xr.Dataset", written: Sequence[Path]) -> None:
         f"{'throw':>6} {'size':>10} {'left':>10} {'object':>9} {'drives':>14}  "
         f"{'verdict':<18}lock, control"
     )
-    for row in throw_rows(dataset.isel(throw=shown)):
+    for row in sequence_rows(dataset.isel(throw=shown)):
         size = "+".join(f"{1e3 * value:.1f}" for value in row["size"]) or "-"
         left = "+".join(f"{1e3 * value:.1f}" for value in row["left"]) or "-"
         peak = 1e-3 * row["object_force_peak"]

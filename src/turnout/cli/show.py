@@ -135,7 +135,7 @@ NEEDS_THROW = "needs throws of the switch: add --throw"
 
 
 @dataclass(frozen=True, slots=True)
-class Thrown:
+class CheckThrows:
     """What throws of a panel gave: the one without an object, and those on test pieces."""
 
     dataset: "xr.Dataset"
@@ -144,7 +144,11 @@ class Thrown:
 
 
 def panel_lines(
-    panel: "LoadedPanel", *, case: str = "", thrown: Thrown | None = None, values: bool = False
+    panel: "LoadedPanel",
+    *,
+    case: str = "",
+    thrown: CheckThrows | None = None,
+    values: bool = False,
 ) -> Iterator[str]:
     """Yield what `turnout panel show` prints.
 
@@ -197,15 +201,15 @@ def _unusual(panel: "LoadedPanel") -> Iterator[str]:
         yield ""
 
 
-def gap_places(panel: "LoadedPanel") -> "np.ndarray":
+def places_of_gap(panel: "LoadedPanel") -> "np.ndarray":
     """Return the places of gaps, chairs and drives, ascending [m]."""
     places = [item.x for family in (panel.chair, panel.drive) for item in family.values()]
     return np.unique(np.round(places, 9))
 
 
-def _closed_gap(panel: "LoadedPanel", thrown: Thrown | None) -> Iterator[str]:
+def _closed_gap(panel: "LoadedPanel", thrown: CheckThrows | None) -> Iterator[str]:
     rails = {}
-    x = gap_places(panel)
+    x = places_of_gap(panel)
     if thrown is None:
         yield "CLOSED GAP [mm], estimated from the strokes within 3 mm; simulated with --throw"
         for name in panel.rail:
@@ -233,7 +237,7 @@ def _closed_gap(panel: "LoadedPanel", thrown: Thrown | None) -> Iterator[str]:
             yield f"  {name[:11]:<12}{cells}"
 
 
-def _margins(thrown: Thrown | None) -> Iterator[str]:
+def _margins(thrown: CheckThrows | None) -> Iterator[str]:
     yield "FORCE MARGINS of the throw without an object"
     if thrown is None:
         yield f"  {NEEDS_THROW}"
@@ -250,7 +254,7 @@ def _margins(thrown: Thrown | None) -> Iterator[str]:
         )
 
 
-def _flangeway(panel: "LoadedPanel", thrown: Thrown | None) -> Iterator[str]:
+def _flangeway(panel: "LoadedPanel", thrown: CheckThrows | None) -> Iterator[str]:
     yield "LEAST FLANGEWAY of the open rail"
     if thrown is None:
         yield f"  {NEEDS_THROW}"
@@ -269,7 +273,7 @@ def _flangeway(panel: "LoadedPanel", thrown: Thrown | None) -> Iterator[str]:
     yield text
 
 
-def _pieces(panel: "LoadedPanel", thrown: Thrown | None) -> Iterator[str]:
+def _pieces(panel: "LoadedPanel", thrown: CheckThrows | None) -> Iterator[str]:
     sizes = sorted({1e3 * limit for limit in panel.gap_limits().values()})
     size = " and ".join(f"{value:g} mm" for value in sizes)
     yield f"TEST PIECE of {size} at each drive; lock rule '{panel.lock.rule}'"
@@ -359,6 +363,6 @@ def least_pieces(panel: "LoadedPanel", *, quiet: bool = False) -> "list[PieceLim
     return found
 
 
-def thrown(panel: "LoadedPanel") -> Thrown:
+def check_throws(panel: "LoadedPanel") -> CheckThrows:
     """Throw a panel without an object, then on test pieces."""
-    return Thrown(thrown_alone(panel), thrown_on_pieces(panel), least_pieces(panel))
+    return CheckThrows(thrown_alone(panel), thrown_on_pieces(panel), least_pieces(panel))

@@ -107,7 +107,7 @@ def cores() -> int:
     return os.cpu_count() or 1
 
 
-def run_command(
+def sweep_run_command(
     study: Annotated[
         str, typer.Argument(metavar="STUDY", help="Library study, or study file (.toml).")
     ],
@@ -140,7 +140,7 @@ def run_command(
     from turnout.calibration.load_study import load_study
     from turnout.core.errors import FileError
     from turnout.study.sweep.folder import check_folder
-    from turnout.study.sweep.run import run_sweep
+    from turnout.study.sweep.run import throw_study
 
     if scheduler is not None and slurm is not None:
         message = "--scheduler and --slurm: use only one"
@@ -152,7 +152,7 @@ def run_command(
     watch = SweepWatch(loaded.name, quiet=quiet)
     try:
         with _cluster(scheduler, slurm) as cluster, watch:
-            finished = run_sweep(
+            finished = throw_study(
                 loaded,
                 out,
                 workers=cluster.workers if cluster else workers or cores(),
@@ -181,7 +181,7 @@ def run_command(
         _print_finished(finished, out)
 
 
-def export_command(
+def sweep_export_command(
     folder: FolderArgument,
     parquet: Annotated[
         Path | None, typer.Option("--parquet", metavar="FILE", help="Table (.parquet).")
@@ -282,7 +282,7 @@ class SweepWatch:
             self._show_bar(state)
         elif now >= self._due:
             self._due = now + SECONDS_BETWEEN_LINES
-            print(f"{self._text}: {described(state)}", file=sys.stderr, flush=True)
+            print(f"{self._text}: {progress_line(state)}", file=sys.stderr, flush=True)
 
     def _show_bar(self, state: "SweepProgress") -> None:
         if self._bar is None:
@@ -297,10 +297,10 @@ class SweepWatch:
             self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
             self._bar.start()
             self._bar.add_task(self._text, total=state.total, s="")
-        self._bar.update(self._bar.task_ids[0], completed=state.done, s=described(state))
+        self._bar.update(self._bar.task_ids[0], completed=state.done, s=progress_line(state))
 
 
-def described(state: "SweepProgress") -> str:
+def progress_line(state: "SweepProgress") -> str:
     """Return the progress of a sweep in one line."""
     text = f"{state.done} of {state.total} done"
     if state.failed:
@@ -334,14 +334,16 @@ app = typer.Typer(
 app.command("plan", short_help="Show inputs, number of throws, run time and disk space.")(
     plan_command
 )
-app.command("run", short_help="Run every scenario, or continue an interrupted run.")(run_command)
+app.command("run", short_help="Run every scenario, or continue an interrupted run.")(
+    sweep_run_command
+)
 app.command("map", short_help="Count end states, and draw maps over two inputs.")(map_command)
 app.command("effects", short_help="Show Sobol indices, and draw main effects.")(effects_command)
-app.command("export", short_help="Write a table with one row per scenario.")(export_command)
+app.command("export", short_help="Write a table with one row per scenario.")(sweep_export_command)
 
 
 @app.command("list")
-def list_command(as_json: JsonOption = False) -> None:
+def sweep_list_command(as_json: JsonOption = False) -> None:
     """List the library studies."""
     from turnout.calibration.load_study import load_study, study_names
 
@@ -358,7 +360,7 @@ def list_command(as_json: JsonOption = False) -> None:
 
 
 @app.command("show")
-def show_command(study: StudyArgument) -> None:
+def sweep_show_command(study: StudyArgument) -> None:
     """Print the file of a library study, as a template."""
     from turnout.calibration.load_study import study_text
 
@@ -366,7 +368,7 @@ def show_command(study: StudyArgument) -> None:
 
 
 @app.command("schema")
-def schema_command(
+def sweep_schema_command(
     out: Annotated[
         Path | None, typer.Option("--out", "-o", metavar="FILE.json", help="Write it to a file.")
     ] = None,

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from turnout.cli.campaign import OutsideOption, dataset_of
+from turnout.cli.campaign import OutsideOption, opened_campaign
 from turnout.cli.json_output import JsonOption, print_json
 from turnout.cli.options import (
     FINDINGS,
@@ -78,7 +78,7 @@ def validate_command(
     if out is not None:
         made_folder("--out", out)
     written = None if out is None else out / PAGE
-    dataset = dataset_of(source, None, out=written, allow_outside=allow_outside, quiet=quiet)
+    dataset = opened_campaign(source, None, out=written, allow_outside=allow_outside, quiet=quiet)
     if place is not None:
         _check_place(dataset, place)
     if laws is not None:

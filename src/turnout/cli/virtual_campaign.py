@@ -166,14 +166,14 @@ def _make(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    from turnout.cli.watch import Watch
+    from turnout.cli.watch import ProgressBar
     from turnout.core.scheme import Scheme
     from turnout.study.virtual.make_campaign import make_virtual_campaign
     from turnout.throw.compilation import must_compile
 
     text = f"throwing {panel.name}"
     try:
-        with Watch(text, compiling=must_compile(), quiet=quiet) as watch:
+        with ProgressBar(text, compiling=must_compile(), quiet=quiet) as watch:
             made = make_virtual_campaign(
                 panel, out, plan=plan, workers=workers, report=watch.report
             )

@@ -17,7 +17,7 @@ COMPILING = "compiling kernels, first run only (20 to 60 s)"
 TICK_ON_TERMINAL, TICK = 1.0, 15.0
 
 
-def watched(text: str, *, quiet: bool = False) -> "Watch":
+def watched(text: str, *, quiet: bool = False) -> "ProgressBar":
     """Return a watch that announces compilation, and a cache that cannot be written."""
     from turnout.throw.compilation import cache_fault, must_compile
 
@@ -25,7 +25,7 @@ def watched(text: str, *, quiet: bool = False) -> "Watch":
     fault = cache_fault()
     if fault and not quiet:
         _print_once(fault)
-    return Watch(text, compiling=compiling, quiet=quiet)
+    return ProgressBar(text, compiling=compiling, quiet=quiet)
 
 
 @functools.cache
@@ -33,7 +33,7 @@ def _print_once(text: str) -> None:
     print(f"turnout: {text}", file=sys.stderr, flush=True)
 
 
-class Watch:
+class ProgressBar:
     """Shows how far a run is; silent for what takes less than two seconds.
 
     Use as a context manager, and hand `report` to the run.
@@ -46,7 +46,7 @@ class Watch:
         self._bar: Progress | None = None
         self._due = 0.0
 
-    def __enter__(self) -> "Watch":
+    def __enter__(self) -> "ProgressBar":
         """Announce compilation at once, with the time so far."""
         self._due = time.monotonic() + FIRST_LINE_AFTER
         if self._clock is not None:

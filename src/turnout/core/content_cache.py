@@ -88,7 +88,7 @@ def cached_arrays(
     return _memory.put(key, found)
 
 
-def clear_memory() -> None:
+def clear_content_cache() -> None:
     """Clear the cache in memory; files stay."""
     _memory.clear()
 

@@ -19,7 +19,7 @@ from turnout.study.design import Drawn
 from turnout.study.distribution import Choice, Distribution
 from turnout.study.random_inputs import RandomField
 from turnout.study.study import Study
-from turnout.study.variable import TEMPERATURE_KEY, Variable, values_at
+from turnout.study.variable import TEMPERATURE_KEY, Variable, panel_values_at
 
 Floats = NDArray[np.float64]
 
@@ -184,7 +184,7 @@ def _value(panel: LoadedPanel, key: str) -> float | None:
         _, movement, _, drive = key.split(".")
         return float(panel.movement[movement].extra_time.get(drive, 0.0))
     try:
-        found = values_at(panel, key)
+        found = panel_values_at(panel, key)
     except (AttributeError, KeyError, TypeError, PanelError):
         return None
     values = list(found.values())
@@ -243,7 +243,7 @@ def _varies(panel: LoadedPanel, key: str) -> bool:
     if key == TEMPERATURE_KEY or "extra_time" in key:  # may be given to any drive
         return True
     try:
-        values = values_at(panel, key).values()
+        values = panel_values_at(panel, key).values()
     except (AttributeError, KeyError, TypeError, PanelError):
         return False
     return any(isinstance(value, int | float | tuple | list) for value in values)

@@ -34,8 +34,8 @@ from turnout.study.design import Axis
 from turnout.study.random_inputs import TemperatureLaw
 from turnout.study.scenario import Output
 from turnout.study.study import Study
-from turnout.study.sweep.read import open_sweep
-from turnout.study.sweep.run import SweepProgress, run_sweep
+from turnout.study.sweep.read import open_batches
+from turnout.study.sweep.run import SweepProgress, throw_study
 from turnout.study.variable import Variable, value_kind
 
 Floats = NDArray[np.float64]
@@ -268,8 +268,8 @@ def throw_all(
     def run(study: Study, name: str, *, own: str = "") -> xr.Dataset:
         watch = report(name) if report is not None else None
         kept = folder / (own or name)
-        run_sweep(study, kept, workers=workers, report=watch)
-        return checked_throws(open_sweep(kept), panel=study.panel.name)
+        throw_study(study, kept, workers=workers, report=watch)
+        return checked_throws(open_batches(kept), panel=study.panel.name)
 
     where = places_of(whole.panel)
     x = np.array(list(where.values()))
@@ -337,7 +337,7 @@ def stored_throws(
         Of the objects.
     """
     names = (SOUND, FLOOR, of_kind(OBJECTS, kind))
-    sound, floor, objects = (open_sweep(folder / name) for name in names)
+    sound, floor, objects = (open_batches(folder / name) for name in names)
     study = reference_study(panel, count=sound.sizes["scenario"])
     where = places_of(study.panel)
     gaps = gaps_at(floor, np.array(list(where.values())), rail=study.panel.object_defaults.rail)

@@ -60,7 +60,7 @@ def plot_stacked(dataset: xr.Dataset, *, place: str, direction: str = "closing")
         When nothing was thrown at that place.
     """
     chosen = chosen_movements(dataset, place=place, direction=direction)
-    rows = channel_rows(chosen)
+    rows = campaign_channels(chosen)
     if not rows:
         message = "nothing to draw: the dataset has no forces and no currents"
         raise ResponseError(message)
@@ -109,7 +109,7 @@ def plot_overview(dataset: xr.Dataset, *, direction: str = "closing") -> "Figure
     kept = dataset.isel(movement=np.flatnonzero(dataset["direction"].values == direction))
     tables = [
         (row.label.replace("\n", " "), row.channel * row.factor)
-        for row in channel_rows(kept)
+        for row in campaign_channels(kept)
         if row.factor == KILO
     ]
     if not kept.sizes["movement"] or not tables:
@@ -146,7 +146,7 @@ def chosen_movements(dataset: xr.Dataset, *, place: str, direction: str) -> xr.D
     return dataset.isel(movement=[first[size] for size in sorted(first)])
 
 
-def channel_rows(dataset: xr.Dataset) -> list[ChannelRow]:
+def campaign_channels(dataset: xr.Dataset) -> list[ChannelRow]:
     """Return the forces and currents of a campaign, each with label and scale of its axes."""
     rows = []
     if "object_force" in dataset and np.isfinite(dataset["object_force"].values).any():
@@ -287,7 +287,7 @@ def stacked_sheet(dataset: xr.Dataset, *, place: str, direction: str) -> Sheet:
         When nothing was thrown at that place, or nothing was measured.
     """
     chosen = chosen_movements(dataset, place=place, direction=direction)
-    rows = channel_rows(chosen)
+    rows = campaign_channels(chosen)
     if not rows:
         message = "nothing to draw: the dataset has no forces and no currents"
         raise ResponseError(message)

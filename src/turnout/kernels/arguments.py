@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from turnout.kernels.shared_record import Shared, address_of
+from turnout.kernels.shared_record import SharedRecord, address_of
 
 NUMBER, WHOLE, LOGICAL, NOTHING = "float", "int", "bool", "none"
 ARRAY, TUPLE = "array", "tuple"
@@ -44,7 +44,7 @@ def add_argument(value: Any, words: list[Any], kinds: list[Kind]) -> None:
     ([2.0, 1], [('tuple', None, 'float', 'none', 'bool')])
     """
     kind: Any = type(value)
-    if kind is Shared:
+    if kind is SharedRecord:
         words.append(value.address)
         kinds.append(value.kind)
     elif kind is float:
@@ -104,12 +104,12 @@ def _tuple_kind(of: type, inner: Sequence[Kind]) -> Kind:
     return (TUPLE, of if hasattr(of, "_fields") else None, *inner)
 
 
-def format_of(kinds: Sequence[Kind]) -> str:
+def struct_format(kinds: Sequence[Kind]) -> str:
     """Return the words of some kinds as a format of `struct`: floats are d, all others q.
 
     Examples
     --------
-    >>> format_of(["float", ("array", "<f8", 2, "C", True), ("tuple", None, "int", "none")])
+    >>> struct_format(["float", ("array", "<f8", 2, "C", True), ("tuple", None, "int", "none")])
     'dqqqqqq'
     """
     text = ""
@@ -117,7 +117,7 @@ def format_of(kinds: Sequence[Kind]) -> str:
         if kind == NUMBER:
             text += "d"
         elif isinstance(kind, tuple | list) and kind[0] == TUPLE:
-            text += format_of(kind[2:])
+            text += struct_format(kind[2:])
         elif isinstance(kind, tuple) and kind[0] == ARRAY:
             text += "q" * (1 + 2 * kind[2])
         elif kind != NOTHING:

@@ -11,9 +11,9 @@ from pathlib import Path
 
 from turnout.kernels.compiled import CACHE_VARIABLE, SUFFIX
 from turnout.kernels.machine_code import (
-    assemble,
+    assemble_entry,
     kept_code,
-    load,
+    load_entry,
     machine_digest,
     variable_address,
 )
@@ -44,6 +44,6 @@ def flag_setter() -> tuple[int, ctypes.c_int64]:
     folder = os.environ.get(CACHE_VARIABLE)
     name = f"{ENTRY}-{machine_digest()}{SUFFIX}"
     file = None if folder is None else Path(folder) / name
-    code, _ = kept_code(file, lambda: assemble(ENTRY, TEXT))
-    handler = load(code)
+    code, _ = kept_code(file, lambda: assemble_entry(ENTRY, TEXT))
+    handler = load_entry(code)
     return handler, ctypes.c_int64.from_address(variable_address(VARIABLE))

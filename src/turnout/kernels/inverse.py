@@ -9,7 +9,7 @@ from turnout.kernels.memory import acquire_matrix, release_matrix
 Floats = NDArray[np.float64]
 
 
-def factorise(matrix: Floats, pivots: Floats) -> int:
+def factorise_in_place(matrix: Floats, pivots: Floats) -> int:
     """Factorise a matrix in place, its rows being columns (DGETRF); not zero if it is singular."""
     from scipy.linalg import lapack
 
@@ -20,7 +20,7 @@ def factorise(matrix: Floats, pivots: Floats) -> int:
 
 
 def invert_factors(matrix: Floats, pivots: Floats) -> int:
-    """Turn factors of `factorise` into the inverse (DGETRI); not zero if it is singular."""
+    """Turn factors of `factorise_in_place` into the inverse (DGETRI); not zero if singular."""
     from scipy.linalg import lapack
 
     n = matrix.shape[0]
@@ -57,7 +57,9 @@ def invert(matrix: Floats, inverse: Floats) -> None:
             exists = exists and np.isfinite(matrix[i, j])
     if exists and n > 0:
         pivots = acquire_matrix(1, n)
-        exists = factorise(inverse, pivots[0]) == 0 and invert_factors(inverse, pivots[0]) == 0
+        exists = (
+            factorise_in_place(inverse, pivots[0]) == 0 and invert_factors(inverse, pivots[0]) == 0
+        )
         release_matrix(pivots)
     for i in range(n):
         for j in range(n):

@@ -54,5 +54,5 @@ def _build_invert_factors(_context: Any, builder: Any, args: tuple[Any, ...]) ->
 
 
 _matrix, _vector = array_of(types.float64, ndim=2), array_of(types.float64)
-register_intrinsic(inverse.factorise, types.int64, _build_factorise, _matrix, _vector)
+register_intrinsic(inverse.factorise_in_place, types.int64, _build_factorise, _matrix, _vector)
 register_intrinsic(inverse.invert_factors, types.int64, _build_invert_factors, _matrix, _vector)

@@ -22,7 +22,7 @@ from llvmlite import binding
 
 from turnout.core.errors import TurnoutError
 from turnout.core.files import write_atomic
-from turnout.kernels.arguments import NOTHING, Kind, format_of, result_from
+from turnout.kernels.arguments import NOTHING, Kind, result_from, struct_format
 
 LAPACK = "turnout_lapack_"
 """Begin of the names of procedures of LAPACK in machine code."""
@@ -95,8 +95,8 @@ def callable_code(code: MachineCode, kinds: Sequence[Kind]) -> Callable[[list[An
 
     It lets other threads of Python run. The arguments must live until it returns.
     """
-    native = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p)(load(code))
-    given, found = struct.Struct(format_of(kinds)), struct.Struct(format_of([code.result]))
+    native = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p)(load_entry(code))
+    given, found = struct.Struct(struct_format(kinds)), struct.Struct(struct_format([code.result]))
     memory = ctypes.c_char * max(given.size, found.size, 8)
     spare = bytes(ctypes.sizeof(memory) - given.size)
     pack, unpack, result, entry = given.pack, found.unpack_from, code.result, code.entry
@@ -111,7 +111,7 @@ def callable_code(code: MachineCode, kinds: Sequence[Kind]) -> Callable[[list[An
     return call
 
 
-def load(code: MachineCode) -> int:
+def load_entry(code: MachineCode) -> int:
     """Return the address of the entry of machine code, which stays in memory."""
     if LAPACK.encode() in code.content:
         _name_lapack()
@@ -137,7 +137,7 @@ def _engine() -> Any:
     return binding.create_mcjit_compiler(binding.parse_assembly(""), _machine())
 
 
-def assemble(entry: str, text: str) -> MachineCode:
+def assemble_entry(entry: str, text: str) -> MachineCode:
     """Return the machine code of a text in the language of LLVM, with plain pointers to words."""
     if binding.llvm_version_info[0] < 17:  # where each pointer names its type
         text = re.sub(r"\bptr\b", "i64*", text)

@@ -19,7 +19,7 @@ from numba.extending import (
 )
 from numba.np.arrayobj import make_array, populate_array
 
-from turnout.kernels.shared_record import RecordKind, Shared
+from turnout.kernels.shared_record import RecordKind, SharedRecord
 
 _WORD = ir.IntType(64)
 
@@ -52,8 +52,8 @@ class _RecordModel(models.PrimitiveModel):
         super().__init__(manager, kind, _WORD)
 
 
-@typeof_impl.register(Shared)
-def _type_of(record: Shared, _context: Any) -> RecordType:
+@typeof_impl.register(SharedRecord)
+def _type_of(record: SharedRecord, _context: Any) -> RecordType:
     return record_type(record.kind)
 
 

@@ -52,7 +52,7 @@ class RecordKind:
         return f"Shared({self.record}: {kinds})"
 
 
-class Shared:
+class SharedRecord:
     """A named tuple of arrays with its address; made by `shared_record` and `clone_record`.
 
     Vectors are pieces of one `memory`; `layout` says which. `words` are the address and the lengths
@@ -137,7 +137,7 @@ def record_like(record: T, arrays: T) -> T:
     >>> record_like(shared_record(arrays), arrays).segment_start.tolist()
     [0]
     """
-    return _filled(cast("Shared", record).layout, arrays)
+    return _filled(cast("SharedRecord", record).layout, arrays)
 
 
 def _filled(layout: "_Layout", arrays: T) -> T:
@@ -150,7 +150,7 @@ def _filled(layout: "_Layout", arrays: T) -> T:
             pieces.append(padding)
     if pieces:
         np.concatenate(pieces, out=memory)
-    record = Shared(layout, memory, layout.words.copy())
+    record = SharedRecord(layout, memory, layout.words.copy())
     record.words[layout.kind.of_vectors] += address_of(memory)
     for at, name, word in layout.matrices:
         array = record.arrays[name] = arrays[at]
@@ -244,13 +244,13 @@ def clone_record(record: T, **matrices: NDArray[Any]) -> T:
     >>> first.left.tolist(), second.left.tolist(), float(second.right.sum())
     ([0.0, 1.0, 2.0], [5.0, 1.0, 2.0], 0.0)
     """
-    given = cast("Shared", record)
+    given = cast("SharedRecord", record)
     kind, shared = given.kind, given.kind.matrices - matrices.keys()
     if any(given.arrays[name].size for name in shared) or not kind.matrices >= matrices.keys():
         msg = f"clone_record({kind.record}): pass every matrix, no vector"
         raise TypeError(msg)
     words = given.words.copy()
-    found = Shared(given.layout, empty_in_lines(given.memory.size), words)
+    found = SharedRecord(given.layout, empty_in_lines(given.memory.size), words)
     found.memory[:] = given.memory
     words[kind.of_vectors] += address_of(found.memory) - address_of(given.memory)
     for name in shared:
@@ -279,4 +279,4 @@ def copy_vectors(record: T, to: T) -> None:
     >>> second.segment_start.tolist()
     [0]
     """
-    cast("Shared", to).memory[:] = cast("Shared", record).memory
+    cast("SharedRecord", to).memory[:] = cast("SharedRecord", record).memory

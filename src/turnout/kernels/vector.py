@@ -98,14 +98,14 @@ def add_two_multiples(one: float, a: Floats, other: float, b: Floats, to: Floats
 
 
 @compiled_loop
-def scale(factor: float, a: Floats, to: Floats) -> None:
+def scale_into(factor: float, a: Floats, to: Floats) -> None:
     """Write a multiple of a vector to one that fills whole cache lines.
 
     Examples
     --------
     >>> import numpy as np
     >>> twice = np.zeros(8)
-    >>> scale(2.0, np.arange(8.0), twice)
+    >>> scale_into(2.0, np.arange(8.0), twice)
     >>> twice[:3].tolist()
     [0.0, 2.0, 4.0]
     """

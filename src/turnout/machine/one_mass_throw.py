@@ -18,11 +18,11 @@ from turnout.machine.machine_file import LoadedMachines, load_machines
 from turnout.machine.rows import (
     command_rows,
     machine_row,
+    nominal_voltage,
     rail_row,
     rest_on,
     start_state,
     stroke_table,
-    supply_voltage,
     work_rows,
 )
 
@@ -275,7 +275,7 @@ def _histories(
     lead, on = kept[:, at.CURRENT], kept[:, at.ENERGISED]
     voltage = kept[:, at.SUPPLIED]
     supply = on * np.where(voltage < 0.0, -1.0, 1.0) * lead
-    drawn = supply + on * constants[at.FIELD_POWER] / supply_voltage(machine)
+    drawn = supply + on * constants[at.FIELD_POWER] / nominal_voltage(machine)
     power, apparent = machine_powers(constants, kept)
     three_phase = constants[at.THREE_PHASE] > 0.0  # a line's current is that at the supply too
     at_supply = machine.circuit.measured_current == "supply" and not three_phase

@@ -19,7 +19,7 @@ TRANSIENT_STEP = 2e-4
 """Longest step in which the fluxes of an induction motor are followed: a hundredth of 50 Hz [s]."""
 
 
-def supply_voltage(machine: Machine) -> float:
+def nominal_voltage(machine: Machine) -> float:
     """Return the voltage of the supply as it is [V]."""
     return machine.supply.voltage or machine.motor.voltage
 
@@ -29,7 +29,7 @@ def separate_field_current(machine: Machine) -> float:
     motor = machine.motor
     if motor.kind != "separate field" or motor.field_resistance is None:
         return 0.0
-    return supply_voltage(machine) / (motor.field_resistance * copper_factor(motor))
+    return nominal_voltage(machine) / (motor.field_resistance * copper_factor(motor))
 
 
 def motor_constant(machine: Machine) -> float:
@@ -92,7 +92,7 @@ def _motor_entries(machine: Machine) -> dict[int, float]:
     line = machine.supply.line_resistance + machine.supply.shared_resistance
     return {
         at.SERIES: float(series),
-        at.VOLTAGE: supply_voltage(machine),
+        at.VOLTAGE: nominal_voltage(machine),
         at.RESISTANCE: motor.resistance * factor,
         at.LINE_RESISTANCE: line,
         at.INDUCTANCE: motor.inductance or 0.0,
@@ -101,7 +101,7 @@ def _motor_entries(machine: Machine) -> dict[int, float]:
         at.BRUSH_DROP: motor.brush_drop,
         at.CONTACT_LOSS: motor.contact_loss,
         at.CONTACT_RESISTANCE: motor.contact_resistance,
-        at.FIELD_POWER: supply_voltage(machine) * separate_field_current(machine),
+        at.FIELD_POWER: nominal_voltage(machine) * separate_field_current(machine),
         at.LOSS_TORQUE: motor.loss_torque,
         at.BRAKE_TORQUE: motor.brake_torque,
         at.MOTOR_DRAG: motor.drag,
@@ -118,7 +118,7 @@ def _induction_entries(machine: Machine) -> dict[int, float]:
     return {
         at.THREE_PHASE: 1.0,
         at.STEADY_CIRCUIT: float(not motor.transient),
-        at.PHASE_VOLTAGE: math.sqrt(2.0 / 3.0) * supply_voltage(machine),
+        at.PHASE_VOLTAGE: math.sqrt(2.0 / 3.0) * nominal_voltage(machine),
         at.SUPPLY_SPEED: 2.0 * math.pi * (motor.frequency or 0.0),
         at.POLE_PAIRS: float(motor.pole_pairs or 1),
         at.ROTOR_RESISTANCE: (motor.rotor_resistance or 0.0) * copper_factor(motor),

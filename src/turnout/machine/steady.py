@@ -9,8 +9,8 @@ from turnout.machine.compute.gamma import gamma_impedance
 from turnout.machine.motor_record import breakdown_point, copper_factor
 from turnout.machine.rows import (
     motor_constant,
+    nominal_voltage,
     separate_field_current,
-    supply_voltage,
 )
 
 
@@ -51,7 +51,7 @@ def constant_at(machine: Machine, current: float) -> float:
 
 def speed_at(machine: Machine, current: float) -> float:
     """Return the steady speed at a current [rad/s]: (V - R i - V_b)/k(i)."""
-    left = supply_voltage(machine) - circuit_resistance(machine) * current
+    left = nominal_voltage(machine) - circuit_resistance(machine) * current
     return (left - machine.motor.brush_drop) / constant_at(machine, current)
 
 
@@ -77,7 +77,7 @@ def steady_point(machine: Machine, *, torque: float, drag: bool = True) -> Stead
     viscous = motor.drag + (machine.gear.drag if drag else 0.0)
     if motor.kind == "induction":
         return _induction_point(machine, torque, viscous)
-    most = (supply_voltage(machine) - motor.brush_drop) / circuit_resistance(machine)
+    most = (nominal_voltage(machine) - motor.brush_drop) / circuit_resistance(machine)
 
     def short(current: float) -> float:
         speed = speed_at(machine, current)
@@ -86,7 +86,7 @@ def steady_point(machine: Machine, *, torque: float, drag: bool = True) -> Stead
 
     stalled = short(most) < 0.0
     current = most if stalled else float(brentq(short, 1e-9 * most, most, xtol=1e-15))
-    voltage = supply_voltage(machine)
+    voltage = nominal_voltage(machine)
     power = voltage * (current + separate_field_current(machine))
     return SteadyPoint(current, max(speed_at(machine, current), 0.0), power, power, stalled)
 
@@ -110,7 +110,7 @@ def circuit_at(machine: Machine, speed: float) -> tuple[float, SteadyPoint]:
     )
     iron = 1.0 / motor.iron_resistance if motor.iron_resistance else 0.0
     whole = line + stator / (1.0 + stator * iron)
-    voltage = supply_voltage(machine) / math.sqrt(3.0)
+    voltage = nominal_voltage(machine) / math.sqrt(3.0)
     current = voltage / whole
     through = (voltage - line * current) / stator
     torque = 3.0 * pairs * abs(through / per_flux) ** 2 * per_flux.imag
@@ -122,7 +122,7 @@ def _induction_point(machine: Machine, torque: float, viscous: float) -> SteadyP
     from scipy.optimize import brentq  # slow to load; sweeps of markers need none
 
     motor = machine.motor
-    supply, line = supply_voltage(machine), line_resistance(machine)
+    supply, line = nominal_voltage(machine), line_resistance(machine)
     slip, _ = breakdown_point(motor, voltage=supply, line=line)
     synchronous = 2.0 * math.pi * (motor.frequency or 0.0) / (motor.pole_pairs or 1)
 
@@ -224,10 +224,10 @@ def stall_text(machine: Machine) -> str:
         return ""
     motor, level = machine.motor, machine.clutch.torque * (1.0 - machine.clutch.worn)
     if motor.kind == "induction":
-        own = {"voltage": supply_voltage(machine), "line": line_resistance(machine)}
+        own = {"voltage": nominal_voltage(machine), "line": line_resistance(machine)}
         name, most = "breakdown", breakdown_point(motor, **own)[1]
     else:
-        current = (supply_voltage(machine) - motor.brush_drop) / circuit_resistance(machine)
+        current = (nominal_voltage(machine) - motor.brush_drop) / circuit_resistance(machine)
         name, most = "standstill", constant_at(machine, current) * current
     return (
         f"the motor stalls before the clutch slips ({name} {most:.3g} N m, clutch {level:.3g} N m)"

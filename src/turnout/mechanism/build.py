@@ -17,7 +17,7 @@ from turnout.core.threads import one_blas_thread
 from turnout.law.friction_course import FrictionCourses, no_courses
 from turnout.mechanism.build_rails import SIGN, stock_rail_data, switch_rail_data, with_scale
 from turnout.mechanism.drive_machines import drive_machines
-from turnout.mechanism.laws import Layout, Rows, law_table, lay_out
+from turnout.mechanism.laws import LawLayout, LawRows, law_table, lay_out
 from turnout.mechanism.mechanism import LawIndex, Mechanism, RailBody, RailData, ReducedRail
 from turnout.mechanism.object_laws import obstructions_of
 from turnout.mechanism.object_rows import (
@@ -116,7 +116,7 @@ class _Frame:
     are the linear parts by the scales.
     """
 
-    layout: Layout
+    layout: LawLayout
     rails: tuple[RailData, ...]
     records: object
     kept: "LRUCache[_Kept]"
@@ -135,7 +135,7 @@ class _Placed:
     """
 
     linear: _Linear
-    layout: Layout
+    layout: LawLayout
     rows: Floats
     yields: tuple[float, ...]
 
@@ -195,7 +195,7 @@ def _kept(panel: Panel, objects: Sequence[PlacedObject]) -> _Kept:
     return made
 
 
-def clear_memory() -> None:
+def clear_mechanisms() -> None:
     """Empty the memory of layouts and linear parts."""
     _frames.clear()
     _by_reference.clear()
@@ -270,7 +270,7 @@ def _block_diagonal(blocks: list[Floats]) -> Floats:
     return found
 
 
-def _held_rows(name: str, rail: ReducedRail, layout: Layout) -> RailRows:
+def _held_rows(name: str, rail: ReducedRail, layout: LawLayout) -> RailRows:
     """Return the rows of a rail at its feet and wherever something moves it."""
     index, standing = layout.index, layout.standing.row
 
@@ -309,7 +309,7 @@ def rail_data(panel: Panel, objects: Sequence[PlacedObject] = ()) -> list[RailDa
     return _made_frame(panel, objects, records=None).scaled(panel)
 
 
-def _rail_data(panel: Panel, rows: Rows, objects: Sequence[PlacedObject]) -> list[RailData]:
+def _rail_data(panel: Panel, rows: LawRows, objects: Sequence[PlacedObject]) -> list[RailData]:
     """Return the rails, switch rails without the scales of their sections."""
     data = [switch_rail_data(panel, n, tuple(rows.points[n]), objects) for n in panel.rail]
     data += [
@@ -327,7 +327,7 @@ def _reduced_rails(data: list[RailData]) -> list[ReducedRail]:
     return rails
 
 
-def _stacked_rows(rows: Rows, rails: list[ReducedRail]) -> Floats:
+def _stacked_rows(rows: LawRows, rails: list[ReducedRail]) -> Floats:
     size = sum(rail.body.count for rail in rails)
     matrix = np.zeros((len(rows.rows), size))
     listed: dict[str, list[tuple[int, int]]] = {rail.body.name: [] for rail in rails}

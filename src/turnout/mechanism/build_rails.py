@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.beam.material import Material
+from turnout.beam.material import ElasticMaterial
 from turnout.beam.mesh import mesh_nodes
 from turnout.core.errors import MechanicsError
 from turnout.mechanism.mechanism import Point, RailData, Support, rayleigh_factors
@@ -305,8 +305,8 @@ def _springs(fastening: Fastening, *, y: float, z: float) -> list[Support]:
     ]
 
 
-def _material(panel: Panel) -> Material:
-    return Material(
+def _material(panel: Panel) -> ElasticMaterial:
+    return ElasticMaterial(
         youngs_modulus=panel.material.youngs_modulus,
         poisson_ratio=panel.material.poisson_ratio,
         density=panel.material.density,

@@ -29,7 +29,7 @@ Ints = NDArray[np.int64]
 
 
 @dataclass(slots=True)
-class Rows:
+class LawRows:
     """Points of each rail in the order of their rows, before the rails are reduced.
 
     A row is a sum over points: (rail, index of the point within the rail).
@@ -70,7 +70,7 @@ class RailStops:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Layout:
+class LawLayout:
     """Where every law acts: what stays while values of laws change.
 
     Attributes
@@ -95,7 +95,7 @@ class Layout:
         What tables of these laws share, by how the further ones are laid out.
     """
 
-    rows: Rows
+    rows: LawRows
     index: LawIndex
     law_names: tuple[str, ...]
     friction_names: tuple[str, ...]
@@ -107,7 +107,7 @@ class Layout:
     further: tuple[int, ...]
     tables: dict[Hashable, SharedTableParts] = field(default_factory=dict)
 
-    def with_objects(self, names: Sequence[str]) -> "Layout":
+    def with_objects(self, names: Sequence[str]) -> "LawLayout":
         """Return the layout with the laws of further objects, whose rows come last."""
         count, n_rows = len(self.law_names), len(self.rows.rows)
         laws = {name: count + number for number, name in enumerate(names)}
@@ -119,7 +119,7 @@ class Layout:
         )
 
 
-def lay_out(panel: Panel, objects: Sequence[PlacedObject]) -> Layout:
+def lay_out(panel: Panel, objects: Sequence[PlacedObject]) -> LawLayout:
     """Put every row and law where it acts.
 
     Parameters
@@ -130,7 +130,7 @@ def lay_out(panel: Panel, objects: Sequence[PlacedObject]) -> Layout:
         Foreign objects, of which names and places count.
     """
     stocks = [f"stock rail {name}" for name in panel.stock_rail]
-    rows = Rows({name: [] for name in (*panel.rail, *stocks)})
+    rows = LawRows({name: [] for name in (*panel.rail, *stocks)})
     laws, index = LawTableBuilder(), LawIndex()
     names: list[str] = []
     feet_names: list[str] = []
@@ -169,7 +169,7 @@ def lay_out(panel: Panel, objects: Sequence[PlacedObject]) -> Layout:
             names.append(f"ice on chair {name} of rail {rail_name}")
             further.append(int(standing.friction_row[frictions[0]]))
     contacts_and_chairs = np.array(feet_of, dtype=np.int64).reshape(-1, 2)
-    bare = Layout(
+    bare = LawLayout(
         rows=rows,
         index=index,
         law_names=tuple(names),
@@ -188,7 +188,7 @@ def lay_out(panel: Panel, objects: Sequence[PlacedObject]) -> Layout:
 
 
 def law_table(
-    layout: Layout, panel: Panel, objects: Sequence[PlacedObject], *, travel: Travel
+    layout: LawLayout, panel: Panel, objects: Sequence[PlacedObject], *, travel: Travel
 ) -> LawTable:
     """Return the laws of a panel with the values that it gives them.
 
@@ -223,7 +223,7 @@ def law_table(
     return _fill_chairs_and_stops(laws.after(layout.standing, layout.tables), layout, panel, travel)
 
 
-def _bonded(layout: Layout) -> list[tuple[int, ...]]:
+def _bonded(layout: LawLayout) -> list[tuple[int, ...]]:
     """Return the frictions of every chair that a rail is frozen to."""
     return [layout.index.chair_friction[key] for key in layout.index.bond]
 
@@ -245,7 +245,7 @@ CHAIR_VALUES = ("clearance", "normal_stiffness", "friction_coefficient", "stick_
 
 
 def _fill_chairs_and_stops(
-    table: LawTable, layout: Layout, panel: Panel, travel: Travel
+    table: LawTable, layout: LawLayout, panel: Panel, travel: Travel
 ) -> LawTable:
     """Fill the laws of chairs and stops, which come first in a new table, with their values.
 
@@ -270,7 +270,7 @@ def _stops(panel: Panel) -> list[tuple[str, Stop, str]]:
 
 
 def _add_chair(
-    rows: Rows, laws: LawTableBuilder, rail: str, chair: Chair, feet: tuple[Point, ...]
+    rows: LawRows, laws: LawTableBuilder, rail: str, chair: Chair, feet: tuple[Point, ...]
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """Add a contact and a friction law for each foot point of a chair, still without values."""
     slide = rows.add((rail, Point(chair.x, "uy", z=chair.foot_height)))
@@ -285,7 +285,7 @@ def _add_chair(
     return tuple(contacts), tuple(frictions)
 
 
-def _add_stop(rows: Rows, laws: LawTableBuilder, panel: Panel, name: str, stop: Stop) -> int:
+def _add_stop(rows: LawRows, laws: LawTableBuilder, panel: Panel, name: str, stop: Stop) -> int:
     """Add a contact, still without its clearance."""
     return laws.add_contact(
         rows.add(*approach_ends(panel, name, x=stop.x, height=stop.height)),

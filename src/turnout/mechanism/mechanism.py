@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.beam.material import Material
+from turnout.beam.material import ElasticMaterial
 from turnout.beam.section_properties import SectionProperties
 from turnout.law.friction_course import FrictionCourses, no_courses
 from turnout.law.obstruction import Obstructions, no_obstructions
@@ -229,7 +229,7 @@ class RailData:
     x: Floats
     axis_height: Floats
     sections: SectionProperties
-    material: Material
+    material: ElasticMaterial
     gravity: float
     clamped: tuple[str, ...]
     damping: tuple[float, float]

@@ -48,7 +48,7 @@ def add_object(laws: LawTableBuilder, row: int, item: PlacedObject, *, clearance
             waits=True,
         )
         return
-    curve = curve_of(item)
+    curve = compression_of(item)
     laws.add_piecewise(
         row,
         breakpoints=curve.breakpoints,
@@ -60,7 +60,7 @@ def add_object(laws: LawTableBuilder, row: int, item: PlacedObject, *, clearance
     )
 
 
-def curve_of(item: PlacedObject) -> Compression:
+def compression_of(item: PlacedObject) -> Compression:
     """Return force over compression of an object that is no spring.
 
     What broke off before has gone from its size; ice keeps the layer that it had at first.
@@ -88,7 +88,7 @@ def dent_of(item: PlacedObject) -> float:
     """Return the lasting compression that earlier throws have left in an object [m]."""
     if item.kind == "spring" or item.deepest <= 0.0:
         return 0.0
-    return curve_of(item).lasting(item.deepest)
+    return compression_of(item).lasting(item.deepest)
 
 
 def add_bond(laws: LawTableBuilder, row: int, chair: Chair, *, feet: int) -> None:
@@ -131,7 +131,7 @@ def obstructions_of(index: LawIndex, objects: Sequence[PlacedObject]) -> Obstruc
     found.law[len(kept) :] = list(index.bond.values())
     found.breaks[len(kept) :] = BREAKS_AWAY
     for row, item in enumerate(kept):
-        curve = curve_of(item)
+        curve = compression_of(item)
         found.law[row] = laws[item.name]
         found.breaks[row] = curve.breaks
         found.unloading[row] = curve.unloading

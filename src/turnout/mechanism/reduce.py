@@ -75,7 +75,7 @@ def content_key(data: RailData) -> str | None:
     return digest((_digest_of_rest(data), *sections))
 
 
-def clear_memory() -> None:
+def clear_superelements() -> None:
     """Empty the memory of reduced rails, of their dashpots and of their structures."""
     for cache in (_rails, _digests, _reductions, _at_dashpots):
         cache.clear()

@@ -12,7 +12,7 @@ FORCES = ("drive_force", "object_force")
 OBJECT = "object"
 
 
-def force_channels(dataset: xr.Dataset) -> xr.DataArray:
+def stacked_forces(dataset: xr.Dataset) -> xr.DataArray:
     """Return the forces of movements side by side: each drive's, then the object's.
 
     Parameters
@@ -30,7 +30,7 @@ def force_channels(dataset: xr.Dataset) -> xr.DataArray:
     --------
     >>> dims = ("movement", "drive", "time")
     >>> forces = xr.DataArray(np.ones((1, 2, 3)), {"drive": ["1", "2"]}, dims)
-    >>> force_channels(xr.Dataset({"drive_force": forces}))["channel"].values.tolist()
+    >>> stacked_forces(xr.Dataset({"drive_force": forces}))["channel"].values.tolist()
     ['drive 1', 'drive 2']
     """
     drives = dataset["drive_force"].transpose("drive", "movement", "time")

@@ -10,10 +10,10 @@ import xarray as xr
 from turnout.metric.channel_features import final_value
 from turnout.metric.slip import Slip, margins, slips
 from turnout.metric.summary import (
+    ends_inaccurate,
     format_force,
     format_length,
     format_required_flangeway,
-    is_inaccurate,
     numerical_warning,
 )
 from turnout.metric.verdict import Verdict, verdict
@@ -24,7 +24,7 @@ HEADLINE = "Outcome"
 UNDETECTED = "Undetected object"
 """The answer for an object that lock, control and drives accept."""
 
-Level = Literal["good", "look", "bad", "fact"]
+Severity = Literal["good", "look", "bad", "fact"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +45,7 @@ class Finding:
         What it means for trains, in a sentence without terms; of the headline alone.
     """
 
-    level: Level
+    level: Severity
     question: str
     answer: str
     detail: str
@@ -112,7 +112,7 @@ def _complete(dataset: xr.Dataset) -> list[Finding]:
     if dataset.attrs.get("complete", True):
         return []
     message = str(dataset.attrs.get("outcome_message", "ended early"))
-    if is_inaccurate(dataset):
+    if ends_inaccurate(dataset):
         return [Finding("bad", "Can the numbers be trusted?", "No", message)]
     return [Finding("bad", "Is the run whole?", "No", f"{message}; what follows holds until then")]
 
@@ -202,7 +202,7 @@ def _control(dataset: xr.Dataset) -> list[Finding]:
             else f"{format_length(gap - limit)} above"
         )
         parts.append(f"{name} gap {format_length(gap)}, {side} its limit of {format_length(limit)}")
-    level: Level = "good" if control else "bad"
+    level: Severity = "good" if control else "bad"
     return [Finding(level, "In control?", "Yes" if control else "No", "; ".join(parts))]
 
 
@@ -244,7 +244,7 @@ def _nearest(dataset: xr.Dataset) -> list[Finding]:
         f"drive {least.drive} {least.direction}: {format_force(least.largest)} of "
         f"{format_force(least.limit)}, {format_force(least.force)} left"
     )
-    level: Level = "look" if least.tight else "good"
+    level: Severity = "look" if least.tight else "good"
     return [Finding(level, "Least margin to slip", f"{100 * least.share:.1f} %", detail)]
 
 
@@ -273,7 +273,7 @@ def _flangeway(dataset: xr.Dataset) -> list[Finding]:
     if math.isnan(limit):
         detail += "; the panel gives no limit"
         return [Finding("fact", "Least flangeway", format_length(least), detail)]
-    level: Level = "good" if least >= limit else "look"
+    level: Severity = "good" if least >= limit else "look"
     detail += f"; {format_required_flangeway(least, limit)}"
     return [Finding(level, "Least flangeway", format_length(least), detail)]
 

@@ -14,7 +14,7 @@ from turnout.mechanism.drive_machines import blind_currents, weak_motors
 from turnout.mechanism.rail_sections import severed_steel
 from turnout.metric.slip import LEAST_SHARE, margins
 from turnout.metric.stability import FrictionStability, friction_stability
-from turnout.metric.summary import is_inaccurate
+from turnout.metric.summary import ends_inaccurate
 from turnout.metric.test_piece import PieceLimit
 from turnout.panel.check_shape import resting_slips
 from turnout.panel.model import Panel
@@ -74,7 +74,7 @@ def concerns(dataset: xr.Dataset) -> list[Concern]:
         message = str(dataset.attrs.get("outcome_message", "ended early"))
         what, where = "throw not complete", f"t = {_last_time(dataset):.3f} s"
         remedy = "what follows holds until then only"
-        if is_inaccurate(dataset):
+        if ends_inaccurate(dataset):
             what, where = "throw is inaccurate", "its whole time"
             remedy = "the warnings below are not reliable either"
         found.append(Concern(what, where, message, remedy))

@@ -72,12 +72,12 @@ LARGEST_NUMERICAL_SHARE = 0.02
 LEAST_SCALE = 1e-3
 
 
-def is_inaccurate(dataset: xr.Dataset) -> bool:
+def ends_inaccurate(dataset: xr.Dataset) -> bool:
     """Return whether a run came to its end with an energy balance that does not close.
 
     Examples
     --------
-    >>> is_inaccurate(xr.Dataset(attrs={"complete": False, "outcome": "inaccurate"}))
+    >>> ends_inaccurate(xr.Dataset(attrs={"complete": False, "outcome": "inaccurate"}))
     True
     """
     return str(dataset.attrs.get("outcome", "")) == "inaccurate"
@@ -211,7 +211,7 @@ def _run(dataset: xr.Dataset) -> str:
     if attributes.get("complete", True):
         end = float(dataset["time"][-1])
         return f"complete, {end:g} s of motion in {attributes.get('wall_time', math.nan):.2f} s"
-    what = "INACCURATE" if is_inaccurate(dataset) else "NOT COMPLETE"
+    what = "INACCURATE" if ends_inaccurate(dataset) else "NOT COMPLETE"
     return f"{what}: {attributes.get('outcome_message', 'ended early')}"
 
 

@@ -73,7 +73,7 @@ def largest_opening(panel: Panel, rail: str, x: float) -> float | None:
 
 def _largest_opening(panel: Panel, rail: str, x: float) -> float | None:
     record = panel.rail[rail]
-    gap = unloaded_gap(panel, rail, [x])
+    gap = estimated_unloaded_gap(panel, rail, [x])
     if gap is None:
         return None
     side = 1.0 if record.closes == "+y" else -1.0
@@ -82,7 +82,7 @@ def _largest_opening(panel: Panel, rail: str, x: float) -> float | None:
     return max(0.0, float(np.max(gap[0] - side * states)))
 
 
-def unloaded_gap(panel: Panel, rail: str, x: npt.ArrayLike) -> FloatArray | None:
+def estimated_unloaded_gap(panel: Panel, rail: str, x: npt.ArrayLike) -> FloatArray | None:
     """Give the gap to the unloaded stock rail in the stress-free position, shape (n,) [m].
 
     As typed; where the shape is computed it is estimated like everything here, and
@@ -237,7 +237,7 @@ def resting_gap(panel: Panel, rail: str, x: npt.ArrayLike, *, closed: bool) -> F
     """
     record = panel.rail[rail]
     places = np.atleast_1d(np.asarray(x, dtype=np.float64))
-    gap = unloaded_gap(panel, rail, places)
+    gap = estimated_unloaded_gap(panel, rail, places)
     if gap is None:
         return None
     position = "closed" if closed == (record.closes == "+y") else "open"

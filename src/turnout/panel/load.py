@@ -34,7 +34,7 @@ from turnout.panel.override import (
 from turnout.panel.pending_members import PendingPanel
 from turnout.panel.records import RailMatrices
 from turnout.panel.same_keys import PendingDocument, derive_panel, note_keys
-from turnout.panel.validate import Known, validate, with_values
+from turnout.panel.validate import Known, validate_document, with_values
 
 # Neither changes what the panel is: the text about it, and where a schedule's numbers were read.
 _NOT_HASHED: dict[str, set[str]] = {"movement": {"table_file"}, "rail": {"matrices"}}
@@ -89,7 +89,7 @@ def check_document(
     matrices, matrix_problems = read_matrices(
         document.tree.get("rail"), folder=folder, known=document.matrices
     )
-    draft = validate(filled, known=known)
+    draft = validate_document(filled, known=known)
     found = [*draft.problems, *file_problems, *matrix_problems, *check(draft, known=known)]
     if not found:
         found += check_matrices(draft.records, matrices)

@@ -285,12 +285,12 @@ FASTENING = {
     "stiffness_yaw": ("rz",),
 }
 
-Known = dict[str, RailMatrices]
+RailFiles = dict[str, RailMatrices]
 
 
 def read_matrices(
     rails: object, *, folder: Path | None, known: Mapping[str, RailMatrices]
-) -> tuple[Known, list[Problem]]:
+) -> tuple[RailFiles, list[Problem]]:
     """Read the files that rails name.
 
     Parameters
@@ -323,7 +323,7 @@ def read_matrices(
     return found, problems
 
 
-def check_matrices(records: Mapping[str, Any], matrices: Known) -> Iterator[Problem]:
+def check_matrices(records: Mapping[str, Any], matrices: RailFiles) -> Iterator[Problem]:
     """Yield what stands at a rail where its matrices have no node or no coordinate.
 
     Parameters

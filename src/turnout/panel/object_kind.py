@@ -10,7 +10,7 @@ from turnout.core.units import DENSITY, LENGTH, PRESSURE, TEMPERATURE, Dimension
 
 
 @dataclass(frozen=True, slots=True)
-class Parameter:
+class ObjectParameter:
     """What describes a kind of object beyond place, size and stiffness of its contacts.
 
     Attributes
@@ -29,43 +29,49 @@ class Parameter:
     origin: str
 
 
-ALONG = Parameter(None, 1e-3, 10.0, "definition: as long as it is wide")
-UPRIGHT = Parameter(None, 1e-3, 0.2, "definition: as deep as it is wide")
+ALONG = ObjectParameter(None, 1e-3, 10.0, "definition: as long as it is wide")
+UPRIGHT = ObjectParameter(None, 1e-3, 0.2, "definition: as deep as it is wide")
 FROST = (233.15, 273.15)
 
-KINDS: Mapping[str, Mapping[str, Parameter]] = MappingProxyType(
+KINDS: Mapping[str, Mapping[str, ObjectParameter]] = MappingProxyType(
     {
         "spring": {},
         "stone": {
-            "strength": Parameter(
+            "strength": ObjectParameter(
                 20e6, 1e6, 200e6, "source: granite 10-45 MPa, doi.org/10.1617/s11527-019-1380-7"
             ),
-            "piece": Parameter(0.5, 0.0, 0.95, "assumption: one half stays, the other falls out"),
+            "piece": ObjectParameter(
+                0.5, 0.0, 0.95, "assumption: one half stays, the other falls out"
+            ),
         },
         "ice": {
             "length": ALONG,
             "depth": UPRIGHT,
-            "temperature": Parameter(263.15, *FROST, "assumption: frost of -10 degC"),
-            "strength": Parameter(
+            "temperature": ObjectParameter(263.15, *FROST, "assumption: frost of -10 degC"),
+            "strength": ObjectParameter(
                 None, 0.5e6, 100e6, "assumption: 5 MPa and 0.5 MPa more for each kelvin of frost"
             ),
-            "piece": Parameter(0.2, 0.0, 0.95, "assumption: crushed ice that is not pressed out"),
+            "piece": ObjectParameter(
+                0.2, 0.0, 0.95, "assumption: crushed ice that is not pressed out"
+            ),
         },
         "snow": {
-            "length": Parameter(0.2, 1e-3, 10.0, "assumption"),
-            "depth": Parameter(0.04, 1e-3, 0.2, "assumption: the height of the rail's head"),
-            "temperature": Parameter(268.15, *FROST, "assumption: frost of -5 degC"),
-            "density": Parameter(300.0, 50.0, 900.0, "assumption: settled snow"),
+            "length": ObjectParameter(0.2, 1e-3, 10.0, "assumption"),
+            "depth": ObjectParameter(0.04, 1e-3, 0.2, "assumption: the height of the rail's head"),
+            "temperature": ObjectParameter(268.15, *FROST, "assumption: frost of -5 degC"),
+            "density": ObjectParameter(300.0, 50.0, 900.0, "assumption: settled snow"),
         },
         "wood": {
             "length": ALONG,
             "depth": UPRIGHT,
-            "strength": Parameter(5e6, 0.5e6, 100e6, "assumption: softwood across the grain"),
+            "strength": ObjectParameter(5e6, 0.5e6, 100e6, "assumption: softwood across the grain"),
         },
         "metal": {
             "length": ALONG,
             "depth": UPRIGHT,
-            "strength": Parameter(235e6, 10e6, 2000e6, "definition: yield point of steel S235"),
+            "strength": ObjectParameter(
+                235e6, 10e6, 2000e6, "definition: yield point of steel S235"
+            ),
         },
     }
 )

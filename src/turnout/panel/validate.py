@@ -153,7 +153,7 @@ class Draft:
         return found
 
 
-def validate(document: Document, *, known: Known | None = None) -> Draft:
+def validate_document(document: Document, *, known: Known | None = None) -> Draft:
     """Make every record that can be made and describe what is wrong with the others.
 
     Parameters

@@ -38,7 +38,7 @@ from turnout.kernels.compiled import compiled
 from turnout.kernels.vector import (
     add_multiple,
     copy,
-    scale,
+    scale_into,
     sum_weighted_rows,
     update_rank_one,
     update_rank_two,
@@ -242,7 +242,7 @@ def _update_columns(
     for k in range(change.size):
         denominator -= change[k] * pivot[at[k]]
     constant = state.constant_column[first : first + width]
-    scale(1.0 / denominator, pivot, scaled)
+    scale_into(1.0 / denominator, pivot, scaled)
     add_multiple(shift_change + _dot_pattern(change, at, constant), scaled, constant)
     state.counters[UNSOLVED] |= 1 << block
     state.drift[0] *= max(abs(denominator), 1.0 / abs(denominator))

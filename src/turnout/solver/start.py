@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from turnout.core.lru_cache import LRUCache
 from turnout.core.scheme import Scheme
 from turnout.kernels.interrupt import call_interruptible
-from turnout.kernels.shared_record import Shared, clone_record
+from turnout.kernels.shared_record import SharedRecord, clone_record
 from turnout.law.kernel import SLIP_FORWARD
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
@@ -129,7 +129,7 @@ def plan_start(arrangement: Arrangement, scheme: Scheme, prior: PriorMotion) -> 
     # Objects that are absent move nothing: their places share the motion as they share templates.
     courses = arrangement.mechanism.courses
     values = [part.tobytes() for part in courses] if courses.friction.size else []
-    of_laws = cast("Shared", table).memory.tobytes()
+    of_laws = cast("SharedRecord", table).memory.tobytes()
     key = (id(arrangement.templates), scheme, positions.tobytes(), of_laws, *values)
     part = positions[int((1.0 - PRIOR_SHARE) * positions.shape[0]) :]
     setup = set_up_run(arrangement, scheme, part, 2, laws=(laws, table))
@@ -192,7 +192,7 @@ def _start_after(
 def _set_up_whole(arrangement: Arrangement, plan: StartPlan) -> RunSetup:
     """Set up the whole motion, whose last part has changed laws, courses and obstructions."""
     table = plan.setup.table
-    memory = cast("Shared", table).memory
+    memory = cast("SharedRecord", table).memory
     memory[:] = np.frombuffer(plan.of_laws, dtype=memory.dtype)
     laws = (plan.setup.laws, table)
     return set_up_run(arrangement, plan.scheme, plan.positions, 2, laws=laws)

@@ -22,7 +22,7 @@ from turnout.core.units import (
 )
 from turnout.study.distribution import PROBABILITY_MARGIN, Distribution, normal_share
 from turnout.study.study_file import StudyRecord
-from turnout.study.variable import TEMPERATURE_KEY, value_kind, values_at
+from turnout.study.variable import TEMPERATURE_KEY, panel_values_at, value_kind
 from turnout.study.variables import ParsedStudy, read_field_law
 
 FloatArray = npt.NDArray[np.float64]
@@ -286,7 +286,10 @@ def read_law_of_temperature(parsed: ParsedStudy, record: StudyRecord) -> Tempera
     if not varies:
         parsed.add_problem(where, ': needs a variable with key = "temperature"')
     try:
-        if not values_at(parsed.panel, given.key) or value_kind(parsed.panel, given.key) is str:
+        if (
+            not panel_values_at(parsed.panel, given.key)
+            or value_kind(parsed.panel, given.key) is str
+        ):
             parsed.add_problem(where, f'.key = "{given.key}": has no number that can be multiplied')
     except (ValueError, KeyError, AttributeError, TypeError):
         parsed.add_problem(where, f'.key = "{given.key}": matches nothing in this panel')

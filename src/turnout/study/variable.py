@@ -169,7 +169,7 @@ def list_item(key: str) -> tuple[str, int] | None:
 
 def _kind_of_item(panel: LoadedPanel, key: str, number: int) -> Dimension | type:
     """Return what an item of a list is; ValueError where the panel has no such list or item."""
-    for full, items in values_at(panel, key).items():
+    for full, items in panel_values_at(panel, key).items():
         known = items if isinstance(items, list | tuple) else ()
         if not 1 <= number <= len(known):
             has = f"has {len(known)} items" if known else "is not given"
@@ -198,7 +198,7 @@ def set_items(panel: LoadedPanel, values: Mapping[str, Value]) -> dict[str, Any]
         if item is None:
             found[key] = value
             continue
-        for full, items in values_at(panel, item[0]).items():
+        for full, items in panel_values_at(panel, item[0]).items():
             changed = list(found.get(full, items))
             changed[item[1] - 1] = value
             found[full] = tuple(changed)
@@ -221,7 +221,7 @@ def variable_keys(panel: LoadedPanel) -> Iterable[str]:
     return known_keys({name: getattr(panel, name) for name in FAMILIES})
 
 
-def values_at(panel: LoadedPanel, key: str) -> dict[str, Any]:
+def panel_values_at(panel: LoadedPanel, key: str) -> dict[str, Any]:
     """Return the panel's values by full key: one for each member where a key names a family.
 
     Raises
@@ -232,7 +232,7 @@ def values_at(panel: LoadedPanel, key: str) -> dict[str, Any]:
     Examples
     --------
     >>> from turnout.panel.load import load_panel
-    >>> values_at(load_panel("sb1"), "drive.stiffness")
+    >>> panel_values_at(load_panel("sb1"), "drive.stiffness")
     {'drive.1.stiffness': 750000.0, 'drive.2.stiffness': 810000.0}
     """
     family, *rest = key.split(".")
@@ -310,11 +310,13 @@ _values = LRUCache[tuple[LoadedPanel, _Values]](64)
 
 
 def _known_values(panel: LoadedPanel, keys: tuple[str, ...]) -> _Values:
-    """Return `values_at` of each key, found once, beside the key of the family of each."""
+    """Return `panel_values_at` of each key, found once, beside the key of the family of each."""
     kept = _values.get((id(panel), keys))
     if kept is None:
         found = {
-            key: [(full, _of_family(full), own) for full, own in values_at(panel, key).items()]
+            key: [
+                (full, _of_family(full), own) for full, own in panel_values_at(panel, key).items()
+            ]
             for key in keys
         }
         kept = _values.put((id(panel), keys), (panel, found))

@@ -12,7 +12,7 @@ from turnout.panel.model import Panel
 from turnout.panel.records import Drive, Placed
 from turnout.throw.labels import DIRECTIONS
 from turnout.throw.save import Save
-from turnout.throw.signals import AXES, Variable, slip_forces, stop_names
+from turnout.throw.signals import AXES, Channel, slip_forces, stop_names
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -31,12 +31,12 @@ MOST_FAMILIES = 64
 
 # Throws share what names and places are of. It is named by identity, and kept beside so that
 # nothing else takes its place.
-_single = LRUCache[tuple[dict[str, Variable], object]](MOST_FAMILIES)
-_together = LRUCache[tuple[dict[str, Variable], object]](MOST_PANELS)
+_single = LRUCache[tuple[dict[str, Channel], object]](MOST_FAMILIES)
+_together = LRUCache[tuple[dict[str, Channel], object]](MOST_PANELS)
 _stations = LRUCache[tuple[Floats, object]](MOST_PANELS)
 
 
-def stations(panel: Panel, mechanism: Mechanism, save: Save) -> Floats:
+def output_stations(panel: Panel, mechanism: Mechanism, save: Save) -> Floats:
     """Return the places of `gap` and `lateral_displacement`, rising [m]."""
     if save.stations == "all":
         first = next(iter(panel.rail))
@@ -57,12 +57,14 @@ def default_stations(panel: Panel) -> Floats:
     return kept[0].copy()
 
 
-def dimensions_of(channels: Mapping[str, Variable]) -> set[str]:
+def dimensions_of(channels: Mapping[str, Channel]) -> set[str]:
     """Return the dimensions that some channels use."""
     return {dim for dims, _ in channels.values() for dim in dims}
 
 
-def coordinates(panel: Panel, index: LawIndex, *, used: Container[str]) -> dict[str, Variable]:
+def dataset_coordinates(
+    panel: Panel, index: LawIndex, *, used: Container[str]
+) -> dict[str, Channel]:
     """Return the coordinates of some dimensions, but time and "x", as bare arrays.
 
     Parameters
@@ -85,7 +87,7 @@ def coordinates(panel: Panel, index: LawIndex, *, used: Container[str]) -> dict[
     return found | object_coordinate(index, used=used)
 
 
-def shared_coordinates(panels: Sequence[Panel], *, used: Container[str]) -> dict[str, Variable]:
+def shared_coordinates(panels: Sequence[Panel], *, used: Container[str]) -> dict[str, Channel]:
     """Return coordinates of some panels that differ in values alone.
 
     Returns
@@ -94,7 +96,7 @@ def shared_coordinates(panels: Sequence[Panel], *, used: Container[str]) -> dict
         Those of dimensions once, all others with panels first. Throws share the arrays, which none
         may change.
     """
-    found: dict[str, Variable] = {}
+    found: dict[str, Channel] = {}
     for dimension in _DIMENSIONS:
         if dimension == "drive" and dimension in used:
             found |= _of_drives(panels)
@@ -103,9 +105,9 @@ def shared_coordinates(panels: Sequence[Panel], *, used: Container[str]) -> dict
     return found
 
 
-def _stack(made: Sequence[dict[str, Variable]]) -> dict[str, Variable]:
+def _stack(made: Sequence[dict[str, Channel]]) -> dict[str, Channel]:
     """Return coordinates of panels, which are mostly the very same, stacked."""
-    alike, found = all(one is made[0] for one in made), dict[str, Variable]()
+    alike, found = all(one is made[0] for one in made), dict[str, Channel]()
     for name, (dims, values) in made[0].items():
         if dims == (name,):
             found[name] = (dims, values)
@@ -116,7 +118,7 @@ def _stack(made: Sequence[dict[str, Variable]]) -> dict[str, Variable]:
     return found
 
 
-def object_coordinate(index: LawIndex, *, used: Container[str]) -> dict[str, Variable]:
+def object_coordinate(index: LawIndex, *, used: Container[str]) -> dict[str, Channel]:
     """Return the names of the objects, where their dimension is used and there are any."""
     if "object" not in used or not index.object_parts:
         return {}
@@ -128,7 +130,7 @@ def _families_of(dimension: str) -> tuple[str, ...]:
     return ("drive", "machine") if dimension == "drive" else _MAKERS[dimension][0]
 
 
-def _of_dimension(panel: Panel, dimension: str) -> dict[str, Variable]:
+def _of_dimension(panel: Panel, dimension: str) -> dict[str, Channel]:
     """Return the coordinates of a dimension, found once: throws vary few of the families."""
     names, make = _MAKERS[dimension]
     families = [getattr(panel, name) for name in names]
@@ -137,7 +139,7 @@ def _of_dimension(panel: Panel, dimension: str) -> dict[str, Variable]:
     return _single.put(key, (make(panel), families))[0] if kept is None else kept[0]
 
 
-def _of_drives(panels: Sequence[Panel]) -> dict[str, Variable]:
+def _of_drives(panels: Sequence[Panel]) -> dict[str, Channel]:
     """Return what is made for each throw, since most studies vary something of drives."""
     drives = [panel.drive.values() for panel in panels]
     return {
@@ -148,12 +150,12 @@ def _of_drives(panels: Sequence[Panel]) -> dict[str, Variable]:
     }
 
 
-def _of_stops(panel: Panel) -> dict[str, Variable]:
+def _of_stops(panel: Panel) -> dict[str, Channel]:
     both = {**panel.stop, **{f"stud {name}": stud for name, stud in panel.stud.items()}}
     return {"stop": _names("stop", stop_names(panel)), "stop_x": _places("stop", both)}
 
 
-def _of_sensors(panel: Panel) -> dict[str, Variable]:
+def _of_sensors(panel: Panel) -> dict[str, Channel]:
     limits = [sensor.limit for sensor in panel.sensor.values()]
     return {
         "sensor": _names("sensor", panel.sensor),
@@ -162,7 +164,7 @@ def _of_sensors(panel: Panel) -> dict[str, Variable]:
     }
 
 
-_MAKERS: Mapping[str, tuple[tuple[str, ...], Callable[[Panel], dict[str, Variable]]]] = {
+_MAKERS: Mapping[str, tuple[tuple[str, ...], Callable[[Panel], dict[str, Channel]]]] = {
     "rail": (("rail",), lambda panel: {"rail": _names("rail", panel.rail)}),
     "direction": ((), lambda _: {"direction": _names("direction", DIRECTIONS)}),
     "chair": (("chair",), lambda panel: _members("chair", panel.chair)),
@@ -176,12 +178,12 @@ _MAKERS: Mapping[str, tuple[tuple[str, ...], Callable[[Panel], dict[str, Variabl
 _DIMENSIONS = ("rail", "drive", *(name for name in _MAKERS if name != "rail"))
 
 
-def _members(dimension: str, family: Mapping[str, Placed]) -> dict[str, Variable]:
+def _members(dimension: str, family: Mapping[str, Placed]) -> dict[str, Channel]:
     """Return names and places of some members."""
     return {dimension: _names(dimension, family), f"{dimension}_x": _places(dimension, family)}
 
 
-def indexed(coordinates: Mapping[str, Variable]) -> "xr.Coordinates":
+def indexed(dataset_coordinates: Mapping[str, Channel]) -> "xr.Coordinates":
     """Return coordinates with the indexes that xarray would make of them each time.
 
     Parameters
@@ -193,7 +195,7 @@ def indexed(coordinates: Mapping[str, Variable]) -> "xr.Coordinates":
 
     variables: dict[str, xr.Variable] = {}
     indexes: dict[str, Index] = {}
-    for name, (dims, values) in coordinates.items():
+    for name, (dims, values) in dataset_coordinates.items():
         if dims == (name,):
             indexes[name], variables[name] = _index_of(name, values)
         else:
@@ -223,13 +225,13 @@ def _stiffness(drive: Drive) -> float:
     return drive.stiffness if drive.extension is None else float("nan")
 
 
-def _names(dimension: str, names: object) -> Variable:
+def _names(dimension: str, names: object) -> Channel:
     return (dimension,), np.array(list(names), dtype=np.str_)  # type: ignore[call-overload]
 
 
-def _places(dimension: str, family: Mapping[str, Placed]) -> Variable:
+def _places(dimension: str, family: Mapping[str, Placed]) -> Channel:
     return _numbers(dimension, [item.x for item in family.values()])
 
 
-def _numbers(dimension: str, values: list[float] | list[list[float]]) -> Variable:
+def _numbers(dimension: str, values: list[float] | list[list[float]]) -> Channel:
     return (dimension,), np.array(values, dtype=float)

@@ -20,7 +20,7 @@ from turnout.panel.model import Panel
 from turnout.panel.object_kind import KINDS
 from turnout.panel.records import Placed
 from turnout.solver.integration import History
-from turnout.throw.coordinates import coordinates, dimensions_of, stations
+from turnout.throw.coordinates import dataset_coordinates, dimensions_of, output_stations
 from turnout.throw.dataset_template import labelled_dataset
 from turnout.throw.drives import (
     duties,
@@ -47,13 +47,13 @@ from turnout.throw.recovery import (
     recover_motion,
     row_blocks_of,
 )
-from turnout.throw.route import Throw
-from turnout.throw.rows_over_time import Rows, write_rows
+from turnout.throw.route import DirectedMovement
+from turnout.throw.rows_over_time import WeightedRows, write_rows
 from turnout.throw.save import Save
 from turnout.throw.signals import (
     ENERGIES,
     FASTENINGS,
-    Variable,
+    Channel,
     chair_block,
     drive_channels,
     energy_channels,
@@ -118,7 +118,7 @@ def response_dataset(
 
 def response_channels(
     panel: Panel, mechanism: Mechanism, history: History, *, save: Save
-) -> dict[str, Variable]:
+) -> dict[str, Channel]:
     """Return the channels of `response_dataset` as bare arrays, for datasets of many runs.
 
     Parameters
@@ -161,13 +161,13 @@ def response_channels(
 
 
 def coordinates_of(
-    channels: Mapping[str, Variable],
+    channels: Mapping[str, Channel],
     panel: Panel,
     mechanism: Mechanism,
     *,
     time: Floats,
     save: Save,
-) -> dict[str, Variable]:
+) -> dict[str, Channel]:
     """Return the coordinates of some channels as bare arrays, and time in any case.
 
     Parameters
@@ -182,17 +182,17 @@ def coordinates_of(
         With the places of `gap` and `lateral_displacement`.
     """
     used = dimensions_of(channels)
-    found = {"time": (("time",), time), **coordinates(panel, mechanism.index, used=used)}
+    found = {"time": (("time",), time), **dataset_coordinates(panel, mechanism.index, used=used)}
     if "x" in used:
-        found["x"] = (("x",), stations(panel, mechanism, save))
+        found["x"] = (("x",), output_stations(panel, mechanism, save))
     return found
 
 
-def _gaps(panel: Panel, places: Floats, time: Floats) -> dict[str, Variable]:
+def _gaps(panel: Panel, places: Floats, time: Floats) -> dict[str, Channel]:
     """Return gaps at drives and sensors from those at all places."""
     gap, at_sensors = split_gaps(panel, places, time)
     last = gap[:, -1] if time.size else np.full(gap.shape[0], np.nan)
-    found: dict[str, Variable] = {
+    found: dict[str, Channel] = {
         "drive_gap": (("drive", "time"), gap),
         "end_gap": (("drive",), last.copy()),
     }
@@ -204,16 +204,16 @@ def _gaps(panel: Panel, places: Floats, time: Floats) -> dict[str, Variable]:
 def _states(
     panel: Panel,
     time: Floats,
-    channels: dict[str, Variable],
+    channels: dict[str, Channel],
     save: Save,
-    moved: Sequence[Throw],
-) -> dict[str, Variable]:
+    moved: Sequence[DirectedMovement],
+) -> dict[str, Channel]:
     """Return what follows from forces and gaps, as far as these were made."""
 
     def values(name: str) -> Floats:
         return np.asarray(channels[name][1], dtype=float)
 
-    found: dict[str, Variable] = {}
+    found: dict[str, Channel] = {}
     if save.keeps("force_margin"):
         margins = force_margins(panel, time=time, drive_force=values("drive_force"))
         found["force_margin"] = (("drive", "direction"), margins)
@@ -349,7 +349,7 @@ def _place_name(panel: Panel, x: float) -> str:
 
 
 @lru_cache(maxsize=MOST_DESCRIBED)
-def movement_records(moved: tuple[Throw, ...]) -> str:
+def movement_records(moved: tuple[DirectedMovement, ...]) -> str:
     """Return movements as JSON text, as a dataset names them in its attributes."""
     return json.dumps(
         [
@@ -409,7 +409,7 @@ def channel_rows(
         objects, "places" the open distances at all `turnout.throw.gaps.gap_places`.
     """
     index, history = mechanism.index, motion.history
-    x = stations(panel, mechanism, save) if save.keeps(*SHAPES) else None
+    x = output_stations(panel, mechanism, save) if save.keeps(*SHAPES) else None
     wanted = (
         *(save.keeps(*OBJECTS), save.keeps("link_force")),
         bool(panel.chair) and save.keeps("chair_normal_force", "chair_friction_force"),
@@ -432,7 +432,7 @@ def channel_rows(
         *(index.chair, index.chair_friction, index.stop),
     )
     values = (*wanted, panel.instrumented_rail, None if x is None else x.tobytes())
-    arrays, rows = dict[str, Floats](), list[Rows]()
+    arrays, rows = dict[str, Floats](), list[WeightedRows]()
     for block in row_blocks_of(motion, named, values, blocks):
         made, own = block.lay_out(history.time.size)
         arrays |= made

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from turnout.core.channels import add_labels, check_schema
 from turnout.core.lru_cache import LRUCache
 from turnout.throw.coordinates import indexed
-from turnout.throw.signals import Variable
+from turnout.throw.signals import Channel
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -27,7 +27,7 @@ _empty = LRUCache["_Kind"](MOST_KEPT)
 
 
 def labelled_dataset(
-    channels: Mapping[str, Variable], coordinates: Mapping[str, Variable]
+    channels: Mapping[str, Channel], coordinates: Mapping[str, Channel]
 ) -> "xr.Dataset":
     """Return a labelled and checked dataset.
 
@@ -142,13 +142,13 @@ def _fills_alike() -> bool:
         return False
 
 
-def _kinds(variables: Mapping[str, Variable]) -> Hashable:
+def _kinds(variables: Mapping[str, Channel]) -> Hashable:
     """Return names, dimensions, types and shapes of variables."""
     return tuple(
         [(name, dims, values.dtype, values.shape) for name, (dims, values) in variables.items()]
     )
 
 
-def _without_values(variable: Variable) -> NDArray[np.generic]:
+def _without_values(variable: Channel) -> NDArray[np.generic]:
     """Return an array of the shape of a variable that takes no memory."""
     return np.broadcast_to(np.zeros((), variable[1].dtype), variable[1].shape)

@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 from turnout.machine.components import Machine
 from turnout.machine.compute import places as at
 from turnout.machine.line_power import machine_powers
-from turnout.machine.rows import supply_voltage
+from turnout.machine.rows import nominal_voltage
 from turnout.machine.steady import shaft_travel, steady_point, torque_for
 from turnout.panel.markers import movement_time
 from turnout.panel.model import Panel
 from turnout.solver.driven import MachineHistory, sum_machines
 from turnout.solver.duty import Duty
 from turnout.solver.integration import History
-from turnout.throw.route import Throw, throws
-from turnout.throw.signals import Variable
+from turnout.throw.route import DirectedMovement, throws
+from turnout.throw.signals import Channel
 
 Floats = NDArray[np.float64]
 
@@ -54,7 +54,7 @@ def duties(history: History) -> tuple[Duty, ...]:
     return history.machines.duties if history.machines is not None else ()
 
 
-def moved_throws(panel: Panel, history: History) -> tuple[Throw, ...]:
+def moved_throws(panel: Panel, history: History) -> tuple[DirectedMovement, ...]:
     """Return the movements with the times at which their last drive came to rest."""
     made = duties(history)
     if history.machines is None:
@@ -127,7 +127,7 @@ def machine_supplies(panel: Panel) -> dict[str, dict[str, float | None]]:
     }
 
 
-def machine_signals(panel: Panel, history: History) -> dict[str, Variable]:
+def machine_signals(panel: Panel, history: History) -> dict[str, Channel]:
     """Return the channels of machines; none where all drives are markers.
 
     `drive_slipping` is not among them, see `machine_slips`.
@@ -137,7 +137,7 @@ def machine_signals(panel: Panel, history: History) -> dict[str, Variable]:
         return {}
     state, made = machines.states, duties(history)
 
-    def of_drives(values: Floats) -> Variable:
+    def of_drives(values: Floats) -> Channel:
         found = np.full((len(panel.drive), values.shape[0]), np.nan)
         found[machines.inputs] = values.T
         return ("drive", "time"), found
@@ -147,7 +147,7 @@ def machine_signals(panel: Panel, history: History) -> dict[str, Variable]:
     for number, constants in enumerate(machines.constants):
         power[:, number], apparent[:, number] = machine_powers(constants, state[:, number])
     three_phase = machines.constants[:, at.THREE_PHASE] > 0.0
-    rated = np.array([supply_voltage(machine) for machine in machines.records])
+    rated = np.array([nominal_voltage(machine) for machine in machines.records])
     places = [machine.circuit.measured_current for machine in machines.records]
     from_supply = (np.array(places) == "supply") & ~three_phase  # a line's current is in both
     current = np.where(from_supply, power / rated, lead)
@@ -208,7 +208,7 @@ def machine_slips(history: History, flags: NDArray[np.bool_]) -> None:
         flags[rows[duty.drive]] |= (history.time >= duty.off) & (history.time < until)
 
 
-def _states(panel: Panel, machines: MachineHistory) -> Variable:
+def _states(panel: Panel, machines: MachineHistory) -> Channel:
     state = machines.states
     value = np.where(state[:, :, at.ENERGISED] > 0.0, ON, OFF)
     value = np.where((state[:, :, at.LOCKED] > 0.0) & (value == OFF), HELD, value)
@@ -220,7 +220,7 @@ def _states(panel: Panel, machines: MachineHistory) -> Variable:
 
 def _duty_labels(
     panel: Panel, made: Sequence[Duty], machines: MachineHistory, current: Floats
-) -> dict[str, Variable]:
+) -> dict[str, Channel]:
     """Return throw time and currents of the last throw in each direction, opening first."""
     names, time = list(panel.drive), machines.time
     found = np.full((3, len(names), 2), np.nan)
@@ -241,7 +241,7 @@ def _duty_labels(
     return {name: (dims, values) for name, values in labels}
 
 
-def machine_energies(history: History, channels: dict[str, Variable]) -> dict[str, Variable]:
+def machine_energies(history: History, channels: dict[str, Channel]) -> dict[str, Channel]:
     """Return the energies of all machines, and the energy balance of rails and machines together.
 
     Parameters
@@ -261,7 +261,7 @@ def machine_energies(history: History, channels: dict[str, Variable]) -> dict[st
         return {}
     losses = machines.losses
 
-    def total(values: Floats) -> Variable:
+    def total(values: Floats) -> Channel:
         return ("time",), sum_machines(values)
 
     found = {
@@ -333,6 +333,6 @@ def local_gain(machine: Machine, quantity: str) -> tuple[Floats, Floats]:
     points = [steady_point(machine, torque=torque_for(machine, float(each))) for each in force]
     power = np.array([point.power for point in points])
     from_supply = machine.circuit.measured_current == "supply" and machine.motor.kind != "induction"
-    current = power / supply_voltage(machine) if from_supply else [p.current for p in points]
+    current = power / nominal_voltage(machine) if from_supply else [p.current for p in points]
     values = power if quantity == POWER else np.asarray(current)
     return force, np.gradient(values, force)

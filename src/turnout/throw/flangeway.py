@@ -24,7 +24,7 @@ from turnout.panel.profile import contact_height, running_edge_distance
 from turnout.solver.condense import BlockModel, CondensedRails
 from turnout.throw.gaps import bodies_at_gap, gap_rows, stock_gap
 from turnout.throw.recovery import Motion, block_of, multiply_by_block
-from turnout.throw.route import Throw, open_rail
+from turnout.throw.route import DirectedMovement, open_rail
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -112,7 +112,7 @@ class MovementEnds:
     friction_row: Ints
 
 
-class Flangeway(NamedTuple):
+class LeastFlangeway(NamedTuple):
     """A flangeway [m], its place [m] and its rail; NaN and an empty name where none is known."""
 
     width: float
@@ -120,7 +120,7 @@ class Flangeway(NamedTuple):
     rail: str
 
 
-_UNKNOWN = Flangeway(np.nan, np.nan, "")
+_UNKNOWN = LeastFlangeway(np.nan, np.nan, "")
 
 # Rails are shared by many throws. They are named by identity, and kept beside so that nothing else
 # takes their place.
@@ -132,7 +132,7 @@ _open_rails: WeakKeyDictionary[CondensedRails, tuple[_OpenRails | None, list[obj
 
 
 def movement_ends(
-    panel: Panel, motion: Motion, ends: Sequence[tuple[Throw, int]]
+    panel: Panel, motion: Motion, ends: Sequence[tuple[DirectedMovement, int]]
 ) -> MovementEnds | None:
     """Return what the flangeways after some movements follow from.
 
@@ -167,7 +167,7 @@ def movement_ends(
     )
 
 
-def least_flangeways(runs: Sequence[MovementEnds | None]) -> list[Flangeway]:
+def least_flangeways(runs: Sequence[MovementEnds | None]) -> list[LeastFlangeway]:
     """Return the least flangeway after the movements of each of some runs.
 
     Parameters
@@ -188,7 +188,7 @@ def least_flangeways(runs: Sequence[MovementEnds | None]) -> list[Flangeway]:
     return found
 
 
-def _least_of_alike(runs: Sequence[MovementEnds]) -> list[Flangeway]:
+def _least_of_alike(runs: Sequence[MovementEnds]) -> list[LeastFlangeway]:
     """Return the least flangeways of runs of the same rails, with laws of the same number."""
     flangeways = runs[0].known.flangeways
     rails = np.array([rail for run in runs for rail in run.rails])
@@ -207,7 +207,7 @@ def _least_of_alike(runs: Sequence[MovementEnds]) -> list[Flangeway]:
         np.concatenate([run.friction_force for run in runs]),
         force,
     )
-    found, first = list[Flangeway](), 0
+    found, first = list[LeastFlangeway](), 0
     for run in runs:
         own = slice(first, first := first + len(run.rails))
         along = distances[own]
@@ -216,7 +216,7 @@ def _least_of_alike(runs: Sequence[MovementEnds]) -> list[Flangeway]:
         end, place = divmod(int(along.argmin()), along.shape[1])
         rail = run.rails[end]
         width, x = float(along[end, place]), float(run.known.x[rail][place])
-        found.append(Flangeway(width, x, run.known.names[rail]))
+        found.append(LeastFlangeway(width, x, run.known.names[rail]))
     return found
 
 

@@ -20,21 +20,21 @@ from turnout.throw.recovery import (
     CondensedShapes,
     Motion,
     Parts,
-    Seen,
+    RowTerms,
     condensed_shapes,
     histories_of,
     lateral_rows,
     row_blocks_of,
     seen_by,
     seen_recipe,
-    stacked,
+    stack_terms,
 )
 from turnout.throw.route import closed_rail, closed_spans
 from turnout.throw.rows_over_time import write_rows
 
 Floats = NDArray[np.float64]
 AnyFloat = TypeVar("AnyFloat", np.float32, np.float64)
-Place = tuple[str, Floats, Floats]
+GapPlace = tuple[str, Floats, Floats]
 """Rail, places along it and heights of some points [m]."""
 
 MOST_ROWS = 64
@@ -47,7 +47,7 @@ MOST_WATCHED = 128
 _rows = LRUCache[tuple[list[Floats], list[object]]](MOST_ROWS)
 _watched = LRUCache[tuple[SeenRows, list[object]]](MOST_WATCHED)
 _heights = LRUCache[tuple[list[Floats], list[object]]](MOST_ROWS)
-_places = LRUCache[tuple[list[Place], list[object]]](MOST_ROWS)
+_places = LRUCache[tuple[list[GapPlace], list[object]]](MOST_ROWS)
 
 
 def _frozen(values: ArrayLike) -> Floats:
@@ -130,7 +130,7 @@ def gap_rows(
     return stock_gap(panel, motion, rail, x), list(zip(involved, found[0], strict=True))
 
 
-def gap_places(panel: Panel) -> list[Place]:
+def gap_places(panel: Panel) -> list[GapPlace]:
     """Return where `split_gaps` needs gaps: at the drives on both rails, then at sensors."""
     named = [panel.sensor, panel.rail]
     # drives by their places: a study may vary what they are with each throw
@@ -245,10 +245,10 @@ def watched_gaps(panel: Panel, mechanism: Mechanism) -> Callable[[CondensedRails
 
 
 def _seen_together(
-    panel: Panel, motion: CondensedShapes, places: Sequence[Place]
-) -> tuple[Floats, Seen]:
+    panel: Panel, motion: CondensedShapes, places: Sequence[GapPlace]
+) -> tuple[Floats, RowTerms]:
     """Return unloaded distances of some points of several rails, and rows that lessen them."""
-    found: dict[int, tuple[Floats, Seen]] = {}
+    found: dict[int, tuple[Floats, RowTerms]] = {}
     for rail in dict.fromkeys(rail for rail, _, _ in places):  # large matrices once a rail
         mine = [number for number, place in enumerate(places) if place[0] == rail]
         x, z = (np.concatenate([places[number][axis] for number in mine]) for axis in (1, 2))
@@ -258,7 +258,7 @@ def _seen_together(
             own = slice(first, first := first + places[number][1].size)
             found[number] = start[own], seen.of(own)
     ordered = [found[number] for number in range(len(places))]
-    together = stacked([seen for _, seen in ordered])
+    together = stack_terms([seen for _, seen in ordered])
     return np.concatenate([start for start, _ in ordered]), together
 
 

@@ -9,8 +9,8 @@ from turnout.mechanism.mechanism import LawIndex
 from turnout.panel.model import Panel
 from turnout.throw.flangeway import MovementEnds, least_flangeways, movement_ends
 from turnout.throw.recovery import Motion
-from turnout.throw.route import Throw, at_rest, rail_closes, throws
-from turnout.throw.signals import Variable, object_rows, slip_forces
+from turnout.throw.route import DirectedMovement, at_rest, rail_closes, throws
+from turnout.throw.signals import Channel, object_rows, slip_forces
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -19,7 +19,7 @@ DIRECTIONS = ("opening", "closing")
 TIME_TOLERANCE = 1e-9
 
 
-def contact_labels(index: LawIndex, first: Floats, placed: Floats) -> dict[str, Variable]:
+def contact_labels(index: LawIndex, first: Floats, placed: Floats) -> dict[str, Channel]:
     """Return whether foreign objects had room and were touched, and when, from every step.
 
     Parameters
@@ -30,7 +30,7 @@ def contact_labels(index: LawIndex, first: Floats, placed: Floats) -> dict[str, 
         First contact with, and placing of, what each law of an object stands for, in the order of
         the index; NaN for never; also of many throws with the same `object_rows` [s].
     """
-    labels: dict[str, Variable] = {
+    labels: dict[str, Channel] = {
         "object_placed": ((), np.asarray(~np.isnan(placed).any(axis=-1))),
         "object_touched": ((), np.asarray(~np.isnan(first).all(axis=-1))),
         "contact_time": ((), _earliest(first)),
@@ -98,9 +98,9 @@ def control_states(
     slipping: Flags,
     drive_gap: Floats,
     sensor_gap: Floats | None,
-    moved: Sequence[Throw] | None = None,
+    moved: Sequence[DirectedMovement] | None = None,
     limits: tuple[Floats, Floats] | None = None,
-) -> dict[str, Variable]:
+) -> dict[str, Channel]:
     """Return `in_control` of every sensor and `locked` by the panel's rule.
 
     Nothing is locked while a movement is under way, from its onset until the last marker rests.
@@ -135,7 +135,7 @@ def control_states(
         # a gap that is not known is never wide
         wide = np.logical_or.reduce(drive_gap >= at_drives[..., np.newaxis], axis=-2)
         held &= ~(wide & rail_closes(panel, time))
-    states: dict[str, Variable] = {"locked": (("time",), held & at_rest(panel, time, moved))}
+    states: dict[str, Channel] = {"locked": (("time",), held & at_rest(panel, time, moved))}
     if sensor_gap is not None:
         states["in_control"] = (("sensor", "time"), sensor_gap < at_sensors[..., np.newaxis])
     return states
@@ -147,14 +147,16 @@ def state_limits(panel: Panel) -> tuple[Floats, Floats]:
     return np.array(list(panel.gap_limits().values())), np.array(at_sensors)
 
 
-def flangeway_ends(panel: Panel, motion: Motion, moved: Sequence[Throw]) -> MovementEnds | None:
+def flangeway_ends(
+    panel: Panel, motion: Motion, moved: Sequence[DirectedMovement]
+) -> MovementEnds | None:
     """Return what the flangeways at the ends of the movements as they were made follow from."""
     time = motion.history.time
     ends = [(throw, _end_index(throw, time)) for throw in moved]
     return movement_ends(panel, motion, [(throw, at) for throw, at in ends if at is not None])
 
 
-def flangeway_labels(runs: Sequence[MovementEnds | None]) -> dict[str, Variable]:
+def flangeway_labels(runs: Sequence[MovementEnds | None]) -> dict[str, Channel]:
     """Return the least flangeway at the end of any movement, its place and its rail, for some runs.
 
     Parameters
@@ -175,7 +177,7 @@ def flangeway_labels(runs: Sequence[MovementEnds | None]) -> dict[str, Variable]
     }
 
 
-def _end_index(throw: Throw, time: Floats) -> int | None:
+def _end_index(throw: DirectedMovement, time: Floats) -> int | None:
     """Return the first stored instant at which a movement is over, None where the run is not."""
     at = int(time.searchsorted(throw.end - TIME_TOLERANCE))
     return at if at < time.size else None

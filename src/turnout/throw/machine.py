@@ -51,7 +51,7 @@ def machine_dataset(throw: MachineThrow) -> xr.Dataset:
     ('A', 'moving')
     """
     variables = {
-        name: ("time", values, {"units": unit_of(name), "long_name": long_name_of(name)})
+        name: ("time", values, {"units": machine_unit(name), "long_name": long_name_of(name)})
         for name, values in throw.histories.items()
     }
     times = np.array([time for time, _ in throw.events], dtype=np.float64)
@@ -75,7 +75,7 @@ def machine_dataset(throw: MachineThrow) -> xr.Dataset:
     return dataset
 
 
-def unit_of(name: str) -> str:
+def machine_unit(name: str) -> str:
     """Return the unit of a history of a throw."""
     return "J" if name.startswith("energy_") else UNITS[name]
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.lru_cache import LRUCache
-from turnout.throw.rows_over_time import Product, Rows, clear_layouts, rows_in_lines
+from turnout.throw.rows_over_time import Product, WeightedRows, clear_layouts, rows_in_lines
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -43,7 +43,7 @@ def evenly_spaced(places: Ints) -> slice | Ints:
 
 
 class Recipe(NamedTuple):
-    """How rows are made, as `Rows` has it, without where they are written."""
+    """How rows are made, as `WeightedRows` has it, without where they are written."""
 
     products: tuple[Product, ...]
     start: Floats | None = None
@@ -51,11 +51,11 @@ class Recipe(NamedTuple):
     near: bool = False
     unknown: Sequence[int] = ()
 
-    def into(self, out: Floats) -> Rows:
+    def into(self, out: Floats) -> WeightedRows:
         """Return the rows, to be written somewhere; the `unknown` ones are NaN from now on."""
         if self.unknown:
             out[list(self.unknown)] = np.nan
-        return Rows(self.products, out, self.start, self.minus, self.near)
+        return WeightedRows(self.products, out, self.start, self.minus, self.near)
 
 
 class RowBlock(NamedTuple):
@@ -72,10 +72,10 @@ class RowBlock(NamedTuple):
     recipes: Sequence[tuple[Recipe, int]]
     parts: Mapping[str, tuple[int, tuple[int, ...]]]
 
-    def lay_out(self, count: int) -> tuple[dict[str, Floats], list[Rows]]:
+    def lay_out(self, count: int) -> tuple[dict[str, Floats], list[WeightedRows]]:
         """Return arrays over `count` instants by name, and the rows to be written there."""
         memory = rows_in_lines(sum([size for _, size in self.recipes]), count)
-        wanted, first = list[Rows](), 0
+        wanted, first = list[WeightedRows](), 0
         for recipe, size in self.recipes:
             wanted.append(recipe.into(memory[first : first + size]))
             first += size

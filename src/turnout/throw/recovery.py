@@ -32,7 +32,7 @@ from turnout.throw.output_weights import (
     products_of,
     products_with,
 )
-from turnout.throw.rows_over_time import Product, Rows, rows_in_lines, write_rows
+from turnout.throw.rows_over_time import Product, WeightedRows, rows_in_lines, write_rows
 from turnout.throw.stored_displacements import stored_rows, stored_share
 
 Floats = NDArray[np.float64]
@@ -122,7 +122,7 @@ def force_motion(motion: Motion, shapes: Floats, *, at: Ints | None = None) -> F
     """
     moved = np.zeros((shapes.shape[0], (motion.history.time if at is None else at).size))
     products = _force_products(motion, shapes, slice(0, shapes.shape[0]))
-    write_rows([Rows(products, moved)], histories_of(motion.history, at))
+    write_rows([WeightedRows(products, moved)], histories_of(motion.history, at))
     return moved
 
 
@@ -218,7 +218,7 @@ def row_motion(motion: Motion, parts: Parts, *, at: Ints | None = None) -> Float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Seen:
+class RowTerms:
     """Rows in terms of what a run has kept.
 
     Attributes
@@ -238,19 +238,19 @@ class Seen:
     load: Floats
     stored: Floats | None = None
 
-    def of(self, own: slice | Ints) -> "Seen":
+    def of(self, own: slice | Ints) -> "RowTerms":
         """Return some of the rows."""
         stored = None if self.stored is None else self.stored[own]
-        return Seen(self.modes[own], self.shapes[own], self.load[own], stored)
+        return RowTerms(self.modes[own], self.shapes[own], self.load[own], stored)
 
 
 # Rails without objects and rows are shared by many throws; named by identity and kept beside.
-_seen = LRUCache[tuple[Seen, Parts, object]](MOST_SEEN)
+_seen = LRUCache[tuple[RowTerms, Parts, object]](MOST_SEEN)
 _shares = LRUCache[tuple[Floats, Parts, object]](MOST_SEEN)
 _of_stored = LRUCache[tuple[list[Product], object]](MOST_SEEN)
 
 
-def seen_by(motion: CondensedShapes, parts: Parts, *, with_stored: bool = True) -> Seen:
+def seen_by(motion: CondensedShapes, parts: Parts, *, with_stored: bool = True) -> RowTerms:
     """Return rows of some rails in terms of what a run has kept.
 
     `with_stored` says whether the run stores the displacements of all rows of its laws.
@@ -295,7 +295,7 @@ def _stored_share(
     return weights, left
 
 
-def _seen_without_objects(blocks: Sequence[BlockModel], parts: Parts, *, n_rows: int) -> Seen:
+def _seen_without_objects(blocks: Sequence[BlockModel], parts: Parts, *, n_rows: int) -> RowTerms:
     """Return rows in terms of blocks to which nothing was added."""
     ends = np.cumsum([0, *(part.model.eigenvalues.size for part in blocks)])
     count = parts[0][1].shape[0]
@@ -307,7 +307,7 @@ def _seen_without_objects(blocks: Sequence[BlockModel], parts: Parts, *, n_rows:
         modes[:, ends[number] : ends[number + 1]] += of_modes
         shapes[:, part.block.rows] += of_shapes
         load += of_load
-    return Seen(modes, shapes, load)
+    return RowTerms(modes, shapes, load)
 
 
 def _with_objects(blocks: Sequence[BlockModel], parts: Parts, shapes: Floats) -> Floats:
@@ -326,10 +326,10 @@ def _with_objects(blocks: Sequence[BlockModel], parts: Parts, shapes: Floats) ->
     return found
 
 
-def stacked(seen: Sequence[Seen]) -> Seen:
+def stack_terms(seen: Sequence[RowTerms]) -> RowTerms:
     """Return several rows as one."""
     stored = [item.stored for item in seen if item.stored is not None]
-    return Seen(
+    return RowTerms(
         np.concatenate([item.modes for item in seen]),
         np.concatenate([item.shapes for item in seen]),
         np.concatenate([item.load for item in seen]),
@@ -337,14 +337,14 @@ def stacked(seen: Sequence[Seen]) -> Seen:
     )
 
 
-def seen_rows(motion: Motion, seen: Seen, out: Floats) -> Rows:
+def seen_rows(motion: Motion, seen: RowTerms, out: Floats) -> WeightedRows:
     """Return how such rows are written over time."""
     return seen_recipe(motion, seen).into(out)
 
 
 def seen_recipe(
     motion: Motion,
-    seen: Seen,
+    seen: RowTerms,
     *,
     start: Floats | None = None,
     minus: bool = False,

@@ -15,7 +15,7 @@ Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
-class Throw:
+class DirectedMovement:
     """One movement with the time at which its last drive arrives.
 
     Attributes
@@ -46,10 +46,10 @@ MOST_KEPT = 32
 """Schedules whose movements are kept in memory, the latest made."""
 
 # Changed panels share their movements. These are named by identity, and kept beside what they are.
-_kept = LRUCache[tuple[tuple[Throw, ...], object]](MOST_KEPT)
+_kept = LRUCache[tuple[tuple[DirectedMovement, ...], object]](MOST_KEPT)
 
 
-def throws(panel: Panel) -> tuple[Throw, ...]:
+def throws(panel: Panel) -> tuple[DirectedMovement, ...]:
     """Return the movements of a panel in the order of time."""
     key = (id(panel.movement), *panel.drive)
     kept = _kept.get(key)
@@ -57,7 +57,9 @@ def throws(panel: Panel) -> tuple[Throw, ...]:
         ordered = ordered_movements(panel)
         untils = [*(movement.start for _, movement in ordered[1:]), float("inf")]
         found = tuple(
-            Throw(name, movement.to, movement.start, movement_end(panel, movement), until)
+            DirectedMovement(
+                name, movement.to, movement.start, movement_end(panel, movement), until
+            )
             for (name, movement), until in zip(ordered, untils[: len(ordered)], strict=True)
         )
         kept = _kept.put(key, (found, panel.movement))
@@ -114,7 +116,7 @@ def rail_closes(panel: Panel, time: Floats) -> Flags:
     return wanted_closed(panel, time)[0][1]
 
 
-def at_rest(panel: Panel, time: Floats, moved: Sequence[Throw] | None = None) -> Flags:
+def at_rest(panel: Panel, time: Floats, moved: Sequence[DirectedMovement] | None = None) -> Flags:
     """Return whether no movement is under way at times that rise, shape (n_times,).
 
     Movements are those of the schedule, or as they were made.

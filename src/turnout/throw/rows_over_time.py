@@ -72,7 +72,7 @@ class Product:
     added: bool = False
 
 
-class Rows(NamedTuple):
+class WeightedRows(NamedTuple):
     """Rows over time that are wanted: where they start, plus or minus some products.
 
     Attributes
@@ -96,7 +96,7 @@ class Rows(NamedTuple):
     near: bool = False
 
 
-def write_rows(wanted: Sequence[Rows], histories: Mapping[str, Floats]) -> None:
+def write_rows(wanted: Sequence[WeightedRows], histories: Mapping[str, Floats]) -> None:
     """Write rows over time; histories are read once.
 
     Parameters
@@ -116,7 +116,7 @@ def write_rows(wanted: Sequence[Rows], histories: Mapping[str, Floats]) -> None:
     --------
     >>> products = [Product("g", slice(0, 3, 2), slice(0, 2), beside=(slice(1, 4, 2),))]
     >>> found = np.empty((2, 3))
-    >>> write_rows([Rows(products, found)], {"g": np.arange(12.0).reshape(3, 4)})
+    >>> write_rows([WeightedRows(products, found)], {"g": np.arange(12.0).reshape(3, 4)})
     >>> found.tolist()
     [[1.0, 9.0, 17.0], [5.0, 13.0, 21.0]]
     """
@@ -143,7 +143,9 @@ def _with_a_window(values: Floats) -> Floats:
     return np.pad(values, ((0, 0), (0, max(LANES - values.shape[1], 0))))
 
 
-def _check_arrays(wanted: Sequence[Rows], histories: Mapping[str, Floats], count: int) -> None:
+def _check_arrays(
+    wanted: Sequence[WeightedRows], histories: Mapping[str, Floats], count: int
+) -> None:
     """Refuse what a kernel that gets addresses alone would misread or overwrite."""
     for rows in wanted:
         out, start = rows.out, rows.start
@@ -172,7 +174,7 @@ class _Layout(NamedTuple):
     lines : int
         Number of lines that the kernel needs.
     part, number : ndarray of int, shape (n_rows,)
-        The `Rows` that each row of which something is known belongs to, and its number in them.
+        `WeightedRows` of each row of which something is known, and its number in them.
     named : sequence of object
         Products and starts, by which layouts are known.
     """
@@ -194,7 +196,7 @@ def clear_layouts() -> None:
 
 
 def _layout(
-    wanted: Sequence[Rows], histories: Mapping[str, Floats], turned: Mapping[str, Floats]
+    wanted: Sequence[WeightedRows], histories: Mapping[str, Floats], turned: Mapping[str, Floats]
 ) -> _Layout:
     """Return what the kernel makes of rows; laid out once for the recipes that throws share.
 
@@ -213,13 +215,13 @@ def _layout(
     return layout
 
 
-def _shape(rows: Rows) -> tuple[int, int, bool]:
+def _shape(rows: WeightedRows) -> tuple[int, int, bool]:
     """Return how many rows there are, how a sum becomes one, and whether they stay near."""
     return rows.out.shape[0], _kind(rows), rows.near
 
 
 def _lay_out(
-    wanted: Sequence[Rows], histories: Mapping[str, Floats], turned: Mapping[str, Floats]
+    wanted: Sequence[WeightedRows], histories: Mapping[str, Floats], turned: Mapping[str, Floats]
 ) -> _Layout:
     """Return the terms of all products, by row and product."""
     first_column = np.cumsum([0, *(values.shape[1] for values in histories.values())])
@@ -266,7 +268,7 @@ def _lay_out(
 
 
 def _collected(
-    wanted: Sequence[Rows], histories: Mapping[str, Floats], first_column: Sequence[int]
+    wanted: Sequence[WeightedRows], histories: Mapping[str, Floats], first_column: Sequence[int]
 ) -> tuple["_Terms", tuple[Ints, Ints, Ints]]:
     """Return the terms of all products that rows are left with, and row, product and kind of these.
 
@@ -372,11 +374,11 @@ def _addresses(arrays: Iterable[Floats]) -> Ints:
     return np.array([address_of(values[0]) for values in arrays], dtype=np.int64)
 
 
-def _kind(rows: Rows) -> int:
+def _kind(rows: WeightedRows) -> int:
     """Return how a sum becomes rows."""
     return MINUS if rows.minus else PLAIN if rows.start is None else PLUS
 
 
-def _starts(rows: Rows) -> Floats:
+def _starts(rows: WeightedRows) -> Floats:
     """Return where rows start."""
     return np.zeros(rows.out.shape[0]) if rows.start is None else rows.start

@@ -19,7 +19,7 @@ from turnout.solver.outcome import Code, NotConverged, Outcome
 from turnout.throw.dataset import coordinates_of, describe_run, response_channels
 from turnout.throw.drift import Drift, aged_objects, check_drift
 from turnout.throw.save import Save
-from turnout.throw.signals import Variable
+from turnout.throw.signals import Channel
 from turnout.throw.simulate import Solved, as_objects, solve_placed
 
 if TYPE_CHECKING:
@@ -132,9 +132,9 @@ class _Series:
     save: Save
     drift: Drift
     throws: int
-    kept: list[dict[str, Variable]] = field(default_factory=list)
+    kept: list[dict[str, Channel]] = field(default_factory=list)
     sizes: list[np.ndarray] = field(default_factory=list)
-    coordinates: list[dict[str, Variable]] = field(default_factory=list)
+    coordinates: list[dict[str, Channel]] = field(default_factory=list)
     attributes: dict[str, Any] = field(default_factory=dict)
     names: tuple[str, ...] = ()
 
@@ -158,7 +158,7 @@ class _Series:
         self.kept.append({n: self._spread(v, present) for n, v in channels.items()})
         self.sizes.append(_sizes(parts, self.names))
 
-    def _spread(self, variable: Variable, present: tuple[str, ...]) -> Variable:
+    def _spread(self, variable: Channel, present: tuple[str, ...]) -> Channel:
         """Give the objects that are gone their places; nothing is left of them, nor any force."""
         dims, values = variable
         if "object" not in dims or present == self.names:
@@ -174,7 +174,7 @@ class _Series:
 
         count = len(self.sizes)  # Ctrl-C may have come between the lists
         del self.kept[count:], self.coordinates[count:]
-        channels: dict[str, Variable] = {}
+        channels: dict[str, Channel] = {}
         for name in dict.fromkeys(name for kept in self.kept for name in kept):
             dims, first = next(kept[name] for kept in self.kept if name in kept)
             blank = np.zeros(first.shape, dtype=first.dtype)
@@ -207,9 +207,9 @@ class _Series:
         )
 
 
-def _joined(made: Sequence[dict[str, Variable]]) -> dict[str, Variable]:
+def _joined(made: Sequence[dict[str, Channel]]) -> dict[str, Channel]:
     """Return coordinates of all throws: once where they stay, else with "throw" in front."""
-    found: dict[str, Variable] = {}
+    found: dict[str, Channel] = {}
     for name, (dims, first) in made[0].items() if made else ():
         values = [each[name][1] for each in made if name in each]
         stays = len(values) < len(made) or name in ("object", "time")

@@ -46,10 +46,10 @@ from turnout.throw.rows_over_time import Product
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-Variable = tuple[tuple[str, ...], NDArray[np.generic]]
+Channel = tuple[tuple[str, ...], NDArray[np.generic]]
 
 
-def drive_signals(panel: Panel, mechanism: Mechanism, history: History) -> dict[str, Variable]:
+def drive_signals(panel: Panel, mechanism: Mechanism, history: History) -> dict[str, Channel]:
     """Return force on the rail (closing positive), marker position and slip of every drive."""
     columns = [mechanism.index.drive[name] for name in panel.drive]
     force = np.empty((len(columns), history.time.size))
@@ -57,7 +57,7 @@ def drive_signals(panel: Panel, mechanism: Mechanism, history: History) -> dict[
     return drive_channels(panel, force, history.inputs)
 
 
-def drive_channels(panel: Panel, force: Floats, inputs: Floats) -> dict[str, Variable]:
+def drive_channels(panel: Panel, force: Floats, inputs: Floats) -> dict[str, Channel]:
     """Return `drive_signals` from forces on the rail, shape (n_drives, n_times) [N].
 
     `inputs` are the marker positions, shape (n_times, n_drives) [m].
@@ -68,7 +68,7 @@ def drive_channels(panel: Panel, force: Floats, inputs: Floats) -> dict[str, Var
     return {
         "drive_force": (dims, force),
         "drive_displacement": (dims, displacement),
-        "drive_slipping": (dims, slips(force, slip_forces(panel))),
+        "drive_slipping": (dims, is_slipping(force, slip_forces(panel))),
     }
 
 
@@ -77,7 +77,7 @@ def slip_forces(panel: Panel) -> Floats:
     return np.array([slip_force(panel, name) for name in panel.drive])
 
 
-def slips(force: Floats, limits: Floats) -> Flags:
+def is_slipping(force: Floats, limits: Floats) -> Flags:
     """Return whether drives are at the force at which they slip.
 
     Parameters
@@ -93,7 +93,7 @@ def slips(force: Floats, limits: Floats) -> Flags:
     return found
 
 
-def object_channels(index: LawIndex, force: Floats) -> dict[str, Variable]:
+def object_channels(index: LawIndex, force: Floats) -> dict[str, Channel]:
     """Return the force on the foreign objects: their sum, and each where there are several.
 
     Parameters
@@ -105,7 +105,7 @@ def object_channels(index: LawIndex, force: Floats) -> dict[str, Variable]:
         `object_rows` [N].
     """
     total = force[..., 0, :] if force.shape[-2] == 1 else np.sum(force, axis=-2)
-    signals: dict[str, Variable] = {"object_force": (("time",), total)}
+    signals: dict[str, Channel] = {"object_force": (("time",), total)}
     rows = object_rows(index)
     if len(rows) > 1:
         single = [force[..., own, :].sum(axis=-2) for own in rows]
@@ -142,7 +142,7 @@ def force_block(panel: Panel, mechanism: Mechanism, *, objects: bool, links: boo
     return RowBlock([sums(drives, minus=True), sums(of_objects + of_links, minus=False)], parts)
 
 
-def object_memory(mechanism: Mechanism, history: History) -> dict[str, Variable]:
+def object_memory(mechanism: Mechanism, history: History) -> dict[str, Channel]:
     """Return what the foreign objects have become at the end, where any of them remembers.
 
     The size of an object in several parts is that of its largest part.
@@ -234,7 +234,7 @@ ENERGIES = tuple(_ENERGY_ROWS)
 """Channels that `energy_channels` makes."""
 
 
-def energy_channels(stored: Floats, ledger: Floats) -> dict[str, Variable]:
+def energy_channels(stored: Floats, ledger: Floats) -> dict[str, Channel]:
     """Return all energies; stored ones as change from the first instant.
 
     `energy_residual` is the only one that is a remainder: the stored change less what was put in
@@ -267,7 +267,7 @@ AXES = ("x", "y", "z")
 FASTENINGS = ("fastening_force", "fastening_moment")
 
 
-def fastening_signals(panel: Panel, motion: Motion) -> dict[str, Variable]:
+def fastening_signals(panel: Panel, motion: Motion) -> dict[str, Channel]:
     """Return force and moment of every fastening on the switch rails.
 
     NaN where a fastening does not hold a rail, or is part of matrices of another program.

@@ -158,7 +158,7 @@ def release_memory() -> None:
     clear_descriptions()
 
 
-def prepare(
+def prepare_panel(
     panel: LoadedPanel,
     *,
     foreign_object: ForeignObject | Sequence[ForeignObject] | None = None,
@@ -180,7 +180,7 @@ def prepare(
     Examples
     --------
     >>> from turnout.panel.load import load_panel
-    >>> prepare(load_panel("sb1"))
+    >>> prepare_panel(load_panel("sb1"))
     """
     build_mechanism(panel, resolve_objects(panel, as_objects(foreign_object)))
 
@@ -351,7 +351,7 @@ def compile_kernels(*, machines: bool = False) -> None:
     """
     from turnout.throw.flangeway import compile_flangeways
     from turnout.throw.output_weights import sums_of_columns
-    from turnout.throw.rows_over_time import Rows, write_rows
+    from turnout.throw.rows_over_time import WeightedRows, write_rows
     from turnout.throw.signals import energy_channels
 
     moments = {"throw.start": 0.0, "throw.duration": 0.01, "return.start": 0.02}
@@ -370,7 +370,7 @@ def compile_kernels(*, machines: bool = False) -> None:
     )
     one = np.zeros(1, dtype=np.int64)
     products = sums_of_columns("g", one[:, np.newaxis], rows=one)
-    write_rows([Rows(products, np.zeros((1, 1)))], {"g": np.zeros((1, 1))})
+    write_rows([WeightedRows(products, np.zeros((1, 1)))], {"g": np.zeros((1, 1))})
     energy_channels(np.zeros((1, STORED)), np.zeros((1, LEDGER)))
     compile_flangeways()
 

@@ -144,7 +144,7 @@ def _of_times(panel: Panel) -> list[Control]:
     return found
 
 
-def described(panel: LoadedPanel, mark: str) -> dict[str, Any]:
+def panel_controls(panel: LoadedPanel, mark: str) -> dict[str, Any]:
     """Return what the page shows of a panel before a throw.
 
     Parameters

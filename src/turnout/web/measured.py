@@ -16,14 +16,14 @@ from turnout.measurement.campaign.build_campaign import CHANNEL_FILE, BuiltCampa
 from turnout.measurement.campaign.find_throws import find_throws
 from turnout.measurement.chain.apply import (
     apply_chain,
-    channel_rows,
     load_channel_map,
+    mapped_channels,
     parse_channel_map,
 )
 from turnout.measurement.chain.channel_map import ChannelMap
 from turnout.measurement.chain.condition import condition
 from turnout.measurement.chain.skeleton import skeleton
-from turnout.measurement.formats.file_format import format_of, read_recording
+from turnout.measurement.formats.file_format import read_recording, recognise_format
 from turnout.measurement.formats.history import READ, read_history
 from turnout.measurement.recording import Recording, overview
 from turnout.metric.channel_features import filtered
@@ -141,7 +141,7 @@ def sent_recording(path: Path) -> tuple[Recording, str]:
         With the message of `turnout import`, which names the file as the user does.
     """
     try:
-        return read_recording(path), format_of(path).name
+        return read_recording(path), recognise_format(path).name
     except FileError as error:
         # The option that would permit other files is of the command line only.
         text = str(error).partition(", or permit it by ")[0]
@@ -155,7 +155,7 @@ def plain_name(name: str, otherwise: str) -> str:
     return kept[-80:].strip(". ") or otherwise
 
 
-def listing(recording: Recording, kind: str) -> list[str]:
+def recording_lines(recording: Recording, kind: str) -> list[str]:
     """Return what is in a recording, a line a channel, and a channel map to start from."""
     rows = [overview(channel) for channel in recording.channels.values()]
     lines = [f"{Path(recording.source).name}: {kind}, {len(rows)} channels"]
@@ -175,7 +175,7 @@ def recorded_movements(
     lines = [
         f"{row.key}: column {row.column}, {row.least:.4g} to {row.largest:.4g} {row.unit}, "
         f"{row.sensor}"
-        for row in channel_rows(dataset, channel_map)
+        for row in mapped_channels(dataset, channel_map)
     ]
     lines += [line for line in str(dataset.attrs["problems"]).split("\n") if line]
     smooth = _drawn(condition(dataset, window=WINDOW))

@@ -11,7 +11,7 @@ from turnout.core.toml import decode, read_bytes
 from turnout.measurement.campaign.build_campaign import BuiltCampaign
 from turnout.panel.load import LoadedPanel, library_names, library_text
 from turnout.throw.compilation import must_compile
-from turnout.web.controls import described, measured_record
+from turnout.web.controls import measured_record, panel_controls
 from turnout.web.measured import campaign_movements
 from turnout.web.tasks import Opening
 
@@ -62,7 +62,7 @@ class Studio:
             "version": version(),
             "compiling": must_compile(),
             "library": list(library_names()),
-            "panel": described(self._panel, self._panel.hash[:16]),
+            "panel": panel_controls(self._panel, self._panel.hash[:16]),
             "campaign": self._campaign_record(),
         }
 

@@ -41,15 +41,15 @@ from turnout.panel.load import (
     panel_from_file,
 )
 from turnout.throw.simulate import simulate
-from turnout.web.controls import described, measured_record
+from turnout.web.controls import measured_record, panel_controls
 from turnout.web.measured import (
     Measured,
     channel_map_of,
     differences,
     history_movement,
-    listing,
     plain_name,
     recorded_movements,
+    recording_lines,
     sent_recording,
     shifted,
 )
@@ -69,12 +69,12 @@ from turnout.web.throw import (
     FILE_MESSAGE,
     FILES,
     TEXTS,
-    answer,
     changed_panel,
     made_file,
     made_ready,
     places_around,
-    thrown,
+    simulate_request,
+    throw_reply,
 )
 
 if TYPE_CHECKING:
@@ -175,12 +175,12 @@ class TaskHandler:
         mark = panel.hash[:16]
         self._panels.put(mark, panel)
         self._texts.put(mark, origin[2])
-        reply = Reply.of(described(panel, mark))
+        reply = Reply.of(panel_controls(panel, mark))
         return Reply(reply.content, kept=((mark, json.dumps(origin).encode()),))
 
     def _panel_again(self, task: Task, _question: Question) -> Reply:
         mark = read_request(MarkRequest, task.content).panel
-        return Reply.of(described(self._panel(mark), mark))
+        return Reply.of(panel_controls(self._panel(mark), mark))
 
     def _panel(self, mark: str) -> LoadedPanel:
         """Return a panel by its mark."""
@@ -219,7 +219,7 @@ class TaskHandler:
     def _run(self, task: Task, question: Question) -> Reply:
         request = read_request(RunRequest, task.content)
         panel, dataset = self._thrown(request, question)
-        record = answer(panel, dataset, preview=request.preview)
+        record = throw_reply(panel, dataset, preview=request.preview)
         record["command"] = command_line(self._panel(request.panel), request)
         reply = Reply.of(record)
         if request.preview:
@@ -242,7 +242,7 @@ class TaskHandler:
         key = request.model_dump_json()
         found = self._runs.get(key)
         if found is None:
-            found = self._runs.put(key, thrown(panel, request, question, report=report))
+            found = self._runs.put(key, simulate_request(panel, request, question, report=report))
         return panel, found
 
     def _one_ahead(self, _task: Task, _question: Question) -> Reply:
@@ -278,7 +278,7 @@ class TaskHandler:
         recording, kind = sent_recording(path)
         chosen = task.options["map"]
         if not chosen:
-            return Reply.of({"lines": listing(recording, kind), "movements": []})
+            return Reply.of({"lines": recording_lines(recording, kind), "movements": []})
         channel_map = channel_map_of(chosen, self._opening.folder)
         return self._listed(*recorded_movements(recording, channel_map))
 

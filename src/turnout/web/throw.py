@@ -26,7 +26,7 @@ from turnout.panel.load import LoadedPanel
 from turnout.panel.model import Panel
 from turnout.throw.object_fit import check_placed
 from turnout.throw.save import Save
-from turnout.throw.simulate import prepare, simulate
+from turnout.throw.simulate import prepare_panel, simulate
 from turnout.throw.store import response_bytes
 from turnout.web.controls import controls
 from turnout.web.question import Question, Superseded
@@ -49,7 +49,7 @@ def changed_panel(panel: LoadedPanel, request: RunRequest) -> LoadedPanel:
     return panel.with_overrides(request.settings, si=False) if request.settings else panel
 
 
-def thrown(
+def simulate_request(
     panel: LoadedPanel, request: RunRequest, question: Question, *, report: bool = False
 ) -> xr.Dataset:
     """Simulate a throw, unless a newer request supersedes it.
@@ -112,7 +112,7 @@ def places_around(panel: LoadedPanel, request: RunRequest) -> list[RunRequest]:
 
 def made_ready(panel: LoadedPanel, request: RunRequest) -> None:
     """Reduce the rails of a likely next throw in advance."""
-    prepare(panel, foreign_object=_trapped(request))
+    prepare_panel(panel, foreign_object=_trapped(request))
 
 
 def _trapped(request: RunRequest) -> ForeignObject | None:
@@ -127,7 +127,7 @@ SHOWN = {"N": ("kN", 1e3, 2), "m": ("mm", 1e-3, 2), "s": ("s", 1.0, 3)}
 PREVIEW_FRAMES, PREVIEW_POINTS = 61, 500
 
 
-def answer(panel: Panel, dataset: xr.Dataset, *, preview: bool = False) -> dict[str, Any]:
+def throw_reply(panel: Panel, dataset: xr.Dataset, *, preview: bool = False) -> dict[str, Any]:
     """Return the reply about a throw as plain data.
 
     Parameters

@@ -16,7 +16,7 @@ from turnout.detection.detector.throws_of_dataset import faulty, throws_of_datas
 from turnout.measurement.campaign.build_campaign import (
     CHANNEL_FILE,
     BuiltCampaign,
-    build_campaign,
+    build_campaign_dataset,
 )
 from turnout.measurement.chain.apply import apply_chain, load_channel_map
 from turnout.measurement.formats.file_format import read_recording
@@ -64,7 +64,7 @@ def read_throws(
 
 def _of_folder(folder: Path, channels: Path | str | None, quantity: str) -> list[Recorded]:
     """Return the closings of a campaign; of forces alone, each recording as a whole."""
-    campaign = build_campaign(folder, channels=channels)
+    campaign = build_campaign_dataset(folder, channels=channels)
     found = {item.name: item for item in throws_of_campaign(campaign, quantity)}
     chain = load_channel_map(channels if channels is not None else folder / CHANNEL_FILE)
     if chain.drive_current or quantity != FORCE:

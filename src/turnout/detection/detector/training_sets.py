@@ -24,8 +24,8 @@ from turnout.detection.detector.training_plan import (
 )
 from turnout.detection.throws import of_kind, places_of
 from turnout.study.study import Study
-from turnout.study.sweep.read import open_sweep
-from turnout.study.sweep.run import SweepProgress, run_sweep
+from turnout.study.sweep.read import open_batches
+from turnout.study.sweep.run import SweepProgress, throw_study
 
 Report = Callable[[SweepProgress], None]
 
@@ -225,6 +225,6 @@ def throw_plans(
     for name, plan in plans.items():
         watch = report(name) if report is not None else None
         path = folder / name.replace(", ", "-").replace(" ", "-")
-        run_sweep(plan.study, path, workers=workers, report=watch)
-        found[name] = open_sweep(path)
+        throw_study(plan.study, path, workers=workers, report=watch)
+        found[name] = open_batches(path)
     return found

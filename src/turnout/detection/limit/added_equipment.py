@@ -39,8 +39,8 @@ from turnout.detection.throws import (
     throw_all,
 )
 from turnout.panel.load import LoadedPanel, panel_from_document
-from turnout.study.sweep.read import open_sweep
-from turnout.study.sweep.run import run_sweep
+from turnout.study.sweep.read import open_batches
+from turnout.study.sweep.run import throw_study
 
 Floats = NDArray[np.float64]
 
@@ -148,8 +148,8 @@ def read_sensors(
     ):
         watch = report(name) if report is not None else None
         kept = few_instants(made, "gap", "stop_force", title=READINGS)
-        run_sweep(kept, folder / own, workers=workers, report=watch)
-        found[name] = open_sweep(folder / own)
+        throw_study(kept, folder / own, workers=workers, report=watch)
+        found[name] = open_batches(folder / own)
     rows = throws.states[used]
     gap, x = _last(found[READINGS], "gap", rail=rail)
     sound_gap, _ = _last(found[READINGS_SOUND], "gap", rail=rail)

@@ -22,8 +22,8 @@ from turnout.detection.reference import Conditions, reference_study
 from turnout.detection.throws import Report, Throws, objects_study
 from turnout.panel.load import LoadedPanel
 from turnout.study.study import Study
-from turnout.study.sweep.read import open_sweep
-from turnout.study.sweep.run import run_sweep
+from turnout.study.sweep.read import open_batches
+from turnout.study.sweep.run import throw_study
 
 Floats = NDArray[np.float64]
 
@@ -142,8 +142,8 @@ def throw_ends(
     """
     study = reference_study(panel, count=states)
     positions = positions_of(study.panel)
-    run_sweep(ends_study(study, positions), folder / ENDS, workers=workers, report=report)
-    found = open_sweep(folder / ENDS)
+    throw_study(ends_study(study, positions), folder / ENDS, workers=workers, report=report)
+    found = open_batches(folder / ENDS)
     shape = (states, len(positions), len(SHARES))
     force = read_signals(found, throws.signals)
     force = force.reshape(*shape, *force.shape[1:])

@@ -9,7 +9,7 @@ from turnout.figures.limit import plot_limit
 from turnout.figures.report.page import Heat, Page, Picture, Section, Table
 from turnout.figures.sheet import Line, Row, Sheet
 from turnout.figures.style import rendered
-from turnout.metric.finding import Finding, Level
+from turnout.metric.finding import Finding, Severity
 
 MILLI = 1e3
 BOTH = "both drives"
@@ -68,7 +68,7 @@ def _findings(dataset: xr.Dataset) -> list[Finding]:
     a90, places = at["a90"].to_numpy(), [str(name) for name in at["place"].to_numpy()]
     worst = int(np.nan_to_num(a90, nan=np.inf).argmax())
     blind = [places[n] for n in range(len(places)) if not a90[n] < LARGE]
-    level: Level = "bad" if blind else "good"
+    level: Severity = "bad" if blind else "good"
     low, high = (_mm(float(at[f"a90_{end}"][worst])) for end in ("low", "high"))
     found = [
         Finding(

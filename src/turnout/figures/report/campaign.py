@@ -7,7 +7,7 @@ import numpy as np
 import xarray as xr
 
 from turnout.core.value_text import count_text
-from turnout.figures.campaign import channel_rows, plot_overview, plot_stacked, stacked_sheet
+from turnout.figures.campaign import campaign_channels, plot_overview, plot_stacked, stacked_sheet
 from turnout.figures.report.inputs import origin_section
 from turnout.figures.report.page import Heat, Page, Picture, Section, Table
 from turnout.figures.style import rendered
@@ -237,7 +237,7 @@ def _heats(dataset: xr.Dataset, *, direction: str) -> list[Heat]:
     sizes = np.unique(kept["size"].values)
     slipped = kept["slipped"].values.astype(bool) if "slipped" in kept.coords else None
     heats = []
-    for row in channel_rows(kept):
+    for row in campaign_channels(kept):
         if row.factor != KILO:
             continue
         ends = end_values(row.channel) * KILO

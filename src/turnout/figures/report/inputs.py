@@ -26,7 +26,7 @@ MADE_BY = {
 }
 
 
-def panel_of(
+def panel_of_result(
     attributes: Mapping[Any, Any], *, panel: LoadedPanel | None = None
 ) -> LoadedPanel | None:
     """Return the panel that a result was computed with, or None where it is not at hand.
@@ -46,9 +46,9 @@ def panel_of(
     Examples
     --------
     >>> run = {"panel": "sb1", "panel_hash": load_panel("sb1").hash, "overrides": "{}"}
-    >>> panel_of(run).name
+    >>> panel_of_result(run).name
     'sb1'
-    >>> panel_of({"panel": "sb1", "panel_hash": "another"}) is None
+    >>> panel_of_result({"panel": "sb1", "panel_hash": "another"}) is None
     True
     """
     try:
@@ -68,7 +68,7 @@ def inputs_section(attributes: Mapping[Any, Any], panel: LoadedPanel | None) -> 
     attributes : mapping
         Of the result's dataset.
     panel : LoadedPanel or None
-        From `panel_of`.
+        From `panel_of_result`.
     """
     changes: dict[str, Any] = json.loads(str(attributes.get("overrides", "{}")))
     changed = Table(

@@ -12,12 +12,12 @@ from turnout.figures.report.inputs import origin_section
 from turnout.figures.report.page import Page, Section, Table
 from turnout.figures.report.run import picture_of
 from turnout.figures.sheet import Line, Row, Sheet
-from turnout.metric.finding import Finding, Level
+from turnout.metric.finding import Finding, Severity
 from turnout.metric.throw_table import throw_table
 
 MOST_ROWS = 400
 """Throws in the table; of more, some at even distances."""
-LEVELS: Mapping[str, Level] = {
+LEVELS: Mapping[str, Severity] = {
     "undetected object": "bad",
     "not locked": "bad",
     "not sound": "bad",

@@ -14,7 +14,7 @@ from turnout.figures.report.page import Heat, Page, Picture, Section, Table
 from turnout.figures.sheet import Line, Row, Sheet
 from turnout.figures.style import rendered
 from turnout.figures.sweep import TITLES, effect_axis, plot_sweep_map, strongest
-from turnout.metric.finding import Finding, Level
+from turnout.metric.finding import Finding, Severity
 from turnout.metric.sensitivity import Effect, OutputEffects
 from turnout.metric.sweep_map import (
     FAILED,
@@ -130,7 +130,7 @@ def sweep_findings(labels: xr.Dataset) -> list[Finding]:
         if not count or number == UNDETECTED:
             continue
         whole = int(ended.sum()) if number < FAILED else state.size
-        level: Level = "look" if number in (FAILED, NOT_THROWN) else "fact"
+        level: Severity = "look" if number in (FAILED, NOT_THROWN) else "fact"
         detail = f"{count} of {whole} throws"
         share = f"{100 * count / whole:.3g} %"
         found.append(Finding(level, name.capitalize(), share, detail))

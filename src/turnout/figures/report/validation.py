@@ -20,7 +20,7 @@ from turnout.figures.style import rendered
 from turnout.figures.validation import comparison_sheet, plot_comparison, plot_error_map
 from turnout.metric.agreement import only_fitted
 from turnout.metric.campaign_statistics import object_places
-from turnout.metric.finding import Finding, Level
+from turnout.metric.finding import Finding, Severity
 
 MILLI, PERCENT = 1e3, 100.0
 # Points of a line: bins of 20 ms over a movement.
@@ -86,12 +86,12 @@ def validation_page(validation: xr.Dataset, *, suffixes: Sequence[str] = (".pdf"
 
 def validation_findings(validation: xr.Dataset, verdict: Acceptance) -> list[Finding]:
     """Return whether a calibration holds, then the error of each channel."""
-    level: Level = "good" if verdict.accepted else "bad" if verdict.reasons else "look"
+    level: Severity = "good" if verdict.accepted else "bad" if verdict.reasons else "look"
     answer = "Valid" if verdict.accepted else "Not valid" if verdict.reasons else "Not validated"
     found = [Finding(level, "Does the calibration hold?", answer, verdict.text.partition(": ")[2])]
     share = f"{PERCENT * verdict.cover:.0f} % of the measurement"
     limit = f"at least {PERCENT * LEAST_COVER:.0f} % should be"
-    inside: Level = "good" if verdict.cover >= LEAST_COVER else "bad"
+    inside: Severity = "good" if verdict.cover >= LEAST_COVER else "bad"
     found.append(Finding(inside, "Inside the 95 % band", share, limit))
     for item in verdict.channels:
         detail = (

@@ -20,7 +20,7 @@ from turnout.core.provenance import provenance
 from turnout.measurement.campaign.campaign_folder import STORE, refuse_links_outside, refuse_outside
 from turnout.measurement.campaign.find_throws import Detection
 from turnout.measurement.campaign.motion_signals import force_changes
-from turnout.measurement.campaign.recorded_throw import RecordedThrow, stored_throws
+from turnout.measurement.campaign.recorded_throw import RecordedThrow, recorded_throws
 from turnout.measurement.campaign.run_sheet import RunSheet, SheetRow, find_sheet, read_sheet
 from turnout.measurement.campaign.sheet_checks import (
     UNCHECKED,
@@ -37,7 +37,7 @@ from turnout.measurement.chain.apply import load_channel_map, map_hash, stated_u
 from turnout.measurement.chain.channel_map import ChannelMap
 from turnout.measurement.chain.recorder_response import recorder_response_of
 from turnout.measurement.quality.channel_faults import MEASURED, Limits
-from turnout.measurement.quality.judge import Expected, ThrowQuality, judge
+from turnout.measurement.quality.judge import Expected, ThrowQuality, judge_recording
 from turnout.measurement.quality.throw_faults import (
     ForceProfile,
     early_profile,
@@ -46,7 +46,7 @@ from turnout.measurement.quality.throw_faults import (
 )
 
 
-def stacked(
+def stack_movements(
     members: Sequence[tuple[SheetRow, RecordedThrow]], slipped: Sequence[bool | None]
 ) -> xr.Dataset:
     """Stack movements of one sampling rate.
@@ -182,7 +182,7 @@ class BuiltCampaign:
         return recorder_response_of(self.dataset.attrs).text if self.dataset is not None else ""
 
 
-def build_campaign(
+def build_campaign_dataset(
     folder: Path | str,
     *,
     channels: Path | str | None = None,
@@ -291,7 +291,7 @@ def _pieces(
         report(0, len(runs))
     for numbers in members.values():
         members_of_file = [runs[number] for number in numbers]
-        found = stored_throws(
+        found = recorded_throws(
             folder, members_of_file, channel_map, allow_outside=allow_outside, detection=detection
         )
         for number, (piece, known) in zip(numbers, found, strict=True):
@@ -343,7 +343,9 @@ def _verdicts(
             profile=typical.get(run.direction),
             open_level=usual_levels.get((run.direction, found.dataset.sizes["drive"])),
         )
-        verdicts.append(judge(found.dataset, found.throw, expected=expected, limits=limits))
+        verdicts.append(
+            judge_recording(found.dataset, found.throw, expected=expected, limits=limits)
+        )
     return verdicts
 
 
@@ -401,7 +403,7 @@ def _dataset(
     channel_map: ChannelMap,
     excluded: Sequence[Excluded],
 ) -> xr.Dataset:
-    dataset = stacked([(run, piece) for run, piece, _ in usable], slipped)
+    dataset = stack_movements([(run, piece) for run, piece, _ in usable], slipped)
     out: list[dict[str, Any]] = [
         {"movement": item.run.name, "file": item.run.file, "reasons": list(item.reasons)}
         for item in excluded

@@ -59,7 +59,7 @@ class RecordedThrow:
         return float((time.size - 1) / (time[-1] - time[0]))
 
 
-def stored_throws(
+def recorded_throws(
     folder: Path,
     runs: Sequence[SheetRow],
     channel_map: ChannelMap,

@@ -1,7 +1,7 @@
 """Turn recorded columns into physical channels by a channel map, and back.
 
 One way: raw column -> sensor (a straight line to SI) -> physical channel -> conditioning (tare,
-common time). `raw_from_physical` is the inverse, `channel_rows` lists the outcome.
+common time). `raw_from_physical` is the inverse, `mapped_channels` lists the outcome.
 """
 
 import json
@@ -407,7 +407,7 @@ class MappedChannel:
     sensor: str
 
 
-def channel_rows(dataset: xr.Dataset, channel_map: ChannelMap) -> Iterator[MappedChannel]:
+def mapped_channels(dataset: xr.Dataset, channel_map: ChannelMap) -> Iterator[MappedChannel]:
     """Yield a row for each channel of the map that the recording had.
 
     Parameters

@@ -216,7 +216,7 @@ RawList = Annotated[Any, BeforeValidator(_raw_values)]
 UnitText = Annotated[str, BeforeValidator(_known_unit)]
 
 
-class Record(BaseModel):
+class MapRecord(BaseModel):
     """Base of the records: unknown keys are refused, nothing changes after validation."""
 
     model_config = ConfigDict(
@@ -224,7 +224,7 @@ class Record(BaseModel):
     )
 
 
-class Rest(Record):
+class Rest(MapRecord):
     """A time at which nothing acts: the mean there is the zero of a channel."""
 
     start: Time = Field(ge=0, description="from the start of the recording [s]")
@@ -238,7 +238,7 @@ class Rest(Record):
         return self
 
 
-class SensorRecord(Record):
+class SensorRecord(MapRecord):
     """What every sensor has: a column, its unit, and where its zero and direction are."""
 
     column: str = Field(min_length=1, description="name of the column in the recording")
@@ -306,7 +306,7 @@ class Scaled(SensorRecord):
     kind: Literal["scaled"]
 
 
-class Calibrated(SensorRecord):
+class KnownLoadSensor(SensorRecord):
     """A column calibrated by known loads, whatever the sensor."""
 
     kind: Literal["calibrated"]
@@ -324,18 +324,18 @@ class Calibrated(SensorRecord):
 
 
 AnySensor = Annotated[
-    StrainBridge | Clamp | LoadCell | Scaled | Calibrated, Field(discriminator="kind")
+    StrainBridge | Clamp | LoadCell | Scaled | KnownLoadSensor, Field(discriminator="kind")
 ]
 KINDS: dict[str, type[SensorRecord]] = {
     "strain bridge": StrainBridge,
     "clamp": Clamp,
     "load cell": LoadCell,
     "scaled": Scaled,
-    "calibrated": Calibrated,
+    "calibrated": KnownLoadSensor,
 }
 
 
-class RecordedFilter(Record):
+class RecordedFilter(MapRecord):
     """The low-pass of a recorder or of its amplifiers: causal, all force channels alike."""
 
     kind: Literal["butterworth", "bessel", "rc"] = "butterworth"
@@ -359,7 +359,7 @@ class RecordedFilter(Record):
         return LowPass(kind=self.kind, order=order, corner=self.corner)
 
 
-class ChannelMap(Record):
+class ChannelMap(MapRecord):
     """Which column of a recording is which quantity; drives are named as in the panel."""
 
     schema_version: Literal[1] = 1

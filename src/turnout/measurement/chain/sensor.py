@@ -10,8 +10,8 @@ from turnout.core.units import CURRENT, FORCE, STRAIN, VOLTAGE, VOLTAGE_RATIO, D
 from turnout.measurement.chain.channel_map import (
     Amplified,
     AnySensor,
-    Calibrated,
     Clamp,
+    KnownLoadSensor,
     LoadCell,
     RawUnit,
     StrainBridge,
@@ -134,7 +134,7 @@ def line_of(sensor: AnySensor, *, quantity: Dimension, recorded_unit: str = "") 
     unit = raw_unit(text)
     scale = _scale(sensor, unit, quantity)
     offset = 0.0
-    if isinstance(sensor, Calibrated):
+    if isinstance(sensor, KnownLoadSensor):
         offset = sensor.calibration().offset
     if sensor.offset is not None:
         if sensor.offset.dimension is not unit.dimension:
@@ -189,7 +189,7 @@ def describe_sensor(sensor: AnySensor, quantity: Dimension, unit: RawUnit) -> st
     line = line_of(sensor, quantity=quantity, recorded_unit=unit.text)
     factor, shown = (1.0, "A") if quantity is CURRENT else (1e-3, "kN")
     text = f"{sensor.kind}, 1 {unit.text} is {line.scale * unit.factor * factor:.5g} {shown}"
-    if isinstance(sensor, Calibrated):
+    if isinstance(sensor, KnownLoadSensor):
         fit = sensor.calibration()
         if fit.count == 2:
             return f"{text}; two points give no error"
@@ -217,7 +217,7 @@ def _scale(sensor: AnySensor, unit: RawUnit, quantity: Dimension) -> float:
         _require(quantity is FORCE, "a load cell measures a force, not a current")
         _fits(unit, VOLTAGE_RATIO, VOLTAGE)
         return sensor.capacity / sensor.sensitivity * _ratio(sensor, unit)
-    if isinstance(sensor, Calibrated):
+    if isinstance(sensor, KnownLoadSensor):
         _fits(unit, sensor.readings.dimension)
         _require(
             sensor.loads.dimension is quantity,

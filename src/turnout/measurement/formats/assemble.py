@@ -144,7 +144,7 @@ def seconds_of(unit: str) -> float:
     return factor
 
 
-def assemble(
+def assemble_recording(
     columns: Sequence[FileColumn],
     *,
     source: str,

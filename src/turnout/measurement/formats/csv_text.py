@@ -11,9 +11,14 @@ from pandas.errors import ParserError, ParserWarning
 
 from turnout.core.errors import FileError, MeasurementError
 from turnout.core.problems import choices
-from turnout.measurement.formats.assemble import FileColumn, assemble, is_time_name, seconds_of
+from turnout.measurement.formats.assemble import (
+    FileColumn,
+    assemble_recording,
+    is_time_name,
+    seconds_of,
+)
 from turnout.measurement.formats.extent import MOST_CHANNELS
-from turnout.measurement.formats.text_layout import EMPTY, SAMPLE_SIZE, TextLayout, layout_of
+from turnout.measurement.formats.text_layout import EMPTY, SAMPLE_SIZE, TextLayout, text_layout
 from turnout.measurement.recording import Recording
 
 NO_TIME = "give a column 'Time (s)' or a line 'Sample rate: 1000 Hz' above the numbers"
@@ -31,7 +36,7 @@ def read_text(path: Path) -> Recording:
         Naming line and column of what is no number.
     """
     with path.open("rb") as file:
-        layout = layout_of(file.read(SAMPLE_SIZE), source=str(path))
+        layout = text_layout(file.read(SAMPLE_SIZE), source=str(path))
     if len(layout.names) > MOST_CHANNELS:
         message = f"{path}: holds {len(layout.names)} columns, at most {MOST_CHANNELS} are read"
         raise FileError(message + "; export fewer")
@@ -55,7 +60,7 @@ def read_text(path: Path) -> Recording:
         if empty:
             cells = "cell is" if empty == 1 else "cells are"
             problems.append(f"channel '{column.name}': {empty} {cells} empty, taken as missing")
-    return assemble(
+    return assemble_recording(
         made,
         source=str(path),
         start_time=layout.start_time,

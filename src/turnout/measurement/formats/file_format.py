@@ -128,7 +128,7 @@ def read_recording(path: Path | str, *, allow_outside: bool = False) -> Recordin
     """
     path = Path(path)
     try:
-        return _read(path, format_of(path), allow_outside=allow_outside)
+        return _read(path, recognise_format(path), allow_outside=allow_outside)
     except FileError as error:
         # What a message quotes from a damaged file may hold anything.
         text = "".join(char if char.isprintable() else " " for char in str(error))
@@ -150,7 +150,7 @@ def _read(path: Path, kind: FileFormat, *, allow_outside: bool) -> Recording:
     )
 
 
-def format_of(path: Path) -> FileFormat:
+def recognise_format(path: Path) -> FileFormat:
     """Return the format of a file; FileError when it cannot be read at all."""
     head = _head(path)
     if head.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):

@@ -17,7 +17,12 @@ from numpy.typing import NDArray
 
 from turnout.core.errors import FileError
 from turnout.core.problems import choices
-from turnout.measurement.formats.assemble import RATE_NAME, FileColumn, assemble, tidy_unit
+from turnout.measurement.formats.assemble import (
+    RATE_NAME,
+    FileColumn,
+    assemble_recording,
+    tidy_unit,
+)
 from turnout.measurement.formats.extent import MOST_CHANNELS, Declared
 from turnout.measurement.formats.named_arrays import NAME_LISTS, NO_TIME, columns_of_arrays
 from turnout.measurement.recording import Recording
@@ -174,7 +179,7 @@ def read_hdf5(path: Path, *, allow_outside: bool = False) -> Recording:
     if rate is not None:
         arrays["sample_rate"] = np.array(rate)
     columns, problems = columns_of_arrays(arrays, texts, units)
-    return assemble(
+    return assemble_recording(
         [*own, *columns],
         source=str(path),
         start_time=_first(attributes, START_TIMES) or None,

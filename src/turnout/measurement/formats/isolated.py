@@ -27,7 +27,7 @@ from turnout.measurement.recording import RecordedChannel, Recording
 LOADING_SECONDS = 120.0
 
 
-class Reader:
+class RecordingReader:
     """A process that reads one file after another."""
 
     def __init__(self) -> None:
@@ -92,7 +92,7 @@ class Reader:
 
 
 _lock = threading.Lock()
-_kept: list[Reader] = []
+_kept: list[RecordingReader] = []
 
 
 def read_isolated(
@@ -153,12 +153,12 @@ def read_isolated(
         return _recording(path, reply, Path(folder))
 
 
-def _reader() -> Reader:
+def _reader() -> RecordingReader:
     """Return the process that reads, of this program and alive."""
     if _kept and (_kept[0].owner != os.getpid() or _kept[0].process.poll() is not None):
         _kept.pop().close()
     if not _kept:
-        _kept.append(Reader())
+        _kept.append(RecordingReader())
     return _kept[0]
 
 

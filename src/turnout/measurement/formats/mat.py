@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.io import loadmat, savemat
 
-from turnout.measurement.formats.assemble import FileColumn, assemble
+from turnout.measurement.formats.assemble import FileColumn, assemble_recording
 from turnout.measurement.formats.hdf5 import Content
 from turnout.measurement.formats.mat_check import check_mat5
 from turnout.measurement.formats.named_arrays import NO_TIME, columns_of_arrays
@@ -101,7 +101,7 @@ def _recording(content: Mapping[str, Any], path: Path) -> Recording:
         columns, problems = _own_variable(arrays, texts), list[str]()
     else:
         columns, problems = columns_of_arrays(arrays, texts)
-    return assemble(
+    return assemble_recording(
         columns,
         source=str(path),
         start_time=start_time or None,

@@ -12,7 +12,7 @@ from turnout.core.errors import FileError
 from turnout.measurement.formats.assemble import (
     RATE_NAME,
     FileColumn,
-    assemble,
+    assemble_recording,
     is_time_name,
     seconds_of,
     split_unit,
@@ -49,7 +49,7 @@ def read_dewesoft(path: Path) -> Recording:
             except (RuntimeError, AttributeError, ValueError, IndexError) as error:
                 reason = getattr(error, "message", "") or error
                 problems.append(f"channel '{name}' is left out: {reason}")
-    return assemble(columns, source=str(path), start_time=start_time, problems=problems)
+    return assemble_recording(columns, source=str(path), start_time=start_time, problems=problems)
 
 
 def _dewesoft_column(name: str, channel: Any) -> FileColumn:
@@ -101,7 +101,7 @@ def read_mdf(path: Path) -> Recording:
                 except Exception as error:  # the reader raises whatever its parts raise
                     problems.append(f"channel '{channel.name}' is left out: {error}")
         start_time = opened.header.start_time.isoformat()
-    return assemble(columns, source=str(path), start_time=start_time, problems=problems)
+    return assemble_recording(columns, source=str(path), start_time=start_time, problems=problems)
 
 
 def _mdf_column(opened: Any, name: str, place: tuple[int, int], time: Any) -> FileColumn:
@@ -153,7 +153,7 @@ def read_tdms(path: Path) -> Recording:
                     continue
                 columns.append(_tdms_column(name, channel.properties, np.asarray(values), times))
                 start_time = start_time or channel.properties.get("wf_start_time")
-    return assemble(
+    return assemble_recording(
         columns,
         source=str(path),
         start_time=str(start_time) if start_time is not None else None,
@@ -237,7 +237,7 @@ def read_parquet(path: Path) -> Recording:
                 rate=rate,
             )
         )
-    return assemble(
+    return assemble_recording(
         columns, source=str(path), start_time=start_time, problems=problems, remedy=NO_PARQUET_TIME
     )
 

@@ -23,7 +23,7 @@ ARRAYS = "arrays.npz"
 FAULT = "fault"
 
 
-def answer(request: dict[str, Any]) -> dict[str, Any]:
+def read_requested(request: dict[str, Any]) -> dict[str, Any]:
     """Read a file within a limit of memory; return what describes its channels, or the fault."""
     path, kind = Path(request["file"]), request["kind"]
     module, _, function = request["reader"].partition(":")
@@ -89,7 +89,7 @@ def limit_memory(more: int) -> None:
     resource.setrlimit(resource.RLIMIT_DATA, (limit, most))
 
 
-def main() -> None:
+def serve_reader() -> None:
     """Answer requests until there are no more; whatever a reader prints is not heard."""
     with os.fdopen(os.dup(1), "w", encoding="utf-8") as replies:
         nowhere = os.open(os.devnull, os.O_WRONLY)
@@ -104,7 +104,7 @@ def main() -> None:
             # Should the program that asked be gone, nothing else would end a reader that hangs.
             if sys.platform != "win32":
                 signal.alarm(int(request["seconds"]) + 5)
-            reply = answer(request)
+            reply = read_requested(request)
             if sys.platform != "win32":
                 signal.alarm(0)
             replies.write(json.dumps(reply) + "\n")
@@ -112,4 +112,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    serve_reader()

@@ -84,7 +84,7 @@ def encoding_of(sample: bytes) -> str:
     return "utf-8"
 
 
-def layout_of(sample: bytes, *, source: str) -> TextLayout:
+def text_layout(sample: bytes, *, source: str) -> TextLayout:
     r"""Understand a text file from its first bytes.
 
     Parameters
@@ -101,7 +101,7 @@ def layout_of(sample: bytes, *, source: str) -> TextLayout:
 
     Examples
     --------
-    >>> layout = layout_of(b"Time (s);Rod 1 (mV/V)\n0,000;0,1\n0,001;0,2\n", source="a.csv")
+    >>> layout = text_layout(b"Time (s);Rod 1 (mV/V)\n0,000;0,1\n0,001;0,2\n", source="a.csv")
     >>> layout.separator, layout.decimal, layout.first_row, layout.names, layout.units
     (';', ',', 1, ('Time', 'Rod 1'), ('s', 'mV/V'))
     """

@@ -229,7 +229,7 @@ def hole_fault(name: str, values: Floats, *, rate: float, limits: Limits) -> lis
     missing = ~np.isfinite(values)
     if not missing.any():
         return []
-    longest, share = longest_run(missing) / rate, float(missing.mean())
+    longest, share = longest_true_run(missing) / rate, float(missing.mean())
     text = f"{100 * share:.1f} % of the samples, {1e3 * longest:.0f} ms in a row"
     if longest > limits.longest_hole or share > limits.missing_share:
         allowed = f"{100 * limits.missing_share:g} % or {1e3 * limits.longest_hole:g} ms"
@@ -363,13 +363,13 @@ def run_faults(
         # A range ends away from the rest, where a quiet channel lies.
         if abs(edge - rest) < 0.1 * span:
             continue
-        count, run = int(at_edge.sum()), longest_run(at_edge)
+        count, run = int(at_edge.sum()), longest_true_run(at_edge)
         if run >= allowed or count > max(limits.clipped_share * values.size, allowed):
             text = f"{count} samples at the edge of the range, {run} of them in a row"
             faults.append(Fault("clipping", name, text))
             held &= ~at_edge
     same = np.abs(np.diff(values)) <= 1e-9 * span
-    run = longest_run(same & held[1:] & held[:-1]) + 1
+    run = longest_true_run(same & held[1:] & held[:-1]) + 1
     if run >= allowed:
         text = f"{run} equal samples in a row, fewer than {allowed} expected of its noise"
         faults.append(Fault("drop-out", name, text))
@@ -431,12 +431,12 @@ def hum_faults(
     return faults
 
 
-def longest_run(flags: np.ndarray) -> int:
+def longest_true_run(flags: np.ndarray) -> int:
     """Return how many flags in a row are true at most.
 
     Examples
     --------
-    >>> longest_run(np.array([True, True, False, True]))
+    >>> longest_true_run(np.array([True, True, False, True]))
     2
     """
     padded = np.concatenate(([False], flags, [False])).astype(np.int8)

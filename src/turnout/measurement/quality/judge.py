@@ -67,7 +67,7 @@ class ThrowQuality:
         return tuple(str(fault) for fault in self.faults if not fault.excludes)
 
 
-def judge(
+def judge_recording(
     dataset: xr.Dataset,
     throw: FoundThrow,
     *,
@@ -105,7 +105,7 @@ def judge(
     ...     {"time": time, "drive": ["1"]},
     ... )
     >>> (throw,) = find_throws(data)
-    >>> judge(data, throw).reasons
+    >>> judge_recording(data, throw).reasons
     ('truncated: the recording ends before the motion does',)
     """
     chosen, known = limits or Limits(), expected or Expected()

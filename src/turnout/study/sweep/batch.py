@@ -26,7 +26,7 @@ from turnout.study.study import Study
 from turnout.study.sweep.labels import LABELS
 from turnout.study.sweep.row import (
     COMPLETE,
-    Row,
+    ScenarioRow,
     StoredThrows,
     rule_inputs,
     skipped_row,
@@ -169,9 +169,9 @@ def _next_size(count: int, rest: int, largest: int) -> int:
     return SIZES[0]
 
 
-def throw_batch(study: Study, chains: Sequence[Sequence[int]]) -> list[Row]:
+def throw_batch(study: Study, chains: Sequence[Sequence[int]]) -> list[ScenarioRow]:
     """Throw the scenarios of a batch; return them in the order of their numbers."""
-    rows: list[Row] = []
+    rows: list[ScenarioRow] = []
     if study.rule is not None:
         for chain in chains:
             rows += _throw_chain(study, study.rule, chain)
@@ -182,9 +182,9 @@ def throw_batch(study: Study, chains: Sequence[Sequence[int]]) -> list[Row]:
     return sorted(rows, key=lambda row: row.scenario.index)
 
 
-def _throw_chain(study: Study, rule: Rule, chain: Sequence[int]) -> list[Row]:
+def _throw_chain(study: Study, rule: Rule, chain: Sequence[int]) -> list[ScenarioRow]:
     """Throw scenarios one by one until the rule leaves out the rest."""
-    rows: list[Row] = []
+    rows: list[ScenarioRow] = []
     reason = ""
     for scenario in study.scenarios_of(chain):
         if reason:
@@ -196,7 +196,7 @@ def _throw_chain(study: Study, rule: Rule, chain: Sequence[int]) -> list[Row]:
     return rows
 
 
-def batch_variables(study: Study, rows: Sequence[Row]) -> dict[str, StoredVariable]:
+def batch_variables(study: Study, rows: Sequence[ScenarioRow]) -> dict[str, StoredVariable]:
     """Return the rows of a batch stacked; NaN, or -1, where a scenario is not complete.
 
     Without histories they are compact: see `compact_variables`.
@@ -221,7 +221,7 @@ def compact_variables(variables: Mapping[str, StoredVariable]) -> dict[str, Stor
     return found
 
 
-def _stacked_variables(study: Study, rows: Sequence[Row]) -> dict[str, StoredVariable]:
+def _stacked_variables(study: Study, rows: Sequence[ScenarioRow]) -> dict[str, StoredVariable]:
     variables = _scenario_variables(study, rows)
     groups = _group_rows(rows)
     pieces: dict[str, list[_Piece]] = {}
@@ -269,7 +269,7 @@ class _Group(NamedTuple):
         return _Piece(self.places, dims, values if all_of_it else values[self.numbers])
 
 
-def _group_rows(rows: Sequence[Row]) -> list[_Group]:
+def _group_rows(rows: Sequence[ScenarioRow]) -> list[_Group]:
     """Return the complete rows by the throws that they are stored with."""
     found: dict[int, _Group] = {}
     for place, row in enumerate(rows):
@@ -302,7 +302,7 @@ def variable_attributes(name: str) -> dict[str, str]:
     return found | ({"axis": AXES[name]} if name in AXES else {})
 
 
-def _scenario_variables(study: Study, rows: Sequence[Row]) -> dict[str, StoredVariable]:
+def _scenario_variables(study: Study, rows: Sequence[ScenarioRow]) -> dict[str, StoredVariable]:
     """Return number, name, inputs and outcome of each scenario."""
     scenarios = [row.scenario for row in rows]
 

@@ -33,7 +33,7 @@ MOST_REASONS = 10
 MOST_TEXTS = 16
 
 
-def write_card(folder: Path, study: Study) -> None:
+def write_sweep_card(folder: Path, study: Study) -> None:
     """Write the data card of a sweep into its folder, from what is stored there.
 
     Parameters
@@ -79,7 +79,7 @@ def card_text(index: BatchIndex, labels: Labels, study: Study) -> str:
 - labels and features are taken from every instant that the solver kept, in double precision
 - SI units; forces and displacements are positive in the closing direction
 
-Read it with `turnout.study.sweep.read.open_sweep(folder)`: one dataset with the dimensions
+Read it with `turnout.study.sweep.read.open_batches(folder)`: one dataset with the dimensions
 scenario and time. Where a scenario is not complete numbers are NaN and logical values -1.
 
 ## Outcomes

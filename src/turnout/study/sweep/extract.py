@@ -27,12 +27,12 @@ from turnout.throw.labels import flangeway_ends
 from turnout.throw.recovery import Motion, recover_motion
 from turnout.throw.route import throws
 from turnout.throw.save import Save
-from turnout.throw.signals import Variable, object_memory
+from turnout.throw.signals import Channel, object_memory
 from turnout.throw.simulate import Solved
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-Variables = dict[str, Variable]
+Variables = dict[str, Channel]
 
 WATCHED = ("drive_force", "drive_displacement", "drive_slipping", "object_force", *GAPS)
 """Channels that a watched throw gives."""

@@ -14,7 +14,7 @@ from turnout.study.sweep.batch_index import BatchIndex, Column, label_arrays, re
 from turnout.study.sweep.verify import open_verified
 
 
-def open_sweep(folder: Path | str) -> xr.Dataset:
+def open_batches(folder: Path | str) -> xr.Dataset:
     """Open the results of a sweep, also while it runs.
 
     Parameters
@@ -57,12 +57,12 @@ def read_labels(folder: Path | str) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        In memory, as `open_sweep` has it.
+        In memory, as `open_batches` has it.
 
     Raises
     ------
     FileError
-        As `open_sweep`.
+        As `open_batches`.
     """
     index = read_index(Path(folder))
     same = {

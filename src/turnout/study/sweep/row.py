@@ -36,11 +36,11 @@ from turnout.throw.coordinates import (
     object_coordinate,
     shared_coordinates,
 )
-from turnout.throw.signals import Variable
+from turnout.throw.signals import Channel
 from turnout.throw.simulate import PlannedThrow, Solved, plan_throw, solve_planned
 
 Floats = NDArray[np.float64]
-Variables = dict[str, Variable]
+Variables = dict[str, Channel]
 
 OUTCOMES = ("complete", "failed", "invalid", "skipped", "inaccurate")
 """How a scenario ended: to its end; not even with a finer step; not possible; left out by the
@@ -99,7 +99,7 @@ class StoredThrows:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Row:
+class ScenarioRow:
     """What is stored of one scenario.
 
     Attributes
@@ -179,7 +179,7 @@ class ThrowResult:
     extracted: ThrowSignals | None = None
 
 
-def throw_scenarios(study: Study, scenarios: Sequence[Scenario]) -> list[Row]:
+def throw_scenarios(study: Study, scenarios: Sequence[Scenario]) -> list[ScenarioRow]:
     """Throw some scenarios, a second time with half the step if the first does not get to its end.
 
     Parameters
@@ -310,7 +310,7 @@ def _fault(error: TurnoutError) -> str:
     return "; ".join(error.problems) if isinstance(error, PanelError) else str(error)
 
 
-def make_rows(study: Study, throws: Sequence[ThrowResult]) -> list[Row]:
+def make_rows(study: Study, throws: Sequence[ThrowResult]) -> list[ScenarioRow]:
     """Return what is stored of some throws."""
     complete = [item.extracted for item in throws if item.extracted is not None]
     stored: list[tuple[StoredThrows, int]] = []
@@ -320,7 +320,7 @@ def make_rows(study: Study, throws: Sequence[ThrowResult]) -> list[Row]:
     rows, made = [], iter(stored)
     for item in throws:
         about = (item.ready.scenario, item.outcome, item.reason, item.attempts, item.solver)
-        rows.append(Row(*about, *(() if item.extracted is None else next(made))))
+        rows.append(ScenarioRow(*about, *(() if item.extracted is None else next(made))))
     return rows
 
 
@@ -342,9 +342,9 @@ def reduce_signals(study: Study, runs: Sequence[ThrowSignals]) -> list[tuple[Sto
     return found
 
 
-def skipped_row(scenario: Scenario, *, reason: str) -> Row:
+def skipped_row(scenario: Scenario, *, reason: str) -> ScenarioRow:
     """Return a scenario that the rule of its chain leaves out."""
-    return Row(scenario, SKIPPED, reason, 0)
+    return ScenarioRow(scenario, SKIPPED, reason, 0)
 
 
 def refine_scheme(scheme: Scheme) -> Scheme:
@@ -358,7 +358,7 @@ def refine_scheme(scheme: Scheme) -> Scheme:
     )
 
 
-def rule_inputs(row: Row) -> Mapping[str, object]:
+def rule_inputs(row: ScenarioRow) -> Mapping[str, object]:
     """Return what the rule of a chain looks at."""
     return {"slipped": row.slipped, **row.scenario.inputs}
 

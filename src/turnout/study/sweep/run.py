@@ -22,7 +22,7 @@ from turnout.core.sources import THROWS, digest_of_sources
 from turnout.metric.features import compile_features
 from turnout.study.study import Study
 from turnout.study.sweep.batch import plan_batches
-from turnout.study.sweep.export import write_card
+from turnout.study.sweep.export import write_sweep_card
 from turnout.study.sweep.extract import output_stride
 from turnout.study.sweep.folder import (
     BATCHES,
@@ -93,7 +93,7 @@ class SweepResult:
     damaged: tuple[Path, ...]
 
 
-def run_sweep(
+def throw_study(
     study: Study,
     folder: Path | str,
     *,
@@ -131,7 +131,7 @@ def run_sweep(
     Examples
     --------
     >>> from turnout.calibration.load_study import load_study  # doctest: +SKIP
-    >>> run_sweep(load_study("study.toml"), "results", workers=2).thrown  # doctest: +SKIP
+    >>> throw_study(load_study("study.toml"), "results", workers=2).thrown  # doctest: +SKIP
     143
     """
     folder = Path(folder).absolute()
@@ -174,7 +174,7 @@ def run_sweep(
                     make_durable([folder / BATCHES / done.name])
                 log.record(done)
         clear_leftovers(folder)
-        write_card(folder, study)
+        write_sweep_card(folder, study)
     thrown = sum(sum(done.outcomes.values()) for done in log.batches)
     return SweepResult(thrown, tuple(log.batches), damaged)
 

@@ -19,18 +19,18 @@ from turnout.solver.watch import Watched
 from turnout.throw.flangeway import MovementEnds
 from turnout.throw.gaps import split_gaps_of
 from turnout.throw.labels import state_limits
-from turnout.throw.route import Throw
+from turnout.throw.route import DirectedMovement
 from turnout.throw.signals import (
-    Variable,
+    Channel,
+    is_slipping,
     object_channels,
     object_rows,
     slip_forces,
-    slips,
 )
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-Variables = dict[str, Variable]
+Variables = dict[str, Channel]
 
 GAPS = ("drive_gap", "sensor_gap")
 OF_DRIVES = ("drive_force", "drive_displacement", "drive_slipping")
@@ -77,7 +77,7 @@ class ThrowSignals:
     clutches: tuple[list[int], Flags] | None
     recorder: Recorder
     kept: Variables
-    moved: tuple[Throw, ...]
+    moved: tuple[DirectedMovement, ...]
 
     @property
     def spans(self) -> tuple[Span, ...]:
@@ -155,7 +155,7 @@ def lay_together(runs: Sequence[ThrowSignals]) -> AlikeThrows:
         np.subtract(0.0, effort[:count], out=force[number])  # no negative zeros of free drives
         on_objects[number] = effort[count:]
     slip_limits = np.array([slip_forces(run.panel) for run in runs])
-    slipping = slips(force, slip_limits)
+    slipping = is_slipping(force, slip_limits)
     for flags, run in zip(slipping, runs, strict=True):
         if run.clutches is not None:
             drives, slip = run.clutches

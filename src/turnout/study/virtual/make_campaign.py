@@ -13,7 +13,7 @@ from turnout.core.errors import FileError
 from turnout.core.files import make_folder, refuse_file, write_atomic
 from turnout.core.provenance import content_hash, provenance, version
 from turnout.core.toml import parse_toml
-from turnout.measurement.campaign.build_campaign import stacked
+from turnout.measurement.campaign.build_campaign import stack_movements
 from turnout.measurement.campaign.recorded_throw import RecordedThrow
 from turnout.measurement.chain.apply import parse_channel_map
 from turnout.measurement.chain.recorder_response import NO_RESPONSE
@@ -33,7 +33,7 @@ from turnout.study.virtual.campaign_plan import CampaignPlan, Case, check_plan, 
 from turnout.study.virtual.record_throw import DIRECTIONS
 from turnout.study.virtual.series import (
     STATE,
-    Job,
+    ThrowJob,
     read_part,
     run_jobs,
     stops_series,
@@ -174,13 +174,13 @@ def _jobs(
     *,
     map_text: str,
     note: str,
-) -> list[Job]:
+) -> list[ThrowJob]:
     """Return one job a series; the file format changes from series to series."""
     channel_map = parse_channel_map(parse_toml(map_text, source=CHANNELS))
     jobs, number = [], 0
     for place, cases in enumerate(series):
         jobs.append(
-            Job(
+            ThrowJob(
                 panel=panel,
                 plan=plan,
                 cases=tuple(cases),
@@ -227,7 +227,7 @@ def _finish(
         raise FileError(message)
     rng = np.random.default_rng([plan.seed, 1])
     lines, mistakes = mistype(thrown, count=plan.mistyped, rng=rng)
-    truth = stacked(
+    truth = stack_movements(
         [(true_sheet_row(item), piece) for item, piece in zip(thrown, pieces, strict=True)],
         [item.slipped for item in thrown],
     )

@@ -40,7 +40,7 @@ POLL = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Job:
+class ThrowJob:
     """One series of throws and all that is needed to make it in another process."""
 
     panel: LoadedPanel
@@ -54,7 +54,7 @@ class Job:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Part:
+class SeriesPart:
     """What is kept of a throw: its truth, or why there is none."""
 
     piece: RecordedThrow
@@ -64,7 +64,7 @@ class Part:
 
 
 def run_jobs(
-    jobs: Sequence[Job],
+    jobs: Sequence[ThrowJob],
     *,
     folder: Path,
     workers: int,
@@ -109,7 +109,7 @@ def run_jobs(
             report_one()
 
 
-def make_series(job: Job, *, report: Callable[[], None] | None = None) -> None:
+def make_series(job: ThrowJob, *, report: Callable[[], None] | None = None) -> None:
     """Throw one series until a drive slips with an object, or the solver gives up."""
     for number, case in enumerate(job.cases):
         part = read_part(job.folder, case)
@@ -122,12 +122,12 @@ def make_series(job: Job, *, report: Callable[[], None] | None = None) -> None:
             return
 
 
-def stops_series(part: Part, case: Case, plan: CampaignPlan) -> bool:
+def stops_series(part: SeriesPart, case: Case, plan: CampaignPlan) -> bool:
     """Return whether no larger object is tried after this throw."""
     return part.slipped and case.size >= plan.at_least - 1e-9
 
 
-def make_throw(job: Job, case: Case, *, number: int) -> Part:
+def make_throw(job: ThrowJob, case: Case, *, number: int) -> SeriesPart:
     """Simulate one throw, write its recording, and return its truth.
 
     Parameters
@@ -157,7 +157,7 @@ def make_throw(job: Job, case: Case, *, number: int) -> Part:
     if not run.attrs["complete"]:
         if run.attrs["outcome"] == "interrupted":
             raise KeyboardInterrupt
-        return Part(_empty_part(), False, overrides, str(run.attrs["outcome_message"]))
+        return SeriesPart(_empty_part(), False, overrides, str(run.attrs["outcome_message"]))
     lag = plan.defects.build_up_lag
     true = record_throw(
         run,
@@ -185,7 +185,7 @@ def make_throw(job: Job, case: Case, *, number: int) -> Part:
         target.parent.mkdir(exist_ok=True)
         stored = monitored(powers, plan.monitoring)
         write_recording(monitoring_recording(stored, source=job.note), target)
-    return Part(_true_piece(true, case), bool(true.attrs["slipped"]), overrides, "")
+    return SeriesPart(_true_piece(true, case), bool(true.attrs["slipped"]), overrides, "")
 
 
 def _powers(panel: LoadedPanel) -> tuple[str, ...]:
@@ -194,7 +194,7 @@ def _powers(panel: LoadedPanel) -> tuple[str, ...]:
     return POWERS[: 0 if not kinds else 2 if "induction" in kinds else 1]
 
 
-def read_part(folder: Path, case: Case) -> Part | None:
+def read_part(folder: Path, case: Case) -> SeriesPart | None:
     """Return what is kept of a throw; None where there is nothing yet, or it is damaged."""
     try:
         arrays = arrays_from_bytes(_part_path(folder, case).read_bytes(), case.name)
@@ -216,7 +216,7 @@ def read_part(folder: Path, case: Case) -> Part | None:
         count=dataset.sizes["time"],
     )
     piece = RecordedThrow(dataset, throw, "", ())
-    return Part(piece, known["slipped"], known["overrides"], known["failure"])
+    return SeriesPart(piece, known["slipped"], known["overrides"], known["failure"])
 
 
 def _without_idle_cell(true: xr.Dataset, case: Case) -> xr.Dataset:
@@ -253,7 +253,7 @@ def _empty_part() -> RecordedThrow:
     return RecordedThrow(dataset, _throw(onset=0.0, end=0.0, direction="unknown", count=2), "", ())
 
 
-def _packed(part: Part, name: str) -> bytes:
+def _packed(part: SeriesPart, name: str) -> bytes:
     known = {
         "slipped": part.slipped,
         "overrides": dict(part.overrides),
