@@ -1,7 +1,14 @@
-"""Whether an object is still in the switch at the end: one rule for a throw and for thousands."""
+"""What became of objects: whether they are in the switch at the end, what depends on breaks."""
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from turnout.schema.channels import BREAK_NOTE
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 def is_trapped(contact: ArrayLike, taken: ArrayLike, left: ArrayLike) -> NDArray[np.bool_]:
@@ -30,3 +37,28 @@ def is_trapped(contact: ArrayLike, taken: ArrayLike, left: ArrayLike) -> NDArray
     first, end, size = (np.asarray(item, dtype=np.float64) for item in (contact, taken, left))
     gone = size <= 0.0  # not where it is NaN
     return np.asarray((first < end) & np.isinf(end) & ~gone)
+
+
+def break_note(dataset: "xr.Dataset") -> str:
+    """Return what to say beside a verdict where an object broke; empty where none did.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        A run, a sequence or a throw of one, or labels of a sweep that stores `object_broken`.
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> break_note(xr.Dataset({"object_broken": ("object", [3, 0])}))
+    'An object broke: the number of breaks, and so the verdict, may depend on step and mode'
+    >>> break_note(xr.Dataset({"object_broken": ("object", [0, 0])}))
+    ''
+    """
+    if "scenario" in dataset.dims or "break_note" not in dataset.attrs:
+        broke = "object_broken" in dataset and bool((dataset["object_broken"] > 0).any())
+        return BREAK_NOTE if broke else ""
+    first = dataset.attrs.get("break_throw", 1)
+    if "throw" in dataset.dims:
+        return f"{BREAK_NOTE} (from throw {first} on)"
+    return BREAK_NOTE if int(dataset.coords.get("throw", first)) >= first else ""

@@ -10,7 +10,7 @@ import numpy as np
 from turnout.metric.channel_features import final_value
 from turnout.metric.slip import TIME_TOLERANCE, Slip, Span, movements, slips
 from turnout.metric.summary import format_force
-from turnout.metric.trapped import is_trapped
+from turnout.metric.trapped import break_note, is_trapped
 from turnout.metric.verdict_words import (
     accepted_by,
     narrow_flangeway,
@@ -86,7 +86,8 @@ class Verdict:
         "sound", every check is passed.
         "not judged": the dataset lacks what the verdict rests on, or an object does not fit.
     text : str
-        One plain sentence with its numbers.
+        One plain sentence with its numbers; where an object broke a second one, that the verdict
+        may depend on step and mode.
     """
 
     kind: Kind
@@ -130,7 +131,8 @@ def verdict(dataset: "xr.Dataset") -> Verdict:
     if unplaced:
         return Verdict("not judged", f"Not judged: {unplaced}.")
     judged = dataset[[name for name in _JUDGED if name in dataset]]
-    return _judged(judged, _cases(judged))
+    found, note = _judged(judged, _cases(judged)), break_note(dataset)
+    return replace(found, text=f"{found.text} {note}.") if note else found
 
 
 def _missing_channels(dataset: "xr.Dataset") -> str:

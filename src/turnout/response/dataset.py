@@ -49,10 +49,11 @@ from turnout.response.signals import (
     energy_channels,
     energy_scale,
     fastening_signals,
+    has_broken,
     object_channels,
     object_memory,
 )
-from turnout.schema.channels import SCHEMA_VERSION
+from turnout.schema.channels import BREAK_NOTE, SCHEMA_VERSION
 from turnout.scheme import Scheme
 
 if TYPE_CHECKING:
@@ -242,6 +243,7 @@ def describe_run(
         "movements": movement_records(moved_throws(panel, history)),
         **({"machine_throws": duty_records(panel, made, end)} if made else {}),
         **rules,
+        **({"break_note": BREAK_NOTE} if has_broken(mechanism, history) else {}),
         "outcome": outcome.code.name.lower().replace("_", " "),
         "outcome_message": outcome.message(),
         "complete": outcome.complete,

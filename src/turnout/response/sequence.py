@@ -17,9 +17,9 @@ from turnout.panel.load import LoadedPanel
 from turnout.response.dataset import coordinates_of, describe_run, response_channels
 from turnout.response.drift import Drift, aged_objects, check_drift
 from turnout.response.save import Save
-from turnout.response.signals import Variable
+from turnout.response.signals import Variable, has_broken
 from turnout.response.simulate import Solved, as_objects, solve_placed
-from turnout.schema.channels import check_schema, label
+from turnout.schema.channels import BREAK_NOTE, check_schema, label
 from turnout.scheme import Mode, Scheme, chosen_scheme
 
 if TYPE_CHECKING:
@@ -154,6 +154,9 @@ class _Series:
                 self.panel, solved.mechanism, solved.history, scheme=self.scheme,
                 objects=self.objects, wall_time=0.0, solver_time=0.0,
             )  # fmt: skip
+        first = "break_throw" not in self.attributes
+        if first and has_broken(solved.mechanism, solved.history):
+            self.attributes |= {"break_note": BREAK_NOTE, "break_throw": len(self.kept) + 1}
         self.coordinates.append(coordinates)
         self.kept.append({n: self._spread(v, present) for n, v in channels.items()})
         self.sizes.append(_sizes(parts, self.names))
