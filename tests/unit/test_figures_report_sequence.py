@@ -27,10 +27,11 @@ def test_the_page_of_a_sequence(tmp_path: Path) -> None:
     drift = Drift(ice_growth="4 mm")
     made = simulate_sequence(PANEL, throws=3, foreign_object=[stone, ice], drift=drift)
     page = sequence_page(made)
-    first, second = page.findings
+    first, second, note = page.findings
     assert (first.level, first.question, first.answer) == ("bad", "Undetected object", "33.3 %")
     assert second.question == "Detected by TKK"
     assert second.detail == "2 of 3 throws, first throw 2, last throw 3"
+    assert note.detail.endswith("may depend on step and mode (from throw 1 on)")  # of the stone
     course, throws, _ = page.sections
     sizes = course.pictures[0].sheet.rows[0].lines
     np.testing.assert_allclose(sizes[0].y, [10.0, 0.0, 0.0])

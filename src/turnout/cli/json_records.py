@@ -45,10 +45,11 @@ def run_record(dataset: "xr.Dataset") -> tuple[JsonRecord, dict[str, str]]:
     """Return a run: verdict, key figures, energies, and the units of its keys."""
     from turnout.metric.key_figure import key_figures
     from turnout.metric.summary import numerical_share, residual_share
+    from turnout.metric.trapped import break_note
     from turnout.metric.verdict import verdict
 
     figures = key_figures(dataset) if dataset.sizes.get("time", 0) else []
-    judged = verdict(dataset)
+    judged, note = verdict(dataset), break_note(dataset)
     attributes = dataset.attrs
     balanced = float(attributes.get("energy_scale", 0.0)) > 0 and "energy_residual" in dataset
     record = {
@@ -60,6 +61,7 @@ def run_record(dataset: "xr.Dataset") -> tuple[JsonRecord, dict[str, str]]:
         "outcome": attributes["outcome"],
         "outcome_message": attributes["outcome_message"],
         "verdict": {**asdict(judged), "meaning": judged.meaning},
+        **({"break_note": note} if note else {}),
         "figures": {item.key: item.value for item in figures},
         "labels": {item.key: item.label for item in figures},
         "energy_scale": attributes.get("energy_scale"),
@@ -301,14 +303,16 @@ def study_record(study: "Study", found: "Forecast | None", *, workers: int) -> J
 def map_record(labels: "xr.Dataset", cells: "xr.Dataset") -> tuple[JsonRecord, dict[str, str]]:
     """Return end states of a sweep and its map over two inputs."""
     from turnout.metric.sweep_map import STATES, end_state
+    from turnout.metric.trapped import break_note
 
-    state = end_state(labels).to_numpy()
+    state, note = end_state(labels).to_numpy(), break_note(labels)
     quantities = [str(name) for name in cells.data_vars if name != "state"]
     units = {name: str(cells[name].attrs.get("units", "")) for name in (*quantities, "x", "y")}
     record = {
         "sweep": labels.attrs.get("name"),
         "missing": int(labels.attrs["missing"]),
         "states": {name: int((state == number).sum()) for number, name in enumerate(STATES)},
+        **({"break_note": note} if note else {}),
         "x_input": cells.attrs["x_input"],
         "y_input": cells.attrs["y_input"],
         "x": cells["x"].values,

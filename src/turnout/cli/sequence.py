@@ -105,7 +105,10 @@ def run_sequence(
 
 def sequence_record(dataset: "xr.Dataset") -> tuple[dict[str, Any], dict[str, str]]:
     """Return a sequence of throws as a record, and the units of its keys."""
+    from turnout.metric.trapped import break_note
+
     attributes = dataset.attrs
+    note = break_note(dataset)
     record = {
         "panel": attributes.get("panel"),
         "panel_hash": attributes.get("panel_hash"),
@@ -115,6 +118,7 @@ def sequence_record(dataset: "xr.Dataset") -> tuple[dict[str, Any], dict[str, st
         "outcome": attributes["outcome"],
         "outcome_message": attributes["outcome_message"],
         "throws": sequence_rows(dataset),
+        **({"break_note": note} if note else {}),
         "wall_time": attributes["wall_time"],
     }
     units = {
@@ -133,6 +137,9 @@ def sequence_rows(dataset: "xr.Dataset") -> list[dict[str, Any]]:
 
 def print_sequence(dataset: "xr.Dataset", written: Sequence[Path]) -> None:
     """Print a table of the throws, of many only some."""
+    from turnout.cli.colour import coloured
+    from turnout.metric.trapped import break_note
+
     count = dataset.sizes["throw"]
     every = max(1, -(-count // MOST_ROWS))
     shown = [*range(0, count - 1, every), count - 1]
@@ -150,5 +157,7 @@ def print_sequence(dataset: "xr.Dataset", written: Sequence[Path]) -> None:
             f"{row['verdict']:<18}{row['state']}"
         )
     typer.echo(f"{count} throws, {dataset.attrs['wall_time']:.1f} s")
+    if note := break_note(dataset):
+        typer.echo(coloured(note, "look"))
     for path in written:
         typer.echo(f"{'written':<16}{path} ({-(-path.stat().st_size // 1000)} kB)")

@@ -34,6 +34,7 @@ def map_command(
     """Count the end states of a sweep, and draw forces, gaps and end states over two inputs."""
     check_outputs({"--out": out}, {"--out": FIGURES})
     from turnout.metric.sweep_map import STATES, end_state, sweep_map
+    from turnout.metric.trapped import break_note
     from turnout.study.sweep.read import read_labels
 
     labels = read_labels(folder)
@@ -46,6 +47,8 @@ def map_command(
             count = int((state == number).sum())
             if count:
                 typer.echo(f"{count:>8}  {name}")
+        if note := break_note(labels):
+            typer.echo(note)
     if out is not None:
         from turnout.figures.style import rendered
         from turnout.figures.sweep import plot_sweep_map

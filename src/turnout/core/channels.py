@@ -284,15 +284,13 @@ OF_MACHINES = frozenset(
 OF_THREE_PHASE = frozenset({"drive_apparent_power"})
 # Made on request only.
 ON_REQUEST = frozenset({"fastening_force", "fastening_moment"})
-OPTIONAL = (
-    MEASURED
-    | OF_MACHINES
-    | OF_THREE_PHASE
-    | ON_REQUEST
-    | {
-        *("single_object_force", "object_contact_time", "object_left", "object_broken"),
-    }
+OPTIONAL = MEASURED | OF_MACHINES | OF_THREE_PHASE | ON_REQUEST
+OPTIONAL |= {"single_object_force", "object_contact_time", "object_left", "object_broken"}
+
+BREAK_NOTE = (
+    "An object broke: the number of breaks, and so the verdict, may depend on step and mode"
 )
+"""Attribute `break_note` of datasets in which an object broke; of a sequence with `break_throw`."""
 
 
 def label(dataset: "xr.Dataset") -> "xr.Dataset":

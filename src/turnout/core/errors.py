@@ -4,6 +4,10 @@
 class TurnoutError(Exception):
     """Base of everything that turnout raises on purpose; its text is fit for the screen."""
 
+    def __reduce__(self) -> tuple[object, ...]:
+        """Copy and pickle what the error holds, since `args` need not be what `__init__` takes."""
+        return type(self).__new__, (type(self), *self.args), self.__dict__
+
 
 class FileError(TurnoutError):
     """A file cannot be read or written; the text names the path and the remedy."""

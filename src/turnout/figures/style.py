@@ -9,6 +9,7 @@ import xarray as xr
 
 from turnout.core.errors import FileError
 from turnout.metric.summary import format_overrides
+from turnout.metric.trapped import break_note
 from turnout.metric.verdict import verdict
 
 if TYPE_CHECKING:
@@ -83,6 +84,8 @@ def title_of(dataset: xr.Dataset, compare: xr.Dataset | None = None) -> str:
     elif "locked" in dataset and dataset.sizes.get("time", 0):
         parts.append("locked" if dataset["locked"].values[-1] else "NOT locked")
         parts.extend(["object not detected"] if verdict(dataset).missed else [])
+        if break_note(dataset):
+            parts.append("an object broke: verdict may depend on step and mode")
     text = ", ".join(parts)
     if compare is not None:
         text += f"\ngrey: {_described(compare)}"

@@ -16,6 +16,7 @@ from turnout.metric.summary import (
     format_required_flangeway,
     numerical_warning,
 )
+from turnout.metric.trapped import break_note
 from turnout.metric.verdict import Verdict, verdict
 
 HEADLINE = "Outcome"
@@ -122,6 +123,12 @@ def _outcome(dataset: xr.Dataset) -> list[Finding]:
     judged = headline(verdict(dataset), dataset)
     if judged is not None:
         return [judged]
+    found, note = _states_at_the_end(dataset), break_note(dataset)
+    return [replace(item, detail=f"{item.detail}. {note}") for item in found] if note else found
+
+
+def _states_at_the_end(dataset: xr.Dataset) -> list[Finding]:
+    """Return the same where there is no verdict, from lock and control at the end."""
     locked, control = is_locked(dataset), is_in_control(dataset)
     if locked is None and control is None:
         return []

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from turnout.metric.channel_features import final_value
 from turnout.metric.slip import TIME_TOLERANCE, Slip, Span, movements, slips
 from turnout.metric.summary import format_force
+from turnout.metric.trapped import break_note, is_trapped
 from turnout.metric.verdict_words import (
     accepted_by,
     narrow_flangeway,
@@ -23,34 +23,6 @@ from turnout.metric.verdict_words import (
 
 if TYPE_CHECKING:
     import xarray as xr
-
-
-def is_trapped(contact: ArrayLike, taken: ArrayLike, left: ArrayLike) -> NDArray[np.bool_]:
-    """Return which objects were touched and are still there at the end.
-
-    Parameters
-    ----------
-    contact : array_like
-        First contact of each object [s]; NaN for none.
-    taken : array_like
-        When it was taken out [s]; infinite where it was not by the end.
-    left : array_like
-        Size that is left of it at the end [m]; NaN where it remembers nothing, so all is left.
-
-    Returns
-    -------
-    ndarray of bool
-        False for what broke and left nothing, was taken out, or was never touched.
-
-    Examples
-    --------
-    >>> never = float("inf")
-    >>> is_trapped([7.1, 7.1, float("nan"), 7.1], [never, never, never, 9.0], [0.01, 0, 0.01, 0.01])
-    array([ True, False, False, False])
-    """
-    first, end, size = (np.asarray(item, dtype=np.float64) for item in (contact, taken, left))
-    gone = size <= 0.0  # not where it is NaN
-    return np.asarray((first < end) & np.isinf(end) & ~gone)
 
 
 Kind = Literal[
@@ -115,7 +87,8 @@ class Verdict:
         "sound", every check is passed.
         "not judged": the dataset lacks what the verdict rests on, or an object does not fit.
     text : str
-        One plain sentence with its numbers.
+        One plain sentence with its numbers; where an object broke a second one, that the verdict
+        may depend on step and mode.
     """
 
     kind: Kind
@@ -159,7 +132,8 @@ def verdict(dataset: "xr.Dataset") -> Verdict:
     if unplaced:
         return Verdict("not judged", f"Not judged: {unplaced}.")
     judged = dataset[[name for name in _JUDGED if name in dataset]]
-    return _judged(judged, _cases(judged))
+    found, note = _judged(judged, _cases(judged)), break_note(dataset)
+    return replace(found, text=f"{found.text} {note}.") if note else found
 
 
 def _missing_channels(dataset: "xr.Dataset") -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.core.channels import SCHEMA_VERSION
+from turnout.core.channels import BREAK_NOTE, SCHEMA_VERSION
 from turnout.core.lru_cache import LRUCache
 from turnout.core.provenance import provenance
 from turnout.core.scheme import Scheme
@@ -60,6 +60,7 @@ from turnout.throw.signals import (
     energy_scale,
     fastening_signals,
     force_block,
+    has_broken,
     object_channels,
     object_memory,
     stop_block,
@@ -253,6 +254,7 @@ def describe_run(
         "movements": movement_records(moved_throws(panel, history)),
         **({"machine_throws": duty_records(panel, made, end)} if made else {}),
         **rules,
+        **({"break_note": BREAK_NOTE} if has_broken(mechanism, history) else {}),
         "outcome": outcome.code.name.lower().replace("_", " "),
         "outcome_message": outcome.message(),
         "complete": outcome.complete,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from turnout.core.channels import check_schema, label
+from turnout.core.channels import BREAK_NOTE, check_schema, label
 from turnout.core.errors import ResponseError, TurnoutError
 from turnout.core.scheme import Mode, Scheme, chosen_scheme
 from turnout.core.threads import one_blas_thread
@@ -19,7 +19,7 @@ from turnout.solver.outcome import Code, NotConverged, Outcome
 from turnout.throw.dataset import coordinates_of, describe_run, response_channels
 from turnout.throw.drift import Drift, aged_objects, check_drift
 from turnout.throw.save import Save
-from turnout.throw.signals import Channel
+from turnout.throw.signals import Channel, has_broken
 from turnout.throw.simulate import Solved, as_objects, solve_placed
 
 if TYPE_CHECKING:
@@ -154,6 +154,9 @@ class _Series:
                 self.panel, solved.mechanism, solved.history, scheme=self.scheme,
                 objects=self.objects, wall_time=0.0, solver_time=0.0,
             )  # fmt: skip
+        first = "break_throw" not in self.attributes
+        if first and has_broken(solved.mechanism, solved.history):
+            self.attributes |= {"break_note": BREAK_NOTE, "break_throw": len(self.kept) + 1}
         self.coordinates.append(coordinates)
         self.kept.append({n: self._spread(v, present) for n, v in channels.items()})
         self.sizes.append(_sizes(parts, self.names))

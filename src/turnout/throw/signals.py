@@ -161,6 +161,12 @@ def object_memory(mechanism: Mechanism, history: History) -> dict[str, Channel]:
     return {"object_left": (("object",), left), "object_broken": (("object",), broken)}
 
 
+def has_broken(mechanism: Mechanism, history: History) -> bool:
+    """Return whether a foreign object broke; bonds of frozen chairs are none."""
+    rows = named_obstructions(history.obstructions, mechanism.index.object)
+    return bool(np.any(history.obstructions.broken[list(rows.values())] > 0))
+
+
 def lasting_dents(mechanism: Mechanism, history: History) -> Floats:
     """Return the compression of every obstruction that stays without force [m]."""
     obstructions, laws = history.obstructions, mechanism.laws

@@ -13,6 +13,8 @@ from urllib.parse import parse_qs
 from starlette.responses import PlainTextResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from turnout.core.errors import TurnoutError
+
 LARGEST_UPLOAD = 100_000_000
 # More than this of a refused upload is not even thrown away; the connection is closed.
 MOST_DRAINED = 1_000_000_000
@@ -123,7 +125,7 @@ class Guard:
         return answer
 
 
-class TooLargeError(Exception):
+class TooLargeError(TurnoutError):
     """The upload is too large; the application replies with status 413."""
 
     def __init__(self, largest: int) -> None:

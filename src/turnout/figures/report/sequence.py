@@ -14,6 +14,7 @@ from turnout.figures.report.run import picture_of
 from turnout.figures.sheet import Line, Row, Sheet
 from turnout.metric.finding import Finding, Severity
 from turnout.metric.throw_table import throw_table
+from turnout.metric.trapped import break_note
 
 MOST_ROWS = 400
 """Throws in the table; of more, some at even distances."""
@@ -64,6 +65,8 @@ def sequence_findings(dataset: xr.Dataset, rows: Sequence[Mapping[str, Any]]) ->
         detail = f"{count} of {len(rows)} throws, first throw {throws[0]}, last throw {throws[-1]}"
         share = f"{100 * count / len(rows):.3g} %"
         found.append(Finding(LEVELS.get(kind, "good"), kind[:1].upper() + kind[1:], share, detail))
+    if note := break_note(dataset):
+        found.append(Finding("look", "Can the numbers be trusted?", "With care", note))
     return sorted(found, key=lambda item: item.level != "bad")
 
 

@@ -27,6 +27,7 @@ from turnout.metric.sweep_map import (
     sweep_map,
     trapped_objects,
 )
+from turnout.metric.trapped import break_note
 
 MAP_INPUTS = ("object.size", "object.at")
 NEEDED = ("outcome", "slipped", "slipped_free", "end_locked")
@@ -134,6 +135,8 @@ def sweep_findings(labels: xr.Dataset) -> list[Finding]:
         detail = f"{count} of {whole} throws"
         share = f"{100 * count / whole:.3g} %"
         found.append(Finding(level, name.capitalize(), share, detail))
+    if note := break_note(labels):
+        found.append(Finding("look", "Can the numbers be trusted?", "With care", note))
     missing = int(labels.attrs.get("missing", 0))
     if missing:
         found.append(Finding("look", "Not thrown yet", str(missing), "the sweep is not finished"))

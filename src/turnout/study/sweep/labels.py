@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.metric.features import FEATURES, run_features
-from turnout.metric.verdict import is_trapped
+from turnout.metric.trapped import is_trapped
 from turnout.study.sweep.throw_group import AlikeThrows, ThrowSignals
 from turnout.throw.labels import (
     contact_labels,

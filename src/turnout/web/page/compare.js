@@ -60,7 +60,7 @@ function table() {
 
 function verdicts(columns) {
   const row = document.createElement("tr");
-  row.append(cell("th", "Verdict", "row"), ...columns.map(({ answer }) => cell("td", answer.verdict.kind)));
+  row.append(cell("th", "Verdict", "row"), ...columns.map(({ answer }) => Object.assign(cell("td", answer.verdict.kind), { title: answer.verdict.text })));
   return row;
 }
 

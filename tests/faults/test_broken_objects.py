@@ -1,0 +1,155 @@
+"""A verdict that rests on how often an object broke says so, wherever it is shown."""
+
+import json
+from functools import cache
+from pathlib import Path
+from typing import Any, cast
+
+import pytest
+import xarray as xr
+from tests.unit.sweeps import here, study_file
+from typer.testing import CliRunner
+
+import turnout
+from turnout.calibration.load_study import load_study
+from turnout.cli.main import app
+from turnout.figures.report.page import page_html
+from turnout.figures.report.run import run_page
+from turnout.figures.report.sequence import sequence_page
+from turnout.figures.report.sweep import sweep_findings
+from turnout.figures.style import title_of
+from turnout.metric.finding import HEADLINE, findings
+from turnout.metric.verdict import verdict
+from turnout.panel.object_text import parse_object
+from turnout.study.sweep.read import read_labels
+from turnout.study.sweep.run import throw_study
+from turnout.web.object_map import object_map
+from turnout.web.question import Question
+from turnout.web.request import MapRequest
+from turnout.web.throw import throw_reply
+
+ICE = "14.9mm ice@sleeper3"
+NOTE = "An object broke: the number of breaks, and so the verdict, may depend on step and mode"
+STUDY = """
+schema_version = 1
+name = "breaks"
+description = "Ice that breaks, and wood, which does not."
+panel = "uic60-760-1-15"
+
+[scheme]
+mode = "quick"
+
+[output]
+channels = ["object_broken"]
+
+[[together]]
+keys = ["object.size", "object.at", "object.kind"]
+rows = [["14.9 mm", "sleeper 3", "{kind}"]]
+"""
+
+
+@cache
+def thrown(text: str = ICE) -> xr.Dataset:
+    return turnout.simulate(panel(), foreign_object=parse_object(text), mode="quick")
+
+
+@cache
+def panel() -> turnout.LoadedPanel:
+    return turnout.load_panel("uic60-760-1-15")
+
+
+@cache
+def sequence() -> xr.Dataset:
+    """Return throws of ice that gets weaker: it breaks in the third."""
+    warmer = turnout.Drift(temperature=("-12 degC", "-9 degC"))
+    made = turnout.simulate_sequence(
+        panel(), throws=4, foreign_object=parse_object(ICE), drift=warmer
+    )
+    assert [int(count) > 0 for count in made["object_broken"].values[:, 0]] == [0, 0, 1, 0]
+    return made
+
+
+def printed(*line: str) -> str:
+    done = CliRunner().invoke(app, line)
+    assert done.exit_code == 0, done.output
+    return done.stdout
+
+
+def test_ice_that_breaks_has_other_verdicts_in_other_modes_and_both_say_so() -> None:
+    fine = turnout.simulate(panel(), foreign_object=parse_object(ICE))
+    found = [verdict(thrown()), verdict(fine)]
+    assert [item.kind for item in found] == ["detected by TKK", "undetected object"]
+    assert [item.text.endswith(f". {NOTE}.") for item in found] == [True, True]
+
+
+def test_a_stone_of_which_nothing_is_left_says_so_beside_sound() -> None:
+    found = verdict(thrown("13mm stone@drive1"))
+    assert (found.kind, found.text.endswith(f". {NOTE}.")) == ("sound", True)
+
+
+@pytest.mark.parametrize(
+    "text", ["13mm@sleeper6", "15mm wood@drive1", "20mm metal@drive1", "20mm snow@drive1"]
+)
+def test_what_only_dents_or_springs_back_has_no_note(text: str) -> None:
+    dataset = thrown(text)
+    assert bool(dataset["object_touched"])
+    shown = [verdict(dataset).text, title_of(dataset), str(findings(dataset)), str(dataset.attrs)]
+    assert [line for line in shown if "depend on step" in line or "broke" in line] == []
+
+
+def test_page_report_and_dataset_say_so() -> None:
+    dataset = thrown()
+    assert dataset.attrs["break_note"] == NOTE
+    headline = next(item for item in findings(dataset) if item.question == HEADLINE)
+    assert NOTE in headline.detail
+    assert NOTE in page_html(run_page(dataset, pictures=[]))
+    assert "an object broke: verdict may depend on step and mode" in title_of(dataset)
+    assert NOTE in throw_reply(panel(), dataset)["verdict"]["text"]
+    cell = {"run": {"panel": "", "object": {"size": "13 mm", "at": "drive 1", "kind": "ice"}}}
+    asked = MapRequest.model_validate({**cell, "places": ["sleeper 3"], "sizes": ["14.9 mm"]})
+    assert NOTE in object_map(panel(), asked, Question())["texts"][0][0]
+
+
+def test_the_command_line_says_so() -> None:
+    line = ("simulate", "--object", ICE, "--mode", "quick")
+    assert f"{NOTE}.\n" in printed(*line)
+    record = json.loads(printed(*line, "--json"))
+    assert NOTE in record["verdict"]["text"]
+    assert record["break_note"] == NOTE
+
+
+@pytest.mark.parametrize("lost", ["object_broken", "drive_slipping"])
+def test_what_was_not_kept_hides_nothing(lost: str) -> None:
+    """Without slip there is no verdict, but lock and control at the end."""
+    assert NOTE in findings(thrown().drop_vars(lost))[0].detail
+
+
+def test_a_file_from_before_the_note_says_so() -> None:
+    before = thrown().assign_attrs()
+    del before.attrs["break_note"]
+    assert NOTE in verdict(before).text
+
+
+def test_throws_after_a_break_say_so_and_those_before_do_not() -> None:
+    made = sequence()
+    said = [NOTE in verdict(made.isel(throw=number)).text for number in range(4)]
+    assert said == [False, False, True, True]
+    assert made.attrs["break_throw"] == 3
+    assert f"{NOTE} (from throw 3 on)" in page_html(sequence_page(made))
+
+
+def test_a_sequence_on_the_command_line_says_so() -> None:
+    line = ("simulate", "--object", ICE, "--throws", "2")
+    assert f"{NOTE} (from throw 1 on)\n" in printed(*line)
+    assert json.loads(printed(*line, "--json"))["break_note"] == f"{NOTE} (from throw 1 on)"
+
+
+@pytest.mark.parametrize(("kind", "said"), [("ice", True), ("wood", False)])
+def test_a_sweep_that_stores_breaks_says_so(tmp_path: Path, kind: str, said: bool) -> None:
+    text = STUDY.replace("{kind}", kind)
+    throw_study(load_study(study_file(tmp_path, text=text)), tmp_path / "out", pool=here)
+    labels = read_labels(tmp_path / "out")
+    shown = [item.detail for item in sweep_findings(labels)]
+    line = ("sweep", "map", str(tmp_path / "out"))
+    record = cast("dict[str, Any]", json.loads(printed(*line, "--json")))
+    assert (NOTE in shown, NOTE in printed(*line), record.get("break_note") == NOTE) == (said,) * 3
