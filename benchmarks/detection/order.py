@@ -41,7 +41,7 @@ CLEAR = 2e-3
 """Margin that was wanted [m]."""
 LINEAR_BOUND = {(0, 0.05): 10.1, (20, 0.03): 8.0, (20, 0.05): 9.1, (20, 0.10): 11.7}
 """a90 of the linear bound for forces on the default panel, mean of sleepers 4 to 8, by throws known
-and discrepancy [mm]; from docs/use/detection-limit.md."""
+and discrepancy [mm]; from docs/evidence/blind-zones.md."""
 
 
 def margins_of(folder: Path, conditions: Conditions, results: Results) -> dict[str, Any]:

@@ -34,7 +34,7 @@ KNOWN_PLACE = {
     20: (0.6, 1.0, 3.1, 6.1, 8.7, 10.5, 11.1, 10.1, 7.7, 5.6, 4.0, 3.1, 3.1),
 }
 """a90 of the bound at a known place on the default panel by history, 5 % discrepancy, from Drive 1
-to Drive 2 [mm]; from docs/use/detection-limit.md."""
+to Drive 2 [mm]; from docs/evidence/blind-zones.md."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
