@@ -29,17 +29,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from benchmarks.studies.detector_cases import (
+from benchmarks.studies.detector_figures import drawn_errors, false_alarm_limits, of_each_switch
+from benchmarks.studies.detector_page import alarms
+from benchmarks.studies.detector_sets import (
     A_MONTH,
     ICE_PLACES,
     KNOWN,
     YEAR_SWITCHES,
+    Arrays,
+    Throws,
     ice_plan,
     year_plan,
 )
-from benchmarks.studies.detector_figures import drawn_errors, false_alarm_limits, of_each_switch
-from benchmarks.studies.detector_page import alarms
-from benchmarks.studies.detector_sets import Arrays, Throws
 from turnout.core.files import write_atomic
 from turnout.detection.detector.calibrating import alarms_of
 from turnout.detection.detector.detector import Detector

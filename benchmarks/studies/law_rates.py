@@ -15,9 +15,16 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.page import EVIDENCE, put_section
-from benchmarks.studies.calibration_coverage import START, TRUTH
+from benchmarks.studies.calibration_coverage import (
+    SB1_CASES,
+    START,
+    TRUTH,
+    WINDOW,
+    Twin,
+    campaign,
+    short_sb1,
+)
 from benchmarks.studies.resumable import Record, command_line
-from benchmarks.studies.twin_campaigns import SB1_CASES, WINDOW, Twin, campaign, short_sb1
 from turnout.calibration.drive_law.candidates import PLAIN, SOFT, WORN
 from turnout.calibration.drive_law.compare import compare_laws
 from turnout.calibration.evaluate import Evaluator
