@@ -46,12 +46,11 @@ from turnout.detection.detector.judging import (
 from turnout.detection.detector.knowledge import Knowledge, Setting
 from turnout.detection.detector.throw_layout import Layout
 from turnout.detection.detector.throw_set import ThrowSet
-from turnout.detection.detector.throw_verdict import Verdict, verdict_on
+from turnout.detection.detector.throw_verdict import ALARM, CAUSE, UNKNOWN, Verdict, verdict_on
 from turnout.detection.detector.training import LEAST_SOUND, setting_of, teach
 from turnout.detection.detector.training_plan import DEFECTS
 from turnout.detection.detector.training_sets import Counts
 from turnout.detection.detector.unexplained import least_squares
-from turnout.detection.detector.words_of_verdict import ALARM, CAUSE, UNKNOWN
 from turnout.detection.likelihood import Evidence
 
 Floats = NDArray[np.float64]

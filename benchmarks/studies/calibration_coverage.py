@@ -29,8 +29,7 @@ from turnout.calibration.calibrate import calibrate
 from turnout.calibration.candidate_causes import FRICTION
 from turnout.calibration.comparison import Comparison, Uncertainty
 from turnout.calibration.covariance import spread_of
-from turnout.calibration.fit import Fit
-from turnout.calibration.fit_noise import reestimate_noise
+from turnout.calibration.fit import Fit, reestimate_noise
 from turnout.calibration.misfit import framed, jacobian
 from turnout.calibration.noise import measured_noise
 from turnout.calibration.stages import CalibrationPlan as Stages

@@ -47,9 +47,8 @@ from turnout.detection.detector.detector import Detector
 from turnout.detection.detector.knowledge import Setting
 from turnout.detection.detector.recorded import Recorded
 from turnout.detection.detector.throw_set import ThrowSet
-from turnout.detection.detector.throw_verdict import Verdict
+from turnout.detection.detector.throw_verdict import CANNOT, SOUND, Verdict
 from turnout.detection.detector.training import layout_of_panel
-from turnout.detection.detector.words_of_verdict import CANNOT, SOUND
 from turnout.detection.floor import TOUCH_FORCE
 from turnout.detection.reference import reference_study
 

@@ -28,7 +28,8 @@ from benchmarks.studies.resumable import Record, command_line
 from turnout.calibration.drive_law.candidates import PLAIN, SOFT, WORN
 from turnout.calibration.drive_law.compare import compare_laws
 from turnout.calibration.evaluate import Evaluator
-from turnout.calibration.result import Calibration, Fitted
+from turnout.calibration.parameter import Fitted
+from turnout.calibration.result import Calibration
 from turnout.calibration.stages import default_plan
 from turnout.core.scheme import Scheme
 from turnout.study.virtual.campaign_plan import CampaignPlan, Defects
