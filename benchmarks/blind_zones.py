@@ -1,4 +1,4 @@
-"""Blind zones of the reference case: the tables and the figure of docs/use/detection-limit.md.
+"""Blind zones of the reference case: the tables and the figure of docs/evidence/blind-zones.md.
 
     python -m benchmarks.blind_zones FOLDER [--sound 3000] [--states 100] [--skip-known]
 

@@ -1,4 +1,4 @@
-"""Bands over the plausible panels: the table and the figure of docs/use/detection-limit.md.
+"""Bands over the plausible panels: the table and the figure of docs/evidence/blind-zones.md.
 
     python -m benchmarks.limit_panels FOLDER --default FOLDER
 

@@ -92,7 +92,7 @@ class Limits:
         return np.asarray(away.max(axis=1) if self.largest else np.linalg.norm(away, axis=1))
 
     def judge(self, judged: Judged) -> tuple[Floats, Mapping[str, Any]]:
-        """Return the score twice: what lies far out is new."""
+        """Return the score, also as the novelty."""
         score = self.score(judged)
         return score, {"novelty": score}
 
@@ -181,7 +181,7 @@ class Warped:
         return dtw_distance(halved(judged.side.histories), halved(judged.reference), band=self.band)
 
     def judge(self, judged: Judged) -> tuple[Floats, Mapping[str, Any]]:
-        """Return the distance twice: what is far from the reference is new."""
+        """Return the distance, also as the novelty."""
         score = self.score(judged)
         return score, {"novelty": score}
 
@@ -229,7 +229,7 @@ class Components:
         return self.judge(judged)[0]
 
     def judge(self, judged: Judged) -> tuple[Floats, Mapping[str, Any]]:
-        """Return the score, and the error: what the components do not hold is new."""
+        """Return the score, and the squared prediction error as the novelty."""
         squares, errors = self.parts(judged)
         return squares / self.limits[0] + errors / self.limits[1], {"novelty": errors}
 

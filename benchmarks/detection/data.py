@@ -233,7 +233,7 @@ def open_benchmark(
 def judged_labels(
     folder: Path | str, *, history: int, discrepancy: float, channels: str, track: str
 ) -> Side:
-    """Return the test throws that are judged, without what was recorded of them.
+    """Return the labels of the judged test throws, without their histories.
 
     That is all that a score needs, and takes a hundredth of the time. Conditions are those of
     `open_benchmark`.
@@ -248,7 +248,7 @@ def judged_labels(
 
 
 def _errors_under(history: int, discrepancy: float, channels: str, track: str) -> Allowances:
-    """Return what a recorder adds under some conditions; refuse invalid ones, all at once."""
+    """Return the errors of a recorder under some conditions; refuse invalid ones, all at once."""
     faults = []
     if history < 0:
         faults.append(f"history = {history}: must be a number of throws, 0 or more")
@@ -370,7 +370,7 @@ class Recorder:
 
 
 def recorded(clean: Floats, recorder: Recorder, *, switch: int, errors: Allowances) -> Floats:
-    """Return what is recorded of the throws of one switch.
+    """Return the recorded histories of the throws of one switch.
 
     Parameters
     ----------

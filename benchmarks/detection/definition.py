@@ -1,4 +1,4 @@
-"""What the benchmark consists of: switches, their panels and machines, and how many throws of what.
+"""Definition of the benchmark: switches, their panels and machines, and numbers of throws.
 
 Everything follows from the number of a switch and from one seed. Panels are the cases of the study
 `plausible-panels` as it was when the benchmark was frozen (`panels.toml`). States, and what differs
@@ -64,7 +64,7 @@ class Counts:
     causes: int
 
     def __post_init__(self) -> None:
-        """Refuse what makes no benchmark, all of it at once."""
+        """Refuse counts that are too small, all of them at once."""
         least = {
             "switches": 4, "machines": 0, "known": 1, "sound": 1, "objects": 1, "causes": 0,
         }  # fmt: skip

@@ -94,7 +94,7 @@ def _figure() -> tuple[Figure, Axes]:
 
 
 def _name_lines(figure: Figure, ax: Axes) -> None:
-    """Put the names of the lines beside them, where they hide nothing."""
+    """Put the legend beside the axes."""
     figure.legend(*ax.get_legend_handles_labels(), fontsize=8, loc="outside right upper")
 
 

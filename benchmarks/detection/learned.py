@@ -28,7 +28,7 @@ Settings = Sequence[Mapping[str, Any]]
 
 
 def scikit_learn(name: str) -> Any:
-    """Return `sklearn.ensemble`, or say what lacks."""
+    """Return `sklearn.ensemble`, or refuse the baseline that needs it."""
     try:
         from sklearn import ensemble
     except ImportError:
@@ -55,13 +55,13 @@ class Forest:
         return -np.asarray(self.forest.score_samples(forest_inputs(self.components, judged)))
 
     def judge(self, judged: Judged) -> tuple[Floats, Mapping[str, Any]]:
-        """Return the score twice: what is isolated is new."""
+        """Return the score, also as the novelty."""
         score = self.score(judged)
         return score, {"novelty": score}
 
 
 def forest_inputs(components: Components, judged: Judged) -> Floats:
-    """Return whitened principal components and the logarithm of what they leave.
+    """Return whitened principal components and the logarithm of their residual.
 
     In raw features an object is no further out than high friction is, and a forest hardly grades
     what lies outside: whitened, small directions count as much as large ones.
@@ -72,7 +72,7 @@ def forest_inputs(components: Components, judged: Judged) -> Floats:
 
 @dataclass(frozen=True)
 class ForestMethod:
-    """Isolation forest (Liu, Ting and Zhou 2008) on what differs from the reference curve."""
+    """Isolation forest (Liu, Ting and Zhou 2008) on the difference from the reference curve."""
 
     name: str = "isolation-forest"
     title: str = "isolation forest"
@@ -95,7 +95,7 @@ class ForestMethod:
 
 
 def sweep_features(histories: Floats, judged: Judged) -> Floats:
-    """Return what a sweep says of each movement, from recorded histories, shape (n, n_features).
+    """Return the features of a sweep from recorded histories, shape (n, n_features).
 
     Peak force and its time, plateau, end force, duration, and onset and slope of the build-up: the
     first time above half of the peak, and the steepest rise over 80 ms.
@@ -209,7 +209,7 @@ class Ridge:
 
 @dataclass
 class RocketMethod:
-    """MiniRocket on what differs from the reference curve, and ridge regression.
+    """MiniRocket on the difference from the reference curve, and ridge regression.
 
     The transform is fitted once, to training throws without their labels.
     """
@@ -223,7 +223,7 @@ class RocketMethod:
     _normal: "tuple[Judged, Normal] | None" = None
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave out what was transformed: it is no part of a model."""
+        """Leave out transformed throws, which are no part of a model."""
         return {**self.__dict__, "_known": {}, "_normal": None}
 
     def of(self, judged: Judged) -> NDArray[np.float32]:

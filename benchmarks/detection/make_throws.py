@@ -71,7 +71,7 @@ def fine_layout(layout: Layout) -> Layout:
 def make_throws(
     folder: Path, counts: Counts, *, workers: int = 1, report: Report | None = None
 ) -> Path:
-    """Throw what is missing of the benchmark, and return the file with all of it.
+    """Throw the missing switches of the benchmark, and return the file of all of them.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def make_throws(
 
 
 def claim_folder(folder: Path, digest: str, counts: Counts) -> None:
-    """Write what a folder is for, or refuse one that is for something else."""
+    """Write the definition into a folder, or refuse one with other contents."""
     path = folder / DEFINITION
     if path.exists():
         try:
@@ -148,7 +148,7 @@ class _Shared(Executor):
 
 @contextmanager
 def shared_pool(workers: int) -> Iterator[Callable[[], Executor]]:
-    """Give what returns the executor of all sweeps: processes, or this process for one worker."""
+    """Give a function that returns the executor of all sweeps."""
     if must_compile():
         compile_kernels()
     own = local_pool(workers) if workers > 1 else ThreadPoolExecutor(1)
@@ -177,7 +177,7 @@ def _throw_switch(
 
 
 def collected(switch: Switch, throws: SwitchThrows, dataset: xr.Dataset) -> xr.Dataset:
-    """Return what the benchmark keeps of the throws of a switch; those that did not end go."""
+    """Return the stored variables of the complete throws of a switch."""
     plan, panel = throws.plan, throws.plan.study.panel
     fine = fine_layout(layout_of_panel(panel))
     onsets = np.tile([part.start for part in fine.parts], (len(throws.role), 1))
@@ -272,7 +272,7 @@ def _join(paths: list[Path], whole: Path, *, digest: str, counts: Counts) -> Non
 
 
 def quantized(history: Floats, quantum: Floats) -> NDArray[np.int16]:
-    """Return histories in multiples of a quantum for each signal; `MISSING` where there are none.
+    """Return histories in multiples of a quantum for each signal; `MISSING` for NaN.
 
     Parameters
     ----------
@@ -309,7 +309,7 @@ def data_digest(dataset: xr.Dataset) -> str:
 
 
 def read_throws_file(folder: Path, *, recorded: bool = True) -> xr.Dataset:
-    """Return the stored throws, or what is known of them without their histories."""
+    """Return the stored throws, with or without their histories."""
     path = folder / THROWS
     try:
         with xr.open_dataset(path, engine="h5netcdf") as found:

@@ -32,7 +32,7 @@ RATES = (1e-3, 1e-4)
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """Throws that a method learns from or judges, and what is known of their switches.
+    """Throws that a method learns from or judges, with known throws of their switches.
 
     Attributes
     ----------
@@ -67,12 +67,12 @@ class Judged:
         return self.side.histories - self.reference
 
     def features(self, *, relative: bool) -> Floats:
-        """Return means over windows, of the throws or of what they differ by."""
+        """Return means over windows of the throws or of their differences from the reference."""
         return self.relative_features if relative else self.side.features
 
     @cached_property
     def relative_features(self) -> Floats:
-        """Means over windows of what throws differ by from the reference curve."""
+        """Means over windows of the differences from the reference curve."""
         return window_features(self.relative, self.layout)
 
     @property
@@ -102,7 +102,7 @@ def object_touched(side: Side) -> NDArray[np.bool_]:
 
 
 def judged_of(bench: Benchmark, split: str) -> Judged:
-    """Return the judged throws of one side with what is known of their switches."""
+    """Return the judged throws of one side with known throws of their switches."""
     side: Side = getattr(bench, split)
     known = side.of(side.known(bench.history))
     judged = side.of(side.judged)
@@ -122,7 +122,7 @@ class Model(Protocol):
     """A fitted method."""
 
     def score(self, judged: Judged) -> Floats:
-        """Return what is higher where an object is likelier, shape (n,)."""
+        """Return a score that rises with the likelihood of an object, shape (n,)."""
 
     def judge(self, judged: Judged) -> tuple[Floats, Mapping[str, Any]]:
         """Return the same, and further fields of `Verdicts`."""

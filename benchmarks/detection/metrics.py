@@ -197,7 +197,7 @@ def calibration_error(probability: Floats, true: Bools) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Accuracy:
-    """Errors of a value and what its interval holds.
+    """Errors of a value and the coverage of its interval.
 
     Attributes
     ----------
@@ -216,7 +216,7 @@ class Accuracy:
 
 
 def accuracy(said: Floats, true: Floats) -> Accuracy:
-    """Return the errors of values, where something is said.
+    """Return the errors of the values that are not NaN.
 
     Parameters
     ----------

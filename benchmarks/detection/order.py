@@ -41,7 +41,7 @@ CLEAR = 2e-3
 """Margin that was wanted [m]."""
 LINEAR_BOUND = {(0, 0.05): 10.1, (20, 0.03): 8.0, (20, 0.05): 9.1, (20, 0.10): 11.7}
 """a90 of the linear bound for forces on the default panel, mean of sleepers 4 to 8, by throws known
-and discrepancy [mm]; from docs/use/detection-limit.md."""
+and discrepancy [mm]; from docs/evidence/blind-zones.md."""
 
 
 def margins_of(folder: Path, conditions: Conditions, results: Results) -> dict[str, Any]:
@@ -131,7 +131,7 @@ def order_table(
 def _compared(
     conditions: Sequence[Conditions], margins: Mapping[str, Any]
 ) -> Iterator[tuple[Conditions, str, str, Mapping[str, Any]]]:
-    """Yield conditions, what a detector of this program assumes else, its name and its margin."""
+    """Yield conditions, another assumed discrepancy, the name of the detector and its margin."""
     for own in conditions:
         found = margins.get(own.name, {})
         for key, name, assumed in (
@@ -158,7 +158,7 @@ def _signed(value: float | None) -> str:
 
 
 def order_changes(conditions: Sequence[Conditions], margins: Mapping[str, Any]) -> list[str]:
-    """Return in words where this program's detector is not first, or not surely or clearly so.
+    """Return a sentence per condition under which this program's detector is not clearly first.
 
     With the discrepancy it is said at which one the margin would be zero, on the straight line
     between the two nearest.
@@ -204,7 +204,7 @@ DRAWS = 1000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Margin:
-    """By how much smaller objects one method sees than another; positive where it is better.
+    """Difference in a90 of two methods; positive if the first sees smaller objects.
 
     Attributes
     ----------

@@ -67,7 +67,7 @@ def by_method(conditions: list[Conditions], results: Mapping[str, Results]) -> s
 
 
 def obvious_table(conditions: list[Conditions], results: Mapping[str, Results]) -> str:
-    """Return where each method calls obvious objects best, and how many of them."""
+    """Return a table of the best place of each method for obvious objects, and their share."""
     usual = [own for own in conditions if (own.history, own.discrepancy) == (20, 0.05)]
     heads = ["best place for 25 mm and more, called there",
              *(f"{own.track[:-1]} {own.channels}" for own in usual)]  # fmt: skip

@@ -23,11 +23,10 @@ from benchmarks.detection.data import (
     Side,
     judged_labels,
     open_benchmark,
-    read_throws_file,
 )
 from benchmarks.detection.definition import MARKERS, TEST, TRAIN, WITH_MACHINES
 from benchmarks.detection.learned import BoostingMethod, ForestMethod, RocketMethod
-from benchmarks.detection.make_throws import data_digest
+from benchmarks.detection.make_throws import data_digest, read_throws_file
 from benchmarks.detection.method import (
     FOLDS,
     Floats,
@@ -37,7 +36,7 @@ from benchmarks.detection.method import (
     judged_of,
     tune,
 )
-from benchmarks.detection.score import plain, score_verdicts
+from benchmarks.detection.score import score_verdicts
 from benchmarks.detection.turnout_detector import DetectorMethod, MachineDetectorMethod
 from benchmarks.detection.verdicts import Verdicts, read_verdicts, write_verdicts
 from turnout.core.errors import StudyError
@@ -95,7 +94,7 @@ class Conditions:
         return open_benchmark(folder, **asdict(self))
 
     def judged(self, folder: Path) -> Side:
-        """Return the labels of the test throws that are judged, without what was recorded."""
+        """Return the labels of the judged test throws, without their histories."""
         return judged_labels(folder, **asdict(self))
 
 
@@ -164,7 +163,7 @@ def run_methods(
     workers: int = 1,
     report: Report | None = None,
 ) -> dict[str, dict[str, dict[str, Any]]]:
-    """Return the score of each method by conditions and name; what is missing is run.
+    """Return the score of each method by conditions and name; run missing ones.
 
     Parameters
     ----------
@@ -332,7 +331,7 @@ def run_method(method: Method, bench: Benchmark, place: Path, *, data: str) -> d
         "tuning_time": tuned,
         "milliseconds": 1e3 * took / len(scores),
         "bytes": len(dumps(fitted.model)),
-        "score": plain(score_verdicts(verdicts, test.side, history=bench.history)),
+        "score": asdict(score_verdicts(verdicts, test.side, history=bench.history)),
     }
     text = json.dumps(to_plain(result, nonfinite=lambda _: None), indent=1)
     write_atomic(place / f"{method.name}.json", text + "\n")
@@ -360,7 +359,7 @@ def folds_of(side: Side) -> NDArray[np.intp]:
 
 
 def _keeper(tuning: Path, name: str) -> tuple[Keep, Callable[[], float]]:
-    """Return what keeps scores of settings in files, and the time that stored ones took [s]."""
+    """Return a function that keeps scores in files, and one for the time of stored scores [s]."""
     before: list[float] = []
 
     def keep(fold: int, setting: int, scores: Callable[[], Floats]) -> Floats:
@@ -400,4 +399,4 @@ def score_file(path: Path, folder: Path, conditions: Conditions) -> dict[str, An
     side = conditions.judged(folder)
     verdicts = read_verdicts(path, throws=side.throw, positions=side.positions)
     score = score_verdicts(verdicts, side, history=conditions.history)
-    return dict(to_plain(plain(score), nonfinite=lambda _: None))
+    return dict(to_plain(asdict(score), nonfinite=lambda _: None))

@@ -1,7 +1,7 @@
 """Score verdicts: every figure of merit of the benchmark for one method."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -34,7 +34,7 @@ KNOWN_PLACE = {
     20: (0.6, 1.0, 3.1, 6.1, 8.7, 10.5, 11.1, 10.1, 7.7, 5.6, 4.0, 3.1, 3.1),
 }
 """a90 of the bound at a known place on the default panel by history, 5 % discrepancy, from Drive 1
-to Drive 2 [mm]; from docs/use/detection-limit.md."""
+to Drive 2 [mm]; from docs/evidence/blind-zones.md."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -178,7 +178,7 @@ def obvious_share(
 
 
 def _said(side: Side, verdicts: Verdicts) -> dict[str, Any]:
-    """Return figures of what a method may say besides."""
+    """Return figures of merit of the optional columns of verdicts."""
     role = side.labels["role"]
     sound, touched = role == SOUND, object_touched(side)
     found: dict[str, Any] = {}
@@ -209,8 +209,3 @@ def _said(side: Side, verdicts: Verdicts) -> dict[str, Any]:
                                for kind in (true, ~true)])  # fmt: skip
         found["calibration"] = calibration_error(said[rows], true[rows])
     return found
-
-
-def plain(score: Score) -> dict[str, Any]:
-    """Return a score as nested plain data, in SI."""
-    return asdict(score)

@@ -71,7 +71,7 @@ SHIFTED = ("over_travel_closed", "stress_free")
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SwitchThrows:
-    """Throws of a switch and what is true of each.
+    """Throws of a switch and their true labels.
 
     Attributes
     ----------
@@ -205,7 +205,7 @@ def fixed_state(population: Population, shifts: Mapping[str, float]) -> int:
 
 
 def holds_at_rest(population: Population, row: Row) -> bool:
-    """Return whether no drive slips where it holds a rail at rest, as every throw begins."""
+    """Return whether all drives hold their rails at rest without slip, as every throw begins."""
     study = population.plan("at rest", [row]).study
     try:
         study.panel.with_overrides(dict(study.scenario(0).overrides))
@@ -287,7 +287,7 @@ CAUSES: Mapping[str, Callable[[Row, np.random.Generator, Population], Row]] = {
 
 
 def _alike(rows: list[Row], population: Population) -> list[Row]:
-    """Return rows with the same keys, which say what a slow drive changes."""
+    """Return rows with the same keys, those of a slow drive included."""
     usual = {
         f"movement.{name}.extra_time.{drive}": float(movement.extra_time.get(drive, 0.0))
         for name, movement in population.study.panel.movement.items()

@@ -36,7 +36,7 @@ def kind_table(results: Results) -> str:
 
 
 def said_table(results: Results) -> str:
-    """Return a table of gaps, places and sizes: median error, and what the 95 % intervals hold."""
+    """Return a table of gaps, places and sizes: median error and coverage of 95 % intervals."""
     heads, rows = ["error [mm], interval holds"], []
     for result in results.values():
         score = result["score"]
@@ -51,7 +51,7 @@ def said_table(results: Results) -> str:
 
 
 def budget_table(results: Results) -> str:
-    """Return a table of the settings that each method tried, and of what that took."""
+    """Return a table of the settings that each method tried, and of their cost."""
     heads = ("method", "settings", "fits", "tuned in [s]", "detected of held back", "taken")
     rows = []
     for result in results.values():
@@ -116,7 +116,7 @@ def _rate(rate: Mapping[str, Any] | None, scale: float) -> str:
 
 
 def millimetres(value: float | None) -> str:
-    """Return a size in mm; none where nothing is seen so often.
+    """Return a size in mm; a dash for none.
 
     Examples
     --------

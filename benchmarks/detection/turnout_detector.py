@@ -46,12 +46,11 @@ from turnout.detection.detector.judging import (
 from turnout.detection.detector.knowledge import Knowledge, Setting
 from turnout.detection.detector.throw_layout import Layout
 from turnout.detection.detector.throw_set import ThrowSet
-from turnout.detection.detector.throw_verdict import Verdict, verdict_on
+from turnout.detection.detector.throw_verdict import ALARM, CAUSE, UNKNOWN, Verdict, verdict_on
 from turnout.detection.detector.training import LEAST_SOUND, setting_of, teach
 from turnout.detection.detector.training_plan import DEFECTS
 from turnout.detection.detector.training_sets import Counts
 from turnout.detection.detector.unexplained import least_squares
-from turnout.detection.detector.words_of_verdict import ALARM, CAUSE, UNKNOWN
 from turnout.detection.likelihood import Evidence
 
 Floats = NDArray[np.float64]
@@ -94,7 +93,7 @@ def throw_set_of(
 
 
 def switch_components(side: Side, layout: Layout, *, count: int) -> Floats:
-    """Return what is fixed for the switch of each throw, shape (n_throws, count or fewer) [-].
+    """Return the inputs of the switch of each throw, shape (n_throws, count or fewer) [-].
 
     Few switches have fewer components: n of them differ in n - 1.
 
@@ -136,7 +135,7 @@ class Taught:
     def weighed(
         self, judged: Judged
     ) -> Iterator[tuple[NDArray[np.intp], Knowledge, View, Evidence]]:
-        """Yield some throws of a switch, what they are judged with, and the evidence."""
+        """Yield some throws of a switch, their detector and view, and the evidence."""
         populations = {name: make_view(item) for name, item in self.knowledge.items()}
         for switch in np.unique(judged.side.groups):
             own = np.flatnonzero(judged.side.groups == switch)
@@ -160,7 +159,7 @@ class Taught:
         return found
 
     def judge(self, judged: Judged) -> tuple[Floats, Mapping[str, Any]]:
-        """Return the ratio, and place, size, gaps, cause, probability and what nothing explains.
+        """Return the ratio, and place, size, gaps, cause, probability and novelty.
 
         Without thresholds of its own the detector names no cause, place, size or gap.
         """
@@ -193,7 +192,7 @@ class Taught:
 
 
 def cause_of(verdict: Verdict) -> str:
-    """Return what a verdict says, in the words of the benchmark."""
+    """Return the cause of a verdict in the words of the benchmark."""
     if verdict.status == ALARM:
         return OBJECT
     if verdict.status == CAUSE:
@@ -283,7 +282,7 @@ class DetectorMethod:
 
 
 def training_sets(train: Judged, setting: Mapping[str, Any]) -> dict[str, ThrowSet]:
-    """Return the throws that a detector learns from, by what they are.
+    """Return the throws that a detector learns from, by their role.
 
     No more than `turnout detect train` makes, evenly among all: the time of a verdict grows with
     the signatures.
@@ -330,7 +329,7 @@ MACHINE_SETTINGS: Settings = (
 
 @dataclass(frozen=True)
 class MachineDetectorMethod(DetectorMethod):
-    """The detector of markers, which further learns what kinds of machines have in common."""
+    """The detector of markers, for machines of several kinds."""
 
     settings: Settings = MACHINE_SETTINGS
 
@@ -358,7 +357,7 @@ class MachineDetectorMethod(DetectorMethod):
 
 @dataclass(frozen=True, eq=False)
 class Centred:
-    """A model of throws less what their kind of machine has in common.
+    """A model of throws less the mean curve of their kind of machine.
 
     Attributes
     ----------
@@ -372,7 +371,7 @@ class Centred:
     offset: Mapping[str, Floats]
 
     def score(self, judged: Judged) -> Floats:
-        """Return the score of what is left."""
+        """Return the score of the differences."""
         return self.model.score(less_offset(judged, self.offset))
 
     def judge(self, judged: Judged) -> tuple[Floats, Mapping[str, Any]]:

@@ -1,4 +1,4 @@
-"""Verdicts on the throws of the benchmark: what a method says, and the file that says it.
+"""Verdicts of a method on the throws of the benchmark, and their file.
 
 A table with a row a throw, CSV or Parquet. `throw`, `score` and `alarm` must be there; what else
 is there is judged too. The format is described in docs/evidence/open-benchmark.md.
@@ -29,7 +29,7 @@ MOST_NAMED = 5
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Verdicts:
-    """What a method says of throws.
+    """Verdicts of a method on throws.
 
     Attributes
     ----------

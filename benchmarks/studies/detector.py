@@ -16,19 +16,23 @@ from pathlib import Path
 from time import process_time
 
 import numpy as np
+from numpy.typing import NDArray
 
-from benchmarks.studies.detector_cases import SOFT_KINDS
 from benchmarks.studies.detector_figures import (
     Judged,
     Uses,
+    a90,
     a90_of_places,
     alone_of,
     cause_figures,
+    false_alarm_limits,
     false_alarms,
     gap_figures,
     judge_alone,
     judge_with_history,
+    measured_by_switch,
     object_figures,
+    verdicts_on,
 )
 from benchmarks.studies.detector_further import (
     ice_ramps,
@@ -44,8 +48,7 @@ from benchmarks.studies.detector_further import (
     year_rates,
 )
 from benchmarks.studies.detector_other import other_figures, relative_a90
-from benchmarks.studies.detector_robustness import robustness, robustness_known
-from benchmarks.studies.detector_sets import JUDGED_SEED, Sizes, Throws, plans_of
+from benchmarks.studies.detector_sets import JUDGED_SEED, SOFT_KINDS, Sizes, Throws, plans_of
 from benchmarks.studies.detector_unknown import SEVERE, unknown_figures
 from turnout.calibration.load_study import load_study
 from turnout.core.files import write_atomic
@@ -53,14 +56,18 @@ from turnout.core.sources import digest_of_sources
 from turnout.core.threads import one_blas_thread
 from turnout.detection.alarm_threshold import RATES
 from turnout.detection.detector.allowances import Allowances
+from turnout.detection.detector.calibrating import Errors, alarms_of, learn_history
 from turnout.detection.detector.detector import Detector
-from turnout.detection.detector.judging import ADJUSTED, CYCLE, LEAST_HISTORY
+from turnout.detection.detector.judging import ADJUSTED, CYCLE, LEAST_HISTORY, make_view
 from turnout.detection.detector.knowledge import Knowledge, Setting
+from turnout.detection.detector.throw_layout import Layout, means_on
 from turnout.detection.detector.throw_set import ThrowSet
+from turnout.detection.detector.throw_verdict import ALARM, UNKNOWN
 from turnout.detection.detector.train_detector import knowledge_of_sets
 from turnout.detection.detector.training import setting_of
 from turnout.detection.detector.training_plan import DEFECTS, HISTORY, OBJECT, SOUND
 from turnout.detection.detector.training_sets import after_history
+from turnout.detection.floor import TOUCH_FORCE
 from turnout.detection.reference import NOMINAL_FRICTION, reference_study
 from turnout.detection.throws import nominal_amplitude
 
@@ -265,6 +272,147 @@ def verdict_figures(knowledge: Knowledge, judged: Judged) -> dict[str, object]:
         "causes": cause_figures(judged, named),
         "severe causes": cause_figures(judged, named, least=SEVERE),
     }
+
+
+Floats = NDArray[np.float64]
+
+CASES: dict[str, dict[str, float | str]] = {
+    "as assumed": {},
+    "onsets 10 ms": {"timing": 10e-3},
+    "noise 60 N": {"noise": 60.0},
+    "sensor gains 3 %": {"gain": 0.03},
+    "sensor zeros 100 N": {"zero": 100.0},
+    "discrepancy 8 %": {"discrepancy": 0.08},
+    "discrepancy of each throw alone": {"fixed_share": 0.0},
+    "discrepancy of each switch alone": {"fixed_share": 1.0},
+    "discrepancy over 0.2 s": {"correlation_time": 0.2},
+    "discrepancy over 1 s": {"correlation_time": 1.0},
+    "smooth discrepancy": {"kernel": "matern 3/2"},
+}
+"""Changes of what test throws are drawn with."""
+
+KERNELS: dict[str, Callable[[Floats], Floats]] = {
+    "noise 20 N, correlated over 0.05 s": lambda lag: 20.0**2 * np.exp(-lag / 0.05),
+    "noise 60 N, correlated over 0.05 s": lambda lag: 60.0**2 * np.exp(-lag / 0.05),
+    "hum of 50 N at 16.7 Hz": lambda lag: 0.5 * 50.0**2 * np.cos(2.0 * np.pi * 16.7 * lag),
+    "zeros that wander by 50 N in 2 s": lambda lag: 50.0**2 * np.exp(-lag / 2.0),
+}
+"""Covariance of what the samples of each drive hold besides, by the time between them [N^2]."""
+FINE_RATE = 250.0
+"""At which these are averaged over windows [Hz]."""
+
+
+def besides(layout: Layout, kernel: Callable[[Floats], Floats]) -> Floats:
+    """Return the covariance of features of what the samples of each drive hold besides [N^2]."""
+    time, means = means_on(layout, rate=FINE_RATE)
+    one = means @ kernel(np.abs(time[:, np.newaxis] - time)) @ means.T
+    return np.asarray(np.kron(np.eye(len(layout.drives)), one))
+
+
+def robustness(
+    knowledge: Knowledge, sound: ThrowSet, objects: ThrowSet, *, draws: int = 2
+) -> dict[str, dict[str, float]]:
+    """Return false alarms without a history at 1/1,000, and what is seen of objects.
+
+    Parameters
+    ----------
+    knowledge : Knowledge
+        As it is: it does not know that errors differ.
+    sound, objects : ThrowSet
+        Of switches that it never saw.
+    draws : int
+        Uses of each sound throw.
+    """
+    view = make_view(knowledge)
+    calibrated = knowledge.calibration(part=CYCLE, history=0)
+    assert calibrated is not None
+    threshold = calibrated.thresholds["0.001"]
+    held = objects.of(objects.force > TOUCH_FORCE)
+    middle = np.abs(held.x - knowledge.setting.places["sleeper 6"]) < 0.3
+    found = {}
+    for name in (*CASES, *KERNELS):
+        errors = errors_of_case(knowledge, name, 41, len(found))
+        alarms = np.array(
+            [alarms_of(view, measured_by_switch(sound, errors)) > threshold for _ in range(draws)]
+        )
+        seen = alarms_of(view, measured_by_switch(held, errors)) > threshold
+        by_switch = [alarms[:, sound.switch == own].ravel() for own in np.unique(sound.switch)]
+        found[name] = false_alarm_limits(by_switch) | {
+            "seen": float(seen.mean()),
+            "a90 at sleeper 6": a90(held.size[middle], seen[middle]),
+        }
+    return found
+
+
+def errors_of_case(knowledge: Knowledge, name: str, *seed: int) -> Errors:
+    """Return what draws the errors of one of `CASES` or `KERNELS`."""
+    usual: Allowances = knowledge.setting.allowances
+    drawn = knowledge.errors(replace(usual, **CASES.get(name, {})))  # type: ignore[arg-type]
+    if name in KERNELS:
+        more = besides(knowledge.layout, KERNELS[name])
+        drawn = replace(drawn, changing=drawn.changing + more)
+    return Errors(drawn, part=knowledge.layout.part, rng=np.random.default_rng(seed))
+
+
+def robustness_known(
+    knowledge: Knowledge,
+    sound: ThrowSet,
+    objects: ThrowSet,
+    *,
+    history: int = 20,
+    switches: int = 10,
+    draws: int = 10,
+) -> dict[str, dict[str, float]]:
+    """Return what is said after a history whose throws have these errors too.
+
+    Parameters
+    ----------
+    knowledge : Knowledge
+        As it is: what it knows of the errors it has from the history.
+    sound, objects : ThrowSet
+        Of switches that it never saw, each thrown as often.
+    history : int
+        Throws known.
+    switches : int
+        The first of them are judged.
+    draws : int
+        Uses of each later sound throw.
+
+    Returns
+    -------
+    dict
+        For each case throws, alarms and unknown deviations of sound throws, share of touched
+        objects that are called, median and largest scatter.
+    """
+    population = make_view(knowledge)
+    first = int(np.bincount(sound.switch).max())
+    found = {}
+    for name in (*CASES, *KERNELS):
+        said: dict[str, list[str]] = {"sound": [], "object": []}
+        scatter = []
+        for switch in range(switches):
+            errors = errors_of_case(knowledge, name, 43, len(found), switch)
+            own, fixed = sound.of(sound.switch == switch), errors.of_switches(1)
+            known, later = (own.of((own.row % first < history) == early) for early in (True, False))
+            rows = known.features + fixed + errors.of_throws(known.rates)
+            expected = learn_history(knowledge, rows, view=population)
+            scatter.append(expected.scatter)
+            view = make_view(knowledge, known=expected)
+            held = objects.of((objects.switch == switch) & (objects.force > TOUCH_FORCE))
+            for kind, throws, uses in (("sound", later, draws), ("object", held, 1)):
+                drawn = [throws.features + errors.of_throws(throws.rates) for _ in range(uses)]
+                verdicts = verdicts_on(knowledge, view, fixed + np.concatenate(drawn), rate=1e-3)
+                said[kind] += [item.status for item in verdicts]
+        found[name] = {
+            "throws": float(len(said["sound"])),
+            "alarms": float(said["sound"].count(ALARM)),
+            "unknown": float(said["sound"].count(UNKNOWN)),
+            "objects": float(len(said["object"])),
+            "seen": said["object"].count(ALARM) / len(said["object"]),
+            "scatter": float(np.median(scatter)),
+            "largest scatter": max(scatter),
+        }
+    return found
 
 
 if __name__ == "__main__":

@@ -19,9 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.studies.detector import detector_file
-from benchmarks.studies.detector_cases import KIND
 from benchmarks.studies.detector_figures import a90, false_alarm_limits, of_each_switch
-from benchmarks.studies.detector_sets import JUDGED_SEED, Sizes, Throws, plans_of
+from benchmarks.studies.detector_sets import JUDGED_SEED, KIND, Sizes, Throws, plans_of
 from turnout.core.files import write_atomic
 from turnout.core.threads import one_blas_thread
 from turnout.detection.detector.allowances import Allowances

@@ -29,26 +29,26 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from benchmarks.studies.detector_cases import (
+from benchmarks.studies.detector_figures import drawn_errors, false_alarm_limits, of_each_switch
+from benchmarks.studies.detector_page import alarms
+from benchmarks.studies.detector_sets import (
     A_MONTH,
     ICE_PLACES,
     KNOWN,
     YEAR_SWITCHES,
+    Arrays,
+    Throws,
     ice_plan,
     year_plan,
 )
-from benchmarks.studies.detector_figures import drawn_errors, false_alarm_limits, of_each_switch
-from benchmarks.studies.detector_page import alarms
-from benchmarks.studies.detector_sets import Arrays, Throws
 from turnout.core.files import write_atomic
 from turnout.detection.detector.calibrating import alarms_of
 from turnout.detection.detector.detector import Detector
 from turnout.detection.detector.knowledge import Setting
 from turnout.detection.detector.recorded import Recorded
 from turnout.detection.detector.throw_set import ThrowSet
-from turnout.detection.detector.throw_verdict import Verdict
+from turnout.detection.detector.throw_verdict import CANNOT, SOUND, Verdict
 from turnout.detection.detector.training import layout_of_panel
-from turnout.detection.detector.words_of_verdict import CANNOT, SOUND
 from turnout.detection.floor import TOUCH_FORCE
 from turnout.detection.reference import reference_study
 

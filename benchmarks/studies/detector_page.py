@@ -33,7 +33,7 @@ LINEAR = {
     "alone": (0.6, 1.5, 3.5, 6.7, 9.2, 10.9, 11.4, 10.5, 8.4, 5.8, 4.1, 3.3, 3.3),
     "known": (0.4, 0.9, 3.0, 5.7, 8.3, 10.0, 10.4, 9.4, 7.3, 5.4, 3.8, 3.0, 3.0),
 }
-"""a90 of the bounds on docs/use/detection-limit.md, Drive 1 to Drive 2 [mm]."""
+"""a90 of the bounds on docs/evidence/blind-zones.md, Drive 1 to Drive 2 [mm]."""
 GAPS = {"sensor TKK1": "TKK1", "sensor TKK2": "TKK2", "drive 1": "Drive 1", "drive 2": "Drive 2"}
 
 

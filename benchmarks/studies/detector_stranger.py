@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from tests.verification.independent_switch import Thrown, switch_of, throw
 
 from benchmarks.studies.detector_figures import a90, false_alarm_limits
+from benchmarks.studies.detector_other import NOISE, SHARE, wandering
 from turnout.core.files import write_atomic
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel, load_panel
@@ -42,7 +43,6 @@ SWITCHES, KNOWN, SOUND, OBJECTS = 20, 20, 12, 12
 DRY_EVERY = 3
 PEAKS = (2800.0, 5600.0)
 """Of the forces of a nominal throw, which the discrepancy is a share of [N]."""
-SHARE, KERNEL, NOISE = 0.05, 0.5, 20.0
 RATES = (50.0, 100.0, 125.0, 200.0)
 A90 = {
     "drive 1": 1.4, "sleeper 1": 1.6, "sleeper 2": 4.1, "sleeper 3": 6.9, "sleeper 4": 10.6,
@@ -169,7 +169,7 @@ def _write_switch(folder: Path, number: int, seed: int, *, adrift: bool) -> None
     throws, labels, _ = thrown_switch(number, seed)
     rng = np.random.default_rng([seed, number, 1])
     rate, unit = RATES[number % len(RATES)], ("N", "kN")[number // 2 % 2]
-    fixed = wandering(round(20.0 * rate), 1.0 / rate, rng)
+    fixed = wandering(round(20.0 * rate), 1.0 / rate, rng, len(PEAKS))
     parts = {"known": range(KNOWN), "later": range(KNOWN, len(throws))}
     for part, turns in parts.items():
         (folder / part).mkdir(parents=True, exist_ok=True)
@@ -205,22 +205,12 @@ def _recording(
     scale = np.sqrt(0.5) * SHARE * np.array(PEAKS)[:, np.newaxis]
     clock = at if adrift else own
     stays = [np.interp(clock, np.arange(row.size) / rate, row) for row in fixed]
-    force += scale * (np.array(stays) + wandering(at.size, 1.0 / rate, rng))
+    force += scale * (np.array(stays) + wandering(at.size, 1.0 / rate, rng, len(PEAKS)))
     force += NOISE * rng.standard_normal(force.shape)
     factor = 1e-3 if unit == "kN" else 1.0
     rows = [f"Time (s),Rod 1 ({unit}),Rod 2 ({unit})"]
     rows += [f"{t:.4f},{a:.6g},{b:.6g}" for t, (a, b) in zip(at, factor * force.T, strict=True)]
     return "\n".join(rows) + "\n"
-
-
-def wandering(size: int, step: float, rng: Rng) -> Floats:
-    """Return a unit process with the kernel exp(-|t| / 0.5 s) for each drive, shape (2, size)."""
-    keep = np.exp(-step / KERNEL)
-    found = rng.standard_normal((len(PEAKS), size))
-    found[:, 1:] *= np.sqrt(1.0 - keep**2)
-    for number in range(1, size):
-        found[:, number] += keep * found[:, number - 1]
-    return np.asarray(found)
 
 
 def _channels(unit: str) -> str:

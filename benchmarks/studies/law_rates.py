@@ -15,13 +15,21 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.page import EVIDENCE, put_section
-from benchmarks.studies.calibration_coverage import START, TRUTH
+from benchmarks.studies.calibration_coverage import (
+    SB1_CASES,
+    START,
+    TRUTH,
+    WINDOW,
+    Twin,
+    campaign,
+    short_sb1,
+)
 from benchmarks.studies.resumable import Record, command_line
-from benchmarks.studies.twin_campaigns import SB1_CASES, WINDOW, Twin, campaign, short_sb1
 from turnout.calibration.drive_law.candidates import PLAIN, SOFT, WORN
 from turnout.calibration.drive_law.compare import compare_laws
 from turnout.calibration.evaluate import Evaluator
-from turnout.calibration.result import Calibration, Fitted
+from turnout.calibration.parameter import Fitted
+from turnout.calibration.result import Calibration
 from turnout.calibration.stages import default_plan
 from turnout.core.scheme import Scheme
 from turnout.study.virtual.campaign_plan import CampaignPlan, Defects

@@ -9,7 +9,7 @@ measuring chain (clamps: 10 mA, drift, hum, 16 bits; cross-talk between the forc
 from what the intervals allow for), read back, averaged over 0.1 s and fitted:
 four throws in each direction and three objects at each drive, on which its clutch slips. The truth
 is the closed form of the machine drawn. A campaign is fixed by its index; a job that was stopped
-continues. `report` writes into docs/use/machines.md.
+continues. `report` writes into docs/evidence/machines.md.
 """
 
 import tempfile
@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from tests.verification.machine_panels import default_panel
 
-from benchmarks.page import DOCS, put_section
+from benchmarks.page import EVIDENCE, put_section
 from benchmarks.studies.resumable import Record, command_line
 from turnout.api.campaign import load_campaign
 from turnout.calibration.comparison import Uncertainty
@@ -47,7 +47,7 @@ SPREADS = {
     "clutch.torque": 0.05,
 }
 WITHIN, LEAST, MOST = 0.02, 0.90, 0.98
-PAGE = DOCS / "use" / "machines.md"
+PAGE = EVIDENCE / "machines.md"
 
 
 def drawn_panel(rng: np.random.Generator) -> LoadedPanel:

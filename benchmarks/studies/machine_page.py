@@ -1,4 +1,4 @@
-"""Write the results on docs/use/machines.md: every figure comes from what the tests call.
+"""Write the results on docs/evidence/machines.md: every figure comes from what the tests call.
 
     python -m benchmarks.studies.machine_page
 
@@ -32,7 +32,7 @@ from tests.verification.test_machine_coupling import coupled
 from tests.verification.test_machine_library import RATED, sheet_of
 from tests.verification.test_machine_sb3 import CASES
 
-from benchmarks.page import DOCS, put_section
+from benchmarks.page import EVIDENCE, put_section, write_section
 from turnout.figures.machine import plot_machine
 from turnout.figures.style import rendered
 from turnout.machine.machine_file import load_machines
@@ -41,8 +41,7 @@ from turnout.machine.steady import slip_point
 from turnout.mechanism.drive_machines import fitted_machine
 from turnout.throw.machine import machine_dataset
 
-PAGE = DOCS / "use" / "machines.md"
-MARK = "(machine-results)=\n"
+PAGE = EVIDENCE / "machines.md"
 CHANNELS = ("current", "speed", "rod_force", "rod_position", "rail_position")
 
 
@@ -365,13 +364,8 @@ def main() -> None:
         rail_lines,
     )
     lines = [line for section in sections for line in section()]
-    text = PAGE.read_text(encoding="utf-8")
-    head, mark, _ = text.partition(MARK)
-    if not mark:
-        message = f"{PAGE}: has no line {MARK.strip()}"
-        raise SystemExit(message)
-    heading = "## Results\n\nWritten by `python -m benchmarks.studies.machine_page`.\n"
-    PAGE.write_text("\n".join([head + MARK + heading, *lines]) + "\n", encoding="utf-8")
+    written = "Written by `python -m benchmarks.studies.machine_page`.\n"
+    write_section("Results", "\n".join([written, *lines]), page=PAGE)
     print(f"{PAGE}: written in {time.perf_counter() - start:.0f} s")
 
 

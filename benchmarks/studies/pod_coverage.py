@@ -6,14 +6,14 @@
 Even numbers are campaigns of responses with a floor and slip, odd ones of hits and misses. Each
 has 6 switches with 10 sizes; the spread between switches is 0.8 of that between throws. The truth
 is the size that 90 % of all switches and throws detect. A campaign is fixed by its number; a job
-that was stopped continues. `report` writes into docs/use/detection-limit.md.
+that was stopped continues. `report` writes into docs/evidence/blind-zones.md.
 """
 
 from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.page import DOCS, put_section
+from benchmarks.page import EVIDENCE, put_section
 from benchmarks.studies.resumable import Record, command_line
 from turnout.detection.pod.pod_bound import confidence_bound, upper_bound
 from turnout.detection.pod.pod_fit import detected_size, draw_campaigns, maximise
@@ -24,7 +24,7 @@ SWITCHES, SIZES, SPREAD = 6, 10, 0.8
 DRAWN = 150
 KINDS = ("responses", "hits and misses")
 LEAST, MOST = 0.93, 0.97
-PAGE = DOCS / "use" / "detection-limit.md"
+PAGE = EVIDENCE / "blind-zones.md"
 
 
 def design(kind: str) -> tuple[Campaigns, np.ndarray, float]:

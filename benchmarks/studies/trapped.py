@@ -1,11 +1,13 @@
-"""What each kind of object does on the default panel: the tables of docs/use/objects.md.
+"""Throw each kind of object on the default panel: the tables of docs/evidence/trapped-objects.md.
 
 ``python -m benchmarks.studies.trapped`` throws each kind and size twice in mode quick, writes the
-tables into the page and measures how long 200 throws with an ice ramp take.
+tables, measures how long 200 throws with an ice ramp take, and writes the tables of parameters
+into docs/use/objects.md.
 """
 
 import argparse
 import time
+from pathlib import Path
 
 from benchmarks.page import DOCS, put
 from turnout.core.units import Dimension
@@ -18,7 +20,8 @@ from turnout.throw.drift import Drift
 from turnout.throw.sequence import simulate_sequence
 
 PAGE = DOCS / "use" / "objects.md"
-SIZES = (10, 15, 20, 25, 30)
+RESULTS = DOCS / "evidence" / "trapped-objects.md"
+SIZES = (10, 15, 20)
 PLACES = ("sleeper 6", "drive 1")
 SHOWN = {"N/m^2": (1e-6, "MPa"), "m": (1e3, "mm"), "kg/m^3": (1.0, "kg/m³"), "K": (1.0, "K")}
 RAMP = {"throws": 200, "drift": Drift(ice_growth="0.1 mm", temperature=("-20 degC", "-2 degC"))}
@@ -95,14 +98,19 @@ def first_report(made: object) -> int:
 
 
 def main() -> None:
-    """Write the tables between their marks in the page."""
+    """Write the tables between their marks in the pages."""
     argparse.ArgumentParser(description=__doc__).parse_args()
-    parts = {"parameters": parameter_table(), "recorder": recorder_table(), "rate": rate()}
-    parts |= {place: object_table(place) for place in PLACES}
-    text = PAGE.read_text(encoding="utf-8")
+    found = {"rate": rate()} | {place: object_table(place) for place in PLACES}
+    write(PAGE, {"parameters": parameter_table(), "recorder": recorder_table()})
+    write(RESULTS, found)
+
+
+def write(page: Path, parts: dict[str, str]) -> None:
+    """Write parts of a page between their marks."""
+    text = page.read_text(encoding="utf-8")
     for name, part in parts.items():
         text = put(text, name, f"\n{part}")
-    PAGE.write_text(text, encoding="utf-8")
+    page.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -47,7 +47,8 @@ def plant(folder):
 
     place = folder / kernel.double.file_for((NUMBER,)).name
     place.parent.mkdir(parents=True, exist_ok=True)
-    place.write_bytes(compile_kernel(triple, (NUMBER,)).to_bytes())
+    code = compile_kernel(triple.dispatcher, (NUMBER,), name="planted")
+    place.write_bytes(code.to_bytes())
     print(kernel.double(1.0))
 """
 

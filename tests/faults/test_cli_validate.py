@@ -7,7 +7,8 @@ import pytest
 from tests.unit.campaigns import copied
 from typer.testing import CliRunner, Result
 
-from turnout.calibration.result import Calibration, Fitted
+from turnout.calibration.parameter import Fitted
+from turnout.calibration.result import Calibration
 from turnout.cli.main import app
 from turnout.core.errors import TurnoutError
 

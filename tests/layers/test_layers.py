@@ -4,11 +4,10 @@ import ast
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from benchmarks.census import count
+from benchmarks.census import circles, count, import_graph, imported_names
 
 SRC = Path(__file__).parents[2] / "src" / "turnout"
 MODULES = sorted(SRC.rglob("*.py"))
@@ -77,22 +76,6 @@ def place(path: Path, node: ast.stmt) -> str:
     return f"{path.relative_to(SRC.parents[1])}:{node.lineno}"
 
 
-def imports_of(path: Path) -> Iterator[tuple[ast.stmt, str]]:
-    """Yield each dotted name that a file imports, in functions and TYPE_CHECKING blocks too."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            for alias in node.names:
-                yield node, alias.name
-        elif isinstance(node, ast.ImportFrom):
-            if node.level:
-                yield node, "." * node.level + (node.module or "")
-            elif node.module == "turnout":
-                for alias in node.names:
-                    yield node, f"turnout.{alias.name}"
-            else:
-                yield node, node.module or ""
-
-
 def fault_of_import(package: str, name: str) -> str | None:
     """Return what is wrong with `package` importing `name`, or None."""
     top, *rest = name.split(".")
@@ -127,7 +110,7 @@ def test_imports_follow_the_table() -> None:
         package = package_of(path)
         if package not in ALLOWED:  # the facade; anything else fails the test before this one
             continue
-        for node, name in imports_of(path):
+        for node, name in imported_names(path):
             fault = fault_of_import(package, name)
             if fault is not None:
                 faults.append(f"{place(path, node)} {fault}")
@@ -153,19 +136,18 @@ def code_lines(path: Path) -> int:
     return count(path)[1]
 
 
+def test_files_import_each_other_in_no_circle() -> None:
+    found = [
+        " - ".join(str(path.relative_to(SRC)) for path in circle)
+        for circle in circles(import_graph(SRC))
+    ]
+    assert not found, "move what both need down, or merge:\n" + "\n".join(found)
+
+
 def importers() -> dict[Path, set[Path]]:
     """Return by file the other files that import it or a name of it."""
-    by_name = {
-        ".".join(path.relative_to(SRC.parent).with_suffix("").parts): path for path in MODULES
-    }
-    found: dict[Path, set[Path]] = {path: set() for path in MODULES}
-    for path in MODULES:
-        for node, name in imports_of(path):
-            names = [f"{name}.{alias.name}" for alias in getattr(node, "names", [])]
-            for full in (name, *names):
-                if full in by_name:
-                    found[by_name[full]].add(path)
-    return found
+    graph = import_graph(SRC)
+    return {path: {other for other in graph if path in graph[other]} for path in graph}
 
 
 def stands_alone_for_no_reason(path: Path, readers: set[Path]) -> str:

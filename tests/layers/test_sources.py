@@ -1,37 +1,34 @@
 """Digests of sources name every package that makes what is kept under them."""
 
-import ast
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from benchmarks.census import import_graph
 
 from turnout.core.sources import KERNELS, RAILS, THROWS, digest_of_sources
 
 SRC = Path(__file__).parents[2] / "src" / "turnout"
-MODULES = {
-    ".".join(path.relative_to(SRC).with_suffix("").parts): path for path in SRC.rglob("*.py")
+
+
+def module_of(path: Path) -> str:
+    return ".".join(path.relative_to(SRC).with_suffix("").parts)
+
+
+MODULES = {module_of(path): path for path in SRC.rglob("*.py")}
+IMPORTS = {
+    module_of(path): {module_of(other) for other in others}
+    for path, others in import_graph(SRC).items()
 }
 # Messages and loading change no number; a calibration gives values, which are part of a study.
 WITHOUT_NUMBERS = {"calibration"}
-
-
-def imported(path: Path) -> Iterator[str]:
-    """Yield the modules of turnout that a module imports, in functions too."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("turnout."):
-            base = str(node.module).removeprefix("turnout.")
-            for alias in node.names:
-                full = f"{base}.{alias.name}"
-                yield full if full in MODULES else base
 
 
 def closure(*first: str) -> set[str]:
     """Return the modules that some modules need, themselves included."""
     found, left = set(first), list(first)
     while left:
-        for name in imported(MODULES[left.pop()]):
-            if name in MODULES and name not in found and name.split(".")[0] not in WITHOUT_NUMBERS:
+        for name in IMPORTS[left.pop()]:
+            if name not in found and name.split(".")[0] not in WITHOUT_NUMBERS:
                 found.add(name)
                 left.append(name)
     return found

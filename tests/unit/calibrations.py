@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from turnout.calibration.result import Calibration, Fitted, StageLog
+from turnout.calibration.parameter import Fitted
+from turnout.calibration.result import Calibration, StageLog
 from turnout.panel.load import load_panel
 
 

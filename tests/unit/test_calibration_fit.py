@@ -12,8 +12,7 @@ from turnout.calibration import fit as fitting
 from turnout.calibration.comparison import Comparison, Uncertainty
 from turnout.calibration.covariance import spread_of
 from turnout.calibration.evaluate import CELL, Evaluator, Response, ThrowInputs, packed, unpacked
-from turnout.calibration.fit import _least_squares, fit
-from turnout.calibration.fit_noise import inflate_noise
+from turnout.calibration.fit import _least_squares, fit, inflate_noise
 from turnout.calibration.linearisation import FINE_DIFFERENCE
 from turnout.calibration.measured_movements import BIN, MeasuredMovement, Signal
 from turnout.calibration.misfit import Misfit, framed, jacobian

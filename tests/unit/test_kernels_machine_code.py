@@ -14,8 +14,8 @@ from numba.core.caching import IndexDataCacheFile
 
 from turnout.kernels.arguments import ARRAY, NUMBER, add_argument
 from turnout.kernels.compiled import CACHE_VARIABLE, Kernel, compiled
-from turnout.kernels.inverse import invert
 from turnout.kernels.machine_code import MachineCode, machine_digest
+from turnout.solver.compliance import invert
 
 Floats = np.ndarray
 

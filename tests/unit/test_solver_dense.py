@@ -9,7 +9,7 @@ from turnout.law.table import LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism
 from turnout.solver.dense import interpolate_record
 from turnout.solver.integration import History, integrate
-from turnout.solver.watch import StepRecord
+from turnout.solver.seen import StepRecord
 
 STIFFNESS, MASS, STOP = 1e4, 28.0, 1.2e-3
 

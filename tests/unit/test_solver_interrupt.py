@@ -26,9 +26,9 @@ from turnout.solver.follow import follow_path
 from turnout.solver.march import march
 from turnout.solver.outcome import Code
 from turnout.solver.prepared_run import PreparedRun
+from turnout.solver.seen import StepRecord
 from turnout.solver.solve import Tolerances, iterate_contact_set
 from turnout.solver.step import Stepping
-from turnout.solver.watch import StepRecord
 from turnout.throw.simulate import solve
 
 TOLERANCES = Tolerances(1e-11, 1e-6, 40)

@@ -1,7 +1,7 @@
 """The tables of trapped objects are what the program does; one row per behaviour is thrown."""
 
 import pytest
-from benchmarks.studies.trapped import PAGE, parameter_table, recorder_table, row
+from benchmarks.studies.trapped import PAGE, RESULTS, parameter_table, recorder_table, row
 
 
 def test_the_table_of_parameters_is_up_to_date() -> None:
@@ -23,5 +23,5 @@ def test_the_table_of_the_recorder_is_up_to_date() -> None:
     ],
 )
 def test_a_row_of_the_tables_is_what_is_thrown(kind: str, size: int, place: str) -> None:
-    part = PAGE.read_text(encoding="utf-8").split(f"<!-- {place} -->")[1]
+    part = RESULTS.read_text(encoding="utf-8").split(f"<!-- {place} -->")[1]
     assert row(kind, size, place) in part

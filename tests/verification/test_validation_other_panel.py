@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 import xarray as xr
-from benchmarks.studies.twin_campaigns import WINDOW, Twin, campaign, short_sb1
+from benchmarks.studies.calibration_coverage import WINDOW, Twin, campaign, short_sb1
 
 from turnout.calibration.calibrate import calibrate
 from turnout.calibration.evaluate import Evaluator

@@ -27,8 +27,7 @@ from turnout.calibration.drive_law.candidates import (
     table,
 )
 from turnout.calibration.evaluate import Response
-from turnout.calibration.parameter import Parameter, free_parameter
-from turnout.calibration.result import Fitted
+from turnout.calibration.parameter import Fitted, Parameter, free_parameter
 from turnout.calibration.stages import MILLIMETRE, known_to
 from turnout.core.errors import PanelError
 from turnout.measurement.chain.recorder_response import (

@@ -11,8 +11,7 @@ from scipy.special import ndtr, ndtri, stdtrit
 from turnout.calibration.candidate_causes import CHAIR_SPREAD, FRICTION, GROUP, MODULUS
 from turnout.calibration.comparison import Alignment, Key
 from turnout.calibration.evaluate import Response
-from turnout.calibration.fit import Fit
-from turnout.calibration.fit_noise import SCATTER_WEIGHT
+from turnout.calibration.fit import SCATTER_WEIGHT, Fit
 from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.parameter import Parameter, prior_information
 from turnout.calibration.shared import GAIN

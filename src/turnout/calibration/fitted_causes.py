@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from turnout.calibration.candidate_causes import candidate_causes
 from turnout.calibration.cause import Cause
 from turnout.calibration.evaluate import Response
-from turnout.calibration.result import Fitted
+from turnout.calibration.parameter import Fitted
 from turnout.panel.load import LoadedPanel
 
 

@@ -130,6 +130,40 @@ class Parameter:
         return value - self.lower <= reach or self.upper - value <= reach
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fitted:
+    """One parameter as it came out.
+
+    Attributes
+    ----------
+    name, keys, unit
+        As of the parameter.
+    value : float
+        Best fit, in SI.
+    deviation : float
+        Standard deviation; NaN where it was not fitted or is not identified.
+    lower, upper : float
+        Bounds of the fit in SI.
+    interval : tuple of float
+        95 % interval.
+    start : float
+        Where the first stage began.
+    state : str
+        "fitted", "fixed", "at its bound" or "not identified".
+    """
+
+    name: str
+    keys: tuple[str, ...]
+    unit: str
+    value: float
+    deviation: float
+    lower: float
+    upper: float
+    interval: tuple[float, float]
+    start: float
+    state: str = "fitted"
+
+
 def coordinates(parameters: Sequence[Parameter], values: Mapping[str, float]) -> Floats:
     """Return the coordinates of values, in the order of the parameters."""
     return np.array([item.coordinate(values[item.name]) for item in parameters])

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.calibration.parameter import Fitted
 from turnout.core.errors import FileError, PanelError
 from turnout.core.files import write_atomic
 from turnout.core.problems import choices, shortened
@@ -17,40 +18,6 @@ from turnout.panel.load import LoadedPanel
 
 Floats = NDArray[np.float64]
 SCHEMA_VERSION = 1
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Fitted:
-    """One parameter as it came out.
-
-    Attributes
-    ----------
-    name, keys, unit
-        As of the parameter.
-    value : float
-        Best fit, in SI.
-    deviation : float
-        Standard deviation; NaN where it was not fitted or is not identified.
-    lower, upper : float
-        Bounds of the fit in SI.
-    interval : tuple of float
-        95 % interval.
-    start : float
-        Where the first stage began.
-    state : str
-        "fitted", "fixed", "at its bound" or "not identified".
-    """
-
-    name: str
-    keys: tuple[str, ...]
-    unit: str
-    value: float
-    deviation: float
-    lower: float
-    upper: float
-    interval: tuple[float, float]
-    start: float
-    state: str = "fitted"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

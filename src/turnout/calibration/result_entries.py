@@ -10,8 +10,8 @@ from turnout.calibration.covariance import Spread
 from turnout.calibration.fit import Fit
 from turnout.calibration.grid_search import GridSearch
 from turnout.calibration.measured_movements import MeasuredMovement
-from turnout.calibration.parameter import Parameter
-from turnout.calibration.result import Fitted, StageLog
+from turnout.calibration.parameter import Fitted, Parameter
+from turnout.calibration.result import StageLog
 from turnout.calibration.sensors import LEAVES_PRIOR
 from turnout.calibration.shared import model_error, poorly_followed
 from turnout.calibration.stages import CalibrationPlan, Stage

@@ -101,7 +101,7 @@ class Kernel:
         """The kernel as Numba has it."""
         from turnout.kernels.compiler import inner_dispatcher
 
-        return inner_dispatcher(self)
+        return inner_dispatcher(self.py_func, loop=self.loop, part=self.part)
 
     @property
     def is_loaded(self) -> bool:
@@ -156,7 +156,8 @@ class Kernel:
         def compile_code() -> MachineCode:
             from turnout.kernels.compiler import compile_kernel
 
-            return compile_kernel(self, kinds)
+            name = self.identity(kinds) or f"{self.full_name}-{os.urandom(16).hex()}"
+            return compile_kernel(self.dispatcher, kinds, name=name)
 
         with _lock:
             if kinds in self._ready:

@@ -8,10 +8,10 @@ that it calls. This halves the time of a first start and changes no bit.
 """
 
 import os
-import uuid
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numba
 import numpy as np
@@ -33,9 +33,6 @@ from turnout.kernels.index_code import index_from_front
 from turnout.kernels.machine_code import DIGEST_SIZE, MachineCode, digest_of, machine_digest
 from turnout.kernels.record_code import record_type
 from turnout.kernels.shared_record import RecordKind
-
-if TYPE_CHECKING:
-    from turnout.kernels.compiled import Kernel
 
 CACHE_FOLDER = os.environ.get("NUMBA_CACHE_DIR", "")
 # Numba unpickles what it keeps there; `turnout.kernels.compiled` chose a folder of the user alone.
@@ -185,40 +182,38 @@ class _InnerKernel(CPUDispatcher):
         self.overloads[tuple(found.signature.args)] = found
 
 
-def inner_dispatcher(kernel: "Kernel") -> CPUDispatcher:
-    """Return what a kernel is for Numba."""
+def inner_dispatcher(function: Callable[..., Any], *, loop: bool, part: bool) -> CPUDispatcher:
+    """Return the dispatcher of Numba for a kernel."""
     options: dict[str, Any] = {
         "nopython": True,
         "error_model": "numpy",
         "_nrt": False,
         "no_cfunc_wrapper": True,  # no kernel is passed to another one
         # Left out where it is false, a kernel would take it over from the one that calls it first.
-        "forceinline": kernel.loop or kernel.part,
+        "forceinline": loop or part,
     }
-    compiler = _InnerLoop if kernel.loop else _Inner
-    inner = _InnerKernel(kernel.py_func, targetoptions=options, pipeline_class=compiler)
+    compiler = _InnerLoop if loop else _Inner
+    inner = _InnerKernel(function, targetoptions=options, pipeline_class=compiler)
     if CACHE_FOLDER:
         inner.enable_caching()
     return inner
 
 
-def compile_kernel(kernel: "Kernel", kinds: tuple[Kind, ...]) -> MachineCode:
-    """Return the machine code of a kernel for arguments of some kinds."""
-    dispatcher = kernel.dispatcher
+def compile_kernel(dispatcher: CPUDispatcher, kinds: tuple[Kind, ...], *, name: str) -> MachineCode:
+    """Return the machine code of a kernel for arguments of some kinds, its entry with a name."""
     given = tuple(_type_of(kind) for kind in kinds)
     with global_compiler_lock:
         dispatcher.compile(given)
         inner = dispatcher.overloads[given]
         result = _result_kind(inner.signature.return_type)
         context = dispatcher.targetctx
-        entry = kernel.identity(kinds) or f"{kernel.full_name}-{uuid.uuid4().hex}"
-        library = _WholeCode(context.codegen(), entry)
-        module = library.create_ir_module(entry)
-        _write_entry(context, module, entry, inner)
+        library = _WholeCode(context.codegen(), name)
+        module = library.create_ir_module(name)
+        _write_entry(context, module, name, inner)
         library.add_ir_module(module)
         library.add_linking_library(inner.library)
         library.finalize()
-        return MachineCode(entry, result, library.to_object())
+        return MachineCode(name, result, library.to_object())
 
 
 def _type_of(kind: Kind) -> types.Type:

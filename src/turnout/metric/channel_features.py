@@ -7,7 +7,6 @@ the force of each channel in a movement.
 from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.core.moving_average import WINDOW, moving_average
@@ -92,7 +91,9 @@ RISE = (0.2, 0.8)
 PLATEAU = 0.3
 
 
-def contact_time(object_force: xr.DataArray, *, threshold: float = CONTACT_FORCE) -> xr.DataArray:
+def contact_time(
+    object_force: "xr.DataArray", *, threshold: float = CONTACT_FORCE
+) -> "xr.DataArray":
     """Return when the force on the object exceeds a threshold for good.
 
     Parameters
@@ -110,6 +111,7 @@ def contact_time(object_force: xr.DataArray, *, threshold: float = CONTACT_FORCE
 
     Examples
     --------
+    >>> import xarray as xr
     >>> force = xr.DataArray([0.0, 150.0, 50.0, 250.0, 900.0], {"time": np.arange(5.0)}, ("time",))
     >>> float(contact_time(force))
     2.25
@@ -131,7 +133,7 @@ def _last_crossing(force: Floats, time: Floats, threshold: float) -> float:
     return float(np.interp(threshold, force[pair], time[pair]))
 
 
-def build_up_slope(force: xr.DataArray, *, contact: float, end: float) -> float:
+def build_up_slope(force: "xr.DataArray", *, contact: float, end: float) -> float:
     """Return the slope with which a force builds up after contact.
 
     The straight line through the samples between 20 and 80 % of the rise from the contact to the
@@ -151,6 +153,7 @@ def build_up_slope(force: xr.DataArray, *, contact: float, end: float) -> float:
 
     Examples
     --------
+    >>> import xarray as xr
     >>> time = np.linspace(0.0, 2.0, 201)
     >>> force = xr.DataArray(np.clip(1e3 * time, 0, 1e3), {"time": time}, ("time",))
     >>> round(build_up_slope(force, contact=0.0, end=2.0))
@@ -175,7 +178,9 @@ def build_up_slope(force: xr.DataArray, *, contact: float, end: float) -> float:
     return float(line[0])
 
 
-def channel_features(channels: xr.DataArray, *, contact: xr.DataArray, end: float) -> xr.Dataset:
+def channel_features(
+    channels: "xr.DataArray", *, contact: "xr.DataArray", end: float
+) -> "xr.Dataset":
     """Return slope of the build-up, peak and plateau of each channel and movement.
 
     Parameters
@@ -195,6 +200,7 @@ def channel_features(channels: xr.DataArray, *, contact: xr.DataArray, end: floa
 
     Examples
     --------
+    >>> import xarray as xr
     >>> time = np.linspace(0.0, 2.0, 201)
     >>> one = xr.DataArray(np.clip(1e3 * time, 0, 1e3)[None, None], {"time": time},
     ...                    ("channel", "movement", "time"))
@@ -202,6 +208,8 @@ def channel_features(channels: xr.DataArray, *, contact: xr.DataArray, end: floa
     >>> round(float(found["peak"][0, 0])), round(float(found["plateau"][0, 0]))
     (1000, 1000)
     """
+    import xarray as xr
+
     ordered = channels.transpose("channel", "movement", "time").sel(time=slice(None, end))
     slope = np.full(ordered.shape[:2], np.nan)
     for row, number in np.ndindex(*slope.shape):

@@ -6,16 +6,18 @@ Residual and numerical dissipation are shares of the run's energy scale.
 import json
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from turnout.metric.channel_features import final_value
 from turnout.metric.slip import Margin, Slip, margins, slips
 
+if TYPE_CHECKING:
+    import xarray as xr
 
-def format_force(force: xr.DataArray | float) -> str:
+
+def format_force(force: "xr.DataArray | float") -> str:
     """Return a force [N] in kilonewtons.
 
     Examples
@@ -27,7 +29,7 @@ def format_force(force: xr.DataArray | float) -> str:
     return f"{round(float(force) / 1e3, 2) + 0.0:.2f} kN"
 
 
-def format_length(length: xr.DataArray | float) -> str:
+def format_length(length: "xr.DataArray | float") -> str:
     """Return a length [m] in millimetres.
 
     Examples
@@ -72,28 +74,29 @@ LARGEST_NUMERICAL_SHARE = 0.02
 LEAST_SCALE = 1e-3
 
 
-def ends_inaccurate(dataset: xr.Dataset) -> bool:
+def ends_inaccurate(dataset: "xr.Dataset") -> bool:
     """Return whether a run came to its end with an energy balance that does not close.
 
     Examples
     --------
+    >>> import xarray as xr
     >>> ends_inaccurate(xr.Dataset(attrs={"complete": False, "outcome": "inaccurate"}))
     True
     """
     return str(dataset.attrs.get("outcome", "")) == "inaccurate"
 
 
-def residual_share(dataset: xr.Dataset) -> float:
+def residual_share(dataset: "xr.Dataset") -> float:
     """Return the largest energy residual over the run's energy scale, at least 1 mJ [-]."""
     return _share(dataset, "energy_residual")
 
 
-def numerical_share(dataset: xr.Dataset) -> float:
+def numerical_share(dataset: "xr.Dataset") -> float:
     """Return the largest numerical loss over the run's energy scale, at least 1 mJ [-]."""
     return _share(dataset, "energy_numerical")
 
 
-def numerical_warning(dataset: xr.Dataset) -> str | None:
+def numerical_warning(dataset: "xr.Dataset") -> str | None:
     """Return what to say and do where numerical dissipation is too large, else None.
 
     Where less than `LEAST_SCALE` has moved there is nothing to say.
@@ -110,12 +113,12 @@ def numerical_warning(dataset: xr.Dataset) -> str | None:
     )
 
 
-def _share(dataset: xr.Dataset, name: str) -> float:
+def _share(dataset: "xr.Dataset", name: str) -> float:
     scale = max(float(dataset.attrs["energy_scale"]), LEAST_SCALE)
     return float(abs(dataset[name]).max()) / scale
 
 
-def summary(dataset: xr.Dataset) -> list[tuple[str, str]]:
+def summary(dataset: "xr.Dataset") -> list[tuple[str, str]]:
     """Return heading and text of each line that a reader should see after a run.
 
     Parameters
@@ -151,7 +154,7 @@ def _blank_repeated_headings(lines: list[tuple[str, str]]) -> list[tuple[str, st
     return cleaned
 
 
-def _panel(dataset: xr.Dataset) -> str:
+def _panel(dataset: "xr.Dataset") -> str:
     changes = json.loads(dataset.attrs.get("overrides", "{}"))
     text = str(dataset.attrs.get("panel", "?"))
     if changes:
@@ -159,7 +162,7 @@ def _panel(dataset: xr.Dataset) -> str:
     return text
 
 
-def _objects(dataset: xr.Dataset) -> list[str]:
+def _objects(dataset: "xr.Dataset") -> list[str]:
     items: list[dict[str, Any]] = json.loads(dataset.attrs.get("foreign_objects", "[]"))
     if not items:
         return ["none"]
@@ -191,7 +194,7 @@ def _kind(item: dict[str, Any]) -> str:
     return f" {item['kind']}{along}"
 
 
-def _fates(dataset: xr.Dataset) -> list[str]:
+def _fates(dataset: "xr.Dataset") -> list[str]:
     """Return what became of objects that dent or break."""
     if "object_left" not in dataset:
         return []
@@ -206,7 +209,7 @@ def _fates(dataset: xr.Dataset) -> list[str]:
     return found
 
 
-def _run(dataset: xr.Dataset) -> str:
+def _run(dataset: "xr.Dataset") -> str:
     attributes = dataset.attrs
     if attributes.get("complete", True):
         end = float(dataset["time"][-1])
@@ -215,7 +218,7 @@ def _run(dataset: xr.Dataset) -> str:
     return f"{what}: {attributes.get('outcome_message', 'ended early')}"
 
 
-def _state(dataset: xr.Dataset) -> list[tuple[str, str]]:
+def _state(dataset: "xr.Dataset") -> list[tuple[str, str]]:
     lines = []
     if "locked" in dataset:
         rule = dataset.attrs.get("lock_rule", "not stated")
@@ -236,7 +239,7 @@ def _state(dataset: xr.Dataset) -> list[tuple[str, str]]:
     return lines
 
 
-def _drives(dataset: xr.Dataset) -> list[tuple[str, str]]:
+def _drives(dataset: "xr.Dataset") -> list[tuple[str, str]]:
     """Return end force, raw end gap and margins of every drive."""
     if "drive" not in dataset.coords:
         return []
@@ -260,7 +263,7 @@ def _drives(dataset: xr.Dataset) -> list[tuple[str, str]]:
     return lines + _machines(dataset)
 
 
-def _machines(dataset: xr.Dataset) -> list[tuple[str, str]]:
+def _machines(dataset: "xr.Dataset") -> list[tuple[str, str]]:
     """Return what each machine did on its commands: how long it ran, how it ended, what it took."""
     made: list[dict[str, Any]] = json.loads(dataset.attrs.get("machine_throws", "[]"))
     if not made or not {"drive_current", "drive_power"} <= set(dataset):
@@ -300,13 +303,13 @@ def _margin(margin: Margin) -> str:
     return f"{text} (only {100 * margin.share:.1f} %)" if margin.tight else text
 
 
-def _end_gap(drive: xr.Dataset) -> str:
+def _end_gap(drive: "xr.Dataset") -> str:
     if math.isnan(float(drive["end_gap"])):
         return "no gap known, as the rail has no stock rail"
     return f"raw end gap {format_length(drive['end_gap'])}{_stretch(drive)}"
 
 
-def _stretch(drive: xr.Dataset) -> str:
+def _stretch(drive: "xr.Dataset") -> str:
     """Say how much of an end gap is the elastic stretch of a bushing that does not slip."""
     if "drive_force" not in drive or "drive_slipping" not in drive:
         return ""
@@ -320,14 +323,14 @@ def _stretch(drive: xr.Dataset) -> str:
     return f" (bushing stretch {format_length(stretch)})"
 
 
-def _slips(dataset: xr.Dataset) -> list[str]:
+def _slips(dataset: "xr.Dataset") -> list[str]:
     if "drive_slipping" not in dataset:
         return []
     found = slips(dataset)
     return [_slip(dataset, slip) for slip in found] if found else ["no drive slipped"]
 
 
-def _slip(dataset: xr.Dataset, slip: Slip) -> str:
+def _slip(dataset: "xr.Dataset", slip: Slip) -> str:
     place = float(dataset["drive_x"].sel(drive=slip.drive))
     text = f"drive {slip.drive} at x = {place:g} m from t = {slip.time:.3f} s"
     if slip.movement is None:
@@ -339,12 +342,12 @@ def _slip(dataset: xr.Dataset, slip: Slip) -> str:
     return text + ", without any object touched before"
 
 
-def _touched_before(dataset: xr.Dataset, time: float) -> bool:
+def _touched_before(dataset: "xr.Dataset", time: float) -> bool:
     """Return whether a rail reached a foreign object before a time; a NaN is never before."""
     return "contact_time" in dataset and bool(dataset["contact_time"] <= time)
 
 
-def _flangeway(dataset: xr.Dataset) -> list[tuple[str, str]]:
+def _flangeway(dataset: "xr.Dataset") -> list[tuple[str, str]]:
     if "least_flangeway" not in dataset or math.isnan(float(dataset["least_flangeway"])):
         return []
     text = (
@@ -358,7 +361,7 @@ def _flangeway(dataset: xr.Dataset) -> list[tuple[str, str]]:
     return [("least flangeway", text)]
 
 
-def _energy(dataset: xr.Dataset) -> list[tuple[str, str]]:
+def _energy(dataset: "xr.Dataset") -> list[tuple[str, str]]:
     if "energy_residual" not in dataset or "energy_numerical" not in dataset:
         return []
     scale = float(dataset.attrs.get("energy_scale", 0.0))

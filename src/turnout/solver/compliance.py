@@ -1,7 +1,9 @@
 """The compliance of the blocks for one length of a step, as `turnout.solver.columns` has it."""
 
+import numpy as np
+
 from turnout.kernels.compiled import compiled
-from turnout.kernels.inverse import invert
+from turnout.kernels.inverse import factorise_in_place, invert_factors
 from turnout.kernels.memory import acquire_matrix, release_matrix
 from turnout.kernels.vector import add_weighted_rows, copy
 from turnout.solver.state import State
@@ -133,3 +135,43 @@ def _assemble_column(
     add_weighted_rows(system.end_modes[end, :n], inverse, of_modes)
     copy(system.flexibility[end], of_ends)
     add_weighted_rows(of_modes, modes, of_ends)
+
+
+@compiled
+def invert(matrix: Floats, inverse: Floats) -> None:
+    """Write the inverse of a matrix to another one; NaN where there is none.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (n, n)
+        It is used up.
+    inverse : ndarray, shape (n, n)
+        Written.
+
+    Examples
+    --------
+    >>> found = np.zeros((2, 2))
+    >>> invert(np.array([[2.0, 1.0], [0.0, 4.0]]), found)
+    >>> found.tolist()
+    [[0.5, -0.125], [0.0, 0.25]]
+    >>> invert(np.zeros((2, 2)), found)
+    >>> found.tolist()
+    [[nan, nan], [nan, nan]]
+    """
+    n, exists = matrix.shape[0], True
+    for i in range(n):  # LAPACK has columns where NumPy has rows
+        for j in range(n):
+            inverse[j, i] = matrix[i, j]
+            exists = exists and np.isfinite(matrix[i, j])
+    if exists and n > 0:
+        pivots = acquire_matrix(1, n)
+        exists = (
+            factorise_in_place(inverse, pivots[0]) == 0 and invert_factors(inverse, pivots[0]) == 0
+        )
+        release_matrix(pivots)
+    for i in range(n):
+        for j in range(n):
+            matrix[j, i] = inverse[i, j]
+    for i in range(n):
+        for j in range(n):
+            inverse[i, j] = matrix[i, j] if exists else np.nan

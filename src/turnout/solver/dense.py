@@ -14,8 +14,8 @@ that they hold between the steps too.
 import numpy as np
 
 from turnout.law.table import LawTable
+from turnout.solver.seen import StepRecord
 from turnout.solver.system import Floats
-from turnout.solver.watch import StepRecord
 
 
 def interpolate_record(

@@ -28,17 +28,10 @@ from turnout.solver.modal import ModalModel
 from turnout.solver.outcome import Code, Outcome, is_closed
 from turnout.solver.prepared_run import PreparedRun, RunSetup, prepare, set_up_run
 from turnout.solver.record import kept_obstructions, trim_record
-from turnout.solver.seen import seen_weights
+from turnout.solver.seen import StepRecord, seen_weights
 from turnout.solver.start import PriorMotion, StartPlan, find_start, plan_start
 from turnout.solver.state import COUNT_FLIPS, COUNT_HALVED, COUNT_ITERATIONS
-from turnout.solver.watch import (
-    StepRecord,
-    Watch,
-    Watched,
-    WatchPlan,
-    plan_watch,
-    trim_watched,
-)
+from turnout.solver.watch import Watch, Watched, WatchPlan, plan_watch, trim_watched
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

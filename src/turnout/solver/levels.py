@@ -18,10 +18,10 @@ import numpy as np
 from turnout.core.lru_cache import LRUCache
 from turnout.solver.compliance import READY, STALE
 from turnout.solver.scratch import Work
+from turnout.solver.seen import StepRecord
 from turnout.solver.state import State
 from turnout.solver.step import Stepping
 from turnout.solver.system import Ints, System
-from turnout.solver.watch import StepRecord
 
 MOST_KEPT = 24
 """Sets of memory, the latest used; three megabytes each in quick mode."""

@@ -38,7 +38,7 @@ from turnout.solver.rods import (
     store_rods,
 )
 from turnout.solver.scratch import Work
-from turnout.solver.seen import store_seen
+from turnout.solver.seen import StepRecord, store_seen
 from turnout.solver.solve import (
     CONVERGED,
     NOT_CONVERGED,
@@ -67,7 +67,6 @@ from turnout.solver.step import (
     step_factors,
 )
 from turnout.solver.system import Floats, Ints, System
-from turnout.solver.watch import StepRecord
 
 MEASURE_EVERY = 400
 """Steps after which the residual of a solution is measured in any case."""

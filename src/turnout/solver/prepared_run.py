@@ -20,12 +20,12 @@ from turnout.solver.levels import give_back_memory, take_memory
 from turnout.solver.record import empty_record
 from turnout.solver.rods import Rods
 from turnout.solver.scratch import Work, new_work
-from turnout.solver.seen import SeenWeights
+from turnout.solver.seen import SeenWeights, StepRecord
 from turnout.solver.solve import Tolerances
 from turnout.solver.state import State, fresh_copy, fresh_state, refill_state
 from turnout.solver.step import Stepping
 from turnout.solver.system import System
-from turnout.solver.watch import StepRecord, WatchPlan
+from turnout.solver.watch import WatchPlan
 
 Floats = NDArray[np.float64]
 

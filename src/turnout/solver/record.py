@@ -12,9 +12,9 @@ from turnout.law.obstruction import Obstructions, no_obstructions
 from turnout.law.table import LawTable
 from turnout.solver.energy import LEDGER
 from turnout.solver.scratch import acquire_buffer
-from turnout.solver.seen import SeenWeights
+from turnout.solver.seen import SeenWeights, StepRecord
 from turnout.solver.system import Floats, System
-from turnout.solver.watch import StepRecord, WatchPlan, watched_record
+from turnout.solver.watch import WatchPlan, watched_record
 
 Ints = NDArray[np.int64]
 

@@ -11,7 +11,7 @@ the rest is zero; what no seen displacement depends on has no weight.
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,9 +30,6 @@ from turnout.kernels.vector import copy, gather_all
 from turnout.law.table import LawTable
 from turnout.solver.numbering import as_unsigned
 from turnout.solver.system import Floats, Ints, System
-
-if TYPE_CHECKING:
-    from turnout.solver.watch import StepRecord
 
 MOST_WEIGHTS = 128
 """Weights of seen displacements in memory, the latest used; some 10 kB each."""
@@ -73,6 +70,54 @@ class SeenWeights(NamedTuple):
     law_rows: Floats
     friction_list: Ints
     friction_rows: Floats
+
+
+# Unsigned as those of watched runs: other kinds of arrays are other kernels.
+_NO_PLACES = as_unsigned(np.zeros(0, dtype=np.int64))
+
+
+class StepRecord(NamedTuple):
+    """Stored instants, one row each, and the largest equilibrium residual so far [m].
+
+    `q` and `v` are modal coordinates and velocities, `g` the displacements of the rows [m],
+    `friction` and `law` forces [N], `stored` and `ledger` energies and work [J]
+    (`turnout.solver.energy`). Rows of `q`, `g`, `friction`, `law` and `v` fill whole cache
+    lines; those of the first four begin at one.
+
+    Of a watched run `places` are, of each stored instant, the row of `q`, `g`, `friction` and `law`
+    in which it is stored whole, that of `seen`, and that of `stored` and `ledger`, -1 for none;
+    without entries every instant has its own. `effort` are the forces of the laws `watched` at all
+    instants [N]; `seen` displacements [m] are `seen_load` under the constant load and the sum over
+    the places, modes, laws and frictions of ``..._list`` with a row of weights in ``..._rows`` for
+    each. The lists fill whole cache lines; `picked` is scratch for the longest.
+
+    `cached` is 1 if the first four are stored through the processor's caches, 0 if past them.
+    """
+
+    q: Floats
+    g: Floats
+    friction: Floats
+    law: Floats
+    stored: Floats
+    ledger: Floats
+    residual: Floats
+    v: Floats
+    places: Ints = np.zeros((0, 3), dtype=np.int64)
+    watched: Ints = np.zeros(0, dtype=np.int64)
+    effort: Floats = np.zeros((0, 0))
+    seen: Floats = np.zeros((0, 0))
+    seen_load: Floats = np.zeros(0)
+    stored_list: Ints = _NO_PLACES
+    stored_rows: Floats = np.zeros((0, 0))
+    mode_list: Ints = _NO_PLACES
+    mode_rows: Floats = np.zeros((0, 0))
+    law_list: Ints = _NO_PLACES
+    law_places: Ints = _NO_PLACES
+    law_rows: Floats = np.zeros((0, 0))
+    friction_list: Ints = _NO_PLACES
+    friction_rows: Floats = np.zeros((0, 0))
+    picked: Floats = np.zeros(0)
+    cached: Ints = np.zeros(1, dtype=np.int64)
 
 
 # Rails with their objects and rows of laws are shared by many throws.
@@ -165,7 +210,7 @@ def store_seen(
     system: System,
     motion: tuple[Floats, Floats],
     forces: tuple[Floats, Floats],
-    record: "StepRecord",
+    record: StepRecord,
     kept: int,
 ) -> None:
     """Write the seen displacements of the present instant.

@@ -9,7 +9,7 @@ of *watched* laws at all stored instants and *seen* displacements at those that 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +18,7 @@ from turnout.core.lru_cache import LRUCache
 from turnout.kernels.lanes import empty_in_lines
 from turnout.kernels.shared_record import clone_record, shared_record
 from turnout.solver.condense import CondensedRails
-from turnout.solver.numbering import as_unsigned
-from turnout.solver.seen import SeenRows, SeenWeights
+from turnout.solver.seen import SeenRows, SeenWeights, StepRecord
 from turnout.solver.system import Floats, Ints
 
 TIME_TOLERANCE = 1e-9
@@ -27,54 +26,6 @@ MOST_TEMPLATES = 128
 """Records of watched runs that others are copied from, the latest used; some 2 kB each."""
 BALANCE_EVERY = 8
 """Kept instants of a watched run from one check of its energy balance to the next."""
-
-
-# Unsigned as those of watched runs: other kinds of arrays are other kernels.
-_NO_PLACES = as_unsigned(np.zeros(0, dtype=np.int64))
-
-
-class StepRecord(NamedTuple):
-    """Stored instants, one row each, and the largest equilibrium residual so far [m].
-
-    `q` and `v` are modal coordinates and velocities, `g` the displacements of the rows [m],
-    `friction` and `law` forces [N], `stored` and `ledger` energies and work [J]
-    (`turnout.solver.energy`). Rows of `q`, `g`, `friction`, `law` and `v` fill whole cache
-    lines; those of the first four begin at one.
-
-    Of a watched run `places` are, of each stored instant, the row of `q`, `g`, `friction` and `law`
-    in which it is stored whole, that of `seen`, and that of `stored` and `ledger`, -1 for none;
-    without entries every instant has its own. `effort` are the forces of the laws `watched` at all
-    instants [N]; `seen` displacements [m] are `seen_load` under the constant load and the sum over
-    the places, modes, laws and frictions of ``..._list`` with a row of weights in ``..._rows`` for
-    each. The lists fill whole cache lines; `picked` is scratch for the longest.
-
-    `cached` is 1 if the first four are stored through the processor's caches, 0 if past them.
-    """
-
-    q: Floats
-    g: Floats
-    friction: Floats
-    law: Floats
-    stored: Floats
-    ledger: Floats
-    residual: Floats
-    v: Floats
-    places: Ints = np.zeros((0, 3), dtype=np.int64)
-    watched: Ints = np.zeros(0, dtype=np.int64)
-    effort: Floats = np.zeros((0, 0))
-    seen: Floats = np.zeros((0, 0))
-    seen_load: Floats = np.zeros(0)
-    stored_list: Ints = _NO_PLACES
-    stored_rows: Floats = np.zeros((0, 0))
-    mode_list: Ints = _NO_PLACES
-    mode_rows: Floats = np.zeros((0, 0))
-    law_list: Ints = _NO_PLACES
-    law_places: Ints = _NO_PLACES
-    law_rows: Floats = np.zeros((0, 0))
-    friction_list: Ints = _NO_PLACES
-    friction_rows: Floats = np.zeros((0, 0))
-    picked: Floats = np.zeros(0)
-    cached: Ints = np.zeros(1, dtype=np.int64)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

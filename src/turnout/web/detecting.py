@@ -16,10 +16,9 @@ from turnout.detection.detector.detector import Detector
 from turnout.detection.detector.recorded import Recorded
 from turnout.detection.detector.switch_history import predict
 from turnout.detection.detector.throw_rows import read_table
-from turnout.detection.detector.throw_verdict import Verdict
+from turnout.detection.detector.throw_verdict import CANNOT, Verdict
 from turnout.detection.detector.throws_of_dataset import throws_of_dataset
 from turnout.detection.detector.trends import staying_causes
-from turnout.detection.detector.words_of_verdict import CANNOT
 from turnout.figures.detection import trend_sheet
 from turnout.figures.sheet import Line, Row, Sheet, sheet_record
 from turnout.measurement.chain.apply import apply_chain

@@ -12,9 +12,9 @@ from turnout.calibration.evaluate import Evaluator, Response
 from turnout.calibration.linearisation import stepped_value
 from turnout.calibration.measured_movements import MeasuredMovement, observe
 from turnout.calibration.noise import measured_noise
-from turnout.calibration.parameter import Parameter
+from turnout.calibration.parameter import Fitted, Parameter
 from turnout.calibration.requirements import exclude_oversized_objects
-from turnout.calibration.result import Calibration, Fitted
+from turnout.calibration.result import Calibration
 from turnout.calibration.result_entries import excluded_movements
 from turnout.calibration.validation.acceptance import judged_movements
 from turnout.calibration.validation.bends import with_bends

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from turnout.detection.detector.recorded import Recorded
-from turnout.detection.detector.words_of_verdict import CANNOT, CAUSE, SOUND, UNKNOWN
+from turnout.detection.detector.throw_verdict import CANNOT, CAUSE, SOUND, UNKNOWN
 
 LEAST_THROWS = 5
 """Below which their verdicts say nothing of the detector."""

@@ -30,8 +30,13 @@ from turnout.detection.detector.recorded import (
 from turnout.detection.detector.switch_history import Expectation, before_history, observe_all
 from turnout.detection.detector.throw_layout import CLOSING, Layout
 from turnout.detection.detector.throw_set import ThrowSet
-from turnout.detection.detector.throw_verdict import Verdict, cannot_judge, verdict_on
-from turnout.detection.detector.words_of_verdict import CANNOT, SOUND
+from turnout.detection.detector.throw_verdict import (
+    CANNOT,
+    SOUND,
+    Verdict,
+    cannot_judge,
+    verdict_on,
+)
 from turnout.detection.detector.wrong_channels import wrong_features
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ highest correlation. A match that is poor, or as good at another instant, is ref
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -24,6 +24,7 @@ from turnout.detection.detector.judging import View
 from turnout.detection.detector.recorded import (
     END_MISSING,
     START_MISSING,
+    Match,
     Recorded,
     known_forces,
     part_of,
@@ -53,8 +54,6 @@ BLOCK = 1000
 """Instants that are tried together, which bounds memory."""
 SAME = 0.3
 """Instants that lie nearer to each other than this are one match [s]."""
-RIVAL = 0.02
-"""Correlation by which the best match must exceed any other of the same movement [-]."""
 WORTH, REPEATED = 0.5, 0.3
 """What a movement must explain to count, and what two of a kind in a row cost [-]."""
 FINE = np.arange(-0.44, 0.441, 0.02)
@@ -65,41 +64,6 @@ CLEAR = 3.0
 """Logarithm of the likelihood by which the best onset must exceed a different one [-]."""
 AGREE = 0.04
 """Onsets that the forces show by themselves hold where they lie so near to a match [s]."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Match:
-    """A movement where the recording looks most like it.
-
-    Attributes
-    ----------
-    name : str
-        "opening" or "closing".
-    onset : float
-        [s]
-    stop : float
-        End of the movement, rest left out [s].
-    likeness : float
-        Correlation with sound throws [-].
-    rival : float
-        Highest correlation at another instant of the same movement [-].
-    """
-
-    name: str
-    onset: float
-    stop: float
-    likeness: float
-    rival: float = -1.0
-
-    @property
-    def doubt(self) -> str:
-        """Why it is not taken; empty where it is."""
-        if self.likeness - self.rival < RIVAL:
-            return (
-                f"when {self.name} begins is not clear: sound throws fit as well at another "
-                f"instant (correlation {self.likeness:.2f} and {self.rival:.2f})"
-            )
-        return ""
 
 
 class MovementFinder:

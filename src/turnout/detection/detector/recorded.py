@@ -25,6 +25,8 @@ CLIPPED = 5
 """Equal samples in a row at the largest force from which on a channel counts as clipped."""
 LARGEST_FORCE = 50e3
 """Beyond this a drive force is in the wrong unit [N]."""
+RIVAL = 0.02
+"""Correlation by which the best match must exceed any other of the same movement [-]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -77,6 +79,41 @@ class Recorded:
     shown: Sequence[Mapping[str, float]] = ()
     listed: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     panel: tuple[str, str] = ("", "")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Match:
+    """A movement where the recording looks most like it.
+
+    Attributes
+    ----------
+    name : str
+        "opening" or "closing".
+    onset : float
+        [s]
+    stop : float
+        End of the movement, rest left out [s].
+    likeness : float
+        Correlation with sound throws [-].
+    rival : float
+        Highest correlation at another instant of the same movement [-].
+    """
+
+    name: str
+    onset: float
+    stop: float
+    likeness: float
+    rival: float = -1.0
+
+    @property
+    def doubt(self) -> str:
+        """Why it is not taken; empty where it is."""
+        if self.likeness - self.rival < RIVAL:
+            return (
+                f"when {self.name} begins is not clear: sound throws fit as well at another "
+                f"instant (correlation {self.likeness:.2f} and {self.rival:.2f})"
+            )
+        return ""
 
 
 def recording_fault(throw: Recorded, layout: Layout, quantity: str = FORCE) -> str:

@@ -6,18 +6,15 @@ sound. They are recognised by their likeness to sound throws once the mistake is
 
 from collections.abc import Callable, Iterator, Sequence
 from itertools import combinations
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.detection.detector.recorded import Match
 from turnout.detection.detector.throw_layout import CLOSING, OPENING
 
-if TYPE_CHECKING:
-    from turnout.detection.detector.find_movements import Match
-
 Floats = NDArray[np.float64]
-Movements = Callable[[Floats], "tuple[Sequence[Match], tuple[float, float]]"]
+Movements = Callable[[Floats], tuple[Sequence[Match], tuple[float, float]]]
 
 CONTRARY = -0.9
 """Correlation of the force of a drive with sound throws below which it is turned round [-]."""
@@ -96,7 +93,7 @@ def _correlation(one: Floats, other: Floats) -> float:
 
 
 def wrong_forces(
-    found: Sequence["Match"],
+    found: Sequence[Match],
     likeness: float,
     force: Floats,
     movements: Movements,
@@ -130,7 +127,7 @@ def wrong_forces(
     return said
 
 
-def _doubtful(found: Sequence["Match"]) -> bool:
+def _doubtful(found: Sequence[Match]) -> bool:
     """Whether movements may be those of wrong channels: none, unlike ones, in the wrong order."""
     closings = [item for item in found if item.name == CLOSING]
     if not closings or min(item.likeness for item in closings) < DOUBTFUL:

@@ -7,8 +7,8 @@ from typing import Any
 from turnout.detection.conditions import CURRENT, FORCE, UNITS
 from turnout.detection.detector.another_switch import misfit_remark
 from turnout.detection.detector.object_kinds import kinds_in_words
+from turnout.detection.detector.throw_verdict import ALARM, CANNOT, CAUSE, SOUND, UNKNOWN
 from turnout.detection.detector.trends import LEAST_THROWS, staying_causes, trend_of
-from turnout.detection.detector.words_of_verdict import ALARM, CANNOT, CAUSE, SOUND, UNKNOWN
 from turnout.figures.detection import trend_sheet
 from turnout.figures.report.page import Page, Section, Table
 from turnout.figures.report.run import picture_of
