@@ -28,7 +28,7 @@ COLOURS = {100.0: "#0072B2", 300.0: "#D55E00"}
 """Of the lines: the cut-offs of quick and of waveform mode."""
 OWN = "reference at twice the step"
 WORTH_TELLING = 0.05
-"""Errors below are not shown [% rms]."""
+"""Of the reference's own error [% rms]."""
 
 
 def draw(runs: Sequence[Run]) -> Figure:
@@ -187,14 +187,14 @@ def _channels(runs: Sequence[Run], mode: str) -> str:
         "",
         (
             "End in N, mm or J; bold is outside of what quick mode promises of drives and gaps."
-            f" Channels that are within {WORTH_TELLING:g} % rms in all cases are left out."
+            f" Channels that are within {RMS_LIMIT:g} % rms in all cases are left out."
         ),
         "",
         "| channel | " + " | ".join(run.case for run in found) + " |",
         "|---|" + "---|" * len(found),
     ]
     for name in names:
-        if all(run.channels[name].rms < WORTH_TELLING for run in found if name in run.channels):
+        if all(run.channels[name].rms < RMS_LIMIT for run in found if name in run.channels):
             continue
         cells = [_cell(run.channels.get(name), name) for run in found]
         lines.append(f"| `{name}` | " + " | ".join(cells) + " |")

@@ -33,14 +33,12 @@ class Racer:
 
     `steps` are what it is tried with [ms] (0: what it chooses itself); the cheapest that agrees
     counts. Of `repeats` runs the median counts: the shorter a run, the more of them, since the
-    first ones of a process are slower. `quoted` is what one took at 1 ms when the reference was
-    made.
+    first ones of a process are slower.
     """
 
     title: str
     steps: tuple[float, ...]
     repeats: int
-    quoted: str = ""
 
 
 STEPS = (1.0, 2.0, 3.0, 4.0, 5.0)
@@ -58,11 +56,11 @@ RACERS = {
     "turnout-least": Racer("turnout, least", (0.0,), 99),
     "turnout-quick": Racer("turnout, quick", (0.0,), 99),
     "turnout-waveform": Racer("turnout, waveform", (0.0,), 45),
-    "banded-lateral": Racer("banded, lateral plane", STEPS, 9, "2.0 s"),
-    "banded": Racer("banded, all coordinates", STEPS, 9, "3.5 s"),
+    "banded-lateral": Racer("banded, lateral plane", STEPS, 9),
+    "banded": Racer("banded, all coordinates", STEPS, 9),
     "exudyn-reduced": Racer("Exudyn, turnout's superelement", STEPS, 3),
-    "exudyn": Racer("Exudyn, finite elements", STEPS, 3, "7.4 s"),
-    "opensees": Racer("OpenSeesPy", STEPS, 1, "23 s"),
+    "exudyn": Racer("Exudyn, finite elements", STEPS, 3),
+    "opensees": Racer("OpenSeesPy", STEPS, 1),
 }
 
 

@@ -26,15 +26,15 @@ from benchmarks.detection.tables import (
     budget_table,
     kind_table,
     markdown_table,
+    merit_table,
     millimetres,
+    place_table,
     said_table,
-    table_of,
 )
-from benchmarks.page import put
+from benchmarks.page import DOCS, EVIDENCE, put
 
 MACHINES = Conditions(track="machines").name
-DOCS = Path(__file__).parents[2] / "docs"
-PAGE = DOCS / "evidence" / "open-benchmark.md"
+PAGE = EVIDENCE / "open-benchmark.md"
 FIGURES = {"roc.png": "benchmark_roc.png", "pod.png": "benchmark_pod.png"}
 Results = Mapping[str, Mapping[str, Any]]
 
@@ -66,21 +66,6 @@ def by_method(conditions: list[Conditions], results: Mapping[str, Results]) -> s
     return markdown_table(heads, rows)
 
 
-def obvious_table(conditions: list[Conditions], results: Mapping[str, Results]) -> str:
-    """Return a table of the best place of each method for obvious objects, and their share."""
-    usual = [own for own in conditions if (own.history, own.discrepancy) == (20, 0.05)]
-    heads = ["best place for 25 mm and more, called there",
-             *(f"{own.track[:-1]} {own.channels}" for own in usual)]  # fmt: skip
-    rows = []
-    for name, item in results[MAIN[0].name].items():
-        said = [results[own.name][name]["score"]["obvious"] if name in results[own.name] else None
-                for own in usual]  # fmt: skip
-        rows.append([item["title"], *(
-            "" if one is None else f"{one[0]}, {one[1]:.0%} of {one[2]}" for one in said
-        )])  # fmt: skip
-    return markdown_table(heads, rows)
-
-
 def known_throws(folder: Path) -> int:
     """Return the length of the longest history of a switch."""
     whole = read_throws_file(folder, recorded=False)
@@ -100,17 +85,15 @@ def write_page(folder: Path) -> None:
     changes = "\n".join(f"- {line}" for line in order_changes(wanted, margins))
     text = put(text, "order", f"{order_table(wanted, results, margins)}\n\n{changes}")
     text = put(text, "by method", by_method(wanted, results))
-    text = put(text, "with history", table_of(first))
+    text = put(text, "with history", f"{merit_table(first)}\n\n{place_table(first)}")
     text = put(text, "kinds", kind_table(first))
     text = put(text, "said", said_table(first))
-    text = put(text, "obvious", obvious_table(wanted, results))
     text = put(text, "budget", budget_table(first))
     text = put(text, "numbers", f"Digest of all of them: `{numbers_digest(folder, results)}`")
     if MACHINES in results:
-        text = put(text, "machines", table_of(results[MACHINES]))
-        text = put(text, "budget of machines", budget_table(results[MACHINES]))
+        text = put(text, "machines", merit_table(results[MACHINES]))
     if alone is not None:
-        text = put(text, "no history", table_of(alone))
+        text = put(text, "no history", merit_table(alone))
     card = (folder / CARD).read_text(encoding="utf-8")
     text = put(text, "card", re.split(r"\n- ", card.split("\n\n", 2)[2])[0].strip())
     PAGE.write_text(text, encoding="utf-8")

@@ -19,7 +19,8 @@ def write_table(folder: Path, order: str, results: Mapping[str, Results]) -> Pat
     path = folder / TABLE
     parts = [order] if order else []
     for name, own in results.items():
-        parts += [f"## {name}", table_of(own), kind_table(own), said_table(own), budget_table(own)]
+        parts += [f"## {name}", merit_table(own), place_table(own)]
+        parts += [kind_table(own), said_table(own), budget_table(own)]
     write_atomic(path, "\n\n".join(part for part in parts if part) + "\n")
     return path
 
@@ -64,23 +65,16 @@ def budget_table(results: Results) -> str:
     return markdown_table(heads, rows)
 
 
-def table_of(results: Mapping[str, Mapping[str, Any]]) -> str:
-    """Return two tables, a row a method: figures of merit, and a90 by place.
-
-    Parameters
-    ----------
-    results : mapping of str to mapping
-        From `run_methods`, under one set of conditions.
-    """
+def merit_table(results: Results) -> str:
+    """Return a table of the figures of merit, a row a method."""
     heads = (
         *("method", "false alarms in 1,000", "in 10,000", "a90 4-8 [mm]", "at equal rate [mm]"),
         *("unknown", "causes", "calibration", "ms", "kB"),
     )
-    places = list(next(iter(results.values()))["score"]["place"])
-    merits, by_place = [], []
+    rows = []
     for result in results.values():
         score = result["score"]
-        merits.append([
+        rows.append([
             result["title"],
             _rate(score["false_alarms"], 1e3),
             _rate(score["rare_alarms"], 1e4),
@@ -90,12 +84,18 @@ def table_of(results: Mapping[str, Mapping[str, Any]]) -> str:
             f"{result['milliseconds']:.2f}",
             f"{result['bytes'] / 1e3:.0f}",
         ])  # fmt: skip
-        limits = [millimetres(score["place"][name]["a90_95"]) for name in places]
-        sizes = [millimetres(score["place"][name]["a90"]) for name in places]
-        by_place += [[result["title"], *sizes], ["a90/95", *limits]]
-    return "\n\n".join([
-        markdown_table(heads, merits), markdown_table(["a90 [mm]", *map(_short, places)], by_place)
-    ])  # fmt: skip
+    return markdown_table(heads, rows)
+
+
+def place_table(results: Results) -> str:
+    """Return a table of a90 and a90/95 by place, two rows a method."""
+    places = list(next(iter(results.values()))["score"]["place"])
+    rows = []
+    for result in results.values():
+        found = [result["score"]["place"][name] for name in places]
+        rows.append([result["title"], *(millimetres(item["a90"]) for item in found)])
+        rows.append(["a90/95", *(millimetres(item["a90_95"]) for item in found)])
+    return markdown_table(["a90 [mm]", *map(_short, places)], rows)
 
 
 def markdown_table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

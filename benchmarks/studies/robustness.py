@@ -362,7 +362,7 @@ def _early(results: Sequence[Record]) -> str:
         (
             str(record["index"]),
             f"{record['kind']}, {record['special']}",
-            str(record.get("message", record["faults"][:1])).replace("|", "/"),
+            str(record.get("message", record["faults"][:1])).split(";")[0].replace("|", "/"),
             record.get("fine", "-").lower().replace("_", " "),
         )
         for record in results
