@@ -3,14 +3,14 @@
 from pathlib import Path
 
 from turnout.panel.key_reference import KeyRow, TableRows, key_tables
+from turnout.panel.unusual import USUAL
 
 PAGE = Path(__file__).parents[2] / "docs" / "use" / "panel-file.md"
 
 HEAD = """# Keys of a panel file
 
 A panel file is TOML. `turnout panel new my-switch.toml` writes one to edit, with the meaning of
-each key above it; [your own switch](own-panel.md) shows the way from there. This page is
-generated from the records that read the file, by `python -m tests.unit.panel_file_page`.
+each key above it; [your own switch](own-panel.md) shows the way from there.
 
 - **Units.** A value with a unit is text, such as `"750 kN/m"`; any unit of the same dimension does:
   `"16.5 ft"`, `"4 kip"` or `"5 lbf/in"` as well as `"5.03 m"`; one number and one unit,
@@ -21,8 +21,8 @@ generated from the records that read the file, by `python -m tests.unit.panel_fi
   do not give it themselves. In families whose members stand at a place, a list as `x` of `[chair]`
   makes one member for each position; `names` names them, default "1", "2", ...
 - **Defaults.** "required" must be given, by the member or its family; "none" may be left out.
-  Values far outside what switches have are accepted with a warning:
-  [usual values](usual-values.md).
+- **Usual.** `turnout panel check` and `panel show` name values outside the usual range. They are
+  not refused, but a unit is more often mistaken than a switch is so unusual.
 - **Signs.** x runs from the toe to the heel, y towards the stock rail that the rail closes against,
   z up from the underside of the switch rail: [conventions](conventions.md).
 """
@@ -30,20 +30,28 @@ generated from the records that read the file, by `python -m tests.unit.panel_fi
 
 def page() -> str:
     """Return the whole page."""
-    return "\n".join([HEAD, *(part for table in key_tables() for part in section(table))])
+    lines, known = [HEAD], dict[tuple[str, ...], str]()
+    for table in key_tables():
+        heading, keys = section(table), tuple(line(row) for row in table.keys)
+        alike = known.setdefault(keys, table.header) if keys else table.header
+        same = ["", f"Keys as in `{alike}`.", ""]
+        lines += heading + (same if alike != table.header else rows_of(keys))
+    return "\n".join(lines)
 
 
 def section(table: TableRows) -> list[str]:
-    """Return heading, meaning and keys of a table of the file."""
+    """Return heading and meaning of a table of the file."""
     if not table.path:
         title = "## Top of the file"
     else:
         title = f"{'##' if len(table.path) < 3 else '###'} `{table.header}`"
-    lines = [title, "", table.meaning, ""]
-    if table.keys:
-        lines += ["| key | unit | meaning | default | range |", "|---|---|---|---|---|"]
-        lines += [line(row) for row in table.keys] + [""]
-    return lines
+    return [title, "", table.meaning]
+
+
+def rows_of(keys: tuple[str, ...]) -> list[str]:
+    """Return the lines of the keys below their head."""
+    head = ["| key | unit | meaning | default | range |", "|---|---|---|---|---|"]
+    return ["", *head, *keys, ""] if keys else [""]
 
 
 def line(row: KeyRow) -> str:
@@ -52,7 +60,10 @@ def line(row: KeyRow) -> str:
     allowed = ", ".join(
         f"`{part}`" if part.startswith('"') else part for part in row.allowed.split(", ")
     )
-    cells = (f"`{row.path[-1]}`", row.unit or "-", row.meaning, default, allowed or "any")
+    usual = USUAL.get(".".join(part for part in row.path if part != "NAME"))
+    span = f"usual {usual[0]:g} to {usual[1]:g}" if usual else ""
+    allowed = "; ".join(part for part in (allowed or "any", span) if part)
+    cells = (f"`{row.path[-1]}`", row.unit or "-", row.meaning, default, allowed)
     return "| " + " | ".join(cells) + " |"
 
 

@@ -208,7 +208,7 @@ def test_the_library_file_has_an_origin_for_every_range_and_fact() -> None:
 
 
 def table_of_measures() -> str:
-    """What the page on plausible panels must hold, word for word."""
+    """What the page on matching must hold, word for word."""
     lines = ["| measure | of | unit | what it is |", "|---|---|---|---|"]
     for name, item in MEASURES.items():
         of = {"drive?": "drive, or the worst", "": "-"}.get(item.of, item.of)
@@ -217,7 +217,7 @@ def table_of_measures() -> str:
 
 
 def test_the_page_holds_the_measures() -> None:
-    page = Path(__file__).parents[2] / "docs" / "evidence" / "plausible-panels.md"
+    page = Path(__file__).parents[2] / "docs" / "use" / "match.md"
     assert table_of_measures() in page.read_text(encoding="utf-8")
 
 

@@ -1,12 +1,9 @@
 """Values beyond sense are named with key, value and usual range, and never refused."""
 
-from pathlib import Path
-
 import pytest
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
-from turnout.core.quantity import unit_of
 from turnout.panel.keys import field_at
 from turnout.panel.load import library_names, load_panel
 from turnout.panel.unusual import USUAL, unusual_values
@@ -23,22 +20,6 @@ FAR = [
         "damping.frequencies = 50000 Hz: usual is 0.01 to 10000 Hz",
     ),
 ]
-
-
-PAGE = Path(__file__).parents[2] / "docs" / "use" / "usual-values.md"
-
-
-def table_of_usual_values() -> str:
-    """What the page on usual values must hold, word for word."""
-    lines = ["| key | least | largest | unit |", "|---|---|---|---|"]
-    for key, (least, most) in USUAL.items():
-        unit = unit_of(field_at(tuple(key.split(".")))) or "-"
-        lines.append(f"| `{key}` | {least:g} | {most:g} | {unit} |")
-    return "\n".join(lines)
-
-
-def test_the_page_holds_the_table() -> None:
-    assert table_of_usual_values() in PAGE.read_text(encoding="utf-8")
 
 
 def texts(changes: dict[str, object]) -> list[str]:

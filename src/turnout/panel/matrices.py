@@ -3,7 +3,7 @@
 Rails of a panel that come as matrices: their files, and whether what stands there fits. Files of
 rail matrices: MATLAB version 5, written whole and read with all problems at once.
 
-The variables of a file are described in docs/use/exchange-matrices.md.
+The variables of a file are described in docs/use/other-programs.md.
 """
 
 import hashlib
