@@ -45,12 +45,13 @@ def documented(pytestconfig: pytest.Config) -> dict[str, set[str]]:
     text = (pytestconfig.rootpath / "docs/use/json.md").read_text(encoding="utf-8")
     pages = re.split(r"^### ", text, flags=re.MULTILINE)[1:]
     return {
-        page.split("\n", 1)[0].replace("`", "").removeprefix("turnout ").strip(): {
+        command: {
             key
             for row in re.findall(r"^\| (`.*?`) \|", page, flags=re.MULTILINE)
             for key in re.findall(r"`([a-z_]+)`", row)
         }
         for page in pages
+        for command in re.findall(r"`turnout ([^`]+)`", page.split("\n", 1)[0])
     }
 
 
