@@ -208,8 +208,11 @@ def _size_of(best: Fit, campaigns: Campaigns, share: float) -> float:
 def _with_asymptotes(
     campaigns: Campaigns, best: Fit, alarms: int, sound: int
 ) -> tuple[Campaigns, Fit]:
-    """Fit, with a floor and a ceiling of the probability where the likelihood asks for them."""
-    if not campaigns.binary:
+    """Fit, with a floor and a ceiling of the probability if the likelihood asks for them.
+
+    Not beyond `SHARPEST`: the gain of a floor is then that of a quadrature which resolves nothing.
+    """
+    if not campaigns.binary or _too_sharp(campaigns, best):
         return campaigns, best
 
     def fitted(low: float, high: float) -> tuple[Campaigns, Fit, float]:
