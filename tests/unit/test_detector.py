@@ -114,8 +114,9 @@ def test_a_switch_that_scatters_is_not_full_of_unknown_deviations(tmp_path: Path
     detector = fresh()
     rng = np.random.default_rng(7)
     throws = [toy_throw(level=rng.uniform(0.15, 0.45), seed=i) for i in range(40)]
-    features = np.array([detector.features(item)[1] for item in throws])
+    alone = np.array([detector.features(item)[1] for item in throws])
     lower = np.linalg.cholesky(detector.knowledge.errors().changing)
+    features = np.concatenate([alone, alone[20:], alone[20:]])
     features += np.sqrt(3.0) * rng.standard_normal(features.shape) @ lower.T
     detector.learn_features(features[:20])
     assert 2.0 < detector.known.scatter < 4.0
@@ -123,12 +124,14 @@ def test_a_switch_that_scatters_is_not_full_of_unknown_deviations(tmp_path: Path
     again = Detector.load(tmp_path / "own.detector")
     assert again.known.scatter == detector.known.scatter
     assert again.known.information == detector.known.information
-    said = [again.judge_features(row) for row in features[20:]]
-    assert not any(item.status in ("object", "unknown deviation") for item in said)
+    said = [again.judge_features(row).status for row in features[20:]]
+    assert "object" not in said
+    # One in a hundred on average: four in sixty are drawn once in three hundred sets.
+    assert said.count("unknown deviation") <= 3
     again.known = replace(again.known, scatter=1.0)
     again._views.clear()
-    said = [again.judge_features(row) for row in features[20:]]
-    assert any(item.status == "unknown deviation" for item in said)
+    said = [again.judge_features(row).status for row in features[20:]]
+    assert said.count("unknown deviation") >= 57
 
 
 def test_a_switch_at_the_limit_of_its_over_travel_is_no_object_without_a_history() -> None:
