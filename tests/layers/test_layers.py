@@ -31,8 +31,10 @@ ALLOWED: dict[str, set[str]] = {
     "calibration": {
         *("core", "machine", "panel", "solver", "throw", "measurement", "metric", "study"),
     },
-    "detection": {"core", "panel", "throw", "measurement", "study", "calibration"},
-    "figures": {"core", "beam", "panel", "metric", "study", "calibration", "detection"},
+    "detection": {"core", "panel", "mechanism", "throw", "measurement", "study", "calibration"},
+    "figures": {
+        *("core", "beam", "panel", "mechanism", "metric", "study", "calibration", "detection")
+    },
     "api": {
         *("core", "panel", "throw", "measurement", "metric", "study", "calibration", "figures"),
     },
