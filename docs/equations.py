@@ -1,7 +1,7 @@
 """Equations of the documentation as MathML, which browsers show without scripts or a network.
 
-docutils converts TeX. What it writes differently from TeX is mended here: subscripts of accented
-letters, the height of bars, and the space beside names such as "ln".
+docutils converts TeX. What it writes differently from TeX is mended here: bold letters, subscripts
+of accented letters, the height of bars, and the space beside names such as "ln".
 """
 
 import html
@@ -19,6 +19,9 @@ NAMESPACE = "http://www.w3.org/1998/Math/MathML"
 APPLY = "\u2061"
 """Between a function and its argument; browsers give it no width."""
 
+BOLD = re.compile(r"\\boldsymbol\s*(?:\\?[A-Za-z]+|\{[^{}]*\})")
+"""docutils would make all that follows bold."""
+
 UNBRACED = re.compile(r"\\[td]?frac\s*\d")
 """docutils reads the digits of `\\frac12` as one number."""
 
@@ -34,7 +37,7 @@ def mathml(equation: str, *, block: bool) -> str:
     if UNBRACED.search(equation):
         message = f"write the arguments of fractions in braces: {equation}"
         raise MathError(message)
-    text = tex2mathml(equation, as_block=block)
+    text = tex2mathml(BOLD.sub(r"{\g<0>}", equation), as_block=block)
     text = re.sub(r"&(?!lt|gt|amp)\w+;", lambda found: html.unescape(found[0]), text)
     root = ET.fromstring(re.sub(r">\s+<", "><", text.replace(f' xmlns="{NAMESPACE}"', "")))
     for element in root.iter():

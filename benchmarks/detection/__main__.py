@@ -39,6 +39,7 @@ from turnout.cli.options import INTERRUPTED
 from turnout.cli.sweep import cores
 from turnout.core.errors import TurnoutError
 from turnout.core.threads import one_blas_thread
+from turnout.detection.conditions import SIMULATED
 
 SCORE_UNITS = {
     **{"a90": "m", "a90_95": "m", "mid_span": "m", "equal_mid_span": "m", "excess": "m"},
@@ -119,9 +120,14 @@ def run_command(given: argparse.Namespace) -> None:
         digest = numbers_digest(folder, results)
         found = {"results": results, "margins": margins, "numbers": digest}
         written += [write_table(folder, order, results), *draw(folder, wanted[0], results)]
-        lines.append(f"numbers         {digest}")
+        lines += [f"numbers         {digest}", f"origin          {SIMULATED}"]
     if given.json:
-        print_json("benchmarks.detection run", found, units=SCORE_UNITS, written=written)
+        print_json(
+            "benchmarks.detection run",
+            {"origin": SIMULATED, **found},
+            units=SCORE_UNITS,
+            written=written,
+        )
     else:
         print(*lines, *(f"wrote           {path}" for path in written), sep="\n")
 
@@ -165,8 +171,10 @@ def score_command(given: argparse.Namespace) -> None:
     )  # fmt: skip
     score = score_file(given.verdicts, given.folder, conditions)
     if given.json:
-        print_json("benchmarks.detection score", {"score": score}, units=SCORE_UNITS)
+        found = {"origin": SIMULATED, "score": score}
+        print_json("benchmarks.detection score", found, units=SCORE_UNITS)
         return
+    print(f"origin          {SIMULATED}")
     alarms = score["false_alarms"]
     print(
         f"false alarms    {1e3 * alarms['value']:.2f} in 1,000 sound throws "

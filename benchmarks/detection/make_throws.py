@@ -33,6 +33,7 @@ from benchmarks.detection.switch_throws import SwitchThrows, throws_of_switch
 from turnout.core.errors import FileError
 from turnout.core.files import atomic_path, make_folder, write_atomic
 from turnout.core.provenance import version
+from turnout.detection.conditions import SIMULATED
 from turnout.detection.detector.throw_layout import Layout, throw_features
 from turnout.detection.detector.training import layout_of_panel
 from turnout.study.sweep.read import open_batches
@@ -356,7 +357,7 @@ def data_card(whole: xr.Dataset, *, size: int) -> str:
         "",
         f"{whole.sizes['throw']} simulated throws of {len(np.unique(switch))} switches with "
         f"{len(np.unique(panel))} different panels; {size / 1e6:.1f} MB. Every throw is an opening "
-        "and a closing.",
+        f"and a closing. {SIMULATED.capitalize()}.",
         "",
         "| | " + " | ".join(f"{s}, {t}" for t in ("markers", "machines") for s in (TRAIN, TEST))
         + " |",

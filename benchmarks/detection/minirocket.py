@@ -57,7 +57,7 @@ class MiniRocket:
         at = 0
         for number, dilation in enumerate(self.dilations):
             padding = (LENGTH - 1) * dilation // 2
-            shifted = shifts_of(series, dilation)
+            shifted = shifted_series(series, dilation)
             whole = sum(shifted[1:], start=shifted[0])
             for kernel, triple in enumerate(TRIPLES):
                 values = _convolved(shifted, whole, triple, self.signals[number][kernel])
@@ -70,7 +70,7 @@ class MiniRocket:
         return found.T
 
 
-def shifts_of(series: Floats, dilation: int) -> list[Floats]:
+def shifted_series(series: Floats, dilation: int) -> list[Floats]:
     """Return series shifted by the nine places of a kernel, zeros beyond their ends.
 
     Returns
@@ -120,7 +120,7 @@ def fit_minirocket(
             size = int(2.0 ** rng.uniform(0.0, np.log2(count + 1.0)))
             own = sorted(rng.choice(count, min(size, count), replace=False).tolist())
             one = np.asarray(series[example[kernel]][np.newaxis], dtype=np.float32)
-            shifted = shifts_of(one, dilation)
+            shifted = shifted_series(one, dilation)
             whole = sum(shifted[1:], start=shifted[0])
             values = _convolved(shifted, whole, triple, tuple(own))
             rows.append(np.quantile(values[:, 0], quantiles[at : at + number]))

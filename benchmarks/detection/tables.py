@@ -8,6 +8,7 @@ import numpy as np
 
 from benchmarks.detection.method import FOLDS
 from turnout.core.files import write_atomic
+from turnout.detection.conditions import SIMULATED
 
 TABLE = "table.md"
 NOTHING = "-"
@@ -17,7 +18,7 @@ Results = Mapping[str, Mapping[str, Any]]
 def write_table(folder: Path, order: str, results: Mapping[str, Results]) -> Path:
     """Write all tables: first who is first under which conditions."""
     path = folder / TABLE
-    parts = [order] if order else []
+    parts = [f"{SIMULATED.capitalize()}.", order]
     for name, own in results.items():
         parts += [f"## {name}", merit_table(own), place_table(own)]
         parts += [kind_table(own), said_table(own), budget_table(own)]

@@ -5,11 +5,11 @@
 DIR is that of `benchmarks.studies.detector`, whose throws and detector are read, or made where they
 are not there.
 
-The same ratio is judged three times on the same measured throws: at its own threshold, at the one
-that 1 in 1,000 of the judged sound throws exceeds, and with the place known at such a threshold of
-that place. The second and the third raise as many false alarms, so their difference is what not
-knowing the place costs; that of the first and the second is the safety of the threshold. Intervals
-are over switches drawn with replacement.
+The same ratio is judged three times on the same throws with drawn errors: at its own threshold, at
+the one that 1 in 1,000 of the judged sound throws exceeds, and with the place known at such a
+threshold of that place. The second and the third raise as many false alarms, so their difference is
+what not knowing the place costs; that of the first and the second is the safety of the threshold.
+Intervals are over switches drawn with replacement.
 
 Severe dry chairs are found by a detector that never learned them, and by one that has their
 signatures: no detector that lacks them can be expected to do better than that.
@@ -71,7 +71,7 @@ SEED = 51
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Said:
-    """Of measured throws of a kind.
+    """Of throws of a kind with drawn errors.
 
     Attributes
     ----------
@@ -131,7 +131,7 @@ KNOWN = 20
 def said_of(
     view: View, calibrated: Calibrated, features: Floats, throws: ThrowSet, change: Floats
 ) -> Said:
-    """Judge measured throws."""
+    """Judge throws with drawn errors."""
     dry = view.kinds.index(DRY)
     parts: list[list[Floats]] = []
     for first in range(0, len(features), AT_ONCE):

@@ -70,8 +70,8 @@ def covered(records: list[Record], name: str) -> float:
 def section(records: list[Record]) -> list[str]:
     """Return the part of the page that this job writes."""
     lines = [
-        f"{len(records)} campaigns, seed {SEED}, of {SWITCHES} switches with {SIZES} throws each; "
-        f"spread between switches {SPREAD} of that between throws. Written by "
+        f"{len(records)} simulated campaigns, seed {SEED}, of {SWITCHES} switches with {SIZES} "
+        f"throws each; spread between switches {SPREAD} of that between throws. Written by "
         "`python -m benchmarks.studies.pod_coverage report DIR`.",
         "",
         "| campaigns | number | a90/95 (calibrated) | plain profile likelihood | naive pooling |",

@@ -69,7 +69,8 @@ panel again with a compiler and a linear algebra library kept to the oldest inst
 BATTERY_TEXT = """## The battery: closed forms and orders
 
 Each rung names its reference; derivations, references and tolerances are at the top of the files.
-The energy residual is asserted to be below 1e-6 in every case.
+The energy residual is asserted to be below 1e-6 in every case. A run may have
+[rounding](../theory/energy.md) beside it.
 """
 
 SB1_TEXT = """## SB1: one prismatic rail, against Exudyn (OpenSeesPy agrees with it)

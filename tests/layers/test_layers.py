@@ -4,6 +4,8 @@ import ast
 import re
 import subprocess
 import sys
+import tomllib
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
@@ -29,8 +31,10 @@ ALLOWED: dict[str, set[str]] = {
     "calibration": {
         *("core", "machine", "panel", "solver", "throw", "measurement", "metric", "study"),
     },
-    "detection": {"core", "panel", "throw", "measurement", "study", "calibration"},
-    "figures": {"core", "beam", "panel", "metric", "study", "calibration", "detection"},
+    "detection": {"core", "panel", "mechanism", "throw", "measurement", "study", "calibration"},
+    "figures": {
+        *("core", "beam", "panel", "mechanism", "metric", "study", "calibration", "detection")
+    },
     "api": {
         *("core", "panel", "throw", "measurement", "metric", "study", "calibration", "figures"),
     },
@@ -102,6 +106,9 @@ def test_every_package_is_in_the_table() -> None:
     assert MODULES, f"no modules under {SRC}"
     unknown = {package_of(path) for path in MODULES} - set(ALLOWED) - {"__init__"}
     assert not unknown, f"give {sorted(unknown)} a row in ALLOWED, or a home in a package there"
+    text = (SRC.parents[1] / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `(\w+)` \|", text, flags=re.MULTILINE)
+    assert [*rows, "__main__"] == list(ALLOWED), "CONTRIBUTING.md has a row per package, in order"
 
 
 def test_imports_follow_the_table() -> None:
@@ -129,6 +136,41 @@ def test_imports_follow_the_table() -> None:
 )
 def test_a_forbidden_import_is_seen(package: str, name: str, words: str) -> None:
     assert words in (fault_of_import(package, name) or "")
+
+
+OTHER_NAMES = {"skfem": "scikit-fem"}
+"""Packages by the name of their modules where it is another one."""
+NOT_IMPORTED = {"h5netcdf"}
+"""Packages that others load: xarray reads and writes netCDF by it."""
+
+
+def package_names(requirements: Iterable[str]) -> set[str]:
+    """Return the packages that requirements name, as indexes write them."""
+    found = [re.match(r"[\w.-]+", text) for text in requirements]
+    return {name[0].lower().replace("_", "-") for name in found if name}
+
+
+def test_imports_are_declared() -> None:
+    project = tomllib.loads((SRC.parents[1] / "pyproject.toml").read_text("utf-8"))["project"]
+    core = package_names(project["dependencies"])
+    extras = package_names(
+        requirement
+        for extra, requirements in project["optional-dependencies"].items()
+        if extra not in ("benchmark", "dev", "docs")
+        for requirement in requirements
+    )
+    faults, used = [], set()
+    for path in MODULES:
+        for node, name in imported_names(path):
+            top = name.split(".")[0]
+            if top in sys.stdlib_module_names or top == "turnout":
+                continue
+            package = OTHER_NAMES.get(top, *package_names([top]))
+            used.add(package)
+            if package not in (core if node.col_offset == 0 else core | extras):
+                faults.append(f"{place(path, node)} imports {top}: add {package} to pyproject.toml")
+    assert not faults, "\n".join(dict.fromkeys(faults))
+    assert core - used == NOT_IMPORTED, "declared in vain"
 
 
 def code_lines(path: Path) -> int:

@@ -54,6 +54,7 @@ def test_the_table_of_subjects_leads_to_every_page(page: Path) -> None:
     [
         (r"\dot u_C^2", "<msubsup><mover><mi>u</mi>"),
         (r"\lVert r\rVert^2", 'stretchy="false" form="postfix">‖</mo><mn>2</mn>'),
+        (r"\boldsymbol t = v", '<mi class="boldsymbol">t</mi><mo>=</mo><mi>v</mi>'),
         (r"k\ln n", '<mi>k</mi><mspace width="0.1667em" /><mi>ln</mi><mspace'),
     ],
 )

@@ -59,7 +59,7 @@ def test_a_calibration_that_is_not_to_be_trusted_is_written_and_says_so(
 ) -> None:
     known = replace(calibration(), distrust=("model error 214 N; check the panel",))
     made: list[object] = []
-    monkeypatch.setattr("turnout.cli.calibrate.dataset_of", lambda *_, **__: None)
+    monkeypatch.setattr("turnout.cli.calibrate.opened_campaign", lambda *_, **__: None)
     monkeypatch.setattr(
         "turnout.calibration.calibrate.calibrate",
         lambda *_, **__: SimpleNamespace(calibration=made[-1], sweeps=(), final=None),

@@ -161,7 +161,7 @@ def test_a_calibration(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, documented: dict[str, set[str]]
 ) -> None:
     known = replace(calibration(), distrust=("the model misses 214 N",))
-    monkeypatch.setattr("turnout.cli.calibrate.dataset_of", lambda *_, **__: None)
+    monkeypatch.setattr("turnout.cli.calibrate.opened_campaign", lambda *_, **__: None)
     monkeypatch.setattr(
         "turnout.calibration.calibrate.calibrate",
         lambda *_, **__: SimpleNamespace(calibration=known, sweeps=(), final=None),
@@ -192,7 +192,7 @@ def test_a_validation(
         reasons=channel.reasons, worst=(),
     )  # fmt: skip
     calibration().save(tmp_path / "c.toml")
-    monkeypatch.setattr("turnout.cli.validate.dataset_of", lambda *_, **__: None)
+    monkeypatch.setattr("turnout.cli.validate.opened_campaign", lambda *_, **__: None)
     monkeypatch.setattr("turnout.cli.validate._validated", lambda *_, **__: None)
     monkeypatch.setattr("turnout.calibration.validation.acceptance.judge", lambda _: verdict)
     monkeypatch.setattr("turnout.calibration.validation.verdict_text.notes", lambda _: ["one note"])

@@ -7,7 +7,7 @@ import pytest
 from tests.unit.simulated import sb1_dataset, sb1_panel, sb2_dataset, sb2_panel
 
 from turnout.figures.moving_plan import motion_record, plan_record
-from turnout.panel.layout import rail_line
+from turnout.mechanism.rest import rail_line
 from turnout.panel.load import library_names, load_panel
 
 

@@ -6,7 +6,7 @@ from tests.unit.simulated import sb2_dataset, sb2_panel
 
 from turnout.cli.show import COLUMNS, HEADING, plan_lines
 from turnout.figures.plan import EXAGGERATION, TRACK, plot_plan
-from turnout.panel.layout import rail_line
+from turnout.mechanism.rest import rail_line
 from turnout.panel.load import load_panel
 
 

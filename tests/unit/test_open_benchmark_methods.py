@@ -31,6 +31,8 @@ from benchmarks.detection.score import score_verdicts
 from benchmarks.detection.verdicts import Verdicts
 from tests.unit.benchmark_toy import toy_benchmark
 
+from turnout.detection.conditions import SIMULATED
+
 BENCH = toy_benchmark()
 BASELINES = [item for item in methods_for(Conditions()) if item.name != "turnout"]
 
@@ -98,16 +100,22 @@ def test_the_command_makes_compares_and_scores(
     assert set(found["results"]) == {"markers-force-h20-d5", "markers-force-h0-d5"}
     for name in ("data-card.md", "table.md", "roc.png", "pod.png"):
         assert (folder / name).stat().st_size > 100
-    assert "Panels on both sides of the split: 0." in (folder / "data-card.md").read_text()
+    card = (folder / "data-card.md").read_text()
+    assert "Panels on both sides of the split: 0." in card
+    assert SIMULATED.capitalize() in card
     # the second time nothing is run again, and the numbers are the same
     again = printed(*line, "--json", "--quiet")
     assert not again.err
     assert json.loads(again.out)["results"] == found["results"]
-    assert f"numbers         {found['numbers']}" in printed(*line).out
+    shown = printed(*line).out
+    assert f"numbers         {found['numbers']}" in shown
     said = folder / "results" / "markers-force-h20-d5" / "threshold.csv"
-    own = json.loads(printed("score", str(folder), str(said), "--json").out)["score"]
-    assert own == found["results"]["markers-force-h20-d5"]["threshold"]["score"]
-    assert "false alarms" in printed("score", str(folder), str(said)).out
+    own = json.loads(printed("score", str(folder), str(said), "--json").out)
+    assert own["score"] == found["results"]["markers-force-h20-d5"]["threshold"]["score"]
+    scored = printed("score", str(folder), str(said)).out
+    assert "false alarms" in scored
+    assert found["origin"] == own["origin"] == SIMULATED
+    assert all(f"origin          {SIMULATED}" in text for text in (shown, scored))
 
 
 @pytest.mark.parametrize(

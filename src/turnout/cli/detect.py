@@ -174,9 +174,12 @@ def _described(knowledge: "Knowledge") -> dict[str, Any]:
 
 
 def _training_lines(knowledge: "Knowledge") -> list[str]:
+    from turnout.detection.conditions import SIMULATED
+
     about = knowledge.about
     counts = ", ".join(f"{count} {name}" for name, count in about["throws"].items())
     lines = [f"panel           {about['panel']}", f"throws          {counts}"]
+    lines.append(f"origin          {SIMULATED}")
     for item in knowledge.calibrated:
         limits = ", ".join(f"{rate}: {value:.2f}" for rate, value in item.thresholds.items())
         lines.append(
@@ -283,6 +286,7 @@ def detect_run_command(
     as_json: JsonOption = False,
 ) -> None:
     """Judge throws: object or not, where, how large, gaps without sensors, other causes."""
+    from turnout.detection.conditions import TRAINED
     from turnout.detection.detector.another_switch import misfit_remark
     from turnout.detection.detector.detector import Detector
 
@@ -295,7 +299,7 @@ def detect_run_command(
     else:
         for item in verdicts:
             typer.echo("\n".join(item.lines()))
-        typer.echo(_summary(verdicts))
+        typer.echo(f"{_summary(verdicts)}\n{TRAINED}")
         if remark:
             typer.echo(remark)
     if strict and any(item.status != "sound" for item in verdicts):

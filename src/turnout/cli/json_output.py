@@ -63,14 +63,31 @@ def json_text(
 
     from turnout.core.json_files import to_plain
 
+    origin = origin_of(command)
     whole = {
         "command": command,
         "json_version": JSON_VERSION,
+        **({"origin": origin} if origin else {}),
         **record,
         "units": dict(units or {}),
         "written": [str(path) for path in written],
     }
     return json.dumps(to_plain(whole, nonfinite=lambda _: None), indent=2, allow_nan=False)
+
+
+def origin_of(command: str) -> str:
+    """Return where the sizes and rates of a command on detection come from; empty of others.
+
+    Examples
+    --------
+    >>> origin_of("limit")
+    'all switches are simulated; no field recording was compared with these results'
+    """
+    from turnout.detection.conditions import CAMPAIGN, SIMULATED, TRAINED
+
+    if command in ("limit", "plan-test", "detect train"):
+        return SIMULATED
+    return TRAINED if command.startswith("detect ") else CAMPAIGN if command == "pod" else ""
 
 
 def print_library(command: str, family: str, found: Mapping[str, str], *, as_json: bool) -> None:

@@ -76,7 +76,7 @@ def panel_record(panel: "LoadedPanel", thrown: "CheckThrows | None" = None) -> J
     """Return a panel with every value and its origin, and the results of its throws."""
     from turnout.cli.show import places_of_gap
     from turnout.figures.report.values import value_groups
-    from turnout.panel.layout import resting_gap
+    from turnout.mechanism.rest import resting_gap
 
     record: JsonRecord = {
         "panel": panel.name,

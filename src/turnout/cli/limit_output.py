@@ -34,6 +34,7 @@ def write_bands(
     found: "xr.Dataset", *, out: Path | None, plot: Path | None, as_json: bool, quiet: bool
 ) -> None:
     """Write files first, then print."""
+    from turnout.detection.conditions import SIMULATED
     from turnout.detection.limit.bands import band_rows
 
     still = quiet or as_json
@@ -54,7 +55,7 @@ def write_bands(
     elif not quiet:
         typer.echo(
             f"a90 [mm] of the bound over {found.sizes['panel']} panels; in brackets the 95 % "
-            f"interval over {found.attrs['states']} drawn states\n"
+            f"interval over {found.attrs['states']} drawn states; {SIMULATED}\n"
             f"{'place':<12}{'5 %':>24}{'middle':>24}{'95 %':>24}"
         )
         for row in rows:
@@ -115,6 +116,7 @@ def write_map(
 
 
 def _print(found: "xr.Dataset") -> None:
+    from turnout.detection.conditions import SIMULATED
     from turnout.detection.limit.limit_map import rows_of
 
     said = found.attrs
@@ -123,7 +125,7 @@ def _print(found: "xr.Dataset") -> None:
         f"in 90 % of {said['states']} states "
         f"(discrepancy {100 * said['discrepancy']:g} %, {said['history']} sound throws known, "
         f"false-alarm rate {said['false_alarm_rate']:g}, objects: {said['object_kind']}); "
-        "optimistic: place and size are known"
+        f"optimistic: place and size are known; {SIMULATED}"
     )
     channels = [str(name) for name in found["channel"].to_numpy()]
     others = "".join(f"{name + ' alone':>16}" for name in channels[1:])

@@ -111,6 +111,8 @@ def _print(
 ) -> None:
     from itertools import groupby
 
+    from turnout.detection.conditions import SIMULATED
+
     typer.echo(f"{len(chosen)} throws, in this order (* a drive slips):")
     for place, rows in groupby(chosen, key=lambda row: found.place[row]):
         sizes = [f"{1e3 * found.size[row]:g}{'*' if found.slips[row] else ''}" for row in rows]
@@ -133,6 +135,7 @@ def _print(
     for row in _place_rows(known, of_grid):
         cells = [f"{1e3 * float(str(row[key])):.1f}" for key in ("a90", "a90_95", "grid_a90_95")]
         typer.echo(f"{row['place']:<14}{cells[0]:>10}{cells[1]:>18}{cells[2]:>10}")
+    typer.echo(SIMULATED)
 
 
 def _deviation(value: object, *, share: bool, length: bool) -> str:

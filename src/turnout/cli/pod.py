@@ -198,6 +198,8 @@ def _content(found: "Pod", suffix: str) -> bytes | str:
 
 
 def _print(found: "Pod") -> None:
+    from turnout.detection.conditions import CAMPAIGN
+
     what = "hits and misses" if found.model.threshold is None else "responses"
     effect = "differing" if found.model.grouped and found.switches > 1 else "pooled"
     typer.echo(
@@ -218,7 +220,7 @@ def _print(found: "Pod") -> None:
             f"false alarms: {found.alarms} of {found.sound_throws} sound throws, below "
             f"{rate:.2g} % with 95 % confidence"
         )
-    for note in found.notes:
+    for note in (*found.notes, CAMPAIGN):
         typer.echo(f"note: {note}")
 
 

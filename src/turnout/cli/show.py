@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from turnout.figures.report.values import assumption_lines, value_lines
-from turnout.panel.layout import extent, resting_gap, stands_at
+from turnout.mechanism.rest import resting_gap
+from turnout.panel.layout import extent, stands_at
 from turnout.panel.unusual import unusual_values
 
 if TYPE_CHECKING:

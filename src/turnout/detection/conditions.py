@@ -10,6 +10,18 @@ KERNELS = ("exponential", "matern 3/2")
 FORCE, CURRENT, POWER = "force", "current", "power"
 UNITS = {FORCE: "N", CURRENT: "A", POWER: "W"}
 """Quantities of a drive."""
+SIMULATED = "all switches are simulated; no field recording was compared with these results"
+"""Origin of sizes and rates: said by every page, report and JSON object that states any."""
+TRAINED = (
+    "thresholds, error rates and intervals are those of simulated switches; no field recording was "
+    "compared with them"
+)
+"""The same of verdicts, since the throws that they judge may be recordings of a switch."""
+CAMPAIGN = (
+    "throws are those of the table; the method was verified on simulated campaigns, no field "
+    "recording was compared"
+)
+"""The same of a table of throws that a user evaluates."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

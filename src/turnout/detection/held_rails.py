@@ -11,7 +11,7 @@ States that hold stay as they are.
 
 from dataclasses import replace
 
-from turnout.panel.check_shape import RestingForce, resting_forces
+from turnout.mechanism.rest import RestingForce, resting_forces
 from turnout.study.design import Holding, Input
 from turnout.study.distribution import Distribution
 from turnout.study.study import Study

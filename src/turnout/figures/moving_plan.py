@@ -7,7 +7,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from turnout.panel.layout import RailLine, extent, rail_line, resting_gap, stands_at
+from turnout.mechanism.rest import RailLine, rail_line, resting_gap
+from turnout.panel.layout import extent, stands_at
 from turnout.panel.model import Panel
 from turnout.panel.records import OnRails, Placed
 

@@ -13,8 +13,9 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.figures.style import COLOURS, DASHES, GREY, SHADE, put_title
+from turnout.mechanism.rest import RailLine, rail_line, resting_gap
 from turnout.metric.slip import last_instant_at
-from turnout.panel.layout import RailLine, extent, rail_line, resting_gap, stands_at
+from turnout.panel.layout import extent, stands_at
 from turnout.panel.model import Panel
 from turnout.panel.records import Placed
 

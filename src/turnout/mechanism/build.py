@@ -19,7 +19,7 @@ from turnout.mechanism.build_rails import SIGN, stock_rail_data, switch_rail_dat
 from turnout.mechanism.drive_machines import drive_machines
 from turnout.mechanism.laws import LawLayout, LawRows, law_table, lay_out
 from turnout.mechanism.mechanism import LawIndex, Mechanism, RailBody, RailData, ReducedRail
-from turnout.mechanism.object_laws import obstructions_of
+from turnout.mechanism.object_laws import divided, obstructions_of
 from turnout.mechanism.object_rows import (
     approach_row,
     is_off_node,
@@ -29,7 +29,7 @@ from turnout.mechanism.object_rows import (
 from turnout.mechanism.reduce import reduce_rail
 from turnout.mechanism.shape_key import LAWS_ALONE, shape_of
 from turnout.mechanism.travel import RailRows, Travel, rail_travel
-from turnout.panel.foreign_object import PlacedObject, divided
+from turnout.panel.foreign_object import PlacedObject
 from turnout.panel.load import LoadedPanel
 from turnout.panel.model import Panel
 from turnout.panel.pending_members import all_lack

@@ -1,6 +1,8 @@
 """Laws of foreign objects and of frozen chairs: from their kind to their curve and memory."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,11 +19,44 @@ from turnout.law.compression import (
 from turnout.law.obstruction import BREAKS_AWAY, ROUNDING, Obstructions, no_obstructions
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.mechanism import LawIndex
-from turnout.panel.foreign_object import PlacedObject
+from turnout.panel.foreign_object import LONGEST_PART, PlacedObject
 from turnout.panel.records import Chair
 
 AT_ONCE = 1e-6
 """A bond acts from the first step on, once the rail has come to rest [s]."""
+
+
+def divided(objects: Iterable[PlacedObject]) -> tuple[PlacedObject, ...]:
+    """Divide long objects into parts along the rail, which fail one by one.
+
+    Parameters
+    ----------
+    objects : iterable of PlacedObject
+        Whole ones or parts, which stay as they are.
+
+    Returns
+    -------
+    tuple of PlacedObject
+        Parts of at most `LONGEST_PART`, with equal shares of the length.
+    """
+    parts: list[PlacedObject] = []
+    for item in objects:
+        count = 1 if item.whole else math.ceil(item.length / LONGEST_PART - 1e-9)
+        if count <= 1:
+            parts.append(item)
+            continue
+        share = item.length / count
+        parts += [
+            replace(
+                item,
+                name=f"{item.name}, part {number + 1}",
+                whole=item.name,
+                length=share,
+                x=item.x + (number + 0.5) * share - 0.5 * item.length,
+            )
+            for number in range(count)
+        ]
+    return tuple(parts)
 
 
 def add_object(laws: LawTableBuilder, row: int, item: PlacedObject, *, clearance: float) -> None:

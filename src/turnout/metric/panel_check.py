@@ -12,11 +12,11 @@ import xarray as xr
 
 from turnout.mechanism.drive_machines import blind_currents, weak_motors
 from turnout.mechanism.rail_sections import severed_steel
+from turnout.mechanism.rest import resting_slips
 from turnout.metric.slip import LEAST_SHARE, margins
 from turnout.metric.stability import FrictionStability, friction_stability
 from turnout.metric.summary import ends_inaccurate
 from turnout.metric.test_piece import PieceLimit
-from turnout.panel.check_shape import resting_slips
 from turnout.panel.model import Panel
 from turnout.panel.unusual import unusual_values
 

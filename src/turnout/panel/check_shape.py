@@ -1,7 +1,6 @@
-"""Checks of shapes against strokes, of the closing force at rest, and of back drives."""
+"""Checks of shapes against strokes, of over-travels against slip levels, and of back drives."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,7 +8,6 @@ import numpy as np
 from turnout.core.lru_cache import LRUCache
 from turnout.core.problems import Problem
 from turnout.panel.check_rails import check_drive_table, check_profile, unknown_name
-from turnout.panel.model import Panel
 from turnout.panel.profile import evaluate_profile
 from turnout.panel.records import Drive, Rail
 from turnout.panel.validate import Draft, Known, Partial, until_unknown
@@ -110,39 +108,6 @@ _REACHES = ("over_travel_closed", "over_travel_open")
 _PRESSED_BY = {"rail", "drive", "link"}
 
 
-@dataclass(frozen=True, slots=True)
-class RestingForce:
-    """How hard a drive presses a closed rail, and from which force on it slips without moving.
-
-    Attributes
-    ----------
-    drive, rail, key : str
-        Names, and the key of the over-travel that presses the rail home.
-    reach : float
-        This over-travel [m].
-    fit : float
-        Gap that the closed rail leaves at the drive before it is pressed home [m].
-    force, limit : float
-        Force that it would need, and slip level [N].
-    most : float
-        Over-travel at which the drive would begin to slip [m].
-    """
-
-    drive: str
-    rail: str
-    key: str
-    reach: float
-    fit: float
-    force: float
-    limit: float
-    most: float
-
-    @property
-    def slips(self) -> bool:
-        """Whether the drive slips at rest."""
-        return self.force >= self.limit
-
-
 def slips_at_rest(draft: Draft, known: Known | None) -> Iterator[Problem]:
     """Find drives that press a closed rail so hard that they slip without moving.
 
@@ -164,64 +129,48 @@ def _sound_drives(draft: Draft, known: Known | None) -> Mapping[str, Drive]:
 
 
 def _refused_at_rest(draft: Draft, name: str) -> Iterator[Problem]:
-    given = draft.given
+    given, drive = draft.given, draft.records["drive"][name]
     studied = any(f"drive.{name}.{key}" in given for key in _STUDIED)
     refused = [key for key in _REACHES if not studied or f"drive.{name}.{key}" in given]
-    for found in _at_rest(draft.records, name) if refused else ():
-        if found.key not in refused or not found.slips:
+    for rail, key, fit in pressed_home(draft.records, name) if refused else ():
+        reach, limit = getattr(drive, key), drive.saturation_force
+        force, most = elastic_force(drive, reach - fit), limit / drive.stiffness + fit
+        if key not in refused or force < limit:
             continue
         text = (
-            f" = {1e3 * found.reach:g} mm: presses rail '{found.rail}' home with "
-            f"{found.force / 1e3:.2f} kN, so that the drive slips at rest, at "
-            f"{found.limit / 1e3:g} kN; give less than {1e3 * found.most:.2f} mm"
+            f" = {1e3 * reach:g} mm: presses rail '{rail}' home with {force / 1e3:.2f} kN, so that "
+            f"the drive slips at rest, at {limit / 1e3:g} kN; give less than {1e3 * most:.2f} mm"
         )
-        yield Problem(("drive", name, found.key), text)
+        yield Problem(("drive", name, key), text)
 
 
-def resting_slips(panel: Panel) -> list[RestingForce]:
-    """Return the drives of a valid panel that slip at rest, which a study may have made so.
+def pressed_home(records: Mapping[str, Any], name: str) -> Iterator[tuple[str, str, float]]:
+    """Yield the rails that a drive presses home when closed.
 
-    Examples
-    --------
-    >>> from turnout.panel.load import load_panel
-    >>> panel = load_panel("uic60-760-1-15")
-    >>> resting_slips(panel)
-    []
-    >>> stiff = panel.with_overrides({"drive.2.stiffness": "7500 kN/m"})
-    >>> [(found.drive, found.rail) for found in resting_slips(stiff)]
-    [('2', 'straight'), ('2', 'curved')]
+    Parameters
+    ----------
+    records : mapping of str to mapping
+        Rails, drives and links of a panel, valid or not.
+    name : str
+        Of the drive.
+
+    Yields
+    ------
+    rail, key : str
+        Names of the rail and of the over-travel that presses it home.
+    fit : float
+        Gap that the closed rail leaves at the drive before [m].
     """
-    return [found for found in resting_forces(panel) if found.slips]
-
-
-def resting_forces(panel: Panel) -> list[RestingForce]:
-    """Return how hard each drive presses each rail that it closes.
-
-    Examples
-    --------
-    >>> from turnout.panel.load import load_panel
-    >>> found = resting_forces(load_panel("uic60-760-1-15"))
-    >>> [(item.drive, item.rail, round(item.force / 1e3, 2)) for item in found][:2]
-    [('1', 'straight', 3.0), ('1', 'curved', 1.5)]
-    """
-    records = {"rail": panel.rail, "drive": panel.drive, "link": panel.link}
-    return [found for name in panel.drive for found in _at_rest(records, name)]
-
-
-def _at_rest(records: Mapping[str, Any], name: str) -> Iterator[RestingForce]:
     drive = records["drive"][name]
     for rail_name, rail in records["rail"].items():
         if isinstance(rail, Partial) or rail.independent_shape:
             continue
         if name not in _drives_of(records, rail_name):
             continue
-        key = _REACHES[0] if rail.closes == "+y" else _REACHES[1]
         fit = _fit_at(rail, drive)
         if fit is None or any(check_drive_table(("drive", name), drive)):
             continue
-        reach, limit = getattr(drive, key), drive.saturation_force
-        force, most = _force_at(drive, reach - fit), limit / drive.stiffness + fit
-        yield RestingForce(name, rail_name, key, reach, fit, force, limit, most)
+        yield rail_name, _REACHES[0] if rail.closes == "+y" else _REACHES[1], fit
 
 
 _gaps = LRUCache[tuple[float | None, object]](256)
@@ -244,7 +193,8 @@ def _fit_at(rail: Rail, drive: Drive) -> float | None:
     return gap if rail.fit_gap is not None else gap - rail.fraction * drive.stroke
 
 
-def _force_at(drive: Drive, extension: float) -> float:
+def elastic_force(drive: Drive, extension: float) -> float:
+    """Return the typed force [N] of a bushing at an extension [m], before the drive slips."""
     if drive.extension is not None and drive.force is not None:
         return float(np.interp(extension, drive.extension, drive.force))
     return drive.stiffness * extension

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from typing import Any
 
 from turnout.core.errors import PanelError
@@ -376,39 +376,6 @@ def _length(item: ForeignObject) -> float:
         return 0.0
     parameters = filled_parameters(item.kind, item.parameters, size=float(item.size))
     return parameters["length"] if parameters["length"] > LONGEST_PART else 0.0
-
-
-def divided(objects: Iterable[PlacedObject]) -> tuple[PlacedObject, ...]:
-    """Divide long objects into parts along the rail, which fail one by one.
-
-    Parameters
-    ----------
-    objects : iterable of PlacedObject
-        Whole ones or parts, which stay as they are.
-
-    Returns
-    -------
-    tuple of PlacedObject
-        Parts of at most `LONGEST_PART`, with equal shares of the length.
-    """
-    parts: list[PlacedObject] = []
-    for item in objects:
-        count = 1 if item.whole else math.ceil(item.length / LONGEST_PART - 1e-9)
-        if count <= 1:
-            parts.append(item)
-            continue
-        share = item.length / count
-        parts += [
-            replace(
-                item,
-                name=f"{item.name}, part {number + 1}",
-                whole=item.name,
-                length=share,
-                x=item.x + (number + 0.5) * share - 0.5 * item.length,
-            )
-            for number in range(count)
-        ]
-    return tuple(parts)
 
 
 def _time_faults(panel: Panel, item: ForeignObject) -> list[tuple[str, str]]:

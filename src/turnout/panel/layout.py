@@ -1,19 +1,12 @@
-"""Where rails lie in plan, and how far they open.
+"""How far rails open, estimated from the marker positions alone; where they begin and end.
 
-How far a rail stands open at a place, estimated from the marker positions alone.
-
-Between the drives and on to the first fastening behind them a rail is taken as a prismatic beam,
-whose shape under forces at the drives is a cubic spline. For a tapered rail this is within 3 mm.
-
-Where rails lie in plan: running edges of stock and switch rails, open and closed.
-
-A drawing needs no gauge: each stock rail is laid on a base line of its own. The switch rail that is
-closed at t = 0 belongs to the route that is drawn straight, so its stock rail curves away from it;
-the other switch rail curves away from a straight stock rail.
+Checks of a panel compare the sizes of objects with it. Between the drives and on to the first
+fastening behind them a rail is taken as a prismatic beam, whose shape under forces at the drives is
+a cubic spline: it needs no stiffness, and for a tapered rail this is within 3 mm.
+`turnout.mechanism.travel` has the shapes exactly, `turnout.mechanism.rest` rails in plan.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -26,7 +19,6 @@ from turnout.panel.profile import (
     Spline,
     cubic_spline,
     evaluate_profile,
-    running_edge_distance,
     stock_rail_gap,
 )
 from turnout.panel.records import Drive, OnRails
@@ -83,7 +75,7 @@ def _largest_opening(panel: Panel, rail: str, x: float) -> float | None:
 
 
 def estimated_unloaded_gap(panel: Panel, rail: str, x: npt.ArrayLike) -> FloatArray | None:
-    """Give the gap to the unloaded stock rail in the stress-free position, shape (n,) [m].
+    """Estimate the gap to the unloaded stock rail in the stress-free position, shape (n,) [m].
 
     As typed; where the shape is computed it is estimated like everything here, and
     `turnout.mechanism.travel` has it exactly. None where the rail has no stock rail.
@@ -108,7 +100,9 @@ def _moving(panel: Panel, rail: str) -> list[Drive]:
     return drives
 
 
-def displaced(panel: Panel, rail: str, x: npt.ArrayLike, *, to: str | None) -> FloatArray:
+def estimated_displacement(
+    panel: Panel, rail: str, x: npt.ArrayLike, *, to: str | None
+) -> FloatArray:
     """Estimate where a rail rests from its stress-free position, shape (n,) [m], positive closing.
 
     Parameters
@@ -127,7 +121,7 @@ def displaced(panel: Panel, rail: str, x: npt.ArrayLike, *, to: str | None) -> F
 
 
 def _displaced(panel: Panel, rail: str, x: npt.ArrayLike, to: Sequence[str | None]) -> FloatArray:
-    """Do what `displaced` does for several positions at once, shape (n_positions, n)."""
+    """Estimate displacements for several positions at once, shape (n_positions, n)."""
     x = np.asarray(x, dtype=np.float64)
     drives = _moving(panel, rail)
     if not drives:
@@ -176,116 +170,6 @@ def _unit_shapes(knots: tuple[float, ...], held: float) -> Spline:
 
 
 SIDE = {"+y": 1.0, "-y": -1.0}
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class RailLine:
-    """A switch rail and its stock rail in plan.
-
-    Attributes
-    ----------
-    rail : str
-        Name of the switch rail.
-    side : float
-        1 where it closes in +y, else -1.
-    x : ndarray, shape (n,)
-        Places [m].
-    stock_edge, closed_edge, open_edge : ndarray, shape (n,)
-        Lateral positions of the running edges [m], +y the closing direction of the instrumented
-        rail, from the stock rail's base line.
-    width : ndarray, shape (n,)
-        Width of the switch rail's head at the running edge: what the planing left [m].
-    """
-
-    rail: str
-    side: float
-    x: FloatArray
-    stock_edge: FloatArray
-    closed_edge: FloatArray
-    open_edge: FloatArray
-    width: FloatArray
-
-
-def resting_gap(panel: Panel, rail: str, x: npt.ArrayLike, *, closed: bool) -> FloatArray | None:
-    """Estimate the gap at rest of a rail that is closed or open, from the markers alone.
-
-    Parameters
-    ----------
-    panel : Panel
-        The panel.
-    rail : str
-        Name of a switch rail.
-    x : array_like, shape (n,)
-        Places [m].
-    closed : bool
-        Which of its two positions.
-
-    Returns
-    -------
-    ndarray, shape (n,), or None
-        Distance to the stock rail [m], at least 0; exact where the rail is stress-free, elsewhere
-        within some 3 mm, see `turnout.panel.layout`. None where it has no stock rail.
-
-    Examples
-    --------
-    >>> from turnout.panel.load import load_panel
-    >>> default = load_panel("uic60-760-1-15")
-    >>> resting_gap(default, "straight", [0.3, 3.6], closed=True).round(4).tolist()
-    [0.0, 0.0046]
-    >>> resting_gap(default, "straight", [0.3], closed=False).round(4).tolist()
-    [0.117]
-    """
-    record = panel.rail[rail]
-    places = np.atleast_1d(np.asarray(x, dtype=np.float64))
-    gap = estimated_unloaded_gap(panel, rail, places)
-    if gap is None:
-        return None
-    position = "closed" if closed == (record.closes == "+y") else "open"
-    to = None if panel.schedule.starts == position else position
-    moved = displaced(panel, rail, places, to=to)
-    return np.maximum(gap - SIDE[record.closes] * moved, 0.0)
-
-
-def rail_line(panel: Panel, rail: str, x: npt.ArrayLike) -> RailLine:
-    """Lay a switch rail and its stock rail out in plan.
-
-    Parameters
-    ----------
-    panel : Panel
-        The panel.
-    rail : str
-        Name of a switch rail.
-    x : array_like, shape (n,)
-        Places [m].
-
-    Examples
-    --------
-    >>> from turnout.panel.load import load_panel
-    >>> line = rail_line(load_panel("uic60-760-1-15"), "straight", [3.6])
-    >>> line.closed_edge.round(4).tolist(), line.stock_edge.round(4).tolist()
-    ([-0.0046], [0.0214])
-    """
-    record = panel.rail[rail]
-    places = np.atleast_1d(np.asarray(x, dtype=np.float64))
-    side = SIDE[record.closes]
-    edge = record.running_edge
-    apart = np.zeros(places.shape) if edge is None else running_edge_distance(edge, places)
-    closed = resting_gap(panel, rail, places, closed=True)
-    opened = resting_gap(panel, rail, places, closed=False)
-    nothing = np.zeros(places.shape)
-    # The rail that is closed at the start is straight when it is closed.
-    straight = (panel.schedule.starts == "closed") == (record.closes == "+y")
-    stock = side * apart if straight else nothing
-    head = record.head_width
-    return RailLine(
-        rail=rail,
-        side=side,
-        x=places,
-        stock_edge=stock,
-        closed_edge=stock - side * (apart + (nothing if closed is None else closed)),
-        open_edge=stock - side * (apart + (nothing if opened is None else opened)),
-        width=apart if head is None else np.minimum(apart, head),
-    )
 
 
 def stands_at(item: OnRails, rail: str) -> bool:

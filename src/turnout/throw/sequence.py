@@ -12,8 +12,8 @@ from turnout.core.channels import BREAK_NOTE, check_schema, label
 from turnout.core.errors import ResponseError, TurnoutError
 from turnout.core.scheme import Mode, Scheme, chosen_scheme
 from turnout.core.threads import one_blas_thread
-from turnout.mechanism.object_laws import dent_of
-from turnout.panel.foreign_object import ForeignObject, PlacedObject, divided, resolve_objects
+from turnout.mechanism.object_laws import dent_of, divided
+from turnout.panel.foreign_object import ForeignObject, PlacedObject, resolve_objects
 from turnout.panel.load import LoadedPanel
 from turnout.solver.outcome import Code, NotConverged, Outcome
 from turnout.throw.dataset import coordinates_of, describe_run, response_channels

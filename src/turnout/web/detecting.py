@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from turnout.core.errors import FileError
-from turnout.detection.conditions import FORCE
+from turnout.detection.conditions import FORCE, TRAINED
 from turnout.detection.detector.another_switch import misfit_remark, panel_remark
 from turnout.detection.detector.detector import Detector
 from turnout.detection.detector.recorded import Recorded
@@ -30,7 +30,7 @@ MOST_THROWS = 200
 KILO = 1e3
 DEVIATIONS = 1.96
 """Of a normal distribution, half of the interval that holds 95 %."""
-SAFETY = "Advisory: replaces neither lock nor end-position sensors."
+SAFETY = f"Advisory: replaces neither lock nor end-position sensors. {TRAINED.capitalize()}."
 
 
 def read_detector(path: Path) -> Detector:

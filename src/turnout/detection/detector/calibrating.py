@@ -100,7 +100,7 @@ class Errors:
         return throws.gaps + self._gap * self.rng.standard_normal((count, *throws.gaps.shape))
 
     def tried(self, features: Floats, throws: ThrowSet) -> Tried:
-        """Return measured throws that widths of intervals are taken from."""
+        """Return throws with drawn errors that widths of intervals are taken from."""
         return Tried(features=features, throws=throws, gaps=self.true_gaps(throws, GAP_DRAWS))
 
 
@@ -329,7 +329,7 @@ def _after_histories(
 def _with_objects(
     objects: ThrowSet | None, switch: int, fixed: Floats, errors: Errors
 ) -> list[Tried]:
-    """Return measured throws of a switch with objects."""
+    """Return throws of a switch with objects and drawn errors."""
     if objects is None:
         return []
     held = objects.of((objects.switch == switch) & (objects.force > 0.0))

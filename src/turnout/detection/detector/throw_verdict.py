@@ -437,7 +437,8 @@ def _verdict_lines(verdict: Verdict) -> list[str]:
         head += f", gap above its limit at {', '.join(called)}"
     head += (
         f" (log odds {verdict.log_ratio:+.1f}, alarm from {verdict.threshold:.1f} = "
-        f"{verdict.false_alarm_rate:g} false alarms a throw, {verdict.history} throws known"
+        f"{verdict.false_alarm_rate:g} false alarms per simulated throw, "
+        f"{verdict.history} throws known"
         f"{', by its closing alone' if verdict.part == CLOSING else ''})"
     )
     found = [head]

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
+from turnout.detection.conditions import SIMULATED
 from turnout.figures.limit import plot_limit
 from turnout.figures.report.page import Heat, Page, Picture, Section, Table
 from turnout.figures.sheet import Line, Row, Sheet
@@ -19,6 +20,7 @@ LARGE = 10e-3
 """From this a90 on a place is called a blind zone [m]; assumption: the size of a piece of ballast
 that the control contacts, 13 mm at most, leave in the switch with a margin."""
 CAUTION = (
+    f"{SIMULATED.capitalize()}. "
     "A bound, not a detector: place and size are taken as known, so every real detector sees less. "
     "Below the touch floor nothing can be seen by anyone: the rail does not touch the object."
 )
@@ -59,6 +61,7 @@ def blind_zone_page(dataset: xr.Dataset, *, suffixes: Sequence[str] = (".pdf",))
         f"{said['states']} states, {said['sound_throws']} sound throws",
         findings=_findings(dataset),
         sections=sections,
+        synthetic=True,
         footer=[CAUTION],
     )
 

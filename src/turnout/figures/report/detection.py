@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from turnout.detection.conditions import CURRENT, FORCE, UNITS
+from turnout.detection.conditions import CURRENT, FORCE, TRAINED, UNITS
 from turnout.detection.detector.another_switch import misfit_remark
 from turnout.detection.detector.object_kinds import kinds_in_words
 from turnout.detection.detector.throw_verdict import ALARM, CANNOT, CAUSE, SOUND, UNKNOWN
@@ -16,7 +16,8 @@ from turnout.metric.finding import Finding
 
 MILLI = 1e3
 SAFETY = (
-    "Advisory: a verdict is no safety function and replaces neither lock nor end-position sensors."
+    "Advisory: a verdict is no safety function and replaces neither lock nor end-position sensors. "
+    f"{TRAINED.capitalize()}."
 )
 
 

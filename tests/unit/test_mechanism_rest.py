@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from turnout.panel.layout import extent, rail_line, resting_gap, stands_at
+from turnout.mechanism.rest import rail_line, resting_gap
+from turnout.panel.layout import extent, stands_at
 from turnout.panel.load import LoadedPanel, load_panel
 from turnout.panel.profile import stock_rail_gap
 
