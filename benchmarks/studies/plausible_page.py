@@ -224,14 +224,11 @@ def main() -> None:
     chosen = farthest_points(found.points, CHOSEN)
     shows = survey(facts, found.points[chosen], folder)
     rows = further(folder, facts, found.points[chosen], checked=given.check)
-    facts_values = np.array([item.values for item in found.tried if item.accepted])[chosen]
-    early = [number for number, fact in enumerate(facts.facts) if not fact.late]
     parts = {
         "waves": waves_table(found),
         "ranges": ranges_table(facts, found.points),
         "pairs": pairs_list(facts, found.points),
         "answers": answers_table(facts.answers, shows.answers),
-        "facts": answers_table([facts.facts[n] for n in early], facts_values[:, early]),
         "growth": growth_table(facts, shows.answers, rows),
     }
     if any("growth" in row for row in rows):
