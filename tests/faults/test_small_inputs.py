@@ -11,7 +11,7 @@ from turnout.core.problems import Problem, show_value
 from turnout.core.toml import MOST_NESTED, parse_toml
 from turnout.core.units import (
     LENGTH,
-    LONGEST,
+    LONGEST_QUANTITY,
     MOST_VALUES,
     STIFFNESS,
     TEMPERATURE,
@@ -92,7 +92,9 @@ def test_a_unit_that_counts_from_another_zero_is_no_factor(text: str, dimension:
 
 def test_long_quantities_are_refused_unread() -> None:
     for text in ("1" + " " * MANY + "m x", "1" * MANY + " m", "1 " + "m " * MANY, "x" * MANY):
-        with pytest.raises(ValueError, match=f"characters; a quantity has at most {LONGEST}"):
+        with pytest.raises(
+            ValueError, match=f"characters; a quantity has at most {LONGEST_QUANTITY}"
+        ):
             in_time(lambda text=text: parse_quantity(text, LENGTH))
     for unit in ("m" + " " * MANY, "m*" * MANY, "9^" * MANY):
         with pytest.raises(ValueError, match="is not a unit"):

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from turnout.machine.one_mass_throw import MachineThrow
 
 NOT_CONVERGED = 3
-LAST = 0.1
+FINAL_CURRENT_WINDOW = 0.1
 """Before the cut-off, over which last current and power are averaged [s]."""
 THROW_UNITS = {
     **{"time": "s", "energised_time": "s", "current_peak": "A", "current_peak_time": "s"},
@@ -219,7 +219,9 @@ def throw_summary(throw: "MachineThrow") -> dict[str, Any]:
     own_names = OF_THREE_PHASES if throw.three_phase else {}
     finite = throw.energised_time == throw.energised_time
     span = throw.last_energised
-    last = span & (throw.time > throw.time[span].max() - LAST) if span.any() else span
+    last = (
+        span & (throw.time > throw.time[span].max() - FINAL_CURRENT_WINDOW) if span.any() else span
+    )
     means = {
         "current_mean": (current, span),
         "current_last": (current, last),
@@ -272,7 +274,7 @@ def throw_lines(throw: "MachineThrow") -> list[str]:
     rms = " rms" if throw.three_phase else ""
     means, power = "", []
     if found["current_mean"] is not None:
-        last = f"over the last {LAST} s"
+        last = f"over the last {FINAL_CURRENT_WINDOW} s"
         means = f", mean {found['current_mean']:.4f} A, {found['current_last']:.4f} A {last}"
         text = f"mean {found['power_mean']:.1f} W, {found['power_last']:.1f} W {last}"
         power = [f"active power    {text}"]

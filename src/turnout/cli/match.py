@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from turnout.calibration.matching.survey import Survey
 
 SECONDS_BETWEEN_LINES = 10.0
-DRAWN = 8
+MOST_PAIR_PARAMETERS = 8
 """Parameters of the pair plot: those of which the facts leave least."""
 
 
@@ -127,7 +127,7 @@ def _write(
         from turnout.figures.style import rendered
 
         left = [item.left for item in ranges(facts, shown.points)]
-        numbers = sorted(sorted(range(len(left)), key=left.__getitem__)[:DRAWN])
+        numbers = sorted(sorted(range(len(left)), key=left.__getitem__)[:MOST_PAIR_PARAMETERS])
         values, bounds = {}, {}
         for number in numbers:
             item = facts.parameters[number]

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from turnout.measurement.recording import Recording
 
 FIGURES = (".png", ".pdf", ".svg")
-STEPS = 32
+SPARK_WIDTH = 32
 # From low to high; the second where the screen cannot show the first.
 LEVELS, PLAIN_LEVELS = "▁▂▃▄▅▆▇█", "_.-:=+*#"
 COLUMN = 24
@@ -141,7 +141,7 @@ def _list(
     if as_json:
         from turnout.cli.json_records import CHANNEL_UNITS, recording_record
 
-        record = recording_record(recording, kind, steps=STEPS)
+        record = recording_record(recording, kind, steps=SPARK_WIDTH)
         written = [path for path in (plot, suggest) if path is not None]
         print_json("import", record, units=CHANNEL_UNITS, written=written)
     elif suggest is not None:
@@ -163,7 +163,7 @@ def channel_lines(recording: "Recording", kind: str) -> Iterator[str]:
         f"{'missing':>8} {'least':>10} {'mean':>10} {'largest':>10}  course"
     )
     for channel in recording.channels.values():
-        row = overview(channel, steps=STEPS)
+        row = overview(channel, steps=SPARK_WIDTH)
         course = "".join(
             " " if math.isnan(part) else levels[round(part * (len(levels) - 1))]
             for part in row.course

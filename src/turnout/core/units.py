@@ -191,7 +191,7 @@ _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 _NOT_FINITE = re.compile(r"[+-]?(nan|inf|infinity)\b", re.IGNORECASE)
 _LARGEST_COUNT = 10_000
 
-LONGEST = 100
+LONGEST_QUANTITY = 100
 """Most characters of a quantity."""
 
 MOST_VALUES = 100_000
@@ -246,8 +246,8 @@ def parse_quantity(value: object, dimension: Dimension, *, si: bool = False) -> 
 @lru_cache(maxsize=MOST_KEPT)
 def _read(value: str, dimension: Dimension) -> float:
     """Read a text; cached, since the texts of a panel are read again after each change."""
-    if len(value) > LONGEST:
-        message = f"has {len(value)} characters; a quantity has at most {LONGEST}"
+    if len(value) > LONGEST_QUANTITY:
+        message = f"has {len(value)} characters; a quantity has at most {LONGEST_QUANTITY}"
         raise ValueError(message)
     text = value.strip()
     if _NOT_FINITE.match(text):
@@ -331,11 +331,11 @@ def unit_factor(unit: str, dimension: Dimension) -> float:
     >>> unit_factor("kN/m", STIFFNESS)
     1000.0
     """
-    text = " ".join(unit[: LONGEST + 1].split())
-    known = COMMON_UNITS[dimension.name].get(text) if len(unit) <= LONGEST else None
+    text = " ".join(unit[: LONGEST_QUANTITY + 1].split())
+    known = COMMON_UNITS[dimension.name].get(text) if len(unit) <= LONGEST_QUANTITY else None
     if known is not None:
         return known
-    if len(unit) > LONGEST or not is_unit_text(text):
+    if len(unit) > LONGEST_QUANTITY or not is_unit_text(text):
         message = (
             f"{show_value(text)} is not a unit; needs one of {_of(dimension)}: names with whole "
             "powers up to 9, multiplied or divided, without brackets"

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 LEVELS = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 1.0)
-NEAR = 0.015
+SHARED_LABEL_LENGTH = 0.015
 """Places closer than this share of the drawn length have one label [-]."""
 
 
@@ -108,7 +108,7 @@ def labels_of(x: "NDArray[np.float64]", places: list[str]) -> tuple[list[float],
     names: list[str] = []
     for position, place in zip(x.tolist(), places, strict=True):
         name = place.replace("sleeper ", "").replace("drive ", "D")
-        if at and position - at[-1] <= NEAR * float(np.ptp(x)):
+        if at and position - at[-1] <= SHARED_LABEL_LENGTH * float(np.ptp(x)):
             names[-1] += f", {name}"
         else:
             at.append(position)
@@ -183,7 +183,7 @@ def plot_bands(dataset: xr.Dataset) -> "Figure":
     x, band = dataset["x"].to_numpy(), 1e3 * dataset["a90_band"].to_numpy()
     each = 1e3 * dataset["a90"].to_numpy()
     names = [str(name) for name in dataset["panel"].to_numpy()]
-    few = len(names) <= FEW
+    few = len(names) <= MOST_NAMED_PANELS
     for name, own, values in zip(names, dataset["panel_x"].to_numpy(), each, strict=True):
         label = name if few else None
         along = np.argsort(own, kind="stable")
@@ -226,5 +226,5 @@ def ends_before_gaps(row: "NDArray[np.float64]") -> "NDArray[np.bool_]":
     return np.asarray(~gap[1:-1] & (gap[:-2] | gap[2:]), dtype=np.bool_)
 
 
-FEW = 8
+MOST_NAMED_PANELS = 8
 """Panels that are named in the figure of bands."""

@@ -18,7 +18,7 @@ ROWS: tuple[tuple[str, tuple[tuple[str, str, float], ...]], ...] = (
     ("Position [mm]", (("rod_position", "rod", 1e3), ("rail_position", "rail", 1e3))),
     ("Clutch torque\n[N m]", (("clutch_torque", "", 1.0),)),
 )
-NEAR = 0.05
+SHARED_LABEL_TIME = 0.05
 """Events nearer to each other than this share of the time share a text."""
 
 
@@ -57,7 +57,7 @@ def plot_machine(dataset: xr.Dataset) -> "Figure":
 
 def _name_events(ax: "Axes", dataset: xr.Dataset) -> None:
     """Write the events above the first axes; those near to each other share a text."""
-    near = NEAR * float(np.ptp(dataset["time"].values))
+    near = SHARED_LABEL_TIME * float(np.ptp(dataset["time"].values))
     texts: dict[float, str] = {}
     last = -np.inf
     for instant, text in zip(dataset["event_time"].values, dataset["event"].values, strict=True):

@@ -10,7 +10,7 @@ from turnout.figures.style import COLOURS, GREY, put_title
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-LEAST = 1e-5
+LEAST_ALARM_RATE = 1e-5
 """False-alarm rate where the axis begins [-]."""
 CHANCE = 0.05
 """Of no false alarm at the largest rate that is shown for none [-]."""
@@ -51,18 +51,18 @@ def plot_roc(
     ax.fill_between(rate, bound, 1.0, facecolor="white", edgecolor=GREY, hatch="///",
                     linewidth=0.0, label="out of reach")  # fmt: skip
     resolved = false_alarms > 0.0
-    at = np.where(resolved, false_alarms, LEAST)
+    at = np.where(resolved, false_alarms, LEAST_ALARM_RATE)
     ax.plot(at[resolved], detections[resolved], "o-", color=COLOURS[0], markersize=3,
             label="detector, 95 % of its detections")  # fmt: skip
     ax.fill_between(at[resolved], *intervals[resolved].T, color=COLOURS[0], alpha=0.2, linewidth=0)
     if (~resolved).any():
         best = int(np.flatnonzero(~resolved)[np.argmax(detections[~resolved])])
         most = 1.0 - CHANCE ** (1.0 / sound)
-        ax.plot([LEAST, most], [detections[best]] * 2, ":", color=COLOURS[0],
+        ax.plot([LEAST_ALARM_RATE, most], [detections[best]] * 2, ":", color=COLOURS[0],
                 label=f"no false alarm in {sound}: anywhere up to {most:.2g}")  # fmt: skip
         ax.plot(most, detections[best], "|", color=COLOURS[0])
     ax.set_xscale("log")
-    ax.set_xlim(0.8 * LEAST, 1.0)
+    ax.set_xlim(0.8 * LEAST_ALARM_RATE, 1.0)
     ax.set_ylim(0.0, 1.02)
     ax.set_xlabel("False alarms, share of sound throws [-]")
     ax.set_ylabel("Detected, share of throws with objects [-]")

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 KILO, MILLI = 1e-3, 1e3
 MEASURED = "0.25"
 # Errors are multiples of the repeat spread; the colour scale ends at the failure limit.
-WORST = 3.0
+LARGEST_SHOWN_ERROR = 3.0
 
 
 def plot_comparison(validation: xr.Dataset, *, place: str, sizes: Sequence[float] = ()) -> "Figure":
@@ -198,7 +198,7 @@ def _table(ax: "Axes", one: xr.Dataset, *, places: Sequence[str], sizes: np.ndar
             ax.add_patch(frame)
     spread = float(one["repeat_spread"])
     largest = float(np.nanmax(cells, initial=0.0))
-    top = WORST * spread if np.isfinite(spread) and spread > 0 else max(largest, 1e-9)
+    top = LARGEST_SHOWN_ERROR * spread if np.isfinite(spread) and spread > 0 else max(largest, 1e-9)
     ax.imshow(cells, cmap="YlOrRd", vmin=0.0, vmax=top, aspect="auto")
     for (line, column), value in np.ndenumerate(cells):
         if np.isfinite(value):

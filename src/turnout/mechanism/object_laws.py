@@ -22,7 +22,7 @@ from turnout.mechanism.mechanism import LawIndex
 from turnout.panel.foreign_object import LONGEST_PART, PlacedObject
 from turnout.panel.records import Chair
 
-AT_ONCE = 1e-6
+BOND_DELAY = 1e-6
 """A bond acts from the first step on, once the rail has come to rest [s]."""
 
 
@@ -146,7 +146,7 @@ def add_bond(laws: LawTableBuilder, row: int, chair: Chair, *, feet: int) -> Non
         row,
         breakpoints=(-reach, reach),
         slopes=(0.0, stiffness, 0.0),
-        appears=AT_ONCE,
+        appears=BOND_DELAY,
     )
 
 

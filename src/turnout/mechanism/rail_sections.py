@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-NEAR = 1e-3  # m
+SAME_STATION = 1e-3  # m
 FOOT_EDGES = ("foot_edge_stock", "foot_edge_track")
 """Columns of the underside's edges: the one beside the stock rail, and the other."""
 
@@ -310,5 +310,5 @@ def rail_stations(panel: Panel, rail: str) -> Floats:
     """
     record = panel.rail[rail]
     stations = np.unique(np.round(section_stations(panel, rail), 6))
-    inside = (stations > record.start + NEAR) & (stations < record.end - NEAR)
+    inside = (stations > record.start + SAME_STATION) & (stations < record.end - SAME_STATION)
     return np.concatenate([[record.start], stations[inside], [record.end]])

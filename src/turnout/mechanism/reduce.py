@@ -24,7 +24,7 @@ from turnout.panel.records import RailMatrices
 Floats = NDArray[np.float64]
 MOST_RAILS = 24
 """So many reduced rails are kept in memory, the latest used."""
-LARGE = 2000
+STORED_FROM_COORDINATES = 2000
 """Coordinates from which on shapes are always stored as files too."""
 FIRST_STORED = 4
 """Of smaller rails the first so many that a process computes are: 15 to 30 ms each, 2 ms to read.
@@ -232,7 +232,10 @@ def _kept_superelement(
     inner = np.where(row & at_interface[stiffness.indices], 0.0, stiffness.data)
     pattern = (stiffness.indices, stiffness.indptr, mass.indices, mass.indptr)
     parts = [inner, mass.data, *pattern, interface, float(cutoff_frequency)]
-    on_disk = structure.load.size >= LARGE or counts["superelement computed"] < FIRST_STORED
+    on_disk = (
+        structure.load.size >= STORED_FROM_COORDINATES
+        or counts["superelement computed"] < FIRST_STORED
+    )
     kept = cached_arrays("superelement", parts, found, on_disk=on_disk)
     transformation = kept["transformation"]
     if signs is not None:

@@ -37,7 +37,7 @@ Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
 MOTIONS = ("lateral", "vertical", "torsion", "along")
-HEAD = 0.1
+HEAD_HEIGHT = 0.1
 """Height above the foot at which the motion of a turning rail is evaluated as well [m]."""
 
 
@@ -79,7 +79,12 @@ def _energies(shape: BodyShape) -> Floats:
         polar = section.second_moment_lateral + section.second_moment_vertical
     else:  # the sections are not known: a rail of even mass, seen at half the height of its head
         ones = np.ones(middle.shape[0])
-        y, z, area, polar = 0.0 * ones, 0.5 * HEAD * ones, ones, (0.5 * HEAD) ** 2 * ones
+        y, z, area, polar = (
+            0.0 * ones,
+            0.5 * HEAD_HEIGHT * ones,
+            ones,
+            (0.5 * HEAD_HEIGHT) ** 2 * ones,
+        )
     lateral = middle[:, 1] - z * middle[:, 3]
     vertical = middle[:, 2] + y * middle[:, 3]
     along = middle[:, 0] + z * middle[:, 4] - y * middle[:, 5]
@@ -101,7 +106,7 @@ def largest_component(shapes: list[BodyShape]) -> tuple[int, int, complex]:
     best = (0, 0, 0.0 + 0.0j)
     for number, shape in enumerate(shapes):
         nodes = shape.nodes
-        moved = np.stack((nodes[:, 1] - HEAD * nodes[:, 3], nodes[:, 1], nodes[:, 2]))
+        moved = np.stack((nodes[:, 1] - HEAD_HEIGHT * nodes[:, 3], nodes[:, 1], nodes[:, 2]))
         at = np.unravel_index(int(np.argmax(np.abs(moved))), moved.shape)
         if np.abs(moved[at]) > abs(best[2]):
             best = (number, int(at[1]), complex(moved[at]))

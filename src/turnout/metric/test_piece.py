@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 RESOLUTION = 1e-4
 """Resolution of the least size [m]."""
-LARGEST = 3.0
+LARGEST_PIECE_RATIO = 3.0
 """The largest piece that is tried, as a multiple of the gap limit at the drive [-]."""
 
 CHANNELS = ("drive_force", "object_force", "locked", "drive_gap", "drive_slipping", "object_placed")
@@ -204,7 +204,7 @@ def least_piece(
 def _bisected(
     panel: LoadedPanel, drive: str, report: Callable[[int, int], None] | None
 ) -> PieceLimit:
-    count = round(LARGEST * panel.gap_limits()[drive] / RESOLUTION)
+    count = round(LARGEST_PIECE_RATIO * panel.gap_limits()[drive] / RESOLUTION)
     throws = 1 + math.ceil(math.log2(count))
     largest = count * RESOLUTION
     locks, refuses = 0, count  # in steps of the resolution

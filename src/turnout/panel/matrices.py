@@ -32,7 +32,7 @@ Floats = NDArray[np.float64]
 FORMAT = "turnout rail matrices 1"
 DIRECTIONS = ("ux", "uy", "uz", "rx", "ry", "rz")
 NEEDED = ("stiffness", "mass", "table_x", "table_direction")
-LARGEST = 2_000_000_000
+MOST_FILE_BYTES = 2_000_000_000
 LARGEST_UNPACKED = 1_000_000_000
 _COMPRESSED, _CHUNK = 15, 1 << 20
 SYMMETRIC = 1e-9
@@ -92,7 +92,7 @@ def read_rail_matrices(path: Path) -> tuple[RailMatrices | None, list[str]]:
     from scipy.io.matlab import MatReadError
 
     try:
-        content = read_bytes(path, largest=LARGEST)
+        content = read_bytes(path, largest=MOST_FILE_BYTES)
     except FileError as error:
         return None, [str(error)]
     if not _fits_unpacked(content):

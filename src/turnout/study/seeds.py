@@ -19,7 +19,7 @@ POOL, SHIFT = 4, np.uint32(16)
 MULTIPLIER_IN, MULTIPLIER_OUT = 0x931E8875, 0x58F38DED
 START_IN, START_OUT = 0x43B0D7E5, 0x8B51F9DD
 MIX_LEFT, MIX_RIGHT = np.uint32(0xCA01F9DD), np.uint32(0x4973F715)
-LARGEST = 2**32
+SEED_LIMIT = 2**32
 
 
 def generators(
@@ -65,8 +65,8 @@ def seed_words(
     >>> seed_words([1, 2], [7, 8], count=2)[1].tolist() == whole.tolist()
     True
     """
-    if not all(0 <= state < LARGEST for state in states):
-        message = f"states are counted from 0 to {LARGEST - 1}"
+    if not all(0 <= state < SEED_LIMIT for state in states):
+        message = f"states are counted from 0 to {SEED_LIMIT - 1}"
         raise ValueError(message)
     before, after = (
         [np.full(len(states), word, dtype=np.uint32) for number in given for word in _words(number)]
@@ -84,16 +84,16 @@ def _words(number: int) -> list[int]:
     if number < 0:
         message = f"seed {number}: must be at least 0"
         raise ValueError(message)
-    words = [number % LARGEST]
-    while number := number // LARGEST:
-        words.append(number % LARGEST)
+    words = [number % SEED_LIMIT]
+    while number := number // SEED_LIMIT:
+        words.append(number % SEED_LIMIT)
     return words
 
 
 def _constants(start: int, multiplier: int) -> Iterator[tuple[np.uint32, np.uint32]]:
     """Yield each constant of a hash with the one after it."""
     while True:
-        after = start * multiplier % LARGEST
+        after = start * multiplier % SEED_LIMIT
         yield np.uint32(start), np.uint32(after)
         start = after
 

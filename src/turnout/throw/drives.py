@@ -34,7 +34,7 @@ LEAST_SLIP = 1e-4
 under load lets the rod throw the gear back by less than its backlash [m]."""
 INRUSH = 0.3
 """After the contactor, when the inrush is over [s]."""
-LAST = 0.1
+FINAL_CURRENT_WINDOW = 0.1
 """Before the cut-off, over which the last current is averaged [s]."""
 SLIP_ROUNDING = 1e-6
 """From one stored instant to the next [rad]."""
@@ -231,7 +231,7 @@ def _duty_labels(
             row[begin:end].mean() if end > begin else np.nan
             for begin, end in (
                 np.searchsorted(time, [duty.on + INRUSH, off]),
-                np.searchsorted(time, [max(off - LAST, duty.on), off]),
+                np.searchsorted(time, [max(off - FINAL_CURRENT_WINDOW, duty.on), off]),
             )
         ]
         place = names.index(duty.drive), int(duty.to == "closed")

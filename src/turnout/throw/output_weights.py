@@ -17,7 +17,7 @@ from turnout.throw.rows_over_time import Product, WeightedRows, clear_layouts, r
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-APART = 24
+LONGEST_GAP = 24
 """Columns without a weight between others, above which a product is made in parts."""
 
 MOST_KEPT = 16
@@ -161,7 +161,7 @@ def products_of(weights: Floats, history: str) -> list[Product]:
     single[single] = weights[single].sum(axis=1) == 1.0
     several, found = np.flatnonzero(~single), list[Product]()
     first_column = (weights != 0.0).argmax(axis=1)[several] if weights.size else several * 0
-    apart = (np.diff(several) > 2) | (np.abs(np.diff(first_column)) > APART)
+    apart = (np.diff(several) > 2) | (np.abs(np.diff(first_column)) > LONGEST_GAP)
     others = np.where(single[:, np.newaxis], 0.0, weights)
     for group in np.split(several, np.flatnonzero(apart) + 1):
         if group.size:  # single rows between them are written twice
@@ -190,7 +190,7 @@ def products_with(
     if not used.size:
         nothing = Product(history, slice(0, 0), rows, weights[:, :0])
         return [] if begun else [nothing]
-    ends = np.flatnonzero(np.diff(used) > APART) + 1
+    ends = np.flatnonzero(np.diff(used) > LONGEST_GAP) + 1
     runs = [slice(int(run[0]), int(run[-1]) + 1) for run in np.split(used, ends)]
     return [
         Product(history, run, rows, weights[:, run].copy(), added=begun or number > 0)

@@ -13,7 +13,7 @@ from turnout.web.measured import Measured
 
 KILO, MILLI = 1e3, 1e-3
 MOST_FRICTION, MOST_SIZE, MOST_EXTRA = 0.6, 40.0, 0.6
-SHORTEST = 1.0
+SHORTEST_TRAVEL_TIME = 1.0
 SIZE = "Extent of the object across the gap between switch rail and stock rail."
 PLACE = "Distance of the object from the toe of the switch rail."
 STIFFNESS = "Force for each millimetre by which the object is compressed."
@@ -126,7 +126,7 @@ def _of_times(panel: Panel) -> list[Control]:
     for (name, movement), end in zip(ordered, until, strict=True):
         extra = max(movement.extra_time.values(), default=0.0)
         most = round(end - movement.start - max(extra, MOST_EXTRA), 2)
-        least = max(SHORTEST, 2 * movement.ramp)
+        least = max(SHORTEST_TRAVEL_TIME, 2 * movement.ramp)
         if not timed or movement.shape == "table" or most < max(movement.duration, least):
             continue
         key, label = f"movement.{name}.duration", f"Duration of '{name}'"

@@ -16,7 +16,7 @@ MILLI = 1e3
 BOTH = "both drives"
 SHOWN_SIZES = (1, 2, 3, 5, 7, 9, 11, 13, 16, 20)
 """Sizes in the coloured table [mm]."""
-LARGE = 10e-3
+BLIND_ZONE_A90 = 10e-3
 """From this a90 on a place is called a blind zone [m]; assumption: the size of a piece of ballast
 that the control contacts, 13 mm at most, leave in the switch with a margin."""
 CAUTION = (
@@ -70,7 +70,7 @@ def _findings(dataset: xr.Dataset) -> list[Finding]:
     at = dataset.sel(channel=BOTH)
     a90, places = at["a90"].to_numpy(), [str(name) for name in at["place"].to_numpy()]
     worst = int(np.nan_to_num(a90, nan=np.inf).argmax())
-    blind = [places[n] for n in range(len(places)) if not a90[n] < LARGE]
+    blind = [places[n] for n in range(len(places)) if not a90[n] < BLIND_ZONE_A90]
     level: Severity = "bad" if blind else "good"
     low, high = (_mm(float(at[f"a90_{end}"][worst])) for end in ("low", "high"))
     found = [
@@ -92,7 +92,7 @@ def _findings(dataset: xr.Dataset) -> list[Finding]:
     if blind:
         found.append(
             Finding("look", "Which places need a second sensor?", f"{len(blind)} of {len(places)}",
-                    f"a90 of {MILLI * LARGE:g} mm or more: {', '.join(blind)}")
+                    f"a90 of {MILLI * BLIND_ZONE_A90:g} mm or more: {', '.join(blind)}")
         )  # fmt: skip
     if "end_pod_at_limit" in dataset:
         share = dataset["end_pod_at_limit"].sel(channel=BOTH)
@@ -176,7 +176,7 @@ def _places(dataset: xr.Dataset) -> Table:
         row += [_mm(float(at["known_a90"]))] if known else []
         row += [_mm(float(at["a90"].sel(channel=name))) for name in channels[1:]]
         rows.append(row)
-        if not float(both["a90"]) < LARGE:
+        if not float(both["a90"]) < BLIND_ZONE_A90:
             marked.append(number)
     return Table("", columns, rows, frozenset(marked))
 

@@ -19,7 +19,7 @@ from turnout.panel.load import LoadedPanel
 
 FITTED, FIXED = "fitted", "fixed"
 # Above this correlation only a combination of two parameters is identified.
-STRONG = 0.9
+STRONG_CORRELATION = 0.9
 # What findings begin with that say which movement to measure next.
 NEXT = "next: "
 # Points of a line: bins of 20 ms over a movement.
@@ -255,10 +255,8 @@ def _together(calibration: Calibration) -> list[Heat]:
     correlation = calibration.correlation
     if len(names) < 2 or not np.isfinite(correlation).all():
         return []
-    strong = (np.abs(correlation) > STRONG) & ~np.eye(len(names), dtype=bool)
-    heading = (
-        f"Correlation of the parameters; strongly correlated (beyond {STRONG:g}) ones are framed"
-    )
+    strong = (np.abs(correlation) > STRONG_CORRELATION) & ~np.eye(len(names), dtype=bool)
+    heading = f"Correlation of the parameters; strongly correlated (beyond {STRONG_CORRELATION:g}) ones are framed"
     numbers = [str(number + 1) for number in range(len(names))]
     rows = [f"{number} {name}" for number, name in zip(numbers, names, strict=True)]
     return [Heat(heading, rows, numbers, correlation.tolist(), strong.tolist())]

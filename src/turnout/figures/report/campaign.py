@@ -30,7 +30,7 @@ MOST_POINTS = 260
 DIRECTIONS = ("closing", "opening")
 TOO_FEW = "too few throws without an object"
 # From so many on, sizes near the smallest detectable one are not called undecided.
-ENOUGH = 4
+LEAST_REPEATS = 4
 
 
 def campaign_page(
@@ -215,7 +215,7 @@ def _detectable(item: PlaceSizes, *, few: bool) -> str:
 def _few(dataset: xr.Dataset, direction: str) -> bool:
     """Return whether there are too few throws without an object to compare with."""
     counts = [drive.count for drive in repeat_scatter(dataset, direction=direction) if drive.count]
-    return min(counts, default=0) < ENOUGH
+    return min(counts, default=0) < LEAST_REPEATS
 
 
 def _sizes_table(dataset: xr.Dataset, direction: str) -> Table:

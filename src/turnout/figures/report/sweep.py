@@ -32,7 +32,7 @@ from turnout.metric.trapped import break_note
 MAP_INPUTS = ("object.size", "object.at")
 NEEDED = ("outcome", "slipped", "slipped_free", "end_locked")
 # Of each output the effects of so many inputs are drawn.
-DRAWN = 2
+MOST_EFFECT_PLOTS = 2
 
 
 def sweep_page(
@@ -81,7 +81,7 @@ def sweep_page(
             pictures=[
                 _picture(_effect_sheet(item, effect), suffixes)
                 for item in decided
-                for effect in strongest(item, DRAWN)
+                for effect in strongest(item, MOST_EFFECT_PLOTS)
                 if all(isinstance(level, float) for level in effect.levels)
             ],
             folded=True,

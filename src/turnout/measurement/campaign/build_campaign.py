@@ -141,7 +141,7 @@ CHANNEL_FILE = "channels.toml"
 # A motor that runs longer than the campaign's others by this was switched off by its time-out [s].
 OVERRUN = 1.0
 # Share of motors that ran as long as one without slip, or less.
-SHORTEST = 0.03
+SHORTEST_MOVEMENT = 0.03
 
 
 @dataclass(frozen=True, slots=True)
@@ -365,7 +365,7 @@ def _slipped(pieces: Sequence[RecordedThrow]) -> list[bool | None]:
     # Among the shortest, as nearly all drives may slip, but not the very shortest, of a motor that
     # was stopped by hand.
     ordered = np.sort(np.concatenate(known))
-    usual = float(ordered[max(min(1, ordered.size - 1), int(SHORTEST * ordered.size))])
+    usual = float(ordered[max(min(1, ordered.size - 1), int(SHORTEST_MOVEMENT * ordered.size))])
     return [bool((times > usual + OVERRUN).any()) if times.size else None for times in known]
 
 

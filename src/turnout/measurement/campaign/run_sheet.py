@@ -17,7 +17,7 @@ from turnout.core.units import LENGTH, parse_quantity
 from turnout.measurement.campaign.motion_signals import CLOSING, OPENING
 
 # A larger object does not fit into any flangeway: its unit is wrong [m].
-LARGEST = 0.2
+LARGEST_SIZE = 0.2
 FAMILIES = ("sleeper", "drive", "sensor", "chair", "stud", "stop", "link", "fastening")
 _NAMED = re.compile(rf"({'|'.join(FAMILIES)})\s*[-_ ]?\s*(\S.*)\Z", re.IGNORECASE)
 _YES_NO = {"yes": True, "no": False, "true": True, "false": False, "1": True, "0": False}
@@ -64,8 +64,8 @@ def object_size(value: Any) -> float:
     if size < 0:
         message = "must be at least 0"
         raise ValueError(message)
-    if size > LARGEST:
-        limit = f"at most {LARGEST:g} m"
+    if size > LARGEST_SIZE:
+        limit = f"at most {LARGEST_SIZE:g} m"
         message = f"{size:g} m is too large for an object in a switch, {limit}; check the unit"
         raise ValueError(message)
     return size

@@ -15,7 +15,7 @@ from turnout.measurement.formats.isolated import read_isolated
 from turnout.measurement.formats.mat import mat_bytes
 from turnout.measurement.recording import Recording
 
-HEAD = 600
+SNIFFED_BYTES = 600
 _HDF5_MARK = b"\x89HDF\r\n\x1a\n"
 
 
@@ -175,7 +175,7 @@ def _head(path: Path) -> bytes:
     try:
         require_regular_file(path)
         with path.open("rb") as file:
-            head = file.read(HEAD)
+            head = file.read(SNIFFED_BYTES)
     except FileNotFoundError:
         message = f"{path}: no such file; check the path (the current folder is {Path.cwd()})"
         raise FileError(message) from None

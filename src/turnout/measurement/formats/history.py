@@ -30,16 +30,16 @@ READ: dict[str, tuple[str | None, Dimension]] = {
     "sensor_gap": ("sensor", LENGTH),
     "object_force": (None, FORCE),
 }
-LARGEST = 500_000_000
+MOST_FILE_BYTES = 500_000_000
 # Bytes in which the line of names must be.
-HEAD = 20_000
+MOST_HEADER_BYTES = 20_000
 MOST_PROBLEMS = 12
 
 
 def is_history(path: Path | str) -> bool:
     """Return whether a file begins like a history: a line of names, all of them known channels."""
     with Path(path).open("rb") as file:
-        head = file.read(HEAD).decode("utf-8-sig", errors="replace")
+        head = file.read(MOST_HEADER_BYTES).decode("utf-8-sig", errors="replace")
     lines = [line for line in head.splitlines() if line.strip() and not line.startswith("#")]
     if not lines:
         return False
@@ -67,7 +67,7 @@ def read_history(path: Path | str) -> xr.Dataset:
         With everything that is wrong with the file.
     """
     file = Path(path)
-    text = decode(read_bytes(file, largest=LARGEST), source=str(file))
+    text = decode(read_bytes(file, largest=MOST_FILE_BYTES), source=str(file))
     lines = [
         (number, line)
         for number, line in enumerate(text.splitlines(), start=1)

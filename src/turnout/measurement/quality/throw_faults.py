@@ -21,7 +21,7 @@ from turnout.measurement.quality.channel_faults import Fault, Limits, measured_c
 # The part of a throw that no object has a say in yet, and its samples [s].
 EARLY, EARLY_STEP = 1.5, 0.02
 # Of the rest before a closing and after an opening movement, where the zero is checked [s].
-REST = 0.3
+REST_WINDOW = 0.3
 # Heights of a profile that another friction can explain.
 GAINS = (0.75, 1.33)
 PACES = np.exp(np.linspace(np.log(0.4), np.log(2.5), 93))
@@ -141,9 +141,9 @@ def open_level(dataset: xr.Dataset, throw: FoundThrow, *, direction: str | None)
     """
     time = dataset["time"].values
     if direction == CLOSING and not throw.cut_start:
-        part = (time >= throw.onset - REST) & (time < throw.onset - 0.01)
+        part = (time >= throw.onset - REST_WINDOW) & (time < throw.onset - 0.01)
     elif direction == OPENING and not throw.cut_end:
-        part = time > max(throw.end, time[-1] - REST)
+        part = time > max(throw.end, time[-1] - REST_WINDOW)
     else:
         return None
     rows = dataset["drive_force"].transpose("drive", "time").values[:, part]

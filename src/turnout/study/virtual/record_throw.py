@@ -65,7 +65,7 @@ def finer_scheme(scheme: Scheme | None = None) -> Scheme:
 
 
 Floats = NDArray[np.float64]
-REST = 1.0
+REST_AFTER_STOP = 1.0
 """Simulated after the last motor has stopped [s]."""
 DIRECTIONS = {"closed": "closing", "open": "opening"}
 
@@ -141,7 +141,7 @@ def extend_schedule(panel: LoadedPanel) -> LoadedPanel:
         movement.start + max(movement.extra_time.values(), default=0.0)
         for movement in panel.movement.values()
     )
-    end = last + longest + REST
+    end = last + longest + REST_AFTER_STOP
     return panel if end <= panel.schedule.end else panel.with_overrides({"schedule.end": end})
 
 
