@@ -199,7 +199,7 @@ def inner_dispatcher(function: Callable[..., Any], *, loop: bool, part: bool) ->
     return inner
 
 
-def compile_kernel(dispatcher: CPUDispatcher, kinds: tuple[Kind, ...], *, name: str) -> MachineCode:
+def compile_kernel(dispatcher: Any, kinds: tuple[Kind, ...], *, name: str) -> MachineCode:
     """Return the machine code of a kernel for arguments of some kinds, its entry with a name."""
     given = tuple(_type_of(kind) for kind in kinds)
     with global_compiler_lock:
