@@ -1,1 +1,1 @@
-"""What turnout costs, measured by commands that write pages of the documentation."""
+"""Costs of turnout, measured by commands that write pages of the documentation."""

@@ -1,4 +1,4 @@
-"""Global error of every channel against what it costs; writes a section and a figure.
+"""Global error of every channel against its cost; writes a section and a figure.
 
     python -m benchmarks.accuracy [FOLDER] [--again] [--cases CASE ...]
 

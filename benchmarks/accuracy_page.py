@@ -17,7 +17,7 @@ from benchmarks.machine import figure, machine
 from benchmarks.schemes import MODES
 
 PROMISED = ("drive_force", "drive_gap", "gap", "sensor_gap", "lateral_displacement")
-"""What quick mode is for; the rest is reported."""
+"""Channels that quick mode is for; the rest is reported."""
 GROUPS = {
     "drives and gaps": PROMISED,
     "object": ("object_force",),
@@ -140,7 +140,7 @@ def _modes(runs: Sequence[Run]) -> str:
 
 
 def _verdicts(runs: Sequence[Run], mode: str) -> str:
-    """Return which channels keep the promise in every case, which in some, and the touch."""
+    """Return text on the channels that keep the promise in all or some cases, and on the touch."""
     found = [run for run in runs if run.name == mode]
     early = [run.case for run in found if not run.channels]
     names = list(dict.fromkeys(name for run in found for name in run.channels))
@@ -163,7 +163,7 @@ def _verdicts(runs: Sequence[Run], mode: str) -> str:
 
 
 def _own(runs: Sequence[Run]) -> str:
-    """Return what the reference itself still changes by."""
+    """Return the remaining change of the reference itself."""
     worst = [
         (found.rms, f"`{name}` {found.rms:.2f} % ({run.case})")
         for run in runs

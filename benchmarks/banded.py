@@ -78,7 +78,7 @@ def multiply(band, width, x, out):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
 def _factor_of(signs, sets, factors, used, linear, width, places, out, now):  # type: ignore[no-untyped-def]
-    """Return the place of the factor of a set and whether it had to be made."""
+    """Return the place of the factor of a set and True if it had to be made."""
     oldest = 0
     for at in range(sets.shape[0]):
         if used[at] >= 0:
@@ -108,7 +108,7 @@ def _factor_of(signs, sets, factors, used, linear, width, places, out, now):  # 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
 def _load_of(damping, mass, load, width, u, v, a, step, work, out):  # type: ignore[no-untyped-def]
-    """Form what the linear part of a step is solved for, by average acceleration."""
+    """Form the right side of the linear part of a step, by average acceleration."""
     for i in range(u.size):
         work[i] = 2.0 / step * u[i] + v[i]
     multiply(damping, width, work, out)

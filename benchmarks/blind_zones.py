@@ -36,7 +36,7 @@ CASES = {
 
 
 def main() -> None:
-    """Throw what is missing, print the table as Markdown, write the figure."""
+    """Make the missing throws, print the table as Markdown, write the figure."""
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("folder", type=Path)
     options.add_argument("--sound", type=int, default=3000)
@@ -69,7 +69,7 @@ def main() -> None:
 
 
 def optimism(throws: Throws, conditions: Conditions) -> float:
-    r"""Return by how much an index from half of the sound throws exceeds what the others confirm.
+    r"""Return the excess of an index from half of the sound throws over the one of the others.
 
     The best test of one half, :math:`w = C_A^{-1} s`, has the index
     :math:`w^T s / \sqrt{w^T C_B w}` on the other; thrown sizes whose index lies between 2 and 6

@@ -1,4 +1,4 @@
-"""Time what comes before the first step: sections, beams, reduction.
+"""Time the work before the first step: sections, beams, reduction.
 
     python -m benchmarks.build
 

@@ -226,7 +226,7 @@ def sizes(root: Path) -> dict[str, Counter[str]]:
 
 
 def printed_rooms(root: Path) -> Iterator[str]:
-    """Yield a table of the rooms of a package with what they import, and how these hang together.
+    """Yield a table of the rooms of a package with their imports, and the circles between them.
 
     Circles are printed one per line.
     """

@@ -1,4 +1,4 @@
-"""Whether the sound throws of `turnout limit --channels all` suffice: a90 claimed and confirmed.
+"""Test of the number of sound throws of `turnout limit --channels all`: a90 claimed and confirmed.
 
     python -m benchmarks.channels_confirmed FOLDER [--set drive.1.machine=jea73 ...]
 

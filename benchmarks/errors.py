@@ -1,4 +1,4 @@
-"""How far one run is from another, channel by channel."""
+"""Difference of one run from another, channel by channel."""
 
 from dataclasses import dataclass
 
@@ -33,13 +33,13 @@ class Error:
 
     @property
     def within(self) -> bool:
-        """Whether the channel keeps what quick mode promises of it."""
+        """True if the channel keeps the promise of quick mode."""
         return self.rms <= RMS_LIMIT and not self.end_allowed > 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """One run of a scheme, what it cost and how far it is from the reference.
+    """One run of a scheme, its cost and its difference from the reference.
 
     Times in seconds; `channels` is empty where the run ended early.
     """
@@ -122,7 +122,7 @@ def errors(run: xr.Dataset, reference: xr.Dataset) -> dict[str, Error]:
 
 
 def contact_late(run: xr.Dataset, reference: xr.Dataset) -> float:
-    """Return how much later the object is first touched [s]; 0 where neither touches it."""
+    """Return the delay of the first touch of the object [s]; 0 if neither touches it."""
     ours, theirs = (float(np.nanmin(d["contact_time"])) if _touched(d) else np.nan
                     for d in (run, reference))  # fmt: skip
     return 0.0 if np.isnan(ours) and np.isnan(theirs) else ours - theirs

@@ -1,4 +1,4 @@
-"""Measure what comes before the first throw: compiling kernels, loading them, importing.
+"""Measure the work before the first throw: compiling kernels, loading them, importing.
 
     python -m benchmarks.first_start [--older FOLDER]
 
@@ -44,7 +44,7 @@ COMMANDS = {
     "`--version`": ["-m", "turnout", "--version"],
 }
 REPEATED = 5
-"""How often commands run that find compiled kernels."""
+"""Number of runs of commands that find compiled kernels."""
 
 
 def used(arguments: list[str], *, root: Path, cache: Path) -> tuple[float, float]:

@@ -1,11 +1,11 @@
-"""Results that are kept, so that long work goes on where it stopped."""
+"""Results that are kept, so that interrupted long work resumes."""
 
 import json
 from pathlib import Path
 
 
 def keep(path: Path, found: object) -> None:
-    """Keep what was measured; an interruption leaves nothing half-written."""
+    """Keep a measurement; an interruption leaves nothing half-written."""
     path.parent.mkdir(parents=True, exist_ok=True)
     draft = path.with_suffix(".part")
     draft.write_text(json.dumps(found), encoding="utf-8")

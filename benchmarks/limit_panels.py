@@ -53,7 +53,7 @@ def main() -> None:
 
 
 def thrown(folder: Path) -> bool:
-    """Return whether all throws of a panel are there."""
+    """Return True if all throws of a panel are there."""
     kept = folder / "objects"
     return kept.exists() and not open_batches(kept).attrs["missing"]
 

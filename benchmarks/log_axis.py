@@ -8,7 +8,7 @@ from benchmarks.machine import figure
 
 
 def plain_ticks(low: float, high: float) -> list[float]:
-    """Return 1, 2, 5, 10 ... within a range, thinned to powers of ten where it is wide.
+    """Return 1, 2, 5, 10 ... within a range, thinned to powers of ten if it is wide.
 
     Examples
     --------

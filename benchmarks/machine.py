@@ -1,4 +1,4 @@
-"""What a figure was measured on, and how: processor seconds of one thread."""
+"""Machine and method of a measured figure: processor seconds of one thread."""
 
 import os
 import platform
@@ -25,7 +25,7 @@ def machine() -> str:
 
 
 def load() -> float:
-    """Return how many programs want to run, on average over the last minute."""
+    """Return the number of programs that want to run, on average over the last minute."""
     return os.getloadavg()[0]
 
 

@@ -28,7 +28,7 @@ CHOICES = (
     *((3e-3, True), (6e-3, True), (12e-3, True), (20e-3, True), (80e-3, True)),
     *((20e-3, False), (100e-3, False)),
 )
-"""Step [s], and whether with inertia."""
+"""Step [s], and True for inertia."""
 
 
 def use(scheme_of: Callable[[Scheme, float], Scheme], step: float, *, inertia: bool) -> None:
@@ -42,7 +42,7 @@ def use(scheme_of: Callable[[Scheme, float], Scheme], step: float, *, inertia: b
 
 
 def measured() -> tuple[float, list[float]]:
-    """Return the median processor time of a return [s], and how far it is off by friction."""
+    """Return the median processor time of a return [s], and its deviation by friction."""
     panel, off, costs = load_panel("uic60-760-1-15"), [], []
     for friction in FRICTIONS:
         given = {"chair.friction_coefficient": float(friction), "schedule.end": END}

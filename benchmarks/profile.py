@@ -1,4 +1,4 @@
-"""Show where the time of a step goes, and how far that is from the arithmetic it needs.
+"""Show the time of a step by kernel, compared with the arithmetic that it needs.
 
     python -m benchmarks.profile
 
@@ -35,7 +35,7 @@ from turnout.solver.state import COUNT_FLIPS, COUNT_ITERATIONS
 
 PANELS = ("sb2", "uic60-760-1-15")
 SHARE = 0.55
-"""Where in the cycle the state is taken: both rails on the way back."""
+"""Place of the state in the cycle: both rails on the way back."""
 CALLS, REPEATS = 2000, 7
 KERNELS = {
     "predict, right side": "step.predict(s, st, w, sp, sp.step, step.step_factors(sp, sp.step))",
@@ -54,7 +54,7 @@ FLIP = "one flip"
 
 @dataclass(frozen=True, slots=True)
 class Profile:
-    """What the kernels of a step take [s], and the whole march of the cycle."""
+    """Times of the kernels of a step [s], and of the whole march of the cycle."""
 
     kernels: dict[str, float]
     least: float
@@ -88,7 +88,7 @@ def marched(
 
 
 def repeated(body: str) -> Callable[..., None]:
-    """Compile a loop around one call, so that what is timed is the kernel alone."""
+    """Compile a loop around one call, so that the kernel alone is timed."""
     modules = (energy, march, solution, solve, state, step)
     names = {module.__name__.rpartition(".")[2]: module for module in modules}
     text = f"def loop(s, t, st, w, sp, rec, n):\n    for _ in range(n):\n        {body}\n"
@@ -173,7 +173,7 @@ NEXT = """### What the next factor of two would take
 
 
 def section(found: dict[tuple[str, str], Profile]) -> str:
-    """Return the table and what follows from it."""
+    """Return the table and its conclusions."""
     heads = [f"{panel}, {mode}" for panel, mode in found]
     lines = [
         f"Written by `python -m benchmarks.profile` on {machine()}, at a load of {load():.1f}.",

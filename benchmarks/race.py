@@ -62,7 +62,7 @@ What the columns do not show:
 
 
 def measured(racer: str, case: str, step: float, folder: Path) -> Found | None:
-    """Return what a racer took, from the folder or measured now; None where it is not installed."""
+    """Return the measurement of a racer, kept or made now; None if it is not installed."""
     path = folder / f"{racer}_{case}_{step:g}ms.json"
     if path.exists():
         kept: Found = json.loads(path.read_text(encoding="utf-8"))
@@ -155,7 +155,7 @@ def draw(raced: dict[str, list[tuple[str, Found]]]) -> Figure:
 
 
 def race(folder: Path) -> str:
-    """Run what is missing; draw the figure and return the section."""
+    """Run missing racers; draw the figure and return the section."""
     before = load()
     parts, most, setup, raced = [], before, 0.0, {}
     for case in ("A", "B"):

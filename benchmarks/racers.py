@@ -1,4 +1,4 @@
-"""Who takes part in the race on SB1, and how one of them is measured in a process of its own.
+"""Participants of the race on SB1, and the measurement of one in a process of its own.
 
     python -m benchmarks.racers RACER CASE STEP_MS REPEATS
 
@@ -42,7 +42,7 @@ class Racer:
 
 
 STEPS = (1.0, 2.0, 3.0, 4.0, 5.0)
-"""What every rival is tried with [ms]."""
+"""Steps that every rival is tried with [ms]."""
 
 CANDIDATES = tuple(
     Scheme(step=step, cutoff_frequency=cutoff, spectral_radius=radius)
@@ -120,7 +120,7 @@ def measure_other(name: str, case: str, step: float, repeats: int) -> dict[str, 
 
 
 def prepared(name: str, case: str, step: float) -> Callable[[], sb1.Answer]:
-    """Return what runs a program once, its matrices made before."""
+    """Return a function that runs a program once, its matrices made before."""
     if name.startswith("banded"):
         system, rest = banded.prepare(case, lateral_only=name == "banded-lateral")
         return lambda: banded.run(system, rest, case=case, step=step)
@@ -137,7 +137,7 @@ def prepared(name: str, case: str, step: float) -> Callable[[], sb1.Answer]:
 
 
 def judged(found: list[sb1.Check]) -> dict[str, object]:
-    """Return how an answer agrees with the reference."""
+    """Return the agreement of an answer with the reference."""
     rms, plateau, agrees = sb1.agreement(found)
     friction = next(check.value for check in found if check.what.startswith("chair"))
     return {"rms": rms, "plateau": plateau, "friction": friction, "agrees": agrees}

@@ -23,14 +23,14 @@ PANELS = ("sb2", "uic60-760-1-15")
 OBJECTS = {"none": None, "13 mm": ForeignObject(0.013, "sleeper 6")}
 ANSWERS = {"none": "sb2_none", "13 mm": "sb2_sleeper6_13mm"}
 KEPT = {"quick, kept at 125 Hz": Scheme.of("quick", output_interval=8e-3)}
-"""What sweeps keep of a quick throw, and the least that shows drives and gaps."""
+"""A quick throw as sweeps keep it, the least output that shows drives and gaps."""
 FEWER = {"waveform to 210 Hz": Scheme.of("waveform", cutoff_frequency=210.0)}
 """On SB2, whose sections are symmetric and without dashpots, less than 300 Hz shows as much."""
 REPEATS = 9
 
 
 def measure(name: str, trapped: str, scheme: Scheme) -> dict[str, object]:
-    """Measure one cycle: the solution, what of it comes before the steps, and up to the dataset."""
+    """Measure one cycle: the solution, its part before the steps, and up to the dataset."""
     panel, thing = load_panel(name), OBJECTS[trapped]
     objects = resolve_objects(panel, [thing] if thing else [])
     mechanism = build_mechanism(panel, objects)

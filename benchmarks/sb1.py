@@ -33,7 +33,7 @@ STICK, FORWARD, BACKWARD = 0, 1, 2
 
 @dataclass(frozen=True, slots=True)
 class Stations:
-    """What acts at the chairs, one entry each; -1 stands for nothing.
+    """Parts that act at the chairs, one entry each; -1 stands for nothing.
 
     `lateral` and `vertical` are places in the coordinates of a system (`vertical` -1: the normal
     force is `weight` all the time), `drive` the number of a drive, `object` 1 where the object is.
@@ -56,7 +56,7 @@ class Stations:
     saturated_stiffness: float
 
     def arrays(self) -> tuple[NDArray[np.generic], ...]:
-        """Return what `evaluate` takes."""
+        """Return the arguments of `evaluate`."""
         numbers = np.array(
             [
                 self.normal_stiffness,
@@ -90,7 +90,7 @@ class LinearSystem:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What a program found; n instants.
+    """Results of a program; n instants.
 
     Attributes
     ----------
@@ -210,7 +210,7 @@ def _stations(
 
 
 def markers_of(case: str, times: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-    """Return marker positions, shape (2, n) [m], and whether the object is there, shape (n,)."""
+    """Return marker positions, shape (2, n) [m], and presence of the object, shape (n,)."""
     panel, objects = panel_of(case)
     there = np.zeros(times.size, dtype=bool)
     for item in objects:
@@ -293,7 +293,7 @@ def checks(case: str, answer: Answer) -> list[Check]:
 
 
 def agreement(found: list[Check]) -> tuple[float, float, bool]:
-    """Return worst rms of drives and object [%], worst plateau [%], and whether all agree.
+    """Return worst rms of drives and object [%], worst plateau [%], and True if all agree.
 
     The friction of single chairs is no part of the benchmark's agreement.
     """

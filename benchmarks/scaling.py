@@ -1,4 +1,4 @@
-"""How the time of a throw grows with the problem; writes a section and a figure.
+"""Growth of the time of a throw with the problem; writes a section and a figure.
 
     python -m benchmarks.scaling
 
@@ -135,7 +135,7 @@ def measure(
 
 
 def axes() -> Iterator[tuple[str, str, list[Point]]]:
-    """Measure along every axis; yield its name, what its values are, and its points."""
+    """Measure along every axis; yield its name, the meaning of its values, and its points."""
     scheme = MODES["waveform"]
     trapped = ForeignObject(0.013, "sleeper 6")
     given = {"scheme": scheme, "trapped": None}
@@ -175,7 +175,7 @@ def exponent(values: list[float], seconds: list[float]) -> float:
 
 
 def draw(measured: dict[str, tuple[str, list[Point]]]) -> Figure:
-    """Draw the curves, each beside a line that is proportional to what varies."""
+    """Draw the curves, each beside a line that is proportional to the varied value."""
     drawing = Figure(figsize=(8.0, 5.6), layout="constrained")
     for ax, (label, points) in zip(drawing.subplots(2, 2).flat, measured.values(), strict=True):
         values = np.array([point.value for point in points])

@@ -34,7 +34,7 @@ def asked(mark: str, **changes: Any) -> dict[str, Any]:
 
 
 def sliders(mark: str) -> Iterator[tuple[str, list[dict[str, Any]]]]:
-    """Yield what moves, and the questions."""
+    """Yield the name of each moved control, and the questions."""
     numbers = range(1, COUNT + 1)
     yield "size", [asked(mark, object={"size": f"{13 + 0.5 * n} mm"}) for n in numbers]
     yield (
@@ -63,7 +63,7 @@ def sliders(mark: str) -> Iterator[tuple[str, list[dict[str, Any]]]]:
 
 
 def seconds(client: Client, questions: list[dict[str, Any]]) -> tuple[list[float], list[float]]:
-    """Return how long each answer took by the clock, and of the processor, server and client."""
+    """Return the time of each answer by the clock, and of the processor, server and client."""
     waited, worked = [], []
     for question in questions:
         began, used = time.perf_counter(), time.process_time()
@@ -76,7 +76,7 @@ def seconds(client: Client, questions: list[dict[str, Any]]) -> tuple[list[float
 
 
 def measured() -> Iterator[tuple[str, list[float], list[float]]]:
-    """Yield what moves with the seconds of its answers."""
+    """Yield the name of each moved control with the seconds of its answers."""
     with served(load_panel(PANEL)) as client:
         client.enter()
         mark = client.ask("/api/start").json["panel"]["mark"]

@@ -1,4 +1,4 @@
-"""How soon a number is on the screen after a slider has moved: python -m benchmarks.studio_page.
+"""Delay of a number on the screen after a slider has moved: python -m benchmarks.studio_page.
 
 The page measures itself, from the event of the slider to the frame that shows the number. Needs
 Playwright (extra dev) and Chromium.

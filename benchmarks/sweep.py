@@ -107,7 +107,7 @@ def study_in(folder: Path, text: str, *, name: str, count: int, mode: str = "qui
 
 
 def timed_run(study: Study, folder: Path, *, workers: int) -> dict[str, Any]:
-    """Throw what is missing; return rates of this call, and sizes of the whole."""
+    """Make the missing throws; return rates of this call, and sizes of the whole."""
     load, own = os.getloadavg()[0], time.process_time()
     began, used = time.perf_counter(), used_by_workers()
     finished = throw_study(study, folder, workers=workers, report=Reported())
@@ -141,7 +141,7 @@ def used_by_workers() -> float:
 
 
 class Reported:
-    """Says how far a sweep is, every ten seconds."""
+    """Shows the progress of a sweep, every ten seconds."""
 
     def __init__(self) -> None:
         self._next = 0.0
@@ -217,7 +217,7 @@ def reading(folder: Path) -> dict[str, float]:
 
 
 def campaign(folder: Path, *, workers: int) -> dict[str, Any]:
-    """Run the published campaign by its command; return what it took."""
+    """Run the published campaign by its command; return its times and counts."""
     shutil.rmtree(folder, ignore_errors=True)
     command = [sys.executable, "-m", "turnout", "sweep", "run", "paper-campaign"]
     began, used = time.perf_counter(), used_by_workers()
@@ -235,7 +235,7 @@ def campaign(folder: Path, *, workers: int) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Measure what was requested, keep it, and write the section."""
+    """Measure the requested parts, keep them, and write the section."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--full", type=int, default=2000)

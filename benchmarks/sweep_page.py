@@ -10,7 +10,7 @@ SHARE, HOUR, CORES, CAMPAIGN = 0.9, 100_000, 2, 15.0
 
 
 def section(kept: dict[str, Any]) -> str:
-    """Return the section of what was measured."""
+    """Return the section of the kept measurements."""
     small = kept["small"]
     curve = "\n".join(f"| {n} | {run:.0f} | {worker:.0f} |" for n, run, worker in thinned(small))
     store = "\n".join(f"| {name} | {size / 1e3:.1f} |" for name, size in kept["sizes"].items())
@@ -116,7 +116,7 @@ aim of {CAMPAIGN:.0f} s), at a load of {campaign["load"]:.1f}: {campaign["thrown
 
 
 def share(value: float) -> str:
-    """Return a share of the ideal rate and whether it is enough."""
+    """Return a share of the ideal rate and its verdict, met or missed."""
     verdict = "meets" if value >= SHARE else "MISSES"
     return f"{100 * value:.1f} % ({verdict} the aim of {100 * SHARE:.0f} %)"
 

@@ -143,7 +143,7 @@ def _mean(pair: tuple[dict[str, float], dict[str, float]]) -> dict[str, float]:
 
 
 def section(found: dict[str, list[dict[str, float]]], names: Sequence[str], *, note: str) -> str:
-    """Return the section of what was measured; `names` are those of the codes."""
+    """Return the section of the measurements; `names` are those of the codes."""
     rows = [
         f"| {what} | {name} | {1e3 * item['all']:.1f} | {1e3 * item['solver']:.1f} | "
         f"{item['ratio']:.2f} | {2 * 3600 / item['all']:,.0f} |"

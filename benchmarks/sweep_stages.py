@@ -1,4 +1,4 @@
-"""Show where the time of a throw of a quick sweep goes, in docs/evidence/performance-methods.md.
+"""Show the stages of a quick sweep's throw by time, in docs/evidence/performance-methods.md.
 
     python -m benchmarks.sweep_stages [STUDY] [--count 192] [--repeats 3]
 
@@ -61,7 +61,7 @@ STAGES = {
         "_start_from": "start: brought to rest",
     },
 }
-"""Functions and what they stand for, by the module that calls them."""
+"""Functions and the stages they stand for, by the module that calls them."""
 
 
 class Clock:

@@ -1,4 +1,4 @@
-"""Measure what verifying the batches of a sweep adds to reading it the first time.
+"""Measure the time that verifying the batches of a sweep adds to reading it the first time.
 
     python -m benchmarks.sweep_verify FOLDER [--repeat 15]
 

@@ -65,7 +65,7 @@ class _Laws:
     def derivative(
         self, mbs: object, time: float, item: int, q: Floats, q_t: Floats, factor: float, _: float
     ) -> Floats:
-        """Return what the laws add to the Jacobian."""
+        """Return the laws' part of the Jacobian."""
         self.jacobians += 1
         self.at(np.asarray(q), self.number(time))
         return factor * self.out[2:5].ravel()

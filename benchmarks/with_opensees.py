@@ -16,7 +16,7 @@ from benchmarks.sb1 import Answer, Floats, LinearSystem, at_rest, markers_of, pa
 from turnout.mechanism.build import rail_data
 
 RESERVE = 10.0
-"""How far the tables of piecewise-linear laws reach [m]."""
+"""Reach of the tables of piecewise-linear laws [m]."""
 
 
 def engine() -> ModuleType:

@@ -186,6 +186,15 @@ def test_files_import_each_other_in_no_circle() -> None:
     assert not found, "move what both need down, or merge:\n" + "\n".join(found)
 
 
+def test_a_circle_is_seen_in_functions_and_type_hints(tmp_path: Path) -> None:
+    one, two, three = (tmp_path / "pack" / f"{name}.py" for name in ("one", "two", "three"))
+    one.parent.mkdir()
+    one.write_text("def build():\n    from pack import two\n")
+    two.write_text("if TYPE_CHECKING:\n    from .one import build\n")
+    three.write_text("import pack.one\n")
+    assert circles(import_graph(one.parent)) == [[one, two]]
+
+
 def importers() -> dict[Path, set[Path]]:
     """Return by file the other files that import it or a name of it."""
     graph = import_graph(SRC)

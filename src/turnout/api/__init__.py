@@ -1,1 +1,1 @@
-"""What the public interface adds to the packages below: results that show and save themselves."""
+"""Additions of the public interface to packages below: results that show and save themselves."""

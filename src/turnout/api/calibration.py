@@ -29,7 +29,7 @@ DEFAULT_PANEL = "uic60-760-1-15"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class CalibrationResult:
-    """What a calibration came to; made by `calibrate` or `load_calibration`.
+    """Result of a calibration; made by `calibrate` or `load_calibration`.
 
     Attributes
     ----------
@@ -85,12 +85,12 @@ class CalibrationResult:
 
     @property
     def trusted(self) -> bool:
-        """Whether the result is trustworthy; `reasons` lists why not."""
+        """True if the result is trustworthy; `reasons` lists the doubts if not."""
         return not self.record.distrust
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Why the result is not trustworthy, and what to check."""
+        """Reasons why the result is not trustworthy, and checks to make."""
         return self.record.distrust
 
     @property
@@ -101,11 +101,11 @@ class CalibrationResult:
 
     @property
     def findings(self) -> tuple[str, ...]:
-        """Which parameters the data identify, and which not, as sentences."""
+        """Parameters that the data identify, and those that they do not, as sentences."""
         return self.record.findings
 
     def plot(self, *, ax: "Axes | None" = None) -> "Axes":
-        """Draw each fitted value with its 95 % interval, relative to where it started.
+        """Draw each fitted value with its 95 % interval, relative to its start value.
 
         Parameters
         ----------
@@ -139,7 +139,7 @@ class CalibrationResult:
         self.record.save(path)
 
     def __repr__(self) -> str:
-        """Return the calibrated values and whether they are trustworthy."""
+        """Return the calibrated values and their trustworthiness."""
         return f"<CalibrationResult {self._title()}>"
 
     def _repr_html_(self) -> str:

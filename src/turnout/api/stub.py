@@ -13,7 +13,7 @@ PACKAGES = ("turnout", "turnout.figures", "turnout.detection")
 
 
 def stub_text(package: str) -> str:
-    """Return the stub of a package: what type checkers and editors read instead of its table.
+    """Return the stub of a package, read by type checkers and editors instead of its table.
 
     Examples
     --------
@@ -34,7 +34,7 @@ def stub_text(package: str) -> str:
 
 
 def stub_path(package: str) -> Path:
-    """Return where the stub of a package lies."""
+    """Return the path of the stub of a package."""
     return Path(str(import_module(package).__file__)).with_suffix(".pyi")
 
 

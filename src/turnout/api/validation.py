@@ -1,4 +1,4 @@
-"""Whether a calibration predicts movements that it was not fitted to."""
+"""Test of a calibration on movements that it was not fitted to."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -39,7 +39,7 @@ class Validation:
 
     @property
     def accepted(self) -> bool:
-        """Whether the calibration predicts what was held back."""
+        """True if the calibration predicts the movements that were held back."""
         return self.verdict.accepted
 
     @property

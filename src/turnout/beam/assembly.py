@@ -244,7 +244,7 @@ def _rotate(blocks: FloatArray, rotation: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Pattern:
-    """Where the entries of elements in a row go in the matrix of all.
+    """Places of the entries of elements in a row in the assembled matrix.
 
     Attributes
     ----------

@@ -116,7 +116,7 @@ def craig_bampton(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class InnerShapes:
-    """The shapes that a structure is reduced to; what acts on its interface alone changes none.
+    """Shapes that a structure is reduced to, unaffected by parts at its interface alone.
 
     Attributes
     ----------

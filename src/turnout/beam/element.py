@@ -187,7 +187,7 @@ def element_gravity_load(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Flexure:
-    """How elements bend: their shear force, which is constant along each, and what follows.
+    """Bending of elements: their shear force, constant along each, and the quantities from it.
 
     `bending` (n, 2, 2) is the rigidity, `bow` (n, 2, 12) the change of curvature; `sheared`
     (n, 2, 12) the slope due to shear; `force` (n, 2, 12) the shear force of the section DOFs and

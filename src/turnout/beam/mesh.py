@@ -1,4 +1,4 @@
-"""Node positions along a rail, with nodes exactly where the mechanism acts on it."""
+"""Node positions along a rail, with a node at each place that the mechanism acts on."""
 
 from collections.abc import Iterable
 

@@ -40,7 +40,7 @@ class Outline:
     holes: tuple[FloatArray, ...] = ()
 
     def __post_init__(self) -> None:
-        """Refuse what encloses no area, naming the place where a boundary crosses itself."""
+        """Refuse outlines without area, naming the place of a boundary that crosses itself."""
         from shapely import is_valid_reason
 
         for ring in (self.points, *self.holes):

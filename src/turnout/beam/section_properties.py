@@ -68,7 +68,7 @@ class SectionProperties:
     shear_centre_z: FloatArray
 
     def __post_init__(self) -> None:
-        """Refuse what no section can be, with all problems in one message."""
+        """Refuse impossible section properties, with all problems in one message."""
         values = _to_dict(self)
         shapes = {name: np.shape(value) for name, value in values.items()}
         if len(set(shapes.values())) != 1 or len(shapes["area"]) != 1:

@@ -25,7 +25,7 @@ _MITRE_LIMIT = 10.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Planing:
-    """How a switch rail is planed to fit its stock rail.
+    """Planing of a switch rail to fit its stock rail.
 
     Parameters
     ----------

@@ -62,7 +62,7 @@ class Factor:
 
     @property
     def is_symmetric(self) -> bool:
-        """Whether all pivots lie on the diagonal, so that their signs give the inertia."""
+        """True if all pivots lie on the diagonal, so that their signs give the inertia."""
         return bool(np.array_equal(self.decomposition.perm_r, self.decomposition.perm_c))
 
 

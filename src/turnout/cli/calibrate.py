@@ -173,7 +173,7 @@ class _ProgressLog:
         self._due = time.monotonic() + SECONDS_BETWEEN_LINES
 
     def report(self, state: "CalibrationProgress") -> None:
-        """Show stage, throws, misfit and time, where a line is due."""
+        """Show stage, throws, misfit and time, if a line is due."""
         now = time.monotonic()
         if now < self._due:
             return
@@ -230,7 +230,7 @@ def result_lines(calibration: "Calibration") -> list[str]:
 
 
 def trust_lines(calibration: "Calibration") -> list[str]:
-    """Return whether a calibration is trustworthy, with the reasons if not."""
+    """Return the verdict on a calibration, with the reasons if it is not trustworthy."""
     if not calibration.distrust:
         how = ", with what is fitted as its cause" if calibration.fitted_causes else ""
         return [

@@ -232,7 +232,7 @@ def learn_command(
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Add sound throws of one switch to its detector; what is not called sound is left out."""
+    """Add sound throws of one switch to its detector; throws not called sound are left out."""
     check_outputs({"--out": out}, {"--out": (".detector",)})
     from turnout.core.errors import FileError
     from turnout.detection.detector.another_switch import misfit_remark
@@ -285,7 +285,7 @@ def detect_run_command(
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Judge throws: object or not, where, how large, gaps without sensors, other causes."""
+    """Judge throws: object or none, its place and size, gaps without sensors, other causes."""
     from turnout.detection.conditions import TRAINED
     from turnout.detection.detector.another_switch import misfit_remark
     from turnout.detection.detector.detector import Detector

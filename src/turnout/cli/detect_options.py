@@ -1,4 +1,4 @@
-"""What the commands of `turnout detect` share: arguments, recordings, units of a verdict."""
+"""Common parts of the commands of `turnout detect`: arguments, recordings, units of a verdict."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -53,7 +53,7 @@ def known_rate(far: float) -> float:
 def read_recordings(
     recordings: "Sequence[Path]", channels: Path | None, detector: "Detector"
 ) -> "list[Recorded]":
-    """Return the throws of recordings; FileError where one holds none.
+    """Return the throws of recordings; FileError if one holds none.
 
     Where one names another panel than the detector's, a note goes to stderr.
     """

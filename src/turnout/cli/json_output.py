@@ -44,7 +44,7 @@ def json_text(
     units: Mapping[str, str] | None = None,
     written: Iterable[Path] = (),
 ) -> str:
-    """Return what `print_json` prints.
+    """Return the text that `print_json` prints.
 
     Examples
     --------
@@ -76,7 +76,7 @@ def json_text(
 
 
 def origin_of(command: str) -> str:
-    """Return where the sizes and rates of a command on detection come from; empty of others.
+    """Return the origin of the sizes and rates of a command on detection; empty for others.
 
     Examples
     --------

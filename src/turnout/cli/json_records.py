@@ -1,4 +1,4 @@
-"""What commands print with `--json`: records of results, in SI, with their units."""
+"""Records of results that commands print with `--json`, in SI, with their units."""
 
 import json
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""The command `turnout limit`: what can be seen of a trapped object from the drives, and where."""
+"""The command `turnout limit`: detectable trapped objects by place, from the drives."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -234,11 +234,11 @@ OPTIONS = {
     "kernel": "--kernel",
     "rate": "--rate",
 }
-"""Of the command line, by what they set of `Conditions`."""
+"""Options of the command line, by the field of `Conditions` that they set."""
 
 
 def conditions_of_options(**values: float | int | str) -> "Conditions":
-    """Return conditions; refuse what has no meaning by its option, warn of an exact model."""
+    """Return conditions; refuse meaningless values by option, warn about an exact model."""
     from types import SimpleNamespace
 
     from turnout.core.errors import StudyError
@@ -269,7 +269,7 @@ def _given(
 def _check_population(
     panel: "LoadedPanel | None", channels: str, measures: "Sequence[str]", *, quiet: bool
 ) -> None:
-    """Refuse channels and measures that a panel cannot have; say what its population lacks."""
+    """Refuse channels and measures that a panel cannot have; print remarks on its population."""
     from turnout.detection.drive_quantities import signals_of
     from turnout.detection.limit.added_equipment import check_equipment
     from turnout.detection.reference import reference_study
@@ -288,7 +288,7 @@ def _warn(remarks: "Sequence[str]", *, quiet: bool) -> None:
 def _advice(
     throws: "Throws", conditions: "Conditions", measures: "list[Measure]", closing: float
 ) -> "tuple[xr.Dataset, Repeat]":
-    """Return what the measures gain, and the false alarms of a second throw."""
+    """Return the gains of the measures, and the false alarms of a second throw."""
     from turnout.detection.limit.what_if import gains, repeated_throw
 
     ranked = gains(throws, conditions, measures, closing=closing)
@@ -333,7 +333,7 @@ def _known_place(
 
 
 def _watching(*, quiet: bool) -> "Callable[..., Callable[[SweepProgress], None]]":
-    """Return what makes a watch for each sweep; a finished one takes its bar off the screen."""
+    """Return a maker of one watch per sweep; a finished one takes its bar off the screen."""
     from turnout.cli.sweep import SweepWatch
 
     shown: list[SweepWatch] = []

@@ -1,4 +1,4 @@
-"""What `turnout limit` prints and writes."""
+"""Printed and written results of `turnout limit`."""
 
 from collections.abc import Mapping
 from pathlib import Path

@@ -211,7 +211,7 @@ OF_THREE_PHASES = {"energy_field": "energy_iron", "energy_snub": "energy_arc"}
 
 
 def throw_summary(throw: "MachineThrow") -> dict[str, Any]:
-    """Return what `turnout machine run --json` prints."""
+    """Return the record that `turnout machine run --json` prints."""
     import numpy as np
 
     current, force = np.abs(throw["lead_current"]), throw["rod_force"]
@@ -253,7 +253,7 @@ def throw_summary(throw: "MachineThrow") -> dict[str, Any]:
 
 
 def _notes(loaded: "LoadedMachines", throw: "MachineThrow") -> list[str]:
-    """Return what the record of the machine says of its currents and of a phase lost too late."""
+    """Return notes of the machine's record on its currents and on a phase lost too late."""
     from turnout.machine.steady import blind_text
 
     machine = loaded.machine[throw.name]

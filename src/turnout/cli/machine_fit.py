@@ -140,7 +140,7 @@ def _pairs(
     *,
     spread: bool = True,
 ) -> Iterator[tuple[str, tuple[float, float]]]:
-    """Yield drive, value and deviation of an option; collect what is wrong."""
+    """Yield drive, value and deviation of an option; collect its faults."""
     from turnout.core.units import parse_quantity
 
     form = f"DRIVE='{dimension.example}{' +- ...' if spread else ''}'"
@@ -185,7 +185,7 @@ def _ranges(
 
 
 def fit_record(fit: "MachineFit") -> dict[str, Any]:
-    """Return what `turnout machine fit --json` prints."""
+    """Return the record that `turnout machine fit --json` prints."""
     return {
         "drives": [_drive_record(item) for item in fit.drives],
         "not_separated": list(fit.not_separated),
@@ -229,7 +229,7 @@ def _drive_record(item: "DriveFit") -> dict[str, Any]:
 
 
 def fit_lines(fit: "MachineFit") -> list[str]:
-    """Return what `turnout machine fit` prints."""
+    """Return the lines that `turnout machine fit` prints."""
     lines: list[str] = []
     for item in fit.drives:
         lines.append(f"drive {item.drive}, {item.direction} ({item.movements} movements)")

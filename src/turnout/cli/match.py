@@ -1,4 +1,4 @@
-"""The command `turnout panel match`: panels that meet facts, from ranges of what is not known."""
+"""The command `turnout panel match`: panels that meet facts, from ranges of unknown values."""
 
 import time
 from pathlib import Path
@@ -53,7 +53,7 @@ def match_command(
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Collect panels whose throws meet facts, and rank what to measure next.
+    """Collect panels whose throws meet facts, and rank the measurements to make next.
 
     Ranges, facts and possible measurements are in FACTS. Panels are tried in waves, drawn where
     emulators of the earlier ones leave facts possible.
@@ -82,7 +82,7 @@ def match_command(
 
 
 class _Log:
-    """Says now and then on stderr how far a matching is."""
+    """Shows the progress of a matching now and then on stderr."""
 
     def __init__(self, *, quiet: bool) -> None:
         self._quiet = quiet

@@ -76,7 +76,7 @@ def _problem(path: Path, suffixes: Sequence[str]) -> str | None:
 
 
 def _refused(folder: Path) -> str | None:
-    """Try to make a file: root may write where permissions forbid it, but not everywhere."""
+    """Try to make a file: root may write despite missing permissions, but not everywhere."""
     try:
         with tempfile.TemporaryFile(dir=folder):
             return None
@@ -109,7 +109,7 @@ def print_schema(schema: dict[str, Any], out: Path | None) -> None:
 
 
 def made_folder(option: str, folder: Path) -> Path:
-    """Make a folder for files unless it is there; refuse what is none, and one in no folder."""
+    """Make a folder for files unless it exists; refuse a file, or a folder that has no parent."""
     from turnout.core.files import make_folder
 
     if not folder.parent.exists():
@@ -131,7 +131,7 @@ FINDINGS, INCOMPLETE, INTERRUPTED = 1, 3, 130
 
 
 def end_code(dataset: "xr.Dataset") -> int:
-    """Return the exit code that a throw ends a command with, 0 where it is complete."""
+    """Return the exit code that a throw ends a command with, 0 if it is complete."""
     if dataset.attrs["complete"]:
         return 0
     return INTERRUPTED if dataset.attrs["outcome"] == "interrupted" else INCOMPLETE

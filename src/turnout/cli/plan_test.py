@@ -1,4 +1,4 @@
-"""The command `turnout plan-test`: which objects to throw where on a day on the track."""
+"""The command `turnout plan-test`: objects to throw, by place, on a day on the track."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated

@@ -145,7 +145,7 @@ def pod_command(
 def _roc_figure(
     throws: "TestThrows", path: Path | None, *, limit: Path | None, place: str
 ) -> bytes:
-    """Return the figure of detections against false alarms; empty where it is not wanted."""
+    """Return the figure of detections against false alarms; empty if it is not wanted."""
     if path is None:
         return b""
     from turnout.core.errors import FileError

@@ -152,7 +152,7 @@ def _list(
 
 
 def channel_lines(recording: "Recording", kind: str) -> Iterator[str]:
-    """Yield a row for each channel with its course, then what could not be read."""
+    """Yield a row for each channel with its course, then the parts that could not be read."""
     from turnout.measurement.recording import overview
 
     started = f", started {recording.start_time}" if recording.start_time else ""

@@ -90,7 +90,7 @@ def _pictures(page: "Page") -> dict[str, bytes]:
 
 
 def _sweep_page(source: Path, *, drawn: bool) -> "tuple[Page, Mapping[str, bytes]]":
-    """Return the page of a sweep's folder, with sensitivities where the sampling allows them."""
+    """Return the page of a sweep's folder, with sensitivities if the sampling allows them."""
     from turnout.core.errors import ResponseError
     from turnout.figures.report.sweep import sweep_figures, sweep_page
     from turnout.study.sweep.effects import sweep_effects

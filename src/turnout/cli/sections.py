@@ -62,7 +62,7 @@ def _outlines(panel: "LoadedPanel", rail: str) -> Any:
 
 
 def _titles(panel: "LoadedPanel", rail: str) -> list[str]:
-    """Name each station by the offset of the running edges, and by where the rail has it."""
+    """Name each station by the offset of the running edges, and by its place along the rail."""
     from turnout.panel.profile import running_edge_position
 
     record = panel.rail[rail]
@@ -101,7 +101,7 @@ SI_UNITS = {"cm2": "m^2", "cm4": "m^4", "mm": "m"}
 
 
 def section_lines(panel: "LoadedPanel") -> Iterator[str]:
-    """Yield what `turnout panel sections` prints: a row a station, between them linear."""
+    """Yield the lines of `turnout panel sections`: a row per station, linear between them."""
     shown: dict[tuple[str, ...], str] = {}
     for heading, rows in _tables(panel):
         rail, _, _ = heading.partition(",")

@@ -20,7 +20,7 @@ MOST_ROWS = 20
 
 
 def read_drift(settings: Sequence[str]) -> "Drift":
-    """Read what changes from throw to throw from KEY=VALUE of a command line.
+    """Read the changes from throw to throw from KEY=VALUE of a command line.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def read_drift(settings: Sequence[str]) -> "Drift":
 
 
 def _number_or_text(key: str, value: str) -> int | float | str:
-    """Return a plain number; what needs a unit keeps its text, and a bare number is refused."""
+    """Return a plain number; a value that needs a unit keeps its text; a bare one is refused."""
     from turnout.throw.drift import WITH_UNIT
 
     if key in WITH_UNIT:

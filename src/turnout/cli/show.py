@@ -137,7 +137,7 @@ NEEDS_THROW = "needs throws of the switch: add --throw"
 
 @dataclass(frozen=True, slots=True)
 class CheckThrows:
-    """What throws of a panel gave: the one without an object, and those on test pieces."""
+    """Results of a panel's throws: the one without an object, and those on test pieces."""
 
     dataset: "xr.Dataset"
     pieces: Sequence["PieceResult"]
@@ -151,7 +151,7 @@ def panel_lines(
     thrown: CheckThrows | None = None,
     values: bool = False,
 ) -> Iterator[str]:
-    """Yield what `turnout panel show` prints.
+    """Yield the lines that `turnout panel show` prints.
 
     Parameters
     ----------

@@ -210,7 +210,7 @@ def _simulate_throws(
 
 
 def preload(*, plots: bool) -> None:
-    """Load what makes datasets, and figures if they are wanted, while kernels work.
+    """Load libraries for datasets, and for figures if they are wanted, while kernels work.
 
     It begins with the steps and not before: what loads at the same time only waits for each other.
     What writes files is loaded once the histories of the run are gone, which takes less memory. A
@@ -234,7 +234,7 @@ def _run(
     quiet: bool,
     plots: bool,
 ) -> tuple["xr.Dataset", bool]:
-    """Return the dataset, whole or partial, and whether the run ended early."""
+    """Return the dataset, whole or partial, and True if the run ended early."""
     import_scipy()
     from turnout.cli.watch import watched
     from turnout.panel.foreign_object import resolve_objects
@@ -292,7 +292,7 @@ def _overlaid(overlay: Path | None, plot: Path | None) -> "xr.Dataset | None":
 
 
 def _scheme(mode: str, *, step: str, cutoff: str, every: str) -> "Scheme":
-    """Return the scheme of a mode, with what is given instead of its own choices."""
+    """Return the scheme of a mode, with given values instead of its own choices."""
     from turnout.core.errors import FileError
     from turnout.core.scheme import Scheme
     from turnout.core.units import FREQUENCY, TIME, parse_quantity

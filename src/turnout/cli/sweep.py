@@ -101,7 +101,7 @@ def _print_forecast(loaded: "Study", found: "Forecast", *, used: int, busy: int)
 
 
 def cores() -> int:
-    """Return how many cores this process may use."""
+    """Return the number of cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
@@ -274,7 +274,7 @@ class SweepWatch:
             self._bar.stop()
 
     def report(self, state: "SweepProgress") -> None:
-        """Show how far a sweep is."""
+        """Show the progress of a sweep."""
         now = time.monotonic()
         if self._quiet or (self._bar is None and now < self._due):
             return

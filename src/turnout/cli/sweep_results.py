@@ -106,7 +106,7 @@ UNKNOWN_INDICES = (
 
 
 def has_no_indices(item: "OutputEffects") -> bool:
-    """Return whether no first-order index of an output is known."""
+    """Return True if no first-order index of an output is known."""
     return all(index.first != index.first for index in item.indices)
 
 

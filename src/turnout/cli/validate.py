@@ -220,5 +220,5 @@ def _write(
 
 
 def _middle(places: list[str]) -> str:
-    """Return the place of the published validation where it was thrown, else the middle one."""
+    """Return the place of the published validation if it was thrown, else the middle one."""
     return "sleeper 6" if "sleeper 6" in places else places[len(places) // 2]

@@ -34,7 +34,7 @@ def _print_once(text: str) -> None:
 
 
 class ProgressBar:
-    """Shows how far a run is; silent for what takes less than two seconds.
+    """Shows the progress of a run; silent for runs of less than two seconds.
 
     Use as a context manager, and hand `report` to the run.
     """

@@ -1,1 +1,1 @@
-"""What every part may use: units, files, caches, problems in documents, progress."""
+"""Shared foundations: units, files, caches, problems in documents, progress."""

@@ -96,12 +96,12 @@ def remove_outdated(folder: Path) -> None:
 
 
 def why_private() -> str:
-    """Return why a private folder replaced a wanted one; empty where none did."""
+    """Return the reason for using a private folder instead of the wanted one, or "" if none."""
     return next(iter(_reasons.values()), "")
 
 
 def why_unsafe(folder: Path) -> str:
-    """Return why a folder is not safe for a cache; empty where it is.
+    """Return the reason for not trusting a folder with a cache, or "" if it is safe.
 
     Examples
     --------
@@ -130,7 +130,7 @@ def why_unsafe(folder: Path) -> str:
 
 
 def _unsafe_parent(folder: Path) -> str:
-    """Return why others could replace a folder inside this one; empty where they could not."""
+    """Return the fault that lets others replace a folder inside this one, or "" if none."""
     found = folder.stat()
     if found.st_uid not in (_SYSTEM, os.geteuid()):
         return "belongs to another user"
@@ -145,7 +145,7 @@ def _unsafe_parent(folder: Path) -> str:
 
 
 def _is_private_group(group: int) -> bool:
-    """Return whether a group is the system's, or a private one with the user as only member."""
+    """Return True if a group is the system's, or private with the user as only member."""
     if group == _SYSTEM:
         return True
     import grp
@@ -159,7 +159,7 @@ def _is_private_group(group: int) -> bool:
 
 
 def _unsafe_content(folder: Path, *, closed: bool) -> str:
-    """Return which file or folder inside is a link, another user's, or writable by others."""
+    """Return the first unsafe entry inside: a link, another user's, or writable by others."""
     for place, folders, files in os.walk(folder):
         for name in (*folders, *files):
             path = os.path.join(place, name)
@@ -175,7 +175,7 @@ def _unsafe_content(folder: Path, *, closed: bool) -> str:
 
 
 def _make(folder: Path) -> str:
-    """Create a folder and its parents for the user only; return why it is not writable."""
+    """Create a folder and its parents for the user only; return the error if it is not writable."""
     missing = [place for place in (folder, *folder.parents) if not place.exists()]
     try:
         for place in reversed(missing):

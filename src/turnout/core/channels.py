@@ -1,4 +1,4 @@
-"""The table of channels, and whether a dataset keeps to it: name, dimensions, unit and sign."""
+"""Table of channels (name, dimensions, unit and sign), and the check of a dataset against it."""
 
 import difflib
 from collections.abc import Iterable, Mapping
@@ -319,7 +319,7 @@ def label(dataset: "xr.Dataset") -> "xr.Dataset":
 
 
 def add_labels(dataset: "xr.Dataset") -> "xr.Dataset":
-    """Do in place what `label` does to a copy; return the dataset."""
+    """Label a dataset in place, unlike `label`, and return it."""
     outer = outer_dimension(dataset)
     for name, variable in dataset.variables.items():
         channel = known_channel(str(name), outer=outer)
@@ -367,7 +367,7 @@ _KINDS = {"number": "f", "count": "i", "logical": "b", "text": "U"}
 
 
 def schema_problems(dataset: "xr.Dataset") -> list[str]:
-    """List everything in which a dataset departs from the table.
+    """List all departures of a dataset from the table.
 
     Parameters
     ----------

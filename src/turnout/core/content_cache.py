@@ -44,7 +44,7 @@ _log = logging.getLogger("turnout")
 def cached_arrays(
     kind: str, parts: Sequence[object], compute: Callable[[], Arrays], *, on_disk: bool = True
 ) -> Arrays:
-    """Return arrays from memory or a file; compute and cache them where they are in neither.
+    """Return arrays from memory or a file; compute and cache them if they are in neither.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def digest(parts: Iterable[object]) -> str:
 
 
 def cache_folder() -> Path | None:
-    """Return the folder of cached arrays of the present sources; None where there can be none."""
+    """Return the folder of cached arrays of the present sources, or None if none is possible."""
     wanted = user_cache_folder() / f"models-{digest_of_sources(RAILS)}"
     new = not wanted.exists()
     folder = safe_folder(wanted)

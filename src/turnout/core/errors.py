@@ -5,7 +5,7 @@ class TurnoutError(Exception):
     """Base of everything that turnout raises on purpose; its text is fit for the screen."""
 
     def __reduce__(self) -> tuple[object, ...]:
-        """Copy and pickle what the error holds, since `args` need not be what `__init__` takes."""
+        """Copy and pickle the attributes, since `args` may differ from those of `__init__`."""
         return type(self).__new__, (type(self), *self.args), self.__dict__
 
 
@@ -43,14 +43,14 @@ class ListedError(TurnoutError):
 
 
 class PanelError(ListedError):
-    """A panel, an override or a foreign object is not valid; takes what `ListedError` takes."""
+    """A panel, an override or a foreign object is not valid; same arguments as `ListedError`."""
 
     def __init__(self, problems: list[str] | tuple[str, ...], *, source: str = "panel") -> None:
         super().__init__(problems, source=source)
 
 
 class MeasurementError(ListedError):
-    """A recording, a channel map or a campaign is not valid; takes what `ListedError` takes."""
+    """A recording, a channel map or a campaign is not valid; same arguments as `ListedError`."""
 
     def __init__(
         self, problems: list[str] | tuple[str, ...], *, source: str = "measurement"
@@ -59,18 +59,18 @@ class MeasurementError(ListedError):
 
 
 class StudyError(ListedError):
-    """A study of many throws is not valid; takes what `ListedError` takes."""
+    """A study of many throws is not valid; same arguments as `ListedError`."""
 
     def __init__(self, problems: list[str] | tuple[str, ...], *, source: str = "study") -> None:
         super().__init__(problems, source=source)
 
 
 class MechanicsError(TurnoutError):
-    """A mesh, a reduction or a mechanism cannot be built from what was given."""
+    """A mesh, a reduction or a mechanism cannot be built from its input."""
 
 
 class SolverError(TurnoutError):
-    """A simulation ended early; see `turnout.solver.outcome` for what it carries."""
+    """A simulation ended early; see `turnout.solver.outcome` for its attributes."""
 
 
 class ResponseError(TurnoutError):
@@ -78,7 +78,7 @@ class ResponseError(TurnoutError):
 
 
 class MachineError(ListedError):
-    """A point machine, or what changes it, is not valid; takes what `ListedError` takes."""
+    """A point machine, or a change to it, is not valid; same arguments as `ListedError`."""
 
     def __init__(self, problems: list[str] | tuple[str, ...], *, source: str = "machine") -> None:
         super().__init__(problems, source=source)

@@ -79,7 +79,7 @@ def write_atomic(
 
 
 def is_leftover(path: Path, *, of: re.Pattern[str]) -> bool:
-    """Return whether a file is a temporary one that an interrupted `atomic_path` left behind.
+    """Return True if a file is a temporary one that an interrupted `atomic_path` left behind.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def is_leftover(path: Path, *, of: re.Pattern[str]) -> bool:
 
 
 def write_fault(path: Path, error: OSError) -> str:
-    """Say why a file cannot be written and what to do about it."""
+    """Return the cause of a failed write and its remedy, as a message."""
     if error.errno in _NO_SPACE:
         return f"{path}: cannot be written, no space left; free some, or choose another folder"
     if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
@@ -183,7 +183,7 @@ def _adopt_mode(temporary: Path, target: Path) -> None:
 
 
 def _flush_folder(folder: Path) -> None:
-    """Make the rename itself durable where the system allows a folder to be opened."""
+    """Make the rename itself durable if the system allows a folder to be opened."""
     with suppress(OSError):
         handle = os.open(folder, os.O_RDONLY)
         try:
@@ -248,7 +248,7 @@ def user_path(text: Path | str) -> Path:
 
 
 def read_fault(path: Path | str, error: OSError | ValueError) -> str:
-    """Say why a file cannot be read and what to do about it."""
+    """Return the cause of a failed read and its remedy, as a message."""
     if isinstance(error, FileNotFoundError):
         return f"{path}: no such file; check the path (the current folder is {Path.cwd()})"
     if isinstance(error, PermissionError):
@@ -257,7 +257,7 @@ def read_fault(path: Path | str, error: OSError | ValueError) -> str:
 
 
 def refuse_file(folder: Path) -> None:
-    """Refuse a file where a folder is needed."""
+    """Refuse a file in place of a folder."""
     if folder.exists() and not folder.is_dir():
         message = f"{folder}: is a file; name a folder"
         raise FileError(message)

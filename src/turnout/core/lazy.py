@@ -63,7 +63,7 @@ def loader(
 
 
 def _unknown(package: str, name: str, table: Mapping[str, str]) -> str:
-    """Say that there is no such name, and which one is nearest."""
+    """Return the error for an unknown name, with the nearest known one."""
     import difflib
 
     close = difflib.get_close_matches(name, list(table), n=1)

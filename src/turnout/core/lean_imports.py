@@ -1,4 +1,4 @@
-"""Libraries without what they load along and turnout never uses, for programs that end soon.
+"""Import libraries without their parts that turnout never uses, for programs that end soon.
 
 A program that imports turnout gets its libraries as they are; the commands `turnout simulate` and
 `turnout sweep run` and workers are processes of their own.
@@ -24,7 +24,7 @@ PLUGINS = "PYDANTIC_DISABLE_PLUGINS"
 
 
 def import_scipy() -> None:
-    """Import SciPy, which copies every name that NumPy lists and so loads all that is behind them.
+    """Import SciPy without the NumPy modules that it loads by copying every listed name.
 
     Both lists are as before when it returns, and masked arrays are loaded when they are wanted.
     """
@@ -44,7 +44,7 @@ def import_scipy() -> None:
 
 
 class _MaskedArrays(ModuleType):
-    """Stands for `numpy.ma`, which `numpy.unique` loads to ask whether its argument is masked.
+    """Placeholder of `numpy.ma`, which `numpy.unique` loads only to test for a masked argument.
 
     No array is before that module is loaded. All else that is wanted of it loads it.
     """
@@ -57,7 +57,7 @@ class _MaskedArrays(ModuleType):
 
 @contextmanager
 def without_blas_threads() -> Iterator[None]:
-    """Let OpenBLAS start no threads where it is loaded, here or in processes started meanwhile.
+    """Let OpenBLAS start no threads when loaded, here or in processes started meanwhile.
 
     Rails are solved with one. Each copy of it, one in NumPy and one in SciPy, takes longer to start
     a thread for every core than it takes to be loaded. Users who want some set a variable.
@@ -75,7 +75,7 @@ def without_blas_threads() -> Iterator[None]:
 
 @contextmanager
 def without_plugins() -> Iterator[None]:
-    """Let pydantic look for no plugins meanwhile, for which it reads what every package declares.
+    """Keep pydantic from searching the metadata of every package for plugins meanwhile.
 
     Users who want theirs set the variable to the names of those that are left out, or to nothing.
     """

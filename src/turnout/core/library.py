@@ -10,7 +10,7 @@ from turnout.core.toml import decode
 
 
 def names_a_file(name_or_path: str | Path) -> bool:
-    """Return whether a file is meant: a path, or a text with ".toml" or a path separator.
+    """Return True if a file is meant: a path, or a text with ".toml" or a path separator.
 
     Examples
     --------

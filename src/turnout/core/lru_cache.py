@@ -31,7 +31,7 @@ class LRUCache(Generic[V]):
         self._lock = Lock()
 
     def get(self, key: Hashable) -> V | None:
-        """Return the value of a key; None where there is none."""
+        """Return the value of a key, or None."""
         with self._lock:
             found = self._values.get(key)
             if found is not None:
@@ -48,7 +48,7 @@ class LRUCache(Generic[V]):
             return value
 
     def pop(self, key: Hashable) -> V | None:
-        """Take the value of a key out; None where there is none."""
+        """Remove a key and return its value, or None."""
         with self._lock:
             return self._values.pop(key, None)
 

@@ -75,7 +75,7 @@ def moving_average(values: Floats, *, rate: float, window: float = WINDOW) -> Fl
 
 
 def row_levels(values: Floats) -> Floats:
-    """Return the mean of the samples of each row, shape (...); 0 where there is none."""
+    """Return the mean of the samples of each row, shape (...); 0 for a row without samples."""
     with np.errstate(invalid="ignore"):
         mean: Floats = values.mean(axis=-1)
     if not np.isfinite(mean).all():

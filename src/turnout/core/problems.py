@@ -1,4 +1,4 @@
-"""Problems in a document: the key, the value given, what is allowed, the nearest name."""
+"""Problems in a document: the key, the value given, the allowed values, the nearest name."""
 
 import difflib
 from collections.abc import Iterable, Mapping
@@ -122,7 +122,7 @@ def choices(names: Iterable[str], *, most: int = 12) -> str:
 
 
 def describe_error(error: Mapping[str, Any], *, allowed: Iterable[str] = ()) -> str:
-    """Say in one sentence what a pydantic error means, with the value and what is allowed.
+    """Describe a pydantic error in one sentence, with the value and the allowed values.
 
     Parameters
     ----------

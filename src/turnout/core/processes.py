@@ -139,7 +139,7 @@ class Tasks(Generic[T]):
 
 @contextmanager
 def held_interrupt() -> Iterator[None]:
-    """Let Ctrl-C wait until the end, where it comes to the program."""
+    """Hold Ctrl-C back until the end, then pass it on to the program."""
     main = threading.current_thread() is threading.main_thread()
     if not main or signal.getsignal(signal.SIGINT) is None:  # not Python's to hold
         yield
@@ -209,7 +209,7 @@ def end_pool(pool: Executor) -> None:
 
 
 def _start_worker(prepare: Callable[..., object], *given: object) -> None:
-    """Ignore Ctrl-C, which is for the run, and end when the run does, however it ends.
+    """Ignore Ctrl-C, which is for the run, and end together with the run in any case.
 
     To look for garbage in what is being loaded takes a tenth of the start, as does what SciPy loads
     along and no worker uses.

@@ -9,7 +9,7 @@ from importlib import metadata
 
 @cache
 def version() -> str:
-    """Return the version of the installed program, "unknown" where it is not installed."""
+    """Return the version of the installed program, or "unknown" if it is not installed."""
     try:
         return metadata.version("turnout")
     except metadata.PackageNotFoundError:
@@ -17,7 +17,7 @@ def version() -> str:
 
 
 def provenance() -> dict[str, str]:
-    """Return what a result file states about the program that wrote it.
+    """Return the entries of a result file about the program that wrote it.
 
     Examples
     --------

@@ -57,7 +57,7 @@ from turnout.core.units import (
 
 
 def unit_of(field: Any) -> str | None:
-    """Return the SI unit of a field of a record, None where it has none.
+    """Return the SI unit of a field of a record, or None if it has none.
 
     Examples
     --------
@@ -74,7 +74,7 @@ def unit_of(field: Any) -> str | None:
 
 
 def dimension_of(field: Any) -> Dimension | None:
-    """Return the dimension of a field of a record, None where it is a plain number or a text.
+    """Return the dimension of a field of a record, or None for a plain number or a text.
 
     Examples
     --------
@@ -347,7 +347,7 @@ def parse_points(value: object, *, si: bool = False) -> tuple[tuple[float, float
 
 
 def _all_si(value: object) -> bool:
-    """Return whether every number in nested lists is marked as SI."""
+    """Return True if every number in nested lists is marked as SI."""
     if isinstance(value, list | tuple):
         return all(_all_si(item) for item in value)
     return isinstance(value, SI)

@@ -1,4 +1,4 @@
-"""When a motor runs: its current above that of standstill, the one definition of a throw time.
+"""Running time of a motor by its current above standstill, the one definition of a throw time.
 
 Standstill is where the mean over 0.2 s is as near to zero as a clamp's zero ever is. Its median is
 the zero, its scatter the noise. A motor runs where its current, counted from that zero in its own
@@ -24,12 +24,12 @@ NOISE_REACH = 8.0
 RUNNING_SHARE, USUAL = 0.5, 0.25
 """A motor runs above this share of that quantile of the currents beyond the noise [-]."""
 BRIDGED = 0.5
-"""A current that stays below for less than this goes on, as where a load drives it back, unless it
+"""A current that stays below for less than this goes on, as when a load drives it back, unless it
 brakes in between [s]."""
 
 
 def running_level(current: Floats, *, rate: float) -> tuple[float, float, float]:
-    """Return the current of standstill, and the least one above it at which the motor runs.
+    """Return the current of standstill, and the level above it of a running motor.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def running_level(current: Floats, *, rate: float) -> tuple[float, float, float]
 
 
 def running_time(time: Floats, current: Floats) -> tuple[float, float]:
-    """Return when the motor of a movement was switched on and off, NaN where it did not run [s].
+    """Return the instants of switching a motor on and off, NaN if it did not run [s].
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Whether a force that grows with an object no longer does: a drive slips."""
+"""Saturation of a force that grows with the object: a drive slips."""
 
 from collections.abc import Sequence
 
@@ -11,7 +11,7 @@ GROWN, LEVEL = 0.2, 0.02
 
 
 def saturates(series: Sequence[tuple[float, NDArray[np.float64]]]) -> bool:
-    """Return whether a rod force that grew with the object is the same for the two largest.
+    """Return True if a rod force that grew with the object is the same for the two largest.
 
     Parameters
     ----------

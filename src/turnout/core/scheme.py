@@ -13,13 +13,13 @@ MODES: dict[str, dict[str, Any]] = {
     "quick": {"step": 4e-3, "cutoff_frequency": 100.0, "spectral_radius": 0.3},
     "quasi-static": {"step": 1e-2, "cutoff_frequency": 1.0, "inertia": False},
 }
-"""What the ways of looking at a throw take by themselves: `waveform` shows impacts and single
-chairs, `quick` drives, gaps and labels, `quasi-static` what is left without inertia."""
+"""Settings of the modes of simulating a throw: `waveform` shows impacts and single
+chairs, `quick` drives, gaps and labels, `quasi-static` the motion without inertia."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scheme:
-    """How a mechanism is integrated.
+    """Time integration of a mechanism.
 
     Attributes
     ----------
@@ -98,7 +98,7 @@ class Scheme:
         return "own"
 
     def __post_init__(self) -> None:
-        """Refuse what cannot work, all at once; choose the output interval where none is given."""
+        """Refuse invalid values, all at once; choose the output interval if none is given."""
         problems = [
             f"{item.name} = {value!r}: must be a number in SI"
             for item in fields(self)
@@ -129,7 +129,7 @@ class Scheme:
 
     @property
     def stride(self) -> int:
-        """Steps between stored instants; 0 where these lie between the steps."""
+        """Steps between stored instants, or 0 if these lie between the steps."""
         count = round(self.output_interval / self.step)
         aligned = abs(count * self.step - self.output_interval) <= 1e-6 * self.output_interval
         return count if aligned else 0

@@ -18,7 +18,7 @@ DIGEST = "content_digest"
 
 
 class DamagedError(ValueError):
-    """The content of a file is not what was written."""
+    """The content of a file differs from the arrays that were written."""
 
 
 def arrays_to_bytes(arrays: Mapping[str, NDArray[Any]], purpose: str) -> bytes:

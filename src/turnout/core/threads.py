@@ -9,7 +9,7 @@ from threadpoolctl import ThreadpoolController
 
 
 class _Limit(threading.local):
-    """Whether the present thread is inside `one_blas_thread`."""
+    """State of the present thread: inside `one_blas_thread` or not."""
 
     holds = False
 
@@ -23,7 +23,7 @@ def _controller() -> ThreadpoolController:
 
 
 def _has_one() -> bool:
-    """Return whether BLAS has one thread as it is, as in a worker of a sweep."""
+    """Return True if BLAS already has one thread, as in a worker of a sweep."""
     libraries = _controller().lib_controllers
     return all(one.num_threads == 1 for one in libraries if one.user_api == "blas")
 

@@ -76,7 +76,7 @@ def key_name(token: Token) -> str:
 
 
 def beyond_limits(text: str) -> tuple[str, int] | None:
-    r"""Return which limit of nesting or length a text exceeds, and the line; None if none.
+    r"""Return the limit of nesting or length that a text exceeds, and the line; None if none.
 
     Examples
     --------
@@ -114,7 +114,7 @@ _PLACE = re.compile(r"\((?:at line (\d+), column (\d+)|at end of document)\)\Z")
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """Where a value comes from: its kind (paper, source, computed, assumption) and a text."""
+    """Origin of a value: its kind (paper, source, computed, assumption) and a text."""
 
     kind: str
     text: str

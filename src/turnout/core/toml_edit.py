@@ -10,7 +10,7 @@ Path = tuple[str, ...]
 
 @dataclass(slots=True)
 class TomlLayout:
-    """Where values and tables are in a text.
+    """Positions of values and tables in a text.
 
     Attributes
     ----------

@@ -27,7 +27,7 @@ _ONE = re.compile(r"1(?:\s?/\s?|\sper\s)")
 
 
 def is_unit_text(text: str) -> bool:
-    """Return whether a text, with single spaces at most, follows the grammar of the module.
+    """Return True if a text, with single spaces at most, follows the grammar of the module.
 
     Examples
     --------
@@ -288,7 +288,7 @@ def _refuse_feet_and_inches(text: str) -> None:
 
 
 def is_finite(value: float) -> bool:
-    """Return whether a number is finite as a float; a whole number may be too large for one."""
+    """Return True if a number is finite as a float; a whole number may be too large for one."""
     try:
         return math.isfinite(value)
     except OverflowError:

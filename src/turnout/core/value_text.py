@@ -56,7 +56,7 @@ def _number(value: float, digits: int) -> str:
 
 
 def count_text(number: int, noun: str) -> str:
-    """Return a number with its noun, in the plural where it is not one.
+    """Return a number with its noun, in the plural unless the number is one.
 
     Examples
     --------

@@ -41,7 +41,7 @@ NAMES = {
     "gap_sheet": "turnout.figures.rail_sheet",
     "chair_sheet": "turnout.figures.rail_sheet",
 }
-"""Every public name and where it is defined; `__all__`, the loader and the stub follow from it."""
+"""Module of each public name; `__all__`, the loader and the stub follow from it."""
 
 __all__ = sorted(NAMES)  # noqa: PLE0605 - follows from the table
 __getattr__ = loader("turnout.figures", NAMES)

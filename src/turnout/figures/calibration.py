@@ -1,4 +1,4 @@
-"""Figures of a calibration: what a grid search tried, fitted forces, values with intervals."""
+"""Figures of a calibration: misfits of a grid search, fitted forces, values with intervals."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -70,7 +70,7 @@ def plot_sweep(curves: xr.Dataset) -> "Figure":
 
 
 def _shown(curves: xr.Dataset) -> list[int]:
-    """Return which values are drawn: the best, the ends, and what is between."""
+    """Return the indices of the values to draw: the best, the ends, and some between them."""
     count = curves.sizes["value"]
     best = int(np.argmin(curves["misfit"].values))
     spread = np.linspace(0, count - 1, min(count, MOST_VALUES - 1)).round().astype(int).tolist()
@@ -156,7 +156,7 @@ MEASURED_COLOUR, MEASURED_WIDTH = "#9e9e9e", 4.5
 
 
 def fit_sheet(signals: xr.Dataset, movement: str) -> Sheet:
-    """Return measured and fitted forces of a movement, and what is left between them.
+    """Return measured and fitted forces of a movement, and their differences.
 
     Parameters
     ----------
@@ -212,7 +212,7 @@ def fit_sheet(signals: xr.Dataset, movement: str) -> Sheet:
 
 
 def plot_fit(signals: xr.Dataset, movement: str) -> "Figure":
-    """Draw what `fit_sheet` describes."""
+    """Draw the sheet of `fit_sheet`."""
     return draw_sheet(fit_sheet(signals, movement))
 
 

@@ -164,7 +164,7 @@ def campaign_channels(dataset: xr.Dataset) -> list[ChannelRow]:
 
 
 def shown_span(dataset: xr.Dataset, rows: Sequence[ChannelRow]) -> tuple[float, float]:
-    """Return the time to show: until half a second after what does not slip has stopped."""
+    """Return the time to show: until half a second after the last rail without slip has stopped."""
     time = dataset["time"].values
     known = np.isfinite(rows[-1].channel.values)
     ends = [time[np.flatnonzero(row)[-1]] for row in known if row.any()]
@@ -179,7 +179,7 @@ def _slipped(dataset: xr.Dataset, number: int) -> bool:
 
 
 def size_label(dataset: xr.Dataset, number: int) -> str:
-    """Return the size of a movement's object for a legend, and whether a drive slipped on it."""
+    """Return the size of a movement's object for a legend, marked if a drive slipped on it."""
     size = float(dataset["size"].values[number])
     text = "none" if size == 0 else f"{size * MILLI:g} mm"
     return f"{text} (slips)" if _slipped(dataset, number) else text
@@ -198,7 +198,7 @@ def size_colour(size: float, sizes: np.ndarray) -> str | tuple[float, float, flo
 
 
 def campaign_title(dataset: xr.Dataset, text: str) -> str:
-    """Return the name of a campaign, whether it is synthetic, and what a figure shows of it."""
+    """Return the name of a campaign, marked if synthetic, above the text of a figure."""
     name = str(dataset.attrs.get("title", "campaign"))
     origin = " (synthetic)" if dataset.attrs.get("synthetic") else ""
     return f"{name}{origin}\n{text}"
@@ -270,7 +270,7 @@ INK = 6
 
 
 def stacked_sheet(dataset: xr.Dataset, *, place: str, direction: str) -> Sheet:
-    """Return what `plot_stacked` draws.
+    """Return the figure of `plot_stacked` as plain data.
 
     Parameters
     ----------

@@ -127,7 +127,7 @@ def colour_of(line: Line) -> str:
 
 
 def _span(sheet: Sheet) -> tuple[float, float]:
-    """Return what the x axis shows: lines fill it, marks and bars keep a margin."""
+    """Return the range of the x axis: lines fill it, marks and bars keep a margin."""
     lines = [line for row in sheet.rows for line in row.lines if np.asarray(line.x).size]
     low = min(float(np.min(line.x)) for line in lines)
     high = max(float(np.max(line.x)) for line in lines)
@@ -172,7 +172,7 @@ def _level(ax: "Axes", at: float, text: str) -> None:
 
 
 def _name_places(ax: "Axes", sheet: Sheet) -> None:
-    """Write what bands are above the first axes; moments too, or beside their line."""
+    """Write the texts of bands above the first axes; moments too, or beside their line."""
     above = [(0.5 * (band.start + band.end), band.text) for band in sheet.bands]
     above += [] if sheet.bands else [(moment.at, moment.text) for moment in sheet.moments]
     for at, text in above:

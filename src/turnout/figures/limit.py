@@ -210,7 +210,7 @@ def plot_bands(dataset: xr.Dataset) -> "Figure":
 
 
 def ends_before_gaps(row: "NDArray[np.float64]") -> "NDArray[np.bool_]":
-    """Return which values have a neighbour that is NaN.
+    """Return a mask of the values that have a neighbour that is NaN.
 
     Parameters
     ----------

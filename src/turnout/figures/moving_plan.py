@@ -1,4 +1,4 @@
-"""A panel seen from above as plain data for a page: what stands where, and how the rails move."""
+"""A panel seen from above as plain data for a page: its parts, and the motion of its rails."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -18,7 +18,7 @@ MOVING = ("gap", "lateral_displacement", "drive_force", "object_force", "chair_n
 
 
 def plan_record(panel: Panel) -> dict[str, Any]:
-    """Return what does not move in a panel's plan.
+    """Return the parts of a panel's plan that do not move.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def plan_record(panel: Panel) -> dict[str, Any]:
 
 
 def motion_record(panel: Panel, dataset: xr.Dataset, *, frames: int = FRAMES) -> dict[str, Any]:
-    """Return how rails move and forces change in a run, at so many instants.
+    """Return the motion of rails and the forces in a run, at so many instants.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ def _rail_record(panel: Panel, name: str) -> dict[str, Any]:
 
 
 def _bays(panel: Panel) -> list[float]:
-    """Return the places where a sleeper must lie: under all that stands on one."""
+    """Return the places that need a sleeper, as a part stands on it."""
     families: Iterable[Iterable[Placed]] = (
         panel.sleeper.values(),
         panel.chair.values(),

@@ -74,7 +74,7 @@ def plot_pairs(
 
 
 def _correlation(ax: object, first: Floats, second: Floats) -> None:
-    """Write a rank correlation, darker where it is strong."""
+    """Write a rank correlation, the darker the stronger."""
     found = float(np.corrcoef(first, second)[0, 1])
     ax.set_axis_off()  # type: ignore[attr-defined]
     ax.text(  # type: ignore[attr-defined]

@@ -65,7 +65,7 @@ def plot_columns(traces: Sequence[Trace], *, title: str = "") -> "Figure":
 
 
 def plot_measured(dataset: xr.Dataset, *, title: str = "") -> "Figure":
-    """Draw measured forces [kN] and currents [A]; what was filtered away is grey behind.
+    """Draw measured forces [kN] and currents [A], with unfiltered values in grey behind.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def _of_object(dataset: xr.Dataset) -> list[Pair]:
 
 
 def _pair(dataset: xr.Dataset, name: str, label: str, factor: float) -> Pair | None:
-    """Return a channel and what it was before filtering; None where it is NaN throughout."""
+    """Return a channel and its values before filtering; None if it is NaN throughout."""
     time, values = dataset["time"].values, dataset[name].values * factor
     if not np.isfinite(values).any():
         return None

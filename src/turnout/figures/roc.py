@@ -1,4 +1,4 @@
-"""Detections against false alarms, with what no detector exceeds."""
+"""Detections against false alarms, with the limit of all detectors."""
 
 from typing import TYPE_CHECKING
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LEAST_ALARM_RATE = 1e-5
-"""False-alarm rate where the axis begins [-]."""
+"""False-alarm rate at the start of the axis [-]."""
 CHANCE = 0.05
 """Of no false alarm at the largest rate that is shown for none [-]."""
 

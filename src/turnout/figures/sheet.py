@@ -1,4 +1,4 @@
-"""What a figure shows, as plain data: one description for paper and for pages.
+"""Content of a figure as plain data: one description for paper and for pages.
 
 Thinning of curves that keeps their appearance.
 """
@@ -101,7 +101,7 @@ class Level:
 
 @dataclass(frozen=True, slots=True)
 class Band:
-    """A part of the x axis, shaded: from, to, and what it is."""
+    """A part of the x axis, shaded: start, end and text."""
 
     start: float
     end: float
@@ -110,7 +110,7 @@ class Band:
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """A place on the x axis, dotted upright: where and what."""
+    """A place on the x axis, dotted upright, with its text."""
 
     at: float
     text: str
@@ -203,7 +203,7 @@ MOST_COUNTED = 20
 
 
 def counted(sheet: Sheet) -> bool:
-    """Return whether the x axis counts something, so that only whole numbers belong on it."""
+    """Return True if the x axis counts something, so that only whole numbers belong on it."""
     rows = [np.asarray(line.x, dtype=float) for row in sheet.rows for line in row.lines]
     x = np.concatenate(rows) if rows else np.zeros(0)
     return x.size > 0 and bool(np.all(x == np.round(x)) and np.ptp(x) < MOST_COUNTED)

@@ -112,7 +112,7 @@ def plot_chair_load(dataset: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
 
 
 def plot_energy(dataset: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
-    """Draw where the work of the drives goes.
+    """Draw the work of the drives and the energies that it goes into.
 
     Parameters
     ----------

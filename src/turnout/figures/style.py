@@ -77,7 +77,7 @@ def put_title(figure: "Figure", text: str, *, left: bool = True) -> None:
 
 
 def title_of(dataset: xr.Dataset, compare: xr.Dataset | None = None) -> str:
-    """Return panel, objects and outcome of a run, and what it is compared with."""
+    """Return panel, objects and outcome of a run, and of the run that it is compared with."""
     parts = [_described(dataset)]
     if not dataset.attrs.get("complete", True):
         parts.append(f"NOT COMPLETE ({dataset.attrs.get('outcome', 'ended early')})")

@@ -71,7 +71,7 @@ def plot_sweep_map(cells: xr.Dataset) -> "Figure":
 
 
 def plot_cells(cells: xr.Dataset, name: str, *, ax: "Axes") -> "Axes":
-    """Draw one quantity in colour, with its number in each cell where there is room.
+    """Draw one quantity in colour, with its number in each cell that has room for it.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def plot_cells(cells: xr.Dataset, name: str, *, ax: "Axes") -> "Axes":
 
 
 def plot_states(cells: xr.Dataset, *, ax: "Axes") -> "Axes":
-    """Draw how the throws of each cell ended, the worst of them where there are several.
+    """Draw the outcomes of the throws of each cell, the worst if there are several.
 
     Parameters
     ----------
@@ -302,7 +302,7 @@ def plot_effect(item: OutputEffects, effect: Effect, *, ax: "Axes") -> "Axes":
 
 
 def effect_axis(effect: Effect) -> tuple[str, float, float]:
-    """Return the title of an input's axis, and what turns SI into what it shows."""
+    """Return the title of an input's axis, and factor and offset from SI to its values."""
     if effect.name in AXIS_TITLES:
         return AXIS_TITLES[effect.name]
     unit, size = shown_unit(effect.units)

@@ -186,7 +186,7 @@ def _averaged(curve: Curve, dataset: xr.Dataset) -> Curve:
 
 
 def _torn(values: np.ndarray, dataset: xr.Dataset) -> np.ndarray:
-    """Tear a curve where a movement begins, as the rail that should be closed changes there."""
+    """Tear a curve at the start of a movement, as the rail that should be closed changes there."""
     torn = values.copy()
     time = dataset["time"].values
     for span in movements(dataset):
@@ -253,7 +253,7 @@ def _name_movements(ax: "Axes", dataset: xr.Dataset) -> None:
 
 
 def _saturation(ax: "Axes", dataset: xr.Dataset) -> None:
-    """Dash the saturation force of each drive where the axes come near it."""
+    """Dash the saturation force of each drive if the axes come near it."""
     if "saturation_force" not in dataset.coords:
         return
     for limit in np.unique(dataset["saturation_force"].values) * KILO:
@@ -273,7 +273,7 @@ def _saturation(ax: "Axes", dataset: xr.Dataset) -> None:
 
 
 def _slips(ax: "Axes", dataset: xr.Dataset) -> None:
-    """Mark where a drive reaches its saturation force."""
+    """Mark the instants at which a drive reaches its saturation force."""
     if "drive_slipping" not in dataset:
         return
     names = [str(name) for name in dataset["drive"].values]

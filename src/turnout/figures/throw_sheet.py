@@ -122,7 +122,7 @@ def _slip_levels(dataset: xr.Dataset) -> tuple[Level, ...]:
 
 
 def _slip_marks(dataset: xr.Dataset) -> list[Line]:
-    """Return a mark where each drive begins to slip."""
+    """Return a mark at the start of each drive's slip."""
     if "drive_slipping" not in dataset:
         return []
     names = [str(name) for name in dataset["drive"].values]

@@ -24,7 +24,7 @@ LARGEST_SHOWN_ERROR = 3.0
 
 
 def plot_comparison(validation: xr.Dataset, *, place: str, sizes: Sequence[float] = ()) -> "Figure":
-    """Draw measured and predicted forces over time, and what they differ by, with the 95 % band.
+    """Draw measured and predicted forces over time, and their difference with the 95 % band.
 
     The forces are in the form of figure 11 of the published calibration. Below each row is what is
     measured less what is predicted, on a scale of its own.
@@ -106,7 +106,7 @@ def _force_lines(ax: "Axes", one: xr.Dataset, number: int) -> None:
 
 
 def _difference_lines(ax: "Axes", one: xr.Dataset, number: int) -> None:
-    """Draw what is measured less what is predicted, and the band around zero [kN]."""
+    """Draw the difference of measurement less prediction, and the band around zero [kN]."""
     colour, predicted = COLOURS[number % len(COLOURS)], one["predicted"].values
     band = ((one[end].values - predicted) * KILO for end in ("low", "high"))
     ax.fill_between(one["time"].values, *band, color=colour, alpha=0.2, linewidth=0)
@@ -233,7 +233,7 @@ INK, DASHED, DOTTED = 6, 1, 3
 
 
 def comparison_sheet(validation: xr.Dataset, *, place: str, sizes: Sequence[float] = ()) -> Sheet:
-    """Return what `plot_comparison` draws, the ends of a band as dotted lines.
+    """Return the figure of `plot_comparison` as plain data, the ends of a band as dotted lines.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What kernels take and return, as words of eight bytes.
+"""Arguments and results of kernels, as words of eight bytes.
 
 Machine code reads its arguments from words in memory and writes there what it returns: numbers as
 they are, arrays as their address with shape and strides, records as the address of their words
@@ -135,7 +135,7 @@ def describe(kind: Kind) -> str:
 
 
 def result_from(words: Sequence[Any], kind: Kind) -> Any:
-    """Return what a kernel returned; the class of a named tuple is "module:name" here.
+    """Return the result of a kernel; the class of a named tuple is "module:name" here.
 
     Examples
     --------

@@ -34,7 +34,7 @@ def kernel_cache_folder() -> Path:
 
 
 def _choose_folder() -> None:
-    """Choose a folder that no other user can write, since what lies there is run.
+    """Choose a folder that no other user can write, since code from it is run.
 
     It bears the digest of the present sources wherever it is: a folder that the user chose may
     have served others before.
@@ -91,7 +91,7 @@ class Kernel:
 
     @property
     def _numba_type_(self) -> Any:
-        """What Numba takes for this kernel where another kernel calls it."""
+        """Numba's type of this kernel for kernels that call it."""
         from numba.core.types import Dispatcher
 
         return Dispatcher(self.dispatcher)
@@ -105,11 +105,11 @@ class Kernel:
 
     @property
     def is_loaded(self) -> bool:
-        """Whether this process has machine code of this kernel."""
+        """True if this process has machine code of this kernel."""
         return bool(self._ready)
 
     def is_kept(self) -> bool:
-        """Return whether machine code of this kernel is in use here, or in the cache."""
+        """Return True if machine code of this kernel is in use here, or in the cache."""
         if self._ready:
             return True
         from turnout.kernels.machine_code import machine_digest

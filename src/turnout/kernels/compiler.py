@@ -1,4 +1,4 @@
-"""Compile kernels with Numba; imported only where a kernel is not in the cache.
+"""Compile kernels with Numba; imported only if a kernel is not in the cache.
 
 Numba optimises each kernel with all that it calls and makes machine code of it, and does the same
 again for whatever calls that kernel. Only the few kernels that Python calls need this. Every kernel
@@ -105,13 +105,13 @@ class _PlainCodeFiles(CompileResultCacheImpl):
         return f"inner.{super().get_filename_base(fullname, abiflags)}.{machine_digest()}"
 
     def reduce(self, cres: Any) -> Any:
-        """Return what is stored of compiled code."""
+        """Return the stored form of compiled code."""
         cres.fndesc.typemap = cres.fndesc.calltypes = None  # of the compiler, and large
         code = cres.library._final_module.as_bitcode()
         return cres.library.name, code, cres.fndesc, cres.signature, cres.reload_init
 
     def rebuild(self, target_context: Any, payload: Any) -> Any:
-        """Return compiled code from what was stored."""
+        """Return compiled code from its stored form."""
         name, code, fndesc, signature, reload_init = payload
         library = _PlainCode(target_context.codegen(), name)
         library._final_module = parse_bitcode(code)
@@ -138,7 +138,7 @@ class _DigestedFiles(IndexDataCacheFile):
 
 
 class _PlainCodeCache(FunctionCache):
-    """Cache of the plain code of kernels; where it cannot serve, code is compiled again."""
+    """Cache of the plain code of kernels; if it cannot serve, code is compiled again."""
 
     _impl_class = _PlainCodeFiles
 
@@ -151,7 +151,7 @@ class _PlainCodeCache(FunctionCache):
         )
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return kept code; None where there is none for these arguments, or it is damaged."""
+        """Return kept code; None if there is none for these arguments, or it is damaged."""
         try:
             found = super().load_overload(sig, target_context)
         except Exception:  # whatever comes of unpickling what is damaged
@@ -199,7 +199,7 @@ def inner_dispatcher(function: Callable[..., Any], *, loop: bool, part: bool) ->
     return inner
 
 
-def compile_kernel(dispatcher: CPUDispatcher, kinds: tuple[Kind, ...], *, name: str) -> MachineCode:
+def compile_kernel(dispatcher: Any, kinds: tuple[Kind, ...], *, name: str) -> MachineCode:
     """Return the machine code of a kernel for arguments of some kinds, its entry with a name."""
     given = tuple(_type_of(kind) for kind in kinds)
     with global_compiler_lock:
@@ -234,7 +234,7 @@ def _type_of(kind: Kind) -> types.Type:
 
 
 def _items(kind: Any) -> tuple[Any, ...]:
-    """Return the types of what is in a tuple."""
+    """Return the types of the items of a tuple."""
     return tuple(kind.types)
 
 
@@ -257,7 +257,7 @@ def _result_kind(kind: Any) -> Kind:
 
 
 def _write_entry(context: Any, module: Any, name: str, inner: Any) -> None:
-    """Write ``int name(void *words)``, which calls the kernel and leaves there what it returns."""
+    """Write ``int name(void *words)``, which calls the kernel and stores its result there."""
     kind = ir.FunctionType(ir.IntType(32), [_WORD.as_pointer()])
     function = ir.Function(module, kind, name)
     builder = ir.IRBuilder(function.append_basic_block("entry"))

@@ -23,7 +23,7 @@ FIRST, LAST = range(2)
 def find_places(
     effort: Floats, travel: Floats | None, limits: Floats, arrived: float, places: Ints
 ) -> None:
-    """Find where each row is largest, slips first, and has last not arrived.
+    """Find the places at which each row is largest, slips first, and has last not arrived.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def find_places(
 
 @compiled_part
 def _largest(row: Floats) -> int:
-    """Return where a row is largest among its finite values; 0 where it has none."""
+    """Return the place of the largest finite value of a row; 0 if it has none."""
     found, largest, whole = 0, -np.inf, row.size - row.size % LANES
     for begin in range(0, row.size, LANES):
         # Most of eight neighbours are none of them larger.
@@ -67,7 +67,7 @@ def _largest(row: Floats) -> int:
 
 @compiled_part
 def _first_above(row: Floats, limit: float) -> int:
-    """Return where a row is first above a limit; -1 for nowhere."""
+    """Return the first place at which a row is above a limit; -1 if there is none."""
     whole = row.size - row.size % LANES
     for begin in range(0, row.size, LANES):
         if begin < whole and not any_true(greater(load(row, begin), broadcast(limit))):
@@ -186,7 +186,7 @@ def _average(row: Floats, level: float, half: int, scratch: Floats) -> None:
 
 @compiled_loop
 def _average_inside(total: Floats, number: Floats, half: int, level: float, to: Floats) -> None:
-    """Write the averages of windows that lie within a row, NaN where there is no sample."""
+    """Write the averages of windows that lie within a row, NaN for windows without a sample."""
     for i in range(to.size):
         end = i + 2 * half + 1
         to[i] = (total[end] - total[i]) / (number[end] - number[i]) + level

@@ -13,7 +13,7 @@ Ints = NDArray[np.int64]
 
 
 class DistanceColumns(NamedTuple):
-    """By how much modes and row forces lessen the distances along some rails.
+    """Columns by which modes and row forces lessen the distances along some rails.
 
     Stored transposed: a row for each mode or row force, an entry for each point of the rail, up to
     whole cache lines.
@@ -49,7 +49,7 @@ def lessen_distances(
     friction_force: Floats,
     force: Floats,
 ) -> None:
-    r"""Subtract from distances along rails what instants lessen them by.
+    r"""Subtract from distances along rails the reductions at some instants.
 
     The force on a row is :math:`\lambda = k g - \sum F`, see `turnout.throw.recovery`. At most
     instants few of the rows have one, so that few columns are read.

@@ -32,7 +32,7 @@ HANDLERS_STAY = os.name == "posix"
 
 @contextmanager
 def one_thread() -> Iterator[Executor | None]:
-    """Give an executor of one worker thread for kernels; None where they need none.
+    """Give an executor of one worker thread for kernels; None if they need none.
 
     Ctrl-C comes to the main thread alone, and to no process that ignores it, such as a worker of a
     sweep; Python's own handler is replaced while a kernel runs. One thread serves all runs:
@@ -65,7 +65,7 @@ if hasattr(os, "register_at_fork"):  # a forked process has none of the threads
 def call_interruptible(
     thread: Executor | None, stop: Ints, kernel: Callable[P, T], *given: P.args, **named: P.kwargs
 ) -> T:
-    """Call a kernel; on Ctrl-C set the flag, and return what the kernel then returns.
+    """Call a kernel and return its result; on Ctrl-C set the flag that it polls.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Functions whose code in kernels is emitted by hand; imported where kernels are compiled."""
+"""Functions whose code in kernels is emitted by hand; imported only to compile kernels."""
 
 from collections.abc import Callable
 from typing import Any

@@ -1,4 +1,4 @@
-"""What the functions of `turnout.kernels.inverse` are in machine code."""
+"""Machine code of the functions of `turnout.kernels.inverse`."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""What the functions of `turnout.kernels.lanes` are in machine code."""
+"""Machine code of the functions of `turnout.kernels.lanes`."""
 
 import operator
 from typing import Any

@@ -84,7 +84,7 @@ def prefetch(values: Floats) -> None:
 
 
 def store_nontemporal(eight: Floats, to: Floats, at: int) -> None:
-    """Store eight floats, aligned to a cache line, past the caches: for what is not read soon."""
+    """Store eight floats, aligned to a cache line, past the caches: for values not read soon."""
     to[at : at + LANES] = eight
 
 
@@ -95,7 +95,7 @@ def gather(values: Floats, places: Indices, at: int) -> Floats:
 
 
 def gather_neighbours(values: Floats, places: Indices, at: int) -> Floats:
-    """Load as `gather` does, quickly where the eight mostly are neighbours in order."""
+    """Load as `gather` does, quickly if the eight mostly are neighbours in order."""
     return gather(values, places, at)
 
 
@@ -169,12 +169,12 @@ def absolute(eight: Floats) -> Floats:
 
 
 def greater(a: Floats, b: Floats) -> Bools:
-    """Compare eight by eight floats, ``a > b``; false where one is NaN."""
+    """Compare eight by eight floats, ``a > b``; false if one is NaN."""
     return a > b
 
 
 def greater_or_nan(a: Floats, b: Floats) -> Bools:
-    """Compare eight by eight floats, ``a > b``; true where one is NaN."""
+    """Compare eight by eight floats, ``a > b``; true if one is NaN."""
     return ~(a <= b)
 
 
@@ -184,10 +184,10 @@ def logical_or(one: Bools, other: Bools) -> Bools:
 
 
 def select(where: Bools, yes: Floats, no: Floats) -> Floats:
-    """Return `yes` where the flag is true, else `no`."""
+    """Return `yes` for flags that are true, else `no`."""
     return np.where(where, yes, no)
 
 
 def any_true(flags: Bools) -> bool:
-    """Return whether any of eight flags is true."""
+    """Return True if any of eight flags is true."""
     return bool(flags.any())

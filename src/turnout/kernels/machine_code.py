@@ -1,4 +1,4 @@
-"""Machine code of kernels: its files, and how it is called.
+"""Machine code of kernels: its files and its calls.
 
 A file holds an object as LLVM made it, with a digest, so that damage is detected. Loading it takes
 the linker of LLVM (llvmlite) and no compiler: Numba is imported where a kernel has to be compiled.
@@ -54,7 +54,7 @@ class MachineCode:
 
     @classmethod
     def from_bytes(cls, content: bytes) -> Self | None:
-        """Return what a file holds; None where it is damaged."""
+        """Return the content of a file; None if it is damaged."""
         digest, rest = content[:DIGEST_SIZE], content[DIGEST_SIZE:]
         if digest_of(rest) != digest:
             return None
@@ -66,7 +66,7 @@ DIGEST_SIZE = 16
 
 
 def digest_of(content: bytes) -> bytes:
-    """Return a digest by which damage is detected."""
+    """Return a digest that reveals damage."""
     return hashlib.blake2b(content, digest_size=DIGEST_SIZE).digest()
 
 
@@ -82,7 +82,7 @@ CODE_VARIABLES = tuple(
 
 @cache
 def machine_digest() -> str:
-    """Return a digest of this processor and of what compiles for it; 12 hexadecimal digits."""
+    """Return a digest of this processor and of the compilers for it; 12 hexadecimal digits."""
     host = (binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten())
     chosen = [f"{name}={os.environ[name]}" for name in CODE_VARIABLES if name in os.environ]
     makers = [version(package) for package in ("numba", "llvmlite", "numpy")]
@@ -152,7 +152,7 @@ def variable_address(name: str) -> int:
 
 @cache
 def _name_lapack() -> None:
-    """Say to LLVM where the procedures of SciPy's LAPACK lie in memory."""
+    """Give LLVM the addresses of the procedures of SciPy's LAPACK."""
     from scipy.linalg import cython_lapack
 
     address = ctypes.pythonapi.PyCapsule_GetPointer
@@ -165,7 +165,7 @@ def _name_lapack() -> None:
 
 
 def read_machine_code(file: Path) -> MachineCode | None:
-    """Return the machine code of a file; None where there is none, or it is damaged."""
+    """Return the machine code of a file; None if there is none, or it is damaged."""
     try:
         return MachineCode.from_bytes(file.read_bytes())
     except OSError:
@@ -173,7 +173,7 @@ def read_machine_code(file: Path) -> MachineCode | None:
 
 
 def kept_code(file: Path | None, make: Callable[[], MachineCode]) -> tuple[MachineCode, bool]:
-    """Return machine code from its file, or make and keep it; and whether it came from there."""
+    """Return machine code from its file, or make and keep it; and True if it came from there."""
     code = None if file is None else read_machine_code(file)
     if code is not None:
         return code, True

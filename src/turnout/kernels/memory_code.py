@@ -1,4 +1,4 @@
-"""What the functions of `turnout.kernels.memory` are in machine code."""
+"""Machine code of the functions of `turnout.kernels.memory`."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""What the records of `turnout.kernels.shared_record` are in machine code."""
+"""Machine code of the records of `turnout.kernels.shared_record`."""
 
 from functools import cache
 from typing import Any

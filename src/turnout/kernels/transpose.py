@@ -38,7 +38,7 @@ PLAIN, PLUS, MINUS = 0, 1, 2
 
 
 class RowSums(NamedTuple):
-    """Which columns come to which rows.
+    """Columns to be summed for each row.
 
     Columns are turned in windows of eight neighbours, which may overlap, a `PAIR` at a time. Rows
     come in the order in which their columns are turned.

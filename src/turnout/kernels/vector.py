@@ -172,7 +172,7 @@ def sum_weighted_rows(start: Floats, weights: Floats, rows: Floats, to: Floats) 
 
 @compiled_loop
 def _sum_some_rows(start: Floats, weights: Floats, rows: Floats, to: Floats, fresh: bool) -> None:
-    """Write a start and a sum of rows, or add the sum to what has been written before."""
+    """Write a start and a sum of rows, or add the sum to earlier values."""
     at, lines = 0, to.size // LANES
     while lines >= 6:
         if lines % 6 == 0:

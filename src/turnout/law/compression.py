@@ -1,4 +1,4 @@
-r"""Force over compression of what is trapped between two rails: stone, ice, snow, wood, metal.
+r"""Force over compression of an object between two rails: stone, ice, snow, wood, metal.
 
 Each is a polyline through zero that `turnout.law.obstruction` gives a memory, and stands in series
 with the stiffness of the contacts. With the area :math:`A` (length along the rail times depth), the
@@ -32,8 +32,8 @@ ice is crushed before the rest flakes off [-]."""
 SNOW_EXPONENT, SNOW_POINTS = 4.5, 12
 """Of the strength of snow over its density [-], and how many points of the curve are taken."""
 WOOD_MODULUS, WOOD_PLATEAU, WOOD_DENSE = 0.4e9, (0.5, 2.0), (0.65, 10.0)
-"""Across the grain: Young's modulus [Pa]; lasting strain and multiple of the strength where cells
-begin to be compacted and where they are."""
+"""Across the grain: Young's modulus [Pa]; lasting strain and multiple of the strength at the
+beginning and the end of compacting its cells."""
 METAL_MODULUS, METAL_HARDENING = 210e9, 2e9
 """Young's modulus of steel and modulus of its hardening [Pa]."""
 LEAST_PIECE = 1e-3
@@ -42,7 +42,7 @@ LEAST_PIECE = 1e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Compression:
-    """A curve of force over compression, and what becomes of it.
+    """A curve of force over compression, with its failure.
 
     Attributes
     ----------
@@ -144,7 +144,7 @@ def ice(*, size: float, area: float, strength: float, contact: float, piece: flo
 
 
 def spent(curve: Compression) -> Compression:
-    """Return the curve of what crumbles no more: elastic for ever."""
+    """Return the curve of an object that crumbles no more: elastic for ever."""
     slopes = curve.slopes.copy()
     slopes[2:] = slopes[1]
     return replace(curve, slopes=slopes, breaks=SPENT)

@@ -90,7 +90,7 @@ def friction_state(trial: float, limit: float, present: float, tolerance: float)
 
 @compiled_loop
 def any_not_finite(values: Floats) -> bool:
-    """Return whether a vector that fills whole cache lines holds NaN or infinity."""
+    """Return True if a vector that fills whole cache lines holds NaN or infinity."""
     zero, one, infinite = broadcast(0.0), broadcast(1.0), broadcast(np.inf)
     a, b, c, d = zero, zero, zero, zero  # four counts, since each waits for its last addition
     whole = values.size - values.size % (4 * LANES)

@@ -1,4 +1,4 @@
-"""Obstructions with memory: laws that dent, split, crumble or break away, and what they remember.
+"""Obstructions with memory: laws that dent, split, crumble or break away, and their state.
 
 An obstruction is a law of the table with the segments
 
@@ -21,7 +21,7 @@ from turnout.kernels.compiled import compiled
 from turnout.law.table import Floats, Ints, LawTable
 
 NEVER, SPLITS, CRUMBLES, BREAKS_AWAY, SPENT = range(5)
-"""How an obstruction breaks: not at all, it dents; into a piece; in layers; as a bond between two
+"""Failure modes of an obstruction: none, it dents; into a piece; in layers; as a bond between two
 bodies; or no longer, and it does not dent either."""
 
 
@@ -130,7 +130,7 @@ def dent(table: LawTable, law: int, segment: int, e: float, unloading: float) ->
 
 @compiled
 def split(table: LawTable, obstructions: Obstructions, row: int) -> bool:
-    """Leave a piece of a stone, or nothing; return whether any is left.
+    """Leave a piece of a stone, or nothing; return True if any is left.
 
     The load of splitting is proportional to the square of the size.
     """

@@ -61,7 +61,7 @@ MOST_JOINED = 32
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SharedTableParts:
-    """What tables share whose laws differ in values alone.
+    """Common parts of tables whose laws differ in values alone.
 
     Attributes
     ----------
@@ -222,7 +222,7 @@ class LawTableBuilder:
 
 
 def _joined(first: LawTable, second: LawTable) -> SharedTableParts:
-    """Return what a table and another one after it share with tables of other values."""
+    """Return the common parts of two joined tables and of such tables of other values."""
     starts = (first.segment_start, second.segment_start[1:] + first.segment_start[-1])
     table = LawTable(*(np.concatenate(pair) for pair in zip(first, second, strict=True)))._replace(
         segment_start=np.concatenate(starts),

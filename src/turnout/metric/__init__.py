@@ -1,1 +1,1 @@
-"""Features of datasets, whether simulated or measured."""
+"""Features of simulated and measured datasets."""

@@ -1,4 +1,4 @@
-"""How far two sets of movements are apart, channel by channel, and how far repeats are."""
+"""Distance between two sets of movements, channel by channel, and spread of repeats."""
 
 from itertools import groupby
 from typing import cast
@@ -127,7 +127,7 @@ def repeat_groups(dataset: xr.Dataset) -> list[list[int]]:
 
 
 def repeat_spread(channels: xr.DataArray, groups: list[list[int]]) -> xr.DataArray:
-    r"""Return how far repeats are from their mean: what no prediction can be better than.
+    r"""Return the deviation of repeats from their mean: no prediction can be better.
 
     .. math:: s^2 = \frac{\sum_g \sum_{j \in g} \overline{(m_j - \bar m_g)^2}}{\sum_g (n_g - 1)}
 
@@ -191,7 +191,7 @@ def band_coverage(measured: xr.DataArray, low: xr.DataArray, high: xr.DataArray)
 
 
 def only_fitted(validation: xr.Dataset) -> NDArray[np.bool_]:
-    """Return which movements were used for the fit and are not predicted from other places either.
+    """Flag movements that were used for the fit and are not predicted from other places either.
 
     Parameters
     ----------

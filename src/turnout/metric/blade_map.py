@@ -1,4 +1,4 @@
-"""The blade coloured by what can be seen at one size: from the map that `turnout limit` writes."""
+"""The blade coloured by visibility at one size: from the map that `turnout limit` writes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ BOTH = "both drives"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlaceSeen:
-    """What can be seen at a place of an object of some size.
+    """Visibility of an object of some size at a place.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class PlaceSeen:
 
 
 def blade_map(dataset: xr.Dataset, size: float, *, channel: str = BOTH) -> list[PlaceSeen]:
-    """Return what can be seen along the blade of objects of one size, from the toe on.
+    """Return the visibility of objects of one size along the blade, from the toe on.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def blade_map(dataset: xr.Dataset, size: float, *, channel: str = BOTH) -> list[
 def blade_maps(
     dataset: xr.Dataset, sizes: Sequence[float] | Floats, *, channel: str = BOTH
 ) -> list[list[PlaceSeen]]:
-    """Return what `blade_map` returns for each of some sizes.
+    """Return the `blade_map` for each of some sizes.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def blade_maps(
 
 
 def _at_sizes(pod: Floats, own: Floats, sizes: Sequence[float] | Floats, largest: Floats) -> Floats:
-    """Return a probability at some sizes, shape (n_sizes, n_places); NaN beyond what was thrown."""
+    """Return a probability at some sizes, shape (n_sizes, n_places); NaN above the thrown ones."""
     wanted = np.asarray(sizes, dtype=np.float64)
     found = np.array([np.interp(wanted, own, row) for row in pod]).T
     return np.where(wanted[:, np.newaxis] <= largest + ROUNDING, found, np.nan)

@@ -1,4 +1,4 @@
-"""What a campaign of movements says: end forces, their scatter, and the sizes that matter."""
+"""Statistics of a campaign of movements: end forces, their scatter, and decisive sizes."""
 
 import math
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ class RepeatScatter:
 
     @property
     def threshold(self) -> float:
-        """How far above the mean one more throw without an object may lie [N]; NaN if unknown."""
+        """Largest excess over the mean of one more throw without an object [N]; NaN if unknown."""
         if self.count < 2:
             return math.nan
         quantile = float(stdtrit(self.count - 1, 1 - FALSE_ALARM_RATE))
@@ -38,7 +38,7 @@ class RepeatScatter:
 
 @dataclass(frozen=True, slots=True)
 class PlaceSizes:
-    """What objects did at a place, as sizes [m]; NaN where none did.
+    """Effects of objects at a place, as sizes [m]; NaN for effects that never occurred.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ def object_places(dataset: xr.Dataset) -> list[str]:
 
 
 def end_values(channel: xr.DataArray) -> np.ndarray:
-    """Return the mean of each movement over its last 0.3 s; NaN where nothing was measured.
+    """Return the mean of each movement over its last 0.3 s; NaN if nothing was measured.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def end_values(channel: xr.DataArray) -> np.ndarray:
 
 
 def repeat_scatter(dataset: xr.Dataset, *, direction: str) -> list[RepeatScatter]:
-    """Return how the end force of each drive scatters in throws without an object.
+    """Return the scatter of the end force of each drive in throws without an object.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def saturating_places(dataset: xr.Dataset, *, direction: str) -> list[str]:
 
 
 def place_sizes(dataset: xr.Dataset, *, direction: str) -> list[PlaceSizes]:
-    """Return at each place the sizes from which on objects are detectable, and make a drive slip.
+    """Return at each place the least sizes that are detectable, and that make a drive slip.
 
     Parameters
     ----------

@@ -54,7 +54,7 @@ def filtered(channel: "xr.DataArray", *, window: float = WINDOW) -> "xr.DataArra
 
 
 def first_time(flag: "xr.DataArray", *, after: float = -np.inf) -> "xr.DataArray":
-    """Return when a logical channel is first true.
+    """Return the time at which a logical channel is first true.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ PLATEAU = 0.3
 def contact_time(
     object_force: "xr.DataArray", *, threshold: float = CONTACT_FORCE
 ) -> "xr.DataArray":
-    """Return when the force on the object exceeds a threshold for good.
+    """Return the time from which the force on the object exceeds a threshold for good.
 
     Parameters
     ----------

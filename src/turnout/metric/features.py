@@ -35,7 +35,7 @@ ARRIVED = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Feature:
-    """A row of the table: name, SI unit, and what it is."""
+    """A row of the table: name, SI unit, and meaning."""
 
     name: str
     units: str
@@ -272,7 +272,7 @@ def _plateaus(elapsed: Floats, effort: Floats, duration: Floats) -> Floats:
 
 
 def _medians(values: Floats) -> Floats:
-    """Return what `numpy.median` gives of each row, in a third of its time for short rows."""
+    """Return the `numpy.median` of each row, in a third of its time for short rows."""
     rising, half = np.sort(values, axis=1), values.shape[1] // 2
     middle = rising[:, half]
     if values.shape[1] % 2 == 0:
@@ -335,14 +335,14 @@ def _labelled(
 
 
 def _limits(dataset: "xr.Dataset") -> Floats:
-    """Return the force at which each drive slips; infinite where that is not known [N]."""
+    """Return the force at which each drive slips; infinite if unknown [N]."""
     if "saturation_force" not in dataset.coords:
         return np.full(dataset.sizes["drive"], np.inf)
     return dataset["saturation_force"].to_numpy()
 
 
 def _rows(dataset: "xr.Dataset", name: str) -> Floats | None:
-    """Return a channel with drive and time last; None where it is not there."""
+    """Return a channel with drive and time last, or None if it is missing."""
     return dataset[name].transpose(..., "drive", "time").to_numpy() if name in dataset else None
 
 

@@ -45,7 +45,7 @@ class Lamp:
 
 
 def lamps(dataset: xr.Dataset) -> list[Lamp]:
-    """Return the lamps of a run; what its dataset has not kept is left out.
+    """Return the lamps of a run; those of channels that its dataset lacks are left out.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def lamps(dataset: xr.Dataset) -> list[Lamp]:
 
 
 def _resting(dataset: xr.Dataset) -> tuple[Flags, Flags]:
-    """Return when no movement is under way, and when the instrumented rail should be closed."""
+    """Flag the instants at rest, and those at which the instrumented rail should be closed."""
     time, spans = dataset["time"].values, movements(dataset)
     rest = np.ones(time.size, dtype=np.bool_)
     closed = np.full(time.size, not spans or spans[0].to != "closed")

@@ -1,4 +1,4 @@
-"""What a throw is judged by: each value with its limit and the margin between them."""
+"""Checks of a throw: each value with its limit and the margin between them."""
 
 import json
 import math
@@ -45,12 +45,12 @@ class LimitCheck:
 
     @property
     def margin(self) -> float:
-        """What is left to the limit, negative beyond it."""
+        """Distance to the limit, negative beyond it."""
         return self.limit - self.value if self.side == "below" else self.value - self.limit
 
     @property
     def passed(self) -> bool:
-        """Whether the value is on the good side of its limit."""
+        """True if the value is on the good side of its limit."""
         return self.margin > 0 or (self.side == "at least" and self.margin == 0)
 
 

@@ -99,7 +99,7 @@ def _energies(shape: BodyShape) -> Floats:
 
 
 def largest_component(shapes: list[BodyShape]) -> tuple[int, int, complex]:
-    """Return body, node and displacement where foot or head move most, across the rail.
+    """Return body, node and displacement of the largest motion of foot or head, across the rail.
 
     Either the lateral or vertical displacement of the foot, or the lateral one of the head.
     """
@@ -209,7 +209,7 @@ def modes(panel: LoadedPanel, *, count: int = 10) -> xr.Dataset:
 
 
 def reduction_texts(panel: Panel) -> dict[str, str]:
-    """Return what the reduction of each rail keeps and costs, as text by the rail's name."""
+    """Return size and error of the reduction of each rail, as text by the rail's name."""
     with one_blas_thread():
         return {data.name: str(reduction_of(data)) for data in rail_data(panel)}
 

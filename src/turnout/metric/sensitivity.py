@@ -197,7 +197,7 @@ def first_order_index(inputs: xr.DataArray, output: Floats, *, seed: int = 0) ->
 
 
 def _share(classes: NDArray[np.int64], y: Floats) -> float:
-    """Return the share of the variance between classes, freed of what chance gives it."""
+    """Return the share of the variance between classes, less its expected value by chance."""
     if y.size < 2 or np.ptp(y) == 0.0:
         return 0.0
     counts = np.bincount(classes)
@@ -240,7 +240,7 @@ def main_effect(inputs: xr.DataArray, output: Floats) -> Effect:
 
 
 def _classes(values: NDArray[np.generic]) -> tuple[NDArray[np.int64], tuple[float | str, ...]]:
-    """Return the class of each value, and what stands for each class."""
+    """Return the class of each value, and the representative of each class."""
     if values.dtype.kind not in "fiu":
         texts = values.astype(str)
         names = tuple(dict.fromkeys(str(text) for text in texts))

@@ -84,12 +84,12 @@ class ComplexModes:
 
     @property
     def damping_ratio(self) -> Floats:
-        """Share of critical damping [-]; negative where a vibration grows."""
+        """Share of critical damping [-]; negative for a growing vibration."""
         return -self.eigenvalues.real / np.abs(self.eigenvalues)
 
     @property
     def growth_rate(self) -> Floats:
-        """Rate at which an amplitude grows, negative where it decays [1/s]."""
+        """Rate at which an amplitude grows, negative if it decays [1/s]."""
         return self.eigenvalues.real
 
 
@@ -151,7 +151,7 @@ def steady_sliding(
 def law_coupling(
     mechanism: Mechanism, *, slope: Floats, weight: Floats, stick: Floats | None = None
 ) -> Floats:
-    """Form D: what the laws on their present branches add to the linear system.
+    """Form D: contribution of the laws on their present branches to the linear system.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Whether friction makes the rails of a panel flutter while they are thrown.
+"""Flutter of the rails of a panel by friction while they are thrown.
 
 Steady sliding is evaluated where the markers stand at several shares of each movement; every foot
 that carries slides the way of the movement. See `turnout.metric.sliding` for the equations.
@@ -57,7 +57,7 @@ class SlidingCase:
 
 @dataclass(frozen=True, slots=True)
 class FrictionStability:
-    """What friction does to the vibrations of a panel in motion.
+    """Effect of friction on the vibrations of a panel in motion.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ class FrictionStability:
 
     @property
     def stable(self) -> bool:
-        """Whether steady sliding was found in every case and every vibration decays."""
+        """True if steady sliding was found in every case and every vibration decays."""
         return all(map(_decays, self.cases))
 
     @property
@@ -170,7 +170,7 @@ def _decays(case: SlidingCase) -> bool:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SlidingPlace:
-    """Where the markers stand, and which way the rails slide."""
+    """Positions of the markers, and the direction in which the rails slide."""
 
     movement: str
     to: str

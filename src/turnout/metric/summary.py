@@ -41,7 +41,7 @@ def format_length(length: "xr.DataArray | float") -> str:
 
 
 def format_required_flangeway(least: float, required: float) -> str:
-    """Return what is required of a flangeway, and whether the least one [m] is too narrow.
+    """Return the requirement on a flangeway, and a remark if the least one [m] is too narrow.
 
     Examples
     --------
@@ -53,7 +53,7 @@ def format_required_flangeway(least: float, required: float) -> str:
 
 
 def format_overrides(changes: Mapping[str, object]) -> str:
-    """Return what a panel was changed in; calibrated numbers with five digits.
+    """Return the changes of a panel as text; calibrated numbers with five digits.
 
     Examples
     --------
@@ -75,7 +75,7 @@ LEAST_SCALE = 1e-3
 
 
 def ends_inaccurate(dataset: "xr.Dataset") -> bool:
-    """Return whether a run came to its end with an energy balance that does not close.
+    """Return True if a run came to its end with an energy balance that does not close.
 
     Examples
     --------
@@ -97,7 +97,7 @@ def numerical_share(dataset: "xr.Dataset") -> float:
 
 
 def numerical_warning(dataset: "xr.Dataset") -> str | None:
-    """Return what to say and do where numerical dissipation is too large, else None.
+    """Return a warning with its remedy if numerical dissipation is too large, else None.
 
     Where less than `LEAST_SCALE` has moved there is nothing to say.
     """
@@ -195,7 +195,7 @@ def _kind(item: dict[str, Any]) -> str:
 
 
 def _fates(dataset: "xr.Dataset") -> list[str]:
-    """Return what became of objects that dent or break."""
+    """Return the state at the end of objects that dent or break."""
     if "object_left" not in dataset:
         return []
     found = []
@@ -264,7 +264,7 @@ def _drives(dataset: "xr.Dataset") -> list[tuple[str, str]]:
 
 
 def _machines(dataset: "xr.Dataset") -> list[tuple[str, str]]:
-    """Return what each machine did on its commands: how long it ran, how it ended, what it took."""
+    """Return run time, outcome and consumption of each machine on its commands."""
     made: list[dict[str, Any]] = json.loads(dataset.attrs.get("machine_throws", "[]"))
     if not made or not {"drive_current", "drive_power"} <= set(dataset):
         return []
@@ -343,7 +343,7 @@ def _slip(dataset: "xr.Dataset", slip: Slip) -> str:
 
 
 def _touched_before(dataset: "xr.Dataset", time: float) -> bool:
-    """Return whether a rail reached a foreign object before a time; a NaN is never before."""
+    """Return True if a rail reached a foreign object before a time; a NaN is never before."""
     return "contact_time" in dataset and bool(dataset["contact_time"] <= time)
 
 

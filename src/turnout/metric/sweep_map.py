@@ -1,4 +1,4 @@
-"""Many throws as a map: what became of them over two of their inputs, such as place and size."""
+"""Many throws as a map: their outcomes over two of their inputs, such as place and size."""
 
 import numpy as np
 import xarray as xr
@@ -16,7 +16,7 @@ STATES = (
     "failed",
     "not thrown",
 )
-"""How a throw ended, from good to bad; the last two say that there is no result."""
+"""Outcomes of a throw, from good to bad; the last two stand for no result."""
 LOCKED, NOT_LOCKED, NOT_IN_CONTROL, SLIPS, SLIPS_FREE, UNDETECTED, FAILED, NOT_THROWN = range(
     len(STATES)
 )
@@ -27,7 +27,7 @@ QUANTITIES = ("peak_force", "object_force_peak", "end_gap")
 
 
 def end_state(labels: xr.Dataset) -> xr.DataArray:
-    """Return how each throw ended.
+    """Return the outcome of each throw.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def end_state(labels: xr.Dataset) -> xr.DataArray:
 
 
 def trapped_objects(labels: xr.Dataset) -> NDArray[np.bool_] | None:
-    """Return in which throws an object is trapped at the end; None where that was not stored."""
+    """Flag the throws with an object trapped at the end; None if that was not stored."""
     for name in ("object_trapped", "object_touched"):
         if name in labels:
             return np.asarray(labels[name].to_numpy() > 0)
@@ -143,7 +143,7 @@ def sweep_map(
 
 
 def _classes(values: xr.DataArray) -> tuple[NDArray[np.int64], NDArray[np.generic]]:
-    """Return the class of each scenario, and what stands for each class."""
+    """Return the class of each scenario, and the representative of each class."""
     items = values.to_numpy()
     if items.dtype.kind not in "fiu":
         texts = items.astype(str)

@@ -1,4 +1,4 @@
-"""The test-piece check: which piece keeps the panel from locking, and by what.
+"""The test-piece check: least piece that keeps the panel from locking, and the refusing part.
 
 On the track a gauge piece is held between switch rail and stock rail at a drive, and the switch is
 thrown: the drive must not confirm locking. Here the piece is a foreign object at the drive. One as
@@ -32,7 +32,7 @@ CHANNELS = ("drive_force", "object_force", "locked", "drive_gap", "drive_slippin
 
 @dataclass(frozen=True, slots=True)
 class PieceResult:
-    """How a throw on a test piece ended.
+    """Outcome of a throw on a test piece.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class PieceResult:
 
     @classmethod
     def without(cls, drive: str, size: float, fault: str) -> "PieceResult":
-        """Return a result that only says why there is none."""
+        """Return a result that only states the reason for having none."""
         nothing = math.nan
         return cls(drive, size, False, nothing, nothing, nothing, nothing, fault=fault)
 
@@ -97,7 +97,7 @@ class PieceLimit:
 
     @property
     def text(self) -> str:
-        """From which piece on the drive refuses to lock, and by which part of the rule."""
+        """Least piece on which the drive refuses to lock, and the refusing part of the rule."""
         if self.fault:
             return f"drive {self.drive}: least piece that is refused not known: {self.fault}"
         if math.isinf(self.size):
@@ -233,7 +233,7 @@ def _bisected(
 
 
 def _refused_by(panel: LoadedPanel, end: "xr.Dataset") -> str:
-    """Return which part of the panel's lock rule refuses at the end."""
+    """Return the parts of the panel's lock rule that refuse at the end."""
     limits = np.array(list(panel.gap_limits().values()))
     slip = panel.lock.rule != "raw gap" and bool(end["drive_slipping"].any())
     wide = panel.lock.rule != "no slip" and bool((end["drive_gap"].values >= limits).any())

@@ -1,4 +1,4 @@
-"""What lock and control report of each throw of a sequence, beside what was trapped."""
+"""Reports of lock and control on each throw of a sequence, beside the trapped objects."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -57,7 +57,7 @@ def _values(one: "xr.Dataset", name: str) -> list[float]:
 
 
 def _state(locked: bool, controls: dict[str, bool]) -> str:
-    """Say which of lock and control contacts report a fault."""
+    """Name the faults that lock and control contacts report."""
     open_ones = [name for name, holds in controls.items() if not holds]
     if locked and not open_ones:
         return "locked, in control"

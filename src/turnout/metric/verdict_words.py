@@ -1,4 +1,4 @@
-"""What lock, control, drives and flangeway say of a movement, in the words of the verdict."""
+"""Reports of lock, control, drives and flangeway on a movement, in the words of the verdict."""
 
 import json
 import math
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def narrow_flangeway(dataset: "xr.Dataset") -> list[str]:
-    """Name a flangeway below the limit of the panel; empty where there is none."""
+    """Name a flangeway below the limit of the panel; empty if all are wide enough."""
     limit = float(dataset.attrs.get("flangeway_limit", math.nan))
     if "least_flangeway" not in dataset or not float(dataset["least_flangeway"]) < limit:
         return []
@@ -30,7 +30,7 @@ def narrow_flangeway(dataset: "xr.Dataset") -> list[str]:
 
 
 def slip_words(dataset: "xr.Dataset", slip: Slip) -> str:
-    """Name a drive that slips, its slip level and when."""
+    """Name a drive that slips, its slip level and its time."""
     text = f"Drive {slip.drive} slips"
     level = ""
     if "saturation_force" in dataset.coords:
@@ -52,7 +52,7 @@ def _gap_limit(dataset: "xr.Dataset", drive: str) -> float:
 
 
 def _gaps(dataset: "xr.Dataset") -> list[tuple[str, float, float]]:
-    """Return drive, gap and limit at the end [m], where the lock rule looks at gaps."""
+    """Return drive, gap and limit at the end [m], if the lock rule looks at gaps."""
     if "drive_gap" not in dataset or dataset.attrs.get("lock_rule") == "no slip":
         return []
     gaps = final_value(dataset["drive_gap"]).values
@@ -65,14 +65,14 @@ def _gaps(dataset: "xr.Dataset") -> list[tuple[str, float, float]]:
 
 
 def sizes_left(dataset: "xr.Dataset", count: int) -> list[float]:
-    """Return the size that is left of each object [m]; NaN where it was not kept."""
+    """Return the remaining size of each object [m]; NaN if it was not kept."""
     if "object_left" not in dataset or dataset["object_left"].size != count:
         return [math.nan] * count
     return [float(size) for size in dataset["object_left"].values]
 
 
 def nothing_left(dataset: "xr.Dataset", count: int) -> list[str]:
-    """Say of each object what became of it where nothing is left of it; empty where some is.
+    """Return the fate of each object of which nothing is left; empty for the others.
 
     In a throw of a sequence it may have been gone before: its size at the start is 0 then.
     """
@@ -87,7 +87,7 @@ def nothing_left(dataset: "xr.Dataset", count: int) -> list[str]:
 
 
 def wide_gaps(dataset: "xr.Dataset") -> str:
-    """Name the gaps at drives that are at or above their limits; empty where there are none."""
+    """Name the gaps at drives that are at or above their limits; empty if all are below."""
     return " and ".join(
         f"{format_length(gap)} at Drive {drive}, limit {1e3 * limit:g} mm"
         for drive, gap, limit in _gaps(dataset)
@@ -96,7 +96,7 @@ def wide_gaps(dataset: "xr.Dataset") -> str:
 
 
 def out_of_control(dataset: "xr.Dataset", span: Span | None) -> str:
-    """Name the sensors that report a gap after a movement; empty where none does.
+    """Name the sensors that report a gap after a movement; empty if none does.
 
     They are on the instrumented rail, which closes in movements to "closed" alone.
     """
@@ -118,7 +118,7 @@ def _sensor(dataset: "xr.Dataset", name: str) -> str:
 
 
 def accepted_by(dataset: "xr.Dataset", span: Span | None) -> str:
-    """Say what accepts a movement at its rest, with the numbers nearest to their limits."""
+    """Return the values nearest to their limits that accept a movement at its rest."""
     parts = []
     gaps = _gaps(dataset)
     if gaps:

@@ -1,1 +1,1 @@
-"""Studies: which throws to make, drawn from grids, distributions and fields."""
+"""Studies: sets of throws drawn from grids, distributions and fields."""

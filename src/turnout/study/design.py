@@ -55,7 +55,7 @@ class Input:
     multiplied_by: str = ""
 
     def in_state(self, drawn: Mapping[str, Value]) -> float:
-        """Return the number in a state, given what is drawn for it.
+        """Return the number in a state, given the drawn values of the state.
 
         Examples
         --------
@@ -68,7 +68,7 @@ class Input:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Holding:
-    r"""What a drive needs so as not to slip while it presses a rail home.
+    r"""Requirement on a drive for not slipping while it presses a rail home.
 
     .. math:: k (u - g) < S
 
@@ -90,7 +90,7 @@ class Holding:
     slip_level: Input
 
     def holds(self, drawn: Mapping[str, Value]) -> bool:
-        """Return whether the drive holds the rail in a state, given what is drawn for it."""
+        """Return True if the drive holds the rail in a state, given its drawn values."""
         stretch = self.reach.in_state(drawn) - self.fit.in_state(drawn)
         return self.stiffness.in_state(drawn) * stretch < self.slip_level.in_state(drawn)
 
@@ -101,7 +101,7 @@ MOST_DRAWS = 200
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DesignSummary:
-    """What an analysis of the results must know of a design.
+    """Facts of a design that an analysis of the results needs.
 
     Attributes
     ----------
@@ -185,7 +185,7 @@ class Design:
         )
 
     def summary(self) -> DesignSummary:
-        """Return what an analysis of the results must know."""
+        """Return the facts that an analysis of the results needs."""
         return DesignSummary(
             method=self.method,
             draws=self.draws,
@@ -221,7 +221,7 @@ class Design:
         return self.drawn_states([state])[0]
 
     def drawn_states(self, states: Sequence[int]) -> list[dict[str, Value]]:
-        """Return what `drawn_values` gives for each of some states, in a tenth of the time."""
+        """Return the `drawn_values` of each of some states, in a tenth of the time."""
         found = self._drawn_values(states, attempt=0)
         refused = list(range(len(states))) if self.holdings else []
         for attempt in range(1, MOST_DRAWS):

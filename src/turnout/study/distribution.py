@@ -146,7 +146,7 @@ def normal_score(share: FloatArray) -> FloatArray:
 
 
 def parameter_faults(kind: str, parameters: Parameters) -> list[tuple[str, str]]:
-    """Find what is wrong with the parameters of a distribution: the parameter and a text for each.
+    """Find the faults in the parameters of a distribution: the parameter and a text for each.
 
     Examples
     --------
@@ -189,7 +189,7 @@ def _truncation_shares(kind: str, p: Parameters) -> FloatArray:
 
 
 def _truncated_score(u: FloatArray, kind: str, p: Parameters) -> FloatArray:
-    """Return normal scores of shares of what is left between the bounds."""
+    """Return normal scores of shares of the probability between the bounds."""
     below, above = _truncation_shares(kind, p)
     return normal_score(below + u * (above - below))
 

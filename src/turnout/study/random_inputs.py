@@ -185,7 +185,7 @@ class TemperatureLaw:
         return round(1.0 + self.coefficient * (temperature - self.reference), 12)
 
     def faults(self, least: float, largest: float) -> list[str]:
-        """Say what keeps the law from holding between two temperatures [K]."""
+        """Return the faults that keep the law from holding between two temperatures [K]."""
         problems = []
         if self.temperatures:
             ends = self.temperatures[0], self.temperatures[-1]
@@ -221,7 +221,7 @@ MOST_SCENARIOS = 10_000_000
 def read_quantity(
     parsed: ParsedStudy, where: str, value: object, dimension: Dimension
 ) -> float | None:
-    """Read a quantity; None where it is none, which is noted."""
+    """Read a quantity; note a value that is not one, and return None."""
     try:
         return parse_quantity(value, dimension)
     except ValueError as error:
@@ -274,7 +274,7 @@ def read_fields(parsed: ParsedStudy, record: StudyRecord) -> list[RandomField]:
 
 
 def read_law_of_temperature(parsed: ParsedStudy, record: StudyRecord) -> TemperatureLaw | None:
-    """Read what temperature does; needed where it varies."""
+    """Read the effect of temperature; needed if temperature varies."""
     given = record.temperature_law
     varies = any(item.key == TEMPERATURE_KEY for item in parsed.variables.values())
     if given is None:
@@ -324,7 +324,7 @@ def read_law_of_temperature(parsed: ParsedStudy, record: StudyRecord) -> Tempera
 
 
 def sampling_faults(method: str, count: int, drawn: int, with_fields: bool) -> list[str]:
-    """Say what is wrong with method and count of the draws."""
+    """Return the faults in method and count of the draws."""
     where, faults = f"sampling.count = {count}", []
     if count < 1:
         faults.append(f"{where}: must be at least 1, or there is no scenario")
@@ -345,7 +345,7 @@ def sampling_faults(method: str, count: int, drawn: int, with_fields: bool) -> l
 def read_pairs(
     parsed: ParsedStudy, record: StudyRecord, names: list[str]
 ) -> list[tuple[str, str, float]]:
-    """Read which drawn variables go together: two names and their rank correlation."""
+    """Read the pairs of correlated variables: two names and their rank correlation."""
     pairs: list[tuple[str, str, float]] = []
     for number, item in enumerate(record.correlation, 1):
         where = f"correlation {number}.between"

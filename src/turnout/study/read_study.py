@@ -51,12 +51,12 @@ SCHEME_UNITS: dict[str, Dimension] = {
 OUTPUT_INTERVAL_KEY = "output_interval"
 
 DEFAULT_INTERVAL = 0.01
-"""Between kept instants, where a study does not say and steps fall on it [s]."""
+"""Between kept instants, if a study gives none and steps fall on it [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudyParts:
-    """What a study file says, held against the limits of its panel."""
+    """Content of a study file, held against the limits of its panel."""
 
     panel: LoadedPanel
     scheme: Scheme
@@ -96,7 +96,7 @@ def read_record(file: TomlFile) -> tuple[StudyRecord, list[str]]:
 
 
 def _describe_error(error: Any, data: Any) -> str:
-    """Return key path and fault of what pydantic found; parts of a list have their number."""
+    """Return key path and fault of an error from pydantic; parts of a list have their number."""
     path, inside = "", data
     record: type[BaseModel] = StudyRecord
     for part in error["loc"]:

@@ -22,7 +22,7 @@ POINTS, FIELDS, SCENARIOS = 1, 2, 3
 
 
 def count_states(method: str, *, count: int, dimensions: int) -> int:
-    """Return how many states of the switch a design has.
+    """Return the number of states of the switch in a design.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ def normal_score_correlation(rank: float) -> float:
 def copula_factor(
     names: Sequence[str], pairs: Sequence[tuple[str, str, float]]
 ) -> tuple[FloatArray | None, str]:
-    """Return the Cholesky factor of a copula, or what keeps it from having one.
+    """Return the Cholesky factor of a copula, or the reason for having none.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""One throw of a study: what is changed, what is trapped, and what it is filed under."""
+"""One throw of a study: its changes, its objects, and its labels."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -59,7 +59,7 @@ class Rule:
     at_least: float = 0.0
 
     def stops(self, labels: Mapping[str, object]) -> bool:
-        """Return whether the rest of a chain is left out after a throw.
+        """Return True if the rest of a chain is left out after a throw.
 
         Parameters
         ----------
@@ -81,7 +81,7 @@ class Rule:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Output:
-    """What a sweep keeps of each throw besides its labels.
+    """Channels and rate that a sweep keeps of each throw besides its labels.
 
     Attributes
     ----------

@@ -25,7 +25,7 @@ SEED_LIMIT = 2**32
 def generators(
     first: Sequence[int], states: Sequence[int], last: Sequence[int] = ()
 ) -> list[np.random.Generator]:
-    """Return what ``numpy.random.default_rng([*first, state, *last])`` is for each state.
+    """Return ``numpy.random.default_rng([*first, state, *last])`` for each state.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def generators(
 def seed_words(
     first: Sequence[int], states: Sequence[int], last: Sequence[int] = (), *, count: int
 ) -> NDArray[np.uint64]:
-    """Return what a ``numpy.random.SeedSequence([*first, state, *last])`` gives for each state.
+    """Return the words of ``numpy.random.SeedSequence([*first, state, *last])`` for each state.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A study: every throw of it by its number, and what determines their results."""
+"""A study: every throw of it by its number, and all inputs that determine their results."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ from turnout.study.variable import (
 )
 
 DIGEST_FIELDS = ("scheme", "output", "design", "variables", "fields", "law", "rule", "split")
-"""What besides panel and seed determines the results of a study."""
+"""Fields that determine the results of a study, besides panel and seed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,7 +113,7 @@ class Study:
 
     @property
     def _is_labelled(self) -> bool:
-        """Whether throws are labelled with cause, place and size: where a cause is named."""
+        """True if throws are labelled with cause, place and size: if a cause is named."""
         keys = {variable.key for variable in self.variables.values()}
         return bool(keys & {"object.kind", *LABELS})
 
@@ -133,7 +133,7 @@ class Study:
         return self.scenarios_of([index])[0]
 
     def scenarios_of(self, indices: Sequence[int]) -> list[Scenario]:
-        """Return what `scenario` gives for each of some numbers; together they take less time."""
+        """Return the `scenario` of each of some numbers; together they take less time."""
         count = self.count
         for index in indices:
             if not 0 <= index < count:
@@ -158,7 +158,7 @@ class Study:
         fields: Sequence["_DrawnField"],
         seed: int,
     ) -> Scenario:
-        """Return a scenario of a state with what was drawn for it."""
+        """Return a scenario of a state with the values drawn for it."""
         axis_values = self.design.axis_values(index)
         inputs: dict[str, Value] = {**axis_values, **values}
         by_key = {self.variables[name].key: value for name, value in inputs.items()}
@@ -210,7 +210,7 @@ class Study:
     def _overrides(
         self, inputs: Mapping[str, Value], fields: Sequence["_DrawnField"]
     ) -> dict[str, Value]:
-        """Return what a scenario changes: values first, then what multiplies them."""
+        """Return the changes of a scenario: values first, then their factors."""
         values: dict[str, Value] = {}
         factors: list[tuple[str, float]] = []
         for name, variable in self.variables.items():
@@ -243,7 +243,7 @@ class _DrawnField(NamedTuple):
 
 
 def _labels(by_key: Mapping[str, Value], objects: Sequence[ForeignObject]) -> dict[str, Value]:
-    """Return cause, place and size of what is wrong: the object, or what the study says."""
+    """Return cause, place and size of the fault: the object, or the labels of the study."""
     said = {key: by_key.get(key, "") for key in LABELS}
     said[CAUSE] = said[CAUSE] or "none"
     if not objects:

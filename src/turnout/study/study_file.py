@@ -1,4 +1,4 @@
-"""A study file as records: what is written in it, before it is held against a panel."""
+"""A study file as records: its content before it is held against a panel."""
 
 from typing import Any, Literal
 
@@ -40,7 +40,7 @@ class VariableRecord(Record):
 
 
 class FieldRecord(VariableRecord):
-    """A value for each member of a family, alike where members stand near each other."""
+    """A value for each member of a family, alike for members that stand near each other."""
 
     correlation_length: str = Field(description="distance in which correlation falls to 1/e")
     correlation: Literal["exponential", "gaussian"] = Field(
@@ -60,7 +60,7 @@ class TogetherRecord(Record):
 
 
 class SamplingRecord(Record):
-    """How the variables that have a distribution are drawn."""
+    """Sampling of the variables that have a distribution."""
 
     method: Literal["random", "latin hypercube", "sobol", "saltelli"] = Field(
         "random", description="'saltelli' is the design that first and total Sobol indices need"
@@ -76,7 +76,7 @@ class CorrelationRecord(Record):
 
 
 class TemperatureLawRecord(Record):
-    """What temperature does to a value: linear, or a table."""
+    """Effect of temperature on a value: linear, or a table."""
 
     key: str = Field("chair.friction_coefficient", description="what is multiplied")
     reference: str | None = Field(None, description="where the factor is 1")
@@ -86,7 +86,7 @@ class TemperatureLawRecord(Record):
 
 
 class RuleRecord(Record):
-    """When the rest of a chain of throws is left out."""
+    """Condition for leaving out the rest of a chain of throws."""
 
     increase: str = Field(description="the variable that grows along a chain")
     until: Literal["a drive slips"] = Field("a drive slips", description="what ends a chain")
@@ -94,7 +94,7 @@ class RuleRecord(Record):
 
 
 class OutputRecord(Record):
-    """What is kept of each throw besides its labels."""
+    """Channels and rate that are kept of each throw besides its labels."""
 
     rate: str | None = Field(
         None, description="kept instants a second; default 100 Hz, or 125 Hz in mode quick"

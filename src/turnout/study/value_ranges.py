@@ -30,7 +30,7 @@ MOST_CHECKED = 200
 
 
 def value_ranges(axes: Iterable[Axis], drawn: Iterable[Drawn]) -> dict[str, tuple[Value, ...]]:
-    """Return what each variable can be: all values, or the ends of a distribution.
+    """Return the range of each variable: all values, or the ends of a distribution.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def limit_faults(
 
 
 def _is_of_panel(variable: Variable) -> bool:
-    """Return whether a variable changes a value of the panel."""
+    """Return True if a variable changes a value of the panel."""
     special = variable.key in OBJECT_KEYS or variable.key in RECORDER_KEYS
     return not special and variable.key != TEMPERATURE_KEY and not variable.key.startswith(LABEL)
 
@@ -152,7 +152,7 @@ def _checked_values(values: tuple[T, ...]) -> tuple[T, ...]:
 def _faults_of(
     panel: LoadedPanel, chosen: Mapping[str, Value], variables: Mapping[str, Variable], where: str
 ) -> list[str]:
-    """Return what is wrong with values by variable, all others as the panel has them."""
+    """Return the faults of values by variable, all others as the panel has them."""
     own = [(variables[name], value) for name, value in chosen.items()]
     own = [(variable, value) for variable, value in own if _is_of_panel(variable)]
     values = {variable.key: value for variable, value in own if not variable.factor}
@@ -214,7 +214,7 @@ def _faults_of_kinds(
     key: str,
     value: Value,
 ) -> list[str]:
-    """Return what is wrong with a value, in an object of each kind that may be drawn."""
+    """Return the faults of a value, in an object of each kind that may be drawn."""
     kinds = by_key.get("object.kind", ("spring",)) if key != "object.kind" else (value,)
     found: list[str] = []
     for kind in kinds:

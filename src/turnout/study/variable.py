@@ -50,9 +50,9 @@ OBJECT_KEYS: dict[str, Dimension | type] = {
 RECORDER_KEYS: dict[str, Dimension | type] = {
     f"recorder.{name}": error.kind for name, error in ERRORS.items()
 }
-"""Of what records the throw; they change what is kept of forces and currents, not the throw."""
+"""Keys of the recorder; they change the kept forces and currents, not the throw."""
 LABEL = "label."
-"""What begins with this changes nothing: the cause, place or size that a throw is labelled with."""
+"""Start of keys that change nothing: cause, place or size, to label a throw."""
 CAUSE, _, _ = LABELS = tuple(f"{LABEL}{name}" for name in ("cause", "place", "size"))
 
 
@@ -83,7 +83,7 @@ class Variable:
         return "" if self.factor or not isinstance(self.kind, Dimension) else self.kind.unit
 
     def read(self, value: object) -> Value:
-        """Read a value of a study file; ValueError says what it must be."""
+        """Read a value of a study file; ValueError states the requirement."""
         kind = float if self.factor else self.kind
         if isinstance(kind, Dimension):
             return parse_quantity(value, kind)
@@ -103,7 +103,7 @@ def _read_number(value: object) -> float:
 
 
 def value_kind(panel: LoadedPanel, key: str, *, factor: bool = False) -> Dimension | type:
-    """Return what the values of a key are; ValueError where nothing of that name can vary.
+    """Return the kind of the values of a key; ValueError if nothing of that name can vary.
 
     A list, such as the gaps of `rail.fit_gap.value`, can be multiplied as a whole by a factor, but
     not be set; each of its items can, by its number: `chair.friction_factor.2`.
@@ -135,7 +135,7 @@ def value_kind(panel: LoadedPanel, key: str, *, factor: bool = False) -> Dimensi
 
 
 def _kind_of_field(info: Any, *, factor: bool) -> Dimension | type | None:
-    """Return what a field takes; None where it is no single value, nor a list to be multiplied."""
+    """Return the kind of a field; None if it is no single value, nor a list to be multiplied."""
     forms = {typing.get_origin(form) or form for form in _alternatives(info.annotation)}
     dimension = dimension_of(info)
     if forms & {list, tuple}:
@@ -168,7 +168,7 @@ def list_item(key: str) -> tuple[str, int] | None:
 
 
 def _kind_of_item(panel: LoadedPanel, key: str, number: int) -> Dimension | type:
-    """Return what an item of a list is; ValueError where the panel has no such list or item."""
+    """Return the kind of an item of a list; ValueError if the panel has no such list or item."""
     for full, items in panel_values_at(panel, key).items():
         known = items if isinstance(items, list | tuple) else ()
         if not 1 <= number <= len(known):
@@ -222,7 +222,7 @@ def variable_keys(panel: LoadedPanel) -> Iterable[str]:
 
 
 def panel_values_at(panel: LoadedPanel, key: str) -> dict[str, Any]:
-    """Return the panel's values by full key: one for each member where a key names a family.
+    """Return the panel's values by full key: one for each member if a key names a family.
 
     Raises
     ------
@@ -324,7 +324,7 @@ def _known_values(panel: LoadedPanel, keys: tuple[str, ...]) -> _Values:
 
 
 def _of_family(full: str) -> str:
-    """Return the key that sets for a whole family what a key sets for one member."""
+    """Return the key that sets a value for a whole family, from that for one member."""
     family, _, *below = full.split(".")
     return ".".join((family, *below))
 
@@ -367,7 +367,7 @@ def foreign_objects(by_key: Mapping[str, Value]) -> tuple[ForeignObject, ...]:
 
 
 def recorder_of(by_key: Mapping[str, Value]) -> Recorder:
-    """Return the recorder of a scenario; perfect where no key of it varies.
+    """Return the recorder of a scenario; perfect if no key of it varies.
 
     Examples
     --------

@@ -50,12 +50,12 @@ class ParsedStudy:
     problems: list[str] = field(default_factory=list)
 
     def add_problem(self, where: str, text: str) -> None:
-        """Append a problem: the key path `where`, then the value and what is allowed."""
+        """Append a problem: the key path `where`, then the value and the allowed ones."""
         self.problems.append(f"{where}{text}")
 
 
 def read_variable(parsed: ParsedStudy, record: VariableRecord, *, where: str) -> None:
-    """Read a variable of a study file: an axis where it has values, else a draw."""
+    """Read a variable of a study file: an axis if it has values, else a draw."""
     variable = _add_variable(parsed, record, where=where)
     if variable is None:
         return
@@ -105,7 +105,7 @@ def read_together(parsed: ParsedStudy, record: TogetherRecord, *, where: str) ->
 
 
 def _add_variable(parsed: ParsedStudy, record: VariableRecord, *, where: str) -> Variable | None:
-    """Find what a record varies, and note it under its name."""
+    """Find the variable of a record, and note it under its name."""
     try:
         kind = value_kind(parsed.panel, record.key, factor=record.factor)
     except ValueError as error:
@@ -190,7 +190,7 @@ def _read_values(
 def read_law(
     parsed: ParsedStudy, record: VariableRecord, variable: Variable, *, where: str
 ) -> Distribution | Choice | None:
-    """Read the distribution of a variable; None where it has none that holds."""
+    """Read the distribution of a variable, or return None if it has no valid one."""
     kind = str(record.distribution)
     if kind == CHOICE:
         return _read_choice(parsed, record, variable, where=where)

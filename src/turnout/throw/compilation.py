@@ -1,4 +1,4 @@
-"""Whether a run must first compile the kernels, and where they cannot be kept."""
+"""Checks for a pending compilation of the kernels and for a fault of the kernel cache."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ from turnout.solver import march
 
 
 def must_compile(kernel: Any = march.march) -> bool:
-    """Return whether the next run compiles the kernels, which takes half a minute or more.
+    """Return True if the next run compiles the kernels, which takes half a minute or more.
 
     Parameters
     ----------
@@ -18,7 +18,7 @@ def must_compile(kernel: Any = march.march) -> bool:
 
 
 def cache_fault() -> str:
-    """Say why compiled kernels are not kept for the next run; empty where they are."""
+    """Return the reason for compiling again in each run; empty if kernels are kept."""
     reason = why_private()
     return reason and (
         f"{reason}, so the kernels are compiled again in each run; set TURNOUT_CACHE_DIR to a "

@@ -119,7 +119,7 @@ def _stack(made: Sequence[dict[str, Channel]]) -> dict[str, Channel]:
 
 
 def object_coordinate(index: LawIndex, *, used: Container[str]) -> dict[str, Channel]:
-    """Return the names of the objects, where their dimension is used and there are any."""
+    """Return the names of the objects, if there are any and their dimension is used."""
     if "object" not in used or not index.object_parts:
         return {}
     return {"object": _names("object", index.object_parts)}
@@ -140,7 +140,7 @@ def _of_dimension(panel: Panel, dimension: str) -> dict[str, Channel]:
 
 
 def _of_drives(panels: Sequence[Panel]) -> dict[str, Channel]:
-    """Return what is made for each throw, since most studies vary something of drives."""
+    """Return the coordinates made for each throw, since most studies vary something of drives."""
     drives = [panel.drive.values() for panel in panels]
     return {
         "drive": _names("drive", panels[0].drive),
@@ -174,7 +174,7 @@ _MAKERS: Mapping[str, tuple[tuple[str, ...], Callable[[Panel], dict[str, Channel
     "link": (("link",), lambda panel: _members("link", panel.link)),
     "sensor": (("sensor",), _of_sensors),
 }
-"""By dimension, but for drives, the families from which its coordinates are made, and how."""
+"""By dimension, but for drives: families of its coordinates, and the function that makes them."""
 _DIMENSIONS = ("rail", "drive", *(name for name in _MAKERS if name != "rail"))
 
 
@@ -204,7 +204,7 @@ def indexed(dataset_coordinates: Mapping[str, Channel]) -> "xr.Coordinates":
 
 
 def _index_of(name: str, values: NDArray[np.generic]) -> "tuple[Index, xr.Variable]":
-    """Return the index of a dimension, kept where it holds names: throws have the same ones."""
+    """Return the index of a dimension; one of names is kept, since throws have the same ones."""
     import pandas as pd
     import xarray as xr
 
@@ -221,7 +221,7 @@ def _index_of(name: str, values: NDArray[np.generic]) -> "tuple[Index, xr.Variab
 
 
 def _stiffness(drive: Drive) -> float:
-    """Return the one stiffness of a bushing [N/m]; NaN where its law is a table, which has many."""
+    """Return the one stiffness of a bushing [N/m]; NaN for a table, which has many."""
     return drive.stiffness if drive.extension is None else float("nan")
 
 

@@ -93,7 +93,7 @@ _described = LRUCache[tuple[tuple[Attributes, Attributes, str], object]](MOST_DE
 def response_dataset(
     panel: Panel, mechanism: Mechanism, history: History, *, save: Save | None = None
 ) -> "xr.Dataset":
-    """Turn a run into a dataset, complete or up to where it ended.
+    """Turn a run into a dataset, complete or up to its early end.
 
     Parameters
     ----------
@@ -209,7 +209,7 @@ def _states(
     save: Save,
     moved: Sequence[DirectedMovement],
 ) -> dict[str, Channel]:
-    """Return what follows from forces and gaps, as far as these were made."""
+    """Return the channels derived from forces and gaps, as far as these were made."""
 
     def values(name: str) -> Floats:
         return np.asarray(channels[name][1], dtype=float)
@@ -240,7 +240,7 @@ def describe_run(
     wall_time: float,
     solver_time: float,
 ) -> Attributes:
-    """Return what made the numbers, as attributes of a dataset; records as JSON text."""
+    """Return the origin of the numbers as attributes of a dataset; records as JSON text."""
     outcome, made = history.outcome, duties(history)
     end = float(history.time[-1]) if history.time.size else 0.0
     described = (id(panel), scheme, *objects, *map(id, mechanism.rails))
@@ -280,7 +280,7 @@ def clear_descriptions() -> None:
 
 
 def _inputs(panel: LoadedPanel, objects: Sequence[PlacedObject]) -> Attributes:
-    """Return what was simulated, and by what."""
+    """Return the simulated panel and objects, and the program that simulated them."""
     return {
         "title": f"Throw of {panel.name}",
         "kind": "simulation",
@@ -294,7 +294,7 @@ def _inputs(panel: LoadedPanel, objects: Sequence[PlacedObject]) -> Attributes:
 
 
 def _rules(panel: LoadedPanel, scheme: Scheme) -> Attributes:
-    """Return what feeds the machines of a panel, what it is judged by, and how it was solved."""
+    """Return supplies of the machines and rules of judgement of a panel, and the scheme."""
     return {
         **({"machine_supplies": json.dumps(fed)} if (fed := machine_supplies(panel)) else {}),
         **({"blind_currents": json.dumps(blind)} if (blind := blind_currents(panel)) else {}),
@@ -337,7 +337,7 @@ def _kind_record(item: PlacedObject) -> dict[str, object]:
 
 
 def _place_name(panel: Panel, x: float) -> str:
-    """Return what stands at a place, as it is called in the field."""
+    """Return the name of the part at a place, as it is called in the field."""
     families: dict[str, Mapping[str, Placed]] = {
         "sleeper": panel.sleeper,
         "drive": panel.drive,
@@ -362,7 +362,7 @@ def movement_records(moved: tuple[DirectedMovement, ...]) -> str:
 
 
 def _superelements(mechanism: Mechanism) -> str:
-    """Return how the rails were reduced, as JSON text."""
+    """Return the reduction of the rails as JSON text."""
     return json.dumps(
         [
             {

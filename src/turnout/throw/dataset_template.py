@@ -75,7 +75,7 @@ def clear_datasets() -> None:
 
 
 class _Kind(NamedTuple):
-    """An empty dataset, and what its variables are made of: name, class, dims, data, attributes."""
+    """An empty dataset, and the parts of its variables: name, class, dims, data, attributes."""
 
     empty: "xr.Dataset"
     parts: Sequence[tuple[str, type["xr.Variable"], tuple[Hashable, ...], Any, dict[Any, Any]]]
@@ -96,7 +96,7 @@ def _parts(empty: "xr.Dataset") -> list[tuple[str, Any, Any, Any, dict[Any, Any]
 
 
 def _filled(kind: _Kind, values: Mapping[str, NDArray[np.generic]]) -> "xr.Dataset":
-    """Return what `_copied` does, in a fraction of its time: variables are not checked again.
+    """Return the dataset of `_copied` in a fraction of its time: variables are not checked again.
 
     Only indexes are shared, which cannot be changed. `_fills_alike` knows whether the installed
     xarray is made of these parts.
@@ -127,7 +127,7 @@ def _copied(empty: "xr.Dataset", values: Mapping[str, NDArray[np.generic]]) -> "
 
 @cache
 def _fills_alike() -> bool:
-    """Return whether `_filled` makes what `_copied` does, with the installed xarray."""
+    """Return True if `_filled` makes the dataset of `_copied` with the installed xarray."""
     import xarray as xr
 
     numbers = np.arange(2.0)

@@ -1,4 +1,4 @@
-"""What changes from throw to throw: weather, friction, clutches, adjustment, and objects with them.
+"""Changes from throw to throw: weather, friction, clutches, adjustment, and objects with them.
 
 Rates are constant, a temperature may take a course. Usual values and origins: docs/use/objects.md.
 """
@@ -23,7 +23,7 @@ from turnout.throw.signals import lasting_dents
 MELTING = 273.15
 """[K]"""
 LEAST_LEFT = 5e-4
-"""What is thinner is gone [m]."""
+"""A thinner object is gone [m]."""
 LENGTHS = ("ice_growth", "snow_growth", "melting", "adjustment")
 """Of the rates."""
 WITH_UNIT = (*LENGTHS, "friction_temperature", "friction_reference")
@@ -34,7 +34,7 @@ _CHANCES = ("fall", "clutch")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drift:
-    """What changes from each throw to the next; lengths may be texts with a unit.
+    """Changes from each throw to the next; lengths may be texts with a unit.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ class Drift:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        """Turn texts into SI numbers; refuse what cannot be, all at once."""
+        """Turn texts into SI numbers; refuse all impossible values at once."""
         problems = []
         for item in fields(self):
             value = getattr(self, item.name)
@@ -102,7 +102,7 @@ class Drift:
             raise ResponseError("drift: " + "; ".join(problems))
 
     def _faults_of_temperature(self) -> list[str]:
-        """Say what keeps the temperature from acting on the friction of chairs."""
+        """Return the faults that keep the temperature from acting on the friction of chairs."""
         if not self.friction_temperature:
             return []
         shown = f"friction_temperature = {self.friction_temperature:g} 1/K"
@@ -121,7 +121,7 @@ class Drift:
         return np.asarray(1.0 + float(self.friction_temperature) * above)
 
     def temperatures(self, throws: int) -> np.ndarray | None:
-        """Return the temperature at each throw [K]; None where objects keep their own."""
+        """Return the temperature at each throw [K], or None if objects keep their own."""
         if self.temperature is None:
             return None
         course = np.atleast_1d(np.asarray(self.temperature, dtype=float))
@@ -131,7 +131,7 @@ class Drift:
     def overrides(
         self, panel: LoadedPanel, number: int, temperature: float | None = None
     ) -> dict[str, object]:
-        """Return what differs from the panel at a throw, counted from 0, at a temperature [K]."""
+        """Return the changes of the panel at a throw, counted from 0, at a temperature [K]."""
         found: dict[str, object] = {}
         factor = 1.0 + self.friction * number
         if self.friction_temperature and temperature is not None:
@@ -195,7 +195,7 @@ def check_drift(panel: LoadedPanel, drift: Drift, throws: int) -> None:
 
 
 def _extremes(drift: Drift, temperatures: np.ndarray | None, throws: int) -> list[int]:
-    """Return the throws at which what drifts is extreme, counted from 0."""
+    """Return the throws, counted from 0, at which a drifting quantity is extreme."""
     factor = 1.0 + drift.friction * np.arange(throws)
     if drift.friction_temperature and temperatures is not None:
         factor *= drift.temperature_factor(temperatures)
@@ -203,7 +203,7 @@ def _extremes(drift: Drift, temperatures: np.ndarray | None, throws: int) -> lis
 
 
 def _read(name: str, value: object) -> object:
-    """Return a value of `Drift` in SI; ValueError or TypeError says what it must be."""
+    """Return a value of `Drift` in SI; ValueError or TypeError states the requirement."""
     if name == "temperature":
         items = value if isinstance(value, Sequence) and not isinstance(value, str) else (value,)
         course = tuple(parse_quantity(item, TEMPERATURE, si=True) for item in items)

@@ -31,7 +31,7 @@ Ints = NDArray[np.int64]
 _Columns = tuple[Ints, Floats]
 """Number of a mode or row, and displacement of each point for it, shape (n_points, n)."""
 _Bound = tuple[int, slice, Floats]
-"""Of a rail or stock rail the number of the block, where its coordinates are, rows over these."""
+"""Of a rail or stock rail: number of the block, slice of its coordinates, rows over these."""
 _Bounds = Sequence[Sequence[_Bound]]
 """Of several rails, each with its stock rails."""
 
@@ -40,7 +40,7 @@ MOST_KEPT = 32
 
 
 class _Flangeways(NamedTuple):
-    """What the flangeways at the nodes of some rails are made of.
+    """Parts from which the flangeways at the nodes of some rails are computed.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class _Flangeways(NamedTuple):
 
 
 class _AddedEnds(NamedTuple):
-    """By how much forces at ends that objects added lessen the flangeway of a rail.
+    """Decrease of the flangeway of a rail by forces at ends that objects added.
 
     `rows` are theirs in the mechanism, `columns` hold displacements for unit forces, shape
     (n_points, n_added) [m/N].
@@ -68,7 +68,7 @@ class _AddedEnds(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _OpenRails:
-    """What the flangeways of the rails are made of that movements leave open.
+    """Flangeways of the rails that movements leave open, in the parts they are computed from.
 
     `names` and `x` are those of the rails and of their nodes; `opened` is the number of the rail
     that is open after a movement to a position. Where objects stand is in `added` and `slope`, the
@@ -85,7 +85,7 @@ class _OpenRails:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MovementEnds:
-    """What the flangeways at the ends of the movements of a run follow from.
+    """Data for the flangeways at the ends of the movements of a run.
 
     Attributes
     ----------
@@ -113,7 +113,7 @@ class MovementEnds:
 
 
 class LeastFlangeway(NamedTuple):
-    """A flangeway [m], its place [m] and its rail; NaN and an empty name where none is known."""
+    """A flangeway [m], its place [m] and its rail; NaN and an empty name if none is known."""
 
     width: float
     x: float
@@ -134,7 +134,7 @@ _open_rails: WeakKeyDictionary[CondensedRails, tuple[_OpenRails | None, list[obj
 def movement_ends(
     panel: Panel, motion: Motion, ends: Sequence[tuple[DirectedMovement, int]]
 ) -> MovementEnds | None:
-    """Return what the flangeways after some movements follow from.
+    """Return the data for the flangeways after some movements.
 
     Parameters
     ----------
@@ -223,7 +223,7 @@ def _least_of_alike(runs: Sequence[MovementEnds]) -> list[LeastFlangeway]:
 def _subtract_added_ends(
     along: Floats, rails: Sequence[int], added: _AddedEnds, force: Floats
 ) -> None:
-    """Subtract what forces at ends come to that objects added to the blocks of a rail."""
+    """Subtract the displacements by forces at ends that objects added to the blocks of a rail."""
     for end, rail in enumerate(rails):
         if rail == added.rail:
             own = force[end, added.rows]
@@ -232,7 +232,7 @@ def _subtract_added_ends(
 
 
 def _known_rails(panel: Panel, motion: Motion) -> _OpenRails | None:
-    """Return what the flangeways of a panel are made of, found once for throws that share it.
+    """Return the open rails of a panel for its flangeways, found once for throws that share it.
 
     None where the panel does not say what they take.
     """
@@ -279,7 +279,7 @@ def _added_ends(motion: Motion, bounds: _Bounds) -> Iterator[_AddedEnds]:
 
 
 def _head_width(panel: Panel, name: str) -> float | None:
-    """Return the width of a full head [m]; None where the panel leaves out what flangeways take."""
+    """Return the width of a full head [m], or None if the panel lacks inputs of flangeways."""
     rail = panel.rail[name]
     known = rail.running_edge is not None and rail.has_stock_rail
     return rail.head_width if known else None
@@ -288,7 +288,7 @@ def _head_width(panel: Panel, name: str) -> float | None:
 def _flangeways_of(
     panel: Panel, motion: Motion, names: Sequence[str]
 ) -> tuple[_Flangeways, _Bounds]:
-    """Return what bounds the flangeways of some rails, found once for all their throws."""
+    """Return flangeways and bounds of some rails, found once for all their throws."""
     named: list[object] = [panel.stop, panel.stud, panel.object_defaults]
     for name in names:
         faced, bodies = bodies_at_gap(panel, motion, name)
@@ -325,7 +325,7 @@ def _build(panel: Panel, motion: Motion, names: Sequence[str]) -> tuple[_Flangew
 
 
 def _bounds(panel: Panel, motion: Motion, name: str) -> list[_Bound]:
-    """Return what bounds the flangeway of a rail."""
+    """Return the bounds of the flangeway of a rail."""
     x, found = motion.rails[name].x, list[_Bound]()
     _, parts = gap_rows(panel, motion, name, x, contact_height(panel, name, x))
     for body, rows in parts:
@@ -361,7 +361,7 @@ def _join_columns(columns: Sequence[_Columns]) -> _Columns:
 
 
 def _pad_columns(columns: Sequence[_Columns], width: int) -> tuple[Ints, Ints, Floats]:
-    """Return where the columns of each rail begin, their numbers, and all of them as rows."""
+    """Return the first column of each rail, the numbers of all columns, and the columns as rows."""
     first = np.cumsum([0, *(numbers.size for numbers, _ in columns)])
     found = zeros_in_lines(int(first[-1]), width)
     for begin, (_, values) in zip(first.tolist(), columns, strict=False):

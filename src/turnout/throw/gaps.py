@@ -40,7 +40,7 @@ GapPlace = tuple[str, Floats, Floats]
 MOST_ROWS = 64
 """Rows to so many lines of points are kept in memory, the latest made."""
 MOST_WATCHED = 128
-"""What is watched of so many rails with their objects, the latest used."""
+"""Watched rows of so many sets of rails with their objects are kept, the latest used."""
 
 # Rails are shared by many throws. What rows depend on is named by identity, and kept beside them so
 # that nothing else takes its place.
@@ -131,7 +131,7 @@ def gap_rows(
 
 
 def gap_places(panel: Panel) -> list[GapPlace]:
-    """Return where `split_gaps` needs gaps: at the drives on both rails, then at sensors."""
+    """Return the places of the gaps of `split_gaps`: at drives on both rails, then at sensors."""
     named = [panel.sensor, panel.rail]
     # drives by their places: a study may vary what they are with each throw
     at = [(drive.x, drive.height) for drive in panel.drive.values()]
@@ -175,7 +175,7 @@ def split_gaps(panel: Panel, gaps: Floats, time: Floats) -> tuple[Floats, Floats
 def split_gaps_of(
     panel: Panel, throws: Sequence[Floats], time: Floats, *, kind: type[AnyFloat]
 ) -> tuple[NDArray[AnyFloat], NDArray[AnyFloat]]:
-    """Return what `split_gaps` does of many throws of the same movements, as numbers of a kind.
+    """Return `split_gaps` of many throws of the same movements, as numbers of a kind.
 
     Parameters
     ----------
@@ -223,7 +223,7 @@ def gaps_over_time(panel: Panel, motion: Motion) -> Floats:
 
 
 def watched_gaps(panel: Panel, mechanism: Mechanism) -> Callable[[CondensedRails], SeenRows]:
-    """Return what `Watch` takes to see the gaps at the `gap_places` of a mechanism."""
+    """Return the argument of `Watch` for the gaps at the `gap_places` of a mechanism."""
     places = gap_places(panel)
 
     named = [mechanism.shapes, mechanism.rows, panel.rail, panel.stock_rail]

@@ -20,7 +20,7 @@ TIME_TOLERANCE = 1e-9
 
 
 def contact_labels(index: LawIndex, first: Floats, placed: Floats) -> dict[str, Channel]:
-    """Return whether foreign objects had room and were touched, and when, from every step.
+    """Return room, touch and contact time of the foreign objects, from every step.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def _earliest(times: Floats) -> Floats:
 def force_margins(
     panel: Panel, *, time: Floats, drive_force: Floats, limits: Floats | None = None
 ) -> Floats:
-    """Return what is left below the saturation force in opening and in closing movements.
+    """Return the force left below the saturation force in opening and in closing movements.
 
     Only force in the direction of the movement counts. At the onset of a movement a drive still
     holds the rail with the force of the one before, the other way round; that is not its effort.
@@ -150,7 +150,7 @@ def state_limits(panel: Panel) -> tuple[Floats, Floats]:
 def flangeway_ends(
     panel: Panel, motion: Motion, moved: Sequence[DirectedMovement]
 ) -> MovementEnds | None:
-    """Return what the flangeways at the ends of the movements as they were made follow from."""
+    """Return the data for the flangeways at the ends of the movements as they were made."""
     time = motion.history.time
     ends = [(throw, _end_index(throw, time)) for throw in moved]
     return movement_ends(panel, motion, [(throw, at) for throw, at in ends if at is not None])
@@ -178,6 +178,6 @@ def flangeway_labels(runs: Sequence[MovementEnds | None]) -> dict[str, Channel]:
 
 
 def _end_index(throw: DirectedMovement, time: Floats) -> int | None:
-    """Return the first stored instant at which a movement is over, None where the run is not."""
+    """Return the first stored instant at or after the end of a movement, or None without one."""
     at = int(time.searchsorted(throw.end - TIME_TOLERANCE))
     return at if at < time.size else None

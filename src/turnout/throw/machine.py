@@ -81,5 +81,5 @@ def machine_unit(name: str) -> str:
 
 
 def long_name_of(name: str) -> str:
-    """Return what a history of a throw is."""
+    """Return the long name of a history of a throw."""
     return ENERGY_NAMES.get(name) or LONG_NAMES[name]

@@ -1,4 +1,4 @@
-"""Room for an object between the rails at its place, and the refusal where there never is any."""
+"""Room for an object between the rails at its place, and the refusal of one that never has any."""
 
 from typing import TYPE_CHECKING
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def object_fits(panel: LoadedPanel, size: float, place: str) -> bool:
-    """Return whether the rails stand far enough apart at a place for an object to be there.
+    """Return True if the rails stand far enough apart at a place for an object to be there.
 
     An object is placed between the rails as soon as they stand far enough apart; where they never
     do, a throw with it is one without. The opening is estimated from the panel; only objects near
@@ -56,7 +56,7 @@ def object_fits(panel: LoadedPanel, size: float, place: str) -> bool:
 
 
 def estimated_opening(panel: LoadedPanel, x: float) -> float | None:
-    """Return about how far the rails stand apart at a position, at most [m]."""
+    """Return the approximate largest distance between the rails at a position [m]."""
     return largest_opening(panel, str(panel.object_defaults.rail), x)
 
 

@@ -1,4 +1,4 @@
-"""How rows over time are made of histories: as sums and products of their columns.
+"""Rows over time as sums and products of the columns of histories.
 
 Throws of the same rails share recipes, which are made once (`turnout.throw.rows_over_time`
 writes the rows).
@@ -25,7 +25,7 @@ MOST_KEPT = 16
 
 
 def evenly_spaced(places: Ints) -> slice | Ints:
-    """Return indices as a slice, which copies nothing, where they rise evenly.
+    """Return indices as a slice, which copies nothing, if they rise evenly.
 
     Examples
     --------
@@ -43,7 +43,7 @@ def evenly_spaced(places: Ints) -> slice | Ints:
 
 
 class Recipe(NamedTuple):
-    """How rows are made, as `WeightedRows` has it, without where they are written."""
+    """Terms of rows, as in `WeightedRows`, without the array they are written to."""
 
     products: tuple[Product, ...]
     start: Floats | None = None

@@ -39,7 +39,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 Parts = Sequence[tuple[RailBody, Floats]]
-"""Rails, and rows over the reduced coordinates of each; what they come to is summed."""
+"""Rails, and rows over the reduced coordinates of each; the products are summed."""
 
 UY, RX, PER_NODE = 1, 3, 6
 PLACE_TOLERANCE = 1e-6
@@ -49,7 +49,7 @@ MOST_SEEN = 64
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CondensedShapes:
-    """What shapes are recovered from, but for the run.
+    """Inputs of the recovery of shapes, except for the run.
 
     Attributes
     ----------
@@ -88,20 +88,20 @@ class Motion(CondensedShapes):
 
 
 def condensed_shapes(mechanism: Mechanism, condensed: CondensedRails) -> CondensedShapes:
-    """Collect what the recovery of shapes needs before a run."""
+    """Collect the inputs of the recovery of shapes before a run."""
     rails = {body.name: body for body in mechanism.rails}
     return CondensedShapes(rails, mechanism.shapes, condensed, mechanism.rows)
 
 
 def recover_motion(mechanism: Mechanism, history: History) -> Motion:
-    """Collect what the recovery of shapes needs from a run."""
+    """Collect the inputs of the recovery of shapes from a run."""
     condensed = history.condensed
     before = condensed_shapes(mechanism, condensed)
     return Motion(before.rails, before.shapes, condensed, before.rows, history)
 
 
 def force_motion(motion: Motion, shapes: Floats, *, at: Ints | None = None) -> Floats:
-    """Return what displacements by row forces come to under those of the laws over time.
+    """Return displacements by row forces under those of the laws over time.
 
     The force on a row is that of laws and frictions beyond the linear system. It is never formed
     for all rows and instants: each kind of force goes by its own columns.
@@ -137,7 +137,7 @@ def _force_products(motion: Motion, shapes: Floats, rows: slice | Ints) -> list[
 
 
 def histories_of(history: History, at: Ints | None = None) -> dict[str, Floats]:
-    """Return what rows over time are made of, at some instants or all."""
+    """Return the histories for rows over time, at some instants or all."""
     names = ("q", "g", "law_force", "friction_force")
     return {name: _at(getattr(history, name), at) for name in names}
 
@@ -196,7 +196,7 @@ def lateral_displacement(
 
 
 def row_motion(motion: Motion, parts: Parts, *, at: Ints | None = None) -> Floats:
-    """Return what rows over the reduced coordinates of some rails come to over time.
+    """Return rows over the reduced coordinates of some rails, evaluated over time.
 
     Parameters
     ----------
@@ -219,7 +219,7 @@ def row_motion(motion: Motion, parts: Parts, *, at: Ints | None = None) -> Float
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RowTerms:
-    """Rows in terms of what a run has kept.
+    """Rows in terms of the stored results of a run.
 
     Attributes
     ----------
@@ -251,7 +251,7 @@ _of_stored = LRUCache[tuple[list[Product], object]](MOST_SEEN)
 
 
 def seen_by(motion: CondensedShapes, parts: Parts, *, with_stored: bool = True) -> RowTerms:
-    """Return rows of some rails in terms of what a run has kept.
+    """Return rows of some rails in terms of the stored results of a run.
 
     `with_stored` says whether the run stores the displacements of all rows of its laws.
     """
@@ -274,7 +274,7 @@ def seen_by(motion: CondensedShapes, parts: Parts, *, with_stored: bool = True) 
 def _stored_share(
     motion: CondensedShapes, core: Sequence[BlockModel], parts: Parts
 ) -> tuple[Floats, Parts]:
-    """Return the weights of stored displacements, and what these do not give of the rows."""
+    """Return the weights of stored displacements, and the remainder of the rows."""
     usable = np.unique(np.concatenate([part.block.rows for part in core]))
     named = [motion.rows, *(rows for _, rows in parts)]
     key = (*map(id, named), *(body.first for body, _ in parts), usable.size)
@@ -338,7 +338,7 @@ def stack_terms(seen: Sequence[RowTerms]) -> RowTerms:
 
 
 def seen_rows(motion: Motion, seen: RowTerms, out: Floats) -> WeightedRows:
-    """Return how such rows are written over time."""
+    """Return such rows for writing over time."""
     return seen_recipe(motion, seen).into(out)
 
 
@@ -350,7 +350,7 @@ def seen_recipe(
     minus: bool = False,
     near: bool = False,
 ) -> Recipe:
-    """Return how such rows are made, beyond where they start, shape (n_rows,)."""
+    """Return the recipe of such rows, on top of their `start`, shape (n_rows,)."""
     products = list(_stored_products(seen.stored, seen.load.size))
     left = np.flatnonzero(seen.modes.any(axis=1) | seen.shapes.any(axis=1))
     if left.size:
@@ -397,14 +397,14 @@ MOST_PRODUCTS = 256
 """Products of rows with blocks in memory, the latest used."""
 MOST_PLACES = 512
 """Rails whose places in their blocks are kept in memory, the latest used; four of each set of
-condensed rails, of which throws keep as many for what is watched of them."""
+condensed rails, of which throws keep as many for their watched rows."""
 
 # Blocks are shared by many throws; they are named by identity and kept beside.
 _places = LRUCache[tuple[tuple[int, int], object]](MOST_PLACES)
 
 
 def block_of(blocks: Sequence[BlockModel], body: RailBody) -> tuple[int, int]:
-    """Return the number of the block of a rail, and where in it its coordinates begin."""
+    """Return the number of the block of a rail, and the index of its first coordinate in it."""
     key = (id(blocks), body.first)
     kept = _places.get(key)
     if kept is not None:
@@ -429,7 +429,7 @@ _products = LRUCache[tuple[tuple[Floats, Floats, Floats], object]](MOST_PRODUCTS
 
 
 def in_block(part: BlockModel, rows: Floats, own: slice) -> tuple[Floats, Floats, Floats]:
-    """Return what `multiply_by_block` does, made once for rows that throws share."""
+    """Return `multiply_by_block`, evaluated once for rows that throws share."""
     key = (id(part), id(rows), own.start)
     found = _products.get(key)
     if found is not None:
@@ -441,7 +441,7 @@ def in_block(part: BlockModel, rows: Floats, own: slice) -> tuple[Floats, Floats
 
 
 def multiply_by_block(part: BlockModel, rows: Floats, own: slice) -> tuple[Floats, Floats, Floats]:
-    """Return what rows of a rail come to for the modes, row forces and load of its block.
+    """Return rows of a rail in terms of the modes, row forces and load of its block.
 
     Parameters
     ----------

@@ -73,7 +73,7 @@ class Product:
 
 
 class WeightedRows(NamedTuple):
-    """Rows over time that are wanted: where they start, plus or minus some products.
+    """Wanted rows over time: their starts, plus or minus some products.
 
     Attributes
     ----------
@@ -146,7 +146,7 @@ def _with_a_window(values: Floats) -> Floats:
 def _check_arrays(
     wanted: Sequence[WeightedRows], histories: Mapping[str, Floats], count: int
 ) -> None:
-    """Refuse what a kernel that gets addresses alone would misread or overwrite."""
+    """Refuse arrays that a kernel with addresses alone would misread or overwrite."""
     for rows in wanted:
         out, start = rows.out, rows.start
         if out.size and not (out.flags.writeable and out.strides[1] == 8):
@@ -163,7 +163,7 @@ def _check_arrays(
 
 
 class _Layout(NamedTuple):
-    """What the kernel makes of rows, without the addresses of a run.
+    """Rows laid out for the kernel, without the addresses of a run.
 
     Attributes
     ----------
@@ -198,7 +198,7 @@ def clear_layouts() -> None:
 def _layout(
     wanted: Sequence[WeightedRows], histories: Mapping[str, Floats], turned: Mapping[str, Floats]
 ) -> _Layout:
-    """Return what the kernel makes of rows; laid out once for the recipes that throws share.
+    """Return the layout of rows for the kernel, made once for the recipes that throws share.
 
     `turned` are the histories with a window at least.
     """
@@ -216,7 +216,7 @@ def _layout(
 
 
 def _shape(rows: WeightedRows) -> tuple[int, int, bool]:
-    """Return how many rows there are, how a sum becomes one, and whether they stay near."""
+    """Return the number of rows, the way a sum becomes one, and True if they stay near."""
     return rows.out.shape[0], _kind(rows), rows.near
 
 
@@ -312,7 +312,7 @@ def _windows(history: Ints, column: Ints, turned: Sequence[Floats]) -> tuple[Int
 
 
 def _in_pairs(known: Ints, row: Ints, window: Ints, count: int) -> tuple[Ints, Ints, Ints]:
-    """Return known rows by the pair with the last window of their terms, and where each begins.
+    """Return known rows by the pair with the last window of their terms, and the start of each.
 
     Last comes the last pair that needs each window. `row` and `window` are those of all terms,
     `count` is the number of windows.
@@ -375,10 +375,10 @@ def _addresses(arrays: Iterable[Floats]) -> Ints:
 
 
 def _kind(rows: WeightedRows) -> int:
-    """Return how a sum becomes rows."""
+    """Return the way in which a sum becomes rows."""
     return MINUS if rows.minus else PLAIN if rows.start is None else PLUS
 
 
 def _starts(rows: WeightedRows) -> Floats:
-    """Return where rows start."""
+    """Return the start of each row, 0 by default."""
     return np.zeros(rows.out.shape[0]) if rows.start is None else rows.start

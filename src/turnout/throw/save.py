@@ -1,4 +1,4 @@
-"""What a response keeps."""
+"""Choice of the channels, instants and places that a response keeps."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ V = TypeVar("V")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Save:
-    """How often, where and what a response keeps.
+    """Interval, stations and channels that a response keeps.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class Save:
     also: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be kept, all at once."""
+        """Refuse all impossible choices at once."""
         problems = []
         if isinstance(self.interval, str):
             problems.append(f"interval = {self.interval!r}: must be a number of seconds")
@@ -65,7 +65,7 @@ class Save:
             raise ResponseError(message)
 
     def keeps(self, *names: str) -> bool:
-        """Return whether any of these channels is kept."""
+        """Return True if any of these channels is kept."""
         if self.fields is None and not ON_REQUEST.issuperset(names):
             return True
         return not set(names).isdisjoint((*(self.fields or ()), *self.also))

@@ -1,4 +1,4 @@
-"""A switch from throw to throw: objects keep what was done to them, weather and wear go on."""
+"""A switch from throw to throw: objects keep their damage, weather and wear go on."""
 
 import json
 import time
@@ -35,7 +35,7 @@ KEPT = Save(
         *("energy_object_dissipated", "energy_residual", "throw_time", "drive_current"),
     )
 )
-"""What a sequence keeps unless another choice is made."""
+"""Channels of a sequence unless another choice is made."""
 
 
 def simulate_sequence(
@@ -51,7 +51,7 @@ def simulate_sequence(
     throw: bool = True,
     report: Callable[[int, int], None] | None = None,
 ) -> "xr.Dataset":
-    """Throw a switch again and again; what is trapped dents, breaks, grows and melts.
+    """Throw a switch again and again; trapped objects dent, break, grow and melt.
 
     Each throw is the panel's whole schedule from its own static equilibrium. Between the throws
     objects keep their dents and what is left of them.
@@ -124,7 +124,7 @@ def simulate_sequence(
 
 @dataclass(slots=True, eq=False)
 class _Series:
-    """Throws as they are made: what is kept of each."""
+    """Throws as they are made, with the kept values of each."""
 
     panel: LoadedPanel
     objects: tuple[PlacedObject, ...]
@@ -139,7 +139,7 @@ class _Series:
     names: tuple[str, ...] = ()
 
     def add(self, panel: LoadedPanel, solved: Solved, parts: Sequence[PlacedObject]) -> None:
-        """Keep what a throw gave; `parts` are what it met."""
+        """Keep the results of a throw; `parts` are the objects it met."""
         with one_blas_thread():
             channels = response_channels(panel, solved.mechanism, solved.history, save=self.save)
         present = tuple(solved.mechanism.index.object_parts)
@@ -211,7 +211,7 @@ class _Series:
 
 
 def _joined(made: Sequence[dict[str, Channel]]) -> dict[str, Channel]:
-    """Return coordinates of all throws: once where they stay, else with "throw" in front."""
+    """Return coordinates of all throws: once if they stay, else with "throw" in front."""
     found: dict[str, Channel] = {}
     for name, (dims, first) in made[0].items() if made else ():
         values = [each[name][1] for each in made if name in each]
@@ -227,12 +227,12 @@ def _joined(made: Sequence[dict[str, Channel]]) -> dict[str, Channel]:
 
 @dataclass(frozen=True, slots=True)
 class _Refused(Outcome):
-    """The end of a sequence by a throw that is not possible, and why."""
+    """The end of a sequence by a throw that is not possible, with the reason."""
 
     reason: str = ""
 
     def message(self) -> str:
-        """Return which throw is not possible, and why."""
+        """Return the throw that is not possible, with the reason."""
         return self.reason
 
 
@@ -241,7 +241,7 @@ def _throw_all(
     change: Callable[[int], Mapping[str, object]] | None,
     report: Callable[[int, int], None] | None,
 ) -> Outcome:
-    """Make the throws one after the other; return how the last of them ended."""
+    """Make the throws one after the other; return the outcome of the last of them."""
     parts = divided(series.objects)
     series.names = tuple(dict.fromkeys(part.whole or part.name for part in parts))
     densities = {part.name: part.density for part in parts}
@@ -293,7 +293,7 @@ def _at_temperature(
 
 
 def _sizes(parts: Sequence[PlacedObject], names: Sequence[str]) -> np.ndarray:
-    """Return the size of the largest part of each object, 0 where nothing is left [m]."""
+    """Return the size of the largest part of each object, 0 if nothing is left [m]."""
     found = np.zeros(len(names))
     for part in parts:
         at = names.index(part.whole or part.name)

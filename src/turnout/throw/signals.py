@@ -78,7 +78,7 @@ def slip_forces(panel: Panel) -> Floats:
 
 
 def is_slipping(force: Floats, limits: Floats) -> Flags:
-    """Return whether drives are at the force at which they slip.
+    """Return True for each instant at which a drive is at the force at which it slips.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def is_slipping(force: Floats, limits: Floats) -> Flags:
 
 
 def object_channels(index: LawIndex, force: Floats) -> dict[str, Channel]:
-    """Return the force on the foreign objects: their sum, and each where there are several.
+    """Return the force on the foreign objects: their sum, and each of several.
 
     Parameters
     ----------
@@ -114,13 +114,13 @@ def object_channels(index: LawIndex, force: Floats) -> dict[str, Channel]:
 
 
 def object_rows(index: LawIndex) -> list[list[int]]:
-    """Return which of the laws of all objects are those of each object."""
+    """Return the laws of each object, as indices among the laws of all objects."""
     row = {law: number for number, law in enumerate(index.object.values())}
     return [[row[law] for law in laws] for laws in index.object_laws.values()]
 
 
 def force_block(panel: Panel, mechanism: Mechanism, *, objects: bool, links: bool) -> RowBlock:
-    """Return forces of drives, and of all laws of objects and of links where these are wanted.
+    """Return forces of drives and, if wanted, of all laws of objects and of links.
 
     On the rail "drive_force", on objects "object" and in links "link_force", of their laws [N].
     """
@@ -143,7 +143,7 @@ def force_block(panel: Panel, mechanism: Mechanism, *, objects: bool, links: boo
 
 
 def object_memory(mechanism: Mechanism, history: History) -> dict[str, Channel]:
-    """Return what the foreign objects have become at the end, where any of them remembers.
+    """Return the state of the foreign objects at the end, if any of them remembers.
 
     The size of an object in several parts is that of its largest part.
     """
@@ -162,7 +162,7 @@ def object_memory(mechanism: Mechanism, history: History) -> dict[str, Channel]:
 
 
 def has_broken(mechanism: Mechanism, history: History) -> bool:
-    """Return whether a foreign object broke; bonds of frozen chairs are none."""
+    """Return True if a foreign object broke; bonds of frozen chairs do not count."""
     rows = named_obstructions(history.obstructions, mechanism.index.object)
     return bool(np.any(history.obstructions.broken[list(rows.values())] > 0))
 
@@ -301,7 +301,7 @@ def fastening_signals(panel: Panel, motion: Motion) -> dict[str, Channel]:
 
 
 def _rows(body: RailBody, fastening: Fastening, *, offset: float) -> Floats:
-    """Return rows to the motion of the rail where a fastening acts, shape (6, count)."""
+    """Return rows to the motion of the rail at a fastening, shape (6, count)."""
     node = int(np.argmin(np.abs(body.x - fastening.x)))
     rows: Floats = body.recovery[6 * node : 6 * node + 6].copy()
     rows[0] += fastening.height * rows[4] - offset * rows[5]

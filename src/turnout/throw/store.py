@@ -144,7 +144,7 @@ def _encoded(attributes: Mapping[Any, Any]) -> dict[Any, Any]:
 
 
 def _restored(dataset: xr.Dataset) -> xr.Dataset:
-    """Turn texts and attributes back to what they were."""
+    """Restore texts and attributes to their form before storing."""
     texts: dict[Hashable, Any] = {
         name: (variable.dims, variable.values.astype(np.str_), variable.attrs)
         for name, variable in dataset.variables.items()

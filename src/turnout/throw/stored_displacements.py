@@ -30,7 +30,7 @@ MOST_COORDINATES = 12
 MOST_ROWS = 24
 """Rows that are tried for one displacement; those at a place are three to six."""
 ROUNDING = 1e-12
-"""By which weights may miss a displacement of size 1."""
+"""Tolerance of the weights for a displacement of size 1."""
 LARGEST_WEIGHT = 100.0
 """Of a lever of half a metre on feet that are a few centimetres apart, with a margin."""
 MOST_KEPT = 32
@@ -90,7 +90,7 @@ def stored_rows(rows: Floats, usable: Ints) -> StoredRows:
 def stored_share(
     stored: StoredRows, rails: Sequence[tuple[int, int]], wanted: Floats
 ) -> tuple[Floats, Floats]:
-    """Return the weights of stored displacements, and what of a wanted one these do not give.
+    """Return the weights of stored displacements, and the remainder of a wanted one.
 
     Where it lies on a rail with many rows, what is left may lie on rails with fewer, which cost
     less to recover: a rod's end is where the stop beside it is, and that follows the stock rail.
@@ -131,7 +131,7 @@ def stored_share(
 def _eases(
     stored: StoredRows, rails: Sequence[tuple[int, int]], rail: tuple[int, int], weights: Floats
 ) -> bool:
-    """Return whether all other rails that some rows touch have fewer rows than this one."""
+    """Return True if all other rails that some rows touch have fewer rows than this one."""
     touched = stored.rows[weights != 0.0].any(axis=0)
 
     def count(of: tuple[int, int]) -> int:

@@ -188,7 +188,7 @@ class _Addresses:
         return await self._forward("judge shown", request, detector=mark)
 
     async def _read(self, task: str, request: Request) -> Response:
-        """Put what was sent into a file, under the name that the page gives, and have it read."""
+        """Put the sent content in a file, under the name that the page gives, and have it read."""
         name = plain_name(request.query_params.get("name", ""), task)
         chosen = request.query_params.get("map", "")
         if len(chosen) > LARGEST_QUESTION:
@@ -221,7 +221,7 @@ class _Addresses:
         seconds: float | None = None,
         **options: str,
     ) -> Response:
-        """Hand what was sent to a process as it is."""
+        """Hand the content sent to a process as it is."""
         parts: list[bytes] = []
         await _received(request, most, parts.append)
         limit = TIME_LIMIT if seconds is None else seconds
@@ -231,7 +231,7 @@ class _Addresses:
 
 
 async def _received(request: Request, most: int, take: Callable[[bytes], object]) -> None:
-    """Take what is sent, piece by piece; of what is too large no more than may be."""
+    """Take the content sent, piece by piece; if too large, no more of it than may be."""
     seen = 0
     async for part in request.stream():
         seen += len(part)

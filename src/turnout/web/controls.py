@@ -1,4 +1,4 @@
-"""What the page shows of a panel before a throw: sliders with keys, units and bounds."""
+"""Display of a panel before a throw: sliders with keys, units and bounds."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -82,7 +82,7 @@ def _of_object(panel: Panel) -> list[Control]:
 
 
 def _last_place(panel: Panel) -> float:
-    """Return where the last chair or drive is: behind it the rail does not open."""
+    """Return the place of the last chair or drive: behind it the rail does not open."""
     rail = panel.object_defaults.rail
     places = [item.x for item in panel.drive.values() if item.rail == rail]
     places += [item.x for item in panel.chair.values() if item.rails is None or rail in item.rails]
@@ -145,7 +145,7 @@ def _of_times(panel: Panel) -> list[Control]:
 
 
 def panel_controls(panel: LoadedPanel, mark: str) -> dict[str, Any]:
-    """Return what the page shows of a panel before a throw.
+    """Return the data by which the page shows a panel before a throw.
 
     Parameters
     ----------
@@ -173,7 +173,7 @@ def panel_controls(panel: LoadedPanel, mark: str) -> dict[str, Any]:
 
 
 def measured_record(mark: str, item: Measured) -> dict[str, Any]:
-    """Return what the page lists of a measured movement."""
+    """Return the row of a measured movement in the page's list."""
     known = item.size == item.size  # NaN is not known
     return {
         "mark": mark,

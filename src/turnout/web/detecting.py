@@ -42,7 +42,7 @@ def read_detector(path: Path) -> Detector:
 
 
 def described_detector(detector: Detector, mark: str) -> dict[str, Any]:
-    """Return what the page shows of a detector."""
+    """Return the data by which the page shows a detector."""
     known = detector.knowledge
     return {
         "mark": mark,
@@ -173,7 +173,7 @@ def _band(detector: Detector, throw: Recorded, verdict: Verdict) -> Sheet | None
 
 
 def _plain(value: Any) -> Any:
-    """Return plain data fit for JSON: None for what is no finite number."""
+    """Return plain data fit for JSON: None for numbers that are not finite."""
     if isinstance(value, dict):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

@@ -40,7 +40,7 @@ HEADERS = {
 
 
 class Guard:
-    """Stands before an application and lets through what may pass.
+    """Stands before an application and lets permitted requests through.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ class TooLargeError(TurnoutError):
 
 
 class _Body:
-    """The body of a request: counted, and thrown away where it is refused."""
+    """The body of a request: counted, and thrown away if it is refused."""
 
     def __init__(self, receive: Receive, largest: int) -> None:
         self._receive, self._largest = receive, largest
@@ -150,7 +150,7 @@ class _Body:
         return message
 
     async def drain(self) -> None:
-        """Read what still comes, so that the sender gets to hear why it is refused."""
+        """Read the rest of a request, so that the sender hears why it is refused."""
         while not self._ended and self._seen < MOST_DRAINED:
             message = await self._receive()
             if message["type"] != "http.request":

@@ -156,7 +156,7 @@ def plain_name(name: str, otherwise: str) -> str:
 
 
 def recording_lines(recording: Recording, kind: str) -> list[str]:
-    """Return what is in a recording, a line a channel, and a channel map to start from."""
+    """Return the content of a recording, a line per channel, and a channel map to start from."""
     rows = [overview(channel) for channel in recording.channels.values()]
     lines = [f"{Path(recording.source).name}: {kind}, {len(rows)} channels"]
     lines += [
@@ -220,7 +220,7 @@ def history_movement(path: Path) -> Measured:
 
 
 def differences(measured: Measured, run: xr.Dataset) -> list[Row]:
-    """Return what is measured less what is computed, at the instants of the measurement.
+    """Return measurement less computation, at the instants of the measurement.
 
     Parameters
     ----------

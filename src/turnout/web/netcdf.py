@@ -102,7 +102,7 @@ def _attributes(dataset: xr.Dataset, names: Sequence[str]) -> dict[str, Any]:
 
 
 def _channel(dataset: xr.Dataset, rows: list[list[PlaceSeen]]) -> dict[str, Any]:
-    """Return what one channel shows, place by place; rows are those of each size."""
+    """Return the values of one channel, place by place; rows are those of each size."""
     places = range(len(rows[0]))
     found: dict[str, Any] = {
         key: [[getattr(row[place], key) for row in rows] for place in places]

@@ -1,4 +1,4 @@
-"""Which objects a switch reports, by size and place: many quick throws, one verdict each."""
+"""Objects that a switch reports, by size and place: many quick throws, one verdict each."""
 
 from typing import Any
 

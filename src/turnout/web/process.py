@@ -86,7 +86,7 @@ class Process:
 
     @property
     def alive(self) -> bool:
-        """Whether it accepts tasks."""
+        """True if it accepts tasks."""
         return self._started and not self._killed and self._process.is_alive()
 
     def start(self) -> None:
@@ -200,7 +200,7 @@ class _MemoryUse:
         self._answers, self._most = 0, float("inf")
 
     def has_grown(self) -> bool:
-        """Return, after a reply, whether the process should be replaced."""
+        """Return, after a reply, True if the process should be replaced."""
         if sys.platform != "linux":
             return False
         self._answers += 1
@@ -288,7 +288,7 @@ def _set_apart() -> None:
 
 
 def _limit_memory(memory: int) -> None:
-    """Limit the memory of this process, and of what it starts, to what it has and so much more."""
+    """Limit the memory of this process and its children to its present use and so much more."""
     if sys.platform != "linux":
         return  # macOS takes no such limit, Windows has none
     import resource

@@ -39,7 +39,7 @@ class UnknownMarkError(FileError):
 
 @dataclass(eq=False)
 class Question:
-    """State of a running request: start time, and whether a newer one supersedes it.
+    """State of a running request: start time, and an event by which a newer one supersedes it.
 
     `send` takes the share that is done to the server.
     """
@@ -55,7 +55,7 @@ class Question:
             raise KeyboardInterrupt
 
     def progress(self, done: int, total: int) -> None:
-        """Stop a superseded run, and say now and then how much of it is done."""
+        """Stop a superseded run, and report now and then the share of it that is done."""
         self.check()
         now = time.monotonic()
         if self.send is not None and total and now - self.reported > REPORT_INTERVAL:

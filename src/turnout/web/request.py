@@ -65,7 +65,7 @@ T = TypeVar("T", bound=PageRequest)
 
 
 def read_request(kind: type[T], content: bytes) -> T:
-    """Read what a page sent.
+    """Read the request of a page.
 
     Raises
     ------

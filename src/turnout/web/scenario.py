@@ -15,7 +15,7 @@ TRAPPED = "trapped"
 """Name of the object in a written panel file."""
 STIFFNESS = "object_defaults.stiffness"
 ORIGIN = "assumption: set in the studio"
-"""What a written panel file says of changed values."""
+"""Origin of changed values in a written panel file."""
 
 
 def command_line(panel: LoadedPanel, request: RunRequest) -> str:
@@ -108,7 +108,7 @@ def file_of(panel: LoadedPanel) -> str:
 
 
 def _settings(panel: LoadedPanel, request: RunRequest) -> dict[str, float | str]:
-    """Return changed values by key, among them the stiffness of the object where it is changed."""
+    """Return changed values by key, among them the stiffness of the object if it is changed."""
     settings = {
         key: value.replace(" ", "", 1) if isinstance(value, str) else value
         for key, value in request.settings.items()

@@ -1,4 +1,4 @@
-"""What a studio is opened with: a panel, and perhaps a campaign."""
+"""Content that a studio is opened with: a panel, and perhaps a campaign."""
 
 from contextlib import suppress
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from turnout.web.tasks import Opening
 
 
 def _text_of(panel: LoadedPanel) -> str:
-    """Return the file that a panel was loaded from; empty where it is no longer there."""
+    """Return the file that a panel was loaded from; empty if it is no longer there."""
     if panel.source in library_names():
         return library_text(panel.source)
     with suppress(OSError, FileError):
@@ -52,12 +52,12 @@ class Studio:
 
     @property
     def opening(self) -> Opening:
-        """What the processes that compute begin with."""
+        """Start data of the processes that compute."""
         folder = self.opened.folder if self.opened else None
         return Opening(self._panel, self._campaign, folder, _text_of(self._panel))
 
     def start(self) -> dict[str, Any]:
-        """Return what the page needs when it opens."""
+        """Return the data that the page needs to open."""
         return {
             "version": version(),
             "compiling": must_compile(),

@@ -271,7 +271,7 @@ class TaskHandler:
         return command_line(panel, request) + "\n"
 
     def _recording(self, task: Task, _question: Question) -> Reply:
-        """List a recording, or, where a channel map is named, cut it into movements."""
+        """List a recording, or, if a channel map is named, cut it into movements."""
         path = Path(task.options["path"])
         if is_history(path):
             return self._listed([history_movement(path)], [f"{path.name}: history of a throw"])

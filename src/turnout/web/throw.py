@@ -42,7 +42,7 @@ FILE_MESSAGE = "names another file, which the page cannot; start with `turnout s
 
 
 def changed_panel(panel: LoadedPanel, request: RunRequest) -> LoadedPanel:
-    """Return the panel with what the page changed in it; PanelError lists all problems."""
+    """Return the panel with the changes of the page in it; PanelError lists all problems."""
     named = [key for key in request.settings if key.split(".")[-1].strip() in FILE_KEYS]
     if named:
         raise PanelError([f"{key}: {FILE_MESSAGE}" for key in named], source="overrides")
@@ -233,7 +233,7 @@ FILES: Mapping[str, str] = {
 }
 """Kinds of files with their media types."""
 TEXTS = ("toml", "txt", "py")
-"""Those that say what to compute: a panel file, a command, a script."""
+"""Kinds that describe the computation: a panel file, a command, a script."""
 
 
 def made_file(kind: str, dataset: xr.Dataset, *, behind: xr.Dataset | None = None) -> bytes:

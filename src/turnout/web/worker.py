@@ -116,7 +116,7 @@ class Worker:
                 del self._jobs[task.job]
 
     def share(self, job: str) -> float | None:
-        """Return how much of a job is done; None where none of that name is at work."""
+        """Return the share of a job that is done; None if none of that name is at work."""
         request = self._jobs.get(job)
         if request is None:
             return None
@@ -264,7 +264,7 @@ class Worker:
             await self._start_one()
 
     async def _start_one(self) -> None:
-        """Start a process, again where that fails, and let it answer."""
+        """Start a process, again if that fails, and let it answer."""
         while not self._closed and not self._fault:
             process = Process(self._prepare, str(self.folder), self._memory)
             self._processes.append(process)

@@ -1,4 +1,4 @@
-"""The page about what can be seen of trapped objects: blind zones along the blade."""
+"""The page about the detectability of trapped objects: blind zones along the blade."""
 
 from collections.abc import Sequence
 

@@ -90,7 +90,7 @@ def calibration_page(
 
 
 def calibration_findings(calibration: Calibration) -> list[Finding]:
-    """Return what a calibration found, unidentified parameters and warnings first."""
+    """Return the findings of a calibration, unidentified parameters and warnings first."""
     free = [item for item in calibration.parameters if item.state != FIXED]
     identified = [item for item in free if item.state == FITTED]
     good = len(identified) == len(free) and not calibration.warnings
@@ -112,7 +112,7 @@ def calibration_findings(calibration: Calibration) -> list[Finding]:
 
 
 def _verdict(calibration: Calibration) -> Finding:
-    """Return whether a calibration is trustworthy, and why not."""
+    """Return the verdict on a calibration, trustworthy or not, with its reasons."""
     if calibration.distrust:
         return Finding("bad", "Verdict", "not trustworthy", "; ".join(calibration.distrust))
     causes = ", ".join(dict.fromkeys(calibration.fitted_causes))
@@ -187,7 +187,7 @@ def _fits(signals: xr.Dataset) -> list[Picture]:
 
 
 def _next(calibration: Calibration) -> Section:
-    """Return which movements to measure next, with what each would narrow."""
+    """Return the movements to measure next, with the values that each would narrow."""
     rows = [
         tuple(text.removeprefix(NEXT).rsplit(": ", 1))
         for text in calibration.findings
@@ -235,7 +235,7 @@ def _parameters(calibration: Calibration) -> Table:
 
 
 def _posterior(calibration: Calibration) -> list[Table]:
-    """Return the intervals of the posterior beside those of the fit, where it was sampled."""
+    """Return the intervals of the posterior beside those of the fit, if it was sampled."""
     found = calibration.posterior
     if not found.get("interval_95"):
         return []
@@ -256,8 +256,10 @@ def _together(calibration: Calibration) -> list[Heat]:
     if len(names) < 2 or not np.isfinite(correlation).all():
         return []
     strong = (np.abs(correlation) > STRONG_CORRELATION) & ~np.eye(len(names), dtype=bool)
-    heading = f"Correlation of the parameters; strongly correlated (beyond {STRONG_CORRELATION:g}) ones are framed"
-    numbers = [str(number + 1) for number in range(len(names))]
+    heading = (
+        "Correlation of the parameters; strongly correlated ones "
+        f"(beyond {STRONG_CORRELATION:g}) are framed"
+    )numbers = [str(number + 1) for number in range(len(names))]
     rows = [f"{number} {name}" for number, name in zip(numbers, names, strict=True)]
     return [Heat(heading, rows, numbers, correlation.tolist(), strong.tolist())]
 

@@ -98,7 +98,7 @@ def campaign_page(
 def campaign_findings(
     dataset: xr.Dataset, *, excluded: Reasons = (), remarks: Sequence[str] = ()
 ) -> list[Finding]:
-    """Return the findings of a campaign: which objects the drives detect, and where."""
+    """Return the findings of a campaign: objects that the drives detect, by place."""
     found = [_detected(dataset, way) for way in DIRECTIONS if _places(dataset, way)]
     found += [_slips(dataset, way) for way in DIRECTIONS if _places(dataset, way)]
     for way in DIRECTIONS:
@@ -167,7 +167,7 @@ def _detected(dataset: xr.Dataset, direction: str) -> Finding:
 
 
 def _free_slips(dataset: xr.Dataset, direction: str) -> tuple[int, int]:
-    """Return how many throws without an object made a drive slip, and how many there were."""
+    """Return the numbers of throws without an object: those with a slipping drive, and all."""
     free = (dataset["direction"].values == direction) & (dataset["size"].values == 0)
     slips = dataset["slipped"].values[free].sum() if "slipped" in dataset.coords else 0
     return int(slips), int(free.sum())
@@ -204,7 +204,7 @@ def _size(value: float) -> str:
 
 
 def _detectable(item: PlaceSizes, *, few: bool) -> str:
-    """Return the smallest detectable size of a place, and where smaller ones are undecided."""
+    """Return the smallest detectable size of a place, and undecided smaller ones, if any."""
     if math.isnan(item.undecided) or (not few and not math.isnan(item.detectable)):
         return _size(item.detectable)
     if math.isnan(item.detectable):
@@ -213,7 +213,7 @@ def _detectable(item: PlaceSizes, *, few: bool) -> str:
 
 
 def _few(dataset: xr.Dataset, direction: str) -> bool:
-    """Return whether there are too few throws without an object to compare with."""
+    """Return True if there are too few throws without an object to compare with."""
     counts = [drive.count for drive in repeat_scatter(dataset, direction=direction) if drive.count]
     return min(counts, default=0) < LEAST_REPEATS
 

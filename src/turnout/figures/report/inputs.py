@@ -1,4 +1,4 @@
-"""What went into a result: the values of its panel with their origins, and what changed them."""
+"""Inputs of a result: the values of its panel with their origins, and their changes."""
 
 import json
 from collections.abc import Mapping
@@ -29,7 +29,7 @@ MADE_BY = {
 def panel_of_result(
     attributes: Mapping[Any, Any], *, panel: LoadedPanel | None = None
 ) -> LoadedPanel | None:
-    """Return the panel that a result was computed with, or None where it is not at hand.
+    """Return the panel that a result was computed with, or None if it is not at hand.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def inputs_section(attributes: Mapping[Any, Any], panel: LoadedPanel | None) -> 
 
 
 def origin_section(attributes: Mapping[Any, Any]) -> Section:
-    """Return what computed a result, as far as its attributes say."""
+    """Return the versions that computed a result, as far as its attributes name them."""
     rows = [(text, _text(attributes[name])) for name, text in MADE_BY.items() if name in attributes]
     return Section(heading="Versions", tables=[Table("", ("What", ""), rows)])
 

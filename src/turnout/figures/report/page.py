@@ -51,7 +51,7 @@ POLICY = (
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A figure of a page: what it shows, the same on paper as files by suffix, points of a line."""
+    """A figure of a page: its sheet, the same on paper as files by suffix, points of a line."""
 
     sheet: Sheet
     files: Mapping[str, bytes]

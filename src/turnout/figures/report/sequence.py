@@ -1,4 +1,4 @@
-"""The page about a sequence of throws: what was trapped, what reported it, from throw to throw."""
+"""The page about a sequence of throws: trapped objects and their reports, from throw to throw."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -52,7 +52,7 @@ def sequence_page(dataset: xr.Dataset) -> Page:
 
 
 def sequence_findings(dataset: xr.Dataset, rows: Sequence[Mapping[str, Any]]) -> list[Finding]:
-    """Return how many throws had which verdict, and whether the sequence is whole.
+    """Return the number of throws by verdict, and a finding if the sequence is incomplete.
 
     Takes what `sequence_sheet` takes.
     """

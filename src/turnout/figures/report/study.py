@@ -18,7 +18,7 @@ LONG_LIST = 6
 
 
 def study_lines(study: Study) -> Iterator[str]:
-    """Yield what a study is: scenarios, ranges, chance, rule and output.
+    """Yield the content of a study: scenarios, ranges, chance, rule and output.
 
     Parameters
     ----------

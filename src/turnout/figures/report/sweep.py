@@ -1,4 +1,4 @@
-"""The page about a sweep: how its throws ended, the map of places and sizes, sensitivities."""
+"""The page about a sweep: outcomes of its throws, the map of places and sizes, sensitivities."""
 
 import math
 from collections.abc import Sequence
@@ -99,7 +99,7 @@ def sweep_page(
 
 
 def sweep_findings(labels: xr.Dataset) -> list[Finding]:
-    """Return how the throws of a sweep ended, undetected objects first.
+    """Return the outcomes of the throws of a sweep, undetected objects first.
 
     Parameters
     ----------
@@ -144,12 +144,12 @@ def sweep_findings(labels: xr.Dataset) -> list[Finding]:
 
 
 def has_map(labels: xr.Dataset) -> bool:
-    """Return whether a sweep varies size and place of the object."""
+    """Return True if a sweep varies size and place of the object."""
     return all(name in labels.coords for name in MAP_INPUTS)
 
 
 def sweep_figures(labels: xr.Dataset, *, suffixes: Sequence[str]) -> dict[str, bytes]:
-    """Return the map of a sweep as files by name, where it has one."""
+    """Return the map of a sweep as files by name, empty if it has none."""
     if not has_map(labels):
         return {}
     figure = plot_sweep_map(sweep_map(labels))
@@ -234,7 +234,7 @@ def _picture(sheet: Sheet, suffixes: Sequence[str]) -> Picture:
 
 
 def _inputs(labels: xr.Dataset) -> Table:
-    """Return every input with its unit and range, or its values where they are names."""
+    """Return every input with its unit and range, or with its values if they are names."""
     rows = []
     for name, values in labels.coords.items():
         if "input" not in values.attrs:

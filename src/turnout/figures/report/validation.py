@@ -85,7 +85,7 @@ def validation_page(validation: xr.Dataset, *, suffixes: Sequence[str] = (".pdf"
 
 
 def validation_findings(validation: xr.Dataset, verdict: Acceptance) -> list[Finding]:
-    """Return whether a calibration holds, then the error of each channel."""
+    """Return the verdict on a calibration, then the error of each channel."""
     level: Severity = "good" if verdict.accepted else "bad" if verdict.reasons else "look"
     answer = "Valid" if verdict.accepted else "Not valid" if verdict.reasons else "Not validated"
     found = [Finding(level, "Does the calibration hold?", answer, verdict.text.partition(": ")[2])]
@@ -206,7 +206,7 @@ def _remarks(validation: xr.Dataset, verdict: Acceptance) -> list[Table]:
 
 
 def _movements(validation: xr.Dataset) -> Table:
-    """Return a row for each movement: what was thrown, whether it was judged, its errors."""
+    """Return a row for each movement: its object, its errors, a mark if it was not judged."""
     channels = [str(name) for name in validation["channel"].values]
     rows, marked = [], []
     for number in range(validation.sizes["movement"]):

@@ -1,4 +1,4 @@
-"""Values of a panel in engineers' units, with where they come from.
+"""Values of a panel in engineers' units, with their origins.
 
 Numbers in engineers' units for the screen; SI stays inside. Every value of a panel with its unit
 and where it comes from, as lines or in groups.
@@ -100,7 +100,7 @@ def value_groups(panel: "LoadedPanel") -> Iterator[tuple[str, list[Leaf]]]:
 
 
 def value_lines(panel: "LoadedPanel") -> Iterator[str]:
-    """Yield every value of a panel: its key, its text and where it comes from."""
+    """Yield every value of a panel: its key, its text and its origin."""
     for heading, leaves in value_groups(panel):
         if heading:
             yield heading
@@ -121,7 +121,7 @@ def assumption_lines(panel: "LoadedPanel") -> Iterator[str]:
 
 
 def _family(panel: "LoadedPanel", name: str, members: dict[str, Any]) -> Iterator[Leaf]:
-    """Yield a family field by field: what most members have, then who has something else."""
+    """Yield a family field by field: the value of most members, then members with another one."""
     fields: dict[str, dict[tuple[str, str], list[str]]] = {}
     for member, record in members.items():
         for leaf in _leaves(panel, (name, member), record):
@@ -141,7 +141,7 @@ def _family(panel: "LoadedPanel", name: str, members: dict[str, Any]) -> Iterato
 
 
 def _stand_alike(members: dict[str, Any], groups: dict[tuple[str, str], list[str]]) -> bool:
-    """Return whether positions can share a line: one number each, all of the same origin."""
+    """Return True if positions can share a line: one number each, all of the same origin."""
     one_each = all(isinstance(record.x, float) for record in members.values())
     return one_each and len({origin for _, origin in groups}) == 1
 

@@ -1,4 +1,4 @@
-"""A result as a notebook shows it: what matters in words, and one picture."""
+"""A result as a notebook shows it: its findings in words, and one picture."""
 
 from dataclasses import dataclass
 from html import escape

@@ -1,4 +1,4 @@
-"""Batches of scenarios: which ones each holds, their stacked variables, and where each is stored.
+"""Batches of scenarios: members of each, their stacked variables, and their files.
 
 Which scenarios are in which batch depends on the study alone, so that it does not matter who
 throws them, when, and after which interruptions. The file of a batch
@@ -37,7 +37,7 @@ DIGITS = 32
 """Of the SHA-256 of a file's content that stand in its name [hexadecimal]."""
 
 ORIGIN = b"origin"
-"""Attribute of a file that says where it comes from."""
+"""Attribute of a file that states its origin."""
 
 BATCH_NAME = re.compile(r"(\d{6,})-([0-9a-f]{32})\.nc")
 
@@ -66,7 +66,7 @@ class StoredVariable:
 
 @dataclass(frozen=True, slots=True)
 class BatchOrigin:
-    """Where a batch comes from, as its file says.
+    """Origin of a batch, as its file states it.
 
     Attributes
     ----------
@@ -111,19 +111,19 @@ def list_batches(folder: Path) -> list[tuple[int, Path]]:
 
 
 SIZES = (8, 32, 128, 512, 1024)
-"""Scenarios in a batch; few sizes, since what a file says of its variables is made once for each,
-but the last one of a sweep, and chains, which may be longer."""
+"""Scenarios in a batch; few sizes, since the head of a file is made once for each, but the last one
+of a sweep, and chains, which may be longer."""
 
 BATCHES_OF_ALL, BATCHES_OF_REST, LARGE_OF_REST = 8, 2, 4
 """A batch that is not of the smallest size leaves so many of its size in the whole sweep, and so
-many among what is left, more if it is large: several workers find one, and none waits long for the
-last one."""
+many among the rest, more if it is large: several workers find one, and none waits long for the last
+one."""
 
 LARGEST_BATCH = 128
 """Scenarios in a batch with histories, and in a pass without."""
 
 LARGEST_WITHOUT_HISTORIES = 1024
-"""Scenarios in a batch that holds no histories: what a file says of its variables takes 60 kB."""
+"""Scenarios in a batch that holds no histories: its variables alone take 60 kB of a file."""
 
 UNKNOWN_LOGICAL = -1
 """Stands for a logical value of a scenario that is not complete."""
@@ -161,7 +161,7 @@ def plan_batches(study: Study) -> list[tuple[Sequence[int], ...]]:
 
 
 def _next_size(count: int, rest: int, largest: int) -> int:
-    """Return how many scenarios the next batch has, of which `rest` of `count` are left."""
+    """Return the number of scenarios of the next batch, with `rest` of `count` left."""
     for size in SIZES[:0:-1]:
         of_rest = BATCHES_OF_REST if size <= LARGEST_BATCH else LARGE_OF_REST
         if size <= largest and BATCHES_OF_ALL * size <= count and of_rest * size <= rest:
@@ -197,7 +197,7 @@ def _throw_chain(study: Study, rule: Rule, chain: Sequence[int]) -> list[Scenari
 
 
 def batch_variables(study: Study, rows: Sequence[ScenarioRow]) -> dict[str, StoredVariable]:
-    """Return the rows of a batch stacked; NaN, or -1, where a scenario is not complete.
+    """Return the rows of a batch stacked; NaN, or -1, for a scenario that is not complete.
 
     Without histories they are compact: see `compact_variables`.
     """

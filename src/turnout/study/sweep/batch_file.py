@@ -50,7 +50,7 @@ _SINGLE = h5s.create(h5s.SCALAR)
 
 
 class _Template(NamedTuple):
-    """A file without values of scenarios, and where those of some variables begin [bytes]."""
+    """A file without values of scenarios, and the start of those of some variables [bytes]."""
 
     content: bytes
     places: Mapping[str, int]
@@ -88,7 +88,7 @@ def file_bytes(
 
 
 def _is_of_scenarios(variable: StoredVariable) -> bool:
-    """Return whether a variable has values of each scenario; others are the same in all batches."""
+    """Return True if a variable has values per scenario; others are the same in all batches."""
     return variable.dims[0] == "scenario"
 
 
@@ -145,7 +145,7 @@ def _made_template(variables: Mapping[str, StoredVariable]) -> _Template:
 
 
 def _in_memory() -> h5p.PropFAID:
-    """Return how a file is opened that is in memory alone."""
+    """Return the access properties of a file that is in memory alone."""
     access = h5p.create(h5p.FILE_ACCESS)
     access.set_fapl_core(MEMORY_STEP, False)
     access.set_libver_bounds(h5f.LIBVER_LATEST, h5f.LIBVER_LATEST)
@@ -155,7 +155,7 @@ def _in_memory() -> h5p.PropFAID:
 
 @cache
 def _with_image() -> h5p.PropFAID:
-    """Return how a file in memory is opened that begins as the image that was set last."""
+    """Return the access properties of a file in memory that begins as the image set last."""
     return _in_memory()
 
 
@@ -173,7 +173,7 @@ def _kind_of(values: NDArray[Any]) -> str:
 
 
 def _is_contiguous(values: NDArray[Any]) -> bool:
-    """Return whether values lie in a file as they are in memory."""
+    """Return True if values lie in a file as they are in memory."""
     return _kind_of(values) != "text" and 0 < values.nbytes <= LARGEST_CONTIGUOUS
 
 
@@ -203,7 +203,7 @@ def _shape_in_file(shape: tuple[int, ...]) -> h5s.SpaceID:
 
 @lru_cache(maxsize=64)
 def _storage(chunk: tuple[int, ...]) -> h5p.PropDCID:
-    """Return how values are stored: compressed in chunks, or as they are."""
+    """Return the storage properties of values: compressed in chunks, or as they are."""
     properties = h5p.create(h5p.DATASET_CREATE)
     properties.set_obj_track_times(False)
     if chunk:
@@ -228,7 +228,7 @@ def _write_values(stored: h5d.DatasetID, values: NDArray[Any]) -> None:
 
 
 def _write_chunks(stored: h5d.DatasetID, values: NDArray[Any], *, rows: int) -> None:
-    """Store values in chunks of some rows; what the last one lacks is zero, as in any file."""
+    """Store values in chunks of some rows; the last one is padded with zeros, as in any file."""
     for first in range(0, values.shape[0], rows):
         chunk = values[first : first + rows]
         if chunk.shape[0] < rows:

@@ -1,4 +1,4 @@
-"""Where each scenario of a sweep is in its batches, and what these say in short.
+"""Batch and row of each scenario of a sweep, and a summary of the batches.
 
 Files are read without the layers above HDF5, which take longer to load than a small sweep takes.
 """
@@ -23,12 +23,12 @@ Ints = NDArray[np.int64]
 _FORMAT_ATTRIBUTES = frozenset(
     ("CLASS", "NAME", "REFERENCE_LIST", "DIMENSION_LIST", "_Netcdf4Dimid", "coordinates")
 )
-"""Attributes of a stored variable that are no part of what it means."""
+"""Attributes of a stored variable that are no part of its meaning."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BatchIndex:
-    """Where the row of each scenario is.
+    """File and row of each scenario.
 
     Attributes
     ----------
@@ -162,7 +162,7 @@ class Column:
         return np.full((count, *self.shape[1:]), nothing, dtype=self.dtype)
 
     def fill(self, values: NDArray[Any], at: Ints, file: h5py.File, rows: Ints) -> None:
-        """Put some rows of a file where they belong."""
+        """Copy some rows of a file into their places in an array."""
         if self._name not in file or not rows.size:
             return
         if self._short:

@@ -36,13 +36,13 @@ PROFILE = {
     "local_directory": str,
     "log_directory": str,
 }
-"""What a profile for Slurm may say; `cores`, `memory` and `jobs` it must."""
+"""Keys of a profile for Slurm; `cores`, `memory` and `jobs` are required."""
 NEEDED = ("cores", "memory", "jobs")
 
 
 @dataclass(frozen=True, slots=True)
 class Cluster:
-    """Workers elsewhere: how many, and what makes an executor of them."""
+    """Workers elsewhere: their number, and the function that makes an executor of them."""
 
     workers: int
     pool: Callable[[], Executor]

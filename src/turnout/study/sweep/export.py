@@ -34,7 +34,7 @@ MOST_TEXTS = 16
 
 
 def write_sweep_card(folder: Path, study: Study) -> None:
-    """Write the data card of a sweep into its folder, from what is stored there.
+    """Write the data card of a sweep into its folder, from the files stored there.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a sweep takes of a throw while its history is there.
+"""Quantities that a sweep takes from a throw while its history is there.
 
 Where gaps, forces and markers alone are wanted, the throw is *watched*: the solver keeps the forces
 of drives and objects at every instant and the gaps at the rate of the study, and only the ends of
@@ -39,7 +39,7 @@ WATCHED = ("drive_force", "drive_displacement", "drive_slipping", "object_force"
 
 
 def watch_of(study: Study, panel: LoadedPanel) -> Callable[[Mechanism], Watch] | None:
-    """Return what is wanted of a throw of a mechanism, None where it needs its whole history."""
+    """Return the watch of a throw of a mechanism, or None if its whole history is needed."""
     if not {*study.output.channels} <= {*WATCHED}:
         return None
     ends = [throw.end for throw in throws(panel)]
@@ -61,7 +61,7 @@ def watched_laws(panel: LoadedPanel, mechanism: Mechanism) -> list[int]:
 def extract_signals(
     study: Study, panel: LoadedPanel, solved: Solved, *, recorder: Recorder
 ) -> ThrowSignals:
-    """Return what is stored of a complete throw, and what its labels are made of.
+    """Return the stored channels of a complete throw, and the inputs of its labels.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def _clutches(panel: LoadedPanel, history: History) -> tuple[list[int], Flags] |
 def _kept_of_machines(
     study: Study, signals: Variables, time: Floats, recorder: Recorder
 ) -> Variables:
-    """Return what is kept of the channels of machines, currents as a recorder gives them."""
+    """Return the kept channels of machines, currents as a recorder gives them."""
     found, stride = Variables(), output_stride(study)
     for name, (dims, values) in signals.items():
         if name in study.output.channels and "time" in dims:
@@ -124,7 +124,7 @@ def _kept_of_machines(
 def _further_channels(
     study: Study, panel: LoadedPanel, solved: Solved, *, known: Container[str]
 ) -> Variables:
-    """Return what is kept of channels that come from the whole history alone."""
+    """Return the kept channels that come from the whole history alone."""
     further = tuple(name for name in study.output.channels if name not in known)
     if not further:
         return {}
@@ -134,7 +134,7 @@ def _further_channels(
 
 
 def _watched_of(study: Study, panel: LoadedPanel, motion: Motion, mechanism: Mechanism) -> Watched:
-    """Return of a whole history what a watched throw leaves, but gaps only if they are wanted."""
+    """Return the results of a watched throw from a whole history, gaps only if they are wanted."""
     history, laws = motion.history, watched_laws(panel, mechanism)
     gaps, last = _recovered_gaps(study, panel, motion)
     return Watched(
@@ -164,7 +164,7 @@ def _recovered_gaps(study: Study, panel: LoadedPanel, motion: Motion) -> tuple[F
 
 
 def select_instants(history: History, index: NDArray[np.int64] | slice) -> History:
-    """Return a history at some of its instants; what was gathered from every step stays.
+    """Return a history at some of its instants; results from every step stay.
 
     A slice copies nothing.
     """
@@ -175,7 +175,7 @@ def select_instants(history: History, index: NDArray[np.int64] | slice) -> Histo
 
 
 def output_stride(study: Study) -> int:
-    """Return how many instants of the solver there are to one that is kept.
+    """Return the number of instants of the solver per kept one.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The folder of a sweep: whose it is, who writes to it, and what is in it."""
+"""The folder of a sweep: its owner, its writers, and its content."""
 
 import json
 import os
@@ -37,7 +37,7 @@ _OWN_FILES = re.compile("|".join(map(re.escape, (IDENTITY, STUDY, CARD))))
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """What a folder says of itself.
+    """Self-description of a folder.
 
     Attributes
     ----------
@@ -75,12 +75,12 @@ class Identity:
 
     @property
     def origin(self) -> BatchOrigin:
-        """What each batch of the folder must say, but for its number."""
+        """Origin that each batch of the folder must have, except for its number."""
         return BatchOrigin(study=self.study, version=self.version, code=self.code, batch="")
 
 
 def study_identity(study: Study) -> Identity:
-    """Return what the folder of a study must say."""
+    """Return the identity that the folder of a study must have."""
     return Identity(
         store_version=STORE_VERSION,
         study=study.digest,
@@ -163,7 +163,7 @@ def check_folder(folder: Path, study: Study) -> None:
 
 
 def _has_own_batches(folder: Path, wanted: Identity) -> bool:
-    """Return whether at least one intact batch is of a sweep, and none of another."""
+    """Return True if at least one intact batch is of a sweep, and none of another."""
     intact = [path for _, path in list_batches(folder / BATCHES) if not content_fault(path)]
     try:
         for path in intact:
@@ -175,7 +175,7 @@ def _has_own_batches(folder: Path, wanted: Identity) -> bool:
 
 
 def _foreign_files(folder: Path) -> list[Path]:
-    """Return what does not come from a sweep that was ended while it made its folder."""
+    """Return files that do not come from a sweep that was ended while it made its folder."""
     batches = folder / BATCHES
     inside = sorted(batches.iterdir()) if batches.is_dir() and not batches.is_symlink() else []
     found = [
@@ -189,7 +189,7 @@ def _foreign_files(folder: Path) -> list[Path]:
 
 
 def read_identity(folder: Path) -> Identity:
-    """Read what a folder says of itself.
+    """Read the identity of a folder.
 
     Raises
     ------
@@ -211,7 +211,7 @@ def read_identity(folder: Path) -> Identity:
 
 
 def _load_identity(path: Path) -> tuple[Identity | None, str]:
-    """Return what a folder says of itself, or what keeps that from being used.
+    """Return the identity of a folder, and the fault that keeps it from being used.
 
     Raises
     ------
@@ -293,7 +293,7 @@ def _acquire_lock(descriptor: int) -> None:
 
 
 def move_damaged(path: Path, folder: Path) -> Path:
-    """Move a damaged file to a folder of its own in that of the sweep; return where it is now.
+    """Move a damaged file to a folder of its own in that of the sweep; return its new path.
 
     Raises
     ------
@@ -309,7 +309,7 @@ def move_damaged(path: Path, folder: Path) -> Path:
 
 
 def _free_path(folder: Path, name: str) -> Path:
-    """Return a path for a damaged file where no other one is."""
+    """Return a path for a damaged file that no other one has."""
     place = folder / DAMAGED
     try:
         place.mkdir(exist_ok=True)
@@ -320,7 +320,7 @@ def _free_path(folder: Path, name: str) -> Path:
 
 
 def clear_leftovers(folder: Path) -> None:
-    """Remove what writers that were ended left unfinished; call this under the lock.
+    """Remove unfinished files of writers that were ended; call this under the lock.
 
     Nothing else goes: only files with the name of an unfinished file of this folder are removed.
     """

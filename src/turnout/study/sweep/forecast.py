@@ -1,4 +1,4 @@
-"""How long a sweep will take and how much it will write, from a few throws of it."""
+"""Expected time and disk space of a sweep, from a few throws of it."""
 
 import time
 from collections.abc import Callable
@@ -16,7 +16,7 @@ TRIALS = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Forecast:
-    """What trial throws say of a sweep.
+    """Estimates of a sweep from trial throws.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class Forecast:
         return throws * self.throw_time / workers
 
     def disk(self, study: Study) -> float:
-        """Return what a whole study takes, with the heads of its files [bytes]."""
+        """Return the disk space of a whole study, with the heads of its files [bytes]."""
         return study.count * self.size + len(plan_batches(study)) * self.head
 
 
@@ -70,7 +70,7 @@ def trial_scenarios(study: Study, count: int) -> list[int]:
 def forecast(
     study: Study, *, trials: int = TRIALS, report: Callable[[int, int], None] | None = None
 ) -> Forecast:
-    """Throw a few scenarios of a study and measure what each costs.
+    """Throw a few scenarios of a study and measure the cost of each.
 
     The first is thrown twice: what is built once for all throws, and compiled, is not counted.
 

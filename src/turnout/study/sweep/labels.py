@@ -38,7 +38,7 @@ NOT_STORED = ("object_contact_time", "least_flangeway_rail")
 """Labels that sweeps leave out."""
 
 MACHINE_LABELS = ("throw_time", "mean_current", "end_current")
-"""Stored of each throw as they are, where drives are machines."""
+"""Stored of each throw as they are, if drives are machines."""
 
 
 def compute_labels(throws: AlikeThrows) -> Values:
@@ -98,7 +98,7 @@ def _state_labels(throws: AlikeThrows) -> Values:
 
 
 def _contact_labels(throws: AlikeThrows) -> Values:
-    """Return whether objects had room and were touched, and when."""
+    """Return room, touch and contact time of the objects."""
     first = throws.runs[0]
     objects = [list(run.watched.laws[len(first.panel.drive) :]) for run in throws.runs]
     times = [
@@ -110,7 +110,7 @@ def _contact_labels(throws: AlikeThrows) -> Values:
 
 
 def _trapped(throws: AlikeThrows, contact: Values) -> Flags:
-    """Return whether an object that was touched is still there at the end, for each throw."""
+    """Return True for each throw with a touched object that is still there at the end."""
     taken, left = np.array([_objects(run) for run in throws.runs]).swapaxes(0, 1)
     taken = np.where(taken > throws.time[-1], np.inf, taken)
     if "object_contact_time" in contact:
@@ -130,7 +130,7 @@ def _objects(run: ThrowSignals) -> tuple[list[float], list[float]]:
 
 
 def object_labels(throws: AlikeThrows, contact: Floats) -> Values:
-    """Return the largest and last force on the objects, and whether drives slipped.
+    """Return the largest and last force on the objects, and flags of drives that slipped.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Open the batches of a sweep as one dataset whose values are read where they are used."""
+"""Open the batches of a sweep as one dataset with values that are read on use."""
 
 from collections.abc import Mapping
 from pathlib import Path

@@ -43,7 +43,7 @@ Floats = NDArray[np.float64]
 Variables = dict[str, Channel]
 
 OUTCOMES = ("complete", "failed", "invalid", "skipped", "inaccurate")
-"""How a scenario ended: to its end; not even with a finer step; not possible; left out by the
+"""Outcome of a scenario: to its end; not even with a finer step; not possible; left out by the
 rule of its chain; to its end, but with an energy balance that does not close, not even with a finer
 step."""
 COMPLETE, FAILED, INVALID, SKIPPED, INACCURATE = OUTCOMES
@@ -84,7 +84,7 @@ class SolverTime:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StoredThrows:
-    """What is stored of throws that are alike.
+    """Stored values of throws that are alike.
 
     Attributes
     ----------
@@ -100,7 +100,7 @@ class StoredThrows:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScenarioRow:
-    """What is stored of one scenario.
+    """Stored values of one scenario.
 
     Attributes
     ----------
@@ -130,13 +130,13 @@ class ScenarioRow:
 
     @property
     def slipped(self) -> bool:
-        """Whether a drive slipped in the last movement."""
+        """True if a drive slipped in the last movement."""
         return self.stored is not None and bool(self.stored.variables["slipped"][1][self.number])
 
 
 @dataclass(frozen=True, slots=True)
 class PreparedScenario:
-    """A scenario that can be thrown, or why it cannot.
+    """A scenario that can be thrown, or the reason for not throwing it.
 
     Attributes
     ----------
@@ -214,14 +214,14 @@ def throw_scenarios(study: Study, scenarios: Sequence[Scenario]) -> list[Scenari
 
 
 def throws_at_once(study: Study, ready: Sequence[PreparedScenario]) -> int:
-    """Return how many of some throws are planned and made before they are extracted."""
+    """Return the number of throws that are planned and made before they are extracted."""
     longest = max((item.panel.schedule.end for item in ready), default=0.0)
     most = max(1, int(STEPS_AT_ONCE * study.scheme.step / max(longest, 1.0)))
     return min(ALIKE_AT_ONCE if share_rails(ready) else APART_AT_ONCE, most)
 
 
 def share_rails(ready: Sequence[PreparedScenario]) -> bool:
-    """Return whether the panels of some throws are known to have the same rails."""
+    """Return True if the panels of some throws are known to have the same rails."""
     references = {id(item.panel.reference_panel(LAWS_ALONE)) for item in ready if not item.fault}
     return len(references) <= 1
 
@@ -287,7 +287,7 @@ def throw_scenario(study: Study, ready: PreparedScenario) -> ThrowResult:
 
 
 def extract_scenario(study: Study, thrown: ThrowResult) -> ThrowResult:
-    """Take from the history of a complete throw what is needed later, once."""
+    """Take all that is needed later from the history of a complete throw, once."""
     solved, ready = thrown.solved, thrown.ready
     if solved is None:
         return thrown
@@ -301,17 +301,17 @@ def extract_scenario(study: Study, thrown: ThrowResult) -> ThrowResult:
 
 
 def _ending(error: TurnoutError) -> str:
-    """Return how a scenario ends by an error."""
+    """Return the outcome of a scenario with an error."""
     return INVALID if isinstance(error, PanelError) else FAILED
 
 
 def _fault(error: TurnoutError) -> str:
-    """Return what an error says, in one line."""
+    """Return the message of an error in one line."""
     return "; ".join(error.problems) if isinstance(error, PanelError) else str(error)
 
 
 def make_rows(study: Study, throws: Sequence[ThrowResult]) -> list[ScenarioRow]:
-    """Return what is stored of some throws."""
+    """Return the rows of some throws."""
     complete = [item.extracted for item in throws if item.extracted is not None]
     stored: list[tuple[StoredThrows, int]] = []
     with short_buffers():
@@ -359,12 +359,12 @@ def refine_scheme(scheme: Scheme) -> Scheme:
 
 
 def rule_inputs(row: ScenarioRow) -> Mapping[str, object]:
-    """Return what the rule of a chain looks at."""
+    """Return the inputs of the rule of a chain."""
     return {"slipped": row.slipped, **row.scenario.inputs}
 
 
 ELEMENTS = 512
-"""Size of the buffer: shorter than the rows where it helps, long enough to convert types."""
+"""Size of the buffer: shorter than the rows to have an effect, long enough to convert types."""
 
 
 @contextmanager

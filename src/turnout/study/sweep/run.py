@@ -76,7 +76,7 @@ class SweepProgress:
 
 @dataclass(frozen=True, slots=True)
 class SweepResult:
-    """What a run came to.
+    """Result of a run.
 
     Attributes
     ----------
@@ -101,7 +101,7 @@ def throw_study(
     pool: MakePool | None = None,
     report: Callable[[SweepProgress], None] | None = None,
 ) -> SweepResult:
-    """Throw what is missing of a study into a folder.
+    """Throw the missing scenarios of a study into a folder.
 
     Parameters
     ----------
@@ -180,7 +180,7 @@ def throw_study(
 
 
 class ProgressLog:
-    """Counts what is done, writes the journal, and reports progress."""
+    """Count finished batches, write the journal, and report progress."""
 
     def __init__(
         self,
@@ -220,7 +220,7 @@ class ProgressLog:
 
 @dataclass(frozen=True, slots=True)
 class Batches:
-    """How batches are handed out.
+    """Settings for handing out batches.
 
     Attributes
     ----------
@@ -269,7 +269,7 @@ def _run_batches(
 
 
 def cluster_errors() -> tuple[type[BaseException], ...]:
-    """Return what a cluster raises where a task cannot be done any more."""
+    """Return the exceptions that a cluster raises for a task that cannot be done any more."""
     cluster = sys.modules.get("distributed")
     return (CancelledError, cluster.KilledWorker) if cluster else (CancelledError,)
 
@@ -277,7 +277,7 @@ def cluster_errors() -> tuple[type[BaseException], ...]:
 def submit_batches(
     pool: Executor, batches: Batches, todo: Sequence[int], *, log: ProgressLog
 ) -> Iterator[BatchDone]:
-    """Hand out batches, a few more than there are workers, and yield what is done."""
+    """Hand out batches, a few more than there are workers, and yield the finished ones."""
     tasks: Tasks[BatchDone] = Tasks(pool)
     folder, digest, durable = str(batches.folder), batches.digest, batches.durable
     rest = iter(list(todo))

@@ -1,4 +1,4 @@
-"""The study of a sweep folder as JSON: what workers throw.
+"""The study of a sweep folder as JSON, for the workers.
 
 It holds the whole study with its panel, so that studies made in Python can be kept too, and nothing
 else is needed to throw it. Reading makes records that are checked, and runs nothing.

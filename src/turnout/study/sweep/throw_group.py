@@ -41,7 +41,7 @@ LAID_TOGETHER = (*OF_DRIVES, *OF_OBJECTS, *GAPS)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ThrowSignals:
-    """What is taken of a complete throw while its rails and its history are there.
+    """Signals taken from a complete throw while its rails and its history are there.
 
     Attributes
     ----------
@@ -188,7 +188,7 @@ def lay_together(runs: Sequence[ThrowSignals]) -> AlikeThrows:
 
 
 def _displacements(runs: Sequence[ThrowSignals]) -> Floats:
-    """Return the positions of the markers of some throws, once where all share them [m].
+    """Return the positions of the markers of some throws, once if all share them [m].
 
     Throws have inputs in the same memory only where the offsets of their markers are the same.
     """

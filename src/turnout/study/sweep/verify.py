@@ -1,4 +1,4 @@
-"""Whether the file of a batch is what the run of its sweep has written, checked at each opening."""
+"""Check of the file of a batch against the run of its sweep, made at each opening."""
 
 import hashlib
 import time
@@ -25,7 +25,7 @@ _origins = LRUCache[BatchOrigin](200_000)
 
 
 def content_fault(path: Path) -> str:
-    """Say what keeps the content of a batch from being what the digest in its name stands for.
+    """Return the fault that makes a batch differ from the digest in its name.
 
     Returns
     -------
@@ -44,7 +44,7 @@ def content_fault(path: Path) -> str:
 
 
 def _cache_key(path: Path) -> tuple[Key | None, bool]:
-    """Return what a file is remembered by, and whether it has been as it is for long enough."""
+    """Return the cache key of a file, and True if it has been unchanged for long enough."""
     try:
         status = path.stat()
     except OSError:
@@ -54,7 +54,7 @@ def _cache_key(path: Path) -> tuple[Key | None, bool]:
 
 
 def read_origin(file: "h5py.File") -> BatchOrigin | None:
-    """Return where an open batch comes from; None where it does not say."""
+    """Return the origin of an open batch, or None if it gives none."""
     if not h5a.exists(file.id, ORIGIN):
         return None
     value = np.empty((), dtype=object)
@@ -65,7 +65,7 @@ def read_origin(file: "h5py.File") -> BatchOrigin | None:
 
 
 def origin_fault(found: BatchOrigin | None, wanted: BatchOrigin) -> str:
-    """Say why a batch is none of this sweep; empty where it is."""
+    """Return the reason for rejecting a batch as not of this sweep; empty for its own."""
     if found is None:
         return "does not say which study it comes from"
     if found.study != wanted.study:
@@ -81,7 +81,7 @@ def origin_fault(found: BatchOrigin | None, wanted: BatchOrigin) -> str:
 
 
 def expected_origin(path: Path, of_sweep: BatchOrigin) -> BatchOrigin:
-    """Return what a file of a sweep must say, by the number in its name."""
+    """Return the origin that a file of a sweep must have, by the number in its name."""
     return replace(of_sweep, batch=str(int(path.name.split("-")[0])))
 
 

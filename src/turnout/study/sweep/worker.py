@@ -1,4 +1,4 @@
-"""What a worker of a sweep does: throw a batch, write it, report times and outcomes."""
+"""Work of a worker of a sweep: throw a batch, write it, report times and outcomes."""
 
 import ctypes
 import gc
@@ -41,7 +41,7 @@ _batch_lock = threading.Lock()
 
 @dataclass(frozen=True, slots=True)
 class BatchDone:
-    """What comes back of a batch.
+    """Report on a finished batch.
 
     Attributes
     ----------
@@ -143,7 +143,7 @@ def initialize_worker() -> None:
 
 
 def retain_freed_memory() -> None:
-    """Let this process keep the memory of a throw for the next one, where the C library can.
+    """Let this process keep the memory of a throw for the next one, if the C library can.
 
     Otherwise arrays of megabytes go back to the system with each throw, and their pages come again
     one by one, which takes a fifth of the time of a quick throw. What is kept is no more than what

@@ -96,7 +96,7 @@ def channel_map_text(
 def write_throw(
     dataset: xr.Dataset, path: Path, *, channel_map: ChannelMap, number: int, note: str
 ) -> None:
-    """Write a recording: through the measuring chain backwards to what was wired.
+    """Write a recording: through the measuring chain backwards to the raw signals.
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ def write_throw(
 
 @dataclass(frozen=True, slots=True)
 class WrittenThrow:
-    """What became of a case: its file, and whether a drive slipped."""
+    """Result of a case: its file, and True if a drive slipped."""
 
     case: Case
     file: str
@@ -167,7 +167,7 @@ def sheet_text(thrown: Sequence[WrittenThrow], *, note: str, title: str, panel: 
 def mistype(
     thrown: Sequence[WrittenThrow], *, count: int, rng: np.random.Generator
 ) -> tuple[list[WrittenThrow], list[str]]:
-    """Return a sheet's lines with mistakes as people make them, and what they are.
+    """Return a sheet's lines with mistakes as people make them, and a text for each mistake.
 
     Sizes of two neighbours are exchanged, a direction is turned, a slip is ticked wrongly, a file
     name is misspelt, in turn.

@@ -1,4 +1,4 @@
-"""What a virtual campaign throws: places, sizes, repeats, and what differs between throws."""
+"""Plan of a virtual campaign: places, sizes, repeats, and differences between throws."""
 
 import zlib
 from collections.abc import Mapping, Sequence
@@ -30,7 +30,7 @@ POINT = 1e-6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Defects:
-    """What is wrong with a drive; without it every drive is as the panel says.
+    """Defects of a drive; without them every drive is as the panel says.
 
     Attributes
     ----------
@@ -99,7 +99,7 @@ class CampaignPlan:
     recorder_stated: bool = True
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be, all at once."""
+        """Refuse all impossible values at once."""
         problems = []
         if not all(0 < size < 1 for size in self.sizes) or not self.sizes:
             problems.append("sizes: need at least one, each more than 0 and less than 1 m")
@@ -119,7 +119,7 @@ class CampaignPlan:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """One throw of a plan: what the run sheet says of it, and its file without the suffix."""
+    """One throw of a plan: its entries of the run sheet, and its file without the suffix."""
 
     name: str
     direction: str
@@ -143,7 +143,7 @@ def default_places(panel: LoadedPanel) -> tuple[str, ...]:
 
 
 def places_with_room(panel: LoadedPanel, *, size: float) -> tuple[str, ...]:
-    """Return the sleepers and drives where an object of a size [m] fits between the rails.
+    """Return the sleepers and drives with room for an object of a size [m] between the rails.
 
     Examples
     --------
@@ -155,7 +155,7 @@ def places_with_room(panel: LoadedPanel, *, size: float) -> tuple[str, ...]:
 
 
 def has_room(panel: LoadedPanel, size: float, place: str) -> bool:
-    """Return whether an object of a size [m] fits between the rails at a place."""
+    """Return True if an object of a size [m] fits between the rails at a place."""
     try:
         return object_fits(panel, size, place)
     except PanelError:
@@ -178,7 +178,7 @@ def virtual_plan(
     recorder: RecorderResponse = NO_RESPONSE,
     recorder_stated: bool = True,
 ) -> CampaignPlan:
-    """Return a plan from what a user types.
+    """Return a plan from typed options.
 
     Parameters
     ----------
@@ -341,7 +341,7 @@ def throw_generator(plan: CampaignPlan, case: Case) -> np.random.Generator:
 def overrides_for(
     plan: CampaignPlan, panel: LoadedPanel, rng: np.random.Generator
 ) -> Mapping[str, float]:
-    """Draw what differs in one throw: friction of all chairs, slip level of a worn clutch.
+    """Draw the values of one throw: friction of all chairs, slip level of a worn clutch.
 
     Parameters
     ----------

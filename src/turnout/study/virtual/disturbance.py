@@ -1,4 +1,4 @@
-"""What a measuring chain adds: noise, drift, mains hum, cross-talk, quantisation, a wrong clock."""
+"""Errors of a measuring chain: noise, drift, hum, cross-talk, quantisation, a wrong clock."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ CHANNELS = ("drive_force", "drive_current", "object_force")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Transducer:
-    """What one kind of channel suffers, in its own unit.
+    """Errors of one kind of channel, in its own unit.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class Transducer:
     step: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be."""
+        """Refuse impossible values."""
         for name in ("noise", "drift", "hum", "step"):
             if not getattr(self, name) >= 0:
                 message = f"{name} = {getattr(self, name)}: must be at least 0"
@@ -43,7 +43,7 @@ class Transducer:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Disturbance:
-    """What a whole measuring chain suffers; the figures are assumptions.
+    """Errors of a whole measuring chain; the figures are assumptions.
 
     Attributes
     ----------

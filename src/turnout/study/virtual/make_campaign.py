@@ -46,7 +46,7 @@ _PLAN_FILE = "plan.json"
 
 @dataclass(frozen=True, slots=True)
 class VirtualCampaign:
-    """What a virtual campaign came to.
+    """Result of a virtual campaign.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ def make_virtual_campaign(
     workers: int = 1,
     report: Callable[[int, int], None] | None = None,
 ) -> VirtualCampaign:
-    """Throw a whole campaign and write what a data acquisition system would have left.
+    """Throw a whole campaign and write the files that a data acquisition system would leave.
 
     Each throw is kept as soon as it is made. The same call on a folder that was left early, by
     Ctrl-C too, goes on where it stopped, and comes to the same files.
@@ -126,7 +126,7 @@ def make_virtual_campaign(
 def _with_room(
     panel: LoadedPanel, series: Sequence[Sequence[Case]]
 ) -> tuple[list[list[Case]], tuple[str, ...]]:
-    """Return series without objects larger than the opening, and what was left out."""
+    """Return series without objects larger than the opening, and a list of those left out."""
     fits = {
         (case.place, case.size): case.size == 0.0 or has_room(panel, case.size, case.place)
         for cases in series

@@ -1,4 +1,4 @@
-"""What perfect transducers would have recorded of one simulated movement.
+"""Recording of one simulated movement by perfect transducers.
 
 The truth may be a finer reference solution: the same switch with another mesh, step and damping.
 """
@@ -93,7 +93,7 @@ class CurrentLaw:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Window:
-    """When a recording starts and how long it is.
+    """Start and length of a recording.
 
     Attributes
     ----------
@@ -334,7 +334,7 @@ def _sampled(channel: xr.DataArray, instants: Floats, time: Floats) -> Floats:
 
 
 def _stops(run: xr.Dataset, span: Span, *, law: CurrentLaw) -> tuple[list[float], list[bool]]:
-    """Return when each motor stops after the onset, and whether its drive slips at the end."""
+    """Return the stop of each motor after the onset, and True if its drive slips at the end."""
     part = run.sel(time=slice(span.start, None))
     ends, slipped = [], []
     for name in run["drive"].values:

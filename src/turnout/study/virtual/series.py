@@ -55,7 +55,7 @@ class ThrowJob:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeriesPart:
-    """What is kept of a throw: its truth, or why there is none."""
+    """Kept result of a throw: its truth, or the reason for having none."""
 
     piece: RecordedThrow
     slipped: bool
@@ -123,7 +123,7 @@ def make_series(job: ThrowJob, *, report: Callable[[], None] | None = None) -> N
 
 
 def stops_series(part: SeriesPart, case: Case, plan: CampaignPlan) -> bool:
-    """Return whether no larger object is tried after this throw."""
+    """Return True if no larger object is tried after this throw."""
     return part.slipped and case.size >= plan.at_least - 1e-9
 
 
@@ -195,7 +195,7 @@ def _powers(panel: LoadedPanel) -> tuple[str, ...]:
 
 
 def read_part(folder: Path, case: Case) -> SeriesPart | None:
-    """Return what is kept of a throw; None where there is nothing yet, or it is damaged."""
+    """Return the kept result of a throw, or None if it is missing or damaged."""
     try:
         arrays = arrays_from_bytes(_part_path(folder, case).read_bytes(), case.name)
         known: dict[str, Any] = json.loads(str(arrays["known"]))
