@@ -187,14 +187,15 @@ def _channels(runs: Sequence[Run], mode: str) -> str:
         "",
         (
             "End in N, mm or J; bold is outside of what quick mode promises of drives and gaps."
-            f" Channels that are within {RMS_LIMIT:g} % rms in all cases are left out."
+            f" Channels that are within, and below {RMS_LIMIT:g} % rms, in all cases are left out."
         ),
         "",
         "| channel | " + " | ".join(run.case for run in found) + " |",
         "|---|" + "---|" * len(found),
     ]
     for name in names:
-        if all(run.channels[name].rms < RMS_LIMIT for run in found if name in run.channels):
+        own = [run.channels[name] for run in found if name in run.channels]
+        if all(item.within and item.rms < RMS_LIMIT for item in own):
             continue
         cells = [_cell(run.channels.get(name), name) for run in found]
         lines.append(f"| `{name}` | " + " | ".join(cells) + " |")

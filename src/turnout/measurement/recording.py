@@ -102,7 +102,7 @@ class Recording:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TimeGrid:
-    """Where the samples of a time column stand on an even grid.
+    """Places of the samples of a time column on an even grid.
 
     Attributes
     ----------

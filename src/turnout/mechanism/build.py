@@ -1,4 +1,4 @@
-"""From panel records to a mechanism, kept in memory by what shapes it.
+"""Mechanism from panel records, kept in memory by the values that shape it.
 
 See `build_rails` for the rails, `laws` for what acts on them, `shape_key` for what shapes it.
 
@@ -96,7 +96,7 @@ def object_parts(objects: Sequence[PlacedObject]) -> dict[str, tuple[str, ...]]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Linear:
-    """What a mechanism is without its laws."""
+    """A mechanism without its laws."""
 
     stiffness: Floats
     mass: Floats
@@ -110,7 +110,7 @@ class _Linear:
 
 @dataclass(frozen=True, slots=True)
 class _Frame:
-    """What panels have in common that differ in the scales of sections too.
+    """Common parts of panels that differ in the scales of sections too.
 
     `rails` are without these scales; the records are those that the key names by identity. `kept`
     are the linear parts by the scales.
@@ -140,7 +140,7 @@ class _Placed:
     yields: tuple[float, ...]
 
     def softened(self, objects: Sequence[PlacedObject]) -> list[PlacedObject]:
-        """Return the objects in series with what the rails yield, if they do."""
+        """Return the objects in series with the flexibility of the rails, if any."""
         return [
             replace(item, stiffness=1.0 / (1.0 / item.stiffness + flexibility))
             if flexibility
@@ -151,7 +151,7 @@ class _Placed:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Kept:
-    """What panels have in common that differ in values of laws and motion alone.
+    """Common parts of panels that differ in values of laws and motion alone.
 
     `placed` are the same rails with objects, by the places of these.
     """
@@ -275,7 +275,7 @@ def _held_rows(name: str, rail: ReducedRail, layout: LawLayout) -> RailRows:
     index, standing = layout.index, layout.standing.row
 
     def row(law: int) -> Floats | None:
-        """Return what the rail itself has of a law's row."""
+        """Return the part of a law's row that belongs to the rail itself."""
         beyond = law - standing.size
         number = int(standing[law]) if beyond < 0 else layout.further[beyond]
         points = [point for owner, point in layout.rows.rows[number] if owner == name]

@@ -39,12 +39,12 @@ def stock_body(panel: Panel, rail: str) -> str | None:
 
 
 def stands_on(rails: Sequence[str] | None, rail: str) -> bool:
-    """Return whether something that names its rails, or none for all, stands on this one."""
+    """Return True if a rail is among `rails`, or if these are None, which means all."""
     return rails is None or rail in rails
 
 
 def stations(panel: Panel, rail: str, objects: Sequence[PlacedObject]) -> Floats:
-    """Return the positions where something stands at a switch rail, rising [m]."""
+    """Return the positions of all parts and objects at a switch rail, rising [m]."""
     places = [
         item.x
         for family in (panel.chair, panel.fastening, panel.stop, panel.stud)
@@ -141,7 +141,7 @@ def _matrices(panel: Panel, name: str) -> RailMatrices | None:
 
 
 def stock_rail_data(panel: Panel, name: str, points: tuple[Point, ...]) -> RailData:
-    """Return one stock rail with its fastenings and the points where switch rail or object touch.
+    """Return one stock rail with its fastenings and its contact points with switch rail or object.
 
     Its reference line is its own foot; heights of points are measured from there.
     """
@@ -243,7 +243,7 @@ def rail_feet(panel: Panel, name: str, chairs: Mapping[str, Chair]) -> dict[str,
 
 
 def fastening_offset(panel: Panel, name: str, fastening: Fastening) -> float:
-    """Return where a fastening acts on a switch rail, y in panel axes from the reference line [m].
+    """Return the y of a fastening on a switch rail from its reference line, in panel axes [m].
 
     That is its own `offset`; else the middle of the underside of an outline, else zero.
     """
@@ -251,7 +251,7 @@ def fastening_offset(panel: Panel, name: str, fastening: Fastening) -> float:
 
 
 def fastening_offsets(panel: Panel, name: str, fastenings: Sequence[Fastening]) -> list[float]:
-    """Return where each of several fastenings acts, as `fastening_offset` does for one [m]."""
+    """Return the offset of each of several fastenings, as `fastening_offset` does for one [m]."""
     side = SIGN[panel.rail[name].closes]
     spans = foot_spans(panel, name, [fastening.x for fastening in fastenings])
     middles = [0.0] * len(fastenings) if spans is None else (0.5 * spans.sum(axis=1)).tolist()
@@ -262,7 +262,7 @@ def fastening_offsets(panel: Panel, name: str, fastenings: Sequence[Fastening]) 
 
 
 def _plan(rail: Rail, x: Floats, *, radius: float | None, side: float) -> Floats | None:
-    """Return the lateral positions of a curved line's nodes, None where it is straight.
+    """Return the lateral positions of a curved line's nodes, or None if it is straight.
 
     The circle touches the x axis where the running edge of the switch rail does, else at the toe;
     ahead of that the line is straight. Only differences along the line matter.

@@ -82,12 +82,12 @@ def slip_force(panel: Panel, name: str) -> float:
 
 
 def blind_currents(panel: Panel) -> dict[str, str]:
-    """Return, by drive, why the current of its machine cannot show the load, where it cannot."""
+    """Return the drives whose machine current cannot show the load, with the reason of each."""
     return _said_of_machines(panel, blind_text)
 
 
 def weak_motors(panel: Panel) -> dict[str, str]:
-    """Return, by drive, that its motor stalls before the clutch slips, where it does."""
+    """Return the drives whose motor stalls before the clutch slips, with a text on each."""
     return _said_of_machines(panel, stall_text)
 
 
@@ -98,7 +98,7 @@ def _said_of_machines(panel: Panel, say: Callable[[Machine], str]) -> dict[str, 
 
 
 def command_times(panel: Panel, name: str) -> Floats:
-    """Return when a drive is commanded, and where to: time [s], 1 closing or -1 opening.
+    """Return the commands of a drive: time [s], and 1 closing or -1 opening.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def command_times(panel: Panel, name: str) -> Floats:
 
 
 def drive_machines(panel: Panel, index: LawIndex) -> DriveMachines | None:
-    """Return the machines of a panel's drives; None where all are markers.
+    """Return the machines of a panel's drives, or None if all are markers.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ def _or_inf(value: float | None) -> float:
 
 
 def _stacked(tables: list[Floats], *, more: int = 0) -> Floats:
-    """Stack tables of different lengths; what fills them up begins at infinity."""
+    """Stack tables of different lengths, filled up with rows that begin at infinity."""
     most = max(len(table) for table in tables) + more
     filled = np.zeros((len(tables), most, tables[0].shape[1]))
     filled[:, :, 0] = math.inf

@@ -1,4 +1,4 @@
-"""Where laws act on the rails of a panel, and the table of their values.
+"""Places of the laws on the rails of a panel, and the table of their values.
 
 Places are found once for all panels that differ in values of laws alone; the table is filled for
 each. Chairs and stops, of which there are most, come first in it and are filled all at once.
@@ -71,7 +71,7 @@ class RailStops:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LawLayout:
-    """Where every law acts: what stays while values of laws change.
+    """Places of all laws, which stay while their values change.
 
     Attributes
     ----------
@@ -120,7 +120,7 @@ class LawLayout:
 
 
 def lay_out(panel: Panel, objects: Sequence[PlacedObject]) -> LawLayout:
-    """Put every row and law where it acts.
+    """Place every row and law.
 
     Parameters
     ----------

@@ -61,7 +61,7 @@ class RailBody:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mechanism:
-    """Linear bodies, the rows where laws act, and the laws.
+    """Linear bodies, the rows that laws act on, and the laws.
 
     Attributes
     ----------
@@ -167,7 +167,7 @@ class DriveMachines:
 
 @dataclass(frozen=True, slots=True)
 class LawIndex:
-    """Where the laws of each family stand: names to indices into the law table.
+    """Indices of the laws of each family in the law table, by name.
 
     Keys are (rail, name) where a family stands on several rails, else the name. A chair has one
     contact and one friction law for each foot point; long objects have several parts, each with a

@@ -151,7 +151,7 @@ def add_bond(laws: LawTableBuilder, row: int, chair: Chair, *, feet: int) -> Non
 
 
 def obstructions_of(index: LawIndex, objects: Sequence[PlacedObject]) -> Obstructions:
-    """Return what objects and bonds remember, before they are thrown against.
+    """Return the memory of objects and bonds before the first contact.
 
     Parameters
     ----------

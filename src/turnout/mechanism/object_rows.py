@@ -36,14 +36,14 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
 AT_A_PLACE = 1e-6
-"""What is nearer than this to something on a rail stands at its node [m]."""
+"""An object nearer than this to a place on a rail stands at its node [m]."""
 MOST_RAILS = 16
 """So many rails are known with the factors of their stiffness, the latest made."""
 UY, RX, RZ, PER_NODE = 1, 3, 5, 6
 
 
 def is_off_node(panel: Panel, item: PlacedObject) -> bool:
-    """Return whether an object stands where neither its rail nor the stock rail has a place.
+    """Return True if an object stands at none of the places of its rail and of the stock rail.
 
     Rails that came as matrices have only the nodes that they came with.
     """
@@ -62,7 +62,7 @@ def is_off_node(panel: Panel, item: PlacedObject) -> bool:
 
 
 def offnode_row(nodes: Floats, *, x: float, z: float) -> tuple[Ints, Floats]:
-    """Return which displacements of nodes move a point sideways, and their weights.
+    """Return the nodal displacements that move a point sideways, and their weights.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def offnode_row(nodes: Floats, *, x: float, z: float) -> tuple[Ints, Floats]:
 
 
 def approach_row(panel: Panel, item: PlacedObject, bodies: Sequence[RailBody]) -> Floats:
-    """Return the row of a switch rail's approach to its stock rail where an object stands.
+    """Return the row of a switch rail's approach to its stock rail at an object.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def approach_row(panel: Panel, item: PlacedObject, bodies: Sequence[RailBody]) -
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Inside:
-    """A rail with the factors of its stiffness where the interface is held."""
+    """A rail with the factors of its stiffness for a held interface."""
 
     structure: Structure
     element: Superelement
@@ -129,7 +129,7 @@ _memory = LRUCache[_Inside](MOST_RAILS)
 
 
 def local_flexibility(panel: Panel, item: PlacedObject, *, rails: Sequence[RailData]) -> float:
-    """Return what the rails yield to an object beyond their reduced coordinates [m/N].
+    """Return the flexibility of the rails at an object beyond their reduced coordinates [m/N].
 
     Parameters
     ----------
@@ -164,7 +164,7 @@ def _inside(data: RailData) -> _Inside:
 
 
 def _residual(rail: _Inside, *, x: float, z: float) -> float:
-    """Return what a rail yields at a point beyond its reduced coordinates [m/N]."""
+    """Return the flexibility of a rail at a point beyond its reduced coordinates [m/N]."""
     at, weights = offnode_row(rail.structure.x, x=x, z=z)
     row = (weights @ rail.structure.motion[at].toarray())[rail.inner]
     element = rail.element
@@ -179,7 +179,7 @@ def node_rows(
     rails: Sequence[RailData],
     bodies: Sequence[RailBody],
 ) -> list[Floats] | None:
-    """Return the rows of a switch rail's approach to its stock rail where objects stand.
+    """Return the rows of a switch rail's approach to its stock rail at objects.
 
     Parameters
     ----------

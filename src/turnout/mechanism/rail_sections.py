@@ -1,4 +1,4 @@
-"""Sections of a panel's rails as numbers along them, whether tabulated or drawn as outlines.
+"""Sections of a panel's rails as numbers along them, tabulated or from drawn outlines.
 
 Columns are those of `turnout.panel.section_records.SectionTable`: y positive TOWARDS the stock
 rail, from the rail's reference line. An outline adds the edges of its underside, where the chairs
@@ -122,7 +122,7 @@ def section_outlines(panel: Panel, section: str) -> list[tuple[Outline, Outline 
 
 
 def planed_outlines(panel: Panel, section: str) -> "list[PlanedOutline]":
-    """Return the cuts of a planed section, one a station, with what planing severed.
+    """Return the cuts of a planed section, one per station, with the severed steel.
 
     Raises
     ------
@@ -146,7 +146,7 @@ def planed_outlines(panel: Panel, section: str) -> "list[PlanedOutline]":
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SeveredSteel:
-    """What planing severs at a station, which is left out.
+    """Steel severed by planing at a station, which is left out.
 
     Attributes
     ----------
@@ -165,7 +165,7 @@ class SeveredSteel:
 
 
 def severed_steel(panel: Panel, section: str) -> list[SeveredSteel]:
-    """Return what planing severs at each station of a planed section."""
+    """Return the severed steel at each station of a planed section."""
     found = []
     for cut in planed_outlines(panel, section):
         area = sum(cut.dropped_areas) + cut.thin_area

@@ -1,4 +1,4 @@
-"""One rail from its structure to a superelement with the points where laws act."""
+"""Reduction of one rail to a superelement with the points that laws act on."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import fields, is_dataclass, replace
@@ -41,7 +41,7 @@ _digests = LRUCache[tuple[str, tuple[object, ...]]](4 * MOST_RAILS)
 
 
 def reduce_rail(data: RailData, *, first: int = 0) -> ReducedRail:
-    """Assemble and reduce one rail, or find what was made of the same data before.
+    """Assemble and reduce one rail, or find the result of the same data from before.
 
     Parameters
     ----------
@@ -171,7 +171,7 @@ def superelement_of(data: RailData) -> tuple[Structure, Superelement, Floats]:
 
 
 def _reduced_damping(structure: Structure, element: Superelement) -> Floats:
-    """Return the damping in reduced coordinates; what is not Rayleigh's reaches few of the full."""
+    """Return the damping in reduced coordinates; few of the full have other than Rayleigh's."""
     of_mass, of_stiffness = structure.rayleigh
     beyond = sp.csr_array(structure.beyond_rayleigh)
     places = np.flatnonzero(np.diff(beyond.indptr))

@@ -1,4 +1,4 @@
-"""A switch at rest, from its panel alone: rails in plan, and how hard drives press them home.
+"""A switch at rest, from its panel alone: rails in plan, and the forces that press them home.
 
 A drawing needs no gauge: each stock rail is laid on a base line of its own. The switch rail that is
 closed at t = 0 belongs to the route that is drawn straight, so its stock rail curves away from it;
@@ -130,7 +130,7 @@ def rail_line(panel: Panel, rail: str, x: ArrayLike) -> RailLine:
 
 @dataclass(frozen=True, slots=True)
 class RestingForce:
-    """How hard a drive presses a closed rail, and from which force on it slips without moving.
+    """Force of a drive on a closed rail, and the force from which on it slips without moving.
 
     Attributes
     ----------
@@ -157,7 +157,7 @@ class RestingForce:
 
     @property
     def slips(self) -> bool:
-        """Whether the drive slips at rest."""
+        """True if the drive slips at rest."""
         return self.force >= self.limit
 
 
@@ -178,7 +178,7 @@ def resting_slips(panel: Panel) -> list[RestingForce]:
 
 
 def resting_forces(panel: Panel) -> list[RestingForce]:
-    """Return how hard each drive presses each rail that it closes.
+    """Return the force of each drive on each rail that it closes.
 
     Examples
     --------

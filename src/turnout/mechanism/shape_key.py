@@ -1,4 +1,4 @@
-"""What of a panel shapes rails and rows of its mechanism, as a key to keep these by.
+"""Key of the parts of a panel that shape the rails and rows of its mechanism.
 
 Friction, contact and drive parameters and the motion are no part of it. Whatever is not known to
 be without influence counts, so that a new field of a panel can cost time but never a result.
@@ -98,7 +98,7 @@ def _shaping(panel: type[Record]) -> tuple[str, ...]:
 
 @cache
 def _geometry(record: type[Record]) -> Callable[[Mapping[str, object]], tuple[object, ...]]:
-    """Return what takes the values of the geometry from those of a record; far quicker than asking.
+    """Return a getter of the geometry among the values of a record; far quicker than asking.
 
     The record has more than one such field.
     """

@@ -111,7 +111,7 @@ def rail_structure(data: RailData) -> Structure:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Parts:
-    """What does not depend on the sections of a rail.
+    """Parts of a rail that do not depend on its sections.
 
     `free` are the coordinates that are not clamped, in which `motion`, `names` and
     `beyond_rayleigh` are; `springs` is the matrix of the fastenings in all coordinates. `bare` has
@@ -160,7 +160,7 @@ def clear_structures() -> None:
 
 
 def _beam_parts(data: RailData) -> _Parts:
-    """Return what does not depend on the sections of a rail of beams, or find it."""
+    """Make the parts of a rail of beams that do not depend on its sections, or find them."""
     named = (data.x, data.axis_height, data.supports)
     key = (*map(id, named), data.name, data.clamped, data.damping)
     found = _parts.get(key)

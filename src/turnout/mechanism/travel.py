@@ -1,4 +1,4 @@
-r"""How far each rail stands from its closed to its open position, and the shapes that follow.
+r"""Way of each rail from its closed to its open position, and the shapes that follow.
 
 Held by its drives, a rail takes the shape of least energy without friction and without contact to
 stock rails or studs: its feet stay on the chairs, the drives stand at their strokes. Rails are
@@ -34,7 +34,7 @@ HOLDING = 1e9
 MOST_ROLL = 0.1
 """A rail that rolls more on its way is asked to stand at two positions at one place [rad]."""
 SAME_PLACE = 1e-6
-"""What is nearer than this stands at one place [m]."""
+"""Positions nearer to each other than this are one place [m]."""
 
 
 @dataclass(slots=True, eq=False)
@@ -158,7 +158,7 @@ def _held_by_links(
     rows: RailRows,
     link_ends: Mapping[tuple[str, str], float],
 ) -> list[tuple[Floats, float]]:
-    """Return where links hold a rail without drives: at places of drives if there are any."""
+    """Return the rows of links that hold a rail without drives: those at drives, if any."""
     at_drives, elsewhere = [], []
     for link, row in rows.links.items():
         record = panel.link[link]

@@ -1,1 +1,1 @@
-"""What a switch panel is: records, library, loader, checks."""
+"""Switch panels: records, library, loader, checks."""

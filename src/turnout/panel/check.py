@@ -117,7 +117,7 @@ def _in_order(draft: Draft) -> list[tuple[str, Movement]]:
 
 
 def _sequence(draft: Draft, drives: tuple[str, ...]) -> Iterator[Problem]:
-    """Refuse movements that overlap or go where the panel already is."""
+    """Refuse movements that overlap or go to the present position of the panel."""
     position = draft.records["schedule"].starts
     before, free_from = "", 0.0
     for name, movement in _in_order(draft):
@@ -178,7 +178,7 @@ def check(draft: Draft, *, known: Known | None = None) -> list[Problem]:
 
 @cache
 def _all_checks() -> dict[str, Callable[[Draft], Iterable[Problem]]]:
-    """Return what finds problems, by name."""
+    """Return all checks by name."""
     checks: dict[str, Callable[[Draft], Iterable[Problem]]] = {
         "plain": _plain,
         "between rails": _between_rails,
@@ -201,7 +201,7 @@ def _each(draft: Draft, family: str) -> Iterator[Problem]:
 
 
 def _shared(draft: Draft, problem: Problem) -> Problem:
-    """Name the family's key where the value came from the family."""
+    """Name the family's key if the value came from the family."""
     path = problem.path
     if path[:3] in draft.shared:
         return Problem((path[0], *path[2:]), problem.text)
@@ -321,7 +321,7 @@ def _section(draft: Draft, path: tuple[str, str], table: Any) -> Iterator[Proble
 
 
 def _standing(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:
-    """Check what stands at one, some or all rails: that these exist and reach there."""
+    """Check that the rails of a record, one, some or all, exist and reach its place."""
     yield from until_unknown(_rails_exist(draft, path, record))
     x = record.x
     for name in rails_of(path[0], record, draft):
@@ -438,7 +438,7 @@ def _same_place(
 
 
 def _object(panel: Panel, path: tuple[str, str], record: Any, *, sized: bool) -> Iterator[Problem]:
-    """Check an object of the panel; its size only where all that the opening needs is valid."""
+    """Check an object of the panel; its size only if all inputs of the opening are valid."""
     for key, text in object_faults(panel, from_record(record), sized=sized):
         yield Problem((*path, key), text)
 
@@ -489,7 +489,7 @@ def _supply(
 
 
 def _source(machine: Any) -> str:
-    """Return what a machine must be fed with to share a supply with others."""
+    """Return the supply that a machine needs; machines that share one must need the same."""
     if machine.motor.kind != "induction":
         return "direct current"
     voltage = machine.supply.voltage or machine.motor.voltage

@@ -30,7 +30,7 @@ _POSITIVE = (
 
 
 def rising_fault(values: Sequence[float], *, unit: str) -> str:
-    """Say where a sequence does not rise, or give an empty text.
+    """Return the first fault of a sequence that does not rise, or an empty text.
 
     Examples
     --------
@@ -62,7 +62,7 @@ def check_profile(path: Path, profile: float | Profile) -> Iterator[Problem]:
 
 
 def check_section(path: Path, table: SectionTable) -> Iterator[Problem]:
-    """Check a section table: its stations, the lengths of its columns, what no section can be."""
+    """Check a section table: its stations, the lengths of its columns, impossible values."""
     kinds = [name for name in ("x", "running_edge_offset") if getattr(table, name) is not None]
     if len(kinds) != 1:
         text = ": needs stations, either x or running_edge_offset" + (", not both" if kinds else "")
@@ -96,7 +96,7 @@ def check_section(path: Path, table: SectionTable) -> Iterator[Problem]:
 
 
 def check_drive_table(path: Path, drive: Drive) -> Iterator[Problem]:
-    """Check the elastic law of a drive where it is given as a table."""
+    """Check the elastic law of a drive if it is given as a table."""
     given = [name for name in ("extension", "force") if getattr(drive, name) is not None]
     if len(given) == 1:
         other = "force" if given == ["extension"] else "extension"
@@ -148,7 +148,7 @@ _LEAST_EXTENT, _LARGEST_EXTENT, _UNDERSIDE = 0.005, 1.0, 0.001
 
 
 def find_section(draft: Draft, name: object) -> tuple[str, Any] | None:
-    """Return kind and record of a section by its name, or None where there is none."""
+    """Return kind and record of a section by its name, or None."""
     for kind in SECTION_KINDS:
         if name in draft.names.get(kind, ()):
             return kind, draft.records[kind][name]
@@ -238,7 +238,7 @@ def check_planed_section(draft: Draft, path: tuple[str, str], record: Any) -> It
 
 
 def first_crossing(points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64] | None:
-    """Find a place where the boundary crosses or touches itself, or None.
+    """Find a place at which the boundary crosses or touches itself, or None.
 
     Parameters
     ----------
@@ -337,7 +337,7 @@ ON_ONE_RAIL = ("drive", "sensor")
 
 
 def unknown_name(what: str, name: object, names: Iterable[str]) -> str:
-    """Say that there is no such thing, what there is and what is nearest."""
+    """Return the text for an unknown name, with the known ones and the nearest."""
     known = list(names)
     return (
         f" = {show_value(name)}: there is no such {what}{nearest(str(name), known)}; "
@@ -353,7 +353,7 @@ def rails_of(family: str, record: Any, draft: Draft) -> list[str]:
 
 
 def check_stock_rail(draft: Draft, path: tuple[str, str], stock: Any) -> Iterator[Problem]:
-    """Check a flexible stock rail: whom it faces, where it reaches, that something holds it."""
+    """Check a flexible stock rail: the rail that it faces, its extent, that something holds it."""
     yield from until_unknown(_stock_rail_faces(draft, path, stock))
     yield from until_unknown(_stock_rail_section(draft, path, stock))
     if stock.end <= stock.start:
@@ -410,7 +410,7 @@ def check_stock_fastening(draft: Draft, path: tuple[str, str], record: Any) -> I
 
 
 def check_friction_course(path: tuple[str, str], chair: Any) -> Iterator[Problem]:
-    """Find what is wrong with the friction of a chair along the stroke."""
+    """Find the faults of the friction of a chair along the stroke."""
     opening, factor = chair.friction_opening, chair.friction_factor
     if opening is None and factor is None:
         return

@@ -18,7 +18,7 @@ SAME_PLACE = 1e-6
 
 
 def check_shape(draft: Draft, path: tuple[str, str], rail: Any) -> Iterator[Problem]:
-    """Check how the shape of a rail is given, and a typed one against the strokes."""
+    """Check the input of a rail's shape, and a typed one against the strokes."""
     if rail.fit_gap is not None and rail.stock_rail_gap is not None:
         text = ": not beside stock_rail_gap, which types the shape that fit_gap has computed"
         yield Problem((*path, "fit_gap"), text)
@@ -88,7 +88,7 @@ def check_back_drive(draft: Draft, path: tuple[str, str], record: Any) -> Iterat
 
 
 MOST_ADJUSTMENT = 10e-3
-"""So far a linkage may be lengthened or shortened [m]: what its adjusters take up in the field."""
+"""Greatest lengthening or shortening of a linkage by its adjusters in the field [m]."""
 
 
 def check_adjustment(path: tuple[str, str], linkage: Any, *, remedy: str) -> Iterator[Problem]:

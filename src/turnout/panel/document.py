@@ -72,7 +72,7 @@ FAMILIES: dict[str, type[BaseModel]] = _family_records()
 
 
 def is_generated(family: str) -> bool:
-    """Return whether the family's members can be made by a generator of positions."""
+    """Return True if the family's members can be made by a generator of positions."""
     return issubclass(FAMILIES[family], Placed)
 
 
@@ -132,7 +132,7 @@ class _Spread:
             self._member(name, own.get(name, {}), defaults, positions)
 
     def _generate(self, defaults: dict[str, Any], *, alone: bool) -> dict[str, SI]:
-        """Return the positions of members; one that is no list is a member where there is none."""
+        """Return the positions of members; an `x` that is no list makes one only if `alone`."""
         names = defaults.pop("names", None)
         given = defaults.get("x")
         if not isinstance(given, dict | list) and not (alone and given is not None):
@@ -185,7 +185,7 @@ class _Spread:
 
 
 def _too_much(members: int, defaults: dict[str, Any]) -> str:
-    """Say what a family asks for that a short file should not be able to; empty if nothing."""
+    """Return the fault of a family that a short file makes too large; empty if none."""
     if members > MOST_MEMBERS:
         return f": makes {members} members, at most {MOST_MEMBERS}; give fewer, or a smaller count"
     for key, value in defaults.items():

@@ -1,4 +1,4 @@
-"""Foreign objects: what a user says about one, and where that puts it."""
+"""Foreign objects: the description by a user, and the place that follows from it."""
 
 import math
 from collections.abc import Iterable
@@ -37,7 +37,7 @@ _DIMENSIONS = {
     **DIMENSIONS,
 }
 PANEL_DEFAULTS = ("rail", "height", "stiffness", "appears", "disappears")
-"""What an object takes from the panel where it leaves it out."""
+"""Fields that an object takes from the panel if left out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +132,7 @@ class ForeignObject:
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """What describes its kind, by name; None where it is left out."""
+        """Parameters of its kind, by name; None if left out."""
         return {name: getattr(self, name) for name in PARAMETERS}
 
 
@@ -267,7 +267,7 @@ def from_record(record: PanelObject) -> ForeignObject:
 
 
 def _filled(panel: Panel, item: ForeignObject) -> ForeignObject:
-    """Take what the object leaves out from the panel's defaults."""
+    """Fill the gaps in an object's description with the panel's defaults."""
     defaults = panel.object_defaults
     missing = {
         name: value
@@ -300,7 +300,7 @@ def _place(panel: Panel, name: str, item: ForeignObject, x: float) -> PlacedObje
 
 
 def _onset(panel: Panel, rail: str) -> float:
-    """Give the start of the last movement that closes a rail, or 0 where none does."""
+    """Return the start of the last movement that closes a rail, or 0 if none does."""
     to = "closed" if panel.rail[rail].closes == "+y" else "open"
     starts = [movement.start for _, movement in ordered_movements(panel) if movement.to == to]
     return starts[-1] if starts else 0.0
@@ -309,7 +309,7 @@ def _onset(panel: Panel, rail: str) -> float:
 def object_faults(
     panel: Panel, item: ForeignObject, *, sized: bool = True
 ) -> list[tuple[str, str]]:
-    """Find what is wrong with an object in a panel: the key and a text for each fault.
+    """Find the faults of an object in a panel: the key and a text for each.
 
     Parameters
     ----------
@@ -326,7 +326,7 @@ def object_faults(
 def _examined(
     panel: Panel, whole: ForeignObject, *, sized: bool
 ) -> tuple[float | None, list[tuple[str, str]]]:
-    """Return the place of an object that leaves out no more than times, and what is wrong."""
+    """Return the place of an object that leaves out no more than times, and its faults."""
     faults = []
     if whole.rail not in panel.rail:
         text = f"; there are {choices(panel.rail)}{nearest(str(whole.rail), panel.rail)}"

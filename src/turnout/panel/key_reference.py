@@ -26,7 +26,7 @@ _DEFAULT = re.compile(r"(?:[;,] |^)default:? (.+)$")
 
 @dataclass(frozen=True, slots=True)
 class KeyRow:
-    """What a key of a panel file takes.
+    """A key of a panel file: unit, meaning, default and range.
 
     Attributes
     ----------
@@ -115,7 +115,7 @@ def _tables(path: tuple[str, ...], record: type[BaseModel]) -> Iterator[TableRow
 
 
 def _only_table(info: FieldInfo) -> bool:
-    """Return whether a key takes a table and nothing else."""
+    """Return True if a key takes a table and nothing else."""
     forms = {form for form in _forms(info.annotation) if form is not type(None)}
     return bool(forms) and all(
         isinstance(form, type) and issubclass(form, BaseModel) for form in forms
@@ -195,7 +195,7 @@ def _forms(annotation: Any) -> list[Any]:
 
 
 def _metadata(annotation: Any) -> Iterator[Any]:
-    """Yield the bounds of a single value, also within unions, not those of what it holds."""
+    """Yield the bounds of a single value, also within unions, not those of its items."""
     yield from getattr(annotation, "__metadata__", ())
     if typing.get_origin(annotation) in (typing.Union, types.UnionType, typing.Annotated):
         for part in typing.get_args(annotation):

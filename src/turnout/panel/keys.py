@@ -1,4 +1,4 @@
-"""Keys of a panel: which fields and records stand at a path such as `drive.2.stiffness`."""
+"""Keys of a panel: the fields and records at a path such as `drive.2.stiffness`."""
 
 import typing
 from collections.abc import Iterable, Iterator, Mapping
@@ -56,7 +56,7 @@ def _record_at(path: Path) -> type[BaseModel] | None:
 
 
 def field_at(path: Path) -> FieldInfo | None:
-    """Find the field that a key path leads to; None where there is none.
+    """Return the field that a key path leads to, or None.
 
     Examples
     --------
@@ -72,7 +72,7 @@ def field_at(path: Path) -> FieldInfo | None:
 
 
 def takes_text(path: Path) -> bool:
-    """Return whether a key takes plain text, such as a name."""
+    """Return True if a key takes plain text, such as a name."""
     record = _record_at(path[:-1])
     info = record.model_fields.get(path[-1]) if record else None
     return info is not None and (info.annotation is str or str in typing.get_args(info.annotation))
@@ -80,7 +80,7 @@ def takes_text(path: Path) -> bool:
 
 @lru_cache(maxsize=4096)
 def is_field(record: type[BaseModel], path: Path) -> bool:
-    """Return whether a key path leads to a field of a record, or an entry of a table."""
+    """Return True if a key path leads to a field of a record, or an entry of a table."""
     if not path:
         return False
     info = record.model_fields.get(path[0])

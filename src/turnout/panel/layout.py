@@ -1,4 +1,4 @@
-"""How far rails open, estimated from the marker positions alone; where they begin and end.
+"""Opening of rails, estimated from the marker positions alone, and their extent.
 
 Checks of a panel compare the sizes of objects with it. Between the drives and on to the first
 fastening behind them a rail is taken as a prismatic beam, whose shape under forces at the drives is
@@ -103,7 +103,7 @@ def _moving(panel: Panel, rail: str) -> list[Drive]:
 def estimated_displacement(
     panel: Panel, rail: str, x: npt.ArrayLike, *, to: str | None
 ) -> FloatArray:
-    """Estimate where a rail rests from its stress-free position, shape (n,) [m], positive closing.
+    """Estimate a rail's offset from its stress-free position, shape (n,) [m], positive closing.
 
     Parameters
     ----------
@@ -139,7 +139,7 @@ def _displaced(panel: Panel, rail: str, x: npt.ArrayLike, to: Sequence[str | Non
 
 
 def _held_at(panel: Panel, rail: str, behind: float) -> float | None:
-    """Give the first place behind the drives where the rail is clamped or fastened."""
+    """Return the first place behind the drives at which the rail is clamped or fastened."""
     record = panel.rail[rail]
     places = [
         item.x
@@ -173,7 +173,7 @@ SIDE = {"+y": 1.0, "-y": -1.0}
 
 
 def stands_at(item: OnRails, rail: str) -> bool:
-    """Return whether a chair, fastening, stop or stud belongs to a rail."""
+    """Return True if a chair, fastening, stop or stud belongs to a rail."""
     return item.rails is None or rail in item.rails
 
 

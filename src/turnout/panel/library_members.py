@@ -1,6 +1,6 @@
-"""What the library knows of outlines and machines that a panel names, as members of the panel.
+"""Outlines and machines of the library that a panel names, as members of the panel.
 
-It becomes part of the panel: hash, origins and overrides cover it as if the file had held it. An
+They become part of the panel: hash, origins and overrides cover them as if the file held them. An
 outline is taken where the panel lacks it. A panel's own `[machine.NAME]` with the name of a library
 machine need give only what differs; limit contacts of a library machine stand where its own example
 has its ends, in a panel they follow from the drive, unless the panel gives them.
@@ -24,7 +24,7 @@ _OF_THE_EXAMPLE = ("limit_closing", "limit_opening")
 
 
 def add_library_members(document: Document) -> Document:
-    """Give the document what the library knows of the outlines and machines that it names.
+    """Add the outlines and machines of the library that the document names.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def _origin(file: TomlFile, name: str, key: str) -> Origin:
 
 
 def _with_machines(document: Document) -> Document:
-    """Add what the library knows of the machines that drives name."""
+    """Add the machines of the library that drives name."""
     own, drives = document.tree.get("machine", {}), document.tree.get("drive", {})
     if not isinstance(own, dict) or not isinstance(drives, dict):
         return document

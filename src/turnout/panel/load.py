@@ -108,7 +108,7 @@ def _key_order(problem: Problem) -> int:
 
 
 class LoadedPanel(PendingPanel):
-    """A valid panel that knows where its values come from.
+    """A valid panel that knows the origins of its values.
 
     Besides the records (`panel.drive["1"].stiffness`) it has `origins`, `overrides` and `hash`.
     It can be pickled, and written as plain data (`turnout.panel.stored`).
@@ -125,7 +125,7 @@ class LoadedPanel(PendingPanel):
 
     @property
     def origins(self) -> Mapping[str, Origin]:
-        """Where each value comes from, by key; an override has the kind "override"."""
+        """Origin of each value, by key; an override has the kind "override"."""
         return MappingProxyType(restated(self.document))
 
     @property
@@ -150,7 +150,7 @@ class LoadedPanel(PendingPanel):
 
     @property
     def folder(self) -> Path | None:
-        """Where relative paths in the panel's tables start."""
+        """Folder that relative paths in the panel's tables start from."""
         return self._folder
 
     @property
@@ -274,14 +274,14 @@ class LoadedPanel(PendingPanel):
         return copied
 
     def __getstate__(self) -> dict[Any, Any]:
-        """Return what is pickled or copied: with the tables, without the reference panel."""
+        """Return the state to pickle or copy: with the tables, without the reference panel."""
         state = super().__getstate__()
         own: dict[str, object] = {"_document": self.document, "_first": None}
         own |= {"_differs": frozenset(), "_pending": {}}
         return state | {"__pydantic_private__": (state["__pydantic_private__"] or {}) | own}
 
     def __eq__(self, other: object) -> bool:
-        """Return whether another panel has the same values, wherever they come from."""
+        """Return True if another panel has the same values, from any origin."""
         if not isinstance(other, LoadedPanel):
             return NotImplemented
         own, others = (
@@ -353,7 +353,7 @@ def _plain_values(panel: Panel) -> dict[str, Any]:
 
 
 def refuse(problems: Iterable[Problem], *, heading: str) -> None:
-    """Raise `PanelError` with all problems, each once, where there are any."""
+    """Raise `PanelError` with all problems, each once, if there are any."""
     lines = [str(item) for item in problems]
     if lines:
         raise PanelError(list(dict.fromkeys(lines)), source=heading)

@@ -1,6 +1,4 @@
-"""When and how far the markers of the drives move, by formula or by a recorded table.
-
-When and how far the markers of the drives move.
+"""Movement of the drives' markers over time, by formula or by a recorded table.
 
 Positions are in panel axes: positive in the closing direction of the instrumented rail, zero in the
 position by stroke at t = 0. "Open" and "closed" are the positions of the instrumented rail, also
@@ -68,13 +66,13 @@ def marker_level(drive: Drive, to: str, *, starts: str) -> float:
 
 
 def start_level(panel: Panel, drive: Drive) -> float:
-    """Give where a marker stands at t = 0 [m]: at zero, or at its over-travel if loaded."""
+    """Return the position of a marker at t = 0 [m]: zero, or its over-travel if loaded."""
     starts = panel.schedule.starts
     return marker_level(drive, starts, starts=starts) if panel.schedule.loaded else 0.0
 
 
 def prior_movement(panel: Panel) -> Movement | None:
-    """Give the movement that a loaded start follows; None where the start is not loaded.
+    """Return the movement that a loaded start follows, or None if the start is not loaded.
 
     It is the schedule's last movement to where it starts; where it has none, its first movement
     turned around. A schedule without movements has no movement before it either.
@@ -185,7 +183,7 @@ def marker_positions(panel: Panel, time: npt.ArrayLike) -> FloatArray:
 
 
 def marker_offsets(panel: Panel) -> FloatArray:
-    """Give where marker zero lies from the stress-free position of each drive's rail.
+    """Return marker zero relative to the stress-free position of each drive's rail.
 
     Parameters
     ----------

@@ -110,7 +110,7 @@ def read_rail_matrices(path: Path) -> tuple[RailMatrices | None, list[str]]:
 
 
 def _fits_unpacked(content: bytes) -> bool:
-    """Return whether the variables of a file of version 5 unpack to no more than allowed."""
+    """Return True if the variables of a file of version 5 unpack to no more than allowed."""
     order, position, total = "<" if content[126:128] == b"IM" else ">", 128, 0
     while position + 8 <= len(content):
         kind, size = struct.unpack_from(f"{order}II", content, position)
@@ -122,7 +122,7 @@ def _fits_unpacked(content: bytes) -> bool:
 
 
 def _unpacked_size(packed: memoryview, before: int) -> int:
-    """Return how many bytes a compressed variable holds, counted until that is too many."""
+    """Return the number of bytes in a compressed variable, counted until that is too many."""
     machine, size = zlib.decompressobj(), 0
     with suppress(zlib.error):  # the reader reports what is damaged
         piece = machine.decompress(packed, _CHUNK)
@@ -134,13 +134,13 @@ def _unpacked_size(packed: memoryview, before: int) -> int:
 
 @dataclass(slots=True)
 class _Reader:
-    """Takes the variables of a file one by one and collects what is wrong."""
+    """Reader of the variables of a file, one by one, that collects the problems."""
 
     found: Mapping[str, Any]
     problems: list[str]
 
     def matrices(self, digest: str) -> RailMatrices | None:
-        """Return what the file says, as far as it makes sense."""
+        """Return the matrices of the file as far as they are valid."""
         names = [name for name in self.found if not name.startswith("__")]
         for name in NEEDED:
             if name not in self.found:
@@ -324,7 +324,7 @@ def read_matrices(
 
 
 def check_matrices(records: Mapping[str, Any], matrices: RailFiles) -> Iterator[Problem]:
-    """Yield what stands at a rail where its matrices have no node or no coordinate.
+    """Yield the parts at a rail for which its matrices have no node or no coordinate.
 
     Parameters
     ----------
@@ -362,7 +362,7 @@ def check_matrices(records: Mapping[str, Any], matrices: RailFiles) -> Iterator[
 def _standing(
     records: Mapping[str, Any], rail: str, given: RailMatrices
 ) -> Iterator[tuple[str, float, tuple[str, ...]]]:
-    """Yield what stands at a rail, where, and what it uses of the rail's motion there."""
+    """Yield the parts at a rail: label, place, and the directions of motion that each uses."""
     for family, directions in USES.items():
         for name, item in records[family].items():
             rails = item.rail if family == "drive" else item.rails

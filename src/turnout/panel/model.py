@@ -1,4 +1,4 @@
-"""What a switch panel IS, as records: rails, supports, drives, sensors, schedule, foreign objects.
+"""A switch panel as records: rails, supports, drives, sensors, schedule, foreign objects.
 
 All values are SI once a record exists; lists of quantities are tuples. Lateral quantities are
 positive in the closing direction of the instrumented switch rail, x runs from toe to heel, z is up
@@ -63,7 +63,7 @@ class Flangeway(Record):
 
 
 class Discretisation(Record):
-    """How finely the rails are modelled."""
+    """Resolution of the rail model."""
 
     element_length: Length = Field(gt=0, description="longest beam element [m]")
     superelement_cutoff: Frequency = Field(

@@ -108,7 +108,7 @@ def _with_notes(text: str, layout: TomlLayout) -> str:
 
 
 def _generic(path: KeyPath) -> KeyPath:
-    """Return a key path with "NAME" for the member of a family, also where there is none."""
+    """Return a key path with "NAME" for the member of a family, also if it names none."""
     if path[0] not in FAMILIES:
         return path
     fields = FAMILIES[path[0]].model_fields

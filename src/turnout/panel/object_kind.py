@@ -1,4 +1,4 @@
-"""Kinds of foreign objects: what each is described by, with defaults, ranges and their origin."""
+"""Kinds of foreign objects: the parameters of each, with defaults, ranges and their origin."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from turnout.core.units import DENSITY, LENGTH, PRESSURE, TEMPERATURE, Dimension
 
 @dataclass(frozen=True, slots=True)
 class ObjectParameter:
-    """What describes a kind of object beyond place, size and stiffness of its contacts.
+    """Parameter of a kind of object beyond place, size and stiffness of its contacts.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ KINDS: Mapping[str, Mapping[str, ObjectParameter]] = MappingProxyType(
         },
     }
 )
-"""What each kind is described by; "spring" is elastic for ever, as in the paper."""
+"""Parameters of each kind; "spring" is elastic for ever, as in the paper."""
 
 DIMENSIONS: Mapping[str, Dimension] = MappingProxyType(
     {
@@ -91,7 +91,7 @@ PARAMETERS = (*DIMENSIONS, "piece")
 
 
 def kind_faults(kind: str, given: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Find what is wrong with the kind of an object and its parameters: key and text of each.
+    """Find the faults of the kind of an object and its parameters: key and text of each.
 
     Parameters
     ----------

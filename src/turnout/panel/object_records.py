@@ -9,7 +9,7 @@ from turnout.panel.records import Record
 
 
 class ObjectDefaults(Record):
-    """What holds for a foreign object unless it says otherwise."""
+    """Defaults for foreign objects that leave these values out."""
 
     rail: str = Field(description="switch rail that traps it")
     height: Length = Field(ge=-1, le=1, description="z of its contact with the switch rail [m]")

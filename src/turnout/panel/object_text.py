@@ -54,7 +54,7 @@ def parse_object(text: str) -> ForeignObject:
 
 
 def _size_and_kind(text: str) -> tuple[str, str]:
-    """Separate the kind at the end of a size, where the text is no length alone."""
+    """Separate the kind at the end of a size, if the text is no length alone."""
     size, _, last = text.rpartition(" ")
     if not size or not last.isalpha():
         return text, "spring"

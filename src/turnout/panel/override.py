@@ -21,7 +21,7 @@ from turnout.panel.model import Panel
 GROWING = ("object", "machine")
 
 MOST_OVERRIDES = 1000
-"""Values set at once; what each covers of the others is looked for."""
+"""Values set at once; each is compared with the others that it may cover."""
 
 MOST_WAYS = 16
 """Sets of keys whose places are kept in memory: scenarios of a study mostly set the same ones."""
@@ -31,7 +31,7 @@ MOST_NEAREST = 20
 
 
 def parse_setting(text: str) -> tuple[str, object]:
-    """Split "KEY=VALUE" from a command line; the value is read as TOML where it parses.
+    """Split "KEY=VALUE" from a command line; the value is read as TOML if it parses.
 
     Examples
     --------
@@ -73,7 +73,7 @@ def mark_si(value: object) -> object:
 
 @dataclass(frozen=True, slots=True)
 class _Target:
-    """Where an override goes: the key path in the tree and what it was called."""
+    """Target of an override: the key path in the tree and the key as given."""
 
     key: str
     place: Path
@@ -159,7 +159,7 @@ def apply_overrides(
 
 @dataclass(frozen=True, slots=True)
 class OverridePlan:
-    """How values for certain keys change a document, where all of them are fields of members.
+    """Plan of changing a document by values for certain keys, all of them fields of members.
 
     Attributes
     ----------
@@ -187,7 +187,7 @@ class OverridePlan:
     def apply(
         self, overrides: Mapping[str, object]
     ) -> tuple[Document, list[Problem], dict[str, object]]:
-        """Return what `apply_overrides` does for other values of the same keys."""
+        """Return the result of `apply_overrides` for other values of the same keys."""
         tree = dict(self.document.tree)
         for family, names in self.members.items():
             members = tree[family] = dict(tree[family])
@@ -207,14 +207,14 @@ _ways = LRUCache[OverridePlan](MOST_WAYS)
 
 
 def known_plan(document: Document, overrides: Mapping[str, object]) -> OverridePlan | None:
-    """Return how the keys of overrides have changed a document before; None if they have not."""
+    """Return the plan by which the keys of overrides changed a document before, or None."""
     return _ways.get((id(document), *overrides))
 
 
 def _way(
     document: Document, changed: Document, targets: dict[str, list[_Target]]
 ) -> OverridePlan | None:
-    """Return how the same keys change a document again; None where a table comes or goes."""
+    """Return the plan for changing a document by the same keys; None if a table comes or goes."""
     last: dict[Path, str] = {}
     members: dict[str, dict[str, None]] = {}
     for key, found in targets.items():
@@ -299,7 +299,7 @@ def _above(place: Path) -> frozenset[str]:
 
 
 def _set(tree: dict[str, Any], target: _Target, own: set[Path]) -> None:
-    """Set a value in copies of the tables around it; what is beside them stays the same object.
+    """Set a value in copies of the tables around it; all other tables stay the same objects.
 
     `own` are the places of tables that are copies already.
     """
@@ -326,7 +326,7 @@ def restated(document: Document) -> dict[str, Origin]:
 
 
 def _given(name: str, given: Mapping[str, object]) -> bool:
-    """Return whether a key or one above it is among those given."""
+    """Return True if a key or one above it is among those given."""
     while name:
         if name in given:
             return True
@@ -339,7 +339,7 @@ def _nearest_key(tree: Mapping[str, Any], key: str) -> str:
 
 
 def _with_named(tree: Mapping[str, Any], path: Path) -> Mapping[str, Any]:
-    """Return the tree with the member that a key names, where an override may bring it along."""
+    """Return the tree with the member that a key names, if an override may bring it along."""
     family = FAMILIES.get(path[0])
     if family is None or path[0] not in GROWING or len(path) < 3:
         return tree

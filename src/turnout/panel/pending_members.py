@@ -57,7 +57,7 @@ class PendingPanel(Panel):
     if not TYPE_CHECKING:  # else any name would be an attribute
 
         def __getattr__(self, name: str) -> Any:
-            """Return a family that is pending, or what is no field."""
+            """Return a pending family, or an attribute that is no field."""
             if name in FAMILIES:
                 self._make([name])
                 values = _own_values.__get__(self)  # perhaps of another thread
@@ -91,7 +91,7 @@ class PendingPanel(Panel):
 
 
 def _pending_of(panel: Panel) -> Mapping[str, PendingMembers]:
-    """Return what is pending, far quicker than by the name of the attribute."""
+    """Return the pending members, far quicker than by the name of the attribute."""
     private = panel.__pydantic_private__
     found: Mapping[str, PendingMembers] = private.get("_pending", {}) if private else {}
     return found
@@ -131,7 +131,7 @@ def member_numbers(panel: Panel, family: str, fields: Sequence[str]) -> NDArray[
 
 
 def all_lack(panel: Panel, family: str, field: str) -> bool:
-    """Return whether a field is None in all members of a family."""
+    """Return True if a field is None in all members of a family."""
     pending = _pending_of(panel).get(family)
     if pending is not None and field in pending.given:
         return all(value is None for value in pending.given[field])

@@ -88,7 +88,7 @@ def _places_called(families: Mapping[str, Mapping[str, Any]], text: str) -> list
 
 @lru_cache(maxsize=MOST_PANELS)
 def _names_by_lower(names: tuple[tuple[str, ...], ...]) -> dict[str, list[tuple[str, str]]]:
-    """Return family and name of the members of all families by what names are in lower case."""
+    """Return family and name of the members of all families, by their names in lower case."""
     found: dict[str, list[tuple[str, str]]] = {}
     for family, members in zip(PLACE_FAMILIES, names, strict=True):
         for name in members:

@@ -191,7 +191,7 @@ def contact_height(panel: Panel, rail: str, x: FloatArray) -> FloatArray:
 
 
 def running_edge_distance(edge: RunningEdge, x: npt.ArrayLike) -> FloatArray:
-    r"""Give how far the running edges of stock and switch rail lie apart, on a circle.
+    r"""Return the distance between the running edges of stock and switch rail, on a circle.
 
     .. math:: w(x) = w_0 + (x + x_0)^2 / (2 R) \ge w_{min}
 
@@ -222,7 +222,7 @@ def running_edge_distance(edge: RunningEdge, x: npt.ArrayLike) -> FloatArray:
 
 
 def running_edge_offset(edge: RunningEdge, x: npt.ArrayLike) -> FloatArray:
-    """Give the offset that the section depends on: the distance, held where the section is full.
+    """Return the offset that the section depends on: the distance, up to that of full section.
 
     Parameters
     ----------
@@ -280,7 +280,7 @@ def stations_of(panel: Panel, section: str) -> tuple[str, FloatArray]:
 
 
 def section_stations(panel: Panel, rail: str) -> FloatArray:
-    """Give the positions along a rail where its section has a station or begins to be constant.
+    """Return the positions of a rail's section stations and of the start of constant section.
 
     Parameters
     ----------
@@ -311,7 +311,7 @@ def section_stations(panel: Panel, rail: str) -> FloatArray:
 def between_stations(
     panel: Panel, rail: str, columns: Mapping[str, npt.ArrayLike], x: npt.ArrayLike
 ) -> dict[str, FloatArray]:
-    """Evaluate what is known at a rail's stations: linear in between, held beyond the ends.
+    """Interpolate values between a rail's stations: linear in between, held beyond the ends.
 
     Where the stations are running-edge offsets w, values are linear in w, not in x.
 
@@ -341,7 +341,7 @@ def between_stations(
 
 
 def outline_points(points: npt.ArrayLike, *, symmetric: bool) -> FloatArray:
-    """Give all vertices of a drawn outline, with the mirror image where only half is given.
+    """Return all vertices of a drawn outline, with the mirror image if only half is given.
 
     Parameters
     ----------

@@ -149,7 +149,7 @@ Gap = Annotated[
 
 
 def _stress_free(value: object) -> object:
-    """Read "closed", "open" or a fraction; one sentence says what is allowed."""
+    """Read "closed", "open" or a fraction; refuse others and state the allowed values."""
     if value in ("closed", "open"):
         return value
     number = float(value) if isinstance(value, int | float) else -1.0
@@ -219,7 +219,7 @@ class Rail(ScaledSection):
 
     @property
     def has_stock_rail(self) -> bool:
-        """Whether the rail has a stock rail to close against."""
+        """True if the rail has a stock rail to close against."""
         return self.stock_rail_gap is not None or self.fit_gap is not None
 
     @property
@@ -360,7 +360,7 @@ class Link(Linkage):
 
 
 class BackDrive(Linkage):
-    """Linkage that moves a second place of a rail by a ratio of what the rail does at a drive."""
+    """Linkage that moves a second place of a rail by a ratio of the rail's motion at a drive."""
 
     drive: str = Field(description="the drive at whose place the linkage takes its motion")
     rails: list[str] | None = Field(None, description="names of the rails; default all")
@@ -416,7 +416,7 @@ class Movement(Record):
 
 
 class Schedule(Record):
-    """When the drives move; before, between and after the movements the markers rest."""
+    """Schedule of the movements; before, between and after them the markers rest."""
 
     starts: Literal["open", "closed"] = Field(description="position of the instrumented rail")
     loaded: bool = Field(

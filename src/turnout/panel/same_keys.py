@@ -23,7 +23,7 @@ from turnout.panel.records import RailMatrices
 from turnout.panel.validate import Draft, Known, field_check, read_by, with_values
 
 MANY = 8
-"""So many members are made when they are needed, where all change in the same fields."""
+"""Number of members from which on they are made on demand, if all change in the same fields."""
 MOST_FIRST = 16
 """Panels in memory of which others have the same keys, the latest used."""
 
@@ -47,7 +47,7 @@ class PendingDocument:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DerivedPanel:
-    """What a panel of other numbers is made of.
+    """Parts of a panel with other numbers.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ _Members = dict[str, list[tuple[str, BaseModel, tuple[tuple[str, int], ...]]]]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _SameKeys:
-    """What the keys reach in the first panel that was made with them.
+    """Targets of the keys in the first panel that was made with them.
 
     `panel` is what was changed, kept since it is known by its identity. `numbers` are the values
     that are set, with the key that does it and what validates its value; `members` are the records
@@ -132,7 +132,7 @@ _first = LRUCache[_SameKeys](MOST_FIRST)
 def derive_panel(
     panel: Panel, document: Document, overrides: Mapping[str, object]
 ) -> DerivedPanel | None:
-    """Return what a valid panel becomes by other numbers for keys that it was changed by before.
+    """Return the parts of a valid panel with other numbers for keys that changed it before.
 
     Parameters
     ----------
@@ -220,7 +220,7 @@ def note_keys(
 
 
 def _columns(panel: Panel, members: _Members) -> dict[str, dict[str, list[int]]]:
-    """Return what `_SameKeys` has as columns."""
+    """Return the `columns` of `_SameKeys`."""
     found = {}
     for family, changed in members.items():
         of_each = {name: dict(fields) for name, _, fields in changed}
@@ -234,7 +234,7 @@ def _columns(panel: Panel, members: _Members) -> dict[str, dict[str, list[int]]]
 
 
 def _reader(record: type[BaseModel], field: str) -> Reader | None:
-    """Return what validates a field; None where the record is right as a whole only."""
+    """Return the validator of a field, or None if the record is validated only as a whole."""
     whole = record.__pydantic_decorators__.model_validators
     return None if whole else field_check(record, field)
 

@@ -62,7 +62,7 @@ def _family_schema(name: str, record: dict[str, Any], family: dict[str, Any]) ->
 
 
 def tidy(node: Any) -> None:
-    """Take out what only the records know: titles, SI defaults, and nulls that TOML lacks."""
+    """Take out entries for the records alone: titles, SI defaults, and nulls that TOML lacks."""
     if isinstance(node, list):
         for item in node:
             tidy(item)

@@ -20,7 +20,7 @@ from turnout.panel.load import LoadedPanel, panel_from_document
 from turnout.panel.records import RailMatrices
 
 SI_MARK = "$si"
-"""Key of a number that Python code handed over as SI, where a file would need a unit."""
+"""Key of a number that Python code gave in SI, for which a file would need a unit."""
 _SPARSE = ("stiffness", "mass", "damping", "rows")
 _ARRAYS = ("unit_weight", "x", "z")
 _NUMBERS = ("<f8", "<i4", "<i8")

@@ -149,7 +149,7 @@ def unusual_values(panel: Panel) -> list[Unusual]:
 
 
 def _outside(panel: Panel, key: str, least: float, most: float) -> Iterator[tuple[str, float]]:
-    """Yield where the values of a key lie outside, once for a family that agrees."""
+    """Yield the keys of values outside the range, once for a family that agrees."""
     *above, name = key.split(".")
     record: Any = getattr(panel, above[0], None) if above else panel
     if record is None:
@@ -172,7 +172,7 @@ def _outside(panel: Panel, key: str, least: float, most: float) -> Iterator[tupl
 
 
 def _farthest(given: object, least: float, most: float) -> float:
-    """Return the value that lies farthest outside; NaN where none does."""
+    """Return the value that lies farthest outside; NaN if none does."""
     values = given if isinstance(given, list | tuple) else (given,)
     outside = [
         float(value)

@@ -53,7 +53,7 @@ def until_unknown(problems: Iterator[Problem]) -> Iterator[Problem]:
 
 
 class AccessTracker(dict[str, Any]):
-    """Values by field name of `Panel` that record which are read, and `makers` of those to come."""
+    """Values by field name of `Panel` that record each access, and `makers` of those to come."""
 
     def __init__(self, note: Callable[[str], str] = str) -> None:
         super().__init__()
@@ -72,24 +72,24 @@ class AccessTracker(dict[str, Any]):
         return super().__getitem__(name)
 
     def get(self, name: str, default: Any = None) -> Any:
-        """Return a value, or what stands for it, and note its name."""
+        """Return a value, or the default, and note its name."""
         self.asked.add(self._note(name))
         return self[name] if name in self.makers else super().get(name, default)
 
 
 def members_of(family: str) -> str:
-    """Return what stands for the names of a family's members among what checks read."""
+    """Return the key for the names of a family's members among the inputs of checks."""
     return f"members of {family}"
 
 
 def values_of(family: str) -> str:
-    """Return what stands for the values of a family in `ASKED_ALONE`."""
+    """Return the key for the values of a family in `ASKED_ALONE`."""
     return f"values of {family}"
 
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """Tables of a valid panel, the records that were made of them, and what its checks read.
+    """Tables of a valid panel, the records that were made of them, and the inputs of its checks.
 
     A check that found nothing finds nothing again where all that it read is the same. `given` is
     what overrides have set, where that is known, as in `Draft`.
@@ -138,7 +138,7 @@ class Draft:
     asked: dict[str, frozenset[str]] = field(default_factory=dict)
 
     def checks_to_repeat(self, checks: Iterable[str], known: Known | None) -> list[str]:
-        """Return the names of the checks that may find something where a known panel is valid."""
+        """Return the names of the checks to run again on a panel made from a known valid one."""
         if known is None:
             return list(checks)
         self.asked = dict(known.asked)
@@ -146,7 +146,7 @@ class Draft:
         return [name for name in checks if not asked[name].isdisjoint(changed)]
 
     def checked(self, name: str, check: Callable[["Draft"], Iterable[Problem]]) -> list[Problem]:
-        """Return what a check finds, and note what it reads."""
+        """Return the problems that a check finds, and note its inputs."""
         self.records.asked, self.names.asked = asked = set[str](), set[str]()
         found = list(check(self))
         self.asked[name] = frozenset(asked[0] | asked[1])
@@ -154,7 +154,7 @@ class Draft:
 
 
 def validate_document(document: Document, *, known: Known | None = None) -> Draft:
-    """Make every record that can be made and describe what is wrong with the others.
+    """Make every record that can be made and describe the problems of the others.
 
     Parameters
     ----------
@@ -197,7 +197,7 @@ ASKED_ALONE = {"drive": frozenset(("stiffness", "saturated_stiffness", "saturati
 
 
 def read_by(family: str, fields: Iterable[str]) -> set[str]:
-    """Return what stands for some fields of a family's members among what checks read.
+    """Return the keys for some fields of a family's members among the inputs of checks.
 
     Examples
     --------
@@ -236,7 +236,7 @@ def _lenient(record: type[BaseModel]) -> type[BaseModel]:
 
 
 def _partial(record: type[BaseModel], values: object, errors: list[Any]) -> Partial:
-    """Keep what is right in a record with problems."""
+    """Keep the valid values of a record with problems."""
     if not isinstance(values, dict) or record.__pydantic_decorators__.model_validators:
         return Partial()  # such as a machine, which is judged as a whole
     wrong = frozenset(str(error["loc"][0]) for error in errors if error["loc"])
@@ -311,7 +311,7 @@ def _family(name: str, document: Document, draft: Draft, known: Known | None) ->
 
 
 def _changed(before: object, values: object) -> list[str] | None:
-    """Return the keys of a member with other values than before; None where keys changed too."""
+    """Return the keys of a member with other values than before; None if keys changed too."""
     if before is values:
         return []
     if not (isinstance(before, dict) and isinstance(values, dict)) or [*before] != [*values]:
@@ -371,7 +371,7 @@ def with_values(made: AnyRecord, values: dict[str, Any]) -> AnyRecord:
 
 @cache
 def field_check(record: type[BaseModel], name: str) -> Callable[[object], Any] | None:
-    """Give what validates one field of a record with the record's strictness; None for no field."""
+    """Return the validator of one field with the record's strictness, or None for no field."""
     if name not in record.model_fields:
         return None
     config: Any = record.model_config
@@ -406,7 +406,7 @@ def _check_count(name: str, metadata: list[Any], count: int, broken: bool, draft
 
 
 def _rest(path: Path, count: int, shown: int = MOST_PROBLEMS) -> list[Problem]:
-    """Say how many problems of a table are left out."""
+    """Return the number of problems left out of a table, as one more problem."""
     return [Problem(path, f": and {count - shown} more problems")] if count > shown else []
 
 

@@ -102,7 +102,7 @@ def stack_movements(
 def _coordinates(
     members: Sequence[tuple[SheetRow, RecordedThrow]], slipped: Sequence[bool | None]
 ) -> dict[str, Any]:
-    """Return what the sheet and the recordings say of each movement."""
+    """Return the coordinates of each movement from the sheet and the recordings."""
     runs, pieces = zip(*members, strict=True)
     known = [
         bool(run.slip) if measured is None else measured
@@ -154,7 +154,7 @@ class Excluded:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BuiltCampaign:
-    """What came of a campaign.
+    """Result of building a campaign.
 
     Attributes
     ----------
@@ -178,7 +178,7 @@ class BuiltCampaign:
 
     @property
     def recorder(self) -> str:
-        """What the recorder makes of forces, in words; empty where nothing is stated."""
+        """Response of the recorder to forces, in words; empty if none is stated."""
         return recorder_response_of(self.dataset.attrs).text if self.dataset is not None else ""
 
 
@@ -281,7 +281,7 @@ def _pieces(
     detection: Detection | None,
     report: Callable[[int, int], None] | None,
 ) -> tuple[list[RecordedThrow | TurnoutError], int]:
-    """Return the movement of each run, and how many had been cut before; a file is read once."""
+    """Return the movement of each run, and the number cut before; a file is read once."""
     members: dict[str, list[int]] = {}
     for number, run in enumerate(runs):
         members.setdefault(run.file, []).append(number)
@@ -357,7 +357,7 @@ def _reasons(found: ThrowQuality | TurnoutError) -> tuple[str, ...]:
 
 
 def _slipped(pieces: Sequence[RecordedThrow]) -> list[bool | None]:
-    """Return from the currents whether a motor ran until it was switched off; None without them."""
+    """Flag throws, by currents, with a motor that ran until it was switched off; None without."""
     runs = [np.array(piece.throw.drive_ends) - piece.throw.onset for piece in pieces]
     known = [times[np.isfinite(times)] for times in runs]
     if not any(times.size for times in known):
@@ -391,7 +391,7 @@ def _remarks(
 
 
 def _first_of(runs: Sequence[SheetRow]) -> str:
-    """Name the first of some movements and how many more there are."""
+    """Name the first of some movements and the number of further ones."""
     more = f" and {len(runs) - 1} more" if len(runs) > 1 else ""
     return f"{runs[0].where}: {runs[0].name}{more}"
 
@@ -441,7 +441,7 @@ def _dataset(
 
 
 def _may_be_exchanged(dataset: xr.Dataset) -> bool:
-    """Return whether objects were thrown and two rods measured, but rods could not be checked."""
+    """Return True if objects were thrown and two rods measured, but rods could not be checked."""
     return (
         dataset.sizes["drive"] > 1
         and "rods_checked" not in dataset.attrs
@@ -454,7 +454,7 @@ IDLE_CELL, LEAST_MOVEMENTS = 200.0, 2
 
 
 def exchanged_cell(members: Sequence[tuple[float, RecordedThrow]]) -> str | None:
-    """Return a drive whose rod has changed columns with the load cell; None where none has.
+    """Return a drive whose rod has changed columns with the load cell, or None if none has.
 
     Without an object nothing loads the cell and every rod changes. Where it is the other way round
     in each movement without an object, and in two at least, columns are exchanged.
@@ -484,7 +484,7 @@ def _known(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def change_of_rods(piece: RecordedThrow) -> NDArray[np.float64]:
-    """Return how much each rod force changes in a movement, 0 of one that was not recorded [N]."""
+    """Return the change of each rod force in a movement, 0 of one that was not recorded [N]."""
     forces = piece.dataset["drive_force"].values
     known = np.where(np.isnan(forces).all(axis=1, keepdims=True), 0.0, forces)
     return force_changes(known, rate=piece.rate)
@@ -493,7 +493,7 @@ def change_of_rods(piece: RecordedThrow) -> NDArray[np.float64]:
 def without_dead_rods(
     piece: RecordedThrow | TurnoutError, found: ThrowQuality | TurnoutError
 ) -> tuple[RecordedThrow | TurnoutError, ThrowQuality | TurnoutError]:
-    """Return a movement without its dead rods, where nothing else is wrong and one rod lives."""
+    """Return a movement without its dead rods, if nothing else is wrong and one rod lives."""
     if not isinstance(piece, RecordedThrow) or not isinstance(found, ThrowQuality):
         return piece, found
     names = [str(name) for name in piece.dataset["drive"].values]

@@ -1,4 +1,4 @@
-"""What a folder that came from elsewhere may name: its own files, unless more is permitted.
+"""Files that a folder from elsewhere may name: its own, unless more is permitted.
 
 A run sheet can name `../x.csv` or `/etc/passwd`, and a link in the folder can lead anywhere: to
 files that are then read, or to files that are then replaced.
@@ -31,7 +31,7 @@ def throw_store(source: Path) -> Path:
 
 
 def is_outside(path: Path, folder: Path) -> bool:
-    """Return whether a path, with every link in it followed, is not within a folder.
+    """Return True if a path, with every link in it followed, is not within a folder.
 
     Examples
     --------
@@ -57,7 +57,7 @@ def refuse_outside(path: Path, folder: Path) -> None:
 
 
 def refuse_to_write_outside(path: Path, folder: Path) -> None:
-    """Refuse to write through a link of a folder to what lies outside.
+    """Refuse to write through a link of a folder to a place outside.
 
     A path that is not in the folder by its own name is the user's to choose, and passes.
 
@@ -91,7 +91,7 @@ def refuse_links_outside(store: Path, folder: Path) -> None:
 
 
 def describe_target(path: Path, folder: Path) -> str:
-    """Say that a path is not within a folder, and what it leads to."""
+    """Return the text for a path that is not within a folder, with its target."""
     target = os.path.realpath(path)
     shown = "" if target == os.path.abspath(path) else f" (it leads to {target})"
     return f"lies outside {folder}{shown}"

@@ -1,4 +1,4 @@
-"""Throws within a recording: where each begins and ends, and in which direction it goes.
+"""Throws within a recording: start, end and direction of each.
 
 Work is done on unfiltered channels in physical units, all at one rate. A motor current shows to the
 millisecond when a throw begins; rod forces alone, which grow slowly at first, less sharply.
@@ -23,7 +23,7 @@ from turnout.measurement.campaign.motion_signals import (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Detection:
-    """What counts as a throw.
+    """Criteria for a throw.
 
     Attributes
     ----------
@@ -233,7 +233,7 @@ def _spans(active: Flags, *, rate: float, detection: Detection) -> list[tuple[in
 def _bounds(
     spans: list[tuple[int, int]], size: int, *, rate: float, detection: Detection
 ) -> list[tuple[int, int]]:
-    """Return what to keep of each throw: no more than half-way to its neighbours."""
+    """Return the kept samples of each throw: no more than half-way to its neighbours."""
     before, after = round(detection.before * rate), round(detection.after * rate)
     bounds = []
     for number, (start, stop) in enumerate(spans):
@@ -271,7 +271,7 @@ def _first_inrush(
 
 
 def _first_pull(row: Floats, span: tuple[int, int], *, rate: float) -> tuple[float, float]:
-    """Return where a rod force leaves its rest, and where that is first seen above the noise.
+    """Return the sample at which a rod force leaves its rest, and the first above the noise.
 
     A marker that starts softly pulls with the cube of time at first; the line through the cube
     roots of the force, from where it leaves the noise, is followed back to zero.

@@ -1,4 +1,4 @@
-"""Signals that show motion: their rest, their mean over a while, and where they go."""
+"""Signals that show motion: their rest, their mean over a while, and their direction."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ CLOSING, OPENING, UNKNOWN = "closing", "opening", "unknown"
 
 
 def found_direction(forces: Floats, *, rate: float) -> str:
-    """Return the direction of a throw from how its rod forces changed from rest to the end.
+    """Return the direction of a throw from the changes of its rod forces from rest to the end.
 
     Friction opposes the motion, so the sum of the forces ends further in the direction of the throw
     than it began; an offset does not matter.
@@ -41,7 +41,7 @@ def found_direction(forces: Floats, *, rate: float) -> str:
 
 
 def force_changes(forces: Floats, *, rate: float) -> Floats:
-    """Return how much each rod force differs between the end and the start of a throw [N].
+    """Return the difference of each rod force between the end and the start of a throw [N].
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def force_changes(forces: Floats, *, rate: float) -> Floats:
 
 
 def mean_over(values: Floats, *, width: int) -> Floats:
-    """Return the centred mean over `width` samples, holes filled; the ends over what there is."""
+    """Return the centred mean over `width` samples, holes filled; fewer samples at the ends."""
     filled = bridge_gaps(values)
     half = max(0, width // 2)
     total = np.concatenate(([0.0], np.cumsum(filled)))
@@ -77,7 +77,7 @@ def mean_over(values: Floats, *, width: int) -> Floats:
 
 
 def bridge_gaps(values: Floats) -> Floats:
-    """Return samples with a straight line across what is not finite; zeros where nothing is."""
+    """Return samples with a straight line across values that are not finite; zeros if none is."""
     known = np.isfinite(values)
     if known.all():
         return values
@@ -125,7 +125,7 @@ def without_spikes(values: Floats, *, rate: float, least: float) -> Floats:
 
 
 def drift(values: Floats, *, rate: float) -> float:
-    """Return the slope that a channel has at both ends, where it should rest; zero without one.
+    """Return the slope that a channel has at rest at both ends, or zero without one.
 
     Parameters
     ----------

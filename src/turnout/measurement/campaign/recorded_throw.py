@@ -194,7 +194,7 @@ def _packed(piece: RecordedThrow, key: str) -> bytes:
 
 
 def _stored(path: Path, key: str) -> RecordedThrow | None:
-    """Return a piece from its file; None where there is none, it is damaged or not one of ours."""
+    """Return a piece from its file, or None if that is missing, damaged or not one of ours."""
     try:
         require_regular_file(path)
         arrays = arrays_from_bytes(path.read_bytes(), key)

@@ -1,4 +1,4 @@
-"""The run sheet of a campaign: which file holds which movement, and how its cells are read.
+"""The run sheet of a campaign: file and movement of each run, and parsers of its cells.
 
 The format is described in docs/use/campaign-format.md.
 """
@@ -101,7 +101,7 @@ def direction_name(value: Any) -> str:
 
 
 def parse_yes_no(value: Any) -> bool:
-    """Return what yes or no says; ValueError for anything else.
+    """Return True for yes and False for no; ValueError for anything else.
 
     Examples
     --------
@@ -163,7 +163,7 @@ class SheetRow:
 
     @property
     def name(self) -> str:
-        """Name of the movement: its file, and its number where that is not the first."""
+        """Name of the movement: its file, and its number unless that is the first."""
         stem = str(Path(self.file).with_suffix(""))
         return stem if self.movement == 1 else f"{stem}#{self.movement}"
 
@@ -351,7 +351,7 @@ def _column(cell: str) -> tuple[str, str]:
 def _run(
     where: str, row: Mapping[str, Any], *, mounted_from: float, problems: list[str]
 ) -> SheetRow | None:
-    """Make a run of a row, or add what is wrong with it."""
+    """Make a run of a row, or add its faults."""
     allowed = (*NEEDED, *OPTIONAL)
     wrong = [f"{name}: unknown{nearest(name, allowed)}" for name in row if name not in allowed]
     wrong += [f"{name}: is missing" for name in NEEDED if row.get(name, "") == ""]

@@ -1,4 +1,4 @@
-"""Whether a run sheet fits the files beside it, and what was measured."""
+"""Checks of a run sheet against the files beside it and the measured signals."""
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
@@ -98,7 +98,7 @@ def order_remarks(runs: Sequence[SheetRow], start_times: Iterable[str]) -> list[
 
 
 def _moment(text: str) -> datetime | None:
-    """Understand date and time in ISO 8601; what else recorders write is not compared."""
+    """Parse date and time in ISO 8601; other forms that recorders write are not compared."""
     try:
         return datetime.fromisoformat(text)
     except ValueError:
@@ -161,7 +161,7 @@ def series_remarks(
 
 @dataclass(frozen=True, slots=True)
 class RodCheck:
-    """Whether columns of rods are exchanged.
+    """Result of the check for exchanged columns of rods.
 
     Attributes
     ----------
@@ -176,7 +176,7 @@ class RodCheck:
 
 
 def rod_check(votes: Sequence[tuple[str, str]], *, both: bool = False) -> RodCheck:
-    """Return what movements say of rods: of each where the force should rise, and where it does.
+    """Return the check of rods by movements: of each the rod expected to rise, and the actual one.
 
     Parameters
     ----------
@@ -204,7 +204,7 @@ def rod_check(votes: Sequence[tuple[str, str]], *, both: bool = False) -> RodChe
 
 
 def check_rods(dataset: xr.Dataset) -> RodCheck:
-    """Return whether rods have changed places: the force rises at the wrong one.
+    """Check rods for exchanged columns: the force rises at the wrong one.
 
     An object beside a drive loads its rod far more, and earlier, than any other. Where it is
     another rod that rises above what it carries without an object, in every movement with an object
@@ -235,7 +235,7 @@ def check_rods(dataset: xr.Dataset) -> RodCheck:
 
 
 def rises_most(rise: NDArray[np.float64], *, times: float = SWAPPED) -> int | None:
-    """Return which rod rises clearly more than any other; None where none does.
+    """Return the rod that rises clearly more than any other, or None if none does.
 
     Parameters
     ----------
@@ -255,7 +255,7 @@ def rises_most(rise: NDArray[np.float64], *, times: float = SWAPPED) -> int | No
 
 
 def rises(forces: NDArray[np.float64], free: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return by how much each rod carries more than without an object, as a mean over time [N].
+    """Return the excess of each rod over its force without an object, as a mean over time [N].
 
     Parameters
     ----------
@@ -272,7 +272,7 @@ def rises(forces: NDArray[np.float64], free: NDArray[np.float64]) -> NDArray[np.
 
 
 EXCHANGED = "swapped channels of"
-"""How remarks on exchanged columns begin."""
+"""Start of remarks on exchanged columns."""
 
 
 def swap_remarks(pair: Sequence[str] | None) -> list[str]:
@@ -334,7 +334,7 @@ def slip_remarks(runs: Sequence[SheetRow], slipped: Sequence[bool | None]) -> li
 
 
 def force_remarks(runs: Sequence[SheetRow], forces: Sequence[float]) -> list[str]:
-    """Return a remark where a larger object at the same place meets much less force.
+    """Return a remark for each larger object that meets much less force at the same place.
 
     Parameters
     ----------
@@ -380,7 +380,7 @@ def _following(count: int) -> str:
 
 
 def _needless(members: Sequence[tuple[SheetRow, bool | None]], first: int) -> int:
-    """Return how many movements follow the first one that slipped and measured the object.
+    """Return the number of movements after the first one that slipped and measured the object.
 
     Until a load cell fits a series may go on, so that the force on the object is known there.
     """

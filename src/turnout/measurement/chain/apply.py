@@ -213,7 +213,7 @@ def raw_from_physical(dataset: xr.Dataset, channel_map: ChannelMap) -> Recording
 
 
 def map_hash(channel_map: ChannelMap) -> str:
-    """Hash what a channel map says, whatever its file looks like."""
+    """Hash the content of a channel map, whatever its file looks like."""
     return content_hash(_plain(_without_new(channel_map.model_dump())))
 
 
@@ -338,7 +338,7 @@ def _conditioned(
 
 
 def _column(recording: Recording, name: str) -> RecordedChannel | None:
-    """Return a column by its name, or by what MATLAB makes of it: "Rod 1" is a variable Rod_1."""
+    """Return a column by its name, or by its MATLAB name: "Rod 1" is a variable Rod_1."""
     return recording.channels.get(name) or recording.channels.get(re.sub(r"\W", "_", name))
 
 

@@ -1,4 +1,4 @@
-"""The measuring chain as data: which column of a recording is which quantity, through what sensor.
+"""The measuring chain as data: column, quantity and sensor of each channel of a recording.
 
 Values are SI once a record exists. A raw value (offset, calibration reading) keeps its dimension,
 as it may be a voltage, a voltage ratio, a strain, or already a force or a current.
@@ -239,7 +239,7 @@ class Rest(MapRecord):
 
 
 class SensorRecord(MapRecord):
-    """What every sensor has: a column, its unit, and where its zero and direction are."""
+    """Keys of every sensor: a column, its unit, its zero and its direction."""
 
     column: str = Field(min_length=1, description="name of the column in the recording")
     unit: UnitText | None = Field(
@@ -354,13 +354,13 @@ class RecordedFilter(MapRecord):
         return self
 
     def low_pass(self) -> LowPass:
-        """Return it as what is applied to simulated forces."""
+        """Return the low-pass in the form that is applied to simulated forces."""
         order = self.order or (1 if self.kind == RC else 2)
         return LowPass(kind=self.kind, order=order, corner=self.corner)
 
 
 class ChannelMap(MapRecord):
-    """Which column of a recording is which quantity; drives are named as in the panel."""
+    """Column of each quantity in a recording; drives are named as in the panel."""
 
     schema_version: Literal[1] = 1
     title: str = Field("", description="what was measured with it")
@@ -392,7 +392,7 @@ class ChannelMap(MapRecord):
     object_force: AnySensor | None = None
 
     def recorder_response(self) -> RecorderResponse:
-        """Return what the recorder does to every force channel."""
+        """Return the response of the recorder in every force channel."""
         stated = self.recorded_filter
         return RecorderResponse(
             low_pass=stated.low_pass() if stated is not None else None,

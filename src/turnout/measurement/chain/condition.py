@@ -44,7 +44,7 @@ def median(values: Values, *, rate: float, window: float) -> Values:
 
 
 def lowpass(values: Values, *, rate: float, cutoff: float, order: int = ORDER) -> Values:
-    """Return values without what is faster than a cut-off: Butterworth, forwards and backwards.
+    """Return values without frequencies above a cut-off: Butterworth, forwards and backwards.
 
     Twice through the filter, there is no time shift, and at the cut-off half the amplitude is left.
     At the ends the values are continued by their point reflection.
@@ -245,7 +245,7 @@ def resample(channel: RecordedChannel, values: Values, *, time: Values) -> Value
 
 
 def _bridged(values: Values) -> tuple[Values, NDArray[np.bool_]]:
-    """Return values with straight lines over what is missing, and where that is."""
+    """Return values with straight lines over missing ones, and flags of these."""
     holes = ~np.isfinite(values)
     if not holes.any():
         return values, holes

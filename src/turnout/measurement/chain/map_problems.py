@@ -1,4 +1,4 @@
-"""What is wrong in a channel map, in words."""
+"""Faults of a channel map, in words."""
 
 from typing import Any
 
@@ -21,7 +21,7 @@ def map_problem(error: Any) -> str:
 
 
 def _hint(error: Any, keys: list[str]) -> str:
-    """Say where a key belongs, or how a share is written, where that is the mistake."""
+    """Return a hint on the table of a misplaced key or the form of a share, else an empty text."""
     key = keys[-1]
     if error["type"] == "extra_forbidden":
         if len(keys) > 1 and key in ChannelMap.model_fields:

@@ -1,4 +1,4 @@
-"""What a monitoring system in service stores of currents and powers: RMS windows, coarse steps.
+"""Currents and powers as a monitoring system in service stores them: RMS windows, coarse steps.
 
 Such systems sample 25 to 100 times a second, each value the root mean square of a current (the mean
 of a power) over the window since the last, in steps of 0.01 A, and often with one transformer
@@ -32,12 +32,12 @@ COLUMNS = {
     "drive_power": ("Active power", "W"),
     "drive_apparent_power": ("Apparent power", "VA"),
 }
-"""What a file of such a system calls its channels, and their units, in its order."""
+"""Names of the channels in a file of such a system, and their units, in its order."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Monitoring:
-    """How a monitoring system samples the machines of a switch.
+    """Sampling of the machines of a switch by a monitoring system.
 
     Attributes
     ----------
@@ -145,7 +145,7 @@ def monitoring_of(
     together: Sequence[str] = (),
     current_step: str = "0.01 A",
 ) -> Monitoring:
-    """Return a monitoring system from what a user types.
+    """Return a monitoring system from typed options.
 
     Parameters
     ----------
@@ -202,7 +202,7 @@ def check_monitoring(
     *,
     rate: float,
 ) -> None:
-    """Refuse what cannot be sampled of any throw of a switch, before one is made.
+    """Refuse settings that cannot sample any throw of a switch, before one is made.
 
     Parameters
     ----------
@@ -227,7 +227,7 @@ def check_monitoring(
 
 
 def monitoring_recording(stored: xr.Dataset, *, source: str) -> Recording:
-    """Return what a monitoring system stored as a recording that a file can hold.
+    """Return the stored channels of a monitoring system as a recording that a file can hold.
 
     Parameters
     ----------
@@ -270,7 +270,7 @@ def _as_drive(run: xr.Dataset) -> xr.Dataset:
 def _own_problems(
     chosen: Monitoring, *, typed: Mapping[str, tuple[str, str]] | None = None
 ) -> Iterator[str]:
-    """Say what no monitoring system has; `typed` are values as a user typed them, and units."""
+    """Yield the impossible settings; `typed` are values as a user typed them, and units."""
     limits = {
         "rate": (LEAST_RATE, MOST_RATE),
         **{name: (0.0, MOST_STEP[name]) for name in MOST_STEP},
@@ -289,7 +289,7 @@ def _rate_problems(rate: float, own: float) -> Iterator[str]:
 
 
 def _run_problems(run: xr.Dataset, chosen: Monitoring) -> Iterator[str]:
-    """Say what a run lacks to be sampled so."""
+    """Yield the faults that keep a run from being sampled so."""
     if "drive_current" not in run:
         yield (
             "drive_current: is missing; take a throw whose drives are machines "
@@ -317,7 +317,7 @@ def _group_problems(
     supplies: Mapping[str, Mapping[str, float | None]],
     until: float,
 ) -> Iterator[str]:
-    """Say which transformers cannot be, or do not add up what goes through them until a time."""
+    """Yield the faults of transformers: impossible groups, or currents that do not add up."""
     taken = [str(name) for names in chosen.together.values() for name in names]
     for title, names in chosen.together.items():
         if isinstance(names, str) or not names:
@@ -358,7 +358,7 @@ def _groups(drives: Sequence[str], chosen: Monitoring) -> dict[str, list[str]]:
 
 
 def _edges(time: Floats, rate: float) -> tuple[Floats, Floats]:
-    """Return where the samples begin and end, and where the windows do [s]."""
+    """Return the edges of the samples, and those of the windows [s]."""
     step = (time[-1] - time[0]) / (time.size - 1)
     spans = np.concatenate([[time[0] - step], time])
     count = math.floor((spans[-1] - spans[0]) * rate + ROUNDING)
@@ -376,7 +376,7 @@ def _direct(
     drives: Sequence[str],
     supplies: Mapping[str, Mapping[str, float | None]],
 ) -> NDArray[np.bool_]:
-    """Return which drives take direct current, markers included, shape (n_drives,).
+    """Flag the drives that take direct current, markers included, shape (n_drives,).
 
     Where a run does not say: those without reactive power.
     """
@@ -391,7 +391,7 @@ def _direct(
 
 
 def _together(rows: Mapping[str, Floats], direct: NDArray[np.bool_]) -> dict[str, Floats]:
-    """Return what one transformer sees of several drives; `direct` says which take direct current.
+    """Return the signals of one transformer of several drives; `direct` flags direct current.
 
     See the notes of `monitored`.
     """

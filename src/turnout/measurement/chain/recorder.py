@@ -1,4 +1,4 @@
-"""What a recorder makes of the forces and currents of a throw: gain, offset, resolution, clock."""
+"""Errors of a recorder of forces and currents of a throw: gain, offset, resolution, clock."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -103,12 +103,12 @@ class Recorder:
 
     @property
     def has_clock_error(self) -> bool:
-        """Whether its clock is wrong."""
+        """True if its clock is wrong."""
         return self.clock_rate != 0.0 or self.clock_offset != 0.0
 
 
 def recorder_faults(name: str, value: float) -> Iterator[str]:
-    """Say what is wrong with the value of an error of a recorder [SI].
+    """Yield the faults in the value of an error of a recorder [SI].
 
     Examples
     --------
@@ -146,7 +146,7 @@ def clocked(values: Floats, time: Floats, recorder: Recorder) -> Floats:
 
 
 def recorded_force(values: Floats, time: Floats, recorder: Recorder) -> Floats:
-    """Return forces [N] as a recorder gives them; takes what `clocked` takes.
+    """Return forces [N] as a recorder gives them; takes the arguments of `clocked`.
 
     Examples
     --------

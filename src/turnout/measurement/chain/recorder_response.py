@@ -1,4 +1,4 @@
-r"""What a recorder makes of a force before it is kept: a low-pass, a mean over the past, sampling.
+r"""Response of a recorder to a force: a low-pass, a mean over the past, sampling.
 
 All three are linear and the same at any time, so that their order does not matter. A measurement is
 compared with a simulation that went through them too: filtering the measurement backwards instead
@@ -57,7 +57,7 @@ class LowPass:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecorderResponse:
-    """What a recorder does to every force channel; nothing unless said otherwise.
+    """Response of a recorder in every force channel; none unless said otherwise.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ class RecorderResponse:
 
     @property
     def text(self) -> str:
-        """Return what it does in words; empty where it does nothing.
+        """Return the response in words; empty if there is none.
 
         Examples
         --------
@@ -95,7 +95,7 @@ class RecorderResponse:
         return ", ".join(parts)
 
     def __bool__(self) -> bool:
-        """Whether it does anything."""
+        """Return True if there is any response."""
         return self != NO_RESPONSE
 
     def applied(self, time: Floats, values: Floats) -> Floats:
@@ -159,7 +159,7 @@ class RecorderResponse:
         return lines
 
     def attributes(self) -> dict[str, Any]:
-        """Return what a dataset says of it; nothing where it does nothing."""
+        """Return the attributes of a dataset for the response; none without one."""
         found: dict[str, Any] = {}
         if self.average:
             found["recorded_average"] = self.average

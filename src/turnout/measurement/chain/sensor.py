@@ -50,7 +50,7 @@ class SensorLine:
 
 
 def bridge_arms(bridge: str, poisson_ratio: float) -> float:
-    r"""Return how many gauges' worth of strain a bridge adds up.
+    r"""Return the strain that a bridge adds up, as a number of gauges.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ def line_of(sensor: AnySensor, *, quantity: Dimension, recorded_unit: str = "") 
 
 
 def other_unit(sensor: AnySensor, line: SensorLine, *, recorded_unit: str) -> str:
-    """Return a remark where the file states another unit of a column than the map, which counts.
+    """Return a remark if the file states another unit of a column than the map, which counts.
 
     Parameters
     ----------
@@ -178,7 +178,7 @@ def other_unit(sensor: AnySensor, line: SensorLine, *, recorded_unit: str) -> st
 
 
 def describe_sensor(sensor: AnySensor, quantity: Dimension, unit: RawUnit) -> str:
-    """Say what one unit of a column stands for, and how well a calibration knows it.
+    """Return the value of one unit of a column, and its uncertainty from a calibration, as text.
 
     Examples
     --------

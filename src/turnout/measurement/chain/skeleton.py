@@ -95,7 +95,7 @@ def _blocks(recording: Recording, taken: set[str]) -> Iterator[str]:
 
 
 def _guess(channel: RecordedChannel) -> tuple[str, str]:
-    """Return quantity and sensor keys of a column, empty where it is none of ours."""
+    """Return quantity and sensor keys of a column; empty if it is none of ours."""
     try:
         kind = raw_unit(channel.unit).dimension.name if channel.unit else ""
     except ValueError:

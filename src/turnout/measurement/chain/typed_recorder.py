@@ -1,4 +1,4 @@
-"""What a recorder does to forces, from what a user types."""
+"""Response of a recorder to forces, from typed options."""
 
 from typing import Any
 

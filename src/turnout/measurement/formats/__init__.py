@@ -1,1 +1,1 @@
-"""Files of data acquisition systems: one reader a format, in a process of its own where needed."""
+"""Files of data acquisition systems: one reader per format, in its own process if needed."""

@@ -125,7 +125,7 @@ def tidy_unit(unit: str) -> str:
 
 
 def is_time_name(name: str) -> bool:
-    """Return whether a column of this name holds the time.
+    """Return True if a column of this name holds the time.
 
     Examples
     --------

@@ -93,7 +93,7 @@ def _timed(
 
 
 def _may_be_time(values: NDArray[np.float64], layout: TextLayout) -> bool:
-    """Return whether the first of several columns rises evenly; only asked where none is named."""
+    """Return True if the first of several columns rises evenly; only asked if none is named."""
     if layout.named or len(layout.names) < 2 or values.size < 3:
         return False
     steps = np.diff(values)
@@ -101,7 +101,7 @@ def _may_be_time(values: NDArray[np.float64], layout: TextLayout) -> bool:
 
 
 def _table(path: Path, layout: TextLayout) -> tuple[list[NDArray[np.float64]], list[str]]:
-    """Return the columns of numbers, and what had to be mended."""
+    """Return the columns of numbers, and remarks on repairs."""
     try:
         frame = _frame(path, layout, dtype=None if layout.clock else np.float64)
     except (ValueError, OverflowError, ParserWarning) as error:
@@ -144,7 +144,7 @@ def _frame(path: Path, layout: TextLayout, *, dtype: object, **options: object) 
 
 
 def _is_cut_off(path: Path, layout: TextLayout) -> bool:
-    """Return whether the file ends without a line end."""
+    """Return True if the file ends without a line end."""
     size = 2 if layout.encoding.startswith("utf-16") else 1
     with path.open("rb") as file:
         file.seek(0, 2)
@@ -175,7 +175,7 @@ def _clock_seconds(cells: "pd.Series[str]", path: Path) -> NDArray[np.float64]:
 
 
 def _fault(path: Path, layout: TextLayout, error: Exception) -> str:
-    """Say where a table departs from rows of numbers: read again, a block at a time, as text."""
+    """Return the first departure from rows of numbers: read again, a block at a time, as text."""
     text = str(error)
     if "Expected" in text and "saw" in text:
         return f"{path}: {text.split('C error:')[-1].strip()}; give every row the same columns"
@@ -194,7 +194,7 @@ def _fault(path: Path, layout: TextLayout, error: Exception) -> str:
 
 
 def _first_text(path: Path, layout: TextLayout) -> str:
-    """Return line and column of the first cell that is no number; empty where there is none."""
+    """Return line and column of the first cell that is no number; empty if all are numbers."""
     row = layout.first_row
     # A point is no number's where the decimal mark is a comma.
     marks = {ord(","): ".", ord("."): "x"} if layout.decimal == "," else {}

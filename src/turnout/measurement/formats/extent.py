@@ -1,4 +1,4 @@
-"""How much a recording may declare: a small file must not ask for a large memory.
+"""Limit on the declared size of a recording: a small file must not ask for a large memory.
 
 Compressed, chunked and filled datasets can declare any shape in a few bytes. What a file declares
 is added up before its samples are read, and compared with its size.
@@ -22,7 +22,7 @@ SECONDS_A_BYTE = 1e-6
 
 
 def most_samples(size: int) -> int:
-    """Return how many samples a file of a size [byte] may declare.
+    """Return the number of samples that a file of a size [byte] may declare.
 
     Examples
     --------

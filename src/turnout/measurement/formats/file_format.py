@@ -21,7 +21,7 @@ _HDF5_MARK = b"\x89HDF\r\n\x1a\n"
 
 @dataclass(frozen=True, slots=True)
 class FileFormat:
-    """One kind of file: how it is recognised, and which function reads it.
+    """One kind of file: functions that recognise it and read it.
 
     Attributes
     ----------
@@ -236,7 +236,7 @@ def write_recording(recording: Recording, path: Path | str) -> None:
 
 
 def require(package: str, *, extra: str, purpose: str, load: bool = True) -> Any:
-    """Load an optional package, or say how to install it.
+    """Load an optional package; FileError names the install command of a missing one.
 
     Parameters
     ----------

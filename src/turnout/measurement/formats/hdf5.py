@@ -31,7 +31,7 @@ LARGEST_DEPTH = 50
 
 
 class Content:
-    """What an HDF5 file holds.
+    """Content of an HDF5 file.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ class Content:
                 yield name, item
 
     def members(self, group: h5py.Group, prefix: str = "") -> Iterator[tuple[str, Any]]:
-        """Yield what a group holds and no group before it held, with its path in the file."""
+        """Yield the members of a group that no group before it held, with their paths."""
         for key in group:
             name = f"{prefix}{key}"
             link = group.get(key, getlink=True)
@@ -213,7 +213,7 @@ def hdf5_bytes(recording: Recording) -> bytes:
 
 
 def _empty(names: list[str]) -> list[str]:
-    """Say which datasets hold no sample."""
+    """Name the datasets that hold no sample."""
     if not names:
         return []
     what = "is empty" if len(names) == 1 else "are empty"

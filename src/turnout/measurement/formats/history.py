@@ -37,7 +37,7 @@ MOST_PROBLEMS = 12
 
 
 def is_history(path: Path | str) -> bool:
-    """Return whether a file begins like a history: a line of names, all of them known channels."""
+    """Return True if a file begins like a history: a line of names, all of them known channels."""
     with Path(path).open("rb") as file:
         head = file.read(MOST_HEADER_BYTES).decode("utf-8-sig", errors="replace")
     lines = [line for line in head.splitlines() if line.strip() and not line.startswith("#")]
@@ -98,7 +98,7 @@ def read_history(path: Path | str) -> xr.Dataset:
 
 
 def _columns(heading: list[str]) -> tuple[list[tuple[str, str]], list[float], list[str]]:
-    """Return channel and member of each column, its factor to SI, and what is wrong with them."""
+    """Return channel and member of each column, its factor to SI, and the faults of columns."""
     names: list[tuple[str, str]] = []
     factors: list[float] = []
     problems: list[str] = []
@@ -143,7 +143,7 @@ def _problem_of(key: tuple[str, str]) -> str | None:
 
 
 def _numbers(lines: list[tuple[int, str]], width: int, separator: str) -> tuple[Floats, list[str]]:
-    """Return the numbers and what is wrong with their lines."""
+    """Return the numbers and the faults of their lines."""
     values = np.full((len(lines), width), np.nan)
     problems: list[str] = []
     rows = csv.reader((line for _, line in lines), delimiter=separator)
@@ -163,7 +163,7 @@ def _numbers(lines: list[tuple[int, str]], width: int, separator: str) -> tuple[
 
 
 def _cell_problem(number: int, error: csv.Error) -> str:
-    """Describe what csv refuses, such as a cell of more than 131,072 characters."""
+    """Describe a cell that csv refuses, such as one of more than 131,072 characters."""
     return f"line {number}: {error}; shorten the cell, or close its quotation mark"
 
 

@@ -47,7 +47,7 @@ class RecordingReader:
         )
 
     def ask(self, request: dict[str, Any]) -> tuple[dict[str, Any], bool]:
-        """Return the answer, and whether time ran out; it is empty where the process ended."""
+        """Return the answer, empty if the process ended, and True if time ran out."""
         assert self.process.stdin is not None
         with suppress(OSError):
             self.process.stdin.write(json.dumps(request) + "\n")

@@ -113,7 +113,7 @@ def _recording(content: Mapping[str, Any], path: Path) -> Recording:
 def _own_variable(
     arrays: Mapping[str, NDArray[Any]], texts: Mapping[str, list[str]]
 ) -> list[FileColumn]:
-    """Read what `mat_bytes` made."""
+    """Read variables written by `mat_bytes`."""
     variables = texts[f"{_PREFIX}variables"]
     names, units, descriptions = (
         [*texts.get(f"{_PREFIX}{key}", []), *[""] * len(variables)] for key in LISTS[1:]
@@ -135,7 +135,7 @@ def _own_variable(
 
 
 def _flat(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield what a file holds by dotted names; structures are opened."""
+    """Yield the variables of a file by dotted names; structures are opened."""
     for name, value in content.items():
         if isinstance(value, Mapping):
             yield from _flat(value, f"{prefix}{name}.")

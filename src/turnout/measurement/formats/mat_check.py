@@ -1,4 +1,4 @@
-"""Whether the parts of a MATLAB file of version 5 fit each other.
+"""Consistency check of the parts of a MATLAB file of version 5.
 
 `scipy.io.loadmat` trusts the sizes in a file: after one flipped bit it can return fewer variables,
 or a number in place of a structure, without an error (docs/project/decisions.md). The isolated
@@ -67,7 +67,7 @@ def _check_matrix(content: memoryview, order: str) -> None:
 
 
 def _check_values(parts: list[tuple[int, memoryview]], word: int, count: int, order: str) -> None:
-    """Check what follows the name of a matrix, by its class."""
+    """Check the values after the name of a matrix, by its class."""
     kind = word & 0xFF
     if kind in (CELL, STRUCTURE, OBJECT):
         inner = [values for part, values in parts if part == MATRIX]
@@ -104,7 +104,7 @@ def _check_fields(parts: list[tuple[int, memoryview]], count: int, inner: int, o
 
 
 def _count(dimensions: memoryview, order: str) -> int:
-    """Return how many values dimensions stand for."""
+    """Return the number of values for these dimensions."""
     count = 1
     for size in struct.unpack(f"{order}{dimensions.nbytes // 4}i", dimensions):
         if size < 0:

@@ -1,4 +1,4 @@
-"""Files of named arrays (MAT, HDF5): which of them are channels, and where their times are."""
+"""Files of named arrays (MAT, HDF5): choice of channels among them, and their times."""
 
 import re
 from collections.abc import Mapping, Sequence

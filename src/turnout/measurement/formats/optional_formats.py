@@ -164,7 +164,7 @@ def read_tdms(path: Path) -> Recording:
 
 @contextmanager
 def _log_as_problems(log: Any, problems: list[str]) -> Iterator[None]:
-    """Turn what the reader would log to the screen (a file cut off) into problems."""
+    """Turn messages that the reader logs to the screen (a file cut off) into problems."""
 
     def keep(record: LogRecord) -> bool:
         problems.append(record.getMessage())
@@ -243,7 +243,7 @@ def read_parquet(path: Path) -> Recording:
 
 
 def _seconds(path: Path, field: Any, values: Any) -> tuple[Any, str | None]:
-    """Return a time column in seconds, and the moment of its first row where it holds one."""
+    """Return a time column in seconds, and the moment of its first row if it holds one."""
     if values.dtype.kind == "M":
         return (values - values[0]) / np.timedelta64(1, "s"), str(values[0])
     if values.dtype.kind == "m":

@@ -24,7 +24,7 @@ FAULT = "fault"
 
 
 def read_requested(request: dict[str, Any]) -> dict[str, Any]:
-    """Read a file within a limit of memory; return what describes its channels, or the fault."""
+    """Read a file within a limit of memory; return a description of its channels, or the fault."""
     path, kind = Path(request["file"]), request["kind"]
     module, _, function = request["reader"].partition(":")
     try:
@@ -72,7 +72,7 @@ def write_reply(recording: Recording, folder: Path) -> dict[str, Any]:
 
 
 def limit_memory(more: int) -> None:
-    """Let this process take so much more memory than it has now, where the system can say [byte].
+    """Let this process take so much more memory than it has now, if the system reports it [byte].
 
     Linux counts what a process can write to; others do not report what it has.
     """

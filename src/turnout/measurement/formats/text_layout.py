@@ -1,4 +1,4 @@
-"""How a text file of numbers is laid out: encoding, separator, decimal mark, heading, first row."""
+"""Layout of a text file of numbers: encoding, separator, decimal mark, heading, first row."""
 
 import codecs
 import csv
@@ -12,7 +12,7 @@ from turnout.measurement.formats.assemble import RATE_NAME, UNIT_TEXTS, split_un
 # So much of a file is read to recognise its layout [bytes].
 SAMPLE_SIZE = 200_000
 DECIMAL_MARKS = {"\t": ".,", ";": ".,", ",": ".", "|": ".,", " ": ".,"}
-"""Decimal marks by separator, in the order in which they are preferred where several would do."""
+"""Decimal marks by separator, in the order of preference if several would do."""
 EMPTY = frozenset(("", "nan", "na", "n/a", "null", "-nan", "inf", "-inf"))
 _BOMS = (
     (codecs.BOM_UTF8, "utf-8-sig"),

@@ -1,1 +1,1 @@
-"""Whether a throw was recorded well enough to be used."""
+"""Quality of the recording of a throw: usable or not."""

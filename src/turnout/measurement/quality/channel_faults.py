@@ -65,7 +65,7 @@ class Fault:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """From what size on something is a fault.
+    """Sizes from which on a deviation is a fault.
 
     Attributes
     ----------
@@ -255,7 +255,7 @@ def spike_fault(name: str, values: Floats, *, key: str, rate: float, limits: Lim
 
 
 def quantisation_fault(name: str, values: Floats, *, key: str, limits: Limits) -> list[Fault]:
-    """Find a converter whose steps are too large for what it measures.
+    """Find a converter with steps that are too large for its signal.
 
     Examples
     --------
@@ -274,7 +274,7 @@ def quantisation_fault(name: str, values: Floats, *, key: str, limits: Limits) -
 
 
 def mostly_beyond(values: Floats, *, key: str) -> bool:
-    """Return whether a force is beyond what a rod carries for more than a moment, as spikes are."""
+    """Return True if a force is too large for a rod for more than a moment, unlike spikes."""
     return key != "drive_current" and float(np.quantile(np.abs(values), LASTING)) > MOST_FORCE
 
 
@@ -293,7 +293,7 @@ def in_words(value: float, unit: str) -> str:
 
 
 def unit_fault(name: str, values: Floats, *, key: str) -> list[Fault]:
-    """Find a force that no rod carries, as where newtons are taken for kilonewtons.
+    """Find a force that no rod carries, as with newtons taken for kilonewtons.
 
     Examples
     --------
@@ -377,7 +377,7 @@ def run_faults(
 
 
 def is_noise_free(rest: Floats, *, span: float) -> bool:
-    """Return whether a rest has no noise at all, as in a recording that a program wrote.
+    """Return True if a rest has no noise at all, as in a recording that a program wrote.
 
     Examples
     --------
@@ -388,7 +388,7 @@ def is_noise_free(rest: Floats, *, span: float) -> bool:
 
 
 def repeated_share(values: Floats, begin: int, finish: int) -> float:
-    """Return the share of samples equal to the one before, where the channel is at rest.
+    """Return the share of samples at rest that are equal to the one before.
 
     Of the rest before and the hold after, the livelier counts, as the other may be held. One where
     samples do not go up and down by turns has no noise.
@@ -432,7 +432,7 @@ def hum_faults(
 
 
 def longest_true_run(flags: np.ndarray) -> int:
-    """Return how many flags in a row are true at most.
+    """Return the length of the longest run of true flags.
 
     Examples
     --------

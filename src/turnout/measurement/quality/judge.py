@@ -1,4 +1,4 @@
-"""Whether a throw was recorded well enough to be used: every fault with its reason."""
+"""Judgement of the recording of a throw: usable or not, every fault with its reason."""
 
 from dataclasses import dataclass, field
 
@@ -22,7 +22,7 @@ LOAD_CELL = "object_force"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Expected:
-    """What is known of a throw before its samples are examined.
+    """Facts about a throw known before its samples are examined.
 
     Attributes
     ----------
@@ -53,17 +53,17 @@ class ThrowQuality:
 
     @property
     def usable(self) -> bool:
-        """Whether no fault excludes the throw."""
+        """True if no fault excludes the throw."""
         return not any(fault.excludes for fault in self.faults)
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """What excludes the throw, a sentence each."""
+        """Faults that exclude the throw, a sentence each."""
         return tuple(str(fault) for fault in self.faults if fault.excludes)
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What does not exclude the throw, a sentence each."""
+        """Faults that do not exclude the throw, a sentence each."""
         return tuple(str(fault) for fault in self.faults if not fault.excludes)
 
 

@@ -29,7 +29,7 @@ PACES = np.exp(np.linspace(np.log(0.4), np.log(2.5), 93))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ForceProfile:
-    """How throws of one direction begin: channels over time since the onset, less their rest.
+    """Start of throws of one direction: channels over time since the onset, less their rest.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class ForceProfile:
 
 
 def early_profile(dataset: xr.Dataset, throw: FoundThrow) -> ForceProfile | None:
-    """Return how a throw begins.
+    """Return the profile of the start of a throw.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def early_profile(dataset: xr.Dataset, throw: FoundThrow) -> ForceProfile | None
 def _at_paces(
     dataset: xr.Dataset, throw: FoundThrow, paces: Iterable[float]
 ) -> list[ForceProfile | None]:
-    """Return how a throw begins if its recording runs at each of several paces."""
+    """Return the profile of the start of a throw for a recording at each of several paces."""
     time = dataset["time"].values
     if throw.cut_start or throw.onset - 0.1 < time[0]:
         return [None for _ in paces]
@@ -90,7 +90,7 @@ def _at_paces(
 
 
 def typical_profile(profiles: Sequence[ForceProfile]) -> ForceProfile | None:
-    """Return the median of profiles: what most throws of a direction do.
+    """Return the median of profiles, typical of the throws of a direction.
 
     Three are needed, as two that differ do not show which of them is wrong.
 
@@ -135,7 +135,7 @@ def drift_faults(dataset: xr.Dataset, *, limits: Limits) -> list[Fault]:
 
 
 def open_level(dataset: xr.Dataset, throw: FoundThrow, *, direction: str | None) -> Floats | None:
-    """Return what the rods carry while the rail is open, where no object acts, shape (n_drives,).
+    """Return the load of the rods with the rail open and no object acting, shape (n_drives,).
 
     Before a closing movement, after an opening one; None where that was not recorded [N].
     """
