@@ -259,7 +259,8 @@ def _together(calibration: Calibration) -> list[Heat]:
     heading = (
         "Correlation of the parameters; strongly correlated ones "
         f"(beyond {STRONG_CORRELATION:g}) are framed"
-    )numbers = [str(number + 1) for number in range(len(names))]
+    )
+    numbers = [str(number + 1) for number in range(len(names))]
     rows = [f"{number} {name}" for number, name in zip(numbers, names, strict=True)]
     return [Heat(heading, rows, numbers, correlation.tolist(), strong.tolist())]
 
