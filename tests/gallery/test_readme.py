@@ -125,3 +125,23 @@ def test_no_line_needs_a_program_that_is_not_installed() -> None:
     typed = [line for block in blocks("README.md", "sh") for line in block.splitlines()]
     typed += re.findall(r"`([^`\n]+)`", text_of("README.md"))
     assert [line for line in typed if line.startswith("turnout ")] == []
+
+
+@pytest.mark.parametrize("page", ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/project"])
+def test_links_of_pages_that_the_documentation_leaves_out_lead_to_files(page: str) -> None:
+    files = sorted((ROOT / page).glob("*.md")) if (ROOT / page).is_dir() else [ROOT / page]
+    links = [
+        (path, link)
+        for path in files
+        for link in re.findall(r"\]\(([^)#\s]+)", path.read_text(encoding="utf-8"))
+        if "://" not in link
+    ]
+    assert [link for path, link in links if not (path.parent / link).exists()] == []
+
+
+def test_commands_of_a_checkout_stand_in_evidence_only() -> None:
+    """Who has installed turnout has neither `benchmarks` nor `tests`."""
+    pages = [path for part in ("use", "theory") for path in (ROOT / "docs" / part).glob("*.md")]
+    assert len(pages) > 30
+    text = "\n".join(path.read_text(encoding="utf-8") for path in pages)
+    assert re.findall(r"python -m (?:benchmarks|tests)\S*", text) == []

@@ -54,7 +54,7 @@ class Finding:
 
 
 def findings(dataset: xr.Dataset) -> list[Finding]:
-    """Return what a run says, the answer to "was the object detected?" first.
+    """Return the findings of a run, the answer to "was the object detected?" first.
 
     Parameters
     ----------
@@ -100,12 +100,12 @@ def _without_praise(found: list[Finding]) -> list[Finding]:
 
 
 def is_locked(dataset: xr.Dataset) -> bool | None:
-    """Return whether a run ends locked; None where that is not known."""
+    """Return True if a run ends locked, or None if that is not known."""
     return bool(final_value(dataset["locked"])) if "locked" in dataset else None
 
 
 def is_in_control(dataset: xr.Dataset) -> bool | None:
-    """Return whether every sensor is in control at the end; None where that is not known."""
+    """Return True if every sensor is in control at the end, or None if that is not known."""
     return bool(final_value(dataset["in_control"]).all()) if "in_control" in dataset else None
 
 
@@ -119,7 +119,7 @@ def _complete(dataset: xr.Dataset) -> list[Finding]:
 
 
 def _outcome(dataset: xr.Dataset) -> list[Finding]:
-    """Return the one sentence that matters: whether the switch detects what is trapped."""
+    """Return the one sentence that matters: detection of a trapped object by the switch, or not."""
     judged = headline(verdict(dataset), dataset)
     if judged is not None:
         return [judged]
@@ -128,7 +128,7 @@ def _outcome(dataset: xr.Dataset) -> list[Finding]:
 
 
 def _states_at_the_end(dataset: xr.Dataset) -> list[Finding]:
-    """Return the same where there is no verdict, from lock and control at the end."""
+    """Return the same without a verdict, from lock and control at the end."""
     locked, control = is_locked(dataset), is_in_control(dataset)
     if locked is None and control is None:
         return []
@@ -153,7 +153,7 @@ def _states_at_the_end(dataset: xr.Dataset) -> list[Finding]:
 
 
 def headline(found: Verdict, dataset: xr.Dataset) -> Finding | None:
-    """Return a verdict as an answer; None where only the states at the end are known."""
+    """Return a verdict as an answer, or None if only the states at the end are known."""
     detail = found.text.partition(": ")[2].rstrip(".")
     if found.kind == "not judged":
         if bool(dataset.get("object_placed", True)):
@@ -240,7 +240,7 @@ def _slip(dataset: xr.Dataset, slip: Slip) -> str:
 
 
 def _nearest(dataset: xr.Dataset) -> list[Finding]:
-    """Return the drive with the least left, where none has slipped: how near it came."""
+    """Return the drive with the least force left if none has slipped, and its margin."""
     if "force_margin" not in dataset or "saturation_force" not in dataset.coords:
         return []
     left = [margin for margin in margins(dataset) if margin.force > 0]

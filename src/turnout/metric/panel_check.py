@@ -47,7 +47,7 @@ class Concern:
 
 
 def concerns(dataset: xr.Dataset) -> list[Concern]:
-    """Return what a throw without an object shows that a switch should not.
+    """Return faults of a switch that a throw without an object shows.
 
     Parameters
     ----------
@@ -234,7 +234,7 @@ def unusual_concerns(panel: Panel) -> list[Concern]:
 
 
 LOST_SHARE = 0.05
-"""A warning follows where planing severs more than this share of what it leaves [-]."""
+"""A warning follows if planing severs more than this share of the remaining section [-]."""
 
 
 def planing_concerns(panel: Panel) -> list[Concern]:
@@ -332,7 +332,7 @@ def resting_concerns(panel: Panel) -> list[Concern]:
 
 
 def concern_lines(panel: Panel, found: list[Concern]) -> list[str]:
-    """Return the text of a checked panel: a line a warning, or what was found in order.
+    """Return the text of a checked panel: a line per warning, or the checks found in order.
 
     Examples
     --------
@@ -362,7 +362,7 @@ def piece_lines(limits: Iterable[PieceLimit]) -> list[str]:
 
 
 def flutter_concerns(panel: Panel, *, cutoff_frequency: float = float("inf")) -> list[Concern]:
-    """Return whether the rails can flutter in motion, at their friction or at a quarter more.
+    """Return concerns about flutter of the rails in motion, at their friction or a quarter more.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ TIME_TOLERANCE = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """One movement: its name, where it goes ("open" or "closed"), onset and end [s]."""
+    """One movement: its name, target position ("open" or "closed"), onset and end [s]."""
 
     name: str
     to: str
@@ -35,7 +35,7 @@ class Slip:
 
 @dataclass(frozen=True, slots=True)
 class Margin:
-    """What a drive has left below its slip level in movements of a direction: both forces [N]."""
+    """Margin of a drive below its slip level in movements of a direction: both forces [N]."""
 
     drive: str
     direction: str
@@ -44,7 +44,7 @@ class Margin:
 
     @property
     def share(self) -> float:
-        """What is left, as a share of the slip level [-]."""
+        """Remaining force as a share of the slip level [-]."""
         return self.force / self.limit
 
     @property
@@ -54,7 +54,7 @@ class Margin:
 
     @property
     def tight(self) -> bool:
-        """Whether less than a tenth of the saturation force is left."""
+        """True if less than a tenth of the saturation force is left."""
         return self.share < LEAST_SHARE
 
 
@@ -90,7 +90,7 @@ def last_instant_at(dataset: "xr.Dataset", *, to: str) -> "xr.Dataset":
 
 
 def slips(dataset: "xr.Dataset") -> list[Slip]:
-    """Return where each drive begins to slip first in each movement, in the order of time.
+    """Return the first slip of each drive in each movement, in the order of time.
 
     A drive that has slipped and still rests at its saturation force when the next movement begins
     does not begin again.

@@ -1,4 +1,4 @@
-"""What became of objects: whether they are in the switch at the end, what depends on breaks."""
+"""State of objects at the end: trapped in the switch or not, and results that depend on breaks."""
 
 from typing import TYPE_CHECKING
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def is_trapped(contact: ArrayLike, taken: ArrayLike, left: ArrayLike) -> NDArray[np.bool_]:
-    """Return which objects were touched and are still there at the end.
+    """Flag the objects that were touched and are still there at the end.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def is_trapped(contact: ArrayLike, taken: ArrayLike, left: ArrayLike) -> NDArray
 
 
 def break_note(dataset: "xr.Dataset") -> str:
-    """Return what to say beside a verdict where an object broke; empty where none did.
+    """Return the note beside a verdict on objects that broke; empty if none did.
 
     Parameters
     ----------

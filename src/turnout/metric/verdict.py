@@ -51,7 +51,7 @@ MEANINGS: dict[Kind, str] = {
     "sound": "No object is trapped, and the switch closes and locks.",
     "not judged": "",
 }
-"""What each kind means for trains."""
+"""Meaning of each kind for trains."""
 
 # What is named first where several things report an object.
 _ORDER: tuple[Kind, ...] = ("detected by slip", "detected by lock", "detected by TKK")
@@ -72,7 +72,7 @@ _JUDGED = (
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What a throw means.
+    """Judgement of a throw.
 
     Attributes
     ----------
@@ -96,17 +96,17 @@ class Verdict:
 
     @property
     def meaning(self) -> str:
-        """What it means for trains, in a sentence without terms; empty where it is not judged."""
+        """Meaning for trains, in a sentence without terms; empty if not judged."""
         return MEANINGS[self.kind]
 
     @property
     def missed(self) -> bool:
-        """Whether an object is trapped and nothing reports it."""
+        """True if an object is trapped and nothing reports it."""
         return self.kind == "undetected object"
 
 
 def verdict(dataset: "xr.Dataset") -> Verdict:
-    """Judge a throw by what lock, control and drives report.
+    """Judge a throw by the reports of lock, control and drives.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ def verdict(dataset: "xr.Dataset") -> Verdict:
 
 
 def _missing_channels(dataset: "xr.Dataset") -> str:
-    """Say why a dataset cannot be judged; empty where it can."""
+    """Return the reason for not judging a dataset; empty if it can be judged."""
     if "movement" in dataset.dims:
         return "a campaign of many movements has no single verdict; select one movement"
     if "throw" in dataset.dims:
@@ -158,14 +158,14 @@ def _missing_channels(dataset: "xr.Dataset") -> str:
 
 
 def _absent(dataset: "xr.Dataset", name: str) -> bool:
-    """Whether a channel was not kept; a panel without sensors has no control to keep."""
+    """Return True if a channel was not kept; a panel without sensors has no control to keep."""
     if name == "in_control" and "locked" in dataset:
         return "sensor_gap" in dataset and name not in dataset
     return name not in dataset
 
 
 def _measured_slip(dataset: "xr.Dataset") -> str:
-    """Say what a recording shows of slip: its largest force, where forces were measured."""
+    """Return the evidence of slip in a recording: its largest force, if forces were measured."""
     if "drive_force" not in dataset:
         return ""
     found = []
@@ -178,7 +178,7 @@ def _measured_slip(dataset: "xr.Dataset") -> str:
 
 @dataclass(frozen=True, slots=True)
 class _Case:
-    """One object: when it was first touched and taken out [s], and what reports it.
+    """One object: times of its first touch and removal [s], and the reports of it.
 
     `fate` says what became of it where nothing is left at the end, else it is empty; `left` is the
     size that is left of it [m], NaN where all is.
@@ -195,12 +195,12 @@ class _Case:
 
     @property
     def touched(self) -> bool:
-        """Whether a rail reached it before it was taken out."""
+        """True if a rail reached it before it was taken out."""
         return self.contact < self.gone
 
     @property
     def trapped(self) -> bool:
-        """Whether it was touched and is still there at the end."""
+        """True if it was touched and is still there at the end."""
         return bool(is_trapped(self.contact, self.gone, self.left))
 
 
@@ -222,7 +222,7 @@ def _as_met(dataset: "xr.Dataset", items: list[dict[str, Any]]) -> list[dict[str
 
 
 def _unplaced(dataset: "xr.Dataset") -> str:
-    """Say which object had no room; empty where all had."""
+    """Name the objects that had no room; empty if all had."""
     items = _objects(dataset)
     if not items or "object_placed" not in dataset or bool(dataset["object_placed"]):
         return ""
@@ -267,7 +267,7 @@ def _cases(dataset: "xr.Dataset") -> list[_Case]:
 
 
 def _contacts(dataset: "xr.Dataset", count: int) -> list[float]:
-    """Return when each object was first touched [s]; NaN for never, from ever if not kept."""
+    """Return the first touch of each object [s]; NaN for never, from ever if not kept."""
     if "object_contact_time" in dataset and dataset["object_contact_time"].size == count:
         return [float(value) for value in dataset["object_contact_time"].values]
     if "object_touched" in dataset and not bool(dataset["object_touched"]):
@@ -314,7 +314,7 @@ def _last(dataset: "xr.Dataset") -> Span | None:
 
 
 def _at_rest(dataset: "xr.Dataset", span: Span | None, until: float) -> "xr.Dataset | None":
-    """Return the last instant before a time; None where the movement is not over by then."""
+    """Return the last instant before a time, or None if the movement is not over by then."""
     time = dataset["time"].values
     last = int((time < until - TIME_TOLERANCE).sum()) - 1
     if last < 0 or (span is not None and time[last] < span.end - TIME_TOLERANCE):
@@ -329,7 +329,7 @@ def _signs(
     span: Span | None,
     after: str = "",
 ) -> list[tuple[Kind, str]]:
-    """Return what reports an object in a movement and at its rest, in the order of the kinds."""
+    """Return the reports of an object in a movement and at its rest, in the order of the kinds."""
     signs: list[tuple[Kind, str]] = []
     if slipped:
         signs.append(("detected by slip", "; ".join(slip_words(dataset, slip) for slip in slipped)))
@@ -381,7 +381,7 @@ def _removal_text(case: _Case) -> str:
 
 
 def _gone_texts(cases: list[_Case]) -> str:
-    """Say beside other objects which ones have left nothing, and were not detected."""
+    """Name, beside other objects, those that have left nothing and were not detected."""
     gone = [case for case in cases if case.touched and case.fate and not case.signs]
     return "".join(f"; {case.what} {case.fate}" for case in gone)
 
@@ -406,7 +406,7 @@ def _switch_alone(dataset: "xr.Dataset", cases: list[_Case]) -> Verdict:
 
 
 def _untouched_text(case: _Case) -> str:
-    """Say why an object is not what a verdict rests on."""
+    """Return the reason for not basing a verdict on an object."""
     if not math.isinf(case.gone):
         return f"{case.what} was taken out at t = {case.gone:.2f} s"
     if case.fate:
@@ -417,7 +417,7 @@ def _untouched_text(case: _Case) -> str:
 
 
 def _faults(dataset: "xr.Dataset", *, before: float = math.inf) -> list[str]:
-    """Name what fails in any movement, its rest included; only what fails before a time [s]."""
+    """Name the faults in any movement, its rest included; only those before a time [s]."""
     faults = [
         slip_words(dataset, slip) for slip in slips(dataset) if slip.time < before - TIME_TOLERANCE
     ]

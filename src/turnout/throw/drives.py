@@ -50,7 +50,7 @@ _ENERGIES = {
 
 
 def duties(history: History) -> tuple[Duty, ...]:
-    """Return what every machine did on every command that it was given."""
+    """Return the movement of every machine on every command that it was given."""
     return history.machines.duties if history.machines is not None else ()
 
 
@@ -76,11 +76,11 @@ def moved_throws(panel: Panel, history: History) -> tuple[DirectedMovement, ...]
 
 
 def duty_records(panel: Panel, made: Sequence[Duty], end: float) -> str:
-    """Return what the machines did until the end of a run [s] as JSON text, for its attributes."""
+    """Return the work of the machines until the end of a run [s] as JSON text, for attributes."""
     fed = machine_supplies(panel)
 
     def lost(duty: Duty) -> float | None:
-        """Return when the machine lost a phase, unless that was later than this command."""
+        """Return the time of a phase loss of the machine, unless later than this command."""
         time = fed[duty.drive]["phase_lost_at"]
         until = end if np.isnan(duty.off) else duty.off
         return time if time is not None and time <= until else None
@@ -102,7 +102,7 @@ def duty_records(panel: Panel, made: Sequence[Duty], end: float) -> str:
 
 
 def machine_supplies(panel: Panel) -> dict[str, dict[str, float | None]]:
-    """Return what feeds the drives that are machines.
+    """Return the supplies of the drives that are machines.
 
     Returns
     -------
@@ -128,7 +128,7 @@ def machine_supplies(panel: Panel) -> dict[str, dict[str, float | None]]:
 
 
 def machine_signals(panel: Panel, history: History) -> dict[str, Channel]:
-    """Return the channels of machines; none where all drives are markers.
+    """Return the channels of machines; none if all drives are markers.
 
     `drive_slipping` is not among them, see `machine_slips`.
     """
@@ -165,7 +165,7 @@ def machine_signals(panel: Panel, history: History) -> dict[str, Channel]:
 
 
 def _clutch_slips(machines: MachineHistory) -> NDArray[np.bool_]:
-    """Return whether each clutch slips, beyond what is overlooked, shape (n, n_times)."""
+    """Flag the slip of each clutch above the ignored amount, shape (n, n_times)."""
     known = _slips.get(machines)
     return known if known is not None else _slips.setdefault(machines, _found_slips(machines))
 
@@ -184,7 +184,7 @@ def _found_slips(machines: MachineHistory) -> NDArray[np.bool_]:
 
 
 def machine_slips(history: History, flags: NDArray[np.bool_]) -> None:
-    """Put the clutches in the place of saturation forces, where drives are machines.
+    """Put the clutches in the place of saturation forces, if drives are machines.
 
     A machine that was switched off before its limit contact stays marked until its next throw: its
     end position is not proved, as that of a drive which rests at its saturation force.
@@ -281,7 +281,7 @@ def machine_energies(history: History, channels: dict[str, Channel]) -> dict[str
 
 POWER = "power"
 FORCES = 41
-"""Of the table of steady points, from 0 to what the clutch holds."""
+"""Of the table of steady points, from 0 to the force that the clutch holds."""
 
 
 def gain_along(panel: Panel, drive: str, quantity: str, *, force: Floats, state: Floats) -> Floats:

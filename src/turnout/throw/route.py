@@ -1,4 +1,4 @@
-"""Which rail should be closed when: what the schedule asks of the switch."""
+"""Rails that the schedule wants closed at each instant."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -84,7 +84,7 @@ def open_rail(panel: Panel, position: str) -> str | None:
 
 
 def closed_spans(panel: Panel, time: Floats) -> list[tuple[int, int, bool]]:
-    """Return spans of instants, each with whether the instrumented rail should be closed there.
+    """Return spans of instants, each with True if the instrumented rail should be closed there.
 
     Movements want it so from their onset on. A span has its first instant and the one after its
     last; together they are all instants, in order.
@@ -110,14 +110,14 @@ def wanted_closed(panel: Panel, time: Floats) -> list[tuple[str, Flags]]:
 
 
 def rail_closes(panel: Panel, time: Floats) -> Flags:
-    """Return when there is a rail that should be closed: always, but for a single open rail."""
+    """Flag the instants with a rail that should be closed: all, but for a single open rail."""
     if len(panel.rail) > 1:
         return np.ones(time.size, dtype=np.bool_)
     return wanted_closed(panel, time)[0][1]
 
 
 def at_rest(panel: Panel, time: Floats, moved: Sequence[DirectedMovement] | None = None) -> Flags:
-    """Return whether no movement is under way at times that rise, shape (n_times,).
+    """Flag the times, rising, at which no movement is under way, shape (n_times,).
 
     Movements are those of the schedule, or as they were made.
     """

@@ -50,7 +50,7 @@ def simulate(
     throw: bool = True,
     report: Callable[[int, int], None] | None = None,
 ) -> "xr.Dataset":
-    """Throw a switch from where it starts through its whole schedule.
+    """Throw a switch from its start position through its whole schedule.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def simulate_placed(
     throw: bool = True,
     report: Callable[[int, int], None] | None = None,
 ) -> "xr.Dataset":
-    """Do what `simulate` does with all objects in their places, those of the panel among them."""
+    """Simulate a throw with all objects in their places, those of the panel among them."""
     if save.interval is not None:
         scheme = replace(scheme, output_interval=save.interval)
     began = time.perf_counter()
@@ -147,7 +147,7 @@ def simulate_placed(
 
 
 def release_memory() -> None:
-    """Give back what a next run would use again: memory of histories, condensed rails."""
+    """Free memory that a next run would use again: histories, condensed rails."""
     from turnout.throw.dataset import clear_descriptions
     from turnout.throw.dataset_template import clear_datasets
     from turnout.throw.output_weights import clear_recipes
@@ -256,7 +256,7 @@ def solve_placed(
     report: Callable[[int, int], None] | None = None,
     watch: Callable[[Mechanism], Watch] | None = None,
 ) -> Solved:
-    """Do what `solve` does with all objects in their places, those of the panel among them.
+    """Solve a throw with all objects in their places, those of the panel among them.
 
     `watch` says for a mechanism what alone is wanted of its run.
     """
@@ -425,7 +425,7 @@ def _shared_motion(
 def as_objects(
     given: ForeignObject | Sequence[ForeignObject] | None,
 ) -> tuple[ForeignObject, ...]:
-    """Return what a caller gives as foreign objects as a tuple of them."""
+    """Return the foreign objects given by a caller as a tuple."""
     if given is None:
         return ()
     if isinstance(given, ForeignObject):
