@@ -310,7 +310,7 @@ def _end_gap(drive: "xr.Dataset") -> str:
 
 
 def _stretch(drive: "xr.Dataset") -> str:
-    """Say how much of an end gap is the elastic stretch of a bushing that does not slip."""
+    """Return the elastic stretch in an end gap of a bushing that does not slip, as text."""
     if "drive_force" not in drive or "drive_slipping" not in drive:
         return ""
     if not drive.attrs.get("complete", True):
