@@ -36,7 +36,7 @@ from turnout.core.provenance import version
 from turnout.detection.conditions import SIMULATED
 from turnout.detection.detector.throw_layout import Layout, throw_features
 from turnout.detection.detector.training import layout_of_panel
-from turnout.study.sweep.read import open_batches
+from turnout.study.sweep.read import last_values, open_batches
 from turnout.study.sweep.run import local_pool, throw_study
 from turnout.throw.compilation import must_compile
 from turnout.throw.simulate import compile_kernels
@@ -201,7 +201,7 @@ def collected(switch: Switch, throws: SwitchThrows, dataset: xr.Dataset) -> xr.D
     history = np.full((len(kept), len(SIGNALS), fine.windows), np.nan)
     for name, item in channels.items():
         history[:, SIGNALS.index(name)] = item[kept]
-    gaps = [dataset["sensor_gap"].to_numpy()[..., -1], dataset["end_gap"].to_numpy()]
+    gaps = [last_values(dataset["sensor_gap"]), dataset["end_gap"].to_numpy()]
     limits = [f"sensor {name}" for name in panel.sensor] + [f"drive {name}" for name in panel.drive]
     per_throw = {
         "role": np.array(throws.role), "kind": np.array(throws.kind),

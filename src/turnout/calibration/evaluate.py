@@ -30,8 +30,9 @@ Floats = NDArray[np.float64]
 # Means over cells of this length are kept [s]: an impact keeps its impulse.
 CELL = 4e-3
 # Raised when what a kept throw holds changes.
-STORED_VERSION = 4
+STORED_VERSION = 5
 MOST_IN_MEMORY = 4000
+LATE = "a machine had not arrived when the next movement was to begin: let that begin later"
 # Step of a fine throw, as a share of the one of the scheme: after an impact steps of 1 ms bias
 # stiffnesses by 0.1 to 0.2 %, as do modes to 300 Hz on the default panel. So many times as high
 # they go. Elements of half the length cost nothing once their matrices are made.
@@ -367,8 +368,9 @@ def fitted_part(panel: LoadedPanel, solved: Solved) -> Response:
     """
     history, index = solved.history, solved.mechanism.index
     time = history.time
-    if time.size < 2:
-        return _failed(history.outcome.message())
+    late = history.machines is not None and any(p.length for p in history.machines.pauses[:-1])
+    if late or time.size < 2:
+        return _failed(LATE if late else history.outcome.message())
     edges = np.linspace(time[0], time[-1], max(2, round((time[-1] - time[0]) / CELL) + 1))
 
     def means(values: Floats) -> Floats:
@@ -405,10 +407,8 @@ def with_change(base: Response, after: Response, before: Response) -> Response:
 
 
 def _failed(reason: str) -> Response:
-    none = np.zeros(0)
-    return Response(
-        time=none, drive_force={}, marker={}, object_force=none, onsets={}, failure=reason
-    )
+    no = np.zeros(0)
+    return Response(time=no, drive_force={}, marker={}, object_force=no, onsets={}, failure=reason)
 
 
 def packed(response: Response, key: str) -> bytes:

@@ -249,6 +249,8 @@ CAMPAIGN_COORDINATES: Mapping[str, Channel] = _table(
 SEQUENCE: Mapping[str, Channel] = _table(
     Channel("object_size", ("throw", "object"), "m", "size of each object before the throw"),
     Channel("throw_temperature", ("throw",), "K", "temperature of ice and snow"),
+    Channel("throw_movements", ("throw",), "1", "movements of the throw, as JSON", kind="text"),
+    Channel("throw_machine_throws", ("throw",), "1", "its machines, as JSON", kind="text"),
 )
 SEQUENCE_COORDINATES: Mapping[str, Channel] = _table(
     Channel("throw", ("throw",), "1", "number of the throw", kind="count"),
@@ -268,15 +270,8 @@ MEASURED = frozenset(
 OF_MACHINES = frozenset(
     {
         *("drive_voltage", "drive_power", "motor_speed", "clutch_slip", "clutch_heat"),
-        *(
-            "drive_state",
-            "throw_time",
-            "mean_current",
-            "end_current",
-            "energy_supply",
-            "energy_copper",
-            "energy_line",
-        ),
+        *("drive_state", "throw_time", "mean_current", "end_current"),
+        *("energy_supply", "energy_copper", "energy_line"),
         *("energy_brush", "energy_motor_friction", "energy_gear", "energy_machine", "work_rods"),
     }
 )

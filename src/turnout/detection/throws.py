@@ -34,7 +34,7 @@ from turnout.study.design import Axis
 from turnout.study.random_inputs import TemperatureLaw
 from turnout.study.scenario import Output
 from turnout.study.study import Study
-from turnout.study.sweep.read import open_batches
+from turnout.study.sweep.read import last_values, open_batches
 from turnout.study.sweep.run import SweepProgress, throw_study
 from turnout.study.variable import Variable, value_kind
 
@@ -352,7 +352,7 @@ def stored_throws(
 
 def gaps_at(dataset: xr.Dataset, x: Floats, *, rail: str) -> Floats:
     """Return gaps at the end of each throw at some places, shape (n_states, n_places) [m]."""
-    last = dataset["gap"].sel(rail=rail).isel(time=-1).to_numpy()
+    last = last_values(dataset["gap"].sel(rail=rail))
     along = dataset["x"].to_numpy()
     there = np.isfinite(last).any(axis=0)
     return np.array([np.interp(x, along[there], row[there]) for row in last])
@@ -369,6 +369,8 @@ def throws_from(
     signals: Sequence[Signal],
 ) -> Throws:
     """Put sweeps together; states without a complete sound throw are left out."""
+    until = slice(None, float(study.panel.schedule.end) + 1e-9)  # some waited for machines
+    sound, objects = sound.sel(time=until), objects.sel(time=until)
     force = read_signals(sound, signals)
     complete = (sound["outcome"].astype(str) == "complete").to_numpy()
     law = study.law or TemperatureLaw()

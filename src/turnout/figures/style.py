@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import xarray as xr
 
 from turnout.core.errors import FileError
+from turnout.metric.slip import unfinished
 from turnout.metric.summary import format_overrides
 from turnout.metric.trapped import break_note
 from turnout.metric.verdict import verdict
@@ -83,6 +84,7 @@ def title_of(dataset: xr.Dataset, compare: xr.Dataset | None = None) -> str:
         parts.append(f"NOT COMPLETE ({dataset.attrs.get('outcome', 'ended early')})")
     elif "locked" in dataset and dataset.sizes.get("time", 0):
         parts.append("locked" if dataset["locked"].values[-1] else "NOT locked")
+        parts.extend(unfinished(dataset).values())
         parts.extend(["object not detected"] if verdict(dataset).missed else [])
         if break_note(dataset):
             parts.append("an object broke: verdict may depend on step and mode")

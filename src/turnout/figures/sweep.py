@@ -20,9 +20,10 @@ if TYPE_CHECKING:
 KILO, MILLI = 1e-3, 1e3
 # Safe for all colour vision; letters in the cells distinguish them in grey print.
 STATE_COLOURS = (
-    "#009E73", "#56B4E9", "#F0E442", "#E69F00", "#CC79A7", "#D55E00", "#999999", "#FFFFFF",
+    "#009E73", "#DDDDDD", "#56B4E9", "#F0E442", "#E69F00", "#CC79A7", "#D55E00", "#999999",
+    "#FFFFFF",
 )  # fmt: skip
-STATE_LETTERS = ("", "L", "C", "S", "S!", "U", "?", "")
+STATE_LETTERS = ("", "N", "L", "C", "S", "S!", "U", "?", "")
 # A number is written into each cell up to so many columns.
 MOST_WRITTEN = 16
 TITLES = {

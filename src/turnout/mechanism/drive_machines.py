@@ -18,11 +18,16 @@ from numpy.typing import NDArray
 from turnout.machine.components import Machine
 from turnout.machine.rows import machine_row, start_state, stroke_table
 from turnout.machine.steady import blind_text, shaft_travel, stall_text
-from turnout.mechanism.mechanism import DriveMachines, LawIndex
-from turnout.panel.markers import marker_offsets, ordered_movements, start_level
+from turnout.mechanism.mechanism import DriveMachines, LawIndex, Wait
+from turnout.panel.markers import marker_offsets, movement_end, ordered_movements, start_level
 from turnout.panel.model import Panel
 
 Floats = NDArray[np.float64]
+
+WITHOUT_TIME_OUT = 30.0
+"""From its contactor on a schedule waits so long for a machine without a time-out [s]."""
+TO_STAND = 1.0
+"""In this time a gear comes to rest once its motor is off [s]."""
 
 
 def fitted_machine(panel: Panel, name: str) -> Machine:
@@ -114,6 +119,40 @@ def command_times(panel: Panel, name: str) -> Floats:
         for _, movement in ordered_movements(panel)
     ]
     return np.array(rows, dtype=np.float64).reshape(len(rows), 2)
+
+
+def schedule_waits(panel: Panel) -> tuple[Wait, ...]:
+    """Return where a schedule waits for the machines of its drives; nowhere if all are markers.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> schedule_waits(load_panel("60e1-300-1-9"))
+    ()
+    >>> panel = load_panel("60e1-300-1-9", overrides={"drive.1.machine": "jea73"})
+    >>> [(item.time, round(item.rest, 2), round(item.longest, 2)) for item in schedule_waits(panel)]
+    [(4.4, 1.0, 4.86), (8.5, 0.9, 4.96)]
+    """
+    circuits = {
+        name: panel.machine[drive.machine].circuit
+        for name, drive in panel.drive.items()
+        if drive.machine is not None
+    }
+    moved = [movement for _, movement in ordered_movements(panel)]
+    if not circuits or not moved:
+        return ()
+    found = []
+    nexts = [*(movement.start for movement in moved[1:]), panel.schedule.end]
+    for movement, time in zip(moved, nexts, strict=True):
+        off = movement.start + max(
+            movement.extra_time.get(name, 0.0)
+            + circuit.contactor_delay
+            + (WITHOUT_TIME_OUT if circuit.time_out is None else circuit.time_out)
+            for name, circuit in circuits.items()
+        )
+        rest = time - movement_end(panel, movement)
+        found.append(Wait(time, max(rest, 0.0), max(off + TO_STAND - time, 0.0)))
+    return tuple(found)
 
 
 def drive_machines(panel: Panel, index: LawIndex) -> DriveMachines | None:

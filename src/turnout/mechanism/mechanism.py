@@ -166,6 +166,25 @@ class DriveMachines:
 
 
 @dataclass(frozen=True, slots=True)
+class Wait:
+    """Where a schedule waits for machines that still move: before a movement, or at its end.
+
+    Attributes
+    ----------
+    time : float
+        Onset of the next movement, or the end, by the schedule [s].
+    rest : float
+        How long the schedule rests before that once its markers have arrived [s].
+    longest : float
+        How long it waits at most [s].
+    """
+
+    time: float
+    rest: float
+    longest: float
+
+
+@dataclass(frozen=True, slots=True)
 class LawIndex:
     """Indices of the laws of each family in the law table, by name.
 

@@ -8,7 +8,7 @@ from typing import Any, Literal
 import xarray as xr
 
 from turnout.metric.channel_features import final_value
-from turnout.metric.slip import Slip, margins, slips
+from turnout.metric.slip import Slip, margins, slips, unfinished
 from turnout.metric.summary import (
     ends_inaccurate,
     format_force,
@@ -156,7 +156,7 @@ def headline(found: Verdict, dataset: xr.Dataset) -> Finding | None:
     """Return a verdict as an answer, or None if only the states at the end are known."""
     detail = found.text.partition(": ")[2].rstrip(".")
     if found.kind == "not judged":
-        if bool(dataset.get("object_placed", True)):
+        if bool(dataset.get("object_placed", True)) and not unfinished(dataset):
             return None
         return Finding("look", HEADLINE, "Not judged", detail)
     if found.missed:
@@ -189,7 +189,10 @@ def _locked(dataset: xr.Dataset) -> list[Finding]:
         return []
     rule = dataset.attrs.get("lock_rule")
     detail = f"at the end, by the rule '{rule}'" if rule else "at the end"
-    return [Finding("good" if locked else "bad", "Locked?", "Yes" if locked else "No", detail)]
+    late = [*unfinished(dataset).values()]
+    level: Severity = "look" if late else "good" if locked else "bad"
+    detail = "; ".join([detail, *late])
+    return [Finding(level, "Locked?", "Yes" if locked else "No", detail)]
 
 
 def _control(dataset: xr.Dataset) -> list[Finding]:
@@ -221,16 +224,19 @@ def _slipped(dataset: xr.Dataset) -> list[Finding]:
         machines = "drive_power" in dataset
         text = "no clutch or bushing slipped" if machines else "every drive followed its marker"
         return [Finding("good", "Did a drive slip?", "No", text)]
-    names = ", ".join(dict.fromkeys(slip.drive for slip in found))
+    slipped = dict.fromkeys(slip.drive for slip in found if not slip.stopped)
+    names = ", ".join(slipped or dict.fromkeys(slip.drive for slip in found))
+    answer = f"Yes, drive {names}" if slipped else f"No, but drive {names} has not arrived"
     detail = "; ".join(_slip(dataset, slip) for slip in found)
-    return [Finding("look", "Did a drive slip?", f"Yes, drive {names}", detail)]
+    return [Finding("look", "Did a drive slip?", answer, detail)]
 
 
 def _slip(dataset: xr.Dataset, slip: Slip) -> str:
     text = f"drive {slip.drive}"
     if "drive_x" in dataset.coords:
         text += f" at x = {float(dataset['drive_x'].sel(drive=slip.drive)):g} m"
-    text += f" from t = {slip.time:.2f} s"
+    text += f" {slip.stopped}, at" if slip.stopped else " from"
+    text += f" t = {slip.time:.2f} s"
     if slip.movement is not None:
         text += " while closing" if slip.movement.to == "closed" else " while opening"
     if "contact_time" in dataset and _objects(dataset):

@@ -78,10 +78,13 @@ def lamps(dataset: xr.Dataset) -> list[Lamp]:
             words = ("in control", "not in control")
             found.append(Lamp("control", str(name), on, True, rest & closed, words, rule))
     if "drive_slipping" in dataset:
+        machines = json.loads(dataset.attrs.get("machine_supplies", "{}"))
         for name in dataset["drive"].values:
             drive = dataset["drive_slipping"].sel(drive=name)
             on = drive.values.astype(bool)
             rule = f"its force has reached {float(drive['saturation_force']) / 1e3:.4g} kN"
+            if str(name) in machines:
+                rule = "its clutch slips, or it was switched off before its limit contact"
             always = np.ones_like(rest)
             words = ("slips", "holds")
             found.append(Lamp("slip", f"drive {name}", on, False, always, words, rule))

@@ -13,7 +13,14 @@ import xarray as xr
 from turnout.mechanism.drive_machines import blind_currents, weak_motors
 from turnout.mechanism.rail_sections import severed_steel
 from turnout.mechanism.rest import resting_slips
-from turnout.metric.slip import LEAST_SHARE, margins
+from turnout.metric.slip import (
+    LEAST_SHARE,
+    STOPPED,
+    machine_throws,
+    margins,
+    periods,
+    unfinished,
+)
 from turnout.metric.stability import FrictionStability, friction_stability
 from turnout.metric.summary import ends_inaccurate
 from turnout.metric.test_piece import PieceLimit
@@ -57,8 +64,9 @@ def concerns(dataset: xr.Dataset) -> list[Concern]:
     Returns
     -------
     list of Concern
-        Runs that ended early or are inaccurate, drives within a tenth of their slip level in either
-        direction, a flangeway below its limit, chairs that never carry; empty where all is well.
+        Runs that ended early or are inaccurate, machines that do not arrive, drives within a tenth
+        of their slip level in either direction, a flangeway below its limit, chairs that never
+        carry; empty where all is well.
     """
     found = []
     if dataset.attrs.get("foreign_objects", "[]") != "[]":
@@ -80,11 +88,36 @@ def concerns(dataset: xr.Dataset) -> list[Concern]:
         found.append(Concern(what, where, message, remedy))
     if not dataset.sizes.get("time", 0):
         return found
+    found += _not_arriving(dataset)
     return [*found, *_near_slip(dataset), *_narrow_flangeway(dataset), *_idle_chairs(dataset)]
 
 
 def _last_time(dataset: xr.Dataset) -> float:
     return float(dataset["time"][-1]) if dataset.sizes.get("time", 0) else 0.0
+
+
+def _not_arriving(dataset: xr.Dataset) -> list[Concern]:
+    """Return the machines that never reach their limit contact, and movements that go on."""
+    what, remedy = "machine does not arrive", "another machine, a stronger supply or less friction"
+    late, found = unfinished(dataset), []
+    for span, until in periods(dataset):
+        if span is None:
+            continue
+        if span in late:
+            found.append(Concern(what, f"movement '{span.name}'", late[span], remedy))
+            continue
+        found += [
+            Concern(
+                what,
+                f"drive {item['drive']}, {item['machine']}, "
+                f"{'closing' if span.to == 'closed' else 'opening'}",
+                f"{STOPPED[item['outcome']]}, {item['off'] - item['on']:.1f} s after its contactor",
+                remedy,
+            )
+            for item in machine_throws(dataset)
+            if item["outcome"] in STOPPED and span.start <= item["on"] < until
+        ]
+    return found
 
 
 def _near_slip(dataset: xr.Dataset) -> list[Concern]:
@@ -170,7 +203,7 @@ def panel_concerns(panel: Panel, dataset: xr.Dataset) -> list[Concern]:
         *file_concerns(panel),
         *resting_concerns(panel),
         *blind_concerns(panel),
-        *supply_concerns(panel),
+        *supply_concerns(panel, end=max(panel.schedule.end, _last_time(dataset))),
         *concerns(dataset),
         *flutter_concerns(panel),
     ]
@@ -281,8 +314,10 @@ def blind_concerns(panel: Panel) -> list[Concern]:
     ]
 
 
-def supply_concerns(panel: Panel) -> list[Concern]:
+def supply_concerns(panel: Panel, *, end: float | None = None) -> list[Concern]:
     """Return the machines whose motor is too weak for its clutch, or loses a phase too late.
+
+    Too late is after the `end` of a throw; default that of the schedule [s].
 
     Examples
     --------
@@ -301,10 +336,11 @@ def supply_concerns(panel: Panel) -> list[Concern]:
         )
         for name, text in weak_motors(panel).items()
     ]
+    end = panel.schedule.end if end is None else end
     for name, drive in panel.drive.items():
         lost = panel.machine[drive.machine].supply.phase_lost_at if drive.machine else None
-        if lost is not None and lost > panel.schedule.end:
-            late = f"supply.phase_lost_at = {lost:g} s is after the end, {panel.schedule.end:g} s"
+        if lost is not None and lost > end:
+            late = f"supply.phase_lost_at = {lost:g} s is after the end, {end:g} s"
             remedy = "without effect; give an earlier time, or a later schedule.end"
             found.append(Concern("phase lost too late", f"drive {name}", late, remedy))
     return found

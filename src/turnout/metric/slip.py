@@ -1,9 +1,9 @@
-"""The movements of a dataset, when its drives slip in them, and how near they come to it."""
+"""The movements of a dataset, whether they end, when drives slip in them or how near they come."""
 
 import json
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,11 +26,15 @@ class Span:
 
 @dataclass(frozen=True, slots=True)
 class Slip:
-    """A drive that reached its saturation force: which, when [s], in which movement."""
+    """A drive that reached its saturation force: which, when [s], in which movement.
+
+    `stopped` is empty, or says what switched off a machine that has not slipped before its end.
+    """
 
     drive: str
     time: float
     movement: Span | None
+    stopped: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +64,78 @@ class Margin:
 
 def movements(dataset: "xr.Dataset") -> tuple[Span, ...]:
     """Return the movements that a dataset names in its attributes, in the order of time."""
-    return tuple(Span(**record) for record in json.loads(dataset.attrs.get("movements", "[]")))
+    return tuple(Span(**record) for record in _records(dataset, "movements"))
+
+
+def _records(dataset: "xr.Dataset", name: str) -> list[dict[str, Any]]:
+    """Return records of an attribute; one throw of a sequence with machines has its own."""
+    own = f"throw_{name}"
+    text = dataset.attrs.get(name, "[]")
+    if own in dataset and not dataset[own].ndim:
+        text = dataset[own].item()
+    found: list[dict[str, Any]] = json.loads(text)
+    return found
+
+
+def periods(dataset: "xr.Dataset") -> list[tuple[Span | None, float]]:
+    """Return each movement with the onset of the next one [s]; None where none is named."""
+    spans = movements(dataset)
+    if not spans:
+        return [(None, math.inf)]
+    return list(zip(spans, [*(span.start for span in spans[1:]), math.inf], strict=True))
+
+
+def machine_throws(dataset: "xr.Dataset") -> list[dict[str, Any]]:
+    """Return what machines did on their commands, as the attributes of a dataset say."""
+    return _records(dataset, "machine_throws")
+
+
+def unfinished(dataset: "xr.Dataset") -> dict[Span, str]:
+    """Say of each movement that is not over at its end which drives have not arrived.
+
+    Its end is the onset of the next movement, or that of the run.
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> span = {"name": "throw", "to": "open", "start": 0.2, "end": 9.5}
+    >>> made = {"drive": "1", "to": "open", "outcome": "moving", "on": 0.3, "off": None}
+    >>> attributes = {"movements": json.dumps([span]), "machine_throws": json.dumps([made])}
+    >>> run = xr.Dataset(coords={"time": [0.0, 8.5]}, attrs=attributes)
+    >>> list(unfinished(run).values())
+    ['Drive 1 still moves at 8.5 s']
+    """
+    if not dataset.sizes.get("time", 0) or not dataset.attrs.get("complete", True):
+        return {}
+    found, end = {}, float(dataset["time"][-1])
+    for span, until in periods(dataset):
+        if span is None:
+            continue
+        last, text = math.isinf(until), _who_moves(dataset, span, min(until, end))
+        if not text and not (last and span.end > end + TIME_TOLERANCE):
+            continue
+        when = f"at {end:.4g} s" if last else f"when the next movement begins at {until:.4g} s"
+        found[span] = f"{text or f'the movement to {span.to} is not over'} {when}"
+    return found
+
+
+def _who_moves(dataset: "xr.Dataset", span: Span, by: float) -> str:
+    """Name the drives whose machines have not come to rest in a movement by a time [s]."""
+    names: dict[str, list[str]] = {}
+    for drive in json.loads(dataset.attrs.get("machine_supplies", "{}")):
+        own = [
+            item
+            for item in machine_throws(dataset)
+            if (item["drive"], item["to"]) == (drive, span.to)
+            and span.start - TIME_TOLERANCE <= item["on"] < by
+        ]
+        rest = own[0].get("rest", own[0]["off"]) if own else None
+        if rest is None or rest > by + TIME_TOLERANCE:
+            moves = bool(own) and own[0]["outcome"] in ("moving", "limit")
+            names.setdefault("still moves" if moves else "has not arrived", []).append(drive)
+    return " and ".join(
+        f"Drive {drive} {what}" for what, drives in names.items() for drive in drives
+    )
 
 
 def last_instant_at(dataset: "xr.Dataset", *, to: str) -> "xr.Dataset":
@@ -95,20 +170,39 @@ def slips(dataset: "xr.Dataset") -> list[Slip]:
     A drive that has slipped and still rests at its saturation force when the next movement begins
     does not begin again.
     """
-    spans = movements(dataset)
-    bounds = [span.start for span in spans[1:]] + [float("inf")]
-    periods = list(zip(spans, bounds, strict=True)) if spans else [(None, float("inf"))]
     time = dataset["time"].values
     flags = dataset["drive_slipping"].transpose("drive", "time").values.astype(bool)
     found = []
     for drive, flag in zip(dataset["drive"].values, flags, strict=True):
         onsets = time[flag & ~np.concatenate(([False], flag[:-1]))] if time.size else time
-        for number, (span, until) in enumerate(periods):
+        for number, (span, until) in enumerate(periods(dataset)):
             after = span.start if span is not None and number else -float("inf")
             within = onsets[(onsets >= after) & (onsets < until)]
             if within.size:
-                found.append(Slip(str(drive), float(within[0]), span))
+                begin = float(within[0])
+                stopped = _stopped(dataset, str(drive), begin)
+                found.append(Slip(str(drive), begin, span, stopped))
     return sorted(found, key=lambda slip: slip.time)
+
+
+STOPPED = {
+    "time-out": "is switched off by its time-out before its end position",
+    "overload": "is switched off by its overload relay before its end position",
+    "stalled": "does not move until it is switched off",
+}
+"""Outcomes of commands after which the end of a machine is not proved, in words."""
+
+
+def _stopped(dataset: "xr.Dataset", drive: str, time: float) -> str:
+    """Say what has switched off the machine of a drive by a time, if it was not its limit [s]."""
+    own = [
+        item
+        for item in machine_throws(dataset)
+        if item["drive"] == drive and item["on"] <= time + TIME_TOLERANCE
+    ]
+    if not own or own[-1]["off"] is None or own[-1]["off"] > time + TIME_TOLERANCE:
+        return ""
+    return STOPPED.get(own[-1]["outcome"], "")
 
 
 def margins(dataset: "xr.Dataset") -> list[Margin]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from turnout.metric.channel_features import final_value
-from turnout.metric.slip import Margin, Slip, margins, slips
+from turnout.metric.slip import Margin, Slip, machine_throws, margins, slips, unfinished
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -213,7 +213,9 @@ def _run(dataset: "xr.Dataset") -> str:
     attributes = dataset.attrs
     if attributes.get("complete", True):
         end = float(dataset["time"][-1])
-        return f"complete, {end:g} s of motion in {attributes.get('wall_time', math.nan):.2f} s"
+        text = f"complete, {end:g} s of motion in {attributes.get('wall_time', math.nan):.2f} s"
+        waited = sum(json.loads(attributes.get("schedule_waits", "[]")))
+        return f"{text}; the schedule waited {waited:.2f} s for machines" if waited else text
     what = "INACCURATE" if ends_inaccurate(dataset) else "NOT COMPLETE"
     return f"{what}: {attributes.get('outcome_message', 'ended early')}"
 
@@ -223,7 +225,8 @@ def _state(dataset: "xr.Dataset") -> list[tuple[str, str]]:
     if "locked" in dataset:
         rule = dataset.attrs.get("lock_rule", "not stated")
         answer = "yes" if final_value(dataset["locked"]) else "NO"
-        lines.append(("locked", f"{answer}, at the end, by the rule '{rule}'"))
+        text = f"{answer}, at the end, by the rule '{rule}'"
+        lines.append(("locked", "; ".join([text, *unfinished(dataset).values()])))
     if "in_control" in dataset and "sensor_gap" in dataset:
         own = dataset[["in_control", "sensor_gap"]]
         for name in dataset["sensor"].values:
@@ -264,8 +267,8 @@ def _drives(dataset: "xr.Dataset") -> list[tuple[str, str]]:
 
 
 def _machines(dataset: "xr.Dataset") -> list[tuple[str, str]]:
-    """Return run time, outcome and consumption of each machine on its commands."""
-    made: list[dict[str, Any]] = json.loads(dataset.attrs.get("machine_throws", "[]"))
+    """Return what each machine did on its commands: how long it ran, how it ended, what it took."""
+    made = machine_throws(dataset)
     if not made or not {"drive_current", "drive_power"} <= set(dataset):
         return []
     lines = []
@@ -332,7 +335,10 @@ def _slips(dataset: "xr.Dataset") -> list[str]:
 
 def _slip(dataset: "xr.Dataset", slip: Slip) -> str:
     place = float(dataset["drive_x"].sel(drive=slip.drive))
-    text = f"drive {slip.drive} at x = {place:g} m from t = {slip.time:.3f} s"
+    text = f"drive {slip.drive} at x = {place:g} m"
+    if slip.stopped:
+        return f"{text} {slip.stopped}, at t = {slip.time:.3f} s"
+    text += f" from t = {slip.time:.3f} s"
     if slip.movement is None:
         return text
     direction = "closing" if slip.movement.to == "closed" else "opening"

@@ -8,6 +8,7 @@ from turnout.core.errors import ResponseError
 
 STATES = (
     "locked, in control",
+    "not judged",
     "not locked",
     "not in control",
     "slips on the object",
@@ -16,10 +17,9 @@ STATES = (
     "failed",
     "not thrown",
 )
-"""Outcomes of a throw, from good to bad; the last two stand for no result."""
-LOCKED, NOT_LOCKED, NOT_IN_CONTROL, SLIPS, SLIPS_FREE, UNDETECTED, FAILED, NOT_THROWN = range(
-    len(STATES)
-)
+"""How a throw ended, from good to bad; the last two say that there is no result."""
+LOCKED, NOT_JUDGED, NOT_LOCKED, NOT_IN_CONTROL, SLIPS, SLIPS_FREE, UNDETECTED = range(7)
+FAILED, NOT_THROWN = 7, 8
 
 # Numbers that take more values than this are shown in classes of equal width.
 MOST_VALUES, CLASSES = 30, 12
@@ -43,6 +43,7 @@ def end_state(labels: xr.Dataset) -> xr.DataArray:
         A place in `STATES` for each scenario; of several that hold the worst. A slip counts as one
         without an object when a drive slips before any object is touched. An undetected object
         was touched and is still there, and yet the throw ends locked, in control and without slip.
+        A throw without slip is not judged where a machine still moves at its end.
 
     Examples
     --------
@@ -59,10 +60,12 @@ def end_state(labels: xr.Dataset) -> xr.DataArray:
     """
     outcome = labels["outcome"].to_numpy().astype(str)
     state = np.full(outcome.size, LOCKED)
-    state[labels["end_locked"].to_numpy() < 1] = NOT_LOCKED
+    locked = labels["end_locked"].to_numpy()
+    state[locked < 1] = NOT_LOCKED
     if "end_in_control" in labels:
         controlled = labels["end_in_control"].transpose("scenario", ...).to_numpy() > 0
         state[~controlled.all(axis=1)] = NOT_IN_CONTROL
+    state[locked < 0] = NOT_JUDGED
     state[labels["slipped"].to_numpy() > 0] = SLIPS
     state[labels["slipped_free"].to_numpy() > 0] = SLIPS_FREE
     trapped = trapped_objects(labels)

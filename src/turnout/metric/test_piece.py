@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from turnout.core.errors import PanelError
-from turnout.metric.slip import last_instant_at
+from turnout.metric.slip import last_instant_at, unfinished
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel
 from turnout.throw.save import Save
@@ -151,6 +151,8 @@ def check_piece(
         fault = str(dataset.attrs["outcome_message"])
     elif not dataset["object_placed"]:
         fault = "the piece does not fit: the gap is smaller at all times"
+    elif late := unfinished(dataset):
+        fault = "; ".join(late.values())
     if fault:
         return PieceResult.without(drive, thickness, fault)
     held = dataset["object_force"].values > 0

@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 
 from turnout.metric.channel_features import final_value
-from turnout.metric.slip import TIME_TOLERANCE, Slip, Span, movements, slips
+from turnout.metric.slip import (
+    TIME_TOLERANCE,
+    Slip,
+    Span,
+    movements,
+    periods,
+    slips,
+    unfinished,
+)
 from turnout.metric.summary import format_force
 from turnout.metric.trapped import break_note, is_trapped
 from turnout.metric.verdict_words import (
@@ -67,6 +75,7 @@ _JUDGED = (
     *("drive_force", "drive_gap", "sensor_gap"),
     *("object_touched", "contact_time", "object_contact_time", "object_left", "object_size"),
     *("least_flangeway", "least_flangeway_x", "least_flangeway_rail"),
+    *("throw_movements", "throw_machine_throws"),
 )
 
 
@@ -85,7 +94,8 @@ class Verdict:
         left of one that is, or a drive slips before: "not locked", a drive slips, the lock is
         refused, or a sensor reports a gap; "not sound", only the flangeway is below its limit;
         "sound", every check is passed.
-        "not judged": the dataset lacks what the verdict rests on, or an object does not fit.
+        "not judged": the dataset lacks what the verdict rests on, an object does not fit, or a
+        drive has not arrived and no object is detected or missed by what has.
     text : str
         One plain sentence with its numbers; where an object broke a second one, that the verdict
         may depend on step and mode.
@@ -181,7 +191,8 @@ class _Case:
     """One object: times of its first touch and removal [s], and the reports of it.
 
     `fate` says what became of it where nothing is left at the end, else it is empty; `left` is the
-    size that is left of it [m], NaN where all is.
+    size that is left of it [m], NaN where all is. It is `open` where a movement that could report
+    it is not over.
     """
 
     what: str
@@ -192,6 +203,7 @@ class _Case:
     accepted: str
     fate: str = ""
     left: float = math.nan
+    open: bool = False
 
     @property
     def touched(self) -> bool:
@@ -277,13 +289,15 @@ def _contacts(dataset: "xr.Dataset", count: int) -> list[float]:
 
 def _case(dataset: "xr.Dataset", what: str, contact: float, gone: float, position: str) -> _Case:
     signs: list[tuple[Kind, str]] = []
-    refused, accepted = False, ""
-    for span, until in _periods(dataset):
+    refused, accepted, late = False, "", unfinished(dataset)
+    is_open = False
+    for span, until in periods(dataset):
         start = -math.inf if span is None else span.start
         if not (contact < min(gone, until) and start < gone):
             continue
         if span is not None and span.to != position:
             continue
+        is_open |= span in late
         mine = [slip for slip in slips(dataset) if slip.movement == span and slip.time < gone]
         rest = _at_rest(dataset, span, min(until, gone))
         if any(slip.time < contact - TIME_TOLERANCE for slip in mine):
@@ -297,15 +311,7 @@ def _case(dataset: "xr.Dataset", what: str, contact: float, gone: float, positio
         if rest is not None:
             accepted = f"{accepted_by(rest, span)}{after}"
     accepted = accepted or accepted_by(dataset, _last(dataset))
-    return _Case(what, contact, gone, tuple(signs), refused, accepted)
-
-
-def _periods(dataset: "xr.Dataset") -> list[tuple[Span | None, float]]:
-    """Return each movement with the onset of the next one [s]; None where none is named."""
-    spans = movements(dataset)
-    if not spans:
-        return [(None, math.inf)]
-    return list(zip(spans, [*(span.start for span in spans[1:]), math.inf], strict=True))
+    return _Case(what, contact, gone, tuple(signs), refused, accepted, open=is_open)
 
 
 def _last(dataset: "xr.Dataset") -> Span | None:
@@ -318,6 +324,8 @@ def _at_rest(dataset: "xr.Dataset", span: Span | None, until: float) -> "xr.Data
     time = dataset["time"].values
     last = int((time < until - TIME_TOLERANCE).sum()) - 1
     if last < 0 or (span is not None and time[last] < span.end - TIME_TOLERANCE):
+        return None
+    if span in unfinished(dataset):
         return None
     return dataset.isel(time=[last])
 
@@ -348,7 +356,9 @@ def _signs(
 
 def _judged(dataset: "xr.Dataset", cases: list[_Case]) -> Verdict:
     caught = [case for case in cases if case.signs]
-    missed = [case for case in cases if case.trapped and not case.signs and not case.refused]
+    silent = [case for case in cases if case.trapped and not case.signs and not case.refused]
+    missed = [case for case in silent if not case.open]
+    late = list(unfinished(dataset).values())
     if missed:
         what = _join_words([case.what for case in missed])
         stays = "stays" if len(missed) == 1 else "stay"
@@ -359,7 +369,7 @@ def _judged(dataset: "xr.Dataset", cases: list[_Case]) -> Verdict:
         text += _gone_texts(cases)
         faults = [] if caught else _faults(dataset)
         text += f"; apart from the object, {'; '.join(faults)}" if faults else ""
-        return Verdict("undetected object", f"{text}.")
+        return Verdict("undetected object", f"{'; '.join([text, *late])}.")
     if caught:
         signs = sorted(
             {sign: None for case in caught for sign in case.signs},
@@ -369,8 +379,11 @@ def _judged(dataset: "xr.Dataset", cases: list[_Case]) -> Verdict:
         before = _faults(dataset, before=min(case.contact for case in caught))
         reasons = "; ".join(reason for _, reason in signs)
         reasons += f"; before contact, {'; '.join(before)}" if before else ""
-        gone = _gone_texts(cases)
-        return Verdict(signs[0][0], f"D{signs[0][0][1:]}: {what}; {reasons}{gone}.")
+        text = f"D{signs[0][0][1:]}: {what}; {reasons}{_gone_texts(cases)}"
+        return Verdict(signs[0][0], f"{'; '.join([text, *late])}.")
+    if late:
+        text = "; ".join([*late, *_faults(dataset)])
+        return Verdict("not judged", f"Not judged: {text}.")
     return _switch_alone(dataset, cases)
 
 
@@ -421,7 +434,7 @@ def _faults(dataset: "xr.Dataset", *, before: float = math.inf) -> list[str]:
     faults = [
         slip_words(dataset, slip) for slip in slips(dataset) if slip.time < before - TIME_TOLERANCE
     ]
-    for span, until in _periods(dataset):
+    for span, until in periods(dataset):
         rest = _at_rest(dataset, span, until)
         if rest is None or not float(rest["time"][-1]) < before:
             continue

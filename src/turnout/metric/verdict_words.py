@@ -30,7 +30,10 @@ def narrow_flangeway(dataset: "xr.Dataset") -> list[str]:
 
 
 def slip_words(dataset: "xr.Dataset", slip: Slip) -> str:
-    """Name a drive that slips, its slip level and its time."""
+    """Name a drive that slips, its slip level and when, or what switched it off."""
+    if slip.stopped and slip.movement is not None:
+        what = f"{slip.stopped}, {_direction(slip.movement.to)}"
+        return f"Drive {slip.drive} {what}, at t = {slip.time:.2f} s"
     text = f"Drive {slip.drive} slips"
     level = ""
     if "saturation_force" in dataset.coords:

@@ -425,4 +425,6 @@ class Schedule(Record):
         "at their over-travel, the closed rail pressed home, friction in the chairs; default at "
         "the strokes, without friction",
     )
-    end: Time = Field(gt=0, description="end of the simulation [s]")
+    end: Time = Field(
+        gt=0, description="end of the simulation; later where machines arrive later [s]"
+    )

@@ -1,7 +1,8 @@
 """Machines of drives in a run: arranged for the kernels, and what they leave behind."""
 
 import functools
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -17,7 +18,8 @@ from turnout.machine.line_power import field_energies
 from turnout.machine.rows import machine_room
 from turnout.mechanism.mechanism import DriveMachines, Mechanism
 from turnout.solver.duty import Duty, machine_duties
-from turnout.solver.prepared_run import PreparedRun
+from turnout.solver.outcome import Code
+from turnout.solver.prepared_run import Grid, PreparedRun
 from turnout.solver.rods import Rods
 from turnout.solver.scratch import acquire_buffer
 
@@ -52,6 +54,25 @@ LOSSES = {
 """Sums of a machine's own losses by what they are."""
 
 
+@dataclass(frozen=True, slots=True)
+class Pause:
+    """When the schedule stands still for machines: from `begin` on, for a `length` [s]."""
+
+    begin: float
+    length: float
+
+
+def schedule_time(time: Floats, pauses: Sequence[Pause]) -> Floats:
+    """Return the time of the schedule at times of a run [s].
+
+    Examples
+    --------
+    >>> schedule_time(np.array([1.0, 2.5, 4.0]), [Pause(2.0, 1.5)])
+    array([1. , 2. , 2.5])
+    """
+    return time - sum(np.clip(time - item.begin, 0.0, item.length) for item in pauses)
+
+
 @dataclass(frozen=True, eq=False)
 class MachineHistory:
     """What the machines of a run leave behind, at its stored instants.
@@ -79,6 +100,8 @@ class MachineHistory:
         Time [s] and what happened, machine by machine.
     imbalance : float
         Largest movement of a rod end that a step left uncorrected [m].
+    pauses : tuple of Pause
+        Of the schedule before each movement but the first, and at its end; most have no length.
     """
 
     time: Floats
@@ -92,6 +115,7 @@ class MachineHistory:
     given: Floats
     events: tuple[tuple[tuple[float, str], ...], ...]
     imbalance: float
+    pauses: tuple[Pause, ...]
 
     def at(self, instants: Floats, positions: Floats) -> "MachineHistory":
         """Return the history at other instants, linear in between, and write its inputs.
@@ -233,7 +257,7 @@ def new_rods(run: PreparedRun, mechanism: Mechanism, scheme: Scheme, count: int)
     rods = Rods(
         constants=run_constants(given, scheme),
         tables=given.tables,
-        commands=given.commands,
+        commands=given.commands.copy(),
         shared_resistance=np.array([given.shared_resistance]),
         **machine_room(n, events=MOST_EVENTS)._asdict(),
         place=run.system.row_place[run.laws.row[given.laws]].astype(np.int64),
@@ -271,7 +295,78 @@ def start_rods(run: PreparedRun) -> None:
     rods.kept[0] = rods.state
 
 
-def machine_history(run: PreparedRun, mechanism: Mechanism, kept: int) -> MachineHistory | None:
+March = Callable[[int, int], tuple[Code, int]]
+"""Marches from one step to another; returns the outcome and the step reached."""
+
+
+def march_schedule(
+    run: PreparedRun, grid: Grid, inputs: Callable[[Floats], Floats], march: March
+) -> tuple[Code, int, tuple[Pause, ...]]:
+    """March to the end of the schedule, which pauses while machines that it waits for move.
+
+    Parameters
+    ----------
+    run : PreparedRun
+        Commands and inputs that a pause postpones are changed.
+    grid : Grid
+        With its stops.
+    inputs : callable
+        Marker positions by the time of the schedule, as `integrate` takes them.
+    march : callable
+        From one step to another.
+
+    Returns
+    -------
+    tuple of Code, int and tuple of Pause
+        Outcome, step reached, and a pause for each stop that was reached.
+    """
+    pauses, code, done, late = list[Pause](), Code.COMPLETE, 0, 0
+    commands = np.zeros((0, 0, 2)) if run.rods is None else run.rods.commands.copy()
+    for stop in grid.stops:
+        code, done = march(done, stop.step + late)
+        pauses.append(Pause(stop.time + late * run.stepping.step, 0.0))
+        if code == Code.COMPLETE and stop.longest and _is_moving(run):
+            begun, last = done, min(done + stop.longest, grid.room)
+            pauses[-1] = replace(pauses[-1], length=math.inf)
+            _postpone(run, commands, inputs, pauses, done)
+            while code == Code.COMPLETE and done < last and _is_moving(run):
+                code, done = march(done, min(done + grid.check, last))
+            if code == Code.COMPLETE:
+                code, done = march(done, min(done + stop.rest, grid.room))
+            late += done - begun
+            pauses[-1] = replace(pauses[-1], length=(done - begun) * run.stepping.step)
+            _postpone(run, commands, inputs, pauses, done)
+        if code != Code.COMPLETE:
+            break
+    return code, done, tuple(pauses)
+
+
+def _is_moving(run: PreparedRun) -> bool:
+    """Return whether a motor is on, or a gear still turns."""
+    if run.rods is None:
+        return False
+    return bool((run.rods.state[:, [at.ENERGISED, at.GEAR_SPEED]] != 0.0).any())
+
+
+def _postpone(
+    run: PreparedRun,
+    commands: Floats,
+    inputs: Callable[[Floats], Floats],
+    pauses: Sequence[Pause],
+    done: int,
+) -> None:
+    """Write the commands, and the inputs from a step on, that follow from some pauses."""
+    if run.rods is not None:
+        later = slice(len(pauses), None)  # a pause precedes each movement but the first
+        total = sum(item.length for item in pauses)
+        run.rods.commands[:, later, 0] = commands[:, later, 0] + total
+    times = run.stepping.step * np.arange(done + 1, len(run.positions), dtype=np.float64)
+    run.positions[done + 1 :] = inputs(schedule_time(times, pauses)).T
+
+
+def machine_history(
+    run: PreparedRun, mechanism: Mechanism, kept: int, pauses: tuple[Pause, ...]
+) -> MachineHistory | None:
     """Return what the machines of a run left behind, up to a number of stored instants."""
     rods, given = run.rods, mechanism.machines
     if rods is None or given is None:
@@ -282,7 +377,7 @@ def machine_history(run: PreparedRun, mechanism: Mechanism, kept: int) -> Machin
         names=given.names,
         records=given.records,
         constants=rods.constants,
-        commands=given.commands,
+        commands=rods.commands,
         inputs=given.inputs,
         shift=given.shift,
         states=rods.kept[:kept],
@@ -292,4 +387,5 @@ def machine_history(run: PreparedRun, mechanism: Mechanism, kept: int) -> Machin
             for rows, count in zip(rods.log, counts, strict=True)
         ),
         imbalance=float(rods.left[0]),
+        pauses=pauses,
     )

@@ -1,6 +1,5 @@
 """Integrate a mechanism from where it starts through a motion of its markers."""
 
-import math
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
@@ -10,23 +9,37 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.core.errors import SolverError
 from turnout.core.scheme import Scheme
 from turnout.core.threads import one_blas_thread
 from turnout.kernels.interrupt import call_interruptible, one_thread
 from turnout.law.obstruction import Obstructions
 from turnout.law.table import LawTable
-from turnout.mechanism.mechanism import Mechanism
+from turnout.mechanism.mechanism import Mechanism, Wait
 from turnout.solver.accuracy import equilibrium_residual
 from turnout.solver.arrange import arrange
 from turnout.solver.condense import CondensedRails
 from turnout.solver.dense import interpolate_record
-from turnout.solver.driven import MachineHistory, machine_history, new_rods, start_rods
+from turnout.solver.driven import (
+    MachineHistory,
+    Pause,
+    machine_history,
+    march_schedule,
+    new_rods,
+    schedule_time,
+    start_rods,
+)
 from turnout.solver.energy import energy_balance, folded_energy
 from turnout.solver.march import march, march_with_machines, store_instant
 from turnout.solver.modal import ModalModel
 from turnout.solver.outcome import Code, Outcome, is_closed
-from turnout.solver.prepared_run import PreparedRun, RunSetup, prepare, set_up_run
+from turnout.solver.prepared_run import (
+    Grid,
+    PreparedRun,
+    RunSetup,
+    choose_grid,
+    prepare,
+    set_up_run,
+)
 from turnout.solver.record import kept_obstructions, trim_record
 from turnout.solver.seen import StepRecord, seen_weights
 from turnout.solver.start import PriorMotion, StartPlan, find_start, plan_start
@@ -39,9 +52,6 @@ Ints = NDArray[np.int64]
 # Progress is reported, and other signals than Ctrl-C are handled, after so many seconds [s], the
 # first time after so many steps; Ctrl-C ends a run within a step.
 REPORT_INTERVAL, FIRST_REPORT, FIRST_WITHOUT_REPORT = 0.1, 100, 4000
-# Most memory of a history [bytes], and most steps.
-MOST_MEMORY = 2e9
-MOST_STEPS = 2_000_000
 # Outcomes without a single instant.
 WITHOUT_START = (Code.NO_EQUILIBRIUM, Code.NO_LOADED_START)
 
@@ -154,17 +164,6 @@ def integrate(
         return carry_out(plan, report=report)
 
 
-@dataclass(frozen=True, slots=True)
-class Grid:
-    """Numbers of steps and stored instants; `last` is the last instant that is wanted [s]."""
-
-    n_steps: int
-    n_stored: int
-    stride: int
-    filled_in: bool
-    last: float
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class RunPlan:
     """A run that can be carried out, with all that it needs but the memory of its state.
@@ -204,14 +203,17 @@ def plan_run(
     end: float,
     prior: PriorMotion | None = None,
     watch: Watch | None = None,
+    waits: Sequence[Wait] = (),
 ) -> RunPlan:
     """Do all of `integrate` that comes before its kernels; parameters are the same.
+
+    `waits` are where the schedule waits for machines, at its end in any case.
 
     Some throws planned one after another take half of the time that they take between throws, whose
     histories drive all else out of the processor's caches.
     """
     with one_blas_thread():
-        grid = _choose_grid(mechanism, scheme, end)
+        grid = choose_grid(mechanism, scheme, end, waits)
         arrangement = arrange(mechanism, scheme)
         watched = None
         if watch is not None and mechanism.machines is None and not grid.filled_in:
@@ -219,7 +221,7 @@ def plan_run(
             places, laws = arrangement.system.row_place, arrangement.laws
             weights = seen_weights(watch.seen(arrangement.condensed), laws, places)
             watched = (plan_watch(watch, interval, grid.n_stored), weights)
-        positions = np.ascontiguousarray(inputs(_times(scheme.step, grid.n_steps + 1)).T)
+        positions = np.ascontiguousarray(inputs(_times(scheme.step, grid.room + 1)).T)
         if mechanism.machines is not None:
             positions = positions.copy()  # machines write to them, and throws may share them
         # before the table gets the dents that objects have already
@@ -261,7 +263,7 @@ def _carry_out(given: RunPlan, report: Callable[[int, int], None] | None) -> His
     mechanism, scheme, inputs = given.mechanism, given.scheme, given.inputs
     grid, plan, arrangement = given.grid, given.watched, given.setup.arrangement
     positions, stride = given.setup.positions, grid.stride
-    run = prepare(given.setup)
+    run, pauses = prepare(given.setup), tuple[Pause, ...]()
     rods = new_rods(run, mechanism, scheme, grid.n_stored)
     if rods is not None:
         run = replace(run, rods=rods)
@@ -271,11 +273,15 @@ def _carry_out(given: RunPlan, report: Callable[[int, int], None] | None) -> His
         if code == Code.COMPLETE:
             start_rods(run)
             store_instant(run.system, run.table, run.state, run.work, run.record, 0)
-            code, done = _march_in_chunks(run, report, thread)
+
+            def march(first: int, last: int) -> tuple[Code, int]:
+                return _march_in_chunks(run, (first, last, grid.n_steps), report, thread)
+
+            code, done, pauses = march_schedule(run, grid, inputs, march)
     kept = 0 if code in WITHOUT_START else done // stride + 1
     of_energy = kept if plan is None else plan.balanced_before(kept)
     balance = energy_balance(run.record.stored[:of_energy], run.record.ledger[:of_energy])
-    machines = machine_history(run, mechanism, kept)
+    machines = machine_history(run, mechanism, kept, pauses)
     if machines is not None:
         balance = machines.with_balance(*balance)
     if code == Code.COMPLETE and not is_closed(*balance):
@@ -295,9 +301,10 @@ def _carry_out(given: RunPlan, report: Callable[[int, int], None] | None) -> His
     instants = _times(scheme.step * stride, grid.n_stored)[:kept]
     positions = positions[::stride][:kept].view()
     if grid.filled_in and kept > 1:
-        count = int((min(grid.last, instants[-1]) + 1e-9) / scheme.output_interval) + 1
+        last = min(grid.last + sum(item.length for item in pauses), instants[-1])
+        count = int((last + 1e-9) / scheme.output_interval) + 1
         instants = scheme.output_interval * np.arange(count, dtype=np.float64)
-        positions = np.ascontiguousarray(inputs(instants).T).view()
+        positions = np.ascontiguousarray(inputs(schedule_time(instants, pauses)).T).view()
         if machines is not None:
             positions = positions.copy()
             machines = machines.at(instants, positions)
@@ -309,34 +316,6 @@ def _carry_out(given: RunPlan, report: Callable[[int, int], None] | None) -> His
     )
     run.give_back()
     return history
-
-
-def _choose_grid(mechanism: Mechanism, scheme: Scheme, end: float) -> Grid:
-    """Choose the steps; refuse a run with too many of them, or too large for the memory."""
-    for interval, what in ((scheme.step, "steps"), (scheme.output_interval, "stored instants")):
-        if end / interval > MOST_STEPS:
-            msg = (
-                f"end = {end:g} s with {what} every {interval:g} s makes {end / interval:.3g} of "
-                f"them, at most {MOST_STEPS} are made; end sooner (schedule.end) or less often"
-            )
-            raise SolverError(msg)
-    n_out = round(end / scheme.output_interval) + 1
-    if n_out < 2:
-        msg = f"end = {end:g} s is shorter than one output interval"
-        raise SolverError(msg)
-    stride, filled_in = max(scheme.stride, 1), scheme.stride == 0
-    last = (n_out - 1) * scheme.output_interval
-    share = last / scheme.step
-    n_steps = math.ceil(share - 1e-6) if filled_in else (n_out - 1) * stride
-    n_stored = n_steps // stride + 1
-    a_row = 8 * (mechanism.rows.shape[0] + mechanism.laws.row.size + mechanism.rows.shape[1])
-    if max(n_stored, n_out) * a_row > MOST_MEMORY:
-        msg = (
-            f"end = {end:g} s with an output interval of {scheme.output_interval:g} s makes "
-            f"{max(n_stored, n_out):.3g} instants, too many to hold; end sooner or store less often"
-        )
-        raise SolverError(msg)
-    return Grid(n_steps, n_stored, stride, filled_in, last)
 
 
 def _assemble_history(
@@ -406,22 +385,28 @@ def _compile_march(run: PreparedRun, *, after_motion: bool) -> None:
 
 
 def _march_in_chunks(
-    run: PreparedRun, report: Callable[[int, int], None] | None, thread: Executor | None
+    run: PreparedRun,
+    steps: tuple[int, int, int],
+    report: Callable[[int, int], None] | None,
+    thread: Executor | None,
 ) -> tuple[Code, int]:
-    """March in chunks of about `REPORT_INTERVAL`, and report after each."""
-    n_steps = run.positions.shape[0] - 1
-    done, chunk = 0, FIRST_WITHOUT_REPORT if report is None else FIRST_REPORT
+    """March in chunks of about `REPORT_INTERVAL`, and report after each.
+
+    `steps` are the first, the last, and all of the schedule.
+    """
+    done, until, n_steps = steps
+    chunk = FIRST_WITHOUT_REPORT if report is None else FIRST_REPORT
     try:
-        while done < n_steps:
+        while done < until:
             began = time.perf_counter()
-            last = min(done + chunk, n_steps)
+            last = min(done + chunk, until)
             number, done = call_interruptible(thread, run.work.stop, _march, run, done, last)
             if number != Code.COMPLETE:
                 return Code(number), done
             took = max(time.perf_counter() - began, 1e-3)
             chunk = max(1, round(chunk * min(REPORT_INTERVAL / took, 4.0)))
             if report is not None:
-                report(done, n_steps)
+                report(done, max(n_steps, until))
     except KeyboardInterrupt:  # between two kernels
         return Code.INTERRUPTED, done
     stopped = bool(run.work.stop[0])  # in the last kernel, after its last step

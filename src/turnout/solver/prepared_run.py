@@ -4,17 +4,21 @@ What needs no memory of its own is set up with the plans of other throws, while 
 for it is in the processor's caches; state and scratch arrays are those of the run before.
 """
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.core.errors import SolverError
 from turnout.core.scheme import AlphaCoefficients, Scheme
 from turnout.kernels.shared_record import clone_record, copy_vectors, shared_record
 from turnout.law.friction_course import FrictionCourses, no_courses
 from turnout.law.obstruction import Obstructions, no_obstructions, remember
 from turnout.law.table import LawTable
+from turnout.mechanism.mechanism import Mechanism, Wait
 from turnout.solver.arrange import Arrangement, Templates
 from turnout.solver.levels import give_back_memory, take_memory
 from turnout.solver.record import empty_record
@@ -28,6 +32,125 @@ from turnout.solver.system import System
 from turnout.solver.watch import WatchPlan
 
 Floats = NDArray[np.float64]
+
+# Most memory of a history [bytes], and most steps.
+MOST_MEMORY = 2e9
+MOST_STEPS = 2_000_000
+CHECK_INTERVAL = 0.02
+"""At which a run that waits for machines checks whether they still move [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """Where a run may wait for machines; the last one is its end.
+
+    Attributes
+    ----------
+    time : float
+        As of `Wait` [s].
+    step : int
+        The last stored instant before the onset of the next movement, or the last of all.
+    rest, longest : int
+        Steps of rest once all machines stand, and of the longest wait before it.
+    """
+
+    time: float
+    step: int
+    rest: int
+    longest: int
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """Numbers of steps and stored instants.
+
+    Attributes
+    ----------
+    n_steps : int
+        Of the schedule.
+    stride : int
+        Steps from one stored instant to the next.
+    filled_in : bool
+        Whether instants between the steps are wanted.
+    last : float
+        The last instant that is wanted, by the schedule [s].
+    stops : tuple of Stop
+        Where it may wait, and its end.
+    room : int
+        Steps that there is memory for, those of the waits among them.
+    check : int
+        Steps from one check whether machines still move to the next.
+    """
+
+    n_steps: int
+    stride: int
+    filled_in: bool
+    last: float
+    stops: tuple[Stop, ...]
+    room: int
+    check: int
+
+    @property
+    def n_stored(self) -> int:
+        """Stored instants that there is memory for."""
+        return self.room // self.stride + 1
+
+
+def choose_grid(
+    mechanism: Mechanism, scheme: Scheme, end: float, waits: Sequence[Wait] = ()
+) -> Grid:
+    """Choose the steps; refuse a run with too many of them, or too large for the memory.
+
+    Waits take what memory there is beyond that of the schedule.
+    """
+    for interval, what in ((scheme.step, "steps"), (scheme.output_interval, "stored instants")):
+        if end / interval > MOST_STEPS:
+            msg = (
+                f"end = {end:g} s with {what} every {interval:g} s makes {end / interval:.3g} of "
+                f"them, at most {MOST_STEPS} are made; end sooner (schedule.end) or less often"
+            )
+            raise SolverError(msg)
+    n_out = round(end / scheme.output_interval) + 1
+    if n_out < 2:
+        msg = f"end = {end:g} s is shorter than one output interval"
+        raise SolverError(msg)
+    stride, filled_in = max(scheme.stride, 1), scheme.stride == 0
+    last = (n_out - 1) * scheme.output_interval
+    share = last / scheme.step
+    n_steps = math.ceil(share - 1e-6) if filled_in else (n_out - 1) * stride
+    a_row = 8 * (mechanism.rows.shape[0] + mechanism.laws.row.size + mechanism.rows.shape[1])
+    most = max(n_steps // stride + 1, n_out)
+    if most * a_row > MOST_MEMORY:
+        msg = (
+            f"end = {end:g} s with an output interval of {scheme.output_interval:g} s makes "
+            f"{most:.3g} instants, too many to hold; end sooner or store less often"
+        )
+        raise SolverError(msg)
+    check = stride * max(1, round(CHECK_INTERVAL / (stride * scheme.step)))
+    stops = _choose_stops(waits or [Wait(end, 0.0, 0.0)], scheme.step, (stride, check, n_steps))
+    room = n_steps + sum(stop.longest + stop.rest for stop in stops)
+    fits = min(MOST_STEPS, int(MOST_MEMORY / a_row / most * n_steps))
+    return Grid(n_steps, stride, filled_in, last, stops, max(n_steps, min(room, fits)), check)
+
+
+def _choose_stops(
+    waits: Sequence[Wait], step: float, counts: tuple[int, int, int]
+) -> tuple[Stop, ...]:
+    """Return waits in steps; lengths are whole stored intervals, and a rest is one at least."""
+    stride, check, n_steps = counts
+
+    def whole(time: float) -> int:
+        return stride * math.ceil(time / (stride * step) - 1e-6)
+
+    return tuple(
+        Stop(
+            wait.time,
+            n_steps if number == len(waits) else whole(wait.time) - stride,
+            max(whole(wait.rest), check) if wait.longest else 0,
+            whole(wait.longest),
+        )
+        for number, wait in enumerate(waits, 1)
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -23,6 +23,7 @@ from turnout.solver.integration import History
 from turnout.throw.coordinates import dataset_coordinates, dimensions_of, output_stations
 from turnout.throw.dataset_template import labelled_dataset
 from turnout.throw.drives import (
+    as_thrown,
     duties,
     duty_records,
     machine_energies,
@@ -134,6 +135,7 @@ def response_channels(
     dict of str to (dims, ndarray)
         By the names of the schema, in SI.
     """
+    panel = as_thrown(panel, history)
     motion = recover_motion(mechanism, history)
     arrays = channel_rows(panel, mechanism, motion, save)
     channels = drive_channels(panel, arrays["drive_force"], history.inputs)
@@ -242,6 +244,7 @@ def describe_run(
 ) -> Attributes:
     """Return the origin of the numbers as attributes of a dataset; records as JSON text."""
     outcome, made = history.outcome, duties(history)
+    waits = [item.length for item in history.machines.pauses] if history.machines else []
     end = float(history.time[-1]) if history.time.size else 0.0
     described = (id(panel), scheme, *objects, *map(id, mechanism.rails))
     kept = _described.get(described)
@@ -251,8 +254,9 @@ def describe_run(
     inputs, rules, superelements = kept[0]
     return {
         **inputs,
-        "movements": movement_records(moved_throws(panel, history)),
+        "movements": movement_records(moved_throws(as_thrown(panel, history), history)),
         **({"machine_throws": duty_records(panel, made, end)} if made else {}),
+        **({"schedule_waits": json.dumps(waits)} if any(waits) else {}),
         **rules,
         **({"break_note": BREAK_NOTE} if has_broken(mechanism, history) else {}),
         "outcome": outcome.code.name.lower().replace("_", " "),

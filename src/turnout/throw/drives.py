@@ -7,6 +7,7 @@ import functools
 import json
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -17,7 +18,7 @@ from turnout.machine.compute import places as at
 from turnout.machine.line_power import machine_powers
 from turnout.machine.rows import nominal_voltage
 from turnout.machine.steady import shaft_travel, steady_point, torque_for
-from turnout.panel.markers import movement_time
+from turnout.panel.markers import movement_time, ordered_movements
 from turnout.panel.model import Panel
 from turnout.solver.driven import MachineHistory, sum_machines
 from turnout.solver.duty import Duty
@@ -54,8 +55,33 @@ def duties(history: History) -> tuple[Duty, ...]:
     return history.machines.duties if history.machines is not None else ()
 
 
+AnyPanel = TypeVar("AnyPanel", bound=Panel)
+
+
+def as_thrown(panel: AnyPanel, history: History) -> AnyPanel:
+    """Return a panel with the schedule that its run came to have, as it waited for machines."""
+    waited = [item.length for item in history.machines.pauses] if history.machines else []
+    if not any(waited):
+        return panel
+    late = {name: sum(waited[:at]) for at, (name, _) in enumerate(ordered_movements(panel))}
+    moved = {
+        name: movement.model_copy(update={"start": movement.start + late[name]})
+        for name, movement in panel.movement.items()
+    }
+    end = {"end": panel.schedule.end + sum(waited)}
+    schedule = panel.schedule.model_copy(update=end)
+    return panel.model_copy(update={"movement": moved, "schedule": schedule})
+
+
 def moved_throws(panel: Panel, history: History) -> tuple[DirectedMovement, ...]:
-    """Return the movements with the times at which their last drive came to rest."""
+    """Return the movements with the times at which their last drive came to rest.
+
+    Parameters
+    ----------
+    panel : Panel
+        From `as_thrown`.
+    history : History
+    """
     made = duties(history)
     if history.machines is None:
         return throws(panel)
@@ -94,6 +120,7 @@ def duty_records(panel: Panel, made: Sequence[Duty], end: float) -> str:
                 "outcome": duty.outcome,
                 "on": duty.on,
                 "off": None if np.isnan(duty.off) else duty.off,
+                "rest": None if np.isnan(duty.rest) else duty.rest,
                 "phase_lost": lost(duty),
             }
             for duty in made

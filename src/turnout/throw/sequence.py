@@ -16,8 +16,14 @@ from turnout.mechanism.object_laws import dent_of, divided
 from turnout.panel.foreign_object import ForeignObject, PlacedObject, resolve_objects
 from turnout.panel.load import LoadedPanel
 from turnout.solver.outcome import Code, NotConverged, Outcome
-from turnout.throw.dataset import coordinates_of, describe_run, response_channels
+from turnout.throw.dataset import (
+    coordinates_of,
+    describe_run,
+    movement_records,
+    response_channels,
+)
 from turnout.throw.drift import Drift, aged_objects, check_drift
+from turnout.throw.drives import as_thrown, duties, duty_records, moved_throws
 from turnout.throw.save import Save
 from turnout.throw.signals import Channel, has_broken
 from turnout.throw.simulate import Solved, as_objects, solve_placed
@@ -135,8 +141,10 @@ class _Series:
     kept: list[dict[str, Channel]] = field(default_factory=list)
     sizes: list[np.ndarray] = field(default_factory=list)
     coordinates: list[dict[str, Channel]] = field(default_factory=list)
+    made: list[tuple[str, str]] = field(default_factory=list)
     attributes: dict[str, Any] = field(default_factory=dict)
     names: tuple[str, ...] = ()
+    end: float = 0.0
 
     def add(self, panel: LoadedPanel, solved: Solved, parts: Sequence[PlacedObject]) -> None:
         """Keep the results of a throw; `parts` are the objects it met."""
@@ -146,10 +154,11 @@ class _Series:
         coordinates = coordinates_of(
             channels, panel, solved.mechanism, time=solved.history.time, save=self.save
         )
-        if self.kept and solved.history.time.size != self.coordinates[0]["time"][1].size:
+        if self.kept and panel.schedule.end != self.end:
             message = "it has other instants than the first; keep schedule.end for all throws"
             raise ResponseError(message)
         if not self.kept:
+            self.end = panel.schedule.end
             self.attributes = describe_run(
                 self.panel, solved.mechanism, solved.history, scheme=self.scheme,
                 objects=self.objects, wall_time=0.0, solver_time=0.0,
@@ -159,6 +168,10 @@ class _Series:
             self.attributes |= {"break_note": BREAK_NOTE, "break_throw": len(self.kept) + 1}
         self.coordinates.append(coordinates)
         self.kept.append({n: self._spread(v, present) for n, v in channels.items()})
+        if (history := solved.history).machines is not None:
+            moved = movement_records(moved_throws(as_thrown(panel, history), history))
+            end = float(history.time[-1])
+            self.made.append((moved, duty_records(panel, duties(history), end)))
         self.sizes.append(_sizes(parts, self.names))
 
     def _spread(self, variable: Channel, present: tuple[str, ...]) -> Channel:
@@ -171,12 +184,29 @@ class _Series:
         found[[self.names.index(name) for name in present]] = values
         return dims, found
 
+    def _hold(self) -> None:
+        """Give throws that did not wait for machines as long the instants of the longest.
+
+        They rest to its end, as at their own.
+        """
+        times = [each["time"] for each in self.coordinates]
+        if len({time.size for _, time in times}) <= 1:
+            return
+        longest = max(times, key=lambda item: item[1].size)
+        for kept, coordinates, own in zip(self.kept, self.coordinates, times, strict=True):
+            more, coordinates["time"] = longest[1].size - own[1].size, longest
+            for name, (dims, values) in kept.items():
+                if dims[-1:] == ("time",):
+                    room = [*[(0, 0)] * (values.ndim - 1), (0, more)]
+                    kept[name] = dims, np.pad(values, room, mode="edge")
+
     def dataset(self, outcome: Outcome, *, wall_time: float) -> "xr.Dataset":
         """Return all throws as one dataset."""
         import xarray as xr
 
         count = len(self.sizes)  # Ctrl-C may have come between the lists
-        del self.kept[count:], self.coordinates[count:]
+        del self.kept[count:], self.coordinates[count:], self.made[count:]
+        self._hold()
         channels: dict[str, Channel] = {}
         for name in dict.fromkeys(name for kept in self.kept for name in kept):
             dims, first = next(kept[name] for kept in self.kept if name in kept)
@@ -184,6 +214,9 @@ class _Series:
             stacked = np.stack([kept.get(name, (dims, blank))[1] for kept in self.kept])
             channels[name] = (("throw", *dims), stacked)
         coordinates = _joined(self.coordinates)
+        if self.made:
+            for at, name in enumerate(("throw_movements", "throw_machine_throws")):
+                channels[name] = (("throw",), np.array([texts[at] for texts in self.made]))
         if self.names and count:
             channels["object_size"] = (("throw", "object"), np.array(self.sizes))
             names = np.array(self.names, dtype=np.str_)

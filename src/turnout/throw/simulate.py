@@ -13,6 +13,7 @@ from turnout.core.lru_cache import LRUCache
 from turnout.core.scheme import Mode, Scheme, chosen_scheme
 from turnout.core.threads import one_blas_thread
 from turnout.mechanism.build import build_mechanism
+from turnout.mechanism.drive_machines import schedule_waits
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.foreign_object import ForeignObject, PlacedObject, resolve_objects
 from turnout.panel.load import LoadedPanel, load_panel
@@ -312,6 +313,7 @@ def plan_throw(
         end=panel.schedule.end,
         prior=_prior_motion(panel),
         watch=None if watch is None else watch(mechanism),
+        waits=schedule_waits(panel),
     )
     return PlannedThrow(
         mechanism,

@@ -42,6 +42,7 @@ from turnout.detection.reference import FRICTION, NOMINAL_FRICTION
 from turnout.detection.signal_errors import signal_errors
 from turnout.detection.throws import of_kind, places_of
 from turnout.panel.load import LoadedPanel
+from turnout.study.sweep.read import last_values
 
 Floats = NDArray[np.float64]
 
@@ -111,7 +112,7 @@ def read_set(plan: Plan, dataset: xr.Dataset, layout: Layout, quantity: str = FO
 
     # a constant onset rather late shows a throw that is rather early
     rates = (shifted(-SHIFT) - shifted(SHIFT)) / (2.0 * SHIFT)
-    sensors = dataset["sensor_gap"].to_numpy()[at][..., -1]
+    sensors = last_values(dataset["sensor_gap"])[at]
     drives = dataset["end_gap"].to_numpy()[at]
     return ThrowSet(
         features=shifted(0.0),

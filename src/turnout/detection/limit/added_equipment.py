@@ -39,7 +39,7 @@ from turnout.detection.throws import (
     throw_all,
 )
 from turnout.panel.load import LoadedPanel, panel_from_document
-from turnout.study.sweep.read import open_batches
+from turnout.study.sweep.read import last_values, open_batches
 from turnout.study.sweep.run import throw_study
 
 Floats = NDArray[np.float64]
@@ -165,7 +165,7 @@ def read_sensors(
 
 def _last(dataset: xr.Dataset, name: str, *, rail: str) -> tuple[Floats, Floats]:
     """Return the last values of a channel along a rail, and where they are."""
-    last = dataset[name].sel(rail=rail).isel(time=-1).to_numpy().astype(np.float64)
+    last = last_values(dataset[name].sel(rail=rail)).astype(np.float64)
     along = dataset["x" if name == "gap" else "stop_x"].to_numpy().astype(np.float64)
     along = along if along.ndim == 1 else along[0]
     there = np.isfinite(last).any(axis=0) & np.isfinite(along)

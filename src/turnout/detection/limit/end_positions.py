@@ -22,7 +22,7 @@ from turnout.detection.reference import Conditions, reference_study
 from turnout.detection.throws import Report, Throws, objects_study
 from turnout.panel.load import LoadedPanel
 from turnout.study.study import Study
-from turnout.study.sweep.read import open_batches
+from turnout.study.sweep.read import last_values, open_batches
 from turnout.study.sweep.run import throw_study
 
 Floats = NDArray[np.float64]
@@ -145,7 +145,8 @@ def throw_ends(
     throw_study(ends_study(study, positions), folder / ENDS, workers=workers, report=report)
     found = open_batches(folder / ENDS)
     shape = (states, len(positions), len(SHARES))
-    force = read_signals(found, throws.signals)
+    until = slice(None, throws.time[-1] + 1e-9)  # some waited longer for machines
+    force = read_signals(found.sel(time=until), throws.signals)
     force = force.reshape(*shape, *force.shape[1:])
     used = throws.states < states
     rows = throws.states[used]
@@ -166,7 +167,7 @@ def _end_gaps(
     for number, item in enumerate(positions):
         dimension = item.channel.removesuffix("_gap")
         name = item.name.removeprefix("drive ") if dimension == "drive" else item.name
-        last = dataset[item.channel].sel({dimension: name}).isel(time=-1).to_numpy()
+        last = last_values(dataset[item.channel].sel({dimension: name}))
         found[:, number] = last.reshape(shape)[:, number]
     return found
 

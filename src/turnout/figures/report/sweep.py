@@ -18,6 +18,7 @@ from turnout.metric.finding import Finding, Severity
 from turnout.metric.sensitivity import Effect, OutputEffects
 from turnout.metric.sweep_map import (
     FAILED,
+    NOT_JUDGED,
     NOT_THROWN,
     SLIPS,
     SLIPS_FREE,
@@ -131,7 +132,7 @@ def sweep_findings(labels: xr.Dataset) -> list[Finding]:
         if not count or number == UNDETECTED:
             continue
         whole = int(ended.sum()) if number < FAILED else state.size
-        level: Severity = "look" if number in (FAILED, NOT_THROWN) else "fact"
+        level: Severity = "look" if number in (NOT_JUDGED, FAILED, NOT_THROWN) else "fact"
         detail = f"{count} of {whole} throws"
         share = f"{100 * count / whole:.3g} %"
         found.append(Finding(level, name.capitalize(), share, detail))

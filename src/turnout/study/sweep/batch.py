@@ -23,7 +23,7 @@ from turnout.core.files import write_atomic
 from turnout.metric.features import FEATURES
 from turnout.study.scenario import Rule
 from turnout.study.study import Study
-from turnout.study.sweep.labels import LABELS
+from turnout.study.sweep.labels import LABELS, UNKNOWN_LOGICAL
 from turnout.study.sweep.row import (
     COMPLETE,
     ScenarioRow,
@@ -124,9 +124,6 @@ LARGEST_BATCH = 128
 
 LARGEST_WITHOUT_HISTORIES = 1024
 """Scenarios in a batch that holds no histories: its variables alone take 60 kB of a file."""
-
-UNKNOWN_LOGICAL = -1
-"""Stands for a logical value of a scenario that is not complete."""
 
 SPLITS = {"train": 0.7, "validation": 0.85, "test": 1.0}
 """Parts of the data, with the share of conditions up to which each reaches [-]."""
@@ -350,7 +347,7 @@ def _stack(name: str, pieces: Sequence[_Piece], count: int, *, coordinate: bool)
     """Return a variable of some rows in one array."""
     first = pieces[0]
     kind = first.values.dtype
-    logical = kind.kind == "b"
+    logical = any(piece.values.dtype.kind == "b" for piece in pieces)
     whole = kind.kind in "bi"  # states of machines are -1 without a machine too
     dtype, empty = (np.dtype(np.int8), UNKNOWN_LOGICAL) if whole else (kind, np.nan)
     alone = len(first.places) == count and kind == dtype

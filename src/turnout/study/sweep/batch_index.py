@@ -14,8 +14,9 @@ from h5py import h5d, h5s
 from numpy.typing import NDArray
 
 from turnout.core.errors import FileError
-from turnout.study.sweep.batch import UNKNOWN_LOGICAL, BatchOrigin, StoredVariable, list_batches
+from turnout.study.sweep.batch import BatchOrigin, StoredVariable, list_batches
 from turnout.study.sweep.folder import BATCHES, read_identity
+from turnout.study.sweep.labels import UNKNOWN_LOGICAL
 from turnout.study.sweep.verify import open_verified
 
 Ints = NDArray[np.int64]

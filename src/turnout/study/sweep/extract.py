@@ -21,7 +21,7 @@ from turnout.solver.watch import Watch, Watched
 from turnout.study.study import Study
 from turnout.study.sweep.throw_group import GAPS, LAID_TOGETHER, ThrowSignals, single_precision
 from turnout.throw.dataset import response_channels
-from turnout.throw.drives import machine_signals, machine_slips, moved_throws
+from turnout.throw.drives import as_thrown, machine_signals, machine_slips, moved_throws
 from turnout.throw.gaps import gaps_over_time, watched_gaps
 from turnout.throw.labels import flangeway_ends
 from turnout.throw.recovery import Motion, recover_motion
@@ -75,6 +75,7 @@ def extract_signals(
         Of what is kept of forces and currents over time, and of their features.
     """
     mechanism, history = solved.mechanism, solved.history
+    given, panel = panel, as_thrown(panel, history)
     motion, moved = recover_motion(mechanism, history), moved_throws(panel, history)
     labels = object_memory(mechanism, history)
     watched, kept = history.watched, Variables()
@@ -83,7 +84,7 @@ def extract_signals(
         of_machines = machine_signals(panel, history)
         labels |= {name: value for name, value in of_machines.items() if "time" not in value[0]}
         kept = _kept_of_machines(study, of_machines, history.time, recorder)
-        kept |= _further_channels(study, panel, solved, known={*of_machines, *LAID_TOGETHER})
+        kept |= _further_channels(study, given, solved, known={*of_machines, *LAID_TOGETHER})
     return ThrowSignals(
         panel=panel,
         index=mechanism.index,

@@ -37,6 +37,10 @@ LABELS = {
 NOT_STORED = ("object_contact_time", "least_flangeway_rail")
 """Labels that sweeps leave out."""
 
+UNKNOWN_LOGICAL = -1
+"""Stands for a logical value that is not known: the scenario is not complete, or a machine still
+moves."""
+
 MACHINE_LABELS = ("throw_time", "mean_current", "end_current")
 """Stored of each throw as they are, if drives are machines."""
 
@@ -88,6 +92,8 @@ def _state_labels(throws: AlikeThrows) -> Values:
         moved=first.moved,
         limits=throws.gap_limits,
     )
+    if first.moved and first.moved[-1].end > throws.time[-1] + 1e-9:  # a machine still moves
+        states["locked"] = (("time",), np.full((len(throws.runs), 1), UNKNOWN_LOGICAL, np.int8))
     found: Values = {
         "force_margin": (("drive", "direction"), margins),
         "end_gap": (("drive",), drive_gap[..., -1]),

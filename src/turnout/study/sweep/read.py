@@ -78,6 +78,22 @@ def read_labels(folder: Path | str) -> xr.Dataset:
     return _to_dataset(index, variables)
 
 
+def last_values(channel: xr.DataArray) -> NDArray[Any]:
+    """Return the last values of each throw over time.
+
+    Throws that waited less for machines than the longest are filled up by NaN.
+
+    Examples
+    --------
+    >>> last_values(xr.DataArray([[1.0, 2.0, np.nan], [3.0, 4.0, 5.0]], dims=("scenario", "time")))
+    array([2., 5.])
+    """
+    values = channel.transpose(..., "time").to_numpy()
+    known = np.isfinite(values[..., ::-1])
+    at = values.shape[-1] - 1 - known.argmax(axis=-1, keepdims=True)
+    return np.asarray(np.take_along_axis(values, at, axis=-1)[..., 0])
+
+
 def _to_dataset(index: BatchIndex, variables: Mapping[str, xr.Variable]) -> xr.Dataset:
     scenario = xr.Variable("scenario", index.scenario, index.like["scenario"].attributes)
     dataset = xr.Dataset({**variables, "scenario": scenario}, attrs=dict(index.attributes))
