@@ -179,7 +179,8 @@ def test_clutches_of_machines_wear_too() -> None:
     worn = panel.with_overrides({f"machine.{name}.clutch.torque": torque[name] for name in torque})
     for number, expected in enumerate((panel, worn)):
         alone = simulate(expected, mode="quick")
-        assert np.array_equal(made["drive_force"][number], alone["drive_force"])
+        own = made["drive_force"][number, :, : alone.sizes["time"]]  # worn ones slip for longer
+        assert np.array_equal(own, alone["drive_force"])
     assert not np.array_equal(made["drive_force"][0], made["drive_force"][1])
 
 
