@@ -101,6 +101,7 @@ def unfinished(dataset: "xr.Dataset") -> dict[Span, str]:
     >>> span = {"name": "throw", "to": "open", "start": 0.2, "end": 9.5}
     >>> made = {"drive": "1", "to": "open", "outcome": "moving", "on": 0.3, "off": None}
     >>> attributes = {"movements": json.dumps([span]), "machine_throws": json.dumps([made])}
+    >>> attributes["machine_supplies"] = json.dumps({"1": {}})
     >>> run = xr.Dataset(coords={"time": [0.0, 8.5]}, attrs=attributes)
     >>> list(unfinished(run).values())
     ['Drive 1 still moves at 8.5 s']
