@@ -28,7 +28,7 @@ from turnout.calibration.load_study import load_study
 from turnout.study.read_study import scheme_for
 from turnout.study.study import Study
 from turnout.study.sweep.batch import batch_variables, throw_batch
-from turnout.study.sweep.batch_file import file_bytes
+from turnout.study.sweep.batch_bytes import file_bytes
 from turnout.study.sweep.folder import JOURNAL
 from turnout.study.sweep.read import open_batches, read_labels
 from turnout.study.sweep.run import SweepProgress, throw_study

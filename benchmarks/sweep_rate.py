@@ -44,7 +44,7 @@ try:
 except ImportError:  # the parent says that this code is too old
     sys.exit(1)
 try:
-    from turnout.study.sweep.batch_file import file_bytes
+    from turnout.study.sweep.batch_bytes import file_bytes
 except ImportError:  # an older checkout
     from turnout.study.sweep.batch import file_bytes
 signal.signal(signal.SIGINT, signal.SIG_IGN)  # as in a worker

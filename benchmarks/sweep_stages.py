@@ -22,7 +22,8 @@ from benchmarks.page import METHODS, write_section
 from turnout.calibration.load_study import load_study
 from turnout.solver.start import clear_starts
 from turnout.study.study import Study
-from turnout.study.sweep import batch, batch_file
+from turnout.study.sweep import batch
+from turnout.study.sweep import batch_bytes as batch_file
 from turnout.study.sweep.worker import initialize_worker
 
 STUDY = Path(__file__).with_name("million.toml")
@@ -32,7 +33,7 @@ STAGES = {
         "throw_batch": "scenario drawn",
         "batch_variables": "rows stacked",
     },
-    "turnout.study.sweep.batch_file": {"file_bytes": "file made and compressed"},
+    "turnout.study.sweep.batch_bytes": {"file_bytes": "file made and compressed"},
     "turnout.study.sweep.row": {
         "prepare_scenario": "panel of the scenario",
         "resolve_objects": "objects placed and checked",

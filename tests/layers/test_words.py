@@ -19,7 +19,6 @@ FACES = ("api", "cli", "figures", "web")
 SAME_MEANING = {
     "export": "results as files",
     "features": "of a movement, as numbers; of what a detector judges by",
-    "labels": "of a throw; of the throws of a sweep",
     "load": "a file as a record",
     "machines": "of a panel, defined and built",
     "records": "of a TOML document",

@@ -10,7 +10,7 @@ from turnout.beam.craig_bampton import (
     reduce_matrix,
     reduce_vector,
 )
-from turnout.beam.truncation import format_report, reduction_report
+from turnout.beam.reduction_error import format_report, reduction_report
 from turnout.core.errors import MechanicsError
 
 SIZE = 12

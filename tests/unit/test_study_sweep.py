@@ -26,7 +26,7 @@ from turnout.study.study import Study
 from turnout.study.sweep import folder as sweep_folder
 from turnout.study.sweep import row as sweep_row
 from turnout.study.sweep.batch import batch_variables, throw_batch
-from turnout.study.sweep.batch_file import file_bytes
+from turnout.study.sweep.batch_bytes import file_bytes
 from turnout.study.sweep.batch_index import label_arrays, read_index
 from turnout.study.sweep.folder import check_folder, lock_folder
 from turnout.study.sweep.labels import object_labels
@@ -398,7 +398,7 @@ def test_a_worker_loads_only_what_it_needs(study: Study, whole: Path) -> None:
     """Each worker waits for what it imports, so what only others need would cost every sweep."""
     script = f"""
 import sys
-from turnout.study.sweep.batch_file import file_bytes
+from turnout.study.sweep.batch_bytes import file_bytes
 from turnout.study.sweep.batch import batch_variables, throw_batch
 from turnout.study.sweep.stored_study import load_stored_study
 from turnout.study.sweep.worker import make_batch

@@ -14,7 +14,7 @@ from turnout.study.sweep.batch import (
     plan_batches,
     throw_batch,
 )
-from turnout.study.sweep.batch_file import file_bytes
+from turnout.study.sweep.batch_bytes import file_bytes
 from turnout.study.sweep.export import sweep_table
 from turnout.study.sweep.read import open_batches, read_labels
 from turnout.study.sweep.run import throw_study

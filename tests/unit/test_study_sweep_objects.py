@@ -14,7 +14,7 @@ from turnout.metric.sweep_map import STATES, end_state
 from turnout.metric.verdict import verdict
 from turnout.panel.foreign_object import ForeignObject
 from turnout.study.sweep.batch import batch_variables
-from turnout.study.sweep.batch_file import file_bytes
+from turnout.study.sweep.batch_bytes import file_bytes
 from turnout.study.sweep.read import read_labels
 from turnout.study.sweep.row import throw_scenarios
 from turnout.study.sweep.run import throw_study

@@ -14,7 +14,7 @@ from turnout.beam.craig_bampton import (
     reduce_vector,
     superelement_in,
 )
-from turnout.beam.truncation import ReductionReport, reduction_report
+from turnout.beam.reduction_error import ReductionReport, reduction_report
 from turnout.core.content_cache import cached_arrays, counts, digest
 from turnout.core.lru_cache import LRUCache
 from turnout.mechanism.mechanism import RailBody, RailData, ReducedRail

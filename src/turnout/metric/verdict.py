@@ -19,7 +19,7 @@ from turnout.metric.slip import (
 )
 from turnout.metric.summary import format_force
 from turnout.metric.trapped import break_note, is_trapped
-from turnout.metric.verdict_words import (
+from turnout.metric.verdict_clauses import (
     accepted_by,
     narrow_flangeway,
     nothing_left,

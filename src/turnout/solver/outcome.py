@@ -12,8 +12,11 @@ LEAST_SCALE = 0.1
 """Smallest scale of the energy balance [J]; forces of 10 kN times 1e-12 m are 1e-7 of it."""
 ROUNDING = 1e-14
 """Rounding allowed besides, as a share of the energy of the folded linear system [-]."""
-MOST_ROUNDING = 1e-6
-"""Most rounding allowed [J]: rails at rest with chairs metres below them have some 5e-7 J."""
+MOST_ROUNDING = 1e-5
+"""Most rounding allowed [J]: rails at rest with chairs metres below them have 5e-7 to 4e-6 J.
+
+The latter is 9 units of the last digit of the folded energy; processors sum in different orders.
+"""
 
 
 class Code(IntEnum):
@@ -73,7 +76,7 @@ def is_closed(residual: float, scale: float, folded: float = 0.0) -> bool:
     --------
     >>> is_closed(1e-4, 700.0), is_closed(1e-3, 700.0), is_closed(float("nan"), 700.0)
     (True, False, False)
-    >>> is_closed(5e-7, 5e-7), is_closed(5e-7, 5e-7, 1e8), is_closed(2e-6, 2e-6, 1e12)
+    >>> is_closed(5e-7, 5e-7), is_closed(5e-7, 5e-7, 1e8), is_closed(2e-5, 2e-5, 1e12)
     (False, True, False)
     """
     rounding = min(ROUNDING * folded, MOST_ROUNDING)

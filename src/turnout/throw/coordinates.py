@@ -10,7 +10,7 @@ from turnout.core.lru_cache import LRUCache
 from turnout.mechanism.mechanism import LawIndex, Mechanism
 from turnout.panel.model import Panel
 from turnout.panel.records import Drive, Placed
-from turnout.throw.labels import DIRECTIONS
+from turnout.throw.lock_and_control import DIRECTIONS
 from turnout.throw.save import Save
 from turnout.throw.signals import AXES, Channel, slip_forces, stop_names
 

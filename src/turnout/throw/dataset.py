@@ -33,7 +33,7 @@ from turnout.throw.drives import (
     moved_throws,
 )
 from turnout.throw.gaps import place_block, shape_block, split_gaps
-from turnout.throw.labels import (
+from turnout.throw.lock_and_control import (
     contact_labels,
     control_states,
     flangeway_ends,

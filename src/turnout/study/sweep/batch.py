@@ -2,7 +2,7 @@
 
 Which scenarios are in which batch depends on the study alone, so that it does not matter who
 throws them, when, and after which interruptions. The file of a batch
-(`turnout.study.sweep.batch_file`) is written whole or not at all. Its name carries a digest of its
+(`turnout.study.sweep.batch_bytes`) is written whole or not at all. Its name carries a digest of its
 content, which every reader verifies; an attribute says which study, which sources and which batch
 it comes from.
 """

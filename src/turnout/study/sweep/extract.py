@@ -23,7 +23,7 @@ from turnout.study.sweep.throw_group import GAPS, LAID_TOGETHER, ThrowSignals, s
 from turnout.throw.dataset import response_channels
 from turnout.throw.drives import as_thrown, machine_signals, machine_slips, moved_throws
 from turnout.throw.gaps import gaps_over_time, watched_gaps
-from turnout.throw.labels import flangeway_ends
+from turnout.throw.lock_and_control import flangeway_ends
 from turnout.throw.recovery import Motion, recover_motion
 from turnout.throw.route import throws
 from turnout.throw.save import Save

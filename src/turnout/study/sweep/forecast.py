@@ -8,7 +8,7 @@ import numpy as np
 
 from turnout.study.study import Study
 from turnout.study.sweep.batch import batch_variables, plan_batches
-from turnout.study.sweep.batch_file import file_bytes
+from turnout.study.sweep.batch_bytes import file_bytes
 from turnout.study.sweep.row import COMPLETE, throw_scenarios
 
 TRIALS = 3

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from turnout.metric.features import FEATURES, run_features
 from turnout.metric.trapped import is_trapped
 from turnout.study.sweep.throw_group import AlikeThrows, ThrowSignals
-from turnout.throw.labels import (
+from turnout.throw.lock_and_control import (
     contact_labels,
     control_states,
     flangeway_labels,

@@ -18,7 +18,7 @@ from turnout.panel.markers import marker_offsets
 from turnout.solver.watch import Watched
 from turnout.throw.flangeway import MovementEnds
 from turnout.throw.gaps import split_gaps_of
-from turnout.throw.labels import state_limits
+from turnout.throw.lock_and_control import state_limits
 from turnout.throw.route import DirectedMovement
 from turnout.throw.signals import (
     Channel,

@@ -21,7 +21,7 @@ from turnout.study.sweep.batch import (
     throw_batch,
     write_batch,
 )
-from turnout.study.sweep.batch_file import file_bytes
+from turnout.study.sweep.batch_bytes import file_bytes
 from turnout.study.sweep.folder import BATCHES
 from turnout.study.sweep.row import OUTCOMES
 from turnout.study.sweep.stored_study import load_stored_study

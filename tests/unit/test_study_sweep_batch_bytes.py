@@ -8,9 +8,9 @@ import h5py
 import numpy as np
 import pytest
 
-from turnout.study.sweep import batch_file
+from turnout.study.sweep import batch_bytes as batch_file
 from turnout.study.sweep.batch import BatchOrigin, StoredVariable
-from turnout.study.sweep.batch_file import LARGEST_CHUNK, deflate_chunk, file_bytes
+from turnout.study.sweep.batch_bytes import LARGEST_CHUNK, deflate_chunk, file_bytes
 
 
 def _variables(seed: int, *, name: str = "a", units: str = "N") -> dict[str, StoredVariable]:

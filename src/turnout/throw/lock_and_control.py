@@ -1,4 +1,4 @@
-"""Single numbers and states of a run: contact, margins, control, lock, least flangeway."""
+"""Lock, control and other single states of a run: contact, margins, least flangeway."""
 
 from collections.abc import Sequence
 

@@ -8,7 +8,7 @@ from tests.unit.simulated import sb1_panel, sb2_dataset, sb2_panel
 
 from turnout.mechanism.mechanism import LawIndex
 from turnout.panel.profile import contact_height
-from turnout.throw.labels import contact_labels, control_states, force_margins
+from turnout.throw.lock_and_control import contact_labels, control_states, force_margins
 from turnout.throw.route import (
     at_rest,
     closed_rail,
