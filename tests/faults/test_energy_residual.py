@@ -25,13 +25,9 @@ from turnout.throw.simulate import simulate
 
 MODES = ("waveform", "quick", "quasi-static")
 HEAVY = "gravity=1e10 m/s^2"
+# Chairs of 1e12 N/m a metre below the rail are no case: 4e-7 to 4e-6 of the scale, by processor.
 OPEN: dict[str, tuple[str, dict[str, Any], tuple[str, ...]]] = {
     "gravity": ("sb1", {"gravity": 1e10}, MODES),
-    "lifted chairs": (
-        "uic60-760-1-15",
-        {"chair.clearance": 1.0, "chair.normal_stiffness": 1e12},
-        ("waveform", "quick"),  # in quasi-static mode it closes to 2e-7
-    ),
     "heavy rails": ("uic60-760-1-15", {"gravity": 1e8}, MODES),
 }
 CASES = [(name, mode) for name, (_, _, modes) in OPEN.items() for mode in modes]

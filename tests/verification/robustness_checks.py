@@ -32,7 +32,7 @@ system.
 
 Closed chairs and drives are part of that system; chairs lifted by metres, or rails that never move,
 leave their balance as small differences of its large terms. Of a complete run that is 1e-14, and
-1e-6 J at most.
+1e-5 J at most.
 """
 PULL = 1e-3
 """Force that a contact may pull with, or friction exceed its limit [N]."""
@@ -202,7 +202,7 @@ def _book_faults(run: Run) -> Iterator[str]:
     scale = float(run.dataset.attrs["energy_scale"])
     allowed = BOOKS * max(scale, LEAST_SCALE)
     folded = folded_energy(run)
-    allowed += min(1e-14 * folded, 1e-6) if run.history.outcome.complete else ROUNDING * folded
+    allowed += min(1e-14 * folded, 1e-5) if run.history.outcome.complete else ROUNDING * folded
     residual = float(np.abs(run.dataset["energy_residual"]).max())
     if residual > allowed and run.history.outcome.code is not Code.INACCURATE:
         yield f"energy residual {residual:.1e} J, allowed are {allowed:.1e} J of {scale:.1e} J"
