@@ -16,7 +16,7 @@ from turnout.detection.detector.detector import Detector
 from turnout.detection.detector.recorded import Recorded
 from turnout.detection.detector.switch_history import predict
 from turnout.detection.detector.throw_rows import read_table
-from turnout.detection.detector.throw_verdict import CANNOT, Verdict
+from turnout.detection.detector.throw_verdict import CANNOT, OBJECTS, Verdict
 from turnout.detection.detector.throws_of_dataset import throws_of_dataset
 from turnout.detection.detector.trends import staying_causes
 from turnout.figures.detection import trend_sheet
@@ -138,7 +138,7 @@ def _verdict_record(detector: Detector, verdict: Verdict) -> dict[str, Any]:
 
 def _band(detector: Detector, throw: Recorded, verdict: Verdict) -> Sheet | None:
     """Return a throw in the band of 95 % of sound throws of this switch at its friction level."""
-    if verdict.status == CANNOT:
+    if verdict.status in (CANNOT, OBJECTS):
         return None
     _, features = detector.features(throw)
     known = detector.knowledge

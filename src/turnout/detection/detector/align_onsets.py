@@ -84,7 +84,7 @@ class Aligner:
             [np.flatnonzero(early & (number == at)) for at in range(len(layout.parts))]
         )
         self.layout, self.size = layout, len(kept)
-        roots, scales = zip(*(_root(centre, kept) for centre in view.centres), strict=True)
+        roots, scales = zip(*(inverse_root(centre, kept) for centre in view.centres), strict=True)
         self.scale = np.array(scales)
         root, means = np.array(roots), np.array([centre.mean[kept] for centre in view.centres])
         self.movements = {
@@ -108,7 +108,7 @@ class Aligner:
         given = {name: throw.onsets[name] for name in self.names(throw)}
         early = EarlyForces(self, throw, {name: at + SHIFTS for name, at in given.items()})
         values = early.scores() + reduce(np.add.outer, [KNOWN] * len(given))
-        shifts = _peak(SHIFTS, values)
+        shifts = peak(SHIFTS, values)
         found = {name: at + shift for (name, at), shift in zip(given.items(), shifts, strict=True)}
         return found, early.sums
 
@@ -171,7 +171,7 @@ class EarlyForces:
         return (movement.root @ off).astype(np.float64)
 
 
-def _root(centre: Centre, kept: Ints) -> tuple[Floats, float]:
+def inverse_root(centre: Centre, kept: Ints) -> tuple[Floats, float]:
     """Return the inverse root of the covariance of some features, and the log of its determinant.
 
     Parameters
@@ -198,7 +198,7 @@ def _movement(
     return _Movement(early, first, columns, means[:, mine, np.newaxis])
 
 
-def _peak(places: Floats, values: Floats) -> list[float]:
+def peak(places: Floats, values: Floats) -> list[float]:
     """Return where values are highest on each axis, by the parabola through the highest ones.
 
     Parameters
@@ -213,7 +213,7 @@ def _peak(places: Floats, values: Floats) -> list[float]:
     >>> places = np.arange(5.0)
     >>> first, second = places[:, np.newaxis] - 2.3, places - 1.2
     >>> values = -(first**2) - second**2 + 0.5 * first * second
-    >>> [round(place, 6) for place in _peak(places, values)]
+    >>> [round(place, 6) for place in peak(places, values)]
     [2.3, 1.2]
     """
     highest = np.unravel_index(int(values.argmax()), values.shape)

@@ -7,8 +7,9 @@ of another type are called an unknown deviation, or a cause that explains them a
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from turnout.detection.conditions import FORCE
 from turnout.detection.detector.recorded import Recorded
-from turnout.detection.detector.throw_verdict import CANNOT, CAUSE, SOUND, UNKNOWN
+from turnout.detection.detector.throw_verdict import CANNOT, CAUSE, OBJECTS, SOUND, UNKNOWN
 
 LEAST_THROWS = 5
 """Below which their verdicts say nothing of the detector."""
@@ -65,7 +66,7 @@ def panel_remark(throws: Sequence[Recorded], about: Mapping[str, Any]) -> str:
 
 
 def misfit_remark(statuses: Sequence[str], about: Mapping[str, Any]) -> str:
-    """Return that a detector may not fit the throws that it judged; empty where it may well.
+    """Return that a detector of forces may not fit the throws that it judged; else empty.
 
     Most of some throws are an unknown deviation or cannot be judged. Other causes count with these
     where no throw is sound: a cause explains throws of another type of switch at times.
@@ -84,7 +85,9 @@ def misfit_remark(statuses: Sequence[str], about: Mapping[str, Any]) -> str:
     >>> misfit_remark(["other cause"] * 4 + ["sound"], {})
     ''
     """
-    odd, what = [UNKNOWN, CANNOT], "unknown or cannot be judged"
+    if about.get("quantity", FORCE) != FORCE:  # currents and powers of recordings are not judged
+        return ""
+    odd, what = [UNKNOWN, CANNOT, OBJECTS], "unknown or cannot be judged"
     if SOUND not in statuses:
         odd, what = [*odd, CAUSE], "neither sound nor an object"
     count = sum(item in odd for item in statuses)

@@ -13,13 +13,13 @@ from turnout.core.errors import FileError, TurnoutError
 from turnout.core.threads import one_blas_thread
 from turnout.detection.conditions import FORCE
 from turnout.detection.detector.align_onsets import Aligner
+from turnout.detection.detector.beyond_model import KnownBounds
 from turnout.detection.detector.calibrating import throw_levels
 from turnout.detection.detector.find_movements import MovementFinder, further_closing, located
 from turnout.detection.detector.interval_widths import AT_ONCE
 from turnout.detection.detector.judging import CYCLE, View, evidence_of, make_view
 from turnout.detection.detector.knowledge import Knowledge, load, store
 from turnout.detection.detector.recorded import (
-    UNLOADED,
     ZEROED,
     ForcesAtRest,
     Recorded,
@@ -32,6 +32,8 @@ from turnout.detection.detector.throw_layout import CLOSING, Layout
 from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.detector.throw_verdict import (
     CANNOT,
+    NOT_VERIFIED,
+    OBJECTS,
     SOUND,
     Verdict,
     cannot_judge,
@@ -71,6 +73,7 @@ class Detector:
     _views: dict[str, View] = field(init=False, default_factory=dict)
     _aligners: dict[str, Aligner] = field(init=False, default_factory=dict)
     _rests: dict[str, ForcesAtRest] = field(init=False, default_factory=dict)
+    _bounds: dict[str, KnownBounds] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         """Begin without a history."""
@@ -106,6 +109,7 @@ class Detector:
         """Return the throws of a recording; where no channel marks them, they are found."""
         layout = self.knowledge.layout
         looked = not recording.marked or (recording.single and CLOSING in recording.onsets)
+        looked = looked and self.quantity == FORCE
         if (
             not looked
             or recording.fault
@@ -151,6 +155,8 @@ class Detector:
     def _usable(self, throw: Recorded) -> tuple[str, Floats, str]:
         """Return what of a throw can be judged, its features, and why not; empty if it can be."""
         reason = recording_fault(throw, self.knowledge.layout, self.quantity)
+        if self.quantity != FORCE and not throw.exact:
+            reason = f"{NOT_VERIFIED}; {throw.fault}" if throw.fault else NOT_VERIFIED
         if reason:
             return "", np.zeros(0), reason
         part, features = self.features(throw)
@@ -222,7 +228,9 @@ class Detector:
             )
             own = dict(zip(layout.drives, peaks[number].tolist(), strict=True))
             found.append(replace(verdict, peaks=own))
-        return found
+        if part not in self._bounds:
+            self._bounds[part] = KnownBounds(view, layout, starts=self.quantity == FORCE)
+        return self._bounds[part].checked(found, features, evidence)
 
     def features(self, throw: Recorded) -> tuple[str, Floats]:
         """Return what of a throw can be judged, and its features, shape (n_features,) [N]."""
@@ -234,11 +242,7 @@ class Detector:
             onsets, sums = self._aligner(part).aligned(throw)
         if part == CLOSING:
             onsets = {CLOSING: onsets[CLOSING]}
-        found = features_of_recorded(throw, layout, onsets, sums)
-        if part == CYCLE and self._rest(part, found) == UNLOADED:
-            part = CLOSING
-            found[layout.part == 0] = np.nan
-        return part, found
+        return part, features_of_recorded(throw, layout, onsets, sums)
 
     def view(self, part: str = CYCLE) -> View:
         """Return what throws are judged with, made when it is first needed."""
@@ -255,7 +259,7 @@ class Detector:
 
     def _clear_prepared(self) -> None:
         """Clear what was prepared for another history."""
-        for made in (self._views, self._aligners, self._rests):
+        for made in (self._views, self._aligners, self._rests, self._bounds):
             made.clear()
 
     # ---- what it learns of a switch
@@ -325,7 +329,9 @@ class Detector:
         """
         verdicts = [self.judge(throw) for throw in throws]
         judged = [
-            (v.alarm, t) for v, t in zip(verdicts, trapped, strict=True) if v.status != CANNOT
+            (verdict.alarm, truth)
+            for verdict, truth in zip(verdicts, trapped, strict=True)
+            if verdict.status not in (CANNOT, OBJECTS)
         ]
         sound = [alarm for alarm, truth in judged if not truth]
         objects = [alarm for alarm, truth in judged if truth]

@@ -47,7 +47,8 @@ class Recorded:
     onsets : mapping of str to float
         When "opening" and "closing" begin, as far as they are recorded [s].
     exact : bool
-        Whether onsets are exact, as in simulations; else they are found again.
+        Whether onsets are those of the commands of a simulated schedule; others are found again,
+        and current or power is not judged from them.
     fault : str
         Why it cannot be judged; empty otherwise.
     labels : mapping of str to object
@@ -262,8 +263,6 @@ def held_run(time: Floats, force: Floats) -> tuple[float, float]:
 
 LEAST_OTHERS = 20
 """Samples beside a run of equal ones that noise is seen in."""
-
-
 END_MISSING = 0.5
 """Of the rest after the movement, not needed: the last value counts for it [s]."""
 START_MISSING = 0.1

@@ -161,6 +161,39 @@ def layout_of(
     return Layout(parts=tuple(parts), drives=tuple(drives))
 
 
+def stretched(features: Floats, layout: Layout, faster: Floats) -> Floats:
+    r"""Return the features of throws whose drives all move faster, shape (n, layout.size) [N].
+
+    Friction does not depend on speed here, so a throw that is faster by a share :math:`\varepsilon`
+    shows at a time u after its onset what it showed at :math:`(1 + \varepsilon)\,u`.
+
+    Parameters
+    ----------
+    features : ndarray, shape (n, layout.size)
+        [N]
+    layout : Layout
+        Windows.
+    faster : ndarray, shape (n,)
+        Shares [-].
+
+    Examples
+    --------
+    >>> layout = layout_of([("closing", 0.2, 0.5)], end=1.0, drives=["1"])
+    >>> ramp = layout.time[np.newaxis] - 0.2
+    >>> bool(np.allclose(stretched(ramp, layout, np.array([0.1]))[0, 3:-3], 1.1 * ramp[0, 3:-3]))
+    True
+    """
+    found = np.empty_like(features)
+    for number, part in enumerate(layout.parts):
+        for drive in range(len(layout.drives)):
+            rows = np.flatnonzero((layout.part == number) & (layout.drive == drive))
+            since = layout.time[rows] - part.start
+            for throw, values in enumerate(features[:, rows]):
+                before = np.where(since > 0.0, (1.0 + faster[throw]) * since, since)
+                found[throw, rows] = np.interp(before, since, values)
+    return found
+
+
 BEFORE, AFTER = 0.12, 0.6
 """Time before the onset and after the end of a movement that is used [s]."""
 

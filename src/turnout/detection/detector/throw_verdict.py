@@ -32,7 +32,10 @@ from turnout.detection.likelihood import Evidence, log_sum
 Floats = NDArray[np.float64]
 
 SOUND, ALARM, CAUSE = "sound", "object", "other cause"
-UNKNOWN, CANNOT = "unknown deviation", "cannot judge"
+UNKNOWN, CANNOT, OBJECTS = "unknown deviation", "cannot judge", "cannot judge objects"
+NOT_VERIFIED = "not verified for recordings"
+"""Reason not to judge current or power but from exact onsets: training counts from the command, and
+recordings begin with the inrush, 0.06 s later, beyond the 40 ms of the alignment."""
 OPEN_ADVICE = "check lock and end positions before trains pass: a gap is inferred above its limit"
 MOST_SAID = 3
 """Causes whose odds are said in words."""
@@ -44,6 +47,9 @@ ADVICE = {
     UNKNOWN: "fits neither a sound switch nor a known cause: throw again, then inspect",
     CANNOT: "record again; the throw counts as not supervised",
 }
+NOT_SUPERVISED = "the throw counts as not supervised"
+UNVERIFIED_ADVICE = f"judge the forces of the drives; {NOT_SUPERVISED}"
+START_ADVICE = f"throw again, from where a whole throw leaves it; {NOT_SUPERVISED}"
 CAUSE_ADVICE = {
     "dry chairs": "grease the slide chairs",
     ADJUSTED: "confirm the adjustment and take a new history: turnout detect learn",
@@ -114,9 +120,10 @@ class Verdict:
     name : str
         Of the recording or movement.
     status : str
-        "sound", "object", "other cause", "unknown deviation" or "cannot judge".
+        "sound", "object", "other cause", "unknown deviation", "cannot judge" or "cannot judge
+        objects".
     reason : str
-        Why it cannot be judged; empty otherwise.
+        Why it or objects cannot be judged; empty otherwise.
     part : str
         "cycle", or "closing" where no opening was recorded.
     history : int
@@ -189,7 +196,8 @@ class Verdict:
 
 def cannot_judge(name: str, reason: str) -> Verdict:
     """Return the verdict on what cannot be judged, and why."""
-    return Verdict(name=name, status=CANNOT, reason=reason, advice=ADVICE[CANNOT])
+    advice = UNVERIFIED_ADVICE if reason.startswith(NOT_VERIFIED) else ADVICE[CANNOT]
+    return Verdict(name=name, status=CANNOT, reason=reason, advice=advice)
 
 
 def verdict_on(
@@ -424,9 +432,11 @@ def _excluded(odds: Mapping[str, float], best: str) -> tuple[str, ...]:
 
 def _verdict_lines(verdict: Verdict) -> list[str]:
     """Return a verdict in words, a few lines."""
-    if verdict.status == CANNOT:
-        return [f"{verdict.name}: cannot judge: {verdict.reason}", f"  next: {verdict.advice}"]
     head = f"{verdict.name}: {verdict.status}"
+    likelier = _likelier(verdict)
+    causes = [f"  likelier than a sound switch: {likelier}"] if likelier else []
+    if verdict.status in (CANNOT, OBJECTS):
+        return [f"{head}: {verdict.reason}", *causes, f"  next: {verdict.advice}"]
     if verdict.status == ALARM and verdict.size is not None:
         size = size_in_words(verdict.size.middle, verdict.size.low, verdict.size.high)
         head += f", {size} at {' or '.join(verdict.places)}"
@@ -454,8 +464,8 @@ def _verdict_lines(verdict: Verdict) -> list[str]:
     for item in verdict.changes:
         change = f"{item.force:+.{2 if item.unit == 'A' else 0}f} {item.unit}"
         found.append(f"  drive {item.drive}: {change}, {item.time:.2f} s after closing began")
-    if verdict.status != SOUND and (likelier := _likelier(verdict)):
-        found.append(f"  likelier than a sound switch: {likelier}")
+    if verdict.status != SOUND:
+        found += causes
     if verdict.excluded and verdict.status != SOUND:
         found.append(f"  not: {', '.join(verdict.excluded)}")
     found.append(f"  next: {verdict.advice}")

@@ -1,5 +1,6 @@
 """Throws of a dataset in schema terms: cut out where currents show them, else a whole recording."""
 
+import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
@@ -31,7 +32,8 @@ def throws_of_dataset(
     """Return the throws of a dataset in schema terms, measured or simulated.
 
     Where no current shows the movements, the one that is returned is the whole recording:
-    `Detector.predict` finds the throws in it.
+    `Detector.predict` finds the throws in it. Currents and powers are judged from exact onsets
+    alone: those of the commands that a simulation states.
     """
     panel = panel_named(dataset.attrs)
     found = _throws_of_dataset(dataset, name=name, quantity=quantity)
@@ -61,9 +63,12 @@ def _throws_of_dataset(dataset: xr.Dataset, *, name: str, quantity: str) -> list
     drives = tuple(str(item) for item in whole["drive"].to_numpy())
     time = whole["time"].to_numpy().astype(np.float64)
     force = whole[channel].to_numpy().astype(np.float64)
+    if quantity != FORCE:
+        taken = Recorded(name=name, time=time, force=force, drives=drives, onsets={})
+        return _commanded(taken, whole)
     found = find_throws(whole)
     closings = [item for item in found if item.direction == CLOSING]
-    if quantity == FORCE and _by_forces(whole, found):
+    if _by_forces(whole, found):
         shown = [
             {CLOSING: item.onset}
             | ({} if (before := _opening_before(found, item)) is None else {OPENING: before.onset})
@@ -94,6 +99,24 @@ def _throws_of_dataset(dataset: xr.Dataset, *, name: str, quantity: str) -> list
             )
         )
     return throws
+
+
+def _commanded(whole: Recorded, dataset: xr.Dataset) -> list[Recorded]:
+    """Return each closing of a simulation, with its opening, from when it was commanded."""
+    moved = json.loads(str(dataset.attrs.get("movements", "[]")))
+    if dataset.attrs.get("kind") != "simulation" or not moved:
+        return [whole]
+    throws = []
+    for number, item in enumerate(moved):
+        before = moved[number - 1] if number else item
+        if item["to"] == "closed":
+            onsets = {CLOSING: float(item["start"])}
+            if before["to"] == "open" and item["start"] - before["start"] < TOGETHER:
+                onsets[OPENING] = float(before["start"])
+            throws.append(replace(whole, onsets=onsets, exact=True))
+    if len(throws) > 1:
+        throws = [replace(t, name=f"{whole.name}#{at}") for at, t in enumerate(throws, 1)]
+    return throws or [replace(whole, exact=True)]
 
 
 def _by_forces(dataset: xr.Dataset, found: tuple[FoundThrow, ...]) -> bool:

@@ -21,6 +21,7 @@ from turnout.detection.detector.throw_layout import (
     OPENING,
     Layout,
     layout_of,
+    stretched,
     throw_features,
 )
 from turnout.detection.detector.throw_set import ThrowSet
@@ -301,27 +302,15 @@ def _sensor_faults(sound: ThrowSet, setting: Setting, kind: int, seed: int) -> S
 
 
 def _other_speeds(sound: ThrowSet, layout: Layout, kind: int, seed: int) -> Samples:
-    r"""Return what another speed of all drives makes of sound throws.
-
-    Friction does not depend on speed here, so a throw that is faster by a share :math:`\varepsilon`
-    shows at a time u after its onset what it showed at :math:`(1 + \varepsilon)\,u`.
-    """
+    """Return what another speed of all drives makes of sound throws."""
     rng = np.random.default_rng([seed, 4])
     count = min(SPEEDS, len(sound.level))
     own = sound.of(rng.choice(len(sound.level), count, replace=False))
     least, most = np.log(SPEED_CHANGE)
     share = np.exp(rng.uniform(least, most, count)) * rng.choice([-1.0, 1.0], count)
-    change = np.zeros_like(own.features)
-    for number, part in enumerate(layout.parts):
-        for drive in range(len(layout.drives)):
-            rows = np.flatnonzero((layout.part == number) & (layout.drive == drive))
-            since = layout.time[rows] - part.start
-            for throw, values in enumerate(own.features[:, rows]):
-                before = np.where(since > 0.0, (1.0 + share[throw]) * since, since)
-                change[throw, rows] = np.interp(before, since, values) - values
     nothing = np.full(count, np.nan)
     return Samples(
-        change=change,
+        change=stretched(own.features, layout, share) - own.features,
         gap=np.zeros_like(own.gaps),
         level=own.level,
         kind=np.full(count, kind, dtype=np.intp),

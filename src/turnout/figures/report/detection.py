@@ -7,7 +7,14 @@ from typing import Any
 from turnout.detection.conditions import CURRENT, FORCE, TRAINED, UNITS
 from turnout.detection.detector.another_switch import misfit_remark
 from turnout.detection.detector.object_kinds import kinds_in_words
-from turnout.detection.detector.throw_verdict import ALARM, CANNOT, CAUSE, SOUND, UNKNOWN
+from turnout.detection.detector.throw_verdict import (
+    ALARM,
+    CANNOT,
+    CAUSE,
+    OBJECTS,
+    SOUND,
+    UNKNOWN,
+)
 from turnout.detection.detector.trends import LEAST_THROWS, staying_causes, trend_of
 from turnout.figures.detection import trend_sheet
 from turnout.figures.report.page import Page, Section, Table
@@ -37,7 +44,7 @@ def detection_page(
     """
     counts = Counter(str(item["status"]) for item in verdicts)
     findings = [_headline(verdicts, counts)]
-    lost = counts.get(CANNOT, 0)
+    lost = counts.get(CANNOT, 0) + counts.get(OBJECTS, 0)
     if lost:
         detail = f"{lost} of {len(verdicts)} throws; the table says why"
         findings.append(Finding("bad", "Could every throw be judged?", "No", detail))
@@ -45,7 +52,9 @@ def detection_page(
     if wide:
         detail = f"inferred in {len(wide)} of {len(verdicts)} throws, the last {wide[-1]}"
         findings.append(Finding("bad", "Is a gap above its limit?", "Yes", detail))
-    if remark := misfit_remark([str(item["status"]) for item in verdicts], about):
+    if remark := misfit_remark(
+        [str(item["status"]) for item in verdicts], {**about, "quantity": quantity}
+    ):
         findings.append(Finding("look", "Does the detector fit the switch?", "Unclear", remark))
     findings.append(Finding("fact", "May trains rely on it?", "No", SAFETY))
     staying = staying_causes(verdicts)
@@ -94,7 +103,7 @@ def _headline(verdicts: Sequence[Mapping[str, Any]], counts: Mapping[str, int]) 
     if others:
         detail = f"but {others} of {total} throws deviate otherwise"
         return Finding("look", question, "Not called", detail)
-    sound, lost = counts.get(SOUND, 0), counts.get(CANNOT, 0)
+    sound, lost = counts.get(SOUND, 0), counts.get(CANNOT, 0) + counts.get(OBJECTS, 0)
     if not sound:
         return Finding("bad", question, "Unknown", f"none of {total} throws could be judged")
     if lost:

@@ -61,7 +61,7 @@ def force_changes(forces: Floats, *, rate: float) -> Floats:
     array([2.])
     """
     count = max(1, min(round(0.3 * rate), forces.shape[1] // 3))
-    filled = np.array([bridge_gaps(row) for row in forces])
+    filled = np.array([bridge_gaps(row) for row in forces]).reshape(forces.shape)
     change = np.median(filled[:, -count:], axis=1) - np.median(filled[:, :count], axis=1)
     return np.asarray(change, dtype=np.float64)
 
