@@ -17,6 +17,7 @@ from turnout.detection.detector.detector import Detector
 from turnout.detection.detector.knowledge import Knowledge
 from turnout.detection.detector.recorded import Recorded
 from turnout.detection.detector.throw_verdict import Verdict
+from turnout.detection.detector.throws_of_dataset import throws_of_dataset
 from turnout.figures.report.detection import detection_page
 from turnout.measurement.campaign.find_throws import find_throws
 from turnout.throw.store import save_response
@@ -130,6 +131,23 @@ def test_onsets_of_a_simulation_are_those_of_its_commands() -> None:
     assert [item.name for item in judge.predict(twice)] == ["throw#1", "throw#2"]
 
 
+def test_onsets_of_a_sequence_are_those_of_each_throw() -> None:
+    """A throw that waited for a machine begins its return later than the first one did."""
+    waited = [{**item, "start": item["start"] + 0.5 * at} for at, item in enumerate(MOVEMENTS)]
+    throw = toy_throw(seed=3)
+    sequence = xr.Dataset(
+        {
+            "drive_current": (("throw", "drive", "time"), np.stack([throw.force] * 2)),
+            "throw_movements": ("throw", [json.dumps(item) for item in (MOVEMENTS, waited)]),
+        },
+        {"time": TIME, "drive": ["1", "2"]},
+        {"kind": "simulation", "movements": json.dumps(MOVEMENTS)},
+    )
+    first, second = throws_of_dataset(sequence, name="it", quantity="current")
+    assert second.onsets["closing"] == first.onsets["closing"] + 0.5
+    assert [item.exact for item in (first, second)] == [True, True]
+
+
 def test_currents_alone_have_no_direction() -> None:
     """Without rod forces `find_throws` ended in an IndexError."""
     assert [item.direction for item in find_throws(dataset())] == ["unknown", "unknown"]
@@ -216,8 +234,10 @@ def test_no_alarm_comes_from_a_start_that_is_not_known(force: float, size: float
     detector = Detector(preloaded())
     verdict = detector.judge(starting(toy_throw(seed=3, size=size), force))
     assert (verdict.status, verdict.cause, verdict.gaps, verdict.odds) == (OBJECTS, "", (), {})
-    how = "unloaded, elsewhere" if force < 600.0 else "elsewhere"
-    assert verdict.reason.startswith(f"the throw starts {how} than the detector knows: drive 1 at ")
+    how = "unloaded, unlike" if force < 600.0 else "unlike"
+    assert verdict.reason.startswith(
+        f"the throw starts {how} all that the detector learned from: drive 1 at "
+    )
     kilo = float(verdict.reason.partition("drive 1 at ")[2].split()[0])
     assert kilo == pytest.approx(1e-3 * force, abs=0.03)
 

@@ -142,7 +142,7 @@ DIMENSIONS = (
     FORCE_RATE,
 )
 
-# Unit texts resolved without pint; tests/unit/test_files_quantity.py compares each with pint.
+# Unit texts resolved without pint; tests/unit/test_core_units.py compares each with pint.
 COMMON_UNITS: dict[str, dict[str, float]] = {
     "length": {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "um": 1e-6, "km": 1e3},
     "time": {"s": 1.0, "ms": 1e-3, "min": 60.0},

@@ -86,7 +86,7 @@ def lamps(dataset: xr.Dataset) -> list[Lamp]:
             if str(name) in machines:
                 rule = "its clutch slips, or it was switched off before its limit contact"
             always = np.ones_like(rest)
-            words = ("slips", "holds")
+            words = ("slips" if str(name) not in machines else "slips or is off", "holds")
             found.append(Lamp("slip", f"drive {name}", on, False, always, words, rule))
     return found
 

@@ -97,7 +97,8 @@ def moved_throws(panel: Panel, history: History) -> tuple[DirectedMovement, ...]
             own = [d.rest for d in made if d.drive == name and abs(d.command - begins) < 1e-9]
             ends.append(own[0] if own and not np.isnan(own[0]) else np.inf)
         last = max(panel.schedule.end, float(history.time[-1]) if history.time.size else 0.0)
-        found.append(replace(throw, end=min(max(ends), throw.until, last + 1.0)))
+        end, late = min(max(ends), throw.until, last + 1.0), max(ends) > throw.until
+        found.append(replace(throw, end=end, unfinished=late))
     return tuple(found)
 
 

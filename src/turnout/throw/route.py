@@ -28,6 +28,8 @@ class DirectedMovement:
         Onset, and arrival of the last drive [s].
     until : float
         Onset of the next movement, infinite for the last [s].
+    unfinished : bool
+        Whether the next movement begins before a machine has arrived.
     """
 
     name: str
@@ -35,6 +37,7 @@ class DirectedMovement:
     start: float
     end: float
     until: float
+    unfinished: bool = False
 
     @property
     def direction(self) -> str:

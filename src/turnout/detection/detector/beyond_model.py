@@ -1,4 +1,4 @@
-r"""Starts and speeds beyond what a detector knows, where objects are not judged.
+r"""Starts and speeds beyond the model of a detector, at which objects are not judged.
 
 A switch that was not pressed home, or is slower than its panel's schedule, differs from every throw
 that was learned from. An object beside that is not seen, and what is seen may be taken for one.
@@ -38,7 +38,7 @@ Floats = NDArray[np.float64]
 SLOWER = np.linspace(-0.2, 0.2, 81)
 """Shares by which movements are tried to take longer [-]."""
 LEAST_SLOWER = 0.02
-"""Share from which on an object in the switch is explained by its speed, and not called [-]."""
+"""Share of speed beyond which objects are not judged; with its error, from 1 % found on [-]."""
 SPEED_ERROR = 0.01
 """Error of that share as it is found, 95 % of throws with and without an object [-]."""
 SURE = float(np.log(1e3))
@@ -130,16 +130,15 @@ class KnownBounds:
             rows = self._drive == number
             here, middle, width = (float(item[rows].mean()) for item in (force, usual, spread))
             low, high = middle - 1.96 * width, middle + 1.96 * width
-            kilo.append(
-                f"drive {name} at {1e-3 * here:z.2f} kN ({1e-3 * low:z.2f} to {1e-3 * high:z.2f})"
-            )
+            usual_range = f"usual {1e-3 * low:z.2f} to {1e-3 * high:z.2f} kN"
+            kilo.append(f"drive {name} at {1e-3 * here:z.2f} kN ({usual_range})")
             light = light and abs(here) < UNLOADED * abs(middle)
-        how = "unloaded, elsewhere" if light else "elsewhere"
-        return f"the throw starts {how} than the detector knows: {', '.join(kilo)}"
+        how = "unloaded, unlike" if light else "unlike"
+        return f"the throw starts {how} all that the detector learned from: {', '.join(kilo)}"
 
 
 def _stretch(root: Floats, mean: Floats, view: View, layout: Layout) -> NDArray[np.float32]:
-    """Return what each speed adds to sound throws of a level, whitened, shape (n_speeds, n)."""
+    """Return the change of sound throws of a level by speed, whitened, shape (n_speeds, n)."""
     whole = np.zeros((len(SLOWER), layout.size))
     whole[:, view.features] = mean
     moved = stretched(whole, layout, 1.0 / (1.0 + SLOWER) - 1.0)
@@ -153,11 +152,12 @@ def _speed(verdict: Verdict, share: float, gain: float) -> str:
     off = sure and (verdict.cause == SPEED or np.exp(min(gain, 700.0)) > others)
     if not off and verdict.cause not in SLOW:
         return ""
-    who = "a drive" if verdict.cause == ONE_DRIVE else "the switch"
+    if verdict.cause == ONE_DRIVE:  # the share found is that of all drives together
+        return "a drive is slower than the detector knows"
     more = "or more " if abs(share) >= SLOWER[-1] else ""
     size = f"{100.0 * abs(share):.1f} % {more}" if sure else ""
     way = "faster" if sure and share < 0.0 else "slower"
-    return f"{who} is {size}{way} than the detector knows"
+    return f"the switch is {size}{way} than the detector knows"
 
 
 def _without_objects(verdict: Verdict, reason: str, advice: str) -> Verdict:

@@ -49,7 +49,7 @@ ADVICE = {
 }
 NOT_SUPERVISED = "the throw counts as not supervised"
 UNVERIFIED_ADVICE = f"judge the forces of the drives; {NOT_SUPERVISED}"
-START_ADVICE = f"throw again, from where a whole throw leaves it; {NOT_SUPERVISED}"
+START_ADVICE = f"make one whole throw, then record the next one; {NOT_SUPERVISED}"
 CAUSE_ADVICE = {
     "dry chairs": "grease the slide chairs",
     ADJUSTED: "confirm the adjustment and take a new history: turnout detect learn",

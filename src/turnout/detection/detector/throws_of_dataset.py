@@ -103,7 +103,12 @@ def _throws_of_dataset(dataset: xr.Dataset, *, name: str, quantity: str) -> list
 
 def _commanded(whole: Recorded, dataset: xr.Dataset) -> list[Recorded]:
     """Return each closing of a simulation, with its opening, from when it was commanded."""
-    moved = json.loads(str(dataset.attrs.get("movements", "[]")))
+    if (
+        "throw_movements" in dataset
+    ):  # a throw of a sequence, with the schedule that it came to have
+        moved = json.loads(str(dataset["throw_movements"].item()))
+    else:
+        moved = json.loads(str(dataset.attrs.get("movements", "[]")))
     if dataset.attrs.get("kind") != "simulation" or not moved:
         return [whole]
     throws = []

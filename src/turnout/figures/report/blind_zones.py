@@ -57,7 +57,8 @@ def blind_zone_page(dataset: xr.Dataset, *, suffixes: Sequence[str] = (".pdf",))
     sections.append(Section(heading="What it rests on", tables=[_conditions(dataset)]))
     return Page(
         title="What the drives can show of a trapped object",
-        subtitle=f"{str(said.get('quantities', 'force')).capitalize()} of the drives, "
+        subtitle=f"{SIMULATED.capitalize()}. "
+        f"{str(said.get('quantities', 'force')).capitalize()} of the drives, "
         f"{said['states']} states, {said['sound_throws']} sound throws",
         findings=_findings(dataset),
         sections=sections,

@@ -87,7 +87,8 @@ def detection_page(
         )
     return Page(
         title="Throws judged from drive forces",
-        subtitle=", ".join(f"{name} {value}" for name, value in about.items() if value),
+        subtitle=f"{TRAINED.capitalize()}. "
+        + ", ".join(f"{name} {value}" for name, value in about.items() if value),
         findings=findings,
         sections=sections,
         footer=[SAFETY],

@@ -29,7 +29,7 @@ LABELS = {
     "object_trapped": ("1", "whether a foreign object was touched and is still there at the end"),
     "slipped": ("1", "whether a drive slipped in the last movement"),
     "slipped_free": ("1", "whether a drive slipped before any object was touched"),
-    "end_locked": ("1", "lock rule met at the end"),
+    "end_locked": ("1", "lock rule met at the end; -1 where a machine had not arrived"),
     "end_in_control": ("1", "sensor gap below its limit at the end"),
 }
 """Unit and meaning of the labels that only a sweep has."""
@@ -92,7 +92,7 @@ def _state_labels(throws: AlikeThrows) -> Values:
         moved=first.moved,
         limits=throws.gap_limits,
     )
-    if first.moved and first.moved[-1].end > throws.time[-1] + 1e-9:  # a machine still moves
+    if any(item.unfinished or item.end > throws.time[-1] + 1e-9 for item in first.moved):
         states["locked"] = (("time",), np.full((len(throws.runs), 1), UNKNOWN_LOGICAL, np.int8))
     found: Values = {
         "force_margin": (("drive", "direction"), margins),

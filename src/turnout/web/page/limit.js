@@ -36,7 +36,7 @@ function draw() {
   });
   drawBlade(byId("limit-blade"), places.sort((a, b) => a.x - b.x));
   const { discrepancy, false_alarm_rate: rate, history } = found.conditions, blind = places.filter((place) => place.value !== null && place.value < 0.9);
-  const said = [`probability that drive forces show an object of ${(MILLI * size).toFixed(1)} mm (the slider), by the best possible method`];
+  const said = ["all switches are simulated, no field recording was compared", `probability that drive forces show an object of ${(MILLI * size).toFixed(1)} mm (the slider), by the best possible method`];
   if (discrepancy !== undefined) said.push(`model error ${100 * discrepancy} %, ${history} sound throws known, ${rate} false alarms per simulated throw`);
   if (places.some((place) => place.mark !== null)) said.push("line in a bar: if only the place is known; the truth lies between");
   said.push("hatched: often not even touched");
