@@ -27,6 +27,7 @@ from turnout.detection.conditions import Conditions
 from turnout.detection.detector.detector import Detector
 from turnout.detection.detector.knowledge import Knowledge
 from turnout.detection.detector.recorded import Recorded
+from turnout.detection.detector.throw_verdict import CANNOT, OBJECTS
 from turnout.detection.detector.throws_of_dataset import throws_of_dataset
 from turnout.detection.features import correlation
 from turnout.detection.floor import TOUCH_FORCE
@@ -59,7 +60,7 @@ def other_figures(
     for dry, first, later, held, sizes in _switches(knowledge, forces):
         detector = Detector(knowledge)
         alone = [detector.judge(item) for item in first]
-        lost += [item.reason for item in alone if item.status == "cannot judge"]
+        lost += [item.reason for item in alone if item.status in (CANNOT, OBJECTS)]
         alarms["sound", 0].append([item.alarm for item in alone])
         for known in (0, KNOWN):
             if known:
@@ -294,7 +295,7 @@ def unmarked_figures(
         "throws": {
             name: {
                 "throws": len(rows),
-                "judged": sum(status not in ("cannot judge", "several") for status, _ in rows),
+                "judged": sum(status not in (CANNOT, OBJECTS, "several") for status, _ in rows),
                 "alarms": sum(alarm for _, alarm in rows),
             }
             for name, rows in found.items()

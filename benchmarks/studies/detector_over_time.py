@@ -47,7 +47,7 @@ from turnout.detection.detector.detector import Detector
 from turnout.detection.detector.knowledge import Setting
 from turnout.detection.detector.recorded import Recorded
 from turnout.detection.detector.throw_set import ThrowSet
-from turnout.detection.detector.throw_verdict import CANNOT, SOUND, Verdict
+from turnout.detection.detector.throw_verdict import CANNOT, OBJECTS, SOUND, Verdict
 from turnout.detection.detector.training import layout_of_panel
 from turnout.detection.floor import TOUCH_FORCE
 from turnout.detection.reference import reference_study
@@ -155,7 +155,7 @@ ONSET_ERROR = 8e-3
 def said_of(verdict: Verdict) -> list[Any]:
     """Return status with its cause, log ratio, and whether a gap is called above its limit."""
     name = f"{verdict.status}: {verdict.cause}" if verdict.cause else verdict.status
-    ratio = None if verdict.status == CANNOT else verdict.log_ratio
+    ratio = None if verdict.status in (CANNOT, OBJECTS) else verdict.log_ratio
     return [name, ratio, any(gap.called for gap in verdict.gaps)]
 
 
@@ -253,7 +253,7 @@ def year_table(months: Sequence[Mapping[str, Any]]) -> list[str]:
             f"{status.get('sound', 0):,}",
             f"{cause:,}",
             f"{status.get('unknown deviation', 0):,}",
-            f"{status.get(CANNOT, 0):,}",
+            f"{status.get(CANNOT, 0) + status.get(OBJECTS, 0):,}",
             f"{item['gaps called']:,}",
         ]
         lines.append(f"| {name} | {' | '.join(cells)} |")

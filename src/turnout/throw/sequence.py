@@ -163,6 +163,7 @@ class _Series:
                 self.panel, solved.mechanism, solved.history, scheme=self.scheme,
                 objects=self.objects, wall_time=0.0, solver_time=0.0,
             )  # fmt: skip
+            self.attributes.pop("schedule_waits", None)  # of the first throw alone
         first = "break_throw" not in self.attributes
         if first and has_broken(solved.mechanism, solved.history):
             self.attributes |= {"break_note": BREAK_NOTE, "break_throw": len(self.kept) + 1}
