@@ -35,10 +35,10 @@ def cold(*, rails_kept: bool) -> float:
     """Return the time to build a panel without its shapes in memory, with its rails or without."""
     panel = load_panel(PANEL)
     build_mechanism(panel)
-    build.forget()
+    build.clear_mechanisms()
     if not rails_kept:
-        reduce.forget()
-        content_cache.forget()
+        reduce.clear_superelements()
+        content_cache.clear_content_cache()
     return processor_time(lambda: build_mechanism(panel))
 
 

@@ -25,13 +25,13 @@ def fresh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """An empty memory and an empty folder."""
     monkeypatch.setenv("TURNOUT_CACHE_DIR", str(tmp_path))
     cache.clear_content_cache()
-    reduce.clear_memory()
+    reduce.clear_superelements()
     build.clear_mechanisms()
     cache.counts.clear()
     monkeypatch.setattr(cache, "_reported", set())
     yield tmp_path
     cache.clear_content_cache()
-    reduce.clear_memory()
+    reduce.clear_superelements()
     build.clear_mechanisms()
 
 
@@ -78,7 +78,7 @@ def test_rails_of_other_sections_share_all_else(
     shared = build_mechanism(panel)
     assert built(scaled) == {}
     build.clear_mechanisms()
-    reduce.clear_memory()
+    reduce.clear_superelements()
     cache.clear_content_cache()
     made = build_mechanism(panel)
     for name in ("stiffness", "mass", "damping", "load", "rows"):
@@ -93,7 +93,7 @@ def test_files_serve_the_next_process(fresh: Path, monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(reduce, "FIRST_STORED", 1)
     first = build_mechanism(PANEL)
     cache.clear_content_cache()
-    reduce.clear_memory()
+    reduce.clear_superelements()
     build.clear_mechanisms()
     cache.counts.clear()
     second = build_mechanism(PANEL)
@@ -119,7 +119,7 @@ def test_a_damaged_file_is_made_again_and_reported_once(
     files[0].write_bytes(b"no archive")
     files[1].write_bytes(files[1].read_bytes()[:60])
     cache.clear_content_cache()
-    reduce.clear_memory()
+    reduce.clear_superelements()
     build.clear_mechanisms()
     with caplog.at_level(logging.WARNING, logger="turnout"):
         for number in (1, 2):
@@ -128,7 +128,7 @@ def test_a_damaged_file_is_made_again_and_reported_once(
     assert cache.counts["damaged"] == 2
     assert len(caplog.records) == 1
     cache.clear_content_cache()
-    reduce.clear_memory()
+    reduce.clear_superelements()
     build.clear_mechanisms()
     cache.cached_arrays("a", [1], lambda: {"value": np.zeros(0)})
     assert cache.counts["a from file"] == 1
@@ -234,7 +234,7 @@ def test_nothing_of_a_rail_is_left_in_a_cleared_memory(fresh: Path) -> None:
     build_mechanism(PANEL.with_overrides({"chair.damping": 1e3}))
     caches = (reduce._rails, reduce._at_dashpots, structure._parts, structure._rows)
     assert all(cache._values for cache in caches)
-    reduce.clear_memory()
+    reduce.clear_superelements()
     assert not any(cache._values for cache in caches)
 
 
