@@ -9,10 +9,10 @@ from tests.unit.sweeps import batch_names, study_file
 
 SCRIPT = """
 from turnout.calibration.load_study import load_study
-from turnout.study.sweep.run import run_sweep
+from turnout.study.sweep.run import throw_study
 
 print("begun")
-print("thrown", run_sweep(load_study({study!r}), {folder!r}, workers=2).thrown)
+print("thrown", throw_study(load_study({study!r}), {folder!r}, workers=2).thrown)
 """
 
 

@@ -106,7 +106,8 @@ def chances_of(away: Sequence[float]) -> tuple[float, float]:
     sizes = np.abs(np.asarray(away, dtype=np.float64))
     if not sizes.size:
         return 1.0, 1.0
-    furthest = -np.expm1(sizes.size * np.log1p(-2.0 * ndtr(-sizes.max())))
+    beyond = 2.0 * ndtr(-sizes.max())
+    furthest = -np.expm1(sizes.size * np.log1p(-beyond)) if beyond < 1.0 else 1.0
     together = chdtrc(sizes.size, sizes @ sizes)
     return min(1.0, 2.0 * float(furthest)), min(1.0, 2.0 * float(together))
 

@@ -1,4 +1,4 @@
-"""The movements of a dataset, whether they end, when drives slip in them or how near they come."""
+"""Movements of a dataset, their ends, and slips of drives in them or the margins to one."""
 
 import json
 import math
@@ -78,7 +78,7 @@ def _records(dataset: "xr.Dataset", name: str) -> list[dict[str, Any]]:
 
 
 def periods(dataset: "xr.Dataset") -> list[tuple[Span | None, float]]:
-    """Return each movement with the onset of the next one [s]; None where none is named."""
+    """Return each movement with the onset of the next one [s], or None if none is named."""
     spans = movements(dataset)
     if not spans:
         return [(None, math.inf)]
@@ -86,7 +86,7 @@ def periods(dataset: "xr.Dataset") -> list[tuple[Span | None, float]]:
 
 
 def machine_throws(dataset: "xr.Dataset") -> list[dict[str, Any]]:
-    """Return what machines did on their commands, as the attributes of a dataset say."""
+    """Return the throws of machines on their commands, from the attributes of a dataset."""
     return _records(dataset, "machine_throws")
 
 
@@ -195,7 +195,7 @@ STOPPED = {
 
 
 def _stopped(dataset: "xr.Dataset", drive: str, time: float) -> str:
-    """Say what has switched off the machine of a drive by a time, if it was not its limit [s]."""
+    """Name the switch-off of the machine of a drive by a time [s], other than by its limit."""
     own = [
         item
         for item in machine_throws(dataset)

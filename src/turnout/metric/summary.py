@@ -267,7 +267,7 @@ def _drives(dataset: "xr.Dataset") -> list[tuple[str, str]]:
 
 
 def _machines(dataset: "xr.Dataset") -> list[tuple[str, str]]:
-    """Return what each machine did on its commands: how long it ran, how it ended, what it took."""
+    """Return run time, outcome and consumption of each machine on its commands."""
     made = machine_throws(dataset)
     if not made or not {"drive_current", "drive_power"} <= set(dataset):
         return []

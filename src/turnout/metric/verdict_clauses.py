@@ -30,7 +30,7 @@ def narrow_flangeway(dataset: "xr.Dataset") -> list[str]:
 
 
 def slip_words(dataset: "xr.Dataset", slip: Slip) -> str:
-    """Name a drive that slips, its slip level and when, or what switched it off."""
+    """Name a drive that slips, its slip level and time, or its switch-off."""
     if slip.stopped and slip.movement is not None:
         what = f"{slip.stopped}, {_direction(slip.movement.to)}"
         return f"Drive {slip.drive} {what}, at t = {slip.time:.2f} s"
