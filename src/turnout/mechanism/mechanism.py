@@ -167,7 +167,7 @@ class DriveMachines:
 
 @dataclass(frozen=True, slots=True)
 class Wait:
-    """Where a schedule waits for machines that still move: before a movement, or at its end.
+    """Wait of a schedule for machines that still move: before a movement, or at its end.
 
     Attributes
     ----------

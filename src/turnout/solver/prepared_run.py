@@ -42,7 +42,7 @@ CHECK_INTERVAL = 0.02
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """Where a run may wait for machines; the last one is its end.
+    """Waits of a run for machines; the last one is at its end.
 
     Attributes
     ----------

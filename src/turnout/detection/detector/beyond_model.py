@@ -48,7 +48,7 @@ RARE_START = 1e-6
 ONE_DRIVE, SLOW = "in-drive", ("in-drive", "supply", "slow drive")
 """Causes by which a drive or all drives take longer than in any throw with an object."""
 TIMING = (SPEED, *SLOW)
-UNLOADED = 0.25
+UNLOADED_SHARE = 0.25
 """Share of the usual force below which a drive starts unloaded [-]."""
 
 
@@ -132,7 +132,7 @@ class KnownBounds:
             low, high = middle - 1.96 * width, middle + 1.96 * width
             usual_range = f"usual {1e-3 * low:z.2f} to {1e-3 * high:z.2f} kN"
             kilo.append(f"drive {name} at {1e-3 * here:z.2f} kN ({usual_range})")
-            light = light and abs(here) < UNLOADED * abs(middle)
+            light = light and abs(here) < UNLOADED_SHARE * abs(middle)
         how = "unloaded, unlike" if light else "unlike"
         return f"the throw starts {how} all that the detector learned from: {', '.join(kilo)}"
 
