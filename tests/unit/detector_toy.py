@@ -1,25 +1,33 @@
 """A switch of formulas, so that a detector is trained and tried within seconds.
 
 Both drives slide by friction, press home by their over-travel, and feel an object from the moment
-that the closing rail meets it, by how much it is larger than the gap left there.
+that the closing rail meets it, by how much it is larger than the gap left there. Thresholds and
+widths, which take most of a training, are stored: `python -m tests.unit.detector_toy` makes them
+again.
 """
 
+import json
+from dataclasses import asdict
 from functools import cache
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from turnout.detection.detector.allowances import Allowances
+from turnout.detection.detector.calibrating import with_calibration
 from turnout.detection.detector.detector import Detector
 from turnout.detection.detector.judging import View, evidence_of
-from turnout.detection.detector.knowledge import Setting
+from turnout.detection.detector.knowledge import Calibrated, Knowledge, Setting
 from turnout.detection.detector.recorded import Recorded
-from turnout.detection.detector.throw_layout import Layout, layout_of
+from turnout.detection.detector.throw_layout import Layout, layout_of, throw_features
 from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.detector.train_detector import knowledge_of_sets
-from turnout.detection.detector.training import SHIFT
+from turnout.detection.detector.training import SHIFT, teach
 from turnout.detection.likelihood import Evidence
 
 PLACES = {"drive 1": 0.3, "sleeper 3": 1.8, "sleeper 6": 3.6, "drive 2": 6.9}
+CALIBRATED = Path(__file__).with_name("toy_calibration.json")
 RATE = 125.0
 TIME = np.arange(0.0, 8.5, 1.0 / RATE)
 Numbers = np.ndarray
@@ -67,8 +75,6 @@ def toy_set(
     elif kind == "adjustment":
         over = over + rng.uniform(-1.2, 1.2, over.shape) * (rng.random(over.shape) < 0.6)
     layout = toy_layout()
-    from turnout.detection.detector.throw_layout import throw_features
-
     onsets = np.tile([0.2, 4.4], (count, 1))
     given = {"size": size, "x": x, "dry": dry}
     features, early, late = (
@@ -104,18 +110,34 @@ def toy_setting() -> Setting:
     )
 
 
-@cache
-def toy_detector() -> Detector:
-    sets = {
+def toy_sets() -> dict[str, ThrowSet]:
+    """Return what the detector learns from."""
+    return {
         "sound": toy_set(600),
         "object": toy_set(500, kind="object"),
         "dry chairs": toy_set(100, kind="dry chairs"),
         "adjustment": toy_set(100, kind="adjustment"),
         "history": toy_set(72, seed=9, sound_seed=9, repeats=12),
     }
-    return Detector(
-        knowledge_of_sets(sets, toy_setting(), draws=6, history_draws=1, histories=(8,))
-    )
+
+
+def toy_training() -> Knowledge:
+    """Train the detector, thresholds and widths with it."""
+    return knowledge_of_sets(toy_sets(), toy_setting(), draws=6, history_draws=1, histories=(8,))
+
+
+@cache
+def toy_detector() -> Detector:
+    """Return the detector, with the thresholds and widths that are stored."""
+    stored = json.loads(CALIBRATED.read_text(encoding="utf-8"))
+    calibrated = [
+        Calibrated(**{name: tuples_of(value) for name, value in item.items()}) for item in stored
+    ]
+    return Detector(with_calibration(teach(toy_sets(), toy_setting()), calibrated))
+
+
+def tuples_of(value: Any) -> Any:
+    return tuple(map(tuples_of, value)) if isinstance(value, list) else value
 
 
 def toy_throw(
@@ -153,3 +175,8 @@ def toy_evidence() -> tuple[View, Evidence]:
     features = detector.knowledge.model.mean[5][np.newaxis, : detector.knowledge.layout.size]
     evidence = evidence_of(view, features)
     return view, evidence
+
+
+if __name__ == "__main__":
+    made = [asdict(item) for item in toy_training().calibrated]
+    CALIBRATED.write_text(json.dumps(made, indent=1) + "\n", encoding="utf-8")
