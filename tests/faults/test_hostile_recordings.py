@@ -13,6 +13,15 @@ from turnout.core.errors import FileError
 from turnout.measurement.formats import file_format
 from turnout.measurement.formats.file_format import read_recording
 
+LONG = (
+    *("filled float32", "filled int8", "filled, called netCDF", "filled beyond any memory"),
+    *("compressed by lzf", "columns of one name", "parquet in columns", "mdf", "tdms"),
+    *("7.3 in parts", "7.3 beyond any memory", "7.3 circle", "7.3 large chunk"),
+    *("7.3 cell of itself", "5 compressed in parts", "5 many variables", "5 fewer cells"),
+    *("5 objects", "5 larger than it is"),
+)
+"""Rows whose way of asking for much another row has, in another type, number or format."""
+
 pytestmark = pytest.mark.skipif(
     not Path("/proc/self/clear_refs").exists(), reason="counts the memory of processes in /proc"
 )
@@ -27,7 +36,10 @@ def own_limit() -> Iterator[None]:
     resource.setrlimit(resource.RLIMIT_DATA, before)
 
 
-@pytest.mark.parametrize("name", HOSTILE)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=pytest.mark.long) if name in LONG else name for name in HOSTILE],
+)
 def test_a_hostile_recording_takes_little(tmp_path: Path, name: str) -> None:
     """Time is that of the processors, as a machine may be busy otherwise."""
     suffix, write = HOSTILE[name]
