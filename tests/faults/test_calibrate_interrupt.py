@@ -5,12 +5,11 @@ import shutil
 import signal
 import subprocess
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from tests.faults.sweep_process import gone, workers_of
-from tests.faults.terminal import started_in_terminal
+from tests.faults.terminal import run_here, started_in_terminal
 from tests.verification.outsider import CASES, Case, Habits, Truth, write_campaign
 
 from turnout.calibration.result import Calibration, load_calibration
@@ -24,36 +23,24 @@ FILE = "calibration.toml"
 FIXED = ("drive.1.saturation_force", "drive.2.stiffness", "drive.2.saturation_force")
 
 
-@pytest.fixture(scope="module")
-def campaign(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def campaign(folder: Path) -> Path:
     """Two movements, as a folder of recordings."""
-    folder = tmp_path_factory.mktemp("interrupted") / "campaign"
     folder.mkdir()
     cases = (Case(), CASES[2])
     truth = Truth(stiffness=(640e3, 810e3), level=(6e3, 6e3))
     return write_campaign(folder, truth, cases=cases, habits=Habits(rate=200.0, noise=10.0))
 
 
-@pytest.fixture(scope="module")
-def whole(campaign: Path, worker_processes: None) -> Calibration:
-    """The calibration that nothing interrupted."""
-    folder = Path(shutil.copytree(campaign, campaign.parent / "whole"))
-    finished(folder)
-    return load_calibration(folder / FILE)
-
-
-def started(folder: Path, *, workers: int = 2) -> subprocess.Popen[str]:
-    """Start a calibration in a terminal."""
+def words(folder: Path, *, workers: int) -> list[str]:
     options = ["--panel", "sb1", "-o", str(folder / FILE), "--workers", str(workers)]
-    options += [word for key in FIXED for word in ("--fix", key)]
-    return started_in_terminal("calibrate", str(folder), *options)
+    return ["calibrate", str(folder), *options, *(w for key in FIXED for w in ("--fix", key))]
 
 
-def finished(folder: Path) -> str:
-    process = started(folder, workers=1)
-    out, err = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 0, err
-    return out
+def finished(folder: Path) -> Calibration:
+    """Return the calibration that the command comes to where nothing interrupts it."""
+    code, err = run_here(*words(folder, workers=1), folder=folder)
+    assert code == 0, err
+    return load_calibration(folder / FILE)
 
 
 def throws(folder: Path) -> int:
@@ -61,28 +48,22 @@ def throws(folder: Path) -> int:
     return len(list((folder / ".turnout" / "throws").glob("[!.]*.npz")))
 
 
-def wait_for(done: Callable[[], bool], process: subprocess.Popen[str]) -> None:
+def started(folder: Path, *, until: int) -> subprocess.Popen[str]:
+    """Start a calibration in a terminal, and wait until so many throws are kept."""
+    process = started_in_terminal(*words(folder, workers=2))
     due = time.monotonic() + PATIENCE
-    while not done() and process.poll() is None and time.monotonic() < due:
+    while throws(folder) < until and process.poll() is None and time.monotonic() < due:
         time.sleep(0.02)
+    return process
 
 
-def check_goes_on(folder: Path, kept: int, whole: Calibration) -> None:
-    """The same command throws what is missing alone, and comes to the same end."""
-    assert not (folder / FILE).exists()
-    finished(folder)
-    found = load_calibration(folder / FILE)
-    assert found.values == whole.values
-    made = sum(stage.evaluations for stage in found.stages)
-    assert made <= sum(stage.evaluations for stage in whole.stages) - kept
-
-
-def test_ctrl_c_is_one_message_and_goes_on(
-    campaign: Path, whole: Calibration, tmp_path: Path
+def test_ctrl_c_is_one_message_a_kill_leaves_no_process_and_both_go_on(
+    worker_processes: None, tmp_path: Path
 ) -> None:
-    folder = Path(shutil.copytree(campaign, tmp_path / "campaign"))
-    process = started(folder)
-    wait_for(lambda: throws(folder) >= 6, process)
+    """The same command throws what is missing alone, and comes to the same end."""
+    folder = campaign(tmp_path / "campaign")
+    whole = finished(Path(shutil.copytree(folder, tmp_path / "whole")))
+    process = started(folder, until=6)
     workers = workers_of(process.pid)
     os.killpg(process.pid, signal.SIGINT)
     _, err = process.communicate(timeout=60)
@@ -90,18 +71,15 @@ def test_ctrl_c_is_one_message_and_goes_on(
     assert "run the same command to continue" in err
     assert "Traceback" not in err
     assert gone(workers)
-    check_goes_on(folder, throws(folder), whole)
-
-
-def test_a_killed_calibration_leaves_no_process_and_goes_on(
-    campaign: Path, whole: Calibration, tmp_path: Path
-) -> None:
-    folder = Path(shutil.copytree(campaign, tmp_path / "campaign"))
-    process = started(folder)
-    wait_for(lambda: throws(folder) >= 15, process)
+    assert not (folder / FILE).exists()
+    process = started(folder, until=throws(folder) + 6)
     workers = workers_of(process.pid)
     assert workers
     process.kill()
     process.communicate()
     assert gone(workers)
-    check_goes_on(folder, throws(folder), whole)
+    assert not (folder / FILE).exists()
+    kept, found = throws(folder), finished(folder)
+    assert found.values == whole.values
+    made = sum(stage.evaluations for stage in found.stages)
+    assert made <= sum(stage.evaluations for stage in whole.stages) - kept

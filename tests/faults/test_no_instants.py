@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from scipy.io import savemat
-from tests.faults.test_cli_faults import turnout
+from tests.faults.terminal import run_here
 
 from turnout.core.channels import SCHEMA_VERSION
 from turnout.core.errors import FileError
@@ -55,7 +55,7 @@ def test_empty_arrays_of_matlab(tmp_path: Path) -> None:
 def test_a_run_without_instants(tmp_path: Path, given: xr.Dataset, said: str) -> None:
     save_response(given, tmp_path / "run.nc")
     for arguments in (("campaign", "plot", "run.nc"), ("report", "run.nc", "--out", "run.html")):
-        code, message = turnout(*arguments, folder=tmp_path)
+        code, message = run_here(*arguments, folder=tmp_path)
         assert code == 2, message
         assert f"run.nc: holds {said}, nothing that moves" in message
         assert "Traceback" not in message

@@ -2,24 +2,22 @@
 
 import os
 import signal
-import subprocess
 import time
 from pathlib import Path
 
-from tests.faults.terminal import started_in_terminal
+from tests.faults.terminal import run_here, started_in_terminal
 
 from turnout.study.virtual.series import STATE
+from turnout.throw.store import open_response
 
 PATIENCE = 300.0
 
 
-def started(folder: Path) -> subprocess.Popen[str]:
-    """Start a virtual campaign at two places."""
-    options = "--panel sb2 --repeats 3 --size 13mm --format h5 --workers 2"
+def words(folder: Path, *, workers: int) -> list[str]:
+    """Return the command that makes a virtual campaign at two places."""
+    options = f"--panel sb2 --repeats 3 --size 13mm --format h5 --workers {workers}"
     places = ["--place", "sleeper 6", "--place", "sleeper 3"]
-    return started_in_terminal(
-        "campaign", "virtual", *options.split(), *places, "--out", str(folder)
-    )
+    return ["campaign", "virtual", *options.split(), *places, "--out", str(folder)]
 
 
 def kept(folder: Path) -> int:
@@ -28,7 +26,8 @@ def kept(folder: Path) -> int:
 
 def test_what_was_thrown_is_kept_and_the_same_command_goes_on(tmp_path: Path) -> None:
     folder = tmp_path / "virtual"
-    process, due = started(folder), time.monotonic() + PATIENCE
+    process = started_in_terminal(*words(folder, workers=2))
+    due = time.monotonic() + PATIENCE
     while kept(folder) < 2 and process.poll() is None and time.monotonic() < due:
         time.sleep(0.05)
     os.killpg(process.pid, signal.SIGINT)
@@ -39,8 +38,6 @@ def test_what_was_thrown_is_kept_and_the_same_command_goes_on(tmp_path: Path) ->
     there = kept(folder)
     assert 2 <= there < 8
     assert not (folder / "runs.csv").exists()
-    process = started(folder)
-    out, err = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 0, err
-    assert "8 movements" in out
-    assert (folder / "truth.nc").is_file()
+    code, err = run_here(*words(folder, workers=1), folder=tmp_path)
+    assert code == 0, err
+    assert open_response(folder / "truth.nc").sizes["movement"] == 8

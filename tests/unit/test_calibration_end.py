@@ -19,6 +19,11 @@ from turnout.core.errors import MeasurementError
 from turnout.core.scheme import Scheme
 from turnout.panel.load import LoadedPanel, load_panel
 
+NONE = np.zeros(0)
+FAILED = Response(
+    time=NONE, drive_force={}, marker={}, object_force=NONE, onsets={}, failure="it did not close"
+)
+
 
 def test_no_value_is_surer_than_a_third_of_what_step_and_mesh_change() -> None:
     measured = [movement(f"m{n}", rng=np.random.default_rng(n)) for n in range(4)]
@@ -36,7 +41,7 @@ def test_the_error_of_the_solver_is_that_of_the_movements_whose_throws_succeeded
     found = fit(misfit(measured), PARAMETERS, TRUE)
     coarse, fine = response(found.values), response({**found.values, "k": 1.003 * TRUE["k"]})
     changed = Refined(plain=coarse, halved=fine, fine=fine)
-    failed = replace(changed, halved=evaluate._failed("it did not close"))
+    failed = replace(changed, halved=FAILED)
     assert failed.added(coarse) is not coarse
     refined = replace(found.misfit, refinement=(changed, failed, changed, changed))
     there = replace(found, misfit=refined)
@@ -53,7 +58,7 @@ def test_a_movement_of_which_nothing_finer_is_known_is_named(which: str) -> None
     found = fit(misfit(measured), PARAMETERS, TRUE)
     coarse, fine = response(found.values), response({**found.values, "k": 1.003 * TRUE["k"]})
     changed = Refined(plain=coarse, halved=fine, fine=fine)
-    failed = replace(changed, **{which: evaluate._failed("it did not close")})
+    failed = replace(changed, **{which: FAILED})
     assert failed.added(coarse) is coarse
     there = replace(found, misfit=replace(found.misfit, refinement=(changed,) * 3 + (failed,)))
     spread = spread_of(there)
@@ -84,6 +89,9 @@ def test_finer_throws_have_half_the_step_and_elements_half_as_long(
         (length / 2, step / 2, modes),
         (length / 2, step / 2, 4 * modes),
     ]
+    with Evaluator(panel) as evaluator:
+        evaluator.responses([plain, replace(plain, quick=True), replace(plain, fine=True)])
+    assert len(seen) == 6, "each kind is kept apart"
 
 
 JUMPS = 0.3

@@ -93,6 +93,7 @@ def linear_fit() -> tuple[Fit, np.ndarray, np.ndarray]:
     return found, covariance @ (X.T @ y) / NOISE**2, covariance
 
 
+@pytest.mark.usefixtures("short_chain")
 def test_a_linear_model_has_the_posterior_of_the_normal_equations() -> None:
     found, mean, covariance = linear_fit()
     known = np.array([[3e-2, 1e-2], [1e-2, 2e-2]])
@@ -110,6 +111,17 @@ def test_a_linear_model_has_the_posterior_of_the_normal_equations() -> None:
         assert np.abs((drawn.intervals - ends) / size[:, None]).max() < 0.1
         own = mean[:, None] + np.outer(np.sqrt(np.diag(covariance)), [-1.96, 1.96])
         np.testing.assert_allclose(drawn.profiles, own, rtol=1e-4)
+
+
+@pytest.fixture
+def short_chain(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make the chain, which checks the samples, too short to have mixed."""
+    monkeypatch.setattr("turnout.calibration.posterior.CHAIN_STEPS", 50)
+
+
+@pytest.fixture
+def few_draws(monkeypatch: pytest.MonkeyPatch, short_chain: None) -> None:
+    monkeypatch.setattr("turnout.calibration.posterior.SAMPLES", 1000)
 
 
 @pytest.fixture(scope="module")
@@ -157,6 +169,7 @@ def test_a_posterior_that_is_normal_is_that_of_the_fit(fitted: Fit, spread: Spre
         assert found.apart < 0.1
 
 
+@pytest.mark.usefixtures("few_draws")
 def test_the_same_seed_gives_the_same_posterior(fitted: Fit, spread: Spread) -> None:
     one, two = (posterior_of(fitted, spread, seed=4) for _ in range(2))
     np.testing.assert_array_equal(one.mean, two.mean)
@@ -170,6 +183,7 @@ def test_an_emulator_that_misses_is_refused(
         posterior_of(fitted, spread)
 
 
+@pytest.mark.usefixtures("short_chain")
 def test_errors_that_no_residual_shows_widen_both_alike(fitted: Fit) -> None:
     """Far wider ones than the movements leave: samples drawn that wide would hardly count."""
     doubt = Uncertainty(common_gain=0.1, cross_talk=0.0)
@@ -185,6 +199,7 @@ def test_errors_that_no_residual_shows_widen_both_alike(fitted: Fit) -> None:
     assert found.away < 0.1
 
 
+@pytest.mark.usefixtures("few_draws")
 def test_too_few_effective_samples_give_no_intervals_but_a_remedy(
     fitted: Fit, spread: Spread, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -196,6 +211,7 @@ def test_too_few_effective_samples_give_no_intervals_but_a_remedy(
     assert "--fix" in warnings[0]
 
 
+@pytest.mark.usefixtures("few_draws")
 def test_a_mean_that_is_far_from_the_fit_is_said(
     fitted: Fit, spread: Spread, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -287,7 +287,7 @@ def test_a_value_of_a_family_is_read_for_each_member_that_had_an_own_one() -> No
 def test_checks_ask_for_no_field_that_is_called_unasked() -> None:
     """A record without these fields passes all checks between records."""
     panel = load_panel("uic60-760-1-15")
-    draft = validate_document(panel._document)
+    draft = validate_document(panel.document)
     assert check(draft) == []
     for family, unasked in UNASKED.items():
         draft.records[family] = {
@@ -339,9 +339,9 @@ def test_the_same_keys_with_other_values_change_a_panel_alike(
     assert again.hash == fresh.hash
     assert list(again.overrides.items()) == list(fresh.overrides.items())
     for name in ("tree", "shared", "given"):
-        mine, others = getattr(again._document, name), getattr(fresh._document, name)
+        mine, others = getattr(again.document, name), getattr(fresh.document, name)
         assert mine == others, name
-    assert list(again._document.given) == list(fresh._document.given)
+    assert list(again.document.given) == list(fresh.document.given)
     assert before.chair["7"].friction_coefficient == 0.4
     with pytest.raises(PanelError, match="friction_coefficient"):
         before.with_overrides({**second, "chair.friction_coefficient": -1.0})

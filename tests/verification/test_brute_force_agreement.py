@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from tests.verification.brute_force import Laws, Path, brute_force
 from tests.verification.hand_made import energy_residual, hand_made, run, smooth_ramp
+from tests.verification.reference import DATA
 
 from turnout.beam.assembly import assemble_beam, point_row
 from turnout.beam.material import ElasticMaterial
@@ -28,7 +29,7 @@ HALF_FOOT, FOOT_DEPTH = 0.06, 0.08
 MU, CONTACT, STICK = 0.25, 3e6, 2e6
 STIFF, SOFT, BEND = 7.5e5, 2e4, 7.7e-3
 LIFTER = 2e5
-END, STORED = 1.2, 1e-3
+END, EVERY = 1.2, 1e-3
 TOLERANCE = {
     1e-3: {"drive": 1.5e-3, "normal": 1.5e-3, "friction": 1.5e-2},
     2.5e-4: {"drive": 1.5e-4, "normal": 1.5e-4, "friction": 1.5e-3},
@@ -127,7 +128,7 @@ def reference(step: float = 5e-5, frozen: np.ndarray | None = None) -> Path:
         markers=markers,
         step=step,
         end=END,
-        every=round(STORED / step),
+        every=round(EVERY / step),
         frozen=frozen,
     )
 
@@ -157,9 +158,26 @@ def difference(result: History | Path, truth: Path) -> dict[str, float]:
     }
 
 
+STORED = DATA / "brute_force.npz"
+"""The run of `reference()`, in single precision."""
+KEPT = ("time", "g", "bushing", "contact", "friction")
+
+
 @pytest.fixture(scope="module")
 def truth() -> Path:
-    return reference()
+    with np.load(STORED) as file:
+        kept = {name: file[name].astype(np.float64) for name in KEPT}
+    return Path(**kept, newton_iterations=0)
+
+
+@pytest.mark.long
+def test_the_stored_run_is_that_of_the_program(truth: Path) -> None:
+    """It is made anew by `python -m tests.verification.test_brute_force_agreement`."""
+    made = reference()
+    for name in KEPT:
+        values = getattr(made, name)
+        limit = 1e-6 * np.abs(values).max()
+        np.testing.assert_allclose(getattr(truth, name), values, rtol=0, atol=limit, err_msg=name)
 
 
 @pytest.fixture(scope="module")
@@ -172,7 +190,7 @@ def runs() -> dict[float, History]:
             lambda t: markers(t)[1],
             end=END,
             step=step,
-            every=round(STORED / step),
+            every=round(EVERY / step),
         )
         for step in (1e-3, 2.5e-4)
     }
@@ -181,7 +199,7 @@ def runs() -> dict[float, History]:
 def test_the_case_is_hard(truth: Path) -> None:
     """Loads vary more than fivefold within one slide; feet lift and return; it rolls."""
     chairs = truth.contact.reshape(-1, 6, 2).sum(axis=2)
-    speed = np.gradient(truth.g[:, :6], STORED, axis=0)
+    speed = np.gradient(truth.g[:, :6], EVERY, axis=0)
     ratios = []
     for chair in range(6):
         sliding = (speed[:, chair] > 0.01) & (chairs[:, chair] > 0)
@@ -196,6 +214,7 @@ def test_the_case_is_hard(truth: Path) -> None:
     assert np.sum(open_feet.reshape(-1, 6, 2).sum(axis=2) == 1) > 200  # it rolls on one edge
 
 
+@pytest.mark.long
 def test_the_brute_force_program_has_converged(truth: Path) -> None:
     coarse = difference(reference(step=1e-4), truth)
     for name, value in coarse.items():
@@ -236,3 +255,8 @@ def test_constant_normal_forces_fail_the_comparison(truth: Path) -> None:
     constant = difference(reference(step=2e-4, frozen=truth.contact[0]), truth)
     assert constant["friction"] > 10 * TOLERANCE[1e-3]["friction"]
     assert constant["drive"] > 10 * TOLERANCE[1e-3]["drive"]
+
+
+if __name__ == "__main__":
+    made = reference()
+    np.savez_compressed(STORED, **{name: getattr(made, name).astype("f4") for name in KEPT})

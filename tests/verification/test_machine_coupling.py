@@ -77,7 +77,9 @@ def coupled(
     return np.array(kept), np.array(places), np.array(residuals)
 
 
-@pytest.mark.parametrize(("h", "share"), [(2.5e-4, 2e-4), (1e-3, 1.5e-3)])
+@pytest.mark.parametrize(
+    ("h", "share"), [pytest.param(2.5e-4, 2e-4, marks=pytest.mark.long), (1e-3, 1.5e-3)]
+)
 def test_one_machine_as_in_one_step(h: float, share: float) -> None:
     loaded = load_machines("sb3", overrides=RAIL | {"throw.duration": 4.0, "throw.step": 1.25e-4})
     inside = throw_one_mass(loaded)
@@ -118,7 +120,7 @@ def test_a_step_worked_out_at_its_acceptance_is_that_worked_out_at_once(name: st
     machine, rail, throw = loaded.machine[name], loaded.rail, loaded.throw
     assert rail is not None
     assert throw is not None
-    step, end = 1e-3, 7.0
+    step, end = 2e-3, 7.0
     bed, y0 = np.array([[rail.bed_stiffness]]), np.array([throw.start])
 
     def states(shared: float) -> np.ndarray:

@@ -26,7 +26,7 @@ from turnout.panel.stored import panel_data, panel_from_data
 from turnout.throw.save import Save
 from turnout.throw.simulate import simulate
 
-STROKES = (0.075, 0.080, 0.090)
+STROKES = (0.075, 0.090)
 SLIDING = {"chair.friction_coefficient": 0.0}
 STILL = Scheme.of("quasi-static")
 TOLERANCE = 0.5e-3
@@ -57,14 +57,13 @@ def with_text(*changes: tuple[str, str]) -> LoadedPanel:
 
 @pytest.mark.parametrize("stroke", STROKES)
 @pytest.mark.parametrize("name", [DEFAULT, SYMMETRIC])
-@pytest.mark.parametrize("rail", ["straight", "curved"])
-def test_the_way_to_open_is_that_of_a_beam_held_at_the_strokes(
-    stroke: float, rail: str, name: str
-) -> None:
+def test_the_way_to_open_is_that_of_a_beam_held_at_the_strokes(stroke: float, name: str) -> None:
     panel = load_panel(name, overrides={"drive.2.stroke": stroke})
-    theirs = beam(panel, rail)
-    ours = build_mechanism(panel).shapes[rail].travel_at(theirs.x)
-    np.testing.assert_allclose(ours, theirs.travel[::2], atol=1e-4)
+    shapes = build_mechanism(panel).shapes
+    for rail in ("straight", "curved"):
+        theirs = beam(panel, rail)
+        ours = shapes[rail].travel_at(theirs.x)
+        np.testing.assert_allclose(ours, theirs.travel[::2], atol=1e-4, err_msg=rail)
 
 
 @pytest.mark.parametrize("stroke", STROKES)
@@ -83,11 +82,10 @@ def test_gaps_and_flangeway_follow_the_stroke(stroke: float) -> None:
     assert float(ours["least_flangeway"]) == pytest.approx(min(flangeways), abs=TOLERANCE)
 
 
-@pytest.mark.parametrize("name", [DEFAULT, SYMMETRIC])
-def test_a_longer_stroke_opens_every_place_as_the_independent_beam_says(name: str) -> None:
+def test_a_longer_stroke_opens_every_place_as_the_independent_beam_says() -> None:
     gaps, flangeways = [], []
-    for stroke in (STROKES[0], STROKES[-1]):
-        panel = load_panel(name, overrides={"drive.2.stroke": stroke})
+    for stroke in STROKES:
+        panel = load_panel(DEFAULT, overrides={"drive.2.stroke": stroke})
         run, theirs = frictionless(panel), position(panel, to="open")
         x = run["x"].values
         wanted = np.interp(x, theirs.x, theirs.gaps["straight"])

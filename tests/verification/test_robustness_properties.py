@@ -6,6 +6,7 @@ of them from a seeded generator; here hypothesis draws some, the same ones in ea
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -83,13 +84,13 @@ def library_scenario(panel: str, **changes: object) -> Scenario:
     return replace(plain, **changes)
 
 
-@settings(max_examples=60)
+@settings(max_examples=20)
 @given(scenarios())
 def test_any_scenario_keeps_laws_and_books(drawn: Scenario) -> None:
     assert faults(run_scenario(drawn)) == []
 
 
-@pytest.mark.parametrize("panel", library_names())
+@pytest.mark.parametrize("panel", ["sb1", "uic60-760-1-15"])
 def test_what_simulate_raises_keeps_the_partial_response(panel: str) -> None:
     hasty = Scheme(iterations=1, halvings=0, follow_path=False)
     quick = load_panel(panel).with_overrides(quick_of(panel) | {"schedule.loaded": False})
@@ -121,8 +122,15 @@ EXTREMES: dict[str, dict[str, float | None]] = {
 }
 
 
-@pytest.mark.parametrize("extreme", EXTREMES)
-@pytest.mark.parametrize("panel", library_names())
+PAIRS = [
+    pytest.param(panel, extreme, marks=[pytest.mark.long] if (row + column) % 3 else [])
+    for row, panel in enumerate(library_names())
+    for column, extreme in enumerate(EXTREMES)
+]
+"""All are thrown in the long job; every panel and every extreme in some pair in each run."""
+
+
+@pytest.mark.parametrize(("panel", "extreme"), PAIRS)
 def test_extremes_of_library_panels(panel: str, extreme: str) -> None:
     run = run_scenario(library_scenario(panel, overrides=quick_of(panel) | EXTREMES[extreme]))
     assert faults(run) == []
@@ -138,8 +146,7 @@ def test_lifted_chairs_carry_nothing_and_soft_ones_do() -> None:
 
 
 def test_an_object_placed_in_a_closed_rail_waits_for_room() -> None:
-    inside = {"size": 0.013, "at": "sleeper 6", "rail": "straight", "appears": 0.05}
-    run = run_scenario(library_scenario("uic60-760-1-15", objects=(inside,)))
+    run = closed_in()
     assert faults(run) == []
     law = run.mechanism.index.object["1"]
     placed, first = run.history.law_placed[law], run.history.law_first[law]
@@ -169,7 +176,7 @@ def test_a_panel_that_never_moves(panel: str) -> None:
 
 
 def test_the_scenarios_are_as_wide_as_they_claim() -> None:
-    drawn = [numbered_scenario(index) for index in range(120)]
+    drawn = [numbered_scenario(index) for index in range(60)]
     panels = [item.panel() for item in drawn]
     drives = [drive.stiffness for panel in panels for drive in panel.drive.values()]
     assert min(drives) < 1e4
@@ -182,13 +189,24 @@ def test_the_scenarios_are_as_wide_as_they_claim() -> None:
     places = {item["at"].split()[0] for one in drawn for item in one.objects}
     assert places == {"sleeper", "drive", "sensor", "chair", "x"}
     without = [p for p in panels if any(r.stock_rail_gap is None for r in p.rail.values())]
-    assert 10 < len(without) < 60
+    assert 5 < len(without) < 30
+
+
+INSIDE = {"size": 0.013, "at": "sleeper 6", "rail": "straight", "appears": 0.05}
+
+
+@cache
+def closed_in() -> Run:
+    """Return a run with an object placed in a closed rail; no test may change it."""
+    return run_scenario(library_scenario("uic60-760-1-15", objects=(INSIDE,)))
 
 
 def sound() -> Run:
     """Return a run for the tests below to spoil."""
-    inside = {"size": 0.013, "at": "sleeper 6", "rail": "straight", "appears": 0.05}
-    return run_scenario(library_scenario("uic60-760-1-15", objects=(inside,)))
+    run = closed_in()
+    copied = {name: getattr(run.history, name).copy() for name in ("law_force", "friction_force")}
+    dataset = run.dataset.copy(deep=True)
+    return replace(run, history=replace(run.history, **copied), dataset=dataset)
 
 
 def no_number(run: Run) -> None:
