@@ -9,7 +9,6 @@ from xdist.scheduler import LoadFileScheduling
 TRAINED = (
     "tests/unit/test_detector.py",
     "tests/faults/test_detector_recordings.py",
-    "tests/browser/test_studio_detection.py",
     "tests/unit/test_web_detecting.py",
     "tests/unit/test_detector_calibrating.py",
     "tests/unit/test_detector_another_switch.py",
@@ -22,9 +21,7 @@ TRAINED = (
 )
 """Use the detector of the toy switch, which a process trains in 12 s: they share one process."""
 LONG = (
-    "tests/browser/test_studio_page.py",
     "tests/faults/test_hostile_recordings.py",
-    "tests/browser/test_studio_work.py",
     "tests/unit/test_open_benchmark_methods.py",
     "tests/faults/test_studio_freeze.py",
     "tests/faults/test_calibrate_interrupt.py",
@@ -37,7 +34,6 @@ LONG = (
     "tests/gallery/test_gallery.py",
     "tests/faults/test_sweep_damage.py",
     "tests/unit/test_open_benchmark_throws.py",
-    "tests/unit/test_web_burst.py",
     "tests/faults/test_virtual_interrupt.py",
     "tests/faults/test_sweep_killed.py",
     "tests/unit/test_detection_known_place.py",
@@ -50,9 +46,7 @@ LONG = (
     "tests/gallery/test_readme.py",
     "tests/faults/test_cache_folder.py",
     "tests/faults/test_cli_campaign.py",
-    "tests/unit/test_web_map.py",
     "tests/unit/test_study_discrepancy_fit.py",
-    "tests/unit/test_figures_report_validation.py",
     "tests/unit/test_web_worker.py",
     "tests/unit/test_detection_pod.py",
     "tests/unit/test_detection_throws.py",
@@ -62,7 +56,14 @@ LONG = (
     "tests/layers/test_words.py",
 )
 """From the longest to one of 6 s; last in a run, one would keep a process while the other waits."""
-RANK = {name: number for number, name in enumerate((*TRAINED, *LONG))}
+BROWSER = (
+    "tests/browser/test_report.py",
+    "tests/browser/test_studio_detection.py",
+    "tests/browser/test_studio_page.py",
+    "tests/browser/test_studio_work.py",
+)
+"""Share one studio and one page of a browser."""
+RANK = {name: number for number, name in enumerate((*TRAINED, *BROWSER, *LONG))}
 
 
 def ordered(items: list[pytest.Item]) -> list[pytest.Item]:
@@ -84,4 +85,4 @@ class LongFirst(LoadFileScheduling):
 
     def _split_scope(self, nodeid: str) -> str:
         file = file_of(nodeid)
-        return TRAINED[0] if file in TRAINED else file
+        return next((files[0] for files in (TRAINED, BROWSER) if file in files), file)

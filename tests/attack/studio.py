@@ -71,6 +71,11 @@ def started(*arguments: str) -> Iterator[Started]:
                 server.kill()
 
 
+def mark_of(client: Client) -> str:
+    """Return by what the studio knows the panel that it was started with."""
+    return str(client.ask("/api/start").json["panel"]["mark"])
+
+
 def threw(client: Client, mark: str, *, size: float) -> Reply:
     """Ask for a throw with an object of a size [mm]."""
     trapped = {"size": f"{size:g} mm", "at": "sleeper 6"}
@@ -94,7 +99,7 @@ def attacking(seed: int) -> Iterator[Callable[[int], dict[str, Any]]]:
 
         memory = 0.0
         begin()
-        mark = running[-1].client.ask("/api/start").json["panel"]["mark"]
+        mark = mark_of(running[-1].client)
 
         def attempt(index: int) -> dict[str, Any]:
             nonlocal memory

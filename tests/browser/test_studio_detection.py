@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import pytest
 from tests.browser.conftest import Screen
 from tests.unit.detector_files import detector_file, limit_file, table_file
 
@@ -68,11 +67,3 @@ def test_a_detector_judges_what_is_sent(screen: Screen, tmp_path: Path, shots: P
     assert "but no row" in page.locator("#message").inner_text()
     assert page.locator("#judged").is_hidden()
     screen.complaints.clear()  # a refusal is also reported on the console
-
-
-@pytest.mark.parametrize("name", ["Map", "Detector"])
-def test_views_of_detection_fit_a_phone(screen: Screen, name: str) -> None:
-    page = screen.page
-    page.set_viewport_size({"width": 390, "height": 844})
-    page.get_by_role("tab", name=name).click()
-    assert page.evaluate("document.documentElement.scrollWidth") <= 390

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
-from tests.browser.conftest import Screen, opened
+from tests.browser.conftest import Screen
 
 from turnout.panel.load import library_text
 from turnout.panel.object_kind import KINDS
@@ -102,22 +102,6 @@ def test_without_an_object_the_switch_closes(screen: Screen) -> None:
     # Of this panel the open rail is nearer to its stock rail than its limit.
     assert page.locator(".lamp[data-name=Flangeway]").get_attribute("data-state") == "bad"
     assert page.locator("#verdict").inner_text().startswith("Not sound")
-
-
-def test_a_size_that_does_not_fit_is_reported_and_the_last_throw_stays(screen: Screen) -> None:
-    page = screen.page
-    force = screen.figure("object_end")
-    box = page.get_by_label("Size, in mm")
-    box.fill("400")
-    box.press("Enter")
-    page.wait_for_selector("#message:not([hidden])")
-    assert "larger than the opening" in page.locator("#message").inner_text()
-    assert screen.figure("object_end") == force
-    box.fill("10")
-    box.press("Enter")
-    screen.finished()
-    assert page.locator("#message").is_hidden()
-    screen.complaints.clear()  # a refusal is also shown on the console
 
 
 def test_playing_moves_the_rails(screen: Screen) -> None:
@@ -219,14 +203,18 @@ def test_a_sent_recording_is_laid_over(screen: Screen) -> None:
     assert "ours.csv: " in page.locator("#movement option:checked").inner_text()
 
 
-def test_the_view_in_space_shows_the_panel(screen: Screen, shots: Path) -> None:
+def test_the_view_in_space_shows_the_panel_and_is_turned(screen: Screen, shots: Path) -> None:
     page = screen.page
     page.get_by_role("tab", name="3-D").click()
     screen.wait("/Lateral scale/.test(document.getElementById('scene-note').textContent)")
-    first = page.locator("#scene").screenshot()
-    assert len(first) > 8000, "an empty picture is smaller"
+    pictures = [page.locator("#scene").screenshot()]
+    assert len(pictures[0]) > 8000, "an empty picture is smaller"
     page.get_by_role("slider", name="Time", exact=True).fill("50")
-    assert page.locator("#scene").screenshot() != first
+    pictures.append(page.locator("#scene").screenshot())
+    for name in ("From above", "Object"):
+        page.get_by_role("button", name=name, exact=True).click()
+        pictures.append(page.locator("#scene").screenshot())
+    assert len(set(pictures)) == 4
     page.screenshot(path=shots / "space.png")
 
 
@@ -251,28 +239,23 @@ def test_everything_can_be_reached_and_named(screen: Screen) -> None:
     ids=["laptop", "projector"],
 )
 def test_it_fits_the_screen(
-    browser: "Browser",
-    studio_address: tuple[str, str],
-    shots: Path,
-    size: tuple[int, int],
-    text: str,
-    theme: str,
+    screen: Screen, shots: Path, size: tuple[int, int], text: str, theme: str
 ) -> None:
-    with opened(browser, *studio_address, size=size) as screen:
-        page = screen.page
-        page.get_by_label("Text").select_option(text)
-        page.get_by_label("Colours").select_option(theme)
-        screen.wait("document.getElementById('curves').data?.length > 4")
-        page.screenshot(path=shots / f"{theme}-{size[1]}.png")
-        overflow = page.evaluate(
-            "[document.body.scrollWidth - innerWidth, document.body.scrollHeight - innerHeight]"
-        )
-        assert max(overflow) <= 0
-        curves = page.locator("#curves").bounding_box()
-        assert curves is not None
-        assert curves["height"] >= 0.5 * size[1]
-        ground = page.evaluate("getComputedStyle(document.body).backgroundColor")
-        assert (sum(map(int, ground[4:-1].split(","))) < 200) == (theme == "dark")
+    page = screen.page
+    page.set_viewport_size({"width": size[0], "height": size[1]})
+    page.get_by_label("Text").select_option(text)
+    page.get_by_label("Colours").select_option(theme)
+    screen.wait("document.getElementById('curves').data?.length > 4")
+    page.screenshot(path=shots / f"{theme}-{size[1]}.png")
+    overflow = page.evaluate(
+        "[document.body.scrollWidth - innerWidth, document.body.scrollHeight - innerHeight]"
+    )
+    assert max(overflow) <= 0
+    curves = page.locator("#curves").bounding_box()
+    assert curves is not None
+    assert curves["height"] >= 0.5 * size[1]
+    ground = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    assert (sum(map(int, ground[4:-1].split(","))) < 200) == (theme == "dark")
 
 
 def test_a_spent_address_says_what_to_do(

@@ -1,39 +1,16 @@
 """Bad input on the command line: one message, exit code 2, no traceback, no file left."""
 
 import os
-import subprocess
-import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 import xarray as xr
-from tests.faults.terminal import run_here
+from tests.faults.terminal import run_here, run_shell
 from tests.unit.simulated import sb1_dataset
 from tests.unit.test_cli_simulate import QUICK
 
 from turnout.panel.load import library_text
 from turnout.throw.store import open_response
-
-
-def turnout(*arguments: str, folder: Path, limit: int | None = None) -> tuple[int, str]:
-    """Run the program in a folder; return exit code and stderr. The limit is of file sizes."""
-    run = subprocess.run(
-        [sys.executable, "-m", "turnout", *arguments],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=False,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(map(os.path.abspath, sys.path))},
-        preexec_fn=_limiter(limit) if limit is not None else None,
-    )
-    return run.returncode, run.stderr
-
-
-def _limiter(limit: int) -> Callable[[], None]:
-    import resource
-
-    return lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
 
 
 @pytest.mark.parametrize(
@@ -87,7 +64,7 @@ def test_all_that_is_wrong_with_a_line_is_reported_at_once(tmp_path: Path) -> No
 
 
 def test_out_and_plot_to_one_file(tmp_path: Path) -> None:
-    code, message = turnout("simulate", "--out", "run.nc", "--plot", "./run.nc", folder=tmp_path)
+    code, message = run_here("simulate", "--out", "run.nc", "--plot", "./run.nc", folder=tmp_path)
     assert code == 2
     assert "is also the file of --out" in message
 
@@ -95,7 +72,7 @@ def test_out_and_plot_to_one_file(tmp_path: Path) -> None:
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
 def test_a_folder_that_is_not_writable(tmp_path: Path) -> None:
     tmp_path.chmod(0o500)
-    code, message = turnout("simulate", "--out", str(tmp_path / "run.nc"), folder=tmp_path)
+    code, message = run_here("simulate", "--out", str(tmp_path / "run.nc"), folder=tmp_path)
     tmp_path.chmod(0o700)
     assert code == 2
     assert "not writable" in message
@@ -104,8 +81,14 @@ def test_a_folder_that_is_not_writable(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("option", "limit"), [("--out=run.nc", 50_000), ("--plot=run.png", 9_000)])
 def test_no_space_left(tmp_path: Path, option: str, limit: int) -> None:
     """The limit holds for every file of the process, so the kernels must be compiled before."""
+    resource = pytest.importorskip("resource", reason="this system limits no sizes of files")
     assert sb1_dataset().sizes["time"] > 0
-    code, message = turnout("simulate", "sb1", *QUICK, option, folder=tmp_path, limit=limit)
+    _, most = before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, most))
+    try:
+        code, message = run_here("simulate", "sb1", *QUICK, option, folder=tmp_path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert code == 2, message
     assert "no space left" in message
     assert "Traceback" not in message
@@ -117,7 +100,7 @@ def test_all_problems_of_a_panel_file_at_once(tmp_path: Path) -> None:
     assert 'stroke = "120 mm"' in text
     text = text.replace('stroke = "120 mm"', "stroke = 0.12").replace("750 kN/m", "750 kN")
     (tmp_path / "own.toml").write_text(text, encoding="utf-8")
-    code, message = turnout("panel", "check", "own.toml", folder=tmp_path)
+    code, message = run_here("panel", "check", "own.toml", folder=tmp_path)
     assert code == 2
     assert "Traceback" not in message
     assert "friction_coeficient" in message
@@ -129,9 +112,7 @@ def test_all_problems_of_a_panel_file_at_once(tmp_path: Path) -> None:
 
 def test_the_same_run_from_a_shell(tmp_path: Path) -> None:
     """From the program's start to the file on disk: the same numbers as in this process."""
-    from tests.unit.simulated import sb1_dataset
-
-    code, message = turnout("simulate", "sb1", *QUICK, "--out", "run.nc", folder=tmp_path)
+    code, message = run_shell("simulate", "sb1", *QUICK, "--out", "run.nc", folder=tmp_path)
     assert code == 0, message
     xr.testing.assert_identical(
         open_response(tmp_path / "run.nc").drop_attrs(), sb1_dataset().drop_attrs()

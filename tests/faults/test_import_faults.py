@@ -3,8 +3,7 @@
 from pathlib import Path
 
 import pytest
-from tests.faults.terminal import run_here
-from tests.faults.test_cli_faults import turnout
+from tests.faults.terminal import run_here, run_shell
 from tests.unit.test_measurement_optional import tdms
 
 GOOD = "Time (s),Rod 1 (mV/V)\n0,0.1\n0.001,0.2\n0.002,0.3\n"
@@ -73,4 +72,4 @@ def test_a_truncated_tdms_file_is_listed_with_a_note(tmp_path: Path) -> None:
     tdms(tmp_path / "throw.tdms")
     content = (tmp_path / "throw.tdms").read_bytes()
     (tmp_path / "throw.tdms").write_bytes(content[: len(content) // 2])
-    assert turnout("import", "throw.tdms", folder=tmp_path) == (0, "")
+    assert run_shell("import", "throw.tdms", folder=tmp_path) == (0, "")

@@ -27,7 +27,7 @@ from turnout.panel.override import parse_setting
 
 # Generous: each takes well below a second; before, minutes or for ever.
 SECONDS = 5.0
-MANY = 1_000_000
+MANY = 300_000
 T = TypeVar("T")
 
 
@@ -117,8 +117,8 @@ TEXTS: dict[str, str] = {
     "pairs of quotes": 'a = """' + 'x""' * (MANY // 3) + '"""\n',
     "apostrophes": "a = '''" + "x''" * (MANY // 3) + "'''\n",
     "many comments": "a = 1 # source: x\n" + "# source: y\n" * (MANY // 12),
-    "items with a comment": "a = [\n" + "1, # source: x\n" * 20_000 + "]\n",
-    "many tables": "".join(f"[a{number}]\nb = 1\n" for number in range(20_000)),
+    "items with a comment": "a = [\n" + "1, # source: x\n" * 8_000 + "]\n",
+    "many tables": "".join(f"[a{number}]\nb = 1\n" for number in range(8_000)),
 }
 
 

@@ -6,7 +6,7 @@ packages that are not installed here (other extras, other systems) stay as they 
 
 import re
 import sys
-from collections.abc import Iterator
+from functools import cache
 from importlib.metadata import Distribution, distributions
 from pathlib import Path
 from typing import NamedTuple
@@ -120,6 +120,7 @@ def installed() -> list[Distribution]:
     return [found[name] for name in sorted(found)]
 
 
+@cache
 def groups() -> dict[str, set[str]]:
     """Return who needs each package of constraints.txt: "core", "build" or extras."""
     sys.path.insert(0, str(ROOT / "bin"))
@@ -162,15 +163,18 @@ def parts(expression: str) -> list[str]:
     return [part.strip(" ()") for part in re.split(r" AND | OR ", expression)]
 
 
-def libraries(item: Distribution) -> Iterator[str]:
-    """Yield the shared libraries of a wheel: all in its `*.libs`, copyleft ones anywhere."""
+@cache
+def libraries(item: Distribution) -> tuple[str, ...]:
+    """Return the shared libraries of a wheel: all in its `*.libs`, copyleft ones anywhere."""
+    found = []
     for file in item.files or []:
         name = re.split(r"[-.]", file.name)[0]
         folder = file.parts[0] if len(file.parts) > 1 else ""
         own = folder.endswith(".libs") or ".dylibs" in file.parts
         shared = re.search(r"\.(so|dylib|dll)\b", file.name)
         if own or (shared and any(re.fullmatch(known.pattern, name) for known in COPYLEFT)):
-            yield name
+            found.append(name)
+    return tuple(found)
 
 
 def bundled_licence(library: str) -> str:

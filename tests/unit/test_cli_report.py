@@ -12,6 +12,8 @@ from turnout.core.errors import FileError
 from turnout.study.sweep.run import throw_study
 from turnout.throw.store import save_response
 
+MOST_BYTES = 4_000_000
+
 
 @pytest.fixture(scope="module")
 def run_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -27,6 +29,7 @@ def test_a_report_and_its_figures_are_written(run_file: Path, tmp_path: Path) ->
     assert done.exit_code == 0, done.output
     assert "r.html: written" in done.output
     assert out.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+    assert out.stat().st_size < MOST_BYTES, "one small file"
     names = {path.name for path in figures.iterdir()}
     assert {f"throw{suffix}" for suffix in (".pdf", ".png", ".svg")} <= names
     assert len(names) == 15

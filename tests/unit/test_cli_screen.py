@@ -2,6 +2,7 @@
 
 import re
 import time
+from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -51,8 +52,13 @@ def test_values_are_shown_with_their_origin(default: list[str], start: str, rest
     assert rest in line_of(default, start)
 
 
-def screen(thrown: CheckThrows | None = None, *, values: bool = False) -> list[str]:
-    return list(panel_lines(sb2_panel(), thrown=thrown, values=values))
+@cache
+def default_lines() -> list[str]:
+    return list(panel_lines(load_panel("uic60-760-1-15")))
+
+
+def screen(thrown: CheckThrows | None = None) -> list[str]:
+    return list(panel_lines(sb2_panel(), thrown=thrown))
 
 
 @pytest.fixture(scope="module")
@@ -129,7 +135,7 @@ def test_test_pieces_are_reported(thrown: CheckThrows) -> None:
 
 
 def test_only_assumptions_unless_all_values_are_asked_for() -> None:
-    short = list(panel_lines(load_panel("uic60-760-1-15")))
+    short = default_lines()
     assumed = short[
         short.index("ASSUMPTIONS stated in the file (all values with their origins: --values)")
         + 1 :
@@ -138,11 +144,8 @@ def test_only_assumptions_unless_all_values_are_asked_for() -> None:
     assert len(values) > 20
     assert all("assumption" in line for line in values)
     assert all("assumption" in line or line.split()[0] in Panel.model_fields for line in assumed)
-    assert any(
-        "paper:" in line
-        for line in screen(values=True)
-        + list(panel_lines(load_panel("uic60-760-1-15"), values=True))
-    )
+    whole = panel_lines(load_panel("uic60-760-1-15"), values=True)
+    assert any("paper:" in line for line in whole)
 
 
 def test_a_throw_without_equilibrium_shows_what_the_file_says(thrown: CheckThrows) -> None:
@@ -165,7 +168,7 @@ def test_a_rail_without_stock_rail_has_no_closed_gap(thrown: CheckThrows) -> Non
 
 
 def test_the_bushing_is_explained() -> None:
-    text = " ".join(panel_lines(load_panel("uic60-760-1-15")))
+    text = " ".join(default_lines())
     assert "stretches by force / stiffness" in text
     assert "'slip or gap' refuses lock where a drive slips" in text
     assert "drive 1 by 1.33 mm for each kN" in text

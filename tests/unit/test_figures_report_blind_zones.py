@@ -45,4 +45,5 @@ def test_a_map_file_becomes_a_page(tmp_path: Path) -> None:
     text = out.read_text(encoding="utf-8")
     assert "blind zone" in text
     assert "a90, place known [mm]" in text
-    assert (folder / "blind-zones.png").exists()
+    forms = (".pdf", ".png", ".svg")
+    assert {path.name for path in folder.iterdir()} == {f"blind-zones{form}" for form in forms}

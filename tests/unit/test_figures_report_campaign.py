@@ -60,7 +60,10 @@ def test_the_page_says_that_it_is_synthetic_and_names_no_address(dataset: xr.Dat
     assert html.count("download='sleeper-6-closing.pdf'") == 1
 
 
-def test_the_command_takes_a_folder_and_a_dataset(tmp_path: Path) -> None:
+def test_the_command_takes_a_folder_and_a_dataset(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("turnout.cli.report.FORMS", (".svg",))  # of a limit it writes all
     folder, figures = copied(tmp_path), tmp_path / "figures"
     out = tmp_path / "campaign.html"
     line = ["report", str(folder), "-o", str(out), "--figures", str(figures)]
@@ -68,7 +71,7 @@ def test_the_command_takes_a_folder_and_a_dataset(tmp_path: Path) -> None:
     assert done.exit_code == 0, done.output
     assert "Usable movements" in out.read_text(encoding="utf-8")
     names = {path.name for path in figures.iterdir()}
-    assert {"overview-closing.svg", "sleeper-6-closing.png"} <= names
+    assert {"overview-closing.svg", "sleeper-6-closing.svg"} <= names
     done = CliRunner().invoke(app, ["report", str(folder / "truth.nc"), "-o", str(out), "-q"])
     assert (done.exit_code, done.output) == (0, "")
 

@@ -2,24 +2,35 @@
 
 import io
 import json
+import threading
+import time
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
 import xarray as xr
-from tests.unit.served import Client, served
+from tests.faults.test_studio_faults import resident
+from tests.unit.served import Client, Reply, served
 from tests.unit.simulated import OBJECT, sb2_dataset, sb2_panel
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
 from turnout.core.scheme import Scheme
 from turnout.metric.key_figure import key_figures
+from turnout.metric.verdict import verdict
+from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import library_text, load_panel
 from turnout.throw.save import Save
 from turnout.throw.simulate import simulate
 from turnout.web.controls import controls
+from turnout.web.tasks import MOST_RUNS
 
 OBJECT_ASKED = {"size": "13 mm", "at": "sleeper 6"}
+RATE = 20.0
+"""Questions per second of a slider that moves."""
+TOLERANCE = 3.0
+"""Seconds in which places beside the object are prepared."""
 
 
 @pytest.fixture(scope="module")
@@ -87,7 +98,6 @@ def test_files_hold_the_same_run(studio: Client) -> None:
     lines = studio.post("/api/file/csv", body).text.splitlines()
     assert lines[0].startswith("time [s],drive_force:1 [kN],drive_force:2 [kN]")
     assert len(lines) == dataset.sizes["time"] + 1
-    assert studio.post("/api/file/png", body).body.startswith(b"\x89PNG")
     behind = body | {"behind": asked(studio, object=None)}
     assert len(studio.post("/api/file/svg", behind).body) > len(
         studio.post("/api/file/svg", body).body
@@ -145,6 +155,150 @@ def test_sliders_change_what_they_say() -> None:
             text = f"{value} {item['unit']}" if item["unit"] else value
             changed = panel.with_overrides({item["key"]: text}, si=False)
             assert changed.hash != panel.hash or value == item["value"], item["key"]
+
+
+def map_asked(client: Client, places: list[str], sizes: list[str]) -> dict[str, object]:
+    mark = client.ask("/api/start").json["panel"]["mark"]
+    run = {"panel": mark, "object": {"size": "13 mm", "at": "sleeper 6"}}
+    return {"run": run, "places": places, "sizes": sizes}
+
+
+def test_a_map_holds_the_verdicts_of_quick_simulations(studio: Client) -> None:
+    places, sizes = ["sleeper 6", "drive 2"], ["1 mm", "13 mm", "105 mm"]
+    found = studio.post("/api/map", map_asked(studio, places, sizes)).json
+    assert found["kinds"][0] == ["not touched", "not touched"]
+    assert found["kinds"][2][1] == "does not fit"
+    for column, place in enumerate(places):
+        trapped = ForeignObject(0.013, place)
+        run = simulate(sb2_panel(), foreign_object=trapped, scheme=Scheme.of("quick"))
+        assert found["kinds"][1][column] == verdict(run).kind
+    assert found["kinds"][1][0] == "undetected object"
+    assert "13 mm at sleeper 6" in found["texts"][1][0]
+
+
+def test_a_map_says_how_much_is_done_and_can_be_stopped(studio: Client) -> None:
+    # Nearly as many throws as are allowed: they must outlast the start of the second process.
+    sizes = [f"{size} mm" for size in range(5, 25)]
+    places = [f"x = {number / 5} m" for number in range(4, 32)]
+    replies: list[Reply] = []
+
+    def post() -> None:
+        replies.append(studio.post("/api/map?job=mine", map_asked(studio, places, sizes)))
+
+    at_work = threading.Thread(target=post)
+    at_work.start()
+    share, until = None, time.monotonic() + 60
+    while not share and time.monotonic() < until:
+        time.sleep(0.05)
+        share = studio.ask("/api/job/mine").json["share"]
+    assert share is not None
+    assert 0 < share < 1
+    # Sliders have a process of their own meanwhile.
+    throw = map_asked(studio, places, sizes)["run"]
+    assert isinstance(throw, dict)
+    assert studio.post("/api/run", throw | {"preview": True}).status == 200
+    assert studio.post("/api/job/mine/stop", {}).status == 200
+    at_work.join(timeout=60)
+    assert replies[0].json == {"superseded": True}
+    assert studio.ask("/api/job/mine").json == {"share": None}
+
+
+@pytest.mark.parametrize(
+    ("places", "sizes", "words"),
+    [
+        (["sleeper 6"] * 40, ["13 mm"] * 20, "at most 600"),
+        (["sleeper 6"], [], "sizes"),
+        (["sleeper 99"], ["13 mm"], "sleeper 99"),
+        (["sleeper 6"], ["13 kg"], "13 kg"),
+    ],
+)
+def test_a_map_that_cannot_be_made(
+    studio: Client, places: list[str], sizes: list[str], words: str
+) -> None:
+    reply = studio.post("/api/map", map_asked(studio, places, sizes))
+    assert reply.status == 422
+    assert words in reply.json["message"]
+
+
+def question(mark: str, number: int, *, preview: bool) -> dict[str, object]:
+    """Return a throw that no other question asks for."""
+    size = f"{8 + 0.001 * number:.3f} mm"
+    return {
+        "panel": mark,
+        "object": {"size": size, "at": "sleeper 6"},
+        "settings": {},
+        "preview": preview,
+    }
+
+
+def burst(
+    client: Client, mark: str, *, seconds: float
+) -> tuple[list[bool | None], Reply, list[float]]:
+    """Ask 20 times a second; return which were answered, the last reply, and waits of other pages.
+
+    Other replies are not kept: they would be most of the memory that is measured.
+    """
+    count = round(RATE * seconds)
+    answered: list[bool | None] = [None] * count
+    final: list[Reply] = []
+    waits: list[float] = []
+
+    def ask(number: int) -> None:
+        last = number == count - 1
+        reply = client.post("/api/run", question(mark, number, preview=not last))
+        assert reply.status == 200
+        answered[number] = "superseded" not in reply.json
+        if last:
+            final.append(reply)
+
+    threads = [threading.Thread(target=ask, args=(number,)) for number in range(count)]
+    began = time.monotonic()
+    for number, thread in enumerate(threads):
+        time.sleep(max(0.0, began + number / RATE - time.monotonic()))
+        thread.start()
+        if number % 10 == 5:
+            asked = time.monotonic()
+            assert client.ask("/page/main.js").status == 200
+            waits.append(time.monotonic() - asked)
+    for thread in threads:
+        thread.join()
+    return answered, final[0], waits
+
+
+def test_the_last_of_many_questions_is_answered(studio: Client) -> None:
+    """As of a slider that moves without rest."""
+    mark = studio.ask("/api/start").json["panel"]["mark"]
+    last = answered_last(burst(studio, mark, seconds=2.0))
+    assert "step 1 ms" in last["scheme"]
+
+
+def answered_last(found: tuple[list[bool | None], Reply, list[float]]) -> dict[str, Any]:
+    """Return the last answer of a burst in which all is as it should be."""
+    answered, final, waits = found
+    assert None not in answered, "every question gets a reply"
+    assert answered[-1], "the last question must be answered"
+    assert sum(map(bool, answered)) >= 2, "a moving slider must see answers on its way"
+    assert max(waits) < 5.0, "other pages wait for no throw"
+    last: dict[str, Any] = final.json
+    size = 1e-3 * (8 + 0.001 * (len(answered) - 1))
+    assert last["objects"][0]["size"] == pytest.approx(size, rel=1e-9)
+    return last
+
+
+@pytest.mark.long
+def test_a_slider_that_moves_for_long_takes_no_memory() -> None:
+    with served(sb2_panel()) as client:
+        client.enter()
+        mark = client.ask("/api/start").json["panel"]["mark"]
+        burst(client, mark, seconds=2.0)
+        time.sleep(TOLERANCE)
+        before = resident()
+        answered_last(burst(client, mark, seconds=30.0))
+        time.sleep(TOLERANCE)  # a throw at work takes memory that it gives back
+        grown = resident() - before
+        assert client.ask("/api/start").status == 200
+    kept = MOST_RUNS * sb2_dataset().nbytes / 1e6  # whole throws, whatever the number of questions
+    assert grown < 60.0 + kept, f"memory grew by {grown:.0f} MB"
 
 
 def test_nothing_is_remembered_without_end(studio: Client) -> None:

@@ -4,8 +4,9 @@ import asyncio
 import json
 import os
 import sys
+import threading
 import time
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,29 @@ def run(asking: Asking, *, prepare: Any = answering.prepared) -> Any:
             worker.close()
 
     return asyncio.run(inner())
+
+
+@pytest.fixture(scope="module")
+def shared() -> Iterator[Callable[[Asking], Any]]:
+    """Ask one worker whatever needs none of its own; it is served by a thread."""
+    loop = asyncio.new_event_loop()
+    thread = threading.Thread(target=loop.run_forever)
+    thread.start()
+
+    def ask(asking: Callable[[], Coroutine[Any, Any, Any]]) -> Any:
+        return asyncio.run_coroutine_threadsafe(asking(), loop).result(60)
+
+    async def begun() -> Worker:
+        worker = Worker(answering.prepared, memory=BYTES)
+        worker.start()
+        return worker
+
+    worker = ask(begun)
+    yield lambda asking: ask(lambda: asking(worker))
+    loop.call_soon_threadsafe(worker.close)
+    loop.call_soon_threadsafe(loop.stop)
+    thread.join()
+    loop.close()
 
 
 def record(reply: Reply) -> Any:
@@ -70,7 +94,9 @@ def _needs_proc() -> None:
         pytest.skip("no /proc to see processes in")
 
 
-def test_what_waits_is_dropped_for_the_newest() -> None:
+def test_what_waits_is_dropped_for_the_newest(
+    shared: Callable[[Asking], Any],
+) -> None:
     async def ask(worker: Worker) -> Any:
         await worker.answer(Task("echo"))
         tasks = []
@@ -80,22 +106,26 @@ def test_what_waits_is_dropped_for_the_newest() -> None:
             await asyncio.sleep(0.02)
         return await asyncio.gather(*tasks, return_exceptions=True)
 
-    first, *dropped, last = run(ask)
+    first, *dropped, last = shared(ask)
     assert record(first)["content"] == "0.3", "what is computed is soon done, and is answered"
     assert [type(item) for item in dropped] == [Superseded] * 3
     assert record(last)["content"] == "0.30000"
 
 
-def test_a_file_is_made_whatever_is_asked_after_it() -> None:
+def test_a_file_is_made_whatever_is_asked_after_it(
+    shared: Callable[[Asking], Any],
+) -> None:
     async def ask(worker: Worker) -> Any:
         kept = asyncio.create_task(worker.answer(Task("wait", b"0.2")))
         live = asyncio.create_task(worker.answer(Task("echo", b"throw"), kind="live"))
         return await asyncio.gather(kept, live)
 
-    assert [record(item)["content"] for item in run(ask)] == ["0.2", "throw"]
+    assert [record(item)["content"] for item in shared(ask)] == ["0.2", "throw"]
 
 
-def test_a_long_run_gives_way() -> None:
+def test_a_long_run_gives_way(
+    shared: Callable[[Asking], Any],
+) -> None:
     async def ask(worker: Worker) -> Any:
         await worker.answer(Task("echo"))
         slow = asyncio.create_task(worker.answer(Task("wait", b"9"), kind="live"))
@@ -104,7 +134,7 @@ def test_a_long_run_gives_way() -> None:
         quick = asyncio.create_task(worker.answer(Task("echo", b"new"), kind="live"))
         return *await asyncio.gather(slow, quick, return_exceptions=True), time.monotonic() - began
 
-    slow, quick, took = run(ask)
+    slow, quick, took = shared(ask)
     assert isinstance(slow, Superseded)
     assert record(quick)["content"] == "new"
     assert took < 5
@@ -145,19 +175,23 @@ def test_a_hanging_task_is_stopped_and_others_are_answered_meanwhile() -> None:
         ("fail", 500, "ValueError); see its terminal"),
     ],
 )
-def test_whatever_goes_wrong_is_one_message(name: str, status: int, words: str) -> None:
+def test_whatever_goes_wrong_is_one_message(
+    shared: Callable[[Asking], Any], name: str, status: int, words: str
+) -> None:
     async def ask(worker: Worker) -> Any:
         reply = await worker.answer(Task(name))
         return reply, await worker.answer(Task("echo", b"next"))
 
-    reply, following = run(ask)
+    reply, following = shared(ask)
     assert reply.status == status
     assert words in record(reply)["message"]
     assert "anna" not in record(reply)["message"]
     assert record(following)["content"] == "next"
 
 
-def test_what_a_process_knew_is_known_to_its_successor() -> None:
+def test_what_a_process_knew_is_known_to_its_successor(
+    shared: Callable[[Asking], Any],
+) -> None:
     async def ask(worker: Worker) -> Any:
         options = {"mark": "m"}
         first = record(await worker.answer(Task("keep", b"panel", options)))["process"]
@@ -167,7 +201,7 @@ def test_what_a_process_knew_is_known_to_its_successor() -> None:
         other = await worker.answer(Task("know", b"", {"mark": "other"}))
         return first, found, other
 
-    first, found, other = run(ask)
+    first, found, other = shared(ask)
     assert found["content"] == "panel"
     assert found["process"] != first
     assert (other.status, record(other)["message"]) == (422, "never heard of it")
@@ -205,7 +239,7 @@ def test_processes_that_do_not_start_are_reported() -> None:
         assert "does not start (OSError: nothing to compute with)" in str(error)
 
 
-def test_work_ahead_is_done_and_gives_way(tmp_path: Path) -> None:
+def test_work_ahead_is_done_and_gives_way(shared: Callable[[Asking], Any], tmp_path: Path) -> None:
     done = tmp_path / "done"
 
     async def ask(worker: Worker) -> None:
@@ -213,7 +247,7 @@ def test_work_ahead_is_done_and_gives_way(tmp_path: Path) -> None:
         while not done.exists() or len(done.read_text()) < 5:
             await asyncio.sleep(0.02)
 
-    run(ask)
+    shared(ask)
     assert done.read_text() == "xxxxx"
 
 
