@@ -212,8 +212,9 @@ def stands_alone_for_no_reason(path: Path, readers: set[Path]) -> str:
         return ""
     if len(path.read_text(encoding="utf-8").splitlines()) > MOST_LINES_IN_A_FILE:
         return f"has over {MOST_LINES_IN_A_FILE} lines: split it, or say '{STANDS_ALONE} ...'"
-    inside = len(readers) == 1 and package_of(next(iter(readers))) == package_of(path)
-    if inside and count(path)[1] < LEAST_LINES_OF_CODE and package_of(path) not in TO_BE_REWRITTEN:
+    package = package_of(path)
+    inside = len(readers) == 1 and package_of(next(iter(readers))) == package
+    if inside and package not in TO_BE_REWRITTEN and count(path)[1] < LEAST_LINES_OF_CODE:
         return f"has one reader, {next(iter(readers)).name}: merge, or say '{STANDS_ALONE} ...'"
     return ""
 

@@ -194,10 +194,11 @@ def test_a_validation(
     )  # fmt: skip
     calibration().save(tmp_path / "c.toml")
     monkeypatch.setattr("turnout.cli.validate.opened_campaign", lambda *_, **__: None)
-    monkeypatch.setattr("turnout.cli.validate._validated", lambda *_, **__: None)
-    monkeypatch.setattr("turnout.calibration.validation.acceptance.judge", lambda _: verdict)
-    monkeypatch.setattr("turnout.calibration.validation.verdict_text.notes", lambda _: ["one note"])
-    line = ("validate", tmp_path, "--calibration", tmp_path / "c.toml")
+    validation = "turnout.calibration.validation"
+    monkeypatch.setattr(f"{validation}.validate.validate", lambda *_, **__: None)
+    monkeypatch.setattr(f"{validation}.acceptance.judge", lambda _: verdict)
+    monkeypatch.setattr(f"{validation}.verdict_text.notes", lambda _: ["one note"])
+    line = ("validate", tmp_path, "--calibration", tmp_path / "c.toml", "--workers", 1)
     found = printed(*line)
     assert set(found) - COMMON == documented["validate"]
     assert not found["valid"]

@@ -9,7 +9,7 @@ import typer
 from typer.testing import CliRunner
 
 import turnout
-from turnout.cli.main import _Commands, app, main
+from turnout.cli.main import app, main
 
 HEAVY = ("numba", "numpy", "xarray", "pandas", "pydantic", "matplotlib", "pint", "scipy")
 
@@ -67,13 +67,13 @@ def test_the_end_of_the_process_alone_looks_through_nothing_that_was_loaded() ->
 def test_an_error_while_a_command_loads_is_no_unknown_command(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def broken(name: str, *_: str) -> None:
-        raise KeyError(name)
+    class Broken:
+        def __getattr__(self, name: str) -> None:
+            raise KeyError(name)
 
-    monkeypatch.setattr("turnout.cli.main._load", broken)
-    with pytest.raises(KeyError):
-        _Commands().get("pod")
-    assert _Commands().get("pods") is None
+    monkeypatch.setitem(sys.modules, "turnout.cli.pod", Broken())
+    assert isinstance(CliRunner().invoke(app, ["pod", "--help"]).exception, KeyError)
+    assert "No such command" in CliRunner().invoke(app, ["pods"]).output
 
 
 @pytest.mark.parametrize("name", turnout.__all__)
