@@ -15,7 +15,6 @@ from tests.unit.served import served
 from tests.unit.simulated import sb2_panel
 
 from turnout.measurement.campaign.build_campaign import build_campaign_dataset
-from turnout.web import app
 from turnout.web.studio import Opened
 
 if TYPE_CHECKING:
@@ -122,12 +121,7 @@ def browser() -> Iterator["Browser"]:
 def studio_address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, str]]:
     """Return the address and the cookie of a studio; the token is spent already."""
     folder = copied(tmp_path_factory.mktemp("browser"))
-    with (
-        pytest.MonkeyPatch.context() as patched,
-        served(sb2_panel(), Opened(folder, build_campaign_dataset(folder))) as client,
-    ):
-        # Whoever waits here is a test, on a machine that does other things too.
-        patched.setattr(app, "TIME_LIMIT", PATIENCE / 1000)
+    with served(sb2_panel(), Opened(folder, build_campaign_dataset(folder))) as client:
         client.enter()
         yield f"http://127.0.0.1:{client.port}", client.cookie
 

@@ -12,8 +12,10 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import anyio
+import pytest
 
 from turnout.panel.load import LoadedPanel
+from turnout.web import app
 from turnout.web.guard import LARGEST_UPLOAD
 from turnout.web.serve import prepared
 from turnout.web.studio import Opened, Studio
@@ -80,12 +82,17 @@ class Client:
 def served(
     panel: LoadedPanel, opened: Opened | None = None, *, largest: int = LARGEST_UPLOAD
 ) -> Iterator[Client]:
-    """Serve until the block ends; the client has not entered yet."""
+    """Serve until the block ends; the client has not entered yet.
+
+    What is asked may take as long as the client waits: the machine may do other things too.
+    """
     ready = prepared(Studio(panel, opened), largest=largest)
     thread = threading.Thread(target=ready.server.run, args=([ready.listener],), daemon=True)
     thread.start()
     try:
-        yield Client(ready.address)
+        with pytest.MonkeyPatch.context() as patched:
+            patched.setattr(app, "TIME_LIMIT", PATIENCE)
+            yield Client(ready.address)
     finally:
         ready.server.should_exit = True
         thread.join(timeout=PATIENCE)

@@ -29,6 +29,8 @@ from turnout.web.tasks import MOST_RUNS
 OBJECT_ASKED = {"size": "13 mm", "at": "sleeper 6"}
 RATE = 20.0
 """Questions per second of a slider that moves."""
+REST = 0.3
+"""Seconds that it is still before the throw is asked for that is shown in the end."""
 TOLERANCE = 3.0
 """Seconds in which places beside the object are prepared."""
 
@@ -254,7 +256,8 @@ def burst(
     threads = [threading.Thread(target=ask, args=(number,)) for number in range(count)]
     began = time.monotonic()
     for number, thread in enumerate(threads):
-        time.sleep(max(0.0, began + number / RATE - time.monotonic()))
+        rest = REST if number == count - 1 else 0.0
+        time.sleep(rest + max(0.0, began + number / RATE - time.monotonic()))
         thread.start()
         if number % 10 == 5:
             asked = time.monotonic()
