@@ -58,15 +58,15 @@ def outcome(data: dict[str, Any]) -> str:
 @pytest.mark.parametrize("weird", WEIRD, ids=lambda item: repr(item)[:30])
 def test_one_weird_value_anywhere(weird: Any) -> None:
     assert outcome(DATA) == "fine"
-    # Every fourth place, another four for each value: a quarter of the time.
-    some = PLACES[len(repr(weird)) % 4 :: 4]
+    # Every twelfth place, others for each value: a twelfth of the time.
+    some = PLACES[len(repr(weird)) % 12 :: 12]
     answers = [outcome(changed([(path, weird)])) for path in some]
     refused = sum(answer.startswith("any.toml: ") for answer in answers)
     assert refused + answers.count("fine") == len(some)
     assert refused > len(some) / 2
 
 
-@settings(max_examples=150, deadline=None, derandomize=True)
+@settings(max_examples=40, deadline=None, derandomize=True)
 @given(st.lists(st.tuples(st.sampled_from(PLACES), st.sampled_from(WEIRD)), min_size=2, max_size=8))
 def test_several_weird_values(edits: list[tuple[tuple[Any, ...], Any]]) -> None:
     answer = outcome(changed(edits))

@@ -21,6 +21,7 @@ from turnout.calibration.causes import (
 )
 from turnout.calibration.fit import brief_fit, fit
 from turnout.calibration.measured_movements import MeasuredMovement
+from turnout.calibration.misfit import Misfit
 from turnout.calibration.needed_causes import DECISIVE, is_needed
 from turnout.calibration.predict import predicted
 from turnout.calibration.sensors import common_lead
@@ -34,11 +35,11 @@ FILTER = RecorderResponse(low_pass=LowPass(corner=1.5))
 
 
 def recorded(
-    by: RecorderResponse, *, stated: RecorderResponse, late: float = 0.0
+    by: RecorderResponse, *, stated: RecorderResponse, late: float = 0.0, count: int = 3
 ) -> list[MeasuredMovement]:
     """Movements behind a recorder that the channel map states or not, begun late by so much [s]."""
     made = []
-    for number in range(6):
+    for number in range(count):
         rng = np.random.default_rng(number)
         item = movement(f"m{number}", rng=rng)
         signal = item.signals[0]
@@ -50,16 +51,19 @@ def recorded(
     return made
 
 
+def search_of(whole: Misfit) -> CauseSearch:
+    """Search for causes where a rough fit ended."""
+    near = fit(whole, PARAMETERS, TRUE, rough=True)
+    return with_causes(brief_fit(whole, PARAMETERS, TRUE, near=near), whole, load_panel("sb1"))
+
+
 def averaged(*, stated: float = 0.0) -> list[MeasuredMovement]:
     """Movements of a recorder that averages over 0.3 s, which the map states or not."""
     return recorded(AVERAGE, stated=RecorderResponse(average=stated))
 
 
 def test_a_recorder_that_averages_is_found_and_freed_of() -> None:
-    panel = load_panel("sb1")
-    whole = misfit(averaged())
-    near = fit(whole, PARAMETERS, TRUE, rough=True)
-    search = with_causes(brief_fit(whole, PARAMETERS, TRUE, near=near), whole, panel)
+    search = search_of(misfit(recorded(AVERAGE, stated=RecorderResponse(), count=6)))
     again, (cause, *_) = search.found, search.tested
     assert not search.misses
     assert cause.name == "recorder filter"
@@ -89,8 +93,7 @@ def test_a_fit_to_its_end_that_fails_or_still_misses_something_is_no_start(
 def test_a_search_ends_after_its_throws_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("turnout.calibration.causes.MOST_THROWS", 1)
     whole = misfit(averaged())
-    near = fit(whole, PARAMETERS, TRUE, rough=True)
-    search = with_causes(brief_fit(whole, PARAMETERS, TRUE, near=near), whole, load_panel("sb1"))
+    search = search_of(whole)
     assert search.misses
     assert search.taken == ()
     assert search.tested[0].name == "recorder filter"
@@ -107,10 +110,7 @@ def test_an_average_that_the_map_states_is_no_cause() -> None:
 
 
 def test_a_recorder_that_filters_is_found_and_the_remedy_named() -> None:
-    panel = load_panel("sb1")
-    whole = misfit(recorded(FILTER, stated=RecorderResponse()))
-    near = fit(whole, PARAMETERS, TRUE, rough=True)
-    search = with_causes(brief_fit(whole, PARAMETERS, TRUE, near=near), whole, panel)
+    search = search_of(misfit(recorded(FILTER, stated=RecorderResponse())))
     cause = search.tested[0]
     assert not search.misses
     assert (cause.name, cause.fitted) == ("recorder filter", True)
@@ -123,11 +123,8 @@ def test_a_recorder_that_filters_is_found_and_the_remedy_named() -> None:
 @pytest.mark.parametrize(("kind", "order"), [("bessel", 4), ("butterworth", 4)])
 def test_a_filter_of_higher_order_is_not_taken_for_another(kind: str, order: int) -> None:
     """A Bessel filter was taken for a mean over the past, and values were 7 deviations off."""
-    panel = load_panel("sb1")
     filtered = RecorderResponse(low_pass=LowPass(kind=kind, order=order, corner=1.5))
-    whole = misfit(recorded(filtered, stated=RecorderResponse()))
-    near = fit(whole, PARAMETERS, TRUE, rough=True)
-    search = with_causes(brief_fit(whole, PARAMETERS, TRUE, near=near), whole, panel)
+    search = search_of(misfit(recorded(filtered, stated=RecorderResponse())))
     assert f'kind = "{kind}", order = {order}, corner = "1.' in search.tested[0].text
     assert search.found.values["k"] == pytest.approx(TRUE["k"], rel=5e-3)
 
@@ -156,10 +153,7 @@ def test_rails_that_differ_by_less_than_anybody_could_say_are_no_cause() -> None
 
 
 def test_samples_far_apart_are_found_without_a_delay() -> None:
-    panel = load_panel("sb1")
-    whole = misfit(recorded(RecorderResponse(rate=4.0), stated=RecorderResponse()))
-    near = fit(whole, PARAMETERS, TRUE, rough=True)
-    search = with_causes(brief_fit(whole, PARAMETERS, TRUE, near=near), whole, panel)
+    search = search_of(misfit(recorded(RecorderResponse(rate=4.0), stated=RecorderResponse())))
     assert not search.misses
     assert 'recorded_rate = "4' in search.tested[0].text
     assert search.found.values["k"] == pytest.approx(TRUE["k"], rel=5e-3)
@@ -183,9 +177,8 @@ def test_a_mean_over_the_past_is_not_taken_for_samples_far_apart_and_a_lead_of_m
 
 
 def test_a_lead_of_the_motors_beside_samples_far_apart_stays() -> None:
-    whole = misfit(recorded(RecorderResponse(rate=10.0), stated=RecorderResponse(), late=0.05))
-    near = fit(whole, PARAMETERS, TRUE, rough=True)
-    search = with_causes(brief_fit(whole, PARAMETERS, TRUE, near=near), whole, load_panel("sb1"))
+    by = RecorderResponse(rate=10.0)
+    search = search_of(misfit(recorded(by, stated=RecorderResponse(), late=0.05)))
     assert search.tested[0].text.startswith("the recorder takes")
     assert common_lead(search.found) == pytest.approx(0.05, abs=0.005)
     assert search.found.values["k"] == pytest.approx(TRUE["k"], rel=5e-3)

@@ -118,7 +118,7 @@ def test_the_truth_is_found_from_far_starts(start: dict[str, float]) -> None:
 
 def test_intervals_hold_the_truth_and_are_not_wide() -> None:
     hits = {"mu": 0, "k": 0}
-    for seed in range(40):
+    for seed in range(20):
         rng = np.random.default_rng(seed)
         measured = [
             movement(
@@ -132,8 +132,8 @@ def test_intervals_hold_the_truth_and_are_not_wide() -> None:
         found = fit(misfit(measured), PARAMETERS, TRUE)
         for item, (low, high) in zip(PARAMETERS, spread_of(found).intervals, strict=True):
             hits[item.name] += low <= TRUE[item.name] <= high
-    # 38 are expected of 40; fewer than 35 happen in one set of seeds of twenty.
-    assert all(35 <= count <= 40 for count in hits.values()), hits
+    # 19 are expected of 20; fewer than 18 happen in one set of seeds of thirteen.
+    assert all(18 <= count <= 20 for count in hits.values()), hits
 
 
 def test_a_gain_that_all_movements_share_widens_the_intervals_by_what_it_does() -> None:
@@ -283,12 +283,6 @@ def test_movements_are_thrown_at_their_own_values_however_far_these_are() -> Non
     assert 0.8 < found.rms < 1.2
 
 
-def test_a_quick_throw_is_kept_apart_from_an_exact_one() -> None:
-    with Evaluator(load_panel("sb1")) as evaluator:
-        kinds = [{}, {"quick": True}, {"fine": True}]
-        assert len({evaluator._key(ThrowInputs(overrides={}, **kind)) for kind in kinds}) == 3
-
-
 def test_a_parameter_that_does_nothing_is_not_identified() -> None:
     idle = Parameter(name="idle", keys=("idle",), start=1.0, lower=0.1, upper=10.0)
     whole = misfit([movement("m", rng=np.random.default_rng(2))])
@@ -394,12 +388,13 @@ def test_a_response_comes_back_from_its_file() -> None:
 
 def test_throws_are_taken_up_from_the_folder(tmp_path: Path) -> None:
     panel = load_panel("sb1")
-    throw = ThrowInputs(overrides={"chair.friction_coefficient": 0.3})
-    with Evaluator(panel, folder=tmp_path) as evaluator:
-        key = evaluator._key(throw)
-        evaluator._write(key, packed(response(TRUE), key))
-        assert evaluator.responses([throw])[0].onsets == {"closing": ONSET}
-        assert (evaluator.made, evaluator.reused) == (0, 1)
+    throw = ThrowInputs(overrides={"chair.friction_coefficient": 0.3}, quick=True)
+    found = []
+    for reused in (0, 1):
+        with Evaluator(panel, folder=tmp_path) as evaluator:
+            found.append(evaluator.responses([throw])[0].drive_force["1"])
+            assert (evaluator.made, evaluator.reused) == (1 - reused, reused)
+    np.testing.assert_allclose(*found, rtol=1e-6)
 
 
 def test_noise_at_rest_and_its_correlation_are_found() -> None:

@@ -84,8 +84,8 @@ of = "1"
 
 @pytest.fixture
 def toy(monkeypatch: pytest.MonkeyPatch) -> Facts:
-    monkeypatch.setattr(match, "FIRST_WAVE", 36)
-    monkeypatch.setattr(match, "WAVE", 8)
+    monkeypatch.setattr(match, "FIRST_WAVE", 24)
+    monkeypatch.setattr(match, "WAVE", 6)
     return read_facts(parse_toml(TOY, source="toy"))
 
 
@@ -147,22 +147,22 @@ def test_ranges_in_the_scale_of_the_parameter(toy: Facts) -> None:
 
 
 def test_a_matching_is_what_it_says_and_resumes_to_the_same(toy: Facts, tmp_path: Path) -> None:
-    whole = match_panel(toy, tmp_path / "whole", count=18, most=120)
-    assert len(whole.points) >= 18
+    whole = match_panel(toy, tmp_path / "whole", count=8, most=120)
+    assert len(whole.points) >= 8
     for item in whole.tried:
         if item.accepted:
             assert 600.0 <= item.values[0] <= 900.0
     assert evaluate(toy, whole.points[0]).accepted
 
     def interrupt(state: MatchProgress) -> None:
-        if state.tried == 30:
+        if state.tried == 15:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        match_panel(toy, tmp_path / "cut", count=18, most=120, report=interrupt)
+        match_panel(toy, tmp_path / "cut", count=8, most=120, report=interrupt)
     with (tmp_path / "cut" / match.TRIED).open("a") as file:
         file.write('{"wave": 0, "sha')  # a line that was cut off
-    again = match_panel(toy, tmp_path / "cut", count=18, most=120)
+    again = match_panel(toy, tmp_path / "cut", count=8, most=120)
     assert [str(replace(item, seconds=0.0)) for item in again.tried] == [
         str(replace(item, seconds=0.0)) for item in whole.tried
     ]

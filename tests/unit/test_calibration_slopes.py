@@ -173,19 +173,18 @@ def test_processes_begin_before_there_is_anything_to_throw(
         assert given is None
 
 
-def test_an_evaluator_throws_with_processes_that_it_is_given() -> None:
+def test_an_evaluator_throws_with_processes_that_it_is_given(tmp_path: Path) -> None:
     panel = load_panel("sb1")
     throws: Sequence[ThrowInputs] = [
         ThrowInputs(overrides={"chair.friction_coefficient": mu}, quick=True) for mu in (0.3, 0.4)
     ]
     with (
-        evaluate.worker_processes(2, evaluate._begin_worker, panel) as pool,
+        throw_processes(panel, 2, tmp_path / "none") as pool,
         Evaluator(panel, workers=2, pool=pool) as evaluator,
     ):
         assert isinstance(pool, ProcessPoolExecutor)
         found = evaluator.responses(throws)
         assert evaluator.work == 2.0
-        assert evaluator._pool is None
     with Evaluator(panel) as alone:
         for one, other in zip(found, alone.responses(throws), strict=True):
             np.testing.assert_array_equal(one.drive_force["1"], other.drive_force["1"])

@@ -205,4 +205,6 @@ def test_a_throw_with_kernels_at_hand_loads_no_compiler() -> None:
             env=os.environ | {"PYTHONPATH": ":".join(sys.path)},
         )  # fmt: skip
         assert done.returncode == 0, done.stderr
-    assert done.stdout.strip() == "False"
+        if done.stdout.strip() == "False":
+            return
+    pytest.fail("the compiler was loaded")

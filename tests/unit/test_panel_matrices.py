@@ -1,5 +1,7 @@
 """Rails as matrices: what a file says, what may be left out, and every fault with its remedy."""
 
+import base64
+import json
 import pickle
 from collections.abc import Callable
 from pathlib import Path
@@ -19,6 +21,7 @@ from turnout.metric.export import export_matrices
 from turnout.metric.modes import modes
 from turnout.panel.load import load_panel
 from turnout.panel.model import Panel
+from turnout.panel.stored import panel_data, panel_from_data
 
 Content = dict[str, Any]
 FILE = "rail_A.mat"
@@ -67,6 +70,24 @@ def test_files_say_what_they_hold(folder: Path) -> None:
 def test_a_rail_comes_back_with_its_frequencies(folder: Path, file: str) -> None:
     own = lowest(folder / "cantilever.toml")
     np.testing.assert_allclose(lowest(named(folder, file)), own, rtol=1e-7)
+
+
+def test_they_are_stored_to_the_bit(folder: Path) -> None:
+    panel = load_panel(folder / "panel.toml")
+    data = json.loads(json.dumps(panel_data(panel)))
+    given, found = panel.matrices["A"], panel_from_data(data).matrices["A"]
+    for name in ("stiffness", "mass", "damping", "rows"):
+        mine, others = getattr(found, name), getattr(given, name)
+        assert (mine is None) == (others is None)
+        assert mine is None or mine.toarray().tobytes() == others.toarray().tobytes()
+    assert (found.direction, found.digest) == (given.direction, given.digest)
+    (kept,) = data["matrices"].values()
+    stored = kept["stiffness"]["indices"]
+    count = given.stiffness.nnz
+    wrong = np.full(count, 10**6, dtype=stored["dtype"]).tobytes()
+    stored["base64"] = base64.b64encode(wrong).decode()
+    with pytest.raises(ValueError, match="ind"):
+        panel_from_data(data)
 
 
 def test_what_may_be_left_out_is_made_up(folder: Path) -> None:

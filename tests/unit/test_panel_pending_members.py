@@ -89,7 +89,7 @@ def test_it_equals_a_panel_read_as_a_whole() -> None:
 
 
 def test_threads_find_the_same_records(restless_threads: None) -> None:
-    for _ in range(200):
+    for _ in range(50):
         panel, begin = pending_panel(), Barrier(4)
 
         def look(panel: LoadedPanel = panel, begin: Barrier = begin) -> tuple[int, int]:

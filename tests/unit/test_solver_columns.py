@@ -263,9 +263,10 @@ def test_columns_equal_a_dense_solution_after_random_flips(cutoff_modes: int) ->
     check_against_dense(made)
     seen = set()
     for _ in range(8):
-        for _ in range(50):
+        for number in range(50):
             flip(made, rng)
-            check_bookkeeping(made)
+            if number % 5 == 0:
+                check_bookkeeping(made)
             seen.add(len(active_rows(made)))
         check_against_dense(made)
     assert len(seen) > 3, "rows were hardly ever activated or dropped"

@@ -1,5 +1,7 @@
 """Warnings of a panel check: flutter at its own friction, near it, not at all; test pieces."""
 
+from typing import Any
+
 import pytest
 import xarray as xr
 from tests.unit.simulated import sb1_dataset, sb1_panel, sb2_panel
@@ -9,6 +11,7 @@ from typer.testing import CliRunner
 from turnout.cli.main import app
 from turnout.mechanism.rail_sections import planed_outlines
 from turnout.metric.panel_check import (
+    Concern,
     concerns,
     file_concerns,
     flutter_concerns,
@@ -19,14 +22,41 @@ from turnout.metric.panel_check import (
 from turnout.metric.stability import FrictionStability, SlidingCase, friction_stability
 from turnout.metric.test_piece import PieceLimit
 from turnout.panel.load import load_panel
+from turnout.panel.model import Panel
 
-NONE, USUAL = "0 N s/m", "3.75 kN s/m"
+NAN = float("nan")
 
 
-def test_a_section_that_flutters() -> None:
-    panel = unsymmetric_panel(friction=0.5, dashpot=NONE)
-    (concern,) = flutter_concerns(panel)
-    found = friction_stability(panel)
+def sliding(
+    monkeypatch: pytest.MonkeyPatch, *rows: tuple[float, bool, float], quarter: float = 0.0
+) -> list[Concern]:
+    """Return concerns where each share of a movement settles or not and grows at a rate [1/s].
+
+    A quarter more friction adds to the rate.
+    """
+
+    def found(_panel: Panel, *, friction_factor: float, **_: object) -> FrictionStability:
+        more = quarter if friction_factor > 1.0 else 0.0
+        cases = tuple(
+            SlidingCase("throw", "open", share, settled, 3.0, 0.02, rate + more)
+            for share, settled, rate in rows
+        )
+        return FrictionStability(friction_factor, cases, 600.0)
+
+    monkeypatch.setattr("turnout.metric.panel_check.friction_stability", found)
+    return flutter_concerns(sb1_panel())
+
+
+def test_a_section_that_flutters(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[FrictionStability] = []
+
+    def kept(panel: Panel, **options: Any) -> FrictionStability:
+        seen.append(friction_stability(panel, **options))
+        return seen[-1]
+
+    monkeypatch.setattr("turnout.metric.panel_check.friction_stability", kept)
+    (concern,) = flutter_concerns(unsymmetric_panel(friction=0.5, dashpot="0 N s/m"))
+    found = seen[-1]
     assert concern.what == "the section can flutter"
     assert "at the panel's friction" in concern.where
     assert f"'{found.worst.movement}'" in concern.where
@@ -34,27 +64,14 @@ def test_a_section_that_flutters() -> None:
     assert "chair.damping" in concern.remedy
 
 
-def test_a_section_that_nearly_flutters() -> None:
-    (concern,) = flutter_concerns(unsymmetric_panel(friction=0.25, dashpot=NONE))
+def test_a_section_that_nearly_flutters(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert sliding(monkeypatch, (0.1, True, -0.4)) == []
+    (concern,) = sliding(monkeypatch, (0.1, True, -0.4), quarter=0.5)
     assert "at 1.25 times the panel's friction" in concern.where
 
 
-@pytest.mark.parametrize("friction", [0.4, 0.5])
-def test_the_dashpot_takes_it_away(friction: float) -> None:
-    assert flutter_concerns(unsymmetric_panel(friction=friction, dashpot=USUAL)) == []
-
-
 def test_unknown_is_not_in_order(monkeypatch: pytest.MonkeyPatch) -> None:
-    nan = float("nan")
-    cases = tuple(
-        SlidingCase("throw", "open", share, settled, 3.0, 0.02, rate)
-        for share, settled, rate in ((0.1, True, -0.4), (0.5, False, nan))
-    )
-    monkeypatch.setattr(
-        "turnout.metric.panel_check.friction_stability",
-        lambda _panel, *, friction_factor, **_: FrictionStability(friction_factor, cases, 600.0),
-    )
-    (concern,) = flutter_concerns(sb1_panel())
+    (concern,) = sliding(monkeypatch, (0.1, True, -0.4), (0.5, False, NAN))
     assert concern.what == "flutter is not known"
     assert concern.number == "no steady sliding was found in 1 of 2 places"
     assert "50 % of movement 'throw'" in concern.where

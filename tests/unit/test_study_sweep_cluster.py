@@ -98,20 +98,6 @@ def cluster_processes(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Pop
         yield json.loads(file.read_text())["address"], processes[1:]
 
 
-@pytest.fixture
-def address(cluster_processes: tuple[str, list[subprocess.Popen[bytes]]]) -> str:
-    return cluster_processes[0]
-
-
-def test_a_scheduler_and_two_workers_over_tcp_come_to_the_same_bits(
-    study: Study, expected: list[str], address: str, tmp_path: Path
-) -> None:
-    with scheduler_cluster(address) as mine:
-        done = throw_study(study, tmp_path / "s", workers=mine.workers, pool=mine.pool)
-    assert done.thrown == study.count
-    assert batch_names(tmp_path / "s") == expected
-
-
 def test_a_worker_that_is_killed_costs_at_most_its_batch(
     study: Study,
     expected: list[str],

@@ -69,7 +69,7 @@ def fact_b() -> list[Check]:
 
 def fact_c() -> list[Check]:
     """End forces grow with size at sleeper 6; 29 mm still lock, a drive slips first at 31 mm."""
-    runs = {size: throw(DEFAULT, "sleeper 6", size) for size in range(26, 35)}
+    runs = {size: throw(DEFAULT, "sleeper 6", size) for size in range(28, 34)}
     slipping = [size for size, ds in runs.items() if slips_on_return(ds)]
     checks = [
         Check("c: first size at which a drive slips", min(slipping, default=np.nan), 30, 32, "mm"),

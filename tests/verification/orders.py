@@ -82,7 +82,7 @@ def determinant(omega: float, shear_factor: float) -> float:
 @cache
 def exact_frequencies(shear_factor: float) -> Floats:
     """Return the lowest lateral frequencies of the beam on springs [Hz]."""
-    grid = np.linspace(0.2, 60.0, 1200)
+    grid = np.linspace(0.2, 60.0, 400)
 
     def residual(frequency: float) -> float:
         return determinant(2 * np.pi * frequency, shear_factor)

@@ -13,6 +13,7 @@ from benchmarks.studies.calibration_coverage import result_of
 
 from turnout.calibration.calibrate import calibrate
 from turnout.calibration.result import load_calibration
+from turnout.calibration.stages import default_plan
 from turnout.cli.main import app
 from turnout.measurement.campaign.build_campaign import build_campaign_dataset
 from turnout.panel.load import load_panel
@@ -87,10 +88,17 @@ def test_the_command_takes_up_the_throws_and_its_file_applies(
     assert len(list(figures.glob("fit-*.png"))) == 3  # one a movement
 
 
-def test_the_posterior_agrees_with_the_intervals_of_the_fit(twin: Path) -> None:
+@pytest.mark.parametrize(
+    "fixed", [pytest.param((), marks=pytest.mark.long), tuple(TRUE)[2:]], ids=["five", "two"]
+)
+def test_the_posterior_agrees_with_the_intervals_of_the_fit(
+    twin: Path, fixed: tuple[str, ...]
+) -> None:
+    panel = load_panel("sb1").with_overrides({key: TRUE[key] for key in fixed})
     outcome = calibrate(
         open_response(twin),
-        load_panel("sb1"),
+        panel,
+        plan=default_plan(panel, fixed=fixed),
         folder=twin.parent / ".turnout" / "throws",
         posterior=True,
     )
@@ -104,6 +112,7 @@ def test_the_posterior_agrees_with_the_intervals_of_the_fit(twin: Path) -> None:
         assert np.abs(np.array(ends) - item.interval).max() < 0.08 * width, name
 
 
+@pytest.mark.long
 def test_no_cause_is_taken_up_where_several_values_are_off_together() -> None:
     # Campaign 178 of the long job: friction 8 %, a stiffness 5 % and each movement's friction are
     # off together after the quick throws. Brief fits leave that slowly; friction by chair and soft

@@ -43,7 +43,7 @@ def test_peak_of_the_start() -> None:
 def test_random_starts() -> None:
     generator = np.random.default_rng(20)
     damped = 0
-    for _ in range(20):
+    for _ in range(12):
         R, L = generator.uniform(2, 30), np.exp(generator.uniform(np.log(5e-3), np.log(0.3)))
         k, J = generator.uniform(0.2, 2.0), np.exp(generator.uniform(np.log(3e-4), np.log(2e-2)))
         damped += k * k / (J * L) < (R / (2 * L)) ** 2
@@ -53,7 +53,7 @@ def test_random_starts() -> None:
         thrown = started(duration=step * count, step=step, **motor)
         exact = start_current(thrown.time, **motor)
         assert np.abs(thrown["current"] - exact).max() <= 1e-6 * exact.max()
-    assert 3 <= damped <= 17
+    assert 2 <= damped <= 10
 
 
 @pytest.mark.parametrize("kind", ["permanent magnet", "series", "separate field"])
@@ -112,8 +112,10 @@ SUPPLIES = {
 }
 
 
-@pytest.mark.parametrize("supply", SUPPLIES)
-@pytest.mark.parametrize("name", ["jea73", "zd6"])
+@pytest.mark.parametrize(
+    ("name", "supply"),
+    [*(("jea73", supply) for supply in SUPPLIES), ("zd6", "rated"), ("zd6", "supply -20 %")],
+)
 def test_supply_line_and_temperature(name: str, supply: str) -> None:
     changes = dict(SUPPLIES[supply])
     if name == "zd6" and "supply.voltage" in changes:

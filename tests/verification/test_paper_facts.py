@@ -1,15 +1,29 @@
 """Facts a to f of the paper on the default panel; limits and sources: see `facts`."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from tests.verification.facts import ALL, FRICTIONS, STIFFNESSES, least_size, slopes
 from tests.verification.runs import DEFAULT, energy_balance, throw
 
+from turnout.calibration.matching.measures import FLUTTER_CUTOFF
+from turnout.metric.panel_check import flutter_concerns
+from turnout.panel.load import load_panel
+
 
 @pytest.mark.parametrize("fact", ALL, ids=lambda fact: fact.__name__)
-def test_fact(fact):
+def test_fact(fact, monkeypatch: pytest.MonkeyPatch):
+    """Flutter with the modes up to a cut-off; with all of them in the long job."""
+    quick = partial(flutter_concerns, cutoff_frequency=FLUTTER_CUTOFF)
+    monkeypatch.setattr("turnout.metric.panel_check.flutter_concerns", quick)
     failed = [str(check) for check in fact() if not check.passed]
     assert not failed, "\n".join(failed)
+
+
+@pytest.mark.long
+def test_no_mode_flutters():
+    assert flutter_concerns(load_panel(DEFAULT)) == []
 
 
 def test_books_of_the_default_throw():

@@ -42,7 +42,12 @@ def test_the_books_close_and_the_scheme_loses_little(case: str) -> None:
     assert loss <= allowed
 
 
-@pytest.mark.parametrize("case", CASES)
+RATED = ("no object", "drive 2", "SB1 B", "SB2")
+
+
+@pytest.mark.parametrize(
+    "case", [c if c in RATED else pytest.param(c, marks=pytest.mark.long) for c in CASES]
+)
 def test_the_loss_shrinks_with_the_step(case: str) -> None:
     panel, place, _, rate = CASES[case]
     losses = []

@@ -173,6 +173,7 @@ def test_a_job_that_was_stopped_continues_and_its_section_is_replaced(tmp_path: 
     assert page.read_text(encoding="utf-8") == f"# Title\n\nText.\n\n## Heading\n\n{marked}\n"
 
 
+@pytest.mark.long
 def test_machines_of_a_virtual_campaign_within_two_per_cent() -> None:
     """Reference: closed form of the machines drawn; tolerance 2 %, as the long job's."""
     record = machine_campaigns.result_of(5)  # Drive 2's clutch slips while it opens
@@ -187,14 +188,14 @@ def test_machines_of_a_virtual_campaign_within_two_per_cent() -> None:
 
 
 def test_a90_95_of_some_campaigns_holds_and_naive_pooling_is_below() -> None:
-    records = [pod_coverage.result_of(index) for index in range(16)]
+    records = [pod_coverage.result_of(index) for index in range(6)]
     medians = {
         name: np.median([record[name] for record in records if record[name] is not None])
         for name in ("calibrated", "profile", "pooled")
     }
     assert medians["pooled"] < medians["profile"] < medians["calibrated"]
-    # 1 % of sets of 16 at 94 % hold fewer
-    assert pod_coverage.covered(records, "calibrated") >= 13 / 16
+    # half a percent of sets of 6 at 94 % hold fewer
+    assert pod_coverage.covered(records, "calibrated") >= 4 / 6
     assert len(pod_coverage.section(records)) == 6
 
 

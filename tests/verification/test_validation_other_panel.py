@@ -6,6 +6,7 @@ Limits of the verdict: band of 95 % covers at least 80 %, error at most three re
 """
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -86,21 +87,31 @@ def with_error(found: Calibration, name: str, share: float) -> Calibration:
     return replace(found, parameters=moved)
 
 
-def test_the_measured_switch_is_accepted_and_errors_as_stated_are_noticed() -> None:
-    """Friction that was 5 % off was accepted where 4.5 % were stated, by slopes alone."""
+@cache
+def measured() -> tuple[Calibration, xr.Dataset, Acceptance]:
+    """Return the calibration of the switch that was measured, and the verdict on it."""
     found, dataset = calibrated_to(short_sb1())
-    verdict = judged(found, dataset)
+    return found, dataset, judged(found, dataset)
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["chair.friction_coefficient", pytest.param("drive.1.stiffness", marks=pytest.mark.long)],
+)
+def test_the_measured_switch_is_accepted_and_errors_as_stated_are_noticed(name: str) -> None:
+    """Friction that was 5 % off was accepted where 4.5 % were stated, by slopes alone."""
+    found, dataset, verdict = measured()
     assert verdict.judged == len(HELD_BACK)
     assert verdict.accepted, verdict.text
-    for name in ("chair.friction_coefficient", "drive.1.stiffness"):
-        (text,) = (text for text in verdict.power if text.startswith(name))
-        stated = float(text.removeprefix(f"{name} off by ").split(" %")[0]) / 100
-        off = {
-            share: [judged(with_error(found, name, s * share), dataset).accepted for s in (1, -1)]
-            for share in (stated, 0.8 * stated)
-        }
-        assert not any(off[stated]), text
-        assert any(off[0.8 * stated]), text
+    (text,) = (text for text in verdict.power if text.startswith(name))
+    stated = float(text.removeprefix(f"{name} off by ").split(" %")[0]) / 100
+
+    def accepted(share: float) -> bool:
+        return judged(with_error(found, name, share), dataset).accepted
+
+    assert not accepted(stated), text
+    assert not accepted(-stated), text
+    assert accepted(0.8 * stated) or accepted(-0.8 * stated), text
 
 
 @pytest.mark.long
