@@ -84,7 +84,7 @@ of = "1"
 
 @pytest.fixture
 def toy(monkeypatch: pytest.MonkeyPatch) -> Facts:
-    monkeypatch.setattr(match, "FIRST_WAVE", 24)
+    monkeypatch.setattr(match, "FIRST_WAVE", 30)
     monkeypatch.setattr(match, "WAVE", 6)
     return read_facts(parse_toml(TOY, source="toy"))
 

@@ -41,7 +41,7 @@ def test_features_alone_are_those_of_a_sweep_with_histories(tmp_path: Path) -> N
 
 
 def test_a_throw_takes_at_most_300_bytes(tmp_path: Path) -> None:
-    count = 128  # of a larger batch each takes less
+    count = LARGEST_WITHOUT_HISTORIES
     more = FEATURES_ALONE + '\n[scheme]\nmode = "quick"\n'
     study = small_study(tmp_path, count=count, more=more)
     rows = throw_batch(study, [range(count)])
