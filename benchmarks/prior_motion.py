@@ -2,9 +2,14 @@
 
     python -m benchmarks.prior_motion
 
-Printed for several lengths of its steps, with and without inertia: the processor time of the return
-in quick mode, and by how much Drive 2 of the default panel starts off the force with which the
-cycle that follows ends, for frictions from 0.1 to 0.5 (see decision 30).
+Printed for each panel of the library in quick mode, the largest over frictions from 0.1 to 0.5 and
+drives: by how much the force of a drive starts off that with which its cycle ends, how far it is
+off until the return and where the switch is held open, and what cycles before the start leave, and
+their number (the table of `docs/theory/time-stepping.md`).
+
+Then for several lengths of the steps of the return, with and without inertia: its processor time,
+and by how much Drive 2 of the default panel starts off the end of the cycle that follows (see
+decision 30).
 """
 
 import argparse
@@ -19,9 +24,16 @@ from benchmarks.machine import load, machine
 from turnout.core.scheme import Scheme
 from turnout.panel.load import load_panel
 from turnout.solver import start
+from turnout.solver.prepared_run import PreparedRun
 from turnout.throw.simulate import simulate
 
+PANELS = (
+    *("uic60-760-1-15", "uic60-760-1-15-symmetric", "60e1-300-1-9", "60e1-300-1-9-clamp-lock"),
+    *("60e1-500-1-12", "60e1-441-1-12", "60e1-1200-1-18.5", "sb2"),
+)
 FRICTIONS = np.linspace(0.1, 0.5, 17)
+OPEN = 4.3
+"""The switch is held open, just before its return [s]."""
 END = 8.0
 """Of the cycle, some tenths of a second after its return [s]."""
 CHOICES = (
@@ -31,12 +43,46 @@ CHOICES = (
 """Step [s], and True for inertia."""
 
 
-def use(scheme_of: Callable[[Scheme, float], Scheme], step: float, *, inertia: bool) -> None:
+def compared(name: str, friction: float) -> list[float]:
+    """Return how far a start by a return, and by cycles, is from the end of a cycle.
+
+    Largest over drives: force at the start [N] and as a share of that at the end [-], force until
+    the return as a share of the peak [-], force held open [N]; of cycles force at the
+    start [N], and their number [-].
+    """
+    runs, cycles, usual = [], [], start._call_march
+
+    def counted(motion: PreparedRun, last: int) -> tuple[int, int]:
+        cycles.append(last)
+        return usual(motion, last)
+
+    for by in ("return", "cycles"):
+        given = {"schedule.loaded": True, "schedule.loaded_by": by}
+        panel = load_panel(name).with_overrides(given | {"chair.friction_coefficient": friction})
+        start.clear_starts()
+        cycles.clear()
+        setattr(start, "_call_march", counted)  # noqa: B010
+        try:
+            run = simulate(panel, mode="quick")
+        finally:
+            setattr(start, "_call_march", usual)  # noqa: B010
+        runs.append(run["drive_force"].values)
+    time_of, (by_return, by_cycles) = run["time"].values, runs
+    apart, ends = np.abs(by_return - by_cycles), by_cycles[:, -1]
+    apart, peak = apart[:, time_of <= OPEN], np.abs(by_cycles).max(axis=1)
+    opening, held = apart.max(axis=1) / peak, apart[:, -1].max()
+    found = np.abs(by_return[:, 0] - by_return[:, -1])
+    left = np.abs(by_cycles[:, 0] - ends).max()
+    shares = [(found / np.abs(ends)).max(), opening.max()]
+    return [found.max(), *shares, held, left, float(len(cycles))]
+
+
+def use(scheme_of: Callable[..., Scheme], step: float, *, inertia: bool) -> None:
     """Let returns from now on have a step [s], with or without inertia."""
 
-    def changed(scheme: Scheme, duration: float) -> Scheme:
+    def changed(scheme: Scheme, duration: float, *, cyclic: bool) -> Scheme:
         chosen = replace(scheme, step=step, output_interval=step, inertia=inertia)
-        return scheme_of(chosen, duration)
+        return scheme_of(chosen, duration, cyclic=cyclic)
 
     setattr(start, "_prior_scheme", changed)  # noqa: B010
 
@@ -62,6 +108,14 @@ def measured() -> tuple[float, list[float]]:
 def main() -> None:
     """Measure and print."""
     argparse.ArgumentParser(description=__doc__).parse_args()
+    for name in PANELS:
+        found = [compared(name, friction) for friction in FRICTIONS[::4]]
+        start_off, share, opening, held, left, cycles = np.max(found, axis=0)
+        print(
+            f"| `{name}` | {start_off:.0f} | {100 * share:.1f} | {100 * opening:.1f} "
+            f"| {held:.0f} | {left:.2f} | {cycles:.0f} |",
+            flush=True,
+        )
     usual, least = start._prior_scheme, start.PRIOR_STEP
     simulate(load_panel("uic60-760-1-15"), mode="quick")
     setattr(start, "PRIOR_STEP", 0.0)  # noqa: B010

@@ -259,6 +259,17 @@ SINGLE = [
     ),
     ('end = "9 s"', 'end = "8.1 s"', "schedule.end = 8.1 s: movement 'return' only ends at 8.2 s"),
     (
+        'end = "9 s"',
+        'end = "9 s"\nloaded_by = "cycles"',
+        'schedule.loaded_by = "cycles": needs loaded = true',
+    ),
+    (
+        'end = "9 s"',
+        'end = "20 s"\nloaded = true\nloaded_by = "cycles"\n[movement.again]\nstart = "10 s"\n'
+        'duration = "3 s"\nto = "closed"\nshape = "linear"',
+        'schedule.loaded_by = "cycles": needs a last movement to open',
+    ),
+    (
         '2 = "0.2 s"',
         '2 = "-3 s"',
         "movement.return.extra_time.2 = -3 s: takes away the whole duration",

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 JsonRecord = dict[str, Any]
 
-RUN_UNITS = {"energy_scale": "J", "wall_time": "s"}
+RUN_UNITS = {"energy_scale": "J", "wall_time": "s", "start_difference": "N"}
 PANEL_UNITS = {
     **{"x": "m", "closed_gap": "m", "least_flangeway": "m", "least_flangeway_x": "m"},
     **{"force": "N", "limit": "N", "size": "m", "largest": "m", "gap": "m"},
@@ -44,7 +44,7 @@ SI_UNIT, SI_SIZE = {"kN": "N", "A": "A"}, {"kN": 1e3, "A": 1.0}
 def run_record(dataset: "xr.Dataset") -> tuple[JsonRecord, dict[str, str]]:
     """Return a run: verdict, key figures, energies, and the units of its keys."""
     from turnout.metric.key_figure import key_figures
-    from turnout.metric.summary import numerical_share, residual_share
+    from turnout.metric.summary import numerical_share, residual_share, start_difference
     from turnout.metric.trapped import break_note
     from turnout.metric.verdict import verdict
 
@@ -67,6 +67,8 @@ def run_record(dataset: "xr.Dataset") -> tuple[JsonRecord, dict[str, str]]:
         "energy_scale": attributes.get("energy_scale"),
         "energy_residual_share": residual_share(dataset) if balanced else None,
         "numerical_dissipation_share": numerical_share(dataset) if balanced else None,
+        "loaded_by": attributes.get("loaded_by"),
+        "start_difference": start_difference(dataset),
         "wall_time": attributes.get("wall_time"),
     }
     return record, {**RUN_UNITS, **{item.key: item.unit for item in figures}}

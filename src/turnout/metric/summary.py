@@ -135,6 +135,7 @@ def summary(dataset: "xr.Dataset") -> list[tuple[str, str]]:
     lines.append(("run", _run(dataset)))
     if dataset.sizes.get("time", 0) == 0:
         return lines
+    lines += [("start", text) for text in _start(dataset)]
     lines += _state(dataset)
     lines += _drives(dataset)
     lines += [("slip", text) for text in _slips(dataset)]
@@ -218,6 +219,45 @@ def _run(dataset: "xr.Dataset") -> str:
         return f"{text}; the schedule waited {waited:.2f} s for machines" if waited else text
     what = "INACCURATE" if ends_inaccurate(dataset) else "NOT COMPLETE"
     return f"{what}: {attributes.get('outcome_message', 'ended early')}"
+
+
+def start_difference(dataset: "xr.Dataset") -> dict[str, float]:
+    """Return by how much the force of each drive starts above that at the end of a run [N].
+
+    It says how far a loaded start is from what a whole cycle leaves. Empty for any other start, and
+    where the end is that of no such cycle: with objects or machines, or without a return.
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> start_difference(xr.Dataset(attrs={"movements": "[]"}))
+    {}
+    """
+    attributes = dataset.attrs
+    whole = attributes.get("complete", True) and "machine_throws" not in attributes
+    sound = attributes.get("foreign_objects", "[]") == "[]"
+    # each movement goes to the other position, and a loaded start follows one at least
+    returns = len(json.loads(attributes.get("movements", "[]"))) % 2 == 0
+    loaded = "loaded_by" in attributes and "drive_force" in dataset
+    if not (loaded and whole and sound and returns):
+        return {}
+    force = dataset["drive_force"].transpose("drive", "time").values
+    names = map(str, dataset["drive"].values)
+    return dict(zip(names, (force[:, 0] - force[:, -1]).tolist(), strict=True))
+
+
+def _start(dataset: "xr.Dataset") -> list[str]:
+    """Return the motion that a loaded start follows, and how far it is from a whole cycle."""
+    by = dataset.attrs.get("loaded_by")
+    if by is None:
+        return []
+    text = f"loaded by {'the last return' if by == 'return' else 'cycles that repeat'}; "
+    found = start_difference(dataset)
+    if not found:
+        return [f"{text}distance from the end of a cycle not judged"]
+    newtons = {name: round(value) for name, value in found.items()}
+    off = ", ".join(f"drive {name} {f'{n:+d}' if n else 0} N" for name, n in newtons.items())
+    return [f"{text}{off} from the end of this cycle"]
 
 
 def _state(dataset: "xr.Dataset") -> list[tuple[str, str]]:

@@ -58,6 +58,7 @@ def check_schedule(draft: Draft) -> Iterator[Problem]:
         yield from until_unknown(_table(("movement", name), movement))
     yield from until_unknown(_sequence(draft, drives))
     yield from until_unknown(_end(draft, drives))
+    yield from until_unknown(_cycles(draft))
 
 
 def _times(movement: Movement, drives: tuple[str, ...]) -> list[float]:
@@ -139,6 +140,15 @@ def _end(draft: Draft, drives: tuple[str, ...]) -> Iterator[Problem]:
         if arrival > end + _SAME_TIME:
             text = f" = {end:g} s: movement '{name}' only ends at {arrival:g} s"
             yield Problem(("schedule", "end"), text)
+
+
+def _cycles(draft: Draft) -> Iterator[Problem]:
+    """Refuse cycles before the run that do not end where it starts, loaded."""
+    schedule, movements = draft.records["schedule"], _in_order(draft)
+    returns = movements and movements[-1][1].to == schedule.starts
+    if schedule.loaded_by == "cycles" and not (schedule.loaded and returns):
+        remedy = f"a last movement to {schedule.starts}" if schedule.loaded else "loaded = true"
+        yield Problem(("schedule", "loaded_by"), f' = "cycles": needs {remedy}')
 
 
 _HAVE_PLACES = ("chair", "fastening", "stop", "stud", "drive", "link", "back_drive")

@@ -169,6 +169,8 @@ class LoadedPanel(PendingPanel):
                 del values["machine"]
                 for drive in values["drive"].values():
                     del drive["machine"]
+            if values["schedule"]["loaded_by"] == "return":  # and one without cycles before it
+                del values["schedule"]["loaded_by"]
             for rail in values["rail"].values():  # and one that touches, before edges could meet
                 edge = rail["running_edge"]
                 if edge is not None and not edge["tangent_offset"]:

@@ -425,6 +425,12 @@ class Schedule(Record):
         "at their over-travel, the closed rail pressed home, friction in the chairs; default at "
         "the strokes, without friction",
     )
+    loaded_by: Literal["return", "cycles"] = Field(
+        "return",
+        description="motion before a loaded start: 'return' is the last three fifths of that "
+        "movement in long steps, 'cycles' the whole schedule in the steps of the run until the "
+        "forces of drives repeat to 0.5 N, which takes two to four throws more",
+    )
     end: Time = Field(
         gt=0, description="end of the simulation; later where machines arrive later [s]"
     )

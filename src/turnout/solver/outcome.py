@@ -55,8 +55,9 @@ ADVICE = {
         "slip where friction follows its normal force; take a scheme with inertia"
     ),
     Code.NO_LOADED_START: (
-        "the movement before the start did not converge, whose friction a loaded start takes over; "
-        "start without it (schedule.loaded = false), or try a smaller friction coefficient"
+        "the movement before the start did not converge, whose friction a loaded start takes over, "
+        "or its cycles did not repeat; start without it (schedule.loaded = false), or try a "
+        "smaller friction coefficient"
     ),
     Code.INTERRUPTED: "the run was interrupted; what was computed until then is kept",
 }

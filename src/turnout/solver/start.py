@@ -3,7 +3,8 @@
 Friction at rest is history: any force between the limits of its foot holds. Without a prior motion
 the feet are free of it. A prior motion is integrated with the laws and modes of the run, from an
 equilibrium without friction, with steps and dissipation of its own; nothing of it is stored. What a
-foot has done before it slides is of no effect, so the last part of the motion serves for all of it.
+foot has done before it slides is of little effect, so the last part of the motion serves for all of
+it. Cycles in the steps of the run, until they repeat, leave out nothing.
 Contact set, friction branches and anchors are kept, and the run starts from the static equilibrium
 that they allow, with an energy balance of its own.
 """
@@ -56,6 +57,10 @@ PRIOR_RADIUS = 0.0
 """Spectral radius of its scheme: what its steps cannot resolve is damped at once [-]."""
 PRIOR_REST = 0.25
 """Time at rest after a prior motion, a period of the rails' lowest mode [s]."""
+CYCLE_FORCE = 0.5
+"""Largest change of an input's force from cycle to cycle that is taken for none [N]."""
+MOST_CYCLES = 10
+"""Cycles before a start; of the library none takes more than four."""
 MOST_KEPT = 64
 """States left by prior motions in the cache, the latest used."""
 
@@ -71,10 +76,14 @@ class PriorMotion:
     inputs : callable
         Marker positions, shape (n_inputs, n), for times of shape (n,) from 0 to `duration` [m]. The
         last are those with which the run starts.
+    cyclic : bool
+        Whether it ends where it begins, and is repeated by the scheme of the run until the forces
+        of the inputs repeat too, in place of its last part in longer steps.
     """
 
     duration: float
     inputs: Callable[[Floats], Floats]
+    cyclic: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -101,7 +110,7 @@ class StartPlan:
     Attributes
     ----------
     setup : RunSetup
-        Its last part.
+        Its last part, or all of it.
     scheme : Scheme
         Numerical choices of the motion.
     positions : ndarray, shape (n_steps + 1, n_inputs)
@@ -110,6 +119,8 @@ class StartPlan:
         What is in the table of laws before anything moves.
     key : hashable
         What the state depends on that it leaves.
+    cyclic : bool
+        Whether it is repeated.
     """
 
     setup: RunSetup
@@ -117,11 +128,12 @@ class StartPlan:
     positions: Floats
     of_laws: bytes
     key: Hashable
+    cyclic: bool
 
 
 def plan_start(arrangement: Arrangement, scheme: Scheme, prior: PriorMotion) -> StartPlan:
     """Prepare a motion before the start of a run with a scheme; what is trapped comes later."""
-    scheme = _prior_scheme(scheme, prior.duration)
+    scheme = _prior_scheme(scheme, prior.duration, cyclic=prior.cyclic)
     times = _prior_times(scheme, prior.duration)
     positions = np.ascontiguousarray(prior.inputs(times).T)
     table = _without_timed_laws(arrangement)
@@ -131,9 +143,10 @@ def plan_start(arrangement: Arrangement, scheme: Scheme, prior: PriorMotion) -> 
     values = [part.tobytes() for part in courses] if courses.friction.size else []
     of_laws = cast("SharedRecord", table).memory.tobytes()
     key = (id(arrangement.templates), scheme, positions.tobytes(), of_laws, *values)
-    part = positions[int((1.0 - PRIOR_SHARE) * positions.shape[0]) :]
+    share = 1.0 if prior.cyclic else PRIOR_SHARE
+    part = positions[int((1.0 - share) * positions.shape[0]) :]
     setup = set_up_run(arrangement, scheme, part, 2, laws=(laws, table))
-    return StartPlan(setup, scheme, positions, of_laws, key)
+    return StartPlan(setup, scheme, positions, of_laws, key, prior.cyclic)
 
 
 def find_start(
@@ -176,8 +189,9 @@ def _start_after(
     left = _cache.get(plan.key)
     if left is None:
         motion = prepare(plan.setup)
-        code, slid = _move(motion, arrangement.mechanism, thread)
-        if not slid:
+        most = MOST_CYCLES if plan.cyclic else 1
+        code, slid = _move(motion, arrangement.mechanism, thread, most)
+        if not slid and not plan.cyclic:
             motion.give_back(record=True)
             motion = prepare(_set_up_whole(arrangement, plan))
             code, _ = _move(motion, arrangement.mechanism, thread)
@@ -204,13 +218,13 @@ def clear_starts() -> None:
 
 
 @lru_cache(maxsize=MOST_KEPT)
-def _prior_scheme(scheme: Scheme, duration: float) -> Scheme:
+def _prior_scheme(scheme: Scheme, duration: float, *, cyclic: bool) -> Scheme:
     """Return the scheme of a prior motion, which stores its last instant alone."""
-    step = max(scheme.step, PRIOR_STEP) if scheme.inertia else scheme.step
-    rest = PRIOR_REST if scheme.inertia else 0.0
+    step, rest, radius = scheme.step, 0.0, scheme.spectral_radius
+    if scheme.inertia and not cyclic:
+        step, rest, radius = max(step, PRIOR_STEP), PRIOR_REST, PRIOR_RADIUS
     count = max(1, int(np.ceil((duration + rest) / step - 1e-9)))
-    end = count * step
-    return replace(scheme, step=step, output_interval=end, spectral_radius=PRIOR_RADIUS)
+    return replace(scheme, step=step, output_interval=count * step, spectral_radius=radius)
 
 
 @lru_cache(maxsize=MOST_KEPT)
@@ -241,20 +255,32 @@ def _without_timed_laws(arrangement: Arrangement) -> LawTable:
     return table
 
 
-def _move(motion: PreparedRun, mechanism: Mechanism, thread: Executor | None) -> tuple[Code, bool]:
+def _move(
+    motion: PreparedRun, mechanism: Mechanism, thread: Executor | None, most: int = 1
+) -> tuple[Code, bool]:
     """Move the rails as before a start, from equilibrium without friction.
 
+    A motion of which there may be more than one is repeated until the forces of the inputs repeat.
     Returns also whether every foot has slid.
     """
     if start_at_rest(motion, mechanism) != Code.COMPLETE:
         return Code.NO_EQUILIBRIUM, False
     anchors = motion.state.anchor.copy()
     last = motion.positions.shape[0] - 1
-    code, _ = call_interruptible(thread, motion.work.stop, _call_march, motion, last)
-    if code == Code.INTERRUPTED or motion.work.stop[0]:
-        raise KeyboardInterrupt
+    repeats = False
+    for _ in range(most):
+        forces = motion.state.input_law_force.copy()
+        code, _ = call_interruptible(thread, motion.work.stop, _call_march, motion, last)
+        if code == Code.INTERRUPTED or motion.work.stop[0]:
+            raise KeyboardInterrupt
+        if code != Code.COMPLETE:
+            return Code.NO_LOADED_START, False
+        change = np.abs(motion.state.input_law_force - forces)
+        repeats = most == 1 or bool(np.all(change < CYCLE_FORCE))
+        if repeats:
+            break
     slid = bool(np.all(motion.state.anchor != anchors))
-    return (Code.COMPLETE, slid) if code == Code.COMPLETE else (Code.NO_LOADED_START, False)
+    return (Code.COMPLETE, slid) if repeats else (Code.NO_LOADED_START, False)
 
 
 def _call_march(motion: PreparedRun, last: int) -> tuple[int, int]:

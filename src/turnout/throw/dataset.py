@@ -16,6 +16,7 @@ from turnout.mechanism.drive_machines import blind_currents
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.foreign_object import PlacedObject
 from turnout.panel.load import LoadedPanel
+from turnout.panel.markers import prior_movement
 from turnout.panel.model import Panel
 from turnout.panel.object_kind import KINDS
 from turnout.panel.records import Placed
@@ -307,6 +308,7 @@ def _rules(panel: LoadedPanel, scheme: Scheme) -> Attributes:
         "lock_gap_limits": json.dumps(panel.gap_limits()),
         "flangeway_limit": panel.flangeway.limit if panel.flangeway else float("nan"),
         "instrumented_rail": panel.instrumented_rail,
+        **({"loaded_by": panel.schedule.loaded_by} if prior_movement(panel) else {}),
         "scheme": scheme.describe(),
         "mode": scheme.mode,
         "step": scheme.step,

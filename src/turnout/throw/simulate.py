@@ -389,16 +389,19 @@ def _markers(panel: LoadedPanel, instants: Floats) -> Floats:
 
 
 def _prior_motion(panel: LoadedPanel) -> PriorMotion | None:
-    """Return the movement that a loaded start follows; None for any other start."""
-    movement = prior_movement(panel)
+    """Return the motion that a loaded start follows; None for any other start."""
+    movement, cycles = prior_movement(panel), panel.schedule.loaded_by == "cycles"
     if movement is None:
         return None
+    duration = max(movement_time(movement, drive) for drive in panel.drive)
+    made = functools.partial(prior_positions, panel, movement)
+    if cycles:
+        duration, made = panel.schedule.end, functools.partial(marker_positions, panel)
 
     def positions(instants: Floats) -> Floats:
-        made = functools.partial(prior_positions, panel, movement, instants)
-        return _shared_motion(panel, instants, movement, made)
+        return _shared_motion(panel, instants, movement, functools.partial(made, instants))
 
-    return PriorMotion(max(movement_time(movement, drive) for drive in panel.drive), positions)
+    return PriorMotion(duration, positions, cyclic=cycles)
 
 
 def _shared_motion(
