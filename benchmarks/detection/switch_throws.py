@@ -43,7 +43,6 @@ from turnout.detection.throws import places_of
 from turnout.panel.load import LoadedPanel
 from turnout.study.scenario import Output
 from turnout.study.study import Study
-from turnout.study.variable import panel_values_at
 
 KIND = "object.kind"
 KINDS = {"stone": 0.4, "metal": 0.2, "wood": 0.15, "ice": 0.15, "snow": 0.1}
@@ -235,8 +234,8 @@ def shifts_of(study: Study) -> Mapping[str, float]:
     for name, variable in study.variables.items():
         if not variable.factor and name.endswith(SHIFTED):
             own, reference = (
-                panel_values_at(study.panel, variable.key),
-                panel_values_at(usual, variable.key),
+                study.panel.values_at(variable.key),
+                usual.values_at(variable.key),
             )
             found[name] = float(own[variable.key]) - float(reference[variable.key])
     return found

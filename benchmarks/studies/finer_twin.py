@@ -20,7 +20,6 @@ from benchmarks.studies.resumable import Record, command_line
 from turnout.calibration.calibrate import calibrate
 from turnout.measurement.campaign.build_campaign import build_campaign_dataset
 from turnout.panel.load import LoadedPanel, load_panel
-from turnout.study.variable import panel_values_at
 from turnout.study.virtual.campaign_plan import CampaignPlan
 from turnout.study.virtual.make_campaign import make_virtual_campaign
 from turnout.study.virtual.record_throw import finer_panel, finer_scheme
@@ -61,7 +60,7 @@ PLAN = CampaignPlan(
 
 def true_values(truth: LoadedPanel, names: Iterable[str]) -> dict[str, float]:
     """Return the values of a panel that a fit gives, by their names; one that many have is one."""
-    return {name: next(iter(panel_values_at(truth, name).values())) for name in names}
+    return {name: next(iter(truth.values_at(name).values())) for name in names}
 
 
 def result_of(index: int) -> Record:

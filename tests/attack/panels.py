@@ -26,10 +26,9 @@ from tests.verification.robustness_panels import small_panel
 
 from turnout.cli.main import main
 from turnout.cli.simulate import preload
-from turnout.core.quantity import unit_of
 from turnout.core.scheme import Scheme
-from turnout.panel.keys import field_at
 from turnout.panel.load import library_text, load_panel
+from turnout.panel.model import PANEL_KEYS
 from turnout.panel.unusual import USUAL
 from turnout.solver.outcome import LEAST_SCALE
 from turnout.throw.simulate import compile_kernels, simulate
@@ -189,8 +188,8 @@ def _settings(source: random.Random) -> tuple[bytes, list[str]]:
         least, most = USUAL[key]
         edge = source.choice((least, most, most, 1.0))
         value = edge * 10 ** source.uniform(-3, source.choice((1, 3, 9)))
-        info = field_at(tuple(key.split(".")))
-        unit = unit_of(info) or "" if info is not None else ""
+        found = PANEL_KEYS.find(key)
+        unit = found.unit if found else ""
         value = source.choice((value, value, value, value, -value, 0.0))
         more += ["--set", f"{key}={value:.4g} {unit}".rstrip()]
     text = library_text(source.choice(("sb1", "sb1", "sb2", "uic60-760-1-15")))

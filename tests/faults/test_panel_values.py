@@ -48,7 +48,7 @@ SINGLE = [
     (
         '"750 kN/m"',
         '"750 furlong"',
-        'drive.1.stiffness = "750 furlong": "furlong" is of another dim',
+        'drive.1.stiffness = "750 furlong": "furlong" is a unit of length; needs',
     ),
     ('"750 kN/m"', '"750 kNm/"', 'drive.1.stiffness = "750 kNm/": "kNm/" is not a unit'),
     ('"750 kN/m"', "750", "drive.1.stiffness = 750: has no unit, 750 would be 750 N/m; write the"),

@@ -23,7 +23,7 @@ from turnout.core.units import (
     unit_factor,
 )
 from turnout.panel.load import load_panel
-from turnout.panel.override import parse_setting
+from turnout.panel.model import PANEL_KEYS
 
 # Generous: each takes well below a second; before, minutes or for ever.
 SECONDS = 5.0
@@ -164,7 +164,7 @@ def test_nesting_has_a_limit_that_the_message_names() -> None:
 
 
 def test_a_setting_of_a_command_line_is_not_nested_either() -> None:
-    key, value = in_time(lambda: parse_setting("a=" + "[" * 100_000))  # type: ignore[misc]
+    key, value = in_time(lambda: PANEL_KEYS.setting("a=" + "[" * 100_000))  # type: ignore[misc]
     assert key == "a"
     assert isinstance(value, str)
 

@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from turnout.panel.key_reference import KeyRow, TableRows, key_tables
+from turnout.core.keys import Key
+from turnout.panel.key_reference import TableRows, key_tables
 from turnout.panel.unusual import USUAL
 
 PAGE = Path(__file__).parents[2] / "docs" / "use" / "panel-file.md"
@@ -54,7 +55,7 @@ def rows_of(keys: tuple[str, ...]) -> list[str]:
     return ["", *head, *keys, ""] if keys else [""]
 
 
-def line(row: KeyRow) -> str:
+def line(row: Key) -> str:
     """Return a key as a line of the table."""
     default = f"`{row.default}`" if row.default[:1] in '"-0123456789' else row.default
     allowed = ", ".join(

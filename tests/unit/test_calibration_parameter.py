@@ -38,7 +38,7 @@ def test_a_key_without_a_number_is_refused() -> None:
 
 def test_units_of_keys() -> None:
     assert unit_in("drive.saturation_force") == "N"
-    assert unit_in("material.density") == "kg/m3"
+    assert unit_in("material.density") == "kg/m^3"
 
 
 def test_default_stages_are_those_published() -> None:
@@ -61,3 +61,10 @@ def test_an_unknown_parameter_of_a_stage_is_refused() -> None:
 def test_unknown_fixed_key_is_refused() -> None:
     with pytest.raises(PanelError, match="not a parameter of the default stages"):
         default_plan(load_panel("sb1"), fixed=["drive.1.stroke"])
+
+
+def test_a_free_key_stays_within_the_bounds_of_its_record() -> None:
+    panel = load_panel("sb1").with_overrides({"chair.friction_coefficient": 1.2})
+    found = free_parameter(panel, "chair.friction_coefficient")
+    assert (found.lower, found.upper) == (pytest.approx(0.4), 2.0)
+    panel.with_overrides({found.name: found.upper})

@@ -12,6 +12,7 @@ import turnout
 import turnout.machine.one_mass_throw as throw_module
 from turnout.cli.machine import app
 from turnout.core.errors import FileError, MachineError
+from turnout.core.keys import origin_at
 from turnout.figures.machine import plot_machine
 from turnout.machine.components import Command
 from turnout.machine.compute import places
@@ -59,7 +60,7 @@ def test_own_file(tmp_path: Path) -> None:
     file.write_text(machine_text("jea73").replace('"220 V"', '"200 V"'))
     loaded = load_machines(file)
     assert loaded.pick()[1].motor.voltage == 200.0
-    origin = loaded.origin_of("machine.jea73.motor.voltage")
+    origin = origin_at(loaded.origins, "machine.jea73.motor.voltage")
     assert origin is not None
     assert origin.kind == "assumption"
     assert throw_one_mass(file, overrides=SHORT).time[-1] == pytest.approx(0.3)

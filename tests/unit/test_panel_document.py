@@ -4,8 +4,9 @@ import pytest
 
 from turnout.core.errors import PanelError
 from turnout.core.toml import Origin, parse_toml
-from turnout.panel.document import FAMILIES, expand
+from turnout.panel.document import expand
 from turnout.panel.load import LoadedPanel, library_text, panel_from_file
+from turnout.panel.model import FAMILIES
 
 FAMILY_NAMES = (
     "outline", "section", "outline_section", "planed_section", "rail", "stock_rail",

@@ -13,9 +13,9 @@ from turnout.core.errors import FileError
 from turnout.core.provenance import content_hash
 from turnout.core.toml import ORIGIN_KINDS
 from turnout.metric.panel_check import concerns, panel_concerns
-from turnout.panel.document import FAMILIES
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel, library_names, library_text, load_panel
+from turnout.panel.model import FAMILIES
 from turnout.panel.profile import evaluate_profile, running_edge_offset
 from turnout.throw.simulate import simulate
 

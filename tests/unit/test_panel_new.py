@@ -1,5 +1,6 @@
 """A panel file to edit is the panel it was made from, explained; the page of keys is true."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -8,11 +9,10 @@ from typer.testing import CliRunner
 
 from turnout.cli.main import app
 from turnout.core.errors import TurnoutError
-from turnout.core.quantity import unit_of
-from turnout.panel.document import FAMILIES
+from turnout.core.units import unit_factor
 from turnout.panel.key_reference import key_tables
-from turnout.panel.keys import field_at
 from turnout.panel.load import library_names, library_text, load_panel
+from turnout.panel.model import FAMILIES
 from turnout.panel.new_panel import new_panel_text
 
 
@@ -36,7 +36,12 @@ def test_every_key_has_a_meaning_and_the_unit_of_its_field() -> None:
     rows = [row for table in key_tables() for row in table.keys]
     assert [row.path for row in rows if not row.meaning] == []
     for row in rows:
-        assert row.unit == (unit_of(field_at(row.path)) or ""), row.path
+        said = re.search(r"\[([^\]]+)\]\Z", row.field.description or "")
+        unit = re.sub(r"(?<=[a-z])(?=\d)", "^", said[1]) if said else "-"
+        if row.dimension is None:
+            assert unit == "-", row.name
+        elif said:
+            assert unit_factor(unit, row.dimension) == 1.0, row.name
 
 
 def test_the_reference_lists_every_family() -> None:

@@ -10,10 +10,8 @@ from pydantic import BaseModel
 from turnout.core.errors import PanelError
 from turnout.panel import load, override
 from turnout.panel.check import check
-from turnout.panel.document import FAMILIES
-from turnout.panel.keys import known_keys
 from turnout.panel.load import library_text, load_panel
-from turnout.panel.override import parse_setting
+from turnout.panel.model import FAMILIES, PANEL_KEYS
 from turnout.panel.validate import UNASKED, validate_document
 
 PANEL = load_panel("uic60-760-1-15-symmetric")
@@ -124,7 +122,7 @@ def test_schema_version_and_empty_families_cannot_be_set() -> None:
 
 
 def test_known_keys_are_accepted_as_keys() -> None:
-    keys = set(known_keys({"chair": {"5": {}}}))
+    keys = set(PANEL_KEYS.names({"chair": {"5": {}}}))
     assert {"chair.friction_coefficient", "chair.5.x", "lock.rule", "gravity"} <= keys
     assert "schema_version" not in keys
 
@@ -155,13 +153,13 @@ def test_the_old_panel_is_not_changed() -> None:
     ],
 )
 def test_settings_of_a_command_line(text: str, expected: tuple[str, object]) -> None:
-    assert parse_setting(text) == expected
+    assert PANEL_KEYS.setting(text) == expected
 
 
 @pytest.mark.parametrize("text", ["a", "=3", " = 3"])
 def test_settings_without_key_or_value(text: str) -> None:
     with pytest.raises(ValueError, match="is not KEY=VALUE"):
-        parse_setting(text)
+        PANEL_KEYS.setting(text)
 
 
 def test_bare_numbers_are_si_from_python_and_refused_as_text() -> None:
@@ -329,11 +327,11 @@ def test_the_same_keys_with_other_values_change_a_panel_alike(
     }
     second = {**dict.fromkeys(first, 0.35), "drive.1.stiffness": 9.5e5}
     second["chair.8.normal_stiffness"] = 3e7
-    override._ways.clear()
+    override._plans.clear()
     fresh = before.with_overrides(second)
-    override._ways.clear()
+    override._plans.clear()
     before.with_overrides(first)
-    monkeypatch.setattr(override, "_targets", None)
+    monkeypatch.setattr(override.PANEL_KEYS, "places", None)
     again = before.with_overrides(second)
     assert again == fresh
     assert again.hash == fresh.hash

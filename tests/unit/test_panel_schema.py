@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from turnout.panel.document import FAMILIES
 from turnout.panel.load import library_names, library_text
+from turnout.panel.model import FAMILIES
 from turnout.panel.schema import panel_schema
 
 SCHEMA = panel_schema()

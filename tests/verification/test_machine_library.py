@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from turnout.core.keys import origin_at
 from turnout.machine.machine_file import load_machines, machine_names, machine_text
 from turnout.machine.one_mass_throw import throw_one_mass
 
@@ -144,7 +145,7 @@ def test_every_number_has_an_origin(name: str) -> None:
     values = loaded.model_dump(exclude={"schema_version", "name", "description"})
     written = _keys("", tomllib.loads(machine_text(name)))
     given = [key for key in written if key.split(".")[0] in values]
-    missing = [key for key in given if loaded.origin_of(key) is None]
+    missing = [key for key in given if origin_at(loaded.origins, key) is None]
     assert not missing
     assert len(given) > 30
 

@@ -1,19 +1,15 @@
 """What a calibration may change: named values of a panel with bounds, unit and transform."""
 
 import math
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel
 
 from turnout.core.errors import PanelError
-from turnout.panel.document import FAMILIES
-from turnout.panel.keys import records_in
 from turnout.panel.load import LoadedPanel
+from turnout.panel.model import PANEL_KEYS
 
 Floats = NDArray[np.float64]
 TRANSFORMS = ("log", "linear")
@@ -21,7 +17,6 @@ TRANSFORMS = ("log", "linear")
 REACH = 3.0
 # One unit of the coordinate of a linear parameter with a prior, in its standard deviations [-].
 PRIOR_SCALE = 10.0
-_UNIT = re.compile(r"\[([^\]]+)\]\s*\Z")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -231,17 +226,7 @@ def value_in(panel: LoadedPanel, key: str) -> float:
     >>> value_in(load_panel("sb1"), "chair.friction_coefficient")
     0.4
     """
-    found: Any = panel
-    try:
-        parts = key.split(".")
-        if parts[0] in FAMILIES and len(parts) > 1 and parts[1] in FAMILIES[parts[0]].model_fields:
-            parts.insert(1, next(iter(getattr(panel, parts[0]))))
-        for part in parts:
-            found = found[part] if isinstance(found, dict) else getattr(found, part)
-    except (KeyError, AttributeError, StopIteration):
-        # The override says what is wrong with the key and which is the nearest.
-        panel.with_overrides({key: 1.0})
-        raise PanelError([f"{key}: has no value in this panel"], source="parameter") from None
+    found = next(iter(panel.values_at(key).values()), None)
     if isinstance(found, bool) or not isinstance(found, int | float):
         raise PanelError([f"{key}: is not a number, so it cannot be fitted"], source="parameter")
     return float(found)
@@ -253,24 +238,10 @@ def unit_in(key: str) -> str:
     Examples
     --------
     >>> unit_in("drive.1.stiffness"), unit_in("chair.friction_coefficient"), unit_in("gravity")
-    ('N/m', '1', 'm/s2')
+    ('N/m', '1', 'm/s^2')
     """
-    parts = key.split(".")
-    record: type[BaseModel] = FAMILIES.get(parts[0], LoadedPanel)
-    rest = parts[1:] if parts[0] in FAMILIES else parts
-    if parts[0] in FAMILIES and rest and rest[0] not in record.model_fields:
-        rest = rest[1:]
-    for part in rest:
-        info = record.model_fields.get(part)
-        if info is None:
-            break
-        inner = list(records_in(info.annotation))
-        if not inner:
-            match = _UNIT.search(info.description or "")
-            unit = match[1] if match else "1"
-            return "1" if unit == "-" else unit
-        record = inner[0]
-    return "1"
+    found = PANEL_KEYS.find(key)
+    return (found.unit if found else "") or "1"
 
 
 def free_parameter(panel: LoadedPanel, key: str, *, scatter: float = 0.0) -> Parameter:
@@ -291,12 +262,14 @@ def free_parameter(panel: LoadedPanel, key: str, *, scatter: float = 0.0) -> Par
     if value <= 0:
         problem = f"{key} = {value:g}: is not positive; state its bounds in a plan"
         raise PanelError([problem], source="parameter")
+    found = PANEL_KEYS.find(key)
+    least, most = found.bounds if found else (-math.inf, math.inf)
     return Parameter(
         name=key,
         keys=(key,),
         start=value,
-        lower=value / REACH,
-        upper=value * REACH,
+        lower=max(value / REACH, least),
+        upper=min(value * REACH, most),
         unit=unit_in(key),
         scatter=scatter,
     )

@@ -1,17 +1,18 @@
-"""Types of dimensional fields, and the unit and dimension of a field of a record.
+"""Records of files, and types of their dimensional fields.
 
 With these types pydantic reads "13 mm" as 0.013 and refuses a bare 13. Python code may pass SI
 numbers, marked by `turnout.core.units.SI` or by the validation context `{"si": True}`; a file can
-do neither. Unit and dimension are found from the description in the schema of a field.
+do neither.
 """
 
-import re
-import typing
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from copy import deepcopy
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 from annotated_types import Le
-from pydantic import BeforeValidator, ValidationInfo, WithJsonSchema
+from pydantic import BaseModel, BeforeValidator, ConfigDict, GetCoreSchemaHandler, WithJsonSchema
+from pydantic_core import CoreSchema, core_schema
 
 from turnout.core.units import (
     ACCELERATION,
@@ -22,7 +23,6 @@ from turnout.core.units import (
     CURRENT_SENSITIVITY,
     DAMPING,
     DENSITY,
-    DIMENSIONS,
     FIELD_CONSTANT,
     FORCE,
     FREQUENCY,
@@ -56,87 +56,63 @@ from turnout.core.units import (
 )
 
 
-def unit_of(field: Any) -> str | None:
-    """Return the SI unit of a field of a record, or None if it has none.
+class Record(BaseModel):
+    """Base of the records of files: no unknown keys, and no change after validation."""
 
-    Examples
-    --------
-    >>> from turnout.panel.records import Chair
-    >>> unit_of(Chair.model_fields["damping"]), unit_of(Chair.model_fields["friction_coefficient"])
-    ('N s/m', None)
+    model_config = ConfigDict(
+        extra="forbid",
+        defer_build=True,  # most are read as parts of a whole and never alone
+        frozen=True,
+        strict=True,
+        allow_inf_nan=False,
+        str_strip_whitespace=True,
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Quantity:
+    """Mark of a field with a dimension: how pydantic reads it, and what a JSON schema says of it.
+
+    Attributes
+    ----------
+    dimension : Dimension
+        Of the value, or of each of several.
+    read : callable
+        From a value of a file, and whether bare numbers are SI, to SI.
+    schema : mapping
+        JSON schema of a value in a file.
     """
-    for marker in (*field.metadata, *_markers(field.annotation)):
-        description = str((getattr(marker, "json_schema", None) or {}).get("description", ""))
-        found = re.search(r"\[([^\]]+)\]$", description)
-        if found and found.group(1) != "-":
-            return found.group(1)
-    return None
+
+    dimension: Dimension
+    read: Callable[..., Any]
+    schema: dict[str, Any]
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        """Return the schema of the plain value, with the reading of a quantity before it."""
+
+        def read(value: object, info: core_schema.ValidationInfo) -> Any:
+            si = bool(info.context and info.context.get("si"))
+            return self.read(value, self.dimension, si=si)
+
+        return core_schema.with_info_before_validator_function(read, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: Any) -> dict[str, Any]:
+        """Return the JSON schema of a value in a file."""
+        return deepcopy(self.schema)  # pydantic adds what is said of the field
 
 
-def dimension_of(field: Any) -> Dimension | None:
-    """Return the dimension of a field of a record, or None for a plain number or a text.
-
-    Examples
-    --------
-    >>> from turnout.panel.records import Chair
-    >>> dimension_of(Chair.model_fields["damping"]).name
-    'damping'
-    """
-    unit = unit_of(field)
-    return next((item for item in DIMENSIONS if item.unit == unit), None)
-
-
-def _markers(annotation: Any) -> Iterator[Any]:
-    """Yield the metadata of an annotation, also within unions."""
-    yield from getattr(annotation, "__metadata__", ())
-    for part in typing.get_args(annotation):
-        if not isinstance(part, str):
-            yield from _markers(part)
-
-
-# Two steel surfaces are below 1e10 N/m; far above, a contact is lost in rounding [N/m].
-STIFFEST = 1e12
-
-
-def _positive_numbers(value: object) -> tuple[float, ...]:
-    numbers = parse_numbers(value)
-    if min(numbers) <= 0:
-        message = f"every number must be more than 0, the least is {min(numbers):g}"
-        raise ValueError(message)
-    return numbers
-
-
-def _python(info: ValidationInfo) -> bool:
-    return bool(info.context and info.context.get("si"))
-
-
-def _scalar(dimension: Dimension) -> Callable[[object, ValidationInfo], float]:
-    def read(value: object, info: ValidationInfo) -> float:
-        return parse_quantity(value, dimension, si=_python(info))
-
-    return read
-
-
-def _list(dimension: Dimension) -> Callable[[object, ValidationInfo], tuple[float, ...]]:
-    def read(value: object, info: ValidationInfo) -> tuple[float, ...]:
-        return parse_quantities(value, dimension, si=_python(info))
-
-    return read
-
-
-def _points(value: object, info: ValidationInfo) -> tuple[tuple[float, float], ...]:
-    return parse_points(value, si=_python(info))
-
-
-def _scalar_schema(dimension: Dimension) -> dict[str, Any]:
-    return {
+def _scalar(dimension: Dimension) -> Quantity:
+    schema = {
         "type": "string",
         "description": f"{dimension.name} with its unit [{dimension.unit}]",
         "examples": [dimension.example],
     }
+    return Quantity(dimension, parse_quantity, schema)
 
 
-def _list_schema(dimension: Dimension) -> dict[str, Any]:
+def _list(dimension: Dimension) -> Quantity:
     scalar = {"type": "string", "examples": [dimension.example]}
     numbers = {"type": "array", "items": {"type": "number"}, "minItems": 1}
     forms: list[dict[str, Any]] = [
@@ -146,10 +122,8 @@ def _list_schema(dimension: Dimension) -> dict[str, Any]:
     ]
     if dimension in (LENGTH, TIME):
         forms.append(_table_schema({"start": scalar, "step": scalar, "count": {"type": "integer"}}))
-    return {
-        "description": f"{dimension.name}, several values with their unit [{dimension.unit}]",
-        "anyOf": forms,
-    }
+    said = f"{dimension.name}, several values with their unit [{dimension.unit}]"
+    return Quantity(dimension, parse_quantities, {"description": said, "anyOf": forms})
 
 
 def _table_schema(properties: dict[str, Any]) -> dict[str, Any]:
@@ -169,7 +143,7 @@ _NUMBERS_SCHEMA = {
     ],
 }
 
-_POINTS_SCHEMA = {
+_POINTS_SCHEMA: dict[str, Any] = {
     "description": "points [y, z] with their unit [m]",
     **_table_schema(
         {
@@ -182,133 +156,65 @@ _POINTS_SCHEMA = {
     ),
 }
 
-Length = Annotated[float, BeforeValidator(_scalar(LENGTH)), WithJsonSchema(_scalar_schema(LENGTH))]
-Time = Annotated[float, BeforeValidator(_scalar(TIME)), WithJsonSchema(_scalar_schema(TIME))]
-Frequency = Annotated[
-    float, BeforeValidator(_scalar(FREQUENCY)), WithJsonSchema(_scalar_schema(FREQUENCY))
-]
-Force = Annotated[float, BeforeValidator(_scalar(FORCE)), WithJsonSchema(_scalar_schema(FORCE))]
-Stiffness = Annotated[
-    float,
-    BeforeValidator(_scalar(STIFFNESS)),
-    WithJsonSchema(_scalar_schema(STIFFNESS)),
-    Le(STIFFEST),
-]
-AngularStiffness = Annotated[
-    float,
-    BeforeValidator(_scalar(ANGULAR_STIFFNESS)),
-    WithJsonSchema(_scalar_schema(ANGULAR_STIFFNESS)),
-]
-Damping = Annotated[
-    float, BeforeValidator(_scalar(DAMPING)), WithJsonSchema(_scalar_schema(DAMPING))
-]
-Pressure = Annotated[
-    float, BeforeValidator(_scalar(PRESSURE)), WithJsonSchema(_scalar_schema(PRESSURE))
-]
-Density = Annotated[
-    float, BeforeValidator(_scalar(DENSITY)), WithJsonSchema(_scalar_schema(DENSITY))
-]
-Acceleration = Annotated[
-    float, BeforeValidator(_scalar(ACCELERATION)), WithJsonSchema(_scalar_schema(ACCELERATION))
-]
-Area = Annotated[float, BeforeValidator(_scalar(AREA)), WithJsonSchema(_scalar_schema(AREA))]
-SecondMoment = Annotated[
-    float, BeforeValidator(_scalar(SECOND_MOMENT)), WithJsonSchema(_scalar_schema(SECOND_MOMENT))
-]
-SectionModulus = Annotated[
-    float,
-    BeforeValidator(_scalar(SECTION_MODULUS)),
-    WithJsonSchema(_scalar_schema(SECTION_MODULUS)),
-]
-Voltage = Annotated[
-    float, BeforeValidator(_scalar(VOLTAGE)), WithJsonSchema(_scalar_schema(VOLTAGE))
-]
-VoltageRatio = Annotated[
-    float, BeforeValidator(_scalar(VOLTAGE_RATIO)), WithJsonSchema(_scalar_schema(VOLTAGE_RATIO))
-]
-CurrentSensitivity = Annotated[
-    float,
-    BeforeValidator(_scalar(CURRENT_SENSITIVITY)),
-    WithJsonSchema(_scalar_schema(CURRENT_SENSITIVITY)),
-]
-Resistance = Annotated[
-    float, BeforeValidator(_scalar(RESISTANCE)), WithJsonSchema(_scalar_schema(RESISTANCE))
-]
-Inductance = Annotated[
-    float, BeforeValidator(_scalar(INDUCTANCE)), WithJsonSchema(_scalar_schema(INDUCTANCE))
-]
-Torque = Annotated[float, BeforeValidator(_scalar(TORQUE)), WithJsonSchema(_scalar_schema(TORQUE))]
-Inertia = Annotated[
-    float, BeforeValidator(_scalar(INERTIA)), WithJsonSchema(_scalar_schema(INERTIA))
-]
-Mass = Annotated[float, BeforeValidator(_scalar(MASS)), WithJsonSchema(_scalar_schema(MASS))]
-RotationalSpeed = Annotated[
-    float,
-    BeforeValidator(_scalar(ROTATIONAL_SPEED)),
-    WithJsonSchema(_scalar_schema(ROTATIONAL_SPEED)),
-]
-Angle = Annotated[float, BeforeValidator(_scalar(ANGLE)), WithJsonSchema(_scalar_schema(ANGLE))]
-ShaftRatio = Annotated[
-    float, BeforeValidator(_scalar(SHAFT_RATIO)), WithJsonSchema(_scalar_schema(SHAFT_RATIO))
-]
-RotationalDrag = Annotated[
-    float,
-    BeforeValidator(_scalar(ROTATIONAL_DRAG)),
-    WithJsonSchema(_scalar_schema(ROTATIONAL_DRAG)),
-]
-MotorConstant = Annotated[
-    float, BeforeValidator(_scalar(MOTOR_CONSTANT)), WithJsonSchema(_scalar_schema(MOTOR_CONSTANT))
-]
-FieldConstant = Annotated[
-    float, BeforeValidator(_scalar(FIELD_CONSTANT)), WithJsonSchema(_scalar_schema(FIELD_CONSTANT))
-]
-HeatCapacity = Annotated[
-    float, BeforeValidator(_scalar(HEAT_CAPACITY)), WithJsonSchema(_scalar_schema(HEAT_CAPACITY))
-]
-PerEnergy = Annotated[
-    float, BeforeValidator(_scalar(PER_ENERGY)), WithJsonSchema(_scalar_schema(PER_ENERGY))
-]
-Current = Annotated[
-    float, BeforeValidator(_scalar(CURRENT)), WithJsonSchema(_scalar_schema(CURRENT))
-]
-Temperature = Annotated[
-    float, BeforeValidator(_scalar(TEMPERATURE)), WithJsonSchema(_scalar_schema(TEMPERATURE))
-]
-TemperatureCoefficient = Annotated[
-    float,
-    BeforeValidator(_scalar(TEMPERATURE_COEFFICIENT)),
-    WithJsonSchema(_scalar_schema(TEMPERATURE_COEFFICIENT)),
-]
-LengthList = Annotated[
-    tuple[float, ...], BeforeValidator(_list(LENGTH)), WithJsonSchema(_list_schema(LENGTH))
-]
-TimeList = Annotated[
-    tuple[float, ...], BeforeValidator(_list(TIME)), WithJsonSchema(_list_schema(TIME))
-]
-ForceList = Annotated[
-    tuple[float, ...], BeforeValidator(_list(FORCE)), WithJsonSchema(_list_schema(FORCE))
-]
-AreaList = Annotated[
-    tuple[float, ...], BeforeValidator(_list(AREA)), WithJsonSchema(_list_schema(AREA))
-]
-SecondMomentList = Annotated[
-    tuple[float, ...],
-    BeforeValidator(_list(SECOND_MOMENT)),
-    WithJsonSchema(_list_schema(SECOND_MOMENT)),
-]
-PointList = Annotated[
-    tuple[tuple[float, float], ...], BeforeValidator(_points), WithJsonSchema(_POINTS_SCHEMA)
-]
-PositiveNumberList = Annotated[
-    tuple[float, ...], BeforeValidator(_positive_numbers), WithJsonSchema(_NUMBERS_SCHEMA)
-]
+
+def _positive_numbers(value: object) -> tuple[float, ...]:
+    numbers = parse_numbers(value)
+    if min(numbers) <= 0:
+        message = f"every number must be more than 0, the least is {min(numbers):g}"
+        raise ValueError(message)
+    return numbers
+
+
+# Two steel surfaces are below 1e10 N/m; far above, a contact is lost in rounding [N/m].
+STIFFEST = 1e12
+
+
+Length = Annotated[float, _scalar(LENGTH)]
+Time = Annotated[float, _scalar(TIME)]
+Frequency = Annotated[float, _scalar(FREQUENCY)]
+Force = Annotated[float, _scalar(FORCE)]
+Stiffness = Annotated[float, _scalar(STIFFNESS), Le(STIFFEST)]
+AngularStiffness = Annotated[float, _scalar(ANGULAR_STIFFNESS)]
+Damping = Annotated[float, _scalar(DAMPING)]
+Pressure = Annotated[float, _scalar(PRESSURE)]
+Density = Annotated[float, _scalar(DENSITY)]
+Acceleration = Annotated[float, _scalar(ACCELERATION)]
+Area = Annotated[float, _scalar(AREA)]
+SecondMoment = Annotated[float, _scalar(SECOND_MOMENT)]
+SectionModulus = Annotated[float, _scalar(SECTION_MODULUS)]
+Voltage = Annotated[float, _scalar(VOLTAGE)]
+VoltageRatio = Annotated[float, _scalar(VOLTAGE_RATIO)]
+CurrentSensitivity = Annotated[float, _scalar(CURRENT_SENSITIVITY)]
+Resistance = Annotated[float, _scalar(RESISTANCE)]
+Inductance = Annotated[float, _scalar(INDUCTANCE)]
+Torque = Annotated[float, _scalar(TORQUE)]
+Inertia = Annotated[float, _scalar(INERTIA)]
+Mass = Annotated[float, _scalar(MASS)]
+RotationalSpeed = Annotated[float, _scalar(ROTATIONAL_SPEED)]
+Angle = Annotated[float, _scalar(ANGLE)]
+ShaftRatio = Annotated[float, _scalar(SHAFT_RATIO)]
+RotationalDrag = Annotated[float, _scalar(ROTATIONAL_DRAG)]
+MotorConstant = Annotated[float, _scalar(MOTOR_CONSTANT)]
+FieldConstant = Annotated[float, _scalar(FIELD_CONSTANT)]
+HeatCapacity = Annotated[float, _scalar(HEAT_CAPACITY)]
+PerEnergy = Annotated[float, _scalar(PER_ENERGY)]
+Current = Annotated[float, _scalar(CURRENT)]
+Temperature = Annotated[float, _scalar(TEMPERATURE)]
+TemperatureCoefficient = Annotated[float, _scalar(TEMPERATURE_COEFFICIENT)]
+LengthList = Annotated[tuple[float, ...], _list(LENGTH)]
+TimeList = Annotated[tuple[float, ...], _list(TIME)]
+ForceList = Annotated[tuple[float, ...], _list(FORCE)]
+AreaList = Annotated[tuple[float, ...], _list(AREA)]
+SecondMomentList = Annotated[tuple[float, ...], _list(SECOND_MOMENT)]
 
 
 MOST_POINTS = 2000
 """Most points of one outline."""
 
 
-def parse_points(value: object, *, si: bool = False) -> tuple[tuple[float, float], ...]:
+def parse_points(
+    value: object, dimension: Dimension = LENGTH, *, si: bool = False
+) -> tuple[tuple[float, float], ...]:
     """Read points of a plane: `{unit, values = [[y, z], ...]}`; from Python also pairs in metres.
 
     Examples
@@ -323,7 +229,7 @@ def parse_points(value: object, *, si: bool = False) -> tuple[tuple[float, float
         message = 'must be a table { unit = "mm", values = [[y, z], [y, z], ...] }'
         raise ValueError(message)
     if not isinstance(unit, str) or not unit.strip():
-        message = "`unit` must be a text such as the unit of " + LENGTH.name
+        message = "`unit` must be a text such as the unit of " + dimension.name
         raise ValueError(message)
     if not isinstance(value, list | tuple) or not value:
         message = "needs a list of points [y, z]"
@@ -331,7 +237,7 @@ def parse_points(value: object, *, si: bool = False) -> tuple[tuple[float, float
     if len(value) > MOST_POINTS:
         message = f"has {len(value)} points; at most {MOST_POINTS} are read, leave some out"
         raise ValueError(message)
-    metre = unit_factor(unit, LENGTH)
+    metre = unit_factor(unit, dimension)
     points = []
     for number, pair in enumerate(value, 1):
         if not isinstance(pair, list | tuple) or len(pair) != 2:
@@ -351,3 +257,11 @@ def _all_si(value: object) -> bool:
     if isinstance(value, list | tuple):
         return all(_all_si(item) for item in value)
     return isinstance(value, SI)
+
+
+PointList = Annotated[
+    tuple[tuple[float, float], ...], Quantity(LENGTH, parse_points, _POINTS_SCHEMA)
+]
+PositiveNumberList = Annotated[
+    tuple[float, ...], BeforeValidator(_positive_numbers), WithJsonSchema(_NUMBERS_SCHEMA)
+]

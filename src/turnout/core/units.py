@@ -1,8 +1,8 @@
 """Units: "13 mm" in a file is 0.013 in memory.
 
 A quantity is a text that carries a unit of the right dimension. A bare number is refused unless it
-comes from Python, marked by `SI` or by `si=True`; neither can be written in a TOML file. The usual
-units are resolved from a table, all others by pint, imported only when one of them turns up.
+comes from Python, marked by `SI` or by `si=True`; neither can be written in a TOML file. Units are
+products of powers of the names in `UNITS`, with prefixes.
 """
 
 import math
@@ -10,8 +10,8 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from decimal import Decimal
-from functools import cache, lru_cache
-from typing import Any
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 from turnout.core.problems import show_value
 
@@ -19,36 +19,42 @@ LONGEST_UNIT = 60
 """Most characters of a unit."""
 
 _FACTOR = re.compile(
-    r"(?:[A-Za-zµμΩ][A-Za-z0-9_µμΩ]{0,23}|°[CF]?|%)"
-    r"(?:\s?(?:\^|\*\*)\s?[+-]?[1-9]|⁻?[¹²³⁴⁵⁶⁷⁸⁹])?(?=[\s*·./]|\Z)"
+    r"([A-Za-zµμΩ][A-Za-z0-9_µμΩ]{0,23}|°[CF]?|%)"
+    r"(?:\s?(?:\^|\*\*)\s?([+-]?[1-9])|(⁻?[¹²³⁴⁵⁶⁷⁸⁹]))?(?=[\s*·./]|\Z)"
 )
 _SIGN = re.compile(r"\s?[*·./]\s?|\s(?:per\s)?")
 _ONE = re.compile(r"1(?:\s?/\s?|\sper\s)")
+_BELOW = re.compile(r"/\s?\(([^()/*·.]+)\)\Z")
+_SUPERSCRIPTS = str.maketrans("⁻¹²³⁴⁵⁶⁷⁸⁹", "-123456789")
 
 
-def is_unit_text(text: str) -> bool:
-    """Return True if a text, with single spaces at most, follows the grammar of the module.
+def unit_factors(text: str) -> list[tuple[str, int]] | None:
+    """Split a unit, with single spaces at most, into names and powers; None if it is not one.
 
     Examples
     --------
-    >>> [is_unit_text(text) for text in ("kN s/m^2", "1/K", "kg·m⁻³", "m per s")]
-    [True, True, True, True]
-    >>> [is_unit_text(text) for text in ("m^9^9", "2 m", "N/(m/s)", "m*", "m^10")]
-    [False, False, False, False, False]
+    >>> unit_factors("kN s/m^2"), unit_factors("1/K"), unit_factors("V s/(rad A)")[2:]
+    ([('kN', 1), ('s', 1), ('m', -2)], [('K', -1)], [('rad', -1), ('A', -1)])
+    >>> [unit_factors(text) for text in ("m^9^9", "2 m", "N/(m/s)", "m*", "m^10")]
+    [None, None, None, None, None]
     """
     if len(text) > LONGEST_UNIT:
-        return False
+        return None
+    text = _BELOW.sub(lambda group: "/" + "/".join(group[1].split()), text)
     one = _ONE.match(text)
-    position = one.end() if one else 0
+    position, turned = (one.end(), -1) if one else (0, 1)
+    found = []
     while factor := _FACTOR.match(text, position):
+        power = int(factor[2] or (factor[3] or "1").translate(_SUPERSCRIPTS))
+        found.append((factor[1], turned * power))
         position = factor.end()
         if position == len(text):
-            return True
+            return found
         sign = _SIGN.match(text, position)
         if sign is None:
-            return False
-        position = sign.end()
-    return False
+            return None
+        position, turned = sign.end(), -1 if sign[0].strip() in ("/", "per") else 1
+    return None
 
 
 class SI(float):
@@ -142,50 +148,104 @@ DIMENSIONS = (
     FORCE_RATE,
 )
 
-# Unit texts resolved without pint; tests/unit/test_core_units.py compares each with pint.
-COMMON_UNITS: dict[str, dict[str, float]] = {
-    "length": {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "um": 1e-6, "km": 1e3},
-    "time": {"s": 1.0, "ms": 1e-3, "min": 60.0},
-    "frequency": {"Hz": 1.0, "kHz": 1e3},
-    "force": {"N": 1.0, "kN": 1e3, "MN": 1e6},
-    "stiffness": {
-        "N/m": 1.0, "kN/m": 1e3, "MN/m": 1e6, "GN/m": 1e9, "N/mm": 1e3, "kN/mm": 1e6,
-    },
-    "angular stiffness": {"N m/rad": 1.0, "kN m/rad": 1e3, "MN m/rad": 1e6},
-    "damping": {"N s/m": 1.0, "kN s/m": 1e3},
-    "pressure": {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "N/mm^2": 1e6, "N/m^2": 1.0},
-    "density": {"kg/m^3": 1.0},
-    "acceleration": {"m/s^2": 1.0},
-    "area": {"m^2": 1.0, "cm^2": 1e-4, "mm^2": 1e-6},
-    "second moment of area": {"m^4": 1.0, "cm^4": 1e-8, "mm^4": 1e-12},
-    "voltage": {"V": 1.0, "mV": 1e-3},
-    "current": {"A": 1.0, "mA": 1e-3},
-    "current per force": {"A/N": 1.0, "A/kN": 1e-3},
-    "current sensitivity": {"V/A": 1.0, "mV/A": 1e-3},
-    "voltage ratio": {"V/V": 1.0, "mV/V": 1e-3},
-    "strain": {"m/m": 1.0, "um/m": 1e-6},
-    "section modulus": {"m^3": 1.0, "cm^3": 1e-6, "mm^3": 1e-9},
-    "temperature": {"K": 1.0},
-    "temperature difference": {"K": 1.0},
-    "temperature coefficient": {"1/K": 1.0},
-    "resistance": {"ohm": 1.0, "mohm": 0.001, "kohm": 1000.0},
-    "inductance": {"H": 1.0, "mH": 0.001},
-    "force rate": {"N/s": 1.0, "kN/s": 1e3},
-    "torque": {"N m": 1.0, "N mm": 0.001, "kN m": 1000.0},
-    "moment of inertia": {"kg m^2": 1.0, "kg cm^2": 0.0001},
-    "mass": {"kg": 1.0, "t": 1000.0},
-    "rotational speed": {"rad/s": 1.0},
-    "angle": {"rad": 1.0},
-    "shaft angle per length": {"rad/m": 1.0, "rad/mm": 1000.0},
-    "rotational drag": {"N m s/rad": 1.0},
-    "motor constant": {"V s/rad": 1.0},
-    "motor constant per ampere of field": {"V s/(rad A)": 1.0},
-    "heat capacity": {"J/K": 1.0, "kJ/K": 1000.0},
-    "share per energy": {"1/J": 1.0, "1/MJ": 1e-06},
+# Names with prefixes: what each is in those before. Powers of ten stay exact.
+_WITH_PREFIX = {
+    **dict.fromkeys(("m", "s", "A", "K", "rad"), ""),
+    "N": "kg m/s^2", "Pa": "N/m^2", "J": "N m", "W": "J/s", "V": "W/A", "ohm": "V/A",
+    "H": "V s/A", "Wh": "3600 J", "C": "A s", "F": "C/V", "Wb": "V s", "Hz": "1/s",
+    "L": "1e-3 m^3", "g": "1e-3 kg", "t": "1e3 kg", "bar": "1e5 Pa", "lbf": "4.4482216152605 N",
+    "Ω": "ohm", "l": "L",
+    "meter": "m", "metre": "m", "second": "s", "gram": "g", "ampere": "A", "kelvin": "K",
+    "newton": "N", "pascal": "Pa", "joule": "J", "watt": "W", "volt": "V", "henry": "H",
+    "hertz": "Hz", "radian": "rad", "liter": "L", "litre": "L", "tonne": "t",
 }  # fmt: skip
+_WITHOUT_PREFIX = {
+    "kg": "", "min": "60 s", "minute": "min", "h": "60 min", "hr": "h", "hour": "h",
+    "d": "24 h", "day": "d", "deg": "0.017453292519943295 rad", "degree": "deg", "°": "deg",
+    "rev": "6.283185307179586 rad", "turn": "rev", "revolution": "rev", "rpm": "rev/min",
+    "in": "25.4 mm", "inch": "in", "ft": "12 in", "foot": "ft", "feet": "ft", "yd": "3 ft",
+    "yard": "yd", "mi": "1760 yd", "mile": "mi", "furlong": "220 yd",
+    "thou": "25.4 um", "micron": "um", "lb": "0.45359237 kg", "pound": "lb", "oz": "0.0625 lb",
+    "slug": "lbf s^2/ft", "kip": "1000 lbf", "pound_force": "lbf", "kgf": "9.80665 N",
+    "tf": "1000 kgf", "psi": "lbf/in^2", "ksi": "kip/in^2", "atm": "101325 Pa",
+    "hp": "550 ft lbf/s", "mph": "mi/h", "kph": "km/h", "%": "1e-2 m/m", "percent": "%",
+    "ppm": "1e-6 m/m",
+}  # fmt: skip
+UNITS = _WITH_PREFIX | _WITHOUT_PREFIX
+"""Definition of each unit: a number where it is not one, and units."""
+_PREFIXES = {
+    **{"f": -15, "p": -12, "n": -9, "u": -6, "µ": -6, "μ": -6, "m": -3, "c": -2, "d": -1},
+    **{"da": 1, "h": 2, "k": 3, "M": 6, "G": 9, "T": 12},
+    **{"nano": -9, "micro": -6, "milli": -3, "centi": -2, "deci": -1},
+    **{"kilo": 3, "mega": 6, "giga": 9},
+}
+_BASE = ("m", "kg", "s", "A", "K")
 
-# An offset scale: no factor converts it to kelvins.
+
+class Unit(NamedTuple):
+    """A unit in SI: a ratio times a power of ten, powers of the base units, and its plain names."""
+
+    ratio: float
+    ten: int
+    powers: tuple[int, ...]
+    names: frozenset[str] = frozenset()
+
+    @property
+    def factor(self) -> float:
+        """SI value of one."""
+        return self.ratio * float(f"1e{self.ten}")
+
+
+@lru_cache(maxsize=1024)
+def _resolved(text: str) -> Unit | None:
+    """Return a unit by its text; None for an unknown name, ValueError for no unit at all."""
+    factors = unit_factors(text)
+    if factors is None:
+        raise ValueError(text)
+    ratio, ten, powers, names = 1.0, 0, (0,) * len(_BASE), set()
+    for symbol, power in factors:
+        found = _named(symbol)
+        if found is None:
+            return None
+        name, unit = found
+        names.add(name)
+        ratio, ten = ratio * unit.ratio**power, ten + power * unit.ten
+        powers = tuple(a + power * b for a, b in zip(powers, unit.powers, strict=True))
+    return Unit(ratio, ten, powers, frozenset(names))
+
+
+@lru_cache(maxsize=1024)
+def _named(symbol: str) -> tuple[str, Unit] | None:
+    """Return the name of a unit without its prefix, and the unit with it."""
+    if symbol in UNITS:
+        return symbol, _defined(symbol)
+    for length in (1, 2, 4, 5):
+        prefix, name = symbol[:length], symbol[length:]
+        if prefix in _PREFIXES and name in _WITH_PREFIX:
+            unit = _defined(name)
+            return name, unit._replace(ten=unit.ten + _PREFIXES[prefix])
+    plural = symbol[:-1] if symbol[-1:] == "s" and len(symbol) > 4 else ""
+    plural = f"{symbol[:-2]}" if symbol == "inches" else plural
+    return _named(plural) if plural else None
+
+
+def _defined(name: str) -> Unit:
+    definition = UNITS[name]
+    if not definition:
+        return Unit(1.0, 0, tuple(int(name == base) for base in _BASE))
+    number, _, rest = definition.partition(" ")
+    exact = re.fullmatch(r"1e(-?\d+)", number)
+    known = _NUMBER.fullmatch(number)
+    unit = _resolved(rest if known else definition)
+    assert unit is not None
+    if exact:
+        return unit._replace(ten=unit.ten + int(exact[1]))
+    return unit._replace(ratio=unit.ratio * float(number)) if known else unit
+
+
+# Offset scales: no factor converts it to kelvins.
 CELSIUS, CELSIUS_ZERO = ("degC", "°C"), Decimal("273.15")
+_OFFSET = (*CELSIUS, "degF", "°F")
 
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 _NOT_FINITE = re.compile(r"[+-]?(nan|inf|infinity)\b", re.IGNORECASE)
@@ -306,23 +366,21 @@ def _bare(number: str, dimension: Dimension) -> str:
     )
 
 
-def _scaled(number: float, unit: str, dimension: Dimension) -> float:
-    if dimension is TEMPERATURE and unit in CELSIUS and math.isfinite(number):
+def _scaled(number: float, text: str, dimension: Dimension) -> float:
+    if dimension is TEMPERATURE and text in CELSIUS and math.isfinite(number):
         return float(Decimal(repr(number)) + CELSIUS_ZERO)
-    factor = unit_factor(unit, dimension)
-    exponent = round(math.log10(factor))
+    unit = _unit(text, dimension)
     # Shifting the decimal point rounds once: "4.9 mm" is exactly the 0.0049 that Python writes.
-    if abs(factor / 10.0**exponent - 1.0) < 1e-12 and math.isfinite(number):
-        result = float(Decimal(repr(number)).scaleb(exponent))
+    if unit.ratio == 1.0 and math.isfinite(number):
+        result = float(Decimal(repr(number)).scaleb(unit.ten))
     else:
-        result = number * factor
+        result = number * unit.factor
     if not math.isfinite(result):
         message = "must be a finite number"
         raise ValueError(message)
     return result
 
 
-@lru_cache(maxsize=MOST_KEPT)
 def unit_factor(unit: str, dimension: Dimension) -> float:
     """Return the SI value of one `unit`; ValueError when it is not a unit of the dimension.
 
@@ -331,53 +389,53 @@ def unit_factor(unit: str, dimension: Dimension) -> float:
     >>> unit_factor("kN/m", STIFFNESS)
     1000.0
     """
-    text = " ".join(unit[: LONGEST_QUANTITY + 1].split())
-    known = COMMON_UNITS[dimension.name].get(text) if len(unit) <= LONGEST_QUANTITY else None
-    if known is not None:
-        return known
-    if len(unit) > LONGEST_QUANTITY or not is_unit_text(text):
+    return _unit(unit, dimension).factor
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def _unit(given: str, dimension: Dimension) -> Unit:
+    """Return a unit of a dimension; ValueError where a text is none."""
+    text = " ".join(given[: LONGEST_QUANTITY + 1].split())
+    try:
+        if len(given) > LONGEST_QUANTITY:
+            raise ValueError(text)
+        unit = _resolved(text)
+    except ValueError:
         message = (
             f"{show_value(text)} is not a unit; needs one of {_of(dimension)}: names with whole "
-            "powers up to 9, multiplied or divided, without brackets"
+            "powers up to 9, multiplied or divided"
         )
-        raise ValueError(message)
-    for name, units in COMMON_UNITS.items():
-        cycles = dimension is FREQUENCY and name == ROTATIONAL_SPEED.name
-        if text in units and not cycles:
-            message = f'"{text}" is a unit of {name}; needs one of {_of(dimension)}'
-            raise ValueError(message)
-    return _pint_factor(text, dimension)
-
-
-def _pint_factor(text: str, dimension: Dimension) -> float:
-    """Resolve an uncommon unit by pint; whatever pint raises becomes a ValueError."""
-    if dimension is FREQUENCY and not re.fullmatch(r"[kM]?[hH](z|ertz)|1/s|s\^-1|s\*\*-1", text):
-        message = f'"{text}" is not a unit of {_of(dimension)} (cycles a second)'
-        raise ValueError(message)
-    registry = _registry()
-    try:
-        zero, factor = (
-            float(registry.Quantity(number, text).to(dimension.unit).magnitude)
-            for number in (0.0, 1.0)
-        )
-    except Exception as error:
-        reason = "is of another dimension" if "convert" in str(error) else "is not a known unit"
-        message = f'"{text}" {reason}; needs one of {_of(dimension)}'
         raise ValueError(message) from None
-    if zero != 0.0:
-        message = f'"{text}" counts from another zero; needs one of {_of(dimension)}'
+    if unit is None:
+        fault = "counts from another zero" if text in _OFFSET else "is not a known unit"
+    else:
+        fault = _unit_fault(unit, dimension)
+    if fault:
+        message = f'"{text}" {fault}; needs one of {_of(dimension)}'
         raise ValueError(message)
-    if not (math.isfinite(factor) and factor > 0):
-        message = f'"{text}" is not a usable unit; needs one of {_of(dimension)}'
-        raise ValueError(message)
-    return factor
+    return unit  # type: ignore[return-value]  # an unknown one has a fault
 
 
-@cache
-def _registry() -> Any:
-    import pint
+def _unit_fault(unit: Unit, dimension: Dimension) -> str:
+    """Return the reason why a unit is none of a dimension; empty if it is.
 
-    return pint.UnitRegistry()
+    Of dimensions with the same powers, such as torque and angular stiffness, a unit belongs to the
+    one that is written with its names, if there is one.
+    """
+    own = _resolved(dimension.unit)
+    is_own = own is not None and own.powers == unit.powers
+    if is_own and own is not None and own.names == unit.names:
+        return ""
+    if is_own and dimension is FREQUENCY:
+        whole = unit.names <= {"Hz", "hertz", "s"}
+        return "" if whole else "does not count cycles a second"
+    others = [(item, _resolved(item.unit)) for item in DIMENSIONS]
+    same = [(item, other.names) for item, other in others if other and other.powers == unit.powers]
+    named = [item for item, names in same if names == unit.names]
+    if is_own and not named:
+        return ""
+    known = next(iter(named or [item for item, _ in same]), None)
+    return f"is a unit of {known.name}" if known else "is of another dimension"
 
 
 def parse_quantities(value: object, dimension: Dimension, *, si: bool = False) -> tuple[float, ...]:

@@ -19,7 +19,7 @@ from turnout.study.design import Drawn
 from turnout.study.distribution import Choice, Distribution
 from turnout.study.random_inputs import RandomField
 from turnout.study.study import Study
-from turnout.study.variable import TEMPERATURE_KEY, Variable, panel_values_at
+from turnout.study.variable import TEMPERATURE_KEY, Variable
 
 Floats = NDArray[np.float64]
 
@@ -184,8 +184,8 @@ def _value(panel: LoadedPanel, key: str) -> float | None:
         _, movement, _, drive = key.split(".")
         return float(panel.movement[movement].extra_time.get(drive, 0.0))
     try:
-        found = panel_values_at(panel, key)
-    except (AttributeError, KeyError, TypeError, PanelError):
+        found = panel.values_at(key)
+    except PanelError:
         return None
     values = list(found.values())
     alike = bool(values) and all(value == values[0] for value in values)
@@ -243,8 +243,8 @@ def _varies(panel: LoadedPanel, key: str) -> bool:
     if key == TEMPERATURE_KEY or "extra_time" in key:  # may be given to any drive
         return True
     try:
-        values = panel_values_at(panel, key).values()
-    except (AttributeError, KeyError, TypeError, PanelError):
+        values = panel.values_at(key).values()
+    except PanelError:
         return False
     return any(isinstance(value, int | float | tuple | list) for value in values)
 

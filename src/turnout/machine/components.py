@@ -9,6 +9,7 @@ from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
+from turnout.core.keys import Keys
 from turnout.core.quantity import (
     Angle,
     AngularStiffness,
@@ -21,6 +22,7 @@ from turnout.core.quantity import (
     Mass,
     PerEnergy,
     PositiveNumberList,
+    Record,
     Resistance,
     RotationalDrag,
     RotationalSpeed,
@@ -32,7 +34,7 @@ from turnout.core.quantity import (
     Voltage,
 )
 from turnout.core.units import SI
-from turnout.machine.motor_record import Motor, Record, breakdown_point
+from turnout.machine.motor_record import Motor, breakdown_point
 
 MOST_INSTANTS = 1_000_000
 
@@ -371,3 +373,6 @@ class MachineFile(Record):
     machine: dict[str, Machine] = Field(min_length=1)
     rail: OneMassRail | None = None
     throw: Throw | None = None
+
+
+MACHINE_KEYS = Keys(MachineFile, what="file", implied="machine", example='motor.voltage="176 V"')

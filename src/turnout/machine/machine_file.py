@@ -5,22 +5,18 @@ A key names a field of the file's tables: `rail.mass`, `throw.duration`,
 machines of the file.
 """
 
-import tomllib
-import typing
-from collections.abc import Iterable, Iterator, Mapping
-from copy import deepcopy
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Self
 
-from pydantic import BaseModel, PrivateAttr, ValidationError
+from pydantic import PrivateAttr, ValidationError
 
 from turnout.core.errors import MachineError
+from turnout.core.keys import mark_si, origin_at, put
 from turnout.core.library import names_a_file, names_in_library, text_in_library
-from turnout.core.problems import choices, describe_error, nearest
-from turnout.core.quantity import unit_of
+from turnout.core.problems import choices, describe_error, nearest, show_value
 from turnout.core.toml import Origin, TomlFile, parse_toml, read_toml
-from turnout.core.units import SI
-from turnout.machine.components import Machine, MachineFile
+from turnout.machine.components import MACHINE_KEYS, Machine, MachineFile
 
 PACKAGE = "turnout.machine"
 
@@ -48,17 +44,9 @@ class LoadedMachines(MachineFile):
         """The overrides that made it, by key."""
         return self._overrides
 
-    def origin_of(self, key: str) -> Origin | None:
-        """Return where a value comes from: its own comment, or that of the nearest table above."""
-        while key:
-            if key in self._origins:
-                return self._origins[key]
-            key = key.rpartition(".")[0]
-        return None
-
     def origin_text(self, key: str) -> str:
         """Return where a value comes from in words, for lists of values."""
-        origin = self.origin_of(key)
+        origin = origin_at(self._origins, key)
         if origin is not None:
             return f"{origin.kind}: {origin.text}"
         table: Any = self._tree
@@ -68,10 +56,8 @@ class LoadedMachines(MachineFile):
 
     def unit_of(self, key: str) -> str:
         """Return the SI unit of a value, empty where it has none."""
-        path = tuple(key.split("."))
-        record = _record_at(path[:-1])
-        info = record.model_fields.get(path[-1]) if record else None
-        return (unit_of(info) or "") if info else ""
+        found = MACHINE_KEYS.find(key)
+        return found.unit if found else ""
 
     def pick(self, name: str | None = None) -> tuple[str, Machine]:
         """Return name and record of a machine; the name may be left out where there is one.
@@ -116,15 +102,17 @@ class LoadedMachines(MachineFile):
         >>> machines.machine["sb3"].gear.efficiency
         0.8
         """
-        tree, origins = deepcopy(self._tree), dict(self._origins)
-        problems = []
+        tree, origins = dict(self._tree), dict(self._origins)
+        problems, own = [], set[tuple[str, ...]]()
         for key, value in overrides.items():
-            places = list(_places(tree, key))
+            places = MACHINE_KEYS.places(tree, key)
             if not places:
-                problems.append(f"{key}: matches nothing{nearest(key, _keys(tree))}")
+                problems.append(MACHINE_KEYS.no_match(key, tree))
             for place in places:
-                _put(tree, place, _marked(value) if si else value)
-                origins[".".join(place)] = Origin("override", str(value))
+                table = put(tree, place, mark_si(value) if si else value, own)
+                if value is None:
+                    del table[place[-1]]
+                origins[".".join(place)] = Origin("override", show_value(value))
         changed = type(self)._build(
             tree, source=self.source, origins=origins, problems=problems, heading="overrides"
         )
@@ -142,11 +130,11 @@ class LoadedMachines(MachineFile):
         overrides: dict[str, object] = {}
         problems = []
         for text in settings:
-            key, equals, value = text.partition("=")
-            if not equals or not key.strip():
-                problems.append(f'"{text}" is not KEY=VALUE, such as motor.voltage="176 V"')
-                continue
-            overrides[key.strip()] = _read(value.strip())
+            try:
+                key, value = MACHINE_KEYS.setting(text)
+                overrides[key] = value
+            except ValueError as error:
+                problems.append(str(error))
         if problems:
             raise MachineError(problems, source="settings")
         return self.with_overrides(overrides, si=False)
@@ -166,7 +154,7 @@ class LoadedMachines(MachineFile):
         except ValidationError as error:
             for item in error.errors():
                 path = [str(part) for part in item["loc"]]
-                allowed = _allowed(tuple(path[:-1]))
+                allowed = MACHINE_KEYS.field_names(tuple(path[:-1]))
                 problems.append(".".join(path) + describe_error(item, allowed=allowed))
         if problems:
             raise MachineError(list(dict.fromkeys(problems)), source=heading)
@@ -233,95 +221,6 @@ def _open(name_or_path: str | Path) -> TomlFile:
     if isinstance(name_or_path, Path) or names_a_file(name):
         return read_toml(Path(name).expanduser())
     return parse_toml(machine_text(name), source=name)
-
-
-def _read(value: str) -> object:
-    try:
-        return tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
-        return value
-
-
-def _marked(value: object) -> object:
-    """Mark the numbers in a Python value as SI."""
-    if hasattr(value, "tolist"):
-        value = value.tolist()
-    if isinstance(value, Mapping):
-        return {str(key): _marked(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_marked(item) for item in value]
-    if isinstance(value, int | float) and not isinstance(value, bool):
-        return SI(value)
-    return value
-
-
-def _record_in(annotation: Any) -> type[BaseModel] | None:
-    """Return the record that an annotation allows, if any."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    found = (_record_in(part) for part in typing.get_args(annotation))
-    return next((record for record in found if record is not None), None)
-
-
-def _record_at(path: tuple[str, ...]) -> type[BaseModel] | None:
-    record: type[BaseModel] | None = MachineFile
-    parts = list(path)
-    if parts and parts[0] == "machine":
-        record, parts = Machine, parts[2:]
-    for part in parts:
-        if record is None:
-            return None
-        if part.isdigit():
-            continue
-        info = record.model_fields.get(part)
-        record = _record_in(info.annotation) if info else None
-    return record
-
-
-def _allowed(path: tuple[str, ...]) -> list[str]:
-    record = _record_at(path)
-    return list(record.model_fields) if record else []
-
-
-def _places(tree: dict[str, Any], key: str) -> Iterator[tuple[str, ...]]:
-    """Yield the key paths that a key stands for."""
-    path = tuple(key.split("."))
-    if path[0] in Machine.model_fields and path[0] not in MachineFile.model_fields:
-        path = ("machine", *path)
-    if path[0] == "machine" and len(path) > 1 and path[1] in Machine.model_fields:
-        paths = [("machine", name, *path[1:]) for name in tree["machine"]]
-    else:
-        paths = [path]
-    for found in paths:
-        known = found[0] != "machine" or (len(found) > 2 and found[1] in tree["machine"])
-        if known and found[-1] in _allowed(found[:-1]):
-            yield found
-
-
-def _keys(tree: dict[str, Any]) -> Iterator[str]:
-    """Yield the keys that may be set, the short ones of machines first."""
-    for part, record in (("", Machine), ("", MachineFile)):
-        for name, info in record.model_fields.items():
-            inner = _record_in(info.annotation)
-            if inner is None or inner is Machine:
-                yield f"{part}{name}"
-            else:
-                yield from (f"{name}.{key}" for key in inner.model_fields)
-
-
-def _put(tree: dict[str, Any], path: tuple[str, ...], value: object) -> None:
-    table: Any = tree
-    for part in path[:-1]:
-        if isinstance(table, list):
-            table = table[int(part)]
-            continue
-        if not isinstance(table.get(part), dict | list):
-            table[part] = {}
-        table = table[part]
-    if value is None:
-        table.pop(path[-1], None)
-    else:
-        table[path[-1]] = value
 
 
 __all__ = ["LoadedMachines", "load_machines", "machine_names", "machine_text"]

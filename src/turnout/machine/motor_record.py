@@ -3,7 +3,7 @@
 import math
 from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from turnout.core.quantity import (
     Current,
@@ -12,6 +12,7 @@ from turnout.core.quantity import (
     Inductance,
     Inertia,
     MotorConstant,
+    Record,
     Resistance,
     RotationalDrag,
     Temperature,
@@ -24,19 +25,6 @@ COPPER_REFERENCE = 293.15
 """Temperature at which resistances are given [K]."""
 COPPER_COEFFICIENT = 3.9e-3
 """Of the resistance of copper, from its value at 20 degC [1/K]."""
-
-
-class Record(BaseModel):
-    """Base of all records here: unknown keys are refused, nothing changes after validation."""
-
-    model_config = ConfigDict(
-        extra="forbid",
-        defer_build=True,  # most are read as parts of a whole and never alone
-        frozen=True,
-        strict=True,
-        allow_inf_nan=False,
-        str_strip_whitespace=True,
-    )
 
 
 def _whole(value: object) -> object:

@@ -8,9 +8,10 @@ from collections.abc import Callable, Hashable, Mapping, Sequence
 from functools import cache
 from operator import itemgetter
 
+from turnout.core.quantity import Record
 from turnout.panel.foreign_object import PlacedObject
 from turnout.panel.load import LoadedPanel
-from turnout.panel.records import Chair, Drive, Rail, Record
+from turnout.panel.records import Chair, Drive, Rail
 
 _NO_SHAPE = frozenset(
     ("schema_version", "name", "description", "instrumented_rail", "schedule", "movement")

@@ -7,19 +7,15 @@ A single `x` is a generator too where the family has no member of its own.
 A member's own value replaces a default as a whole.
 """
 
-import typing
 from dataclasses import dataclass, field
 from typing import Any
 
-from pydantic import BaseModel
-
+from turnout.core.keys import Path
 from turnout.core.problems import Problem, meant, nearest, show_value
 from turnout.core.toml import Origin, TomlFile
 from turnout.core.units import LENGTH, SI, parse_quantities
-from turnout.panel.model import Panel
+from turnout.panel.model import FAMILIES
 from turnout.panel.records import Placed, RailMatrices
-
-Path = tuple[str, ...]
 
 MOST_MEMBERS = 500
 """Members of one family; the longest switches stand on some 200 sleepers."""
@@ -57,18 +53,6 @@ class Document:
     tables: dict[str, tuple[list[float], list[float]]] = field(default_factory=dict)
     matrices: dict[str, RailMatrices] = field(default_factory=dict)
     given: dict[str, object] = field(default_factory=dict)
-
-
-def _family_records() -> dict[str, type[BaseModel]]:
-    """Find the families in the panel record: its fields that map names to records."""
-    families = {}
-    for name, info in Panel.model_fields.items():
-        if typing.get_origin(info.annotation) is dict:
-            families[name] = typing.get_args(info.annotation)[1]
-    return families
-
-
-FAMILIES: dict[str, type[BaseModel]] = _family_records()
 
 
 def is_generated(family: str) -> bool:

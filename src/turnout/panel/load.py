@@ -14,6 +14,7 @@ from pydantic import BaseModel, PrivateAttr
 from turnout.core.errors import FileError, PanelError
 from turnout.core.files import user_path
 from turnout.core.html_table import html_table
+from turnout.core.keys import mark_si
 from turnout.core.library import names_a_file, names_in_library, text_in_library
 from turnout.core.problems import Problem, choices
 from turnout.core.provenance import content_hash
@@ -23,11 +24,9 @@ from turnout.panel.document import Document, expand
 from turnout.panel.library_members import add_library_members
 from turnout.panel.markers import read_schedule_files
 from turnout.panel.matrices import check_matrices, read_matrices
-from turnout.panel.model import Panel
+from turnout.panel.model import PANEL_KEYS, Panel
 from turnout.panel.override import (
     apply_overrides,
-    mark_si,
-    parse_setting,
     restated,
     supersede,
 )
@@ -41,7 +40,16 @@ _NOT_HASHED: dict[str, set[str]] = {"movement": {"table_file"}, "rail": {"matric
 _HASHED = tuple(name for name in Panel.model_fields if name != "description")
 # For a notebook, and for completion.
 _COUNTED = ("chair", "fastening", "stop", "stud", "link", "sensor", "sleeper")
-_OWN = ("hash", "matrices", "origins", "overrides", "source", "with_overrides", "with_settings")
+_OWN = (
+    "hash",
+    "matrices",
+    "origins",
+    "overrides",
+    "source",
+    "values_at",
+    "with_overrides",
+    "with_settings",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,6 +189,24 @@ class LoadedPanel(PendingPanel):
             )
         return self._hash
 
+    def values_at(self, key: str) -> dict[str, Any]:
+        """Return the values by full key: one for each member if a key names a family.
+
+        Raises
+        ------
+        PanelError
+            Where there is no such value.
+
+        Examples
+        --------
+        >>> load_panel("sb1").values_at("drive.stiffness")
+        {'drive.1.stiffness': 750000.0, 'drive.2.stiffness': 810000.0}
+        """
+        try:
+            return PANEL_KEYS.values(self, key)
+        except LookupError as error:
+            raise PanelError([str(error)]) from None
+
     def with_overrides(self, overrides: Mapping[str, object], *, si: bool = True) -> Self:
         """Make a panel with changed values.
 
@@ -223,7 +249,7 @@ class LoadedPanel(PendingPanel):
         problems: list[Problem] = []
         for text in settings:
             try:
-                key, value = parse_setting(text)
+                key, value = PANEL_KEYS.setting(text)
                 overrides[key] = value
             except ValueError as error:
                 problems.append(Problem((), str(error)))

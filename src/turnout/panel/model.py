@@ -9,12 +9,14 @@ from typing import Literal
 
 from pydantic import Field
 
+from turnout.core.keys import Keys
 from turnout.core.quantity import (
     Acceleration,
     Density,
     Frequency,
     Length,
     Pressure,
+    Record,
 )
 from turnout.machine.components import Machine
 from turnout.panel.object_records import ObjectDefaults, PanelObject
@@ -27,7 +29,6 @@ from turnout.panel.records import (
     Lock,
     Movement,
     Rail,
-    Record,
     Schedule,
     Sensor,
     Sleeper,
@@ -117,3 +118,10 @@ class Panel(Record):
             name: common if drive.gap_limit is None else drive.gap_limit
             for name, drive in self.drive.items()
         }
+
+
+PANEL_KEYS = Keys(
+    Panel, what="panel", example='drive.1.stiffness="750 kN/m"', growing=("object", "machine")
+)
+FAMILIES = PANEL_KEYS.families
+"""Record of the members of each family: fields of a panel that map names to records."""

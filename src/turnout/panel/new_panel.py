@@ -10,11 +10,12 @@ import textwrap
 from collections.abc import Iterable, Iterator
 from pathlib import Path as FilePath
 
+from turnout.core.keys import NONE, REQUIRED, Key
 from turnout.core.toml import decode, parse_toml, read_bytes
 from turnout.core.toml_edit import TomlLayout, read_layout, with_value
-from turnout.panel.document import FAMILIES
-from turnout.panel.key_reference import NONE, REQUIRED, KeyRow, TableRows, key_tables
+from turnout.panel.key_reference import TableRows, key_tables
 from turnout.panel.load import library_text, load_panel, panel_source
+from turnout.panel.model import FAMILIES
 
 MARK = "written by `turnout panel new`"
 WIDTH = 98
@@ -116,7 +117,7 @@ def _generic(path: KeyPath) -> KeyPath:
     return (path[0], "NAME", *rest)
 
 
-def _meaning(row: KeyRow) -> list[str]:
+def _meaning(row: Key) -> list[str]:
     unit = f" [{row.unit}]" if row.unit else ""
     return _comment(f"{row.meaning}{unit}")
 

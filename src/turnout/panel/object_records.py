@@ -4,8 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from turnout.core.quantity import Density, Length, Pressure, Stiffness, Temperature, Time
-from turnout.panel.records import Record
+from turnout.core.quantity import Density, Length, Pressure, Record, Stiffness, Temperature, Time
 
 
 class ObjectDefaults(Record):

@@ -4,80 +4,26 @@ A key that names a field of a family sets it for all members, also for those wit
 key that names a member sets it for that one. Within one set of overrides the broader keys go first.
 """
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
+from turnout.core.keys import Path, put, records_in
 from turnout.core.lru_cache import LRUCache
 from turnout.core.problems import Problem, nearest, show_value
-from turnout.core.toml import Origin, load_toml
-from turnout.core.units import SI, is_finite
-from turnout.panel.document import FAMILIES, Document, Path
-from turnout.panel.keys import is_field, known_keys, records_in, takes_text
-from turnout.panel.model import Panel
-
-GROWING = ("object", "machine")
+from turnout.core.toml import Origin
+from turnout.panel.document import Document
+from turnout.panel.model import FAMILIES, PANEL_KEYS, Panel
 
 MOST_OVERRIDES = 1000
 """Values set at once; each is compared with the others that it may cover."""
 
-MOST_WAYS = 16
+MOST_PLANS = 16
 """Sets of keys whose places are kept in memory: scenarios of a study mostly set the same ones."""
 
 # To find what a wrong key is near to takes a hundredth of a second.
 MOST_NEAREST = 20
-
-
-def parse_setting(text: str) -> tuple[str, object]:
-    """Split "KEY=VALUE" from a command line; the value is read as TOML if it parses.
-
-    Examples
-    --------
-    >>> parse_setting("chair.friction_coefficient=0.3")
-    ('chair.friction_coefficient', 0.3)
-    >>> parse_setting("drive.2.stiffness = 810 kN/m")
-    ('drive.2.stiffness', '810 kN/m')
-    >>> parse_setting("outline_section.stock.outline=60E1")
-    ('outline_section.stock.outline', '60E1')
-    """
-    key, equals, value = text.partition("=")
-    if not equals or not key.strip():
-        message = f'"{text}" is not KEY=VALUE, such as drive.1.stiffness="750 kN/m"'
-        raise ValueError(message)
-    key, value = key.strip(), value.strip()
-    try:
-        read = load_toml(f"value = {value}")["value"]
-    except ValueError:
-        return key, value
-    # A name such as 60E1 would read as a number.
-    bare = isinstance(read, int | float) and takes_text(tuple(key.split(".")))
-    return key, value if bare else read
-
-
-def mark_si(value: object) -> object:
-    """Mark the numbers in a Python value as SI; arrays become lists."""
-    if type(value) is float:  # nearly all of what a scenario changes
-        return SI(value if math.isfinite(value) else math.nan)
-    if hasattr(value, "tolist"):
-        value = value.tolist()
-    if isinstance(value, Mapping):
-        return {str(key): mark_si(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [mark_si(item) for item in value]
-    if isinstance(value, int | float) and not isinstance(value, bool):
-        return SI(value if is_finite(value) else math.nan)
-    return value
-
-
-@dataclass(frozen=True, slots=True)
-class _Target:
-    """Target of an override: the key path in the tree and the key as given."""
-
-    key: str
-    place: Path
-    value: object
 
 
 def apply_overrides(
@@ -122,7 +68,7 @@ def apply_overrides(
     above: set[str] = set()  # of what is given
     own: set[Path] = set()
     for _, key, value in leaves:
-        targets = _targets(tree, key, value)
+        targets = PANEL_KEYS.places(tree, key)
         if not targets:
             near = _nearest_key(tree, key) if len(problems) < MOST_NEAREST else ""
             text = f": matches nothing in this panel{near}"
@@ -137,23 +83,24 @@ def apply_overrides(
         applied[key] = value
         many = _breadth(tuple(key.split("."))) == 0 and len(targets) > 1
         for target in targets:
-            _set(tree, target, own)
-            place = ".".join(target.place)
+            put(tree, target, value, own)
+            place = ".".join(target)
             if place in above:
                 for below in [name for name in given if name.startswith(f"{place}.")]:
                     del given[below]
             given[place] = value
-            above |= _above(target.place)
+            above |= _above(target)
             if many:
-                shared.add(target.place[:3])
+                shared.add(target[:3])
             else:
-                shared.discard(target.place[:3])
+                shared.discard(target[:3])
     given = {key: value for key, value in document.given.items() if not _given(key, given)} | given
     changed = replace(document, tree=tree, shared=frozenset(shared), given=given)
     if plain and not problems:
-        way = _way(document, changed, {key: _targets(document.tree, key, None) for key in applied})
-        if way is not None:
-            _ways.put(names, way)
+        places = {key: PANEL_KEYS.places(document.tree, key) for key in applied}
+        plan = _plan(document, changed, places)
+        if plan is not None:
+            _plans.put(names, plan)
     return changed, problems, applied
 
 
@@ -178,7 +125,7 @@ class OverridePlan:
     """
 
     document: Document
-    targets: dict[str, list[_Target]]
+    targets: dict[str, list[Path]]
     members: dict[str, list[str]]
     shared: frozenset[Path]
     given: dict[str, object]
@@ -195,37 +142,36 @@ class OverridePlan:
                 members[name] = dict(members[name])
         for key, targets in self.targets.items():
             value = overrides[key]
-            for target in targets:
-                family, name, field = target.place
+            for family, name, field in targets:
                 tree[family][name][field] = value
         given = self.given | {".".join(place): overrides[key] for place, key in self.places}
         changed = replace(self.document, tree=tree, shared=self.shared, given=given)
         return changed, [], {key: overrides[key] for key in self.targets}
 
 
-_ways = LRUCache[OverridePlan](MOST_WAYS)
+_plans = LRUCache[OverridePlan](MOST_PLANS)
 
 
 def known_plan(document: Document, overrides: Mapping[str, object]) -> OverridePlan | None:
     """Return the plan by which the keys of overrides changed a document before, or None."""
-    return _ways.get((id(document), *overrides))
+    return _plans.get((id(document), *overrides))
 
 
-def _way(
-    document: Document, changed: Document, targets: dict[str, list[_Target]]
+def _plan(
+    document: Document, changed: Document, targets: dict[str, list[Path]]
 ) -> OverridePlan | None:
     """Return the plan for changing a document by the same keys; None if a table comes or goes."""
     last: dict[Path, str] = {}
     members: dict[str, dict[str, None]] = {}
     for key, found in targets.items():
-        for target in found:
-            if len(target.place) != len(("family", "member", "field")):
+        for place in found:
+            if len(place) != len(("family", "member", "field")):
                 return None
-            family, name, field = target.place
+            family, name, field = place
             member = document.tree.get(family, {}).get(name)
             if not isinstance(member, dict) or isinstance(member.get(field), dict):
                 return None
-            last[target.place] = key
+            last[place] = key
             members.setdefault(family, {})[name] = None
     set_here = {".".join(place) for place in last}
     kept = {name: value for name, value in changed.given.items() if name not in set_here}
@@ -274,48 +220,10 @@ def _holds_records(path: Path) -> bool:
     return len(path) == 1 and info is not None and any(records_in(info.annotation))
 
 
-def _targets(tree: dict[str, Any], key: str, value: object) -> list[_Target]:
-    path = tuple(key.split("."))
-    family = FAMILIES.get(path[0])
-    if family is None:
-        known = is_field(Panel, path) and path[0] != "schema_version"
-        return [_Target(key, path, value)] if known else []
-    members = tree.get(path[0], {})
-    if len(path) < 2 or not isinstance(members, dict):
-        return []
-    if path[1] in family.model_fields:
-        if not is_field(family, path[1:]):
-            return []
-        return [_Target(key, (path[0], name, *path[1:]), value) for name in members]
-    if path[1] not in members and path[0] not in GROWING:
-        return []
-    return [_Target(key, path, value)] if is_field(family, path[2:]) else []
-
-
 @lru_cache(maxsize=4096)
 def _above(place: Path) -> frozenset[str]:
     """Return the keys of all tables around a value."""
     return frozenset(".".join(place[:depth]) for depth in range(1, len(place)))
-
-
-def _set(tree: dict[str, Any], target: _Target, own: set[Path]) -> None:
-    """Set a value in copies of the tables around it; all other tables stay the same objects.
-
-    `own` are the places of tables that are copies already.
-    """
-    table, place = tree, target.place
-    for depth in range(1, len(place)):
-        part = place[depth - 1]
-        inner = table.get(part)
-        if not (isinstance(inner, dict) and place[:depth] in own):
-            inner = dict(inner) if isinstance(inner, dict) else {}
-            table[part] = inner
-            own.add(place[:depth])
-        table = inner
-    # whatever was copied below a value that is replaced is no copy of what is there now
-    if len(own) > 1 and isinstance(table.get(place[-1]), dict):
-        own.difference_update([other for other in own if other[: len(place)] == place])
-    table[place[-1]] = target.value
 
 
 def restated(document: Document) -> dict[str, Origin]:
@@ -335,13 +243,13 @@ def _given(name: str, given: Mapping[str, object]) -> bool:
 
 
 def _nearest_key(tree: Mapping[str, Any], key: str) -> str:
-    return nearest(key, known_keys(_with_named(tree, tuple(key.split(".")))))
+    return nearest(key, PANEL_KEYS.names(_with_named(tree, tuple(key.split(".")))))
 
 
 def _with_named(tree: Mapping[str, Any], path: Path) -> Mapping[str, Any]:
     """Return the tree with the member that a key names, if an override may bring it along."""
     family = FAMILIES.get(path[0])
-    if family is None or path[0] not in GROWING or len(path) < 3:
+    if family is None or path[0] not in PANEL_KEYS.growing or len(path) < 3:
         return tree
     names = list(family.model_fields)
     if path[1] in names or not (path[2] in names or nearest(path[2], names)):

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, PrivateAttr
 
 from turnout.core.lru_cache import LRUCache
-from turnout.panel.document import FAMILIES
-from turnout.panel.model import Panel
+from turnout.panel.model import FAMILIES, Panel
 from turnout.panel.validate import with_values
 
 MOST_KEPT = 64

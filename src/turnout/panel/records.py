@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag
+from pydantic import BeforeValidator, Discriminator, Field, Tag
 
 from turnout.core.quantity import (
     AngularStiffness,
@@ -18,23 +18,11 @@ from turnout.core.quantity import (
     ForceList,
     Length,
     LengthList,
+    Record,
     Stiffness,
     Time,
     TimeList,
 )
-
-
-class Record(BaseModel):
-    """Base of all records: unknown keys are refused, nothing changes after validation."""
-
-    model_config = ConfigDict(
-        extra="forbid",
-        defer_build=True,  # most are read as parts of a whole and never alone
-        frozen=True,
-        strict=True,
-        allow_inf_nan=False,
-        str_strip_whitespace=True,
-    )
 
 
 class Placed(Record):

@@ -14,9 +14,9 @@ from pydantic import BaseModel, ValidationError
 
 from turnout.core.lru_cache import LRUCache
 from turnout.panel.check import check
-from turnout.panel.document import FAMILIES, Document
+from turnout.panel.document import Document
 from turnout.panel.matrices import check_matrices
-from turnout.panel.model import Panel
+from turnout.panel.model import FAMILIES, Panel
 from turnout.panel.override import OverridePlan, known_plan
 from turnout.panel.pending_members import PendingMembers
 from turnout.panel.records import RailMatrices

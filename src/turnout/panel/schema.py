@@ -5,8 +5,8 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from turnout.core.quantity import LengthList
-from turnout.panel.document import FAMILIES, is_generated
-from turnout.panel.model import Panel
+from turnout.panel.document import is_generated
+from turnout.panel.model import FAMILIES, Panel
 
 DRAFT = "https://json-schema.org/draft/2020-12/schema"
 

@@ -13,9 +13,9 @@ from turnout.core.quantity import (
     LengthList,
     PointList,
     PositiveNumberList,
+    Record,
     SecondMomentList,
 )
-from turnout.panel.records import Record
 
 
 class SectionTable(Record):

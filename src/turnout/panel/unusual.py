@@ -10,10 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from turnout.core.quantity import unit_of
-from turnout.panel.document import FAMILIES
-from turnout.panel.keys import field_at
-from turnout.panel.model import Panel
+from turnout.panel.model import PANEL_KEYS, Panel
 
 _SPRING, _DASHPOT, _TURNING = (1e3, 1e11), (0.0, 1e6), (0.0, 1e9)
 _HEIGHT = (-0.3, 0.3)
@@ -140,35 +137,28 @@ def unusual_values(panel: Panel) -> list[Unusual]:
     ['material.density = 1e+06 kg/m^3: usual is 1000 to 30000 kg/m^3']
     """
     found = []
-    for key, (least, most) in USUAL.items():
-        info = field_at(tuple(key.split(".")))
-        unit = "" if info is None else unit_of(info) or ""
-        for place, value in _outside(panel, key, least, most):
+    for name, (least, most) in USUAL.items():
+        key = PANEL_KEYS.find(name)
+        try:
+            values = PANEL_KEYS.values(panel, name)
+        except LookupError:  # in a table that the panel lacks
+            continue
+        unit = key.unit if key else ""
+        for place, value in _outside(name, values, least, most):
             found.append(Unusual(place, value, least, most, unit))
     return found
 
 
-def _outside(panel: Panel, key: str, least: float, most: float) -> Iterator[tuple[str, float]]:
+def _outside(
+    name: str, values: Mapping[str, Any], least: float, most: float
+) -> Iterator[tuple[str, float]]:
     """Yield the keys of values outside the range, once for a family that agrees."""
-    *above, name = key.split(".")
-    record: Any = getattr(panel, above[0], None) if above else panel
-    if record is None:
-        return
-    if not above or above[0] not in FAMILIES:
-        value = _farthest(getattr(record, name), least, most)
-        if not math.isnan(value):
-            yield key, value
-        return
-    family = above[0]
-    values = {
-        member: _farthest(getattr(item, name), least, most) for member, item in record.items()
-    }
-    outside = {member: value for member, value in values.items() if not math.isnan(value)}
-    if len(outside) == len(values) and len(set(outside.values())) == 1:
-        yield key, next(iter(outside.values()))
-        return
-    for member, value in outside.items():
-        yield f"{family}.{member}.{name}", value
+    far = {key: _farthest(value, least, most) for key, value in values.items()}
+    outside = {key: value for key, value in far.items() if not math.isnan(value)}
+    if outside and len(outside) == len(values) and len(set(outside.values())) == 1:
+        yield name, next(iter(outside.values()))
+    else:
+        yield from outside.items()
 
 
 def _farthest(given: object, least: float, most: float) -> float:

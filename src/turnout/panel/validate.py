@@ -9,10 +9,10 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, TypeAdapter, ValidationError, create_model
 
+from turnout.core.keys import Path, records_in
 from turnout.core.problems import Problem, choices, describe_error, meant, nearest, show_value
-from turnout.panel.document import FAMILIES, Document, Path
-from turnout.panel.keys import fields_at, records_in
-from turnout.panel.model import Panel
+from turnout.panel.document import Document
+from turnout.panel.model import FAMILIES, PANEL_KEYS, Panel
 
 MOST_PROBLEMS = 50
 """Problems that are reported of one table; finding the nearest names takes long."""
@@ -445,4 +445,4 @@ def _problem(prefix: Path, error: Any, *, strip: bool = False) -> Problem:
 
 def _allowed(path: Path) -> list[str]:
     """List the keys that exist beside the last part of a path."""
-    return fields_at(path[:-1])
+    return PANEL_KEYS.field_names(path[:-1])

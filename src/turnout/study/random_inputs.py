@@ -12,6 +12,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
+from turnout.core.errors import PanelError
 from turnout.core.problems import choices, nearest, show_value
 from turnout.core.units import (
     LENGTH,
@@ -22,7 +23,7 @@ from turnout.core.units import (
 )
 from turnout.study.distribution import PROBABILITY_MARGIN, Distribution, normal_share
 from turnout.study.study_file import StudyRecord
-from turnout.study.variable import TEMPERATURE_KEY, panel_values_at, value_kind
+from turnout.study.variable import TEMPERATURE_KEY, value_kind
 from turnout.study.variables import ParsedStudy, read_field_law
 
 FloatArray = npt.NDArray[np.float64]
@@ -286,12 +287,9 @@ def read_law_of_temperature(parsed: ParsedStudy, record: StudyRecord) -> Tempera
     if not varies:
         parsed.add_problem(where, ': needs a variable with key = "temperature"')
     try:
-        if (
-            not panel_values_at(parsed.panel, given.key)
-            or value_kind(parsed.panel, given.key) is str
-        ):
+        if not parsed.panel.values_at(given.key) or value_kind(parsed.panel, given.key) is str:
             parsed.add_problem(where, f'.key = "{given.key}": has no number that can be multiplied')
-    except (ValueError, KeyError, AttributeError, TypeError):
+    except (ValueError, PanelError):
         parsed.add_problem(where, f'.key = "{given.key}": matches nothing in this panel')
     linear = given.reference is not None and given.coefficient is not None
     table = given.temperature is not None and given.factor is not None

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ValidationError
 
 from turnout.core.channels import unknown_channels
 from turnout.core.errors import SolverError, StudyError
+from turnout.core.keys import records_in
 from turnout.core.problems import choices, describe_error, nearest, show_value
 from turnout.core.scheme import MODES, Scheme
 from turnout.core.toml import TomlFile
@@ -20,7 +21,6 @@ from turnout.core.units import (
     TIME,
     Dimension,
 )
-from turnout.panel.keys import records_in
 from turnout.panel.load import LoadedPanel
 from turnout.panel.schema import DRAFT, tidy
 from turnout.study.design import Axis, Design

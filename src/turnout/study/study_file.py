@@ -4,7 +4,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from turnout.panel.records import Record
+from turnout.core.quantity import Record
 
 Number = float | int | str
 

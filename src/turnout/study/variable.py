@@ -4,16 +4,13 @@ A variable is a key of the panel, of the foreign object (`OBJECT_KEYS`), of the 
 (`RECORDER_KEYS`), or the temperature.
 """
 
-import types
-import typing
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from turnout.core.errors import PanelError
+from turnout.core.keys import VERSION, Key
 from turnout.core.lru_cache import LRUCache
 from turnout.core.problems import nearest
-from turnout.core.quantity import dimension_of
 from turnout.core.units import (
     LENGTH,
     STIFFNESS,
@@ -24,10 +21,9 @@ from turnout.core.units import (
     parse_quantity,
 )
 from turnout.measurement.chain.recorder import ERRORS, Recorder
-from turnout.panel.document import FAMILIES
 from turnout.panel.foreign_object import ForeignObject
-from turnout.panel.keys import field_at, known_keys
 from turnout.panel.load import LoadedPanel
+from turnout.panel.model import FAMILIES, PANEL_KEYS
 from turnout.panel.object_kind import DIMENSIONS, KINDS, PARAMETERS
 from turnout.study.scenario import Value
 
@@ -121,12 +117,12 @@ def value_kind(panel: LoadedPanel, key: str, *, factor: bool = False) -> Dimensi
         return TEMPERATURE
     if key.startswith(LABEL) and key != LABEL:
         return str
-    item = list_item(key)
-    if item is not None and not factor:
-        return _kind_of_item(panel, *item)
-    path = tuple(key.split("."))
-    info = field_at(path) if path[0] != "schema_version" else None
-    kind = _kind_of_field(info, factor=factor) if info is not None else None
+    found = PANEL_KEYS.find(key)
+    kind = None
+    if found is not None and found.item:
+        kind = None if factor else _kind_of_item(panel, found)
+    elif found is not None and key != VERSION:  # a list is multiplied as a whole, but not set
+        kind = (found.dimension if factor else None) if found.is_list else found.kind
     if kind is None:
         names = [*OBJECT_KEYS, *RECORDER_KEYS, TEMPERATURE_KEY, *variable_keys(panel)]
         message = f"no value of this name can vary in panel {panel.name}{nearest(key, names)}"
@@ -134,52 +130,18 @@ def value_kind(panel: LoadedPanel, key: str, *, factor: bool = False) -> Dimensi
     return kind
 
 
-def _kind_of_field(info: Any, *, factor: bool) -> Dimension | type | None:
-    """Return the kind of a field; None if it is no single value, nor a list to be multiplied."""
-    forms = {typing.get_origin(form) or form for form in _alternatives(info.annotation)}
-    dimension = dimension_of(info)
-    if forms & {list, tuple}:
-        return dimension if factor else None
-    if dimension is not None:
-        return dimension
-    if forms & {str, typing.Literal} and float not in forms:
-        return str
-    return next((kind for kind in (bool, float) if kind in forms), None)
-
-
-def list_item(key: str) -> tuple[str, int] | None:
-    """Return the list that a key names an item of, and its number from 1; None for other keys.
-
-    Examples
-    --------
-    >>> list_item("chair.5.friction_factor.2")
-    ('chair.5.friction_factor', 2)
-    >>> list_item("drive.2.stiffness"), list_item("movement.return.extra_time.2")
-    (None, None)
-    """
-    whole, _, number = key.rpartition(".")
-    if not whole or not number.isdigit():
-        return None
-    info = field_at(tuple(whole.split(".")))
-    if info is None:
-        return None
-    forms = {typing.get_origin(form) or form for form in _alternatives(info.annotation)}
-    return (whole, int(number)) if forms & {list, tuple} else None
-
-
-def _kind_of_item(panel: LoadedPanel, key: str, number: int) -> Dimension | type:
+def _kind_of_item(panel: LoadedPanel, key: Key) -> Dimension | type:
     """Return the kind of an item of a list; ValueError if the panel has no such list or item."""
-    for full, items in panel_values_at(panel, key).items():
+    for full, items in panel.values_at(key.whole).items():
         known = items if isinstance(items, list | tuple) else ()
-        if not 1 <= number <= len(known):
+        if not 1 <= key.item <= len(known):
             has = f"has {len(known)} items" if known else "is not given"
-            message = f"{full} {has}, so there is no item {number}; give the list under [set]"
+            message = f"{full} {has}, so there is no item {key.item}; give the list under [set]"
             raise ValueError(message)
         if not isinstance(known[0], int | float):
             message = f"{full} is no list of numbers"
             raise ValueError(message)
-    info = field_at(tuple(key.split(".")))
-    return (dimension_of(info) if info is not None else None) or float
+    return key.dimension or float
 
 
 def set_items(panel: LoadedPanel, values: Mapping[str, Value]) -> dict[str, Any]:
@@ -193,67 +155,21 @@ def set_items(panel: LoadedPanel, values: Mapping[str, Value]) -> dict[str, Any]
         Values by key, in SI.
     """
     found: dict[str, Any] = {}
-    for key, value in values.items():
-        item = list_item(key)
-        if item is None:
-            found[key] = value
+    for name, value in values.items():
+        key = PANEL_KEYS.find(name)
+        if key is None or not key.item:
+            found[name] = value
             continue
-        for full, items in panel_values_at(panel, item[0]).items():
+        for full, items in panel.values_at(key.whole).items():
             changed = list(found.get(full, items))
-            changed[item[1] - 1] = value
+            changed[key.item - 1] = value
             found[full] = tuple(changed)
     return found
 
 
-def _alternatives(annotation: Any) -> Iterator[Any]:
-    """Find the alternatives of an annotation."""
-    origin = typing.get_origin(annotation)
-    if origin in (typing.Union, types.UnionType, typing.Annotated):
-        parts = typing.get_args(annotation)
-        for part in parts[:1] if origin is typing.Annotated else parts:
-            yield from _alternatives(part)
-    else:
-        yield annotation
-
-
 def variable_keys(panel: LoadedPanel) -> Iterable[str]:
     """List the keys of a panel that a study may vary, families first, then members."""
-    return known_keys({name: getattr(panel, name) for name in FAMILIES})
-
-
-def panel_values_at(panel: LoadedPanel, key: str) -> dict[str, Any]:
-    """Return the panel's values by full key: one for each member if a key names a family.
-
-    Raises
-    ------
-    PanelError
-        Where the panel has no such member.
-
-    Examples
-    --------
-    >>> from turnout.panel.load import load_panel
-    >>> panel_values_at(load_panel("sb1"), "drive.stiffness")
-    {'drive.1.stiffness': 750000.0, 'drive.2.stiffness': 810000.0}
-    """
-    family, *rest = key.split(".")
-    record = FAMILIES.get(family)
-    if record is not None and rest[0] in record.model_fields:
-        members = getattr(panel, family)
-        return {
-            f"{family}.{name}.{'.'.join(rest)}": _nested_value(member, rest)
-            for name, member in members.items()
-        }
-    try:
-        return {key: _nested_value(getattr(panel, family), rest)}
-    except (KeyError, AttributeError):
-        near = nearest(key, variable_keys(panel))
-        raise PanelError([f"{key}: matches nothing in this panel{near}"]) from None
-
-
-def _nested_value(record: Any, parts: list[str]) -> Any:
-    for part in parts:
-        record = record[part] if isinstance(record, Mapping) else getattr(record, part)
-    return record
+    return PANEL_KEYS.names({name: getattr(panel, name) for name in FAMILIES})
 
 
 _OBJECT_FIELDS = ("rail", "height", "stiffness", "appears", "disappears", "kind")
@@ -310,13 +226,11 @@ _values = LRUCache[tuple[LoadedPanel, _Values]](64)
 
 
 def _known_values(panel: LoadedPanel, keys: tuple[str, ...]) -> _Values:
-    """Return `panel_values_at` of each key, found once, beside the key of the family of each."""
+    """Return `values_at` of each key, found once, beside the key of the family of each."""
     kept = _values.get((id(panel), keys))
     if kept is None:
         found = {
-            key: [
-                (full, _of_family(full), own) for full, own in panel_values_at(panel, key).items()
-            ]
+            key: [(full, _of_family(full), own) for full, own in panel.values_at(key).items()]
             for key in keys
         }
         kept = _values.put((id(panel), keys), (panel, found))

@@ -28,7 +28,7 @@ from turnout.core.units import Dimension, parse_quantity
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel
 from turnout.panel.object_text import parse_object
-from turnout.study.variable import panel_values_at, value_kind
+from turnout.study.variable import value_kind
 
 Floats = NDArray[np.float64]
 PACKAGE = "turnout.calibration.matching"
@@ -160,7 +160,7 @@ class Facts:
                 if parameter.apply == "set":
                     found[key] = value
                     continue
-                for full, own in panel_values_at(self.panel, key).items():
+                for full, own in self.panel.values_at(key).items():
                     found[full] = _applied(parameter.apply, own, value)
             found |= dict.fromkeys(parameter.complement, 1.0 - value)
         return found
@@ -282,8 +282,8 @@ class _Reader:
         for key in (*record.keys, *record.complement):
             try:
                 kind = value_kind(self.panel, key, factor=record.apply == "multiply")
-                panel_values_at(self.panel, key)
-            except (ValueError, AttributeError, KeyError, TypeError) as error:
+                self.panel.values_at(key)
+            except (ValueError, PanelError) as error:
                 self.problems.append(f'{where}.keys: "{key}": {error}')
                 continue
             if isinstance(kind, Dimension) and record.apply != "multiply":

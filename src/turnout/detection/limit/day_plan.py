@@ -34,7 +34,6 @@ from turnout.detection.reference import FRICTION, Conditions, reference_study, s
 from turnout.detection.throws import closing_time, places_of
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel
-from turnout.study.variable import panel_values_at
 from turnout.throw.signals import drive_signals
 from turnout.throw.simulate import solve_placed
 
@@ -236,7 +235,7 @@ def _objects(place: str, size: float) -> tuple[ForeignObject, ...]:
 
 def _changed(panel: LoadedPanel, item: Parameter) -> LoadedPanel:
     """Return a panel with one parameter a step away from its mean over the members."""
-    value = float(np.mean(list(panel_values_at(panel, item.name).values())))
+    value = float(np.mean(list(panel.values_at(item.name).values())))
     moved = value * (1.0 + item.step) if item.share else value + item.step
     return panel.with_overrides({item.name: moved})
 

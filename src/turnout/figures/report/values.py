@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from turnout.core.quantity import unit_of
+from turnout.core.keys import unit_of
 from turnout.core.value_text import shown_unit
 
 if TYPE_CHECKING:
@@ -19,15 +19,15 @@ if TYPE_CHECKING:
 IN_METRES = frozenset({"x", "start", "end", "radius", "curve_radius", "lead", "element_length"})
 
 
-def shown(value: Any, unit: str | None, name: str) -> str:
+def shown(value: Any, unit: str, name: str) -> str:
     """Return a value as it is read on the screen.
 
     Parameters
     ----------
     value : object
         SI number, list of them, text, or mapping of names to numbers.
-    unit : str or None
-        Its SI unit.
+    unit : str
+        Its SI unit; empty if it has none.
     name : str
         Name of the field: positions are shown in metres, other lengths in millimetres.
 
@@ -39,7 +39,7 @@ def shown(value: Any, unit: str | None, name: str) -> str:
     if isinstance(value, dict):
         return ", ".join(f"{key}: {shown(item, unit, name)}" for key, item in value.items())
     if isinstance(value, list | tuple):
-        if unit is None or not value:
+        if not unit or not value:
             return ", ".join(_number(item) for item in value)
         text, factor = _screen_unit(unit, name)
         if isinstance(value[0], list | tuple):
@@ -48,7 +48,7 @@ def shown(value: Any, unit: str | None, name: str) -> str:
             ]
             return f"{len(value)} points, {' by '.join(reach)} {text}"
         return f"{', '.join(_number(item / factor) for item in value)} {text}"
-    if unit is None or not isinstance(value, float | int):
+    if not unit or not isinstance(value, float | int):
         return _number(value)
     text, factor = _screen_unit(unit, name)
     return f"{_number(value / factor)} {text}"

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from turnout.core.problems import choices
 from turnout.core.quantity import (
@@ -18,13 +18,13 @@ from turnout.core.quantity import (
     Frequency,
     Length,
     Pressure,
+    Record,
     SectionModulus,
     Time,
     Voltage,
     VoltageRatio,
 )
 from turnout.core.units import (
-    COMMON_UNITS,
     CURRENT,
     FORCE,
     STRAIN,
@@ -136,6 +136,7 @@ def fit_load_calibration(raw: Sequence[float], load: Sequence[float]) -> LoadCal
 
 
 RAW = (VOLTAGE, VOLTAGE_RATIO, STRAIN, CURRENT, FORCE)
+EXAMPLES = ("V", "mV", "mV/V", "um/m", "A", "mA", "N", "kN")
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,15 +159,11 @@ def raw_unit(text: str) -> RawUnit:
     """
     tidy = tidy_unit(text)
     for dimension in RAW:
-        if tidy in COMMON_UNITS[dimension.name]:
-            return RawUnit(tidy, dimension, COMMON_UNITS[dimension.name][tidy])
-    for dimension in RAW:
         try:
             return RawUnit(tidy, dimension, unit_factor(tidy, dimension))
         except ValueError:
             continue
-    names = choices([unit for dimension in RAW for unit in COMMON_UNITS[dimension.name]], most=20)
-    message = f'"{text}" is no unit of a sensor; known are {names}'
+    message = f'"{text}" is no unit of a sensor, which is such as {choices(EXAMPLES)}'
     raise ValueError(message)
 
 
@@ -216,15 +213,7 @@ RawList = Annotated[Any, BeforeValidator(_raw_values)]
 UnitText = Annotated[str, BeforeValidator(_known_unit)]
 
 
-class MapRecord(BaseModel):
-    """Base of the records: unknown keys are refused, nothing changes after validation."""
-
-    model_config = ConfigDict(
-        extra="forbid", frozen=True, strict=True, allow_inf_nan=False, str_strip_whitespace=True
-    )
-
-
-class Rest(MapRecord):
+class Rest(Record):
     """A time at which nothing acts: the mean there is the zero of a channel."""
 
     start: Time = Field(ge=0, description="from the start of the recording [s]")
@@ -238,7 +227,7 @@ class Rest(MapRecord):
         return self
 
 
-class SensorRecord(MapRecord):
+class SensorRecord(Record):
     """Keys of every sensor: a column, its unit, its zero and its direction."""
 
     column: str = Field(min_length=1, description="name of the column in the recording")
@@ -335,7 +324,7 @@ KINDS: dict[str, type[SensorRecord]] = {
 }
 
 
-class RecordedFilter(MapRecord):
+class RecordedFilter(Record):
     """The low-pass of a recorder or of its amplifiers: causal, all force channels alike."""
 
     kind: Literal["butterworth", "bessel", "rc"] = "butterworth"
@@ -359,7 +348,7 @@ class RecordedFilter(MapRecord):
         return LowPass(kind=self.kind, order=order, corner=self.corner)
 
 
-class ChannelMap(MapRecord):
+class ChannelMap(Record):
     """Column of each quantity in a recording; drives are named as in the panel."""
 
     schema_version: Literal[1] = 1
