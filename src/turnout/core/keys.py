@@ -293,7 +293,10 @@ class Keys:
 
     def _find(self, name: str) -> Key | None:
         """Return a key by its name; None if no file of this kind can have it."""
-        family, member, below = self._split(tuple(name.split(".")))
+        path = tuple(name.split("."))
+        family, member, below = self._split(path)
+        if "" in path:
+            return None
         record, place, item = self.families.get(family, self.root), below, 0
         info: FieldInfo | None = None
         while place:
@@ -315,7 +318,7 @@ class Keys:
         if info is None:
             return None
         below = below[:-1] if item else below
-        return Key(tuple(name.split(".")), family, member, below, info, item)
+        return Key(path, family, member, below, info, item)
 
     def _split(self, path: Path) -> tuple[str, str, Path]:
         """Return family, member and the path in the record; both are empty for a single record."""

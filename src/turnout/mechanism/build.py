@@ -32,7 +32,6 @@ from turnout.mechanism.travel import RailRows, Travel, rail_travel
 from turnout.panel.foreign_object import PlacedObject
 from turnout.panel.load import LoadedPanel
 from turnout.panel.model import Panel
-from turnout.panel.pending_members import all_lack
 
 Floats = NDArray[np.float64]
 
@@ -356,7 +355,7 @@ def friction_courses(panel: Panel, index: LawIndex, travel: Travel) -> FrictionC
     travel : Travel
         Ways of the rails from closed to open.
     """
-    if all_lack(panel, "chair", "friction_factor"):
+    if all(chair.friction_factor is None for chair in panel.chair.values()):
         return no_courses()
     rows: list[tuple[int, float, float, float]] = []
     courses: list[tuple[tuple[float, ...], list[float]]] = []

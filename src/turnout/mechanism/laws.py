@@ -8,6 +8,7 @@ import math
 import operator
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field, replace
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,6 @@ from turnout.mechanism.travel import Travel, drive_at, unloaded_gap
 from turnout.panel.foreign_object import PlacedObject
 from turnout.panel.markers import offset_at
 from turnout.panel.model import Panel
-from turnout.panel.pending_members import member_numbers
 from turnout.panel.records import Chair, Drive, Link, Linkage, Stop
 
 Floats = NDArray[np.float64]
@@ -240,7 +240,9 @@ def _stops_by_rail(panel: Panel, index: LawIndex) -> tuple[RailStops, ...]:
     return tuple(found)
 
 
-CHAIR_VALUES = ("clearance", "normal_stiffness", "friction_coefficient", "stick_stiffness")
+CHAIR_VALUES = attrgetter(
+    "clearance", "normal_stiffness", "friction_coefficient", "stick_stiffness"
+)
 """Values of a chair that its laws have."""
 
 
@@ -251,8 +253,8 @@ def _fill_chairs_and_stops(
 
     A stop's clearance counts from the rail's stress-free shape.
     """
-    by_value = member_numbers(panel, "chair", CHAIR_VALUES)
-    of_feet = by_value.take(layout.chairs, axis=1)  # unlike an index it leaves no gaps
+    by_chair = np.array([CHAIR_VALUES(chair) for chair in panel.chair.values()]).reshape(-1, 4)
+    of_feet = by_chair.T.take(layout.chairs, axis=1)  # unlike an index it leaves no gaps
     clearance, normal_stiffness, friction_coefficient, stick_stiffness = of_feet
     table.offset[layout.contacts] = clearance
     for stops in layout.stops:

@@ -19,7 +19,6 @@ from turnout.panel.object_kind import (
     kind_faults,
 )
 from turnout.panel.object_records import PanelObject
-from turnout.panel.pending_members import named_places
 from turnout.panel.place import find_place
 
 # The opening is an estimate; an object is refused only when it is larger by more than this [m].
@@ -333,7 +332,7 @@ def _examined(
         faults.append(("rail", f" = {show_value(whole.rail)}: there is no such rail{text}"))
     x = None
     try:
-        x = find_place(named_places(panel), whole.at).x
+        x = find_place(panel.__dict__, whole.at).x
     except ValueError as error:
         faults.append(("at", f" = {show_value(whole.at)}: {error}"))
     if sized and x is not None and whole.rail in panel.rail:

@@ -30,7 +30,6 @@ from turnout.panel.override import (
     restated,
     supersede,
 )
-from turnout.panel.pending_members import PendingPanel
 from turnout.panel.records import RailMatrices
 from turnout.panel.same_keys import PendingDocument, derive_panel, note_keys
 from turnout.panel.validate import Known, validate_document, with_values
@@ -115,7 +114,7 @@ def _key_order(problem: Problem) -> int:
     return known.index(problem.path[0]) if problem.path and problem.path[0] in known else -1
 
 
-class LoadedPanel(PendingPanel):
+class LoadedPanel(Panel):
     """A valid panel that knows the origins of its values.
 
     Besides the records (`panel.drive["1"].stiffness`) it has `origins`, `overrides` and `hash`.
@@ -262,7 +261,6 @@ class LoadedPanel(PendingPanel):
             panel = with_values(self, made.records)
             panel._document, panel._asked = made.document, made.asked
             panel._first, panel._differs = made.first, made.fields
-            panel._pending = made.pending
             applied = made.applied
         else:
             document, found, applied = apply_overrides(before, overrides)
@@ -271,7 +269,7 @@ class LoadedPanel(PendingPanel):
             refuse([*problems, *found, *checked.problems], heading="overrides")
             panel = with_values(self, dict(checked.records))
             panel._document, panel._asked = checked.document, checked.asked
-            panel._first, panel._differs, panel._pending = None, frozenset(), {}
+            panel._first, panel._differs = None, frozenset()
             note_keys(self, before, overrides, Known(document.tree, panel, panel._asked))
         panel._hash, panel._overrides = "", supersede(self._overrides, applied)
         return panel
@@ -305,7 +303,7 @@ class LoadedPanel(PendingPanel):
         """Return the state to pickle or copy: with the tables, without the reference panel."""
         state = super().__getstate__()
         own: dict[str, object] = {"_document": self.document, "_first": None}
-        own |= {"_differs": frozenset(), "_pending": {}}
+        own |= {"_differs": frozenset()}
         return state | {"__pydantic_private__": (state["__pydantic_private__"] or {}) | own}
 
     def __eq__(self, other: object) -> bool:

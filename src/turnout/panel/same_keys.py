@@ -18,12 +18,9 @@ from turnout.panel.document import Document
 from turnout.panel.matrices import check_matrices
 from turnout.panel.model import FAMILIES, Panel
 from turnout.panel.override import OverridePlan, known_plan
-from turnout.panel.pending_members import PendingMembers
 from turnout.panel.records import RailMatrices
 from turnout.panel.validate import Draft, Known, field_check, read_by, with_values
 
-MANY = 8
-"""Number of members from which on they are made on demand, if all change in the same fields."""
 MOST_FIRST = 16
 """Panels in memory of which others have the same keys, the latest used."""
 
@@ -56,9 +53,7 @@ class DerivedPanel:
     fields : frozenset of (str, str)
         Families and fields in which it may differ from that one.
     records : dict of str to object
-        Value by field name of `Panel`, valid, but for those that are pending.
-    pending : mapping of str to PendingMembers
-        These, by family.
+        Value by field name of `Panel`, valid.
     document : PendingDocument
         Its tables.
     asked : mapping of str to frozenset of str
@@ -70,7 +65,6 @@ class DerivedPanel:
     first: Panel
     fields: frozenset[tuple[str, str]]
     records: dict[str, Any]
-    pending: Mapping[str, PendingMembers]
     document: PendingDocument
     asked: Mapping[str, frozenset[str]]
     applied: dict[str, object]
@@ -99,12 +93,9 @@ class _SameKeys:
     names: Mapping[str, tuple[str, ...]]
     numbers: tuple[tuple[str, Reader], ...]
     members: _Members
-    columns: Mapping[str, dict[str, list[int]]]
 
-    def records(
-        self, overrides: Mapping[str, object]
-    ) -> tuple[dict[str, Any], dict[str, PendingMembers]]:
-        """Return the records with other values, and those that need not be made yet.
+    def records(self, overrides: Mapping[str, object]) -> dict[str, Any]:
+        """Return the records with other values.
 
         Raises
         ------
@@ -112,18 +103,13 @@ class _SameKeys:
             Where a value is not valid.
         """
         values = [read(overrides[key]) for key, read in self.numbers]
-        found, pending = dict(self.known.panel.__dict__), dict[str, PendingMembers]()
+        found = dict(self.known.panel.__dict__)
         for family, members in self.members.items():
-            columns = self.columns.get(family)
-            if columns is not None:
-                given = {field: [values[n] for n in numbers] for field, numbers in columns.items()}
-                pending[family] = PendingMembers(found.pop(family), given)
-                continue
             records = found[family] = dict(found[family])
             for name, first, fields in members:
                 new = {field: values[number] for field, number in fields}
                 records[name] = with_values(first, first.__dict__ | new)
-        return found, pending
+        return found
 
 
 _first = LRUCache[_SameKeys](MOST_FIRST)
@@ -153,12 +139,11 @@ def derive_panel(
     if same is None or same.way is not way or not _are_numbers(overrides):
         return None
     try:
-        records, pending = same.records(overrides)
+        records = same.records(overrides)
     except ValidationError:
         return None
     draft = Draft(given=same.given, changed=same.changed)
     draft.records.update(records)
-    draft.records.makers = {family: members.made for family, members in pending.items()}
     draft.names.update(same.names)
     if check(draft, known=same.known) or any(check_matrices(draft.records, document.matrices)):
         return None
@@ -167,7 +152,6 @@ def derive_panel(
         first=same.known.panel,
         fields=same.fields,
         records=records,
-        pending=pending,
         document=PendingDocument(way, overrides),
         asked=draft.asked,
         applied=applied,
@@ -214,23 +198,8 @@ def note_keys(
         names={name: tuple(getattr(made.panel, name)) for name in FAMILIES},
         numbers=tuple(item for _, item in numbers.values()),
         members=members,
-        columns=_columns(made.panel, members),
     )
     _first.put((id(panel), *overrides), found)
-
-
-def _columns(panel: Panel, members: _Members) -> dict[str, dict[str, list[int]]]:
-    """Return the `columns` of `_SameKeys`."""
-    found = {}
-    for family, changed in members.items():
-        of_each = {name: dict(fields) for name, _, fields in changed}
-        names = getattr(panel, family)
-        fields = {tuple(sorted(of_member)) for of_member in of_each.values()}
-        if len(fields) == 1 and len(of_each) == len(names) >= MANY:
-            found[family] = {
-                field: [of_each[name][field] for name in names] for field in next(iter(fields))
-            }
-    return found
 
 
 def _reader(record: type[BaseModel], field: str) -> Reader | None:

@@ -53,12 +53,11 @@ def until_unknown(problems: Iterator[Problem]) -> Iterator[Problem]:
 
 
 class AccessTracker(dict[str, Any]):
-    """Values by field name of `Panel` that record each access, and `makers` of those to come."""
+    """Values by field name of `Panel` that record each access."""
 
     def __init__(self, note: Callable[[str], str] = str) -> None:
         super().__init__()
         self.asked: set[str] = set()
-        self.makers: Mapping[str, Callable[[], Any]] = {}
         self._note = note
 
     def __getitem__(self, name: str) -> Any:
@@ -66,15 +65,10 @@ class AccessTracker(dict[str, Any]):
         self.asked.add(self._note(name))
         return super().__getitem__(name)
 
-    def __missing__(self, name: str) -> Any:
-        """Make a value that is made when it is read."""
-        self[name] = self.makers[name]()
-        return super().__getitem__(name)
-
     def get(self, name: str, default: Any = None) -> Any:
         """Return a value, or the default, and note its name."""
         self.asked.add(self._note(name))
-        return self[name] if name in self.makers else super().get(name, default)
+        return super().get(name, default)
 
 
 def members_of(family: str) -> str:
