@@ -1,6 +1,8 @@
 """Files of batches: copies of a template that are filled in, their chunks compressed."""
 
+import importlib.util
 import io
+import sys
 import zlib
 from concurrent.futures import ThreadPoolExecutor
 
@@ -39,6 +41,26 @@ def _assert_holds(content: bytes, variables: dict[str, StoredVariable]) -> None:
                 dims = tuple(scale[0].name.removeprefix("/") for scale in found.dims)
                 assert dims == variable.dims
         assert file["force"].attrs["coordinates"] == "name short"
+
+
+def test_values_are_the_same_without_isal(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert batch_file._zlib.__name__.startswith("isal")
+    monkeypatch.setitem(sys.modules, "isal", None)
+    found = importlib.util.find_spec(batch_file.__name__)
+    assert found is not None
+    assert found.loader is not None
+    plain = importlib.util.module_from_spec(found)
+    found.loader.exec_module(plain)
+    assert plain._zlib is zlib
+    values = _measured(8, 3000)
+    chunks = [module.deflate_chunk(values) for module in (batch_file, plain)]
+    assert zlib.decompress(chunks[0]) == zlib.decompress(chunks[1])
+    assert len(chunks[0]) == pytest.approx(len(chunks[1]), rel=0.1)
+    variables = _variables(1)
+    variables["force"] = batch_file.StoredVariable(
+        ("scenario", "time"), np.nan_to_num(_measured(9, 70)), variables["force"].attributes, False
+    )
+    _assert_holds(plain.file_bytes(variables), variables)
 
 
 def test_file_of_a_template_that_served_others_has_its_own_values() -> None:
