@@ -7,8 +7,7 @@ from tests.unit.simulated import sb2_panel
 
 import turnout
 from turnout.core.errors import FileError
-from turnout.core.toml import parse_toml
-from turnout.core.toml_edit import with_value
+from turnout.core.toml import parse_toml, with_value
 from turnout.panel.load import library_text, load_panel, panel_from_file
 from turnout.panel.object_text import parse_object
 from turnout.web import tasks

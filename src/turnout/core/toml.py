@@ -1,4 +1,4 @@
-"""Read a TOML file and its origin comments, with one clear message for whatever can be wrong.
+"""TOML files with origin comments: one clear message for whatever is wrong, and single changes.
 
 A trailing comment `# kind: text` states where a number comes from. A comment on a table's header,
 or on the first or last line of an array, covers its items unless they have their own. Comments are
@@ -8,14 +8,16 @@ decides whether that is valid TOML.
 
 import re
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
+from pathlib import Path as FilePath
 from typing import Any, NamedTuple
 
 from turnout.core.errors import FileError
 from turnout.core.files import read_fault, require_regular_file
 from turnout.core.problems import shortened
+
+Path = tuple[str, ...]
 
 MOST_NESTED = 30
 """Deepest nesting of lists and tables, and most names in one key."""
@@ -98,7 +100,7 @@ def beyond_limits(text: str) -> tuple[str, int] | None:
             names += 1
         else:
             names = 0
-            depth += {"[": 1, "{": 1, "]": -1, "}": -1}.get(token.text, 0)
+            depth += _DEPTH.get(token.text, 0)
         if max(depth, names) > MOST_NESTED:
             fault = f"lists, tables or names are nested more than {MOST_NESTED} deep"
             return fault, text.count("\n", 0, token.start) + 1
@@ -138,19 +140,19 @@ class TomlFile:
     """
 
     data: dict[str, Any]
-    origins: dict[tuple[str, ...], Origin]
+    origins: dict[Path, Origin]
     source: str
-    folder: Path | None = None
+    folder: FilePath | None = None
 
 
-def read_toml(path: Path | str) -> TomlFile:
+def read_toml(path: FilePath | str) -> TomlFile:
     """Read a TOML file; every failure is a FileError that names the file and the remedy."""
-    path = Path(path)
+    path = FilePath(path)
     text = decode(read_bytes(path), source=str(path))
     return parse_toml(text, source=str(path), folder=path.resolve().parent)
 
 
-def read_bytes(path: Path, *, largest: int = LARGEST_FILE) -> bytes:
+def read_bytes(path: FilePath, *, largest: int = LARGEST_FILE) -> bytes:
     """Read a whole small file; FileError when it is missing, no file, unreadable or too large."""
     require_regular_file(path)
     try:
@@ -190,7 +192,7 @@ def decode(content: bytes, *, source: str) -> str:
         raise FileError(message) from None
 
 
-def parse_toml(text: str, *, source: str, folder: Path | None = None) -> TomlFile:
+def parse_toml(text: str, *, source: str, folder: FilePath | None = None) -> TomlFile:
     """Parse TOML text and collect its origin comments.
 
     Examples
@@ -234,113 +236,204 @@ def _syntax(message: str, text: str, source: str) -> str:
     return f"{source}: not valid TOML: {reason} at line {line}, column {place[2]}: {shown}"
 
 
-@dataclass(slots=True)
-class _Scan:
-    """State of the comment scanner; the text is known to be valid TOML."""
+class Statement(NamedTuple):
+    """A header of a table, or a key with its value, of a text that is valid TOML.
 
-    table: tuple[str, ...] = ()
-    key: tuple[str, ...] = ()
-    depth: int = 0
-    list_depth: int = 0
-    # Items of the list that are complete: at the start of the line, and now; another one began.
-    item_before: int = 0
-    item: int = 0
-    pending: bool = False
-    first_line: bool = True
-    # Entries of each array of tables so far.
-    entries: dict[tuple[str, ...], int] = field(default_factory=dict)
-    origins: dict[tuple[str, ...], Origin] = field(default_factory=dict)
-
-
-def _origins(text: str) -> dict[tuple[str, ...], Origin]:
-    """Return the origin comments of a text that is valid TOML."""
-    scan, stream = _Scan(), tokens(text)
-    for token in stream:
-        if token.kind == "comment" or token.text == "\n":
-            continue
-        if token.text == "[":
-            scan.table, comment = _header(stream, scan.entries)
-            _note(scan, scan.table, comment)
-        else:
-            scan.key = (*scan.table, *_key(token, stream))
-            _value(scan, stream)
-    return scan.origins
-
-
-def _header(
-    stream: Iterator[Token], entries: dict[tuple[str, ...], int]
-) -> tuple[tuple[str, ...], str]:
-    """Return the path in the header of a table, of which one bracket was read, and its comment.
-
-    The path of an entry of an array of tables ends with its number, from 0.
+    Attributes
+    ----------
+    path : tuple of str
+        Key path; that of an entry of an array of tables ends with its number, from 0.
+    header : bool
+        Whether it is a header.
+    parts : list of Token
+        Of the header, or of the value, with the comments and line ends within them.
+    end : int
+        First character behind the line end of a header.
     """
-    path: list[str] = []
-    comment, brackets = "", 1
-    for token in stream:
-        if token.text == "\n":
-            break
-        if token.kind == "comment":
-            comment = token.text
-        elif token.kind != "sign":
-            path.append(key_name(token))
-        else:
-            brackets += token.text == "["
-    if brackets > 1:
-        number = entries[tuple(path)] = entries.get(tuple(path), -1) + 1
-        path.append(str(number))
-    return tuple(path), comment
+
+    path: Path
+    header: bool
+    parts: list[Token]
+    end: int
+
+    @property
+    def span(self) -> tuple[int, int]:
+        """First character of a value and the one behind it."""
+        return _span(self.parts)
 
 
-def _key(first: Token, stream: Iterator[Token]) -> list[str]:
-    """Return the parts of a (dotted, quoted) key of which the first was read."""
-    path = [key_name(first)]
-    for token in stream:
-        if token.text == "=":
-            break
-        if token.kind != "sign":
-            path.append(key_name(token))
-    return path
+def statements(text: str) -> Iterator[Statement]:
+    r"""Yield headers and values of a text that is valid TOML.
+
+    Examples
+    --------
+    >>> [(item.path, item.header) for item in statements("a = 1\n[[b]]\nc.d = [\n2]")]
+    [(('a',), False), (('b', '0'), True), (('b', '0', 'c', 'd'), False)]
+    """
+    table: Path = ()
+    entries: dict[Path, int] = {}
+    parts: list[Token] = []
+    depth = 0
+    for token in (*tokens(text), Token("sign", "\n", len(text))):
+        if token.kind == "sign":
+            depth += _DEPTH.get(token.text, 0)
+        if token.text != "\n" or depth:
+            parts.append(token)
+            continue
+        if parts and parts[0].text == "[":
+            table = _names(parts)
+            if len(parts) > 1 and parts[1].text == "[":
+                entries[table] = entries.get(table, -1) + 1
+                table = (*table, str(entries[table]))
+            yield Statement(table, True, parts, min(token.start + 1, len(text)))
+        elif parts and parts[0].kind != "comment":
+            equals = next(n for n, part in enumerate(parts) if part.text == "=")
+            path = (*table, *_names(parts[:equals]))
+            yield Statement(path, False, parts[equals + 1 :], 0)
+        parts = []
 
 
-def _value(scan: _Scan, stream: Iterator[Token]) -> None:
-    """Read a value to the end of its last line, and note the comments of its lines."""
-    scan.list_depth = scan.item = scan.item_before = 0
-    scan.pending, scan.first_line = False, True
-    for token in stream:
-        if token.kind == "comment":
-            _line_comment(scan, token.text)
-        elif token.text == "\n":
-            if not scan.depth:
-                return
-            scan.item_before, scan.pending, scan.first_line = scan.item, False, False
-        else:
-            _value_token(scan, token)
-            if token.kind == "string" and "\n" in token.text:
-                scan.item_before, scan.first_line = scan.item, False
+_DEPTH = {"[": 1, "{": 1, "]": -1, "}": -1}
 
 
-def _value_token(scan: _Scan, token: Token) -> None:
-    if token.kind != "sign":
-        scan.pending = True
-    elif token.text in "[{":
-        scan.depth += 1
-        if token.text == "[" and not scan.list_depth:
-            scan.list_depth = scan.depth
-    elif token.text in "]}":
-        scan.depth -= 1
-    elif token.text == "," and scan.depth == scan.list_depth:
-        scan.item, scan.pending = scan.item + 1, False
+def _names(parts: Iterable[Token]) -> Path:
+    return tuple(key_name(part) for part in parts if part.kind in ("plain", "string"))
 
 
-def _line_comment(scan: _Scan, comment: str) -> None:
-    if scan.first_line or not scan.depth:
-        _note(scan, scan.key, comment)
-    elif scan.list_depth:
-        for item in range(scan.item_before, scan.item + scan.pending):
-            _note(scan, (*scan.key, str(item)), comment)
+def _span(parts: list[Token]) -> tuple[int, int]:
+    found = [part for part in parts if part.kind != "comment" and part.text != "\n"]
+    return found[0].start, found[-1].start + len(found[-1].text)
 
 
-def _note(scan: _Scan, path: tuple[str, ...], comment: str) -> None:
-    kind, _, text = comment.removeprefix("#").partition(":")
-    if kind.strip() in ORIGIN_KINDS and text.strip():
-        scan.origins.setdefault(path, Origin(kind.strip(), text.strip()))
+def _origins(text: str) -> dict[Path, Origin]:
+    """Return the origin comments of a text that is valid TOML."""
+    origins: dict[Path, Origin] = {}
+    for item in statements(text):
+        for path, comment in _header_comment(item) if item.header else _value_comments(item):
+            kind, _, said = comment.removeprefix("#").partition(":")
+            if kind.strip() in ORIGIN_KINDS and said.strip():
+                origins.setdefault(path, Origin(kind.strip(), said.strip()))
+    return origins
+
+
+def _header_comment(item: Statement) -> Iterator[tuple[Path, str]]:
+    yield from ((item.path, part.text) for part in item.parts if part.kind == "comment")
+
+
+def _value_comments(item: Statement) -> Iterator[tuple[Path, str]]:
+    """Yield the comments of a value: of all of it, or of the items on a line of a list."""
+    depth = of_list = number = before = 0  # items that are complete: now, and when the line began
+    pending, first_line = False, True  # whether another item began
+    for part in item.parts:
+        if part.kind == "comment":
+            if first_line or not depth:
+                yield item.path, part.text
+            elif of_list:
+                items = range(before, number + pending)
+                yield from (((*item.path, str(n)), part.text) for n in items)
+        elif part.text == "\n":
+            before, pending, first_line = number, False, False
+        elif part.kind != "sign":
+            pending = True
+            if "\n" in part.text:
+                before, first_line = number, False
+        elif part.text in _DEPTH:
+            depth += _DEPTH[part.text]
+            of_list = of_list or (depth if part.text == "[" else 0)
+        elif part.text == "," and depth == of_list:
+            number, pending = number + 1, False
+
+
+@dataclass(slots=True)
+class TomlLayout:
+    """Positions of values and tables in a text.
+
+    Attributes
+    ----------
+    values : dict
+        First character of each value and the one behind it, by key path, inline tables included.
+    headers : dict
+        First character behind the line of each table's header, by key path.
+    """
+
+    values: dict[Path, tuple[int, int]] = field(default_factory=dict)
+    headers: dict[Path, int] = field(default_factory=dict)
+
+
+def read_layout(text: str) -> TomlLayout:
+    r"""Find values and tables in a TOML text.
+
+    Examples
+    --------
+    >>> read_layout("[a]\nb = 12\n").values
+    {('a', 'b'): (8, 10)}
+    """
+    layout = TomlLayout()
+    for item in statements(text):
+        if item.header:
+            layout.headers[item.path] = item.end
+            continue
+        layout.values[item.path] = item.span
+        if item.parts[0].text == "{":
+            layout.values |= {(*item.path, *key): span for key, span in _inline(item.parts[1:])}
+    return layout
+
+
+def _inline(parts: list[Token]) -> Iterator[tuple[Path, tuple[int, int]]]:
+    """Yield keys and spans of the values of an inline table, of which one bracket was read."""
+    depth, begin = 0, 0
+    for number, part in enumerate(parts):
+        depth += _DEPTH.get(part.text, 0) if part.kind == "sign" else 0
+        if depth < 0 or (part.text == "," and not depth):
+            inner = parts[begin:number]
+            equals = next((n for n, each in enumerate(inner) if each.text == "="), None)
+            if equals is not None:
+                yield _names(inner[:equals]), _span(inner[equals + 1 :])
+            begin = number + 1
+
+
+def with_value(text: str, path: Path, literal: str, *, comment: str = "") -> str:
+    r"""Return a TOML text in which one value is another, with all else as it was.
+
+    Parameters
+    ----------
+    text : str
+        Valid TOML.
+    path : tuple of str
+        Of the value. Where there is none it is added to its table, where there is no such table
+        a new one is put at the end.
+    literal : str
+        The value as TOML writes it.
+    comment : str
+        Takes the place of a comment behind the value, which was about the former one.
+
+    Examples
+    --------
+    >>> with_value('[a]\nb = 1  # source: x\n', ("a", "b"), "2", comment="assumption: y")
+    '[a]\nb = 2  # assumption: y\n'
+    >>> with_value("[a]\nb = { c = 1, d = 2 }\n", ("a", "b", "c"), '"3 m"')
+    '[a]\nb = { c = "3 m", d = 2 }\n'
+    >>> with_value("[a]\n", ("a", "b"), "2")
+    '[a]\nb = 2\n'
+    """
+    layout = read_layout(text)
+    note = f"  # {comment}" if comment else ""
+    if path in layout.values:
+        start, end = layout.values[path]
+        line = text.find("\n", end)
+        line = len(text) if line < 0 else line
+        rest = text[end:line]
+        if comment and (not rest.strip() or rest.lstrip().startswith("#")):
+            rest = note if rest.strip() else rest + note
+        return f"{text[:start]}{literal}{rest}{text[line:]}"
+    table, row = path[:-1], f"{_written(path[-1:])} = {literal}{note}\n"
+    if table in layout.headers:
+        at = layout.headers[table]
+        return f"{text[:at]}{row}{text[at:]}"
+    return f"{text.rstrip(chr(10))}\n\n[{_written(table)}]\n{row}"
+
+
+def _written(path: Path) -> str:
+    plain = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-"
+    quoted = (part.replace("\\", "\\\\").replace('"', '\\"') for part in path)
+    return ".".join(part if part and not part.strip(plain) else f'"{part}"' for part in quoted)

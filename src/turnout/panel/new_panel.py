@@ -11,8 +11,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path as FilePath
 
 from turnout.core.keys import NONE, REQUIRED, Key
-from turnout.core.toml import decode, parse_toml, read_bytes
-from turnout.core.toml_edit import TomlLayout, read_layout, with_value
+from turnout.core.toml import TomlLayout, decode, parse_toml, read_bytes, read_layout, with_value
 from turnout.panel.key_reference import TableRows, key_tables
 from turnout.panel.load import library_text, load_panel, panel_source
 from turnout.panel.model import FAMILIES

@@ -5,8 +5,7 @@ import math
 import shlex
 
 from turnout.core.errors import FileError
-from turnout.core.toml import parse_toml
-from turnout.core.toml_edit import with_value
+from turnout.core.toml import parse_toml, with_value
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel, library_names, panel_from_file
 from turnout.web.request import RunRequest
