@@ -32,11 +32,9 @@ Arrays = dict[str, NDArray[np.float64]]
 counts: Counter[str] = Counter()
 """Events since the start: "section computed", "superelement from memory", "damaged" ..."""
 
-MOST_IN_MEMORY = 32
-"""Results in memory, the latest used."""
 MOST_FILES = 300
 """Files in the cache folder; beyond, the older half is removed."""
-_memory = LRUCache[Arrays](MOST_IN_MEMORY)
+_memory = LRUCache[Arrays](32)
 _reported: set[str] = set()
 _log = logging.getLogger("turnout")
 

@@ -11,8 +11,14 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from annotated_types import Le
-from pydantic import BaseModel, BeforeValidator, ConfigDict, GetCoreSchemaHandler, WithJsonSchema
-from pydantic_core import CoreSchema, core_schema
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    GetCoreSchemaHandler,
+    ValidationInfo,
+    WithJsonSchema,
+)
 
 from turnout.core.units import (
     ACCELERATION,
@@ -87,18 +93,16 @@ class Quantity:
     read: Callable[..., Any]
     schema: dict[str, Any]
 
-    def __get_pydantic_core_schema__(
-        self, source: Any, handler: GetCoreSchemaHandler
-    ) -> CoreSchema:
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
         """Return the schema of the plain value, with the reading of a quantity before it."""
 
-        def read(value: object, info: core_schema.ValidationInfo) -> Any:
+        def read(value: object, info: ValidationInfo) -> Any:
             si = bool(info.context and info.context.get("si"))
             return self.read(value, self.dimension, si=si)
 
-        return core_schema.with_info_before_validator_function(read, handler(source))
+        return BeforeValidator(read).__get_pydantic_core_schema__(source, handler)
 
-    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: Any) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
         """Return the JSON schema of a value in a file."""
         return deepcopy(self.schema)  # pydantic adds what is said of the field
 

@@ -245,6 +245,8 @@ def _defined(name: str) -> Unit:
 
 # Offset scales: no factor converts it to kelvins.
 CELSIUS, CELSIUS_ZERO = ("degC", "°C"), Decimal("273.15")
+MELTING = 273.15
+"""Of ice [K]."""
 _OFFSET = (*CELSIUS, "degF", "°F")
 
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)

@@ -11,14 +11,13 @@ from turnout.core.errors import ResponseError
 from turnout.core.value_text import value_text
 from turnout.figures.draw import draw_sheet
 from turnout.figures.sheet import Line, Row, Sheet
-from turnout.figures.style import COLOURS, DASHES, GREY, new_figure, put_title, styled
+from turnout.figures.style import COLOURS, DASHES, GREY, KILO, new_figure, put_title, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 Floats = NDArray[np.float64]
-KILO = 1e-3
 # A correlation beyond which the square is so dark that its number is white [-].
 DARK = 0.6
 # More lines than this are unreadable; the best and evenly spread ones are drawn.

@@ -12,7 +12,7 @@ import numpy.typing as npt
 import xarray as xr
 from numpy.typing import NDArray
 
-from turnout.figures.style import COLOURS, DASHES, GREY, SHADE, put_title
+from turnout.figures.style import COLOURS, DASHES, GREY, MILLI, SHADE, put_title
 from turnout.mechanism.rest import RailLine, rail_line, resting_gap
 from turnout.metric.slip import last_instant_at
 from turnout.panel.layout import extent, stands_at
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
 
 POINTS = 200
-MILLI = 1e3
 
 
 def plot_closed_gap(panel: Panel, *, dataset: xr.Dataset | None = None, ax: "Axes") -> "Axes":

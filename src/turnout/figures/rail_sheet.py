@@ -9,11 +9,10 @@ import xarray as xr
 from turnout.figures.sheet import Level, Line, Moment, Row, Sheet
 from turnout.figures.style import title_of
 from turnout.figures.throw import shown_movements
+from turnout.metric.panel_check import LEAST_LOAD
 
 KILO, MILLI = 1e-3, 1e3
 INSTANTS = 7
-# A chair with less load than this counts as unloaded [N].
-LEAST_LOAD = 1.0
 PLACE = "x from the toe [m]"
 
 

@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 
 from turnout.core.errors import ResponseError
 from turnout.figures.sheet import thinned
-from turnout.figures.style import COLOURS, COMPARED, DASHES, new_figure, put_title, styled
+from turnout.figures.style import COLOURS, COMPARED, DASHES, KILO, new_figure, put_title, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-KILO = 1e-3
 # More points than these are thinned, their peaks kept.
 MOST_POINTS = 8000
 MOST_ROWS = 16

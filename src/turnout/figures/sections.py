@@ -12,14 +12,13 @@ import numpy.typing as npt
 
 from turnout.beam.outline import Outline
 from turnout.beam.section_properties import FloatArray, SectionProperties
-from turnout.figures.style import COLOURS, DASHES, GREY, SHADE, put_title
+from turnout.figures.style import COLOURS, DASHES, GREY, MILLI, SHADE, put_title
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
-MILLI = 1e3
 MARGIN = 8.0  # mm
 PANEL_WIDTH = 2.0  # inches
 

@@ -31,6 +31,8 @@ DASHES: tuple[str | tuple[int, tuple[float, ...]], ...] = (
 GREY, SHADE, COMPARED = "0.35", "0.93", "0.6"
 FIGURE_SIZE = (9.0, 1.9)
 SUFFIXES = (".png", ".pdf", ".svg")
+KILO, MILLI = 1e-3, 1e3
+"""Factors from SI to kN and mm."""
 RESOLUTION = 150
 TITLE_SIZE, POINTS_PER_INCH = 11, 72
 # Mean width of a character of the title font, over its size [-].

@@ -15,6 +15,8 @@ from turnout.figures.style import (
     COMPARED,
     DASHES,
     GREY,
+    KILO,
+    MILLI,
     SHADE,
     new_figure,
     put_title,
@@ -28,7 +30,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-KILO, MILLI = 1e-3, 1e3
 MEAN = 0.1  # of currents, as published [s]
 
 

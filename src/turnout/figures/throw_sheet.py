@@ -4,8 +4,8 @@ import numpy as np
 import xarray as xr
 
 from turnout.figures.sheet import Band, Level, Line, Moment, Row, Sheet
-from turnout.figures.style import title_of
-from turnout.figures.throw import KILO, shown_movements, throw_rows
+from turnout.figures.style import KILO, title_of
+from turnout.figures.throw import shown_movements, throw_rows
 from turnout.metric.slip import slips
 
 ENERGIES = (

@@ -17,11 +17,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from turnout.core.units import MELTING
 from turnout.law.obstruction import CRUMBLES, NEVER, SPENT, SPLITS
 from turnout.law.table import Floats
 
-MELTING = 273.15
-"""[K]"""
 ICE_PRESSURE, ICE_PRESSURE_RISE = 5e6, 0.5e6
 """Crushing pressure of ice at its melting point [Pa], and its rise with frost [Pa/K]."""
 ICE_MODULUS, ICE_DENSITY = 9e9, 917.0

@@ -35,12 +35,6 @@ from turnout.panel.model import Panel
 
 Floats = NDArray[np.float64]
 
-MOST_PLACES = 64
-"""Places of objects kept in memory for the same rails, the latest used; a megabyte each."""
-MOST_FRAMES = 64
-"""So many panels are known without the scales of their sections, the latest used."""
-MOST_SCALES = 4
-"""Of each, so many linear parts are kept in memory, the latest used; about ten megabytes each."""
 _MATRICES = ("stiffness", "mass", "damping", "load")
 
 
@@ -157,11 +151,12 @@ class _Kept:
 
     frame: _Frame
     linear: _Linear
-    placed: LRUCache[_Placed] = field(default_factory=lambda: LRUCache[_Placed](MOST_PLACES))
+    # a megabyte each
+    placed: LRUCache[_Placed] = field(default_factory=lambda: LRUCache[_Placed](64))
 
 
-_frames = LRUCache[_Frame](MOST_FRAMES)
-_by_reference = LRUCache[tuple[_Kept, Panel]](MOST_FRAMES)
+_frames = LRUCache[_Frame](64)
+_by_reference = LRUCache[tuple[_Kept, Panel]](64)
 
 
 def _reference(panel: Panel) -> Panel:
@@ -238,7 +233,8 @@ def _put_objects(bare: _Kept, panel: Panel, objects: Sequence[PlacedObject]) -> 
 def _made_frame(panel: Panel, objects: Sequence[PlacedObject], *, records: object) -> _Frame:
     layout = lay_out(panel, objects)
     rails = tuple(_rail_data(panel, layout.rows, objects))
-    return _Frame(layout, rails, records, LRUCache[_Kept](MOST_SCALES))
+    # about ten megabytes each
+    return _Frame(layout, rails, records, LRUCache[_Kept](4))
 
 
 def _made_linear(panel: Panel, frame: _Frame) -> _Linear:

@@ -37,8 +37,6 @@ Ints = NDArray[np.intp]
 
 AT_A_PLACE = 1e-6
 """An object nearer than this to a place on a rail stands at its node [m]."""
-MOST_RAILS = 16
-"""So many rails are known with the factors of their stiffness, the latest made."""
 UY, RX, RZ, PER_NODE = 1, 3, 5, 6
 
 
@@ -125,7 +123,7 @@ class _Inside:
     factor: Factor
 
 
-_memory = LRUCache[_Inside](MOST_RAILS)
+_memory = LRUCache[_Inside](16)
 
 
 def local_flexibility(panel: Panel, item: PlacedObject, *, rails: Sequence[RailData]) -> float:

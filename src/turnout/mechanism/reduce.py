@@ -22,8 +22,6 @@ from turnout.mechanism.structure import Structure, clear_structures, point_rows,
 from turnout.panel.records import RailMatrices
 
 Floats = NDArray[np.float64]
-MOST_RAILS = 24
-"""So many reduced rails are kept in memory, the latest used."""
 STORED_FROM_COORDINATES = 2000
 """Coordinates from which on shapes are always stored as files too."""
 FIRST_STORED = 4
@@ -31,13 +29,11 @@ FIRST_STORED = 4
 Further ones are mostly of varied sections, which no other process needs."""
 
 _FIELDS = ("transformation", "frequencies", "frequency_first_omitted")
-_rails = LRUCache[ReducedRail](MOST_RAILS)
-MOST_REDUCTIONS = 6
-"""So many rails are kept before their rows are taken, for objects between their nodes."""
-_reductions = LRUCache[tuple[Structure, Superelement, Floats]](MOST_REDUCTIONS)
-_at_dashpots = LRUCache[tuple[sp.csr_array, Floats, object, object]](MOST_RAILS)
+_rails = LRUCache[ReducedRail](24)
+_reductions = LRUCache[tuple[Structure, Superelement, Floats]](6)
+_at_dashpots = LRUCache[tuple[sp.csr_array, Floats, object, object]](24)
 # Named by identity: rails that differ in their sections share all else.
-_digests = LRUCache[tuple[str, tuple[object, ...]]](4 * MOST_RAILS)
+_digests = LRUCache[tuple[str, tuple[object, ...]]](96)
 
 
 def reduce_rail(data: RailData, *, first: int = 0) -> ReducedRail:

@@ -25,9 +25,6 @@ ARMS: dict[str, tuple[tuple[str, str, float], ...]] = {
     "uz": (("rx", "y", 1.0),),
 }
 
-MOST_KEPT = 16
-"""So many rails are known without their sections, the latest used."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Structure:
@@ -149,8 +146,8 @@ def _fixed_parts(data: RailData, bare: Structure) -> _Parts:
 
 
 # Named by identity: rails that differ in their sections share all else.
-_parts = LRUCache[_Parts](MOST_KEPT)
-_rows = LRUCache[tuple[sp.csr_array, object, object]](2 * MOST_KEPT)
+_parts = LRUCache[_Parts](16)
+_rows = LRUCache[tuple[sp.csr_array, object, object]](32)
 
 
 def clear_structures() -> None:

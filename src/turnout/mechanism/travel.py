@@ -23,6 +23,7 @@ from turnout.core.errors import MechanicsError
 from turnout.core.lru_cache import LRUCache
 from turnout.mechanism.mechanism import RailShape, ReducedRail
 from turnout.panel.model import Panel
+from turnout.panel.place import SAME_PLACE
 from turnout.panel.profile import contact_height, cubic_spline, evaluate_profile, stock_rail_gap
 from turnout.panel.records import Drive
 
@@ -33,8 +34,6 @@ HOLDING = 1e9
 """Stiffness that keeps a foot on its chair, far above that of any chair [N/m]."""
 MOST_ROLL = 0.1
 """A rail that rolls more on its way is asked to stand at two positions at one place [rad]."""
-SAME_PLACE = 1e-6
-"""Positions nearer to each other than this are one place [m]."""
 
 
 @dataclass(slots=True, eq=False)
@@ -188,11 +187,8 @@ def _shape(panel: Panel, name: str, rail: ReducedRail, moved: Floats) -> RailSha
     return RailShape(cubic_spline(x.tolist(), travel, ends=("not-a-knot", "not-a-knot")))
 
 
-MOST_PLACES = 256
-"""Fit gaps and ways at so many sets of places are kept in memory, the latest used."""
-
 # Named by identity: throws that differ in laws share their shapes.
-_at_places = LRUCache[tuple[Floats, Floats, object]](MOST_PLACES)
+_at_places = LRUCache[tuple[Floats, Floats, object]](256)
 
 
 def unloaded_gap(panel: Panel, shape: RailShape | None, rail: str, x: Floats) -> Floats | None:

@@ -43,6 +43,7 @@ from turnout.panel.check_shape import (
 from turnout.panel.foreign_object import from_record, object_faults
 from turnout.panel.library_members import MACHINES
 from turnout.panel.model import Panel
+from turnout.panel.place import SAME_PLACE
 from turnout.panel.records import Movement, ScaledSection
 from turnout.panel.validate import Draft, Known, Partial, until_unknown
 
@@ -153,7 +154,6 @@ def _cycles(draft: Draft) -> Iterator[Problem]:
 
 _HAVE_PLACES = ("chair", "fastening", "stop", "stud", "drive", "link", "back_drive")
 _OPENING_NEEDS = {"rail", "drive", "link", "fastening", "schedule", "movement", "object_defaults"}
-_SAME_PLACE = 1e-6
 _MOST_ELEMENTS, _MOST_FEET = 5000, 8
 
 
@@ -437,10 +437,10 @@ def _same_place(
     draft: Draft, path: tuple[str, str], record: Any, seen: dict[tuple[str, int], str]
 ) -> Iterator[Problem]:
     family, name = path
-    if not is_finite(record.x / _SAME_PLACE):
+    if not is_finite(record.x / SAME_PLACE):
         return  # far off any rail, which is reported elsewhere
     for rail in rails_of(family, record, draft):
-        other = seen.setdefault((rail, round(record.x / _SAME_PLACE)), name)
+        other = seen.setdefault((rail, round(record.x / SAME_PLACE)), name)
         if other != name:
             text = f" = {record.x:g} m: {family} '{other}' is already there on rail '{rail}'"
             yield Problem((*path, "x"), text)

@@ -8,13 +8,13 @@ import numpy as np
 from turnout.core.lru_cache import LRUCache
 from turnout.core.problems import Problem
 from turnout.panel.check_rails import check_drive_table, check_profile, unknown_name
+from turnout.panel.place import SAME_PLACE
 from turnout.panel.profile import evaluate_profile
 from turnout.panel.records import Drive, Rail
 from turnout.panel.validate import Draft, Known, Partial, until_unknown
 
 MOST_CONTRADICTION = 0.5e-3
 """So far a typed shape may be from the stroke at a drive [m]."""
-SAME_PLACE = 1e-6
 
 
 def check_shape(draft: Draft, path: tuple[str, str], rail: Any) -> Iterator[Problem]:

@@ -25,13 +25,10 @@ from turnout.panel.records import Drive, OnRails
 
 FloatArray = npt.NDArray[np.float64]
 
-MOST_OPENINGS = 256
-"""Openings of rails at so many places are kept in memory, the latest used."""
-
 
 # Throws of a study share the records that openings follow from; these are named by their identity,
 # and drives, whose stiffness often varies, by what counts of them.
-_openings = LRUCache[tuple[float | None, object]](MOST_OPENINGS)
+_openings = LRUCache[tuple[float | None, object]](256)
 
 
 def largest_opening(panel: Panel, rail: str, x: float) -> float | None:

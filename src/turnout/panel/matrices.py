@@ -25,6 +25,7 @@ from turnout.core.errors import FileError
 from turnout.core.files import user_path
 from turnout.core.problems import Problem, choices, nearest, show_value
 from turnout.core.toml import read_bytes
+from turnout.panel.place import SAME_PLACE
 from turnout.panel.records import RailMatrices
 
 Floats = NDArray[np.float64]
@@ -266,7 +267,6 @@ def _shape(matrix: sp.csr_array) -> str:
     return f"{matrix.shape[0]} x {matrix.shape[1]}"
 
 
-SAME_PLACE = 1e-6
 # What something at a rail moves with or acts on.
 USES = {
     "chair": ("uy", "uz", "rx"),

@@ -19,8 +19,6 @@ from turnout.panel.model import FAMILIES, PANEL_KEYS, Panel
 MOST_OVERRIDES = 1000
 """Values set at once; each is compared with the others that it may cover."""
 
-MOST_PLANS = 16
-"""Sets of keys whose places are kept in memory: scenarios of a study mostly set the same ones."""
 
 # To find what a wrong key is near to takes a hundredth of a second.
 MOST_NEAREST = 20
@@ -149,7 +147,7 @@ class OverridePlan:
         return changed, [], {key: overrides[key] for key in self.targets}
 
 
-_plans = LRUCache[OverridePlan](MOST_PLANS)
+_plans = LRUCache[OverridePlan](16)
 
 
 def known_plan(document: Document, overrides: Mapping[str, object]) -> OverridePlan | None:

@@ -9,6 +9,8 @@ from typing import Any
 from turnout.core.problems import choices, nearest, shortened
 from turnout.core.units import LENGTH, parse_quantity
 
+SAME_PLACE = 1e-6
+"""Positions nearer to each other than this are one place [m]."""
 PLACE_FAMILIES = ("sleeper", "drive", "sensor", "chair", "stud", "stop", "link", "fastening")
 _NAMED = re.compile("|".join(PLACE_FAMILIES), re.IGNORECASE)
 # May stand between family and name.

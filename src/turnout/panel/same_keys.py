@@ -21,9 +21,6 @@ from turnout.panel.override import OverridePlan, known_plan
 from turnout.panel.records import RailMatrices
 from turnout.panel.validate import Draft, Known, field_check, read_by, with_values
 
-MOST_FIRST = 16
-"""Panels in memory of which others have the same keys, the latest used."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PendingDocument:
@@ -112,7 +109,7 @@ class _SameKeys:
         return found
 
 
-_first = LRUCache[_SameKeys](MOST_FIRST)
+_first = LRUCache[_SameKeys](16)
 
 
 def derive_panel(

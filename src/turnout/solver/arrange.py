@@ -42,13 +42,6 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Templates = dict[tuple[int, int], tuple[State, Work]]
 
-MOST_KEPT = 12
-"""Condensed rails in the cache, the latest used; ten megabytes each with all that they hold."""
-MOST_PLACED = 96
-"""Objects in other places that each of them keeps, under a megabyte each in quick mode."""
-MOST_LAYOUTS = 24
-"""Systems in the cache that rails of other sections are filled into, the latest used."""
-
 
 @dataclass(frozen=True, slots=True)
 class Arrangement:
@@ -134,9 +127,9 @@ class _Structure:
     laws: Hashable
 
 
-_rails_cache = LRUCache[_Rails](MOST_KEPT)
-_indices = LRUCache[tuple["_Indices", tuple[Ints, ...]]](MOST_PLACED)
-_layouts = LRUCache[_SystemLayout](MOST_LAYOUTS)
+_rails_cache = LRUCache[_Rails](12)  # ten megabytes each with all that they hold
+_indices = LRUCache[tuple["_Indices", tuple[Ints, ...]]](96)
+_layouts = LRUCache[_SystemLayout](24)
 
 
 def arrange(mechanism: Mechanism, scheme: Scheme) -> Arrangement:
@@ -273,7 +266,8 @@ def _condense_rails(mechanism: Mechanism, cutoff_frequency: float) -> _Rails:
     except MechanicsError:
         laws = mechanism.laws
         parts = condense_blocks(mechanism, laws, cutoff_frequency=cutoff_frequency)
-    return _Rails(mechanism, parts, laws.base_segment, {}, LRUCache[Arrangement](MOST_PLACED))
+    # Objects in other places: under a megabyte each in quick mode.
+    return _Rails(mechanism, parts, laws.base_segment, {}, LRUCache[Arrangement](96))
 
 
 def _without_objects(mechanism: Mechanism) -> Mechanism:

@@ -18,9 +18,6 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-MOST_KEPT = 32
-"""Mechanisms in the cache of touched rails, the latest used."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Block:
@@ -86,7 +83,7 @@ def drop_joining_bases(mechanism: Mechanism, laws: LawTable) -> LawTable:
 
 
 # By the identity of the rows, which the cache keeps alive so that no others can have it.
-_cache = LRUCache[tuple[Floats, Flags]](MOST_KEPT)
+_cache = LRUCache[tuple[Floats, Flags]](32)
 
 
 def _find_touched_rails(mechanism: Mechanism) -> Flags:

@@ -35,10 +35,6 @@ Ints = NDArray[np.int64]
 _MATRICES = ("stiffness", "mass", "damping")
 
 
-MOST_MODELS = 32
-"""So many blocks are kept in memory, the latest used."""
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class _Given:
     """What the modal model of a block follows from, and the rail that it is if it is one alone.
@@ -66,7 +62,7 @@ class _Given:
         return tuple(map(id, of_rail)), beside
 
 
-_models = LRUCache[tuple[ModalModel, Leading, Omitted, ReducedRail | None]](MOST_MODELS)
+_models = LRUCache[tuple[ModalModel, Leading, Omitted, ReducedRail | None]](32)
 
 
 def _cached_model(given: _Given, *, cutoff_frequency: float) -> tuple[ModalModel, Leading, Omitted]:

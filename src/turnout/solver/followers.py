@@ -19,8 +19,6 @@ EXACT = 1e-12
 """Largest remainder of a row that follows, relative to its norm [-]."""
 LARGEST_WEIGHT = 100.0
 """Largest weight of a row that follows [-]; beyond, it leads, since its terms would cancel."""
-MOST_KEPT = 48
-"""Choices in the cache, the latest used; stiffnesses do not change them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,7 +37,7 @@ class Leading:
     weights: Floats
 
 
-_cache = LRUCache[Leading](MOST_KEPT)
+_cache = LRUCache[Leading](48)
 
 
 def leading_rows(rows: Floats, *, first: NDArray[np.bool_]) -> Leading:

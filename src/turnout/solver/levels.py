@@ -23,9 +23,6 @@ from turnout.solver.state import State
 from turnout.solver.step import Stepping
 from turnout.solver.system import Ints, System
 
-MOST_KEPT = 24
-"""Sets of memory, the latest used; three megabytes each in quick mode."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunMemory:
@@ -61,7 +58,7 @@ class RunMemory:
         return np.where(self.ready == READY, STALE, self.ready)
 
 
-_kept = LRUCache[RunMemory](MOST_KEPT)
+_kept = LRUCache[RunMemory](24)  # three megabytes each in quick mode
 
 
 def take_memory(frame: object, stepping: Stepping, sizes: tuple[int, ...]) -> RunMemory | None:

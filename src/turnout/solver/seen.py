@@ -31,9 +31,6 @@ from turnout.law.table import LawTable
 from turnout.solver.numbering import as_unsigned
 from turnout.solver.system import Floats, Ints, System
 
-MOST_WEIGHTS = 128
-"""Weights of seen displacements in memory, the latest used; some 10 kB each."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeenRows:
@@ -121,7 +118,7 @@ class StepRecord(NamedTuple):
 
 
 # Rails with their objects and rows of laws are shared by many throws.
-_weights = LRUCache[tuple[SeenWeights, object]](MOST_WEIGHTS)
+_weights = LRUCache[tuple[SeenWeights, object]](128)  # some 10 kB each
 
 
 def seen_weights(seen: SeenRows, laws: LawTable, row_place: Ints) -> SeenWeights:

@@ -22,8 +22,6 @@ from turnout.solver.seen import SeenRows, SeenWeights, StepRecord
 from turnout.solver.system import Floats, Ints
 
 TIME_TOLERANCE = 1e-9
-MOST_TEMPLATES = 128
-"""Records of watched runs that others are copied from, the latest used; some 2 kB each."""
 BALANCE_EVERY = 8
 """Kept instants of a watched run from one check of its energy balance to the next."""
 
@@ -163,7 +161,7 @@ def _places(
 
 # Throws that share rails and times share what their records hold before they begin. It is named by
 # identity, and kept beside so that nothing else takes its place.
-_templates = LRUCache[tuple[StepRecord, object]](MOST_TEMPLATES)
+_templates = LRUCache[tuple[StepRecord, object]](128)  # some 2 kB each
 
 
 def watched_record(

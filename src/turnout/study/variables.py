@@ -6,7 +6,13 @@ from typing import Any
 import numpy as np
 
 from turnout.core.problems import choices, nearest, show_value
-from turnout.core.units import TEMPERATURE, TEMPERATURE_DIFFERENCE, Dimension, is_finite
+from turnout.core.units import (
+    MOST_VALUES,
+    TEMPERATURE,
+    TEMPERATURE_DIFFERENCE,
+    Dimension,
+    is_finite,
+)
 from turnout.panel.load import LoadedPanel
 from turnout.study.design import Axis, Drawn
 from turnout.study.distribution import (
@@ -23,7 +29,6 @@ from turnout.study.variable import OBJECT_KEYS, RECORDER_KEYS, Variable, value_k
 
 CHOICE = "choice"
 MEMBER_GROUPS = {"every sleeper": "sleeper", "every drive": "drive"}
-MOST_VALUES = 100_000
 _ALL_PARAMETERS = tuple(dict.fromkeys(name for a, b in PARAMETERS.values() for name in (*a, *b)))
 
 

@@ -20,20 +20,14 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-MOST_KEPT = 64
-"""Indexes of names are kept in memory, the latest used: making one takes longer than a channel."""
-_indexes = LRUCache[tuple["Index", "xr.Variable"]](MOST_KEPT)
+_indexes = LRUCache[tuple["Index", "xr.Variable"]](64)
 
-MOST_PANELS = 8
-"""Panels whose stations and coordinates are kept in memory, the latest used."""
-MOST_FAMILIES = 64
-"""Families of members whose coordinates are kept likewise, each for itself."""
 
 # Throws share what names and places are of. It is named by identity, and kept beside so that
 # nothing else takes its place.
-_single = LRUCache[tuple[dict[str, Channel], object]](MOST_FAMILIES)
-_together = LRUCache[tuple[dict[str, Channel], object]](MOST_PANELS)
-_stations = LRUCache[tuple[Floats, object]](MOST_PANELS)
+_single = LRUCache[tuple[dict[str, Channel], object]](64)
+_together = LRUCache[tuple[dict[str, Channel], object]](8)
+_stations = LRUCache[tuple[Floats, object]](8)
 
 
 def output_stations(panel: Panel, mechanism: Mechanism, save: Save) -> Floats:

@@ -21,9 +21,7 @@ from turnout.throw.signals import Channel
 if TYPE_CHECKING:
     import xarray as xr
 
-MOST_KEPT = 8
-"""Kinds of datasets in memory, the latest used; of each its time and names, no channel."""
-_empty = LRUCache["_Kind"](MOST_KEPT)
+_empty = LRUCache["_Kind"](8)
 
 
 def labelled_dataset(

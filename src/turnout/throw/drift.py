@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from turnout.core.errors import PanelError, ResponseError
-from turnout.core.units import LENGTH, TEMPERATURE, TEMPERATURE_COEFFICIENT, parse_quantity
+from turnout.core.units import LENGTH, MELTING, TEMPERATURE, TEMPERATURE_COEFFICIENT, parse_quantity
 from turnout.mechanism.mechanism import Mechanism
 from turnout.mechanism.object_laws import named_obstructions
 from turnout.panel.foreign_object import PlacedObject
@@ -20,8 +20,6 @@ from turnout.panel.load import LoadedPanel
 from turnout.solver.integration import History
 from turnout.throw.signals import lasting_dents
 
-MELTING = 273.15
-"""[K]"""
 LEAST_LEFT = 5e-4
 """A thinner object is gone [m]."""
 LENGTHS = ("ice_growth", "snow_growth", "melting", "adjustment")

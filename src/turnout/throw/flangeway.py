@@ -35,9 +35,6 @@ _Bound = tuple[int, slice, Floats]
 _Bounds = Sequence[Sequence[_Bound]]
 """Of several rails, each with its stock rails."""
 
-MOST_KEPT = 32
-"""Flangeways of rails without objects in memory, the latest used."""
-
 
 class _Flangeways(NamedTuple):
     """Parts from which the flangeways at the nodes of some rails are computed.
@@ -124,7 +121,7 @@ _UNKNOWN = LeastFlangeway(np.nan, np.nan, "")
 
 # Rails are shared by many throws. They are named by identity, and kept beside so that nothing else
 # takes their place.
-_flangeways = LRUCache[tuple[_Flangeways, _Bounds, list[object]]](MOST_KEPT)
+_flangeways = LRUCache[tuple[_Flangeways, _Bounds, list[object]]](32)
 # Condensed rails are so where objects stand in the same places.
 _open_rails: WeakKeyDictionary[CondensedRails, tuple[_OpenRails | None, list[object]]] = (
     WeakKeyDictionary()

@@ -37,17 +37,13 @@ AnyFloat = TypeVar("AnyFloat", np.float32, np.float64)
 GapPlace = tuple[str, Floats, Floats]
 """Rail, places along it and heights of some points [m]."""
 
-MOST_ROWS = 64
-"""Rows to so many lines of points are kept in memory, the latest made."""
-MOST_WATCHED = 128
-"""Watched rows of so many sets of rails with their objects are kept, the latest used."""
 
 # Rails are shared by many throws. What rows depend on is named by identity, and kept beside them so
 # that nothing else takes its place.
-_rows = LRUCache[tuple[list[Floats], list[object]]](MOST_ROWS)
-_watched = LRUCache[tuple[SeenRows, list[object]]](MOST_WATCHED)
-_heights = LRUCache[tuple[list[Floats], list[object]]](MOST_ROWS)
-_places = LRUCache[tuple[list[GapPlace], list[object]]](MOST_ROWS)
+_rows = LRUCache[tuple[list[Floats], list[object]]](64)
+_watched = LRUCache[tuple[SeenRows, list[object]]](128)
+_heights = LRUCache[tuple[list[Floats], list[object]]](64)
+_places = LRUCache[tuple[list[GapPlace], list[object]]](64)
 
 
 def _frozen(values: ArrayLike) -> Floats:

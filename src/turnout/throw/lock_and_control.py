@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from turnout.mechanism.mechanism import LawIndex
 from turnout.panel.model import Panel
+from turnout.solver.watch import TIME_TOLERANCE
 from turnout.throw.flangeway import MovementEnds, least_flangeways, movement_ends
 from turnout.throw.recovery import Motion
 from turnout.throw.route import DirectedMovement, at_rest, rail_closes, throws
@@ -16,7 +17,6 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 DIRECTIONS = ("opening", "closing")
-TIME_TOLERANCE = 1e-9
 
 
 def contact_labels(index: LawIndex, first: Floats, placed: Floats) -> dict[str, Channel]:

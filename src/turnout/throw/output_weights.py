@@ -20,9 +20,6 @@ Ints = NDArray[np.int64]
 LONGEST_GAP = 24
 """Columns without a weight between others, above which a product is made in parts."""
 
-MOST_KEPT = 16
-"""Sets of blocks in memory, the latest used."""
-
 
 def evenly_spaced(places: Ints) -> slice | Ints:
     """Return indices as a slice, which copies nothing, if they rise evenly.
@@ -98,7 +95,7 @@ def merge_blocks(blocks: Sequence[RowBlock]) -> RowBlock:
 
 # What recipes depend on is named by identity, and kept beside them so that nothing else takes its
 # place.
-_blocks = LRUCache[tuple[tuple[RowBlock, ...], Sequence[object]]](MOST_KEPT)
+_blocks = LRUCache[tuple[tuple[RowBlock, ...], Sequence[object]]](16)
 
 
 def kept_row_blocks(

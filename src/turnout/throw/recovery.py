@@ -43,8 +43,6 @@ Parts = Sequence[tuple[RailBody, Floats]]
 
 UY, RX, PER_NODE = 1, 3, 6
 PLACE_TOLERANCE = 1e-6
-MOST_SEEN = 64
-"""Sets of rows in terms of blocks in memory, the latest used."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -245,9 +243,9 @@ class RowTerms:
 
 
 # Rails without objects and rows are shared by many throws; named by identity and kept beside.
-_seen = LRUCache[tuple[RowTerms, Parts, object]](MOST_SEEN)
-_shares = LRUCache[tuple[Floats, Parts, object]](MOST_SEEN)
-_of_stored = LRUCache[tuple[list[Product], object]](MOST_SEEN)
+_seen = LRUCache[tuple[RowTerms, Parts, object]](64)
+_shares = LRUCache[tuple[Floats, Parts, object]](64)
+_of_stored = LRUCache[tuple[list[Product], object]](64)
 
 
 def seen_by(motion: CondensedShapes, parts: Parts, *, with_stored: bool = True) -> RowTerms:
@@ -393,14 +391,8 @@ def _at(values: Floats, at: Ints | None) -> Floats:
     return values if at is None else values[at]
 
 
-MOST_PRODUCTS = 256
-"""Products of rows with blocks in memory, the latest used."""
-MOST_PLACES = 512
-"""Rails whose places in their blocks are kept in memory, the latest used; four of each set of
-condensed rails, of which throws keep as many for their watched rows."""
-
 # Blocks are shared by many throws; they are named by identity and kept beside.
-_places = LRUCache[tuple[tuple[int, int], object]](MOST_PLACES)
+_places = LRUCache[tuple[tuple[int, int], object]](512)
 
 
 def block_of(blocks: Sequence[BlockModel], body: RailBody) -> tuple[int, int]:
@@ -425,7 +417,7 @@ def _find_block(blocks: Sequence[BlockModel], body: RailBody) -> tuple[int, int]
 
 
 # Blocks and rows are shared by many throws; both are named by identity and kept beside.
-_products = LRUCache[tuple[tuple[Floats, Floats, Floats], object]](MOST_PRODUCTS)
+_products = LRUCache[tuple[tuple[Floats, Floats, Floats], object]](256)
 
 
 def in_block(part: BlockModel, rows: Floats, own: slice) -> tuple[Floats, Floats, Floats]:

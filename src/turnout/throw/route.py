@@ -45,11 +45,8 @@ class DirectedMovement:
         return "closing" if self.to == "closed" else "opening"
 
 
-MOST_KEPT = 32
-"""Schedules whose movements are kept in memory, the latest made."""
-
 # Changed panels share their movements. These are named by identity, and kept beside what they are.
-_kept = LRUCache[tuple[tuple[DirectedMovement, ...], object]](MOST_KEPT)
+_kept = LRUCache[tuple[tuple[DirectedMovement, ...], object]](32)
 
 
 def throws(panel: Panel) -> tuple[DirectedMovement, ...]:

@@ -28,9 +28,6 @@ from turnout.solver.scratch import lines_from_buffer
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-MOST_LAYOUTS = 8
-"""Layouts of rows that are written together, in memory, the latest used."""
-
 
 def rows_in_lines(*shape: int) -> Floats:
     """Return uninitialised rows over time that begin at cache lines, as is quickest to write.
@@ -187,7 +184,7 @@ class _Layout(NamedTuple):
     named: Sequence[object]
 
 
-_layouts = LRUCache[_Layout](MOST_LAYOUTS)
+_layouts = LRUCache[_Layout](8)
 
 
 def clear_layouts() -> None:

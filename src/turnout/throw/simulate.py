@@ -377,9 +377,7 @@ def compile_kernels(*, machines: bool = False) -> None:
     compile_flangeways()
 
 
-MOST_MOTIONS = 8
-"""Positions of markers that throws share, the latest used."""
-_motions = LRUCache[tuple[Floats, tuple[object, ...]]](MOST_MOTIONS)
+_motions = LRUCache[tuple[Floats, tuple[object, ...]]](8)
 
 
 def _markers(panel: LoadedPanel, instants: Floats) -> Floats:

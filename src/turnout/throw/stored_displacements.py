@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.lru_cache import LRUCache
+from turnout.solver.followers import LARGEST_WEIGHT
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -31,9 +32,6 @@ MOST_ROWS = 24
 """Rows that are tried for one displacement; those at a place are three to six."""
 ROUNDING = 1e-12
 """Tolerance of the weights for a displacement of size 1."""
-LARGEST_WEIGHT = 100.0
-"""Of a lever of half a metre on feet that are a few centimetres apart, with a margin."""
-MOST_KEPT = 32
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,7 +54,7 @@ class StoredRows:
 
 
 # By the identity of the rows, which the cache keeps alive so that no others can have it.
-_stored = LRUCache[StoredRows](MOST_KEPT)
+_stored = LRUCache[StoredRows](32)
 
 
 def stored_rows(rows: Floats, usable: Ints) -> StoredRows:

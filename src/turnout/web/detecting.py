@@ -23,11 +23,10 @@ from turnout.figures.detection import trend_sheet
 from turnout.figures.sheet import Line, Row, Sheet, sheet_record
 from turnout.measurement.chain.apply import apply_chain
 from turnout.measurement.formats.history import is_history, read_history
-from turnout.web.measured import channel_map_of, sent_recording
+from turnout.web.measured import KILO, channel_map_of, sent_recording
 from turnout.web.netcdf import sent_dataset
 
 MOST_THROWS = 200
-KILO = 1e3
 DEVIATIONS = 1.96
 """Of a normal distribution, half of the interval that holds 95 %."""
 SAFETY = f"Advisory: replaces neither lock nor end-position sensors. {TRAINED.capitalize()}."

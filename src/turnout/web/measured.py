@@ -10,6 +10,7 @@ import xarray as xr
 
 from turnout.core.errors import FileError
 from turnout.core.library import names_a_file
+from turnout.core.moving_average import WINDOW
 from turnout.core.toml import parse_toml
 from turnout.figures.sheet import Line, Row
 from turnout.measurement.campaign.build_campaign import CHANNEL_FILE, BuiltCampaign
@@ -29,7 +30,6 @@ from turnout.measurement.recording import Recording, overview
 from turnout.metric.channel_features import filtered
 from turnout.metric.slip import movements
 
-WINDOW = 0.1
 DRAWN = ("drive_force", "object_force", "drive_displacement", "drive_gap")
 WHOLE = "whole"
 # Differences between measurement and model: channel, its row, what its lines are called.

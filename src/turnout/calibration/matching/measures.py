@@ -17,6 +17,7 @@ from turnout.metric.panel_check import concerns, flutter_concerns
 from turnout.metric.slip import last_instant_at, movements
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel
+from turnout.solver.watch import TIME_TOLERANCE
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -27,7 +28,6 @@ SHARE = Dimension("share", "", "0.1")
 
 LAST = 0.4
 """Over which end forces are averaged [s]."""
-TIME_TOLERANCE = 1e-9
 SEEN = 50.0
 """Change of an end force from which an object is visible [N]."""
 LARGEST_SIZE, SIZE_STEP = 40e-3, 1e-4

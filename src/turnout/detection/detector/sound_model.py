@@ -15,14 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.detection.population import independent
+from turnout.detection.population import BANDWIDTH, independent
 
 Floats = NDArray[np.float64]
 
 MEAN_DEGREE, LINEAR_DEGREE, PRODUCT_DEGREE = 6, 3, 1
 CENTRES = 11
-BANDWIDTH = 0.05
-"""Standard deviation of the weights around a level [-]."""
 TAIL = 0.01
 """Share of the levels beyond the outermost centres on either side [-]."""
 KEPT = 0.999

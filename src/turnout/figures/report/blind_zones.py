@@ -9,10 +9,9 @@ from turnout.detection.conditions import SIMULATED
 from turnout.figures.limit import plot_limit
 from turnout.figures.report.page import Heat, Page, Picture, Section, Table
 from turnout.figures.sheet import Line, Row, Sheet
-from turnout.figures.style import rendered
+from turnout.figures.style import MILLI, rendered
 from turnout.metric.finding import Finding, Severity
 
-MILLI = 1e3
 BOTH = "both drives"
 SHOWN_SIZES = (1, 2, 3, 5, 7, 9, 11, 13, 16, 20)
 """Sizes in the coloured table [mm]."""

@@ -11,7 +11,7 @@ from turnout.core.value_text import count_text, shown_unit, value_text
 from turnout.figures.calibration import fit_sheet
 from turnout.figures.draw import draw_sheet
 from turnout.figures.report.inputs import inputs_section
-from turnout.figures.report.page import Heat, Page, Picture, Section, Table
+from turnout.figures.report.page import FEW_POINTS, Heat, Page, Picture, Section, Table
 from turnout.figures.sheet import Level, Line, Moment, Row, Sheet
 from turnout.figures.style import rendered
 from turnout.metric.finding import Finding
@@ -22,8 +22,6 @@ FITTED, FIXED = "fitted", "fixed"
 STRONG_CORRELATION = 0.9
 # What findings begin with that say which movement to measure next.
 NEXT = "next: "
-# Points of a line: bins of 20 ms over a movement.
-MOST_POINTS = 260
 
 
 def calibration_page(
@@ -183,7 +181,7 @@ def _intervals(calibration: Calibration, suffixes: tuple[str, ...]) -> list[Pict
 def _fits(signals: xr.Dataset) -> list[Picture]:
     """Return each movement as measured and as fitted; `calibrate --figures` has them as files."""
     sheets = (fit_sheet(signals, str(name)) for name in signals["movement"].values)
-    return [Picture(sheet, {}, MOST_POINTS) for sheet in sheets]
+    return [Picture(sheet, {}, FEW_POINTS) for sheet in sheets]
 
 
 def _next(calibration: Calibration) -> Section:

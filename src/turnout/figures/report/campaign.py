@@ -9,8 +9,8 @@ import xarray as xr
 from turnout.core.value_text import count_text
 from turnout.figures.campaign import campaign_channels, plot_overview, plot_stacked, stacked_sheet
 from turnout.figures.report.inputs import origin_section
-from turnout.figures.report.page import Heat, Page, Picture, Section, Table
-from turnout.figures.style import rendered
+from turnout.figures.report.page import FEW_POINTS, Heat, Page, Picture, Section, Table
+from turnout.figures.style import KILO, MILLI, rendered
 from turnout.metric.campaign_statistics import (
     PlaceSizes,
     end_values,
@@ -24,9 +24,6 @@ from turnout.metric.summary import format_force
 
 Reasons = Sequence[tuple[str, Sequence[str]]]
 
-KILO, MILLI = 1e-3, 1e3
-# Points of a line; a campaign has hundreds of lines.
-MOST_POINTS = 260
 DIRECTIONS = ("closing", "opening")
 TOO_FEW = "too few throws without an object"
 # From so many on, sizes near the smallest detectable one are not called undecided.
@@ -261,4 +258,4 @@ def _stacked(dataset: xr.Dataset, place: str, direction: str, suffixes: Sequence
     sheet = stacked_sheet(dataset, place=place, direction=direction)
     figure = plot_stacked(dataset, place=place, direction=direction)
     files = {suffix: rendered(figure, suffix) for suffix in suffixes}
-    return Picture(sheet, files, MOST_POINTS)
+    return Picture(sheet, files, FEW_POINTS)

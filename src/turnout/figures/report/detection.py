@@ -19,9 +19,9 @@ from turnout.detection.detector.trends import LEAST_THROWS, staying_causes, tren
 from turnout.figures.detection import trend_sheet
 from turnout.figures.report.page import Page, Section, Table
 from turnout.figures.report.run import picture_of
+from turnout.figures.style import MILLI
 from turnout.metric.finding import Finding
 
-MILLI = 1e3
 SAFETY = (
     "Advisory: a verdict is no safety function and replaces neither lock nor end-position sensors. "
     f"{TRAINED.capitalize()}."

@@ -20,6 +20,9 @@ from turnout.metric.finding import HEADLINE, Finding
 PLOTLY_VERSION = "4.1.1"
 """Of plotly.js, bundle "basic": lines, bars and pies."""
 
+FEW_POINTS = 260
+"""Points of a line among hundreds: bins of 20 ms over a movement."""
+
 
 @cache
 def plotly_script() -> str:

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from turnout.core.units import TEMPERATURE
-from turnout.figures.report.values import shown
+from turnout.figures.report.values import LONG_LIST, shown
 from turnout.metric.summary import format_overrides
 from turnout.study.design import Drawn
 from turnout.study.distribution import Choice, Distribution
@@ -14,7 +14,6 @@ from turnout.study.value_ranges import value_ranges
 from turnout.study.variable import Variable
 
 WIDTH = 12
-LONG_LIST = 6
 
 
 def study_lines(study: Study) -> Iterator[str]:

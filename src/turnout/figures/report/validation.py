@@ -15,16 +15,14 @@ from turnout.calibration.validation.acceptance import (
 from turnout.calibration.validation.verdict_text import notes, scatter_text
 from turnout.core.value_text import count_text
 from turnout.figures.report.inputs import origin_section
-from turnout.figures.report.page import Heat, Page, Picture, Section, Table
-from turnout.figures.style import rendered
+from turnout.figures.report.page import FEW_POINTS, Heat, Page, Picture, Section, Table
+from turnout.figures.style import MILLI, rendered
 from turnout.figures.validation import comparison_sheet, plot_comparison, plot_error_map
 from turnout.metric.agreement import only_fitted
 from turnout.metric.campaign_statistics import object_places
 from turnout.metric.finding import Finding, Severity
 
-MILLI, PERCENT = 1e3, 100.0
-# Points of a line: bins of 20 ms over a movement.
-MOST_POINTS = 260
+PERCENT = 100.0
 MEASURES = (
     ("contact", MILLI, "ms", "Contact"),
     ("slope", PERCENT, "%", "Build-up"),
@@ -192,7 +190,7 @@ def _heats(validation: xr.Dataset) -> list[Heat]:
 def _picture(validation: xr.Dataset, place: str, suffixes: Sequence[str]) -> Picture:
     figure = plot_comparison(validation, place=place)
     files = {suffix: rendered(figure, suffix) for suffix in suffixes}
-    return Picture(comparison_sheet(validation, place=place), files, MOST_POINTS)
+    return Picture(comparison_sheet(validation, place=place), files, FEW_POINTS)
 
 
 def _remarks(validation: xr.Dataset, verdict: Acceptance) -> list[Table]:

@@ -15,6 +15,7 @@ import xarray as xr
 
 from turnout.core.errors import FileError, ResponseError
 from turnout.metric.sensitivity import (
+    RESAMPLES,
     NumericOutput,
     OutputEffects,
     SobolIndex,
@@ -26,7 +27,6 @@ from turnout.metric.sensitivity import (
 
 FloatArray = npt.NDArray[np.float64]
 FEWEST_BLOCKS = 8
-RESAMPLES = 200
 
 
 def sobol_indices(
