@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from turnout.core.keys import Key
-from turnout.panel.key_reference import TableRows, key_tables
+from turnout.panel.new_panel import TableRows, key_tables
 from turnout.panel.unusual import USUAL
 
 PAGE = Path(__file__).parents[2] / "docs" / "use" / "panel-file.md"

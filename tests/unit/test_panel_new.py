@@ -10,10 +10,9 @@ from typer.testing import CliRunner
 from turnout.cli.main import app
 from turnout.core.errors import TurnoutError
 from turnout.core.units import unit_factor
-from turnout.panel.key_reference import key_tables
 from turnout.panel.load import library_names, library_text, load_panel
 from turnout.panel.model import FAMILIES
-from turnout.panel.new_panel import new_panel_text
+from turnout.panel.new_panel import key_tables, new_panel_text
 
 
 def run(*line: object) -> None:

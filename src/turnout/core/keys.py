@@ -74,7 +74,7 @@ class Key:
 
     @property
     def unit(self) -> str:
-        """SI unit of the value; empty where it has none."""
+        """SI unit of the value, or an empty text."""
         dimension = self.dimension
         return dimension.unit if dimension else ""
 
@@ -128,7 +128,7 @@ class Key:
 
     @property
     def allowed(self) -> str:
-        """Range in SI, or the texts to choose from; empty where anything of its kind is."""
+        """Range in SI, or the texts to choose from; an empty text for anything of its kind."""
         choices = [
             f'"{item}"' if isinstance(item, str) else str(item)
             for form in self._forms
@@ -364,7 +364,7 @@ class Keys:
                 yield from (f"{name}.{key}" for key in fields) if fields else (name,)
 
     def places(self, tree: Mapping[str, Any], name: str) -> list[Path]:
-        """Return the places in a tree of tables that a key sets; none where it matches nothing.
+        """Return the places in a tree of tables that a key sets.
 
         Examples
         --------

@@ -77,7 +77,7 @@ class Record(BaseModel):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Quantity:
-    """Mark of a field with a dimension: how pydantic reads it, and what a JSON schema says of it.
+    """Mark of a field with a dimension: its reading and its JSON schema.
 
     Attributes
     ----------

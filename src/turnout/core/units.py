@@ -396,7 +396,7 @@ def unit_factor(unit: str, dimension: Dimension) -> float:
 
 @lru_cache(maxsize=MOST_KEPT)
 def _unit(given: str, dimension: Dimension) -> Unit:
-    """Return a unit of a dimension; ValueError where a text is none."""
+    """Return a unit of a dimension, or raise ValueError."""
     text = " ".join(given[: LONGEST_QUANTITY + 1].split())
     try:
         if len(given) > LONGEST_QUANTITY:

@@ -1,20 +1,26 @@
-"""Write the text of a panel file to edit: another panel's, with the meaning of each key above it.
+"""Every key of a panel file by its table, and the text of a file to edit that says what each means.
+
+That text is another panel's, with the meaning of each key above it.
 
 Values, comments and origins of the panel that it is made from stay as they are. Optional keys that
 it lacks stand at their tables as comments, with their defaults; tables that it lacks at the end.
 """
 
+import inspect
 import json
 import os
 import textwrap
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path as FilePath
 
-from turnout.core.keys import NONE, REQUIRED, Key
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from turnout.core.keys import NONE, REQUIRED, Key, forms_of, records_in
 from turnout.core.toml import TomlLayout, decode, parse_toml, read_bytes, read_layout, with_value
-from turnout.panel.key_reference import TableRows, key_tables
 from turnout.panel.load import library_text, load_panel, panel_source
-from turnout.panel.model import FAMILIES
+from turnout.panel.model import FAMILIES, PANEL_KEYS, Panel
 
 MARK = "written by `turnout panel new`"
 WIDTH = 98
@@ -22,6 +28,72 @@ FILE_KEYS = ("matrices", "table_file")
 """Keys whose values are paths, relative to the file that they stand in."""
 
 KeyPath = tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class TableRows:
+    """A table of a panel file, such as `[drive.NAME]`, with its keys.
+
+    Attributes
+    ----------
+    path : tuple of str
+        Of the table; empty for the top of the file. The members of a family are named "NAME".
+    meaning : str
+        What it describes.
+    keys : tuple of Key
+        Those that take a value; tables within it follow as tables of their own.
+    """
+
+    path: tuple[str, ...]
+    meaning: str
+    keys: tuple[Key, ...]
+
+    @property
+    def header(self) -> str:
+        """The table as TOML writes it."""
+        return f"[{'.'.join(self.path)}]"
+
+
+def key_tables() -> list[TableRows]:
+    """List all tables of a panel file and their keys, in the order of the records.
+
+    Examples
+    --------
+    >>> [key.name for key in key_tables()[0].keys][:2]
+    ['schema_version', 'name']
+    """
+    single = {n: list(records_in(i.annotation)) for n, i in Panel.model_fields.items()}
+    top = [n for n, records in single.items() if n not in FAMILIES and not records]
+    found = [TableRows((), "What holds for the whole panel.", _keys((), top))]
+    for name, records in single.items():
+        if name in FAMILIES:
+            found += _tables((name, "NAME"), FAMILIES[name])
+        for record in records:
+            found += _tables((name,), record)
+    return found
+
+
+def _keys(path: tuple[str, ...], names: list[str]) -> tuple[Key, ...]:
+    found = [PANEL_KEYS.find(".".join((*path, name))) for name in names]
+    return tuple(key for key in found if key is not None)
+
+
+def _tables(path: tuple[str, ...], record: type[BaseModel]) -> Iterator[TableRows]:
+    """Yield a table, then those within it."""
+    fields = record.model_fields.items()
+    meaning = " ".join((inspect.getdoc(record) or "").split("\n\n")[0].split())
+    yield TableRows(path, meaning, _keys(path, [n for n, i in fields if not _only_table(i)]))
+    for name, info in fields:
+        for inner in records_in(info.annotation):
+            yield from _tables((*path, name), inner)
+
+
+def _only_table(info: FieldInfo) -> bool:
+    """Return True if a key takes a table and nothing else."""
+    forms = {form for form in forms_of(info.annotation) if form is not type(None)}
+    return bool(forms) and all(
+        isinstance(form, type) and issubclass(form, BaseModel) for form in forms
+    )
 
 
 def new_panel_text(source: str | FilePath, *, target: FilePath) -> str:
