@@ -222,7 +222,7 @@ def _bounds(field: FieldInfo) -> dict[type, float]:
     return found
 
 
-_BOUNDS = {
+_BOUNDS: dict[Any, str] = {
     **{Ge: "ge", Gt: "gt", Le: "le", Lt: "lt"},
     **{MinLen: "min_length", MaxLen: "max_length"},
 }

@@ -140,4 +140,4 @@ def _shown(variable: Variable, value: Value) -> str:
         return value
     if variable.kind is TEMPERATURE and not variable.factor:
         return format_celsius(value)
-    return shown(float(f"{value:.4g}"), variable.units or None, variable.key.split(".")[-1])
+    return shown(float(f"{value:.4g}"), variable.units, variable.key.split(".")[-1])
