@@ -11,7 +11,7 @@ import pytest
 from turnout.calibration import fit as fitting
 from turnout.calibration.comparison import Comparison, Uncertainty
 from turnout.calibration.covariance import spread_of
-from turnout.calibration.evaluate import CELL, Evaluator, Response, ThrowInputs, packed, unpacked
+from turnout.calibration.evaluate import CELL, Evaluator, Response, ThrowInputs
 from turnout.calibration.fit import _least_squares, fit, inflate_noise
 from turnout.calibration.linearisation import FINE_DIFFERENCE
 from turnout.calibration.measured_movements import BIN, MeasuredMovement, Signal
@@ -38,11 +38,14 @@ def force(time: np.ndarray, *, mu: float, k: float) -> np.ndarray:
 
 
 class MadeUp(Evaluator):
-    """Answers at once, by a formula."""
+    """Answers at once, by a formula of the values of a throw."""
 
     def responses(self, throws: Sequence[ThrowInputs]) -> list[Response]:
         self.made += len(throws)
-        return [response(throw.overrides) for throw in throws]
+        return [response(self.values(throw)) for throw in throws]
+
+    def values(self, throw: ThrowInputs) -> Mapping[str, object]:
+        return throw.overrides
 
 
 def response(values: Mapping[str, object]) -> Response:
@@ -57,36 +60,30 @@ def response(values: Mapping[str, object]) -> Response:
     )
 
 
+def measured_force(name: str, time: np.ndarray, values: np.ndarray) -> MeasuredMovement:
+    signal = Signal(channel="drive_force", drive="1", time=time, values=values)
+    return MeasuredMovement(
+        name=name, direction="closing", place="none", size=0.0, x=np.nan,
+        signals=(signal,), length=3.0, clocked=False,
+    )  # fmt: skip
+
+
 def movement(
     name: str, *, rng: np.random.Generator, late: float = 0.0, own: float = 0.0
 ) -> MeasuredMovement:
     """Make a measured movement whose onset is marked too early, with friction of its own."""
     time = BIN * (np.arange(-50, 150) + 0.5)
     truth = {"mu": TRUE["mu"] * (1.0 + own), "k": TRUE["k"]}
-    bare = Signal(channel="drive_force", drive="1", time=time, values=0.0 * time)
-    whole = MeasuredMovement(
-        name=name,
-        direction="closing",
-        place="none",
-        size=0.0,
-        x=np.nan,
-        signals=(bare,),
-        length=3.0,
-        clocked=False,
-    )
-    clean = predicted(response(truth), whole, bare, np.arange(time.size), shift=late)
-    values = clean + 2.0 * rng.standard_normal(time.size)
-    signal = Signal(channel="drive_force", drive="1", time=time, values=values)
-    return MeasuredMovement(
-        name=name,
-        direction="closing",
-        place="none",
-        size=0.0,
-        x=np.nan,
-        signals=(signal,),
-        length=3.0,
-        clocked=False,
-    )
+    bare = measured_force(name, time, 0.0 * time)
+    at = np.arange(time.size)
+    clean = predicted(response(truth), bare, bare.signals[0], at, shift=late)
+    return measured_force(name, time, clean + 2.0 * rng.standard_normal(time.size))
+
+
+def alike(count: int, *, seed: int) -> list[MeasuredMovement]:
+    """Make movements that differ in their noise alone."""
+    rng = np.random.default_rng(seed)
+    return [movement(f"m{n}", rng=rng) for n in range(count)]
 
 
 def misfit(movements: Sequence[MeasuredMovement]) -> Misfit:
@@ -120,14 +117,9 @@ def test_intervals_hold_the_truth_and_are_not_wide() -> None:
     hits = {"mu": 0, "k": 0}
     for seed in range(20):
         rng = np.random.default_rng(seed)
+        off = 0.02 * rng.standard_normal((6, 2))
         measured = [
-            movement(
-                f"m{n}",
-                rng=rng,
-                late=0.02 * rng.standard_normal(),
-                own=0.02 * rng.standard_normal(),
-            )
-            for n in range(6)
+            movement(f"m{n}", rng=rng, late=late, own=own) for n, (late, own) in enumerate(off)
         ]
         found = fit(misfit(measured), PARAMETERS, TRUE)
         for item, (low, high) in zip(PARAMETERS, spread_of(found).intervals, strict=True):
@@ -137,8 +129,7 @@ def test_intervals_hold_the_truth_and_are_not_wide() -> None:
 
 
 def test_a_gain_that_all_movements_share_widens_the_intervals_by_what_it_does() -> None:
-    rng = np.random.default_rng(6)
-    measured = [movement(f"m{n}", rng=rng) for n in range(8)]
+    measured = alike(8, seed=6)
     whole = misfit(measured)
     # Nothing else is uncertain, so that the parameters have to imitate the gain.
     known, doubted = (
@@ -164,7 +155,7 @@ def test_a_gain_that_all_movements_share_widens_the_intervals_by_what_it_does() 
 
 
 def test_a_fit_begins_with_the_noise_of_what_it_misses() -> None:
-    whole = misfit([movement("m", rng=np.random.default_rng(7))])
+    whole = misfit(alike(1, seed=7))
     far = inflate_noise(whole, PARAMETERS, {"mu": 0.6, "k": 2e6}).comparison.noise[
         "drive_force", "1"
     ]
@@ -187,7 +178,7 @@ def listened(whole: Misfit) -> list[tuple[ThrowInputs, float]]:
 
 
 def test_throws_are_fine_where_a_fit_ends_and_plain_aside() -> None:
-    whole = misfit([movement("m", rng=np.random.default_rng(2))])
+    whole = misfit(alike(1, seed=2))
     asked = listened(whole)
     refined = whole.refined(TRUE)
     kinds = [(throw.halved, throw.fine) for throw, _ in asked]
@@ -204,7 +195,7 @@ def test_throws_are_fine_where_a_fit_ends_and_plain_aside() -> None:
 
 
 def test_what_fine_throws_change_is_added_near_by() -> None:
-    whole = misfit([movement("m", rng=np.random.default_rng(2))])
+    whole = misfit(alike(1, seed=2))
     whole.evaluator = Discretised(load_panel("sb1"))
     refined, near = whole.refined(TRUE), {**TRUE, "k": 1.002 * TRUE["k"]}
     (found,) = refined.responses([near])[0]
@@ -216,7 +207,7 @@ def test_what_fine_throws_change_is_added_near_by() -> None:
 
 
 def test_steps_of_parameters_with_priors_are_lean() -> None:
-    whole = misfit([movement("m", rng=np.random.default_rng(2))])
+    whole = misfit(alike(1, seed=2))
     whole.parameters = (PARAMETERS[0], replace(PARAMETERS[1], prior=0.1))
     asked = listened(whole)
     local = whole.local(TRUE, ("k",))
@@ -230,8 +221,7 @@ def test_steps_of_parameters_with_priors_are_lean() -> None:
 
 
 def test_slopes_are_thrown_again_only_for_movements_that_went_away() -> None:
-    rng = np.random.default_rng(2)
-    whole = misfit([movement("m", rng=rng), movement("n", rng=rng)])
+    whole = misfit(alike(2, seed=2))
     known = whole.local(TRUE, ("k",))
     asked = listened(whole)
     near = whole.local_near({**TRUE, "k": TRUE["k"] * 1.002}, ("k",), known)
@@ -255,12 +245,8 @@ def test_slopes_are_thrown_again_only_for_movements_that_went_away() -> None:
 class Steep(MadeUp):
     """Friction that enters with its fifth power: a few per cent are no straight line."""
 
-    def responses(self, throws: Sequence[ThrowInputs]) -> list[Response]:
-        found = []
-        for throw in throws:
-            mu = float(str(throw.overrides["mu"]))
-            found.append(response({**throw.overrides, "mu": steep(mu)}))
-        return found
+    def values(self, throw: ThrowInputs) -> Mapping[str, object]:
+        return {**throw.overrides, "mu": steep(float(str(throw.overrides["mu"])))}
 
 
 def steep(mu: float) -> float:
@@ -285,7 +271,7 @@ def test_movements_are_thrown_at_their_own_values_however_far_these_are() -> Non
 
 def test_a_parameter_that_does_nothing_is_not_identified() -> None:
     idle = Parameter(name="idle", keys=("idle",), start=1.0, lower=0.1, upper=10.0)
-    whole = misfit([movement("m", rng=np.random.default_rng(2))])
+    whole = misfit(alike(1, seed=2))
     whole.parameters = (*PARAMETERS, idle)
     whole.base = {**whole.base, "idle": 1.0}
     found = fit(whole, whole.parameters, {**TRUE, "idle": 1.0})
@@ -294,7 +280,7 @@ def test_a_parameter_that_does_nothing_is_not_identified() -> None:
 
 def test_a_bound_that_stops_the_fit_is_reported() -> None:
     low = Parameter(name="k", keys=("k",), start=500e3, lower=1e5, upper=800e3, unit="N/m")
-    whole = misfit([movement("m", rng=np.random.default_rng(2))])
+    whole = misfit(alike(1, seed=2))
     whole.parameters = (PARAMETERS[0], low)
     found = fit(whole, whole.parameters, {"mu": 0.3, "k": 500e3})
     spread = spread_of(found)
@@ -305,8 +291,7 @@ def test_a_bound_that_stops_the_fit_is_reported() -> None:
 def test_a_fit_goes_on_while_it_gains_and_says_where_it_did_not_end(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    rng = np.random.default_rng(2)
-    whole = misfit([movement(f"m{n}", rng=rng) for n in range(3)])
+    whole = misfit(alike(3, seed=2))
     monkeypatch.setattr(fitting, "MAX_STEPS", 1)
     monkeypatch.setattr(fitting, "EXTRA_STEPS", 1)
     found = fit(whole, PARAMETERS, {"mu": 0.6, "k": 2e6})
@@ -329,24 +314,13 @@ def test_a_movement_that_no_friction_explains_is_not_thrown_without_any() -> Non
 
 
 def test_a_model_of_something_else_is_not_to_be_trusted_and_not_refined() -> None:
-    rng = np.random.default_rng(2)
-    measured = [movement(f"m{n}", rng=rng) for n in range(3)]
+    measured = alike(3, seed=2)
     time = measured[0].signals[0].time
-    other = [
-        replace(
-            item,
-            signals=(
-                replace(
-                    item.signals[0],
-                    values=item.signals[0].values + 400.0 * np.sin(9.0 * time) * (time > 0),
-                ),
-            ),
-        )
-        for item in measured
-    ]
     seen = {}
-    for name, movements in (("right", measured), ("other", other)):
-        whole = misfit(movements)
+    for name, amplitude in (("right", 0.0), ("other", 400.0)):
+        for item in measured:
+            item.signals[0].values[:] += amplitude * np.sin(9.0 * time) * (time > 0)
+        whole = misfit(measured)
         thrown = listened(whole)
         found = fit(whole, PARAMETERS, TRUE)
         seen[name] = any(throw.fine for throw, _ in thrown)
@@ -358,7 +332,7 @@ def test_a_model_of_something_else_is_not_to_be_trusted_and_not_refined() -> Non
 
 
 def test_sensitivities_are_those_of_the_residuals() -> None:
-    whole = misfit([movement("m", rng=np.random.default_rng(3))])
+    whole = misfit(alike(1, seed=3))
     local = whole.local(TRUE, ("mu", "k"))
     frame = framed(local, whole)
     slopes = jacobian(local, frame, ("mu", "k"))
@@ -370,20 +344,11 @@ def test_sensitivities_are_those_of_the_residuals() -> None:
 
 
 def test_an_impact_that_the_model_misses_does_not_bend_the_fit() -> None:
-    rng = np.random.default_rng(4)
-    measured = [movement(f"m{n}", rng=rng) for n in range(4)]
+    measured = alike(4, seed=4)
     for item in measured:
         item.signals[0].values[60] += 400.0
     found = fit(misfit(measured), PARAMETERS, TRUE)
     assert found.values["k"] == pytest.approx(TRUE["k"], rel=2e-3)
-
-
-def test_a_response_comes_back_from_its_file() -> None:
-    made = response(TRUE)
-    back = unpacked(packed(made, "key"), "key")
-    np.testing.assert_allclose(back.drive_force["1"], made.drive_force["1"], rtol=1e-6)
-    assert back.onsets == made.onsets
-    assert back.failure == ""
 
 
 def test_throws_are_taken_up_from_the_folder(tmp_path: Path) -> None:
@@ -392,9 +357,11 @@ def test_throws_are_taken_up_from_the_folder(tmp_path: Path) -> None:
     found = []
     for reused in (0, 1):
         with Evaluator(panel, folder=tmp_path) as evaluator:
-            found.append(evaluator.responses([throw])[0].drive_force["1"])
+            found += evaluator.responses([throw])
             assert (evaluator.made, evaluator.reused) == (1 - reused, reused)
-    np.testing.assert_allclose(*found, rtol=1e-6)
+    made, back = found
+    np.testing.assert_allclose(back.drive_force["1"], made.drive_force["1"], rtol=1e-6)
+    assert (back.onsets, back.failure) == (made.onsets, "")
 
 
 def test_noise_at_rest_and_its_correlation_are_found() -> None:
@@ -404,17 +371,7 @@ def test_noise_at_rest_and_its_correlation_are_found() -> None:
         slow[n] = 0.8 * slow[n - 1] + 0.6 * rng.standard_normal()
     time = BIN * (np.arange(4000) - 4010.0)
     values = 3.0 * slow + 1.0 * rng.standard_normal(4000)
-    signal = Signal(channel="drive_force", drive="1", time=time, values=values)
-    item = MeasuredMovement(
-        name="m",
-        direction="closing",
-        place="none",
-        size=0.0,
-        x=np.nan,
-        signals=(signal,),
-        length=3.0,
-        clocked=False,
-    )
+    item = measured_force("m", time, values)
     noise = measured_noise([item])["drive_force", "1"]
     assert noise.slow == pytest.approx(3.0, rel=0.1)
     assert noise.white == pytest.approx(1.0, rel=0.3)
@@ -446,18 +403,11 @@ def test_an_onset_that_forces_showed_far_too_early_is_found() -> None:
 class Discretised(MadeUp):
     """Is wrong by the square of the step and by modes that are left out, in the stiffness."""
 
-    def responses(self, throws: Sequence[ThrowInputs]) -> list[Response]:
-        self.made += len(throws)
-        wrong = [
-            1.0
-            + STEP_ERROR * (1.0 if throw.halved or throw.fine else 4.0)
-            - MODES_ERROR * (1.0 if throw.fine else 4.0**1.2)
-            for throw in throws
-        ]
-        return [
-            response({**throw.overrides, "k": float(str(throw.overrides["k"])) * share})
-            for throw, share in zip(throws, wrong, strict=True)
-        ]
+    def values(self, throw: ThrowInputs) -> Mapping[str, object]:
+        steps = STEP_ERROR * (1.0 if throw.halved or throw.fine else 4.0)
+        modes = MODES_ERROR * (1.0 if throw.fine else 4.0**1.2)
+        k = float(str(throw.overrides["k"])) * (1.0 + steps - modes)
+        return {**throw.overrides, "k": k}
 
 
 STEP_ERROR, MODES_ERROR = 2e-3, 1e-3
@@ -465,8 +415,7 @@ STEP_ERROR, MODES_ERROR = 2e-3, 1e-3
 
 def test_what_step_and_modes_leave_is_in_the_deviations() -> None:
     """Errors of opposite signs do not cancel in what is stated of them."""
-    rng = np.random.default_rng(3)
-    measured = [movement(f"m{n}", rng=rng) for n in range(6)]
+    measured = alike(6, seed=3)
     exact = fit(misfit(measured), PARAMETERS, TRUE)
     whole = replace(misfit(measured), evaluator=Discretised(load_panel("sb1")))
     found = fit(whole, PARAMETERS, TRUE)
@@ -485,20 +434,15 @@ def test_what_step_and_modes_leave_is_in_the_deviations() -> None:
 class Coarse(Discretised):
     """Is wrong by more in quick throws, and by another share the larger the stiffness."""
 
-    def responses(self, throws: Sequence[ThrowInputs]) -> list[Response]:
-        found = super().responses(throws)
-        return [
-            response(
-                {**throw.overrides, "k": 0.95e5 * (float(str(throw.overrides["k"])) / 1e5) ** 1.1}
-            )
-            if throw.quick
-            else known
-            for throw, known in zip(throws, found, strict=True)
-        ]
+    def values(self, throw: ThrowInputs) -> Mapping[str, object]:
+        if not throw.quick:
+            return super().values(throw)
+        k = 0.95e5 * (float(str(throw.overrides["k"])) / 1e5) ** 1.1
+        return {**throw.overrides, "k": k}
 
 
 def test_a_correction_is_right_where_it_was_made_and_nearly_so_near_by() -> None:
-    whole = misfit([movement("m", rng=np.random.default_rng(2))])
+    whole = misfit(alike(1, seed=2))
     whole.evaluator = Coarse(load_panel("sb1"))
     corrected, near = whole.corrected(TRUE), {**TRUE, "k": 1.01 * TRUE["k"]}
     (here,), (plain,) = corrected.responses([TRUE])[0], whole.responses([TRUE])[0]
@@ -510,25 +454,17 @@ def test_a_correction_is_right_where_it_was_made_and_nearly_so_near_by() -> None
 
 
 def test_movements_of_one_place_and_size_share_fine_throws() -> None:
-    rng = np.random.default_rng(3)
-    whole = misfit([movement(f"m{n}", rng=rng) for n in range(3)])
+    whole = misfit(alike(3, seed=3))
     whole.effects = {"mu": (0.0, 0.05, -0.02)}
-    asked: list[tuple[bool, object]] = []
-
-    def listening(throws: Sequence[ThrowInputs]) -> list[Response]:
-        asked.extend((throw.fine, throw.overrides["mu"]) for throw in throws)
-        return [response(throw.overrides) for throw in throws]
-
-    whole.evaluator = SimpleNamespace(responses=listening)
+    asked = listened(whole)
     whole.refined(TRUE)
-    (fine,) = {value for is_fine, value in asked if is_fine}
+    (fine,) = {throw.overrides["mu"] for throw, _ in asked if throw.fine}
     assert fine == pytest.approx(1.01 * TRUE["mu"])
 
 
 def test_a_refinement_goes_with_its_own_movement() -> None:
     """A subset had what fine throws change of other movements added."""
-    rng = np.random.default_rng(3)
-    whole = misfit([movement(f"m{n}", rng=rng) for n in range(3)])
+    whole = misfit(alike(3, seed=3))
     whole.effects = {"mu": (0.0, 0.05, -0.05)}
     refined = whole.refined(TRUE)
     refined.refinement = tuple(

@@ -135,13 +135,13 @@ def test_the_margin_detects_its_share(link: str) -> None:
     np.testing.assert_allclose(second, (up[1] - down[1]) / 2e-4, atol=1e-4)
 
 
-def test_many_switches_give_back_the_truth() -> None:
-    for binary in (True, False):
-        data = campaign(binary=binary, switches=150)
-        best = maximise(data)
-        truth = np.array([0.3, 3.0, 0.8, 1.0 if binary else 2.0])
-        expected = detected_size(truth[None], data, 0.9)
-        assert detected_size(best.parameters, data, 0.9) == pytest.approx(expected, abs=0.08)
+@pytest.mark.parametrize("binary", [True, False])
+def test_many_switches_give_back_the_truth(binary: bool) -> None:
+    data = campaign(binary=binary, switches=150)
+    truth = np.array([0.3, 3.0, 0.8, 1.0 if binary else 2.0])
+    expected = detected_size(truth[None], data, 0.9)
+    found = detected_size(maximise(data).parameters, data, 0.9)
+    assert found == pytest.approx(expected, abs=0.08)
 
 
 def test_the_bound_is_where_the_likelihood_ratio_says() -> None:
@@ -183,12 +183,19 @@ def table(*, switches: int = 5, seed: int = 3, spread: float = 0.25) -> TestThro
     )
 
 
+def hits(size: Floats, hit: NDArray[np.bool_], switches: tuple[str, ...] = ()) -> TestThrows:
+    """Return a table of hits and misses, of one switch unless others are named."""
+    names = switches or ("1",) * size.size
+    simulated = np.zeros(size.size, bool)
+    return TestThrows(size=size, response=None, hit=hit, switch=names, simulated=simulated)
+
+
 QUICK = PodModel(threshold=250.0, least=40.0, most=1500.0, drawn=100)
 PLAIN = replace(QUICK, drawn=0)
 
 
 def test_responses_give_the_size_at_which_nine_of_ten_exceed_the_threshold() -> None:
-    found = estimate_pod(table(switches=40), replace(QUICK, drawn=0))
+    found = estimate_pod(table(switches=40), PLAIN)
     spread = np.hypot(0.25, 0.3)
     expected = 6e-3 * np.exp((np.log(250.0 / 60.0) + 1.2816 * spread) / 2.0)
     assert found.a90 == pytest.approx(expected, rel=0.04)
@@ -208,7 +215,7 @@ def test_hits_say_the_same_with_a_wider_bound() -> None:
 
 
 def test_censored_responses_do_not_bend_the_line() -> None:
-    free = estimate_pod(table(switches=20), replace(QUICK, drawn=0))
+    free = estimate_pod(table(switches=20), PLAIN)
     cut = table(switches=20)
     assert cut.response is not None
     cut = replace(cut, response=np.clip(cut.response, 100.0, 700.0))
@@ -223,14 +230,10 @@ def test_floor_and_ceiling_are_kept_where_the_data_ask_for_them() -> None:
     size = np.tile(np.geomspace(3e-3, 30e-3, 20), 20)
     hit = rng.uniform(size=400) < 0.08 + 0.87 * norm.cdf(4.0 * np.log(size / 0.01))
     clean = rng.uniform(size=400) < norm.cdf(4.0 * np.log(size / 0.01))
-    names = tuple("1" * 400)
-    throws = TestThrows(
-        size=size, response=None, hit=hit, switch=names, simulated=np.zeros(400, bool)
-    )
-    found = estimate_pod(throws, PodModel(drawn=0))
+    found = estimate_pod(hits(size, hit), PodModel(drawn=0))
     assert 0.02 < found.low < 0.15
     assert 0.9 < found.high < 0.99
-    plain = estimate_pod(replace(throws, hit=clean), PodModel(drawn=0))
+    plain = estimate_pod(hits(size, clean), PodModel(drawn=0))
     assert (plain.low, plain.high) == (0.0, 1.0)
     assert any("one switch" in note for note in plain.notes)
 
@@ -256,25 +259,27 @@ def test_the_dataset_holds_curve_throws_and_key_figures() -> None:
     assert rendered(figure, ".png").startswith(b"\x89PNG")
 
 
+SIZES = np.append(np.arange(1, 31) * 1e-3, 14e-3)
+
+
 @pytest.mark.parametrize(
-    ("change", "words"),
+    ("throws", "words"),
     [
-        ({"hit": np.ones(75, bool)}, "every object from 5 to 31 mm was hit; throw smaller ones"),
-        ({"hit": np.zeros(75, bool)}, "was missed; throw larger ones"),
-        ({"hit": None}, "has no column hit"),
-        ({"size": np.concatenate([np.full(5, 0.01), np.zeros(70)])}, "has 5 throws with objects"),
+        (replace(table(), hit=np.ones(75, bool)),
+         "every object from 5 to 31 mm was hit; throw smaller ones"),
+        (replace(table(), hit=np.zeros(75, bool)), "was missed; throw larger ones"),
+        (replace(table(), hit=None), "has no column hit"),
+        (replace(table(), size=np.concatenate([np.full(5, 0.01), np.zeros(70)])),
+         "has 5 throws with objects"),
+        (replace(table(spread=0.0), hit=table().size > 12e-3), "do not overlap"),
+        (hits(SIZES, SIZES > 13.5e-3), "do not overlap"),
+        (hits(SIZES, np.append(SIZES[:-1] > 13.5e-3, False)), "do not overlap"),
     ],
-)
-def test_a_campaign_that_says_too_little_is_refused(change: dict[str, object], words: str) -> None:
+    ids=["all hit", "all missed", "no hits", "few", "apart", "of one switch", "tied"],
+)  # fmt: skip
+def test_a_campaign_that_says_too_little_is_refused(throws: TestThrows, words: str) -> None:
     with pytest.raises(StudyError, match=words):
-        estimate_pod(replace(table(), **change), PodModel(drawn=0))  # type: ignore[arg-type]
-
-
-def hits(size: Floats, hit: NDArray[np.bool_], switches: tuple[str, ...] = ()) -> TestThrows:
-    """Return a table of hits and misses, of one switch unless others are named."""
-    names = switches or ("1",) * size.size
-    simulated = np.zeros(size.size, bool)
-    return TestThrows(size=size, response=None, hit=hit, switch=names, simulated=simulated)
+        estimate_pod(throws, PodModel(drawn=0))
 
 
 @pytest.mark.parametrize("scatter", [0.02, 0.05])
@@ -291,14 +296,6 @@ def test_a_sharp_change_has_the_likeliest_a90_and_a_bound_above(scatter: float) 
     found = estimate_pod(hits(size, hit), PodModel(drawn=100))
     assert found.a90 == pytest.approx(np.exp(best[0] + norm.ppf(0.9) * np.exp(best[1])), rel=1e-4)
     assert found.a90_95 > found.a90 * (1.0 + 0.4 * scatter)
-
-
-@pytest.mark.parametrize("last_miss", [13e-3, 14e-3], ids=["apart", "tied"])
-def test_one_size_from_which_all_are_hit_is_refused(last_miss: float) -> None:
-    size = np.append(np.arange(1, 31) * 1e-3, 14e-3)
-    hit = np.append(size[:-1] > 13.5e-3, last_miss < 14e-3)
-    with pytest.raises(StudyError, match="do not overlap"):
-        estimate_pod(hits(size, hit), PodModel(drawn=0))
 
 
 def test_switches_that_change_at_one_size_each_have_no_bound_and_say_so() -> None:
@@ -319,22 +316,13 @@ def test_an_a90_beyond_the_sizes_thrown_is_said_to_be_extrapolated() -> None:
     assert any("a90 is extrapolated: the largest object was 31 mm" in note for note in found.notes)
 
 
-def test_hits_and_misses_that_do_not_overlap_are_refused() -> None:
-    given = table(spread=0.0)
-    with pytest.raises(StudyError, match="do not overlap"):
-        estimate_pod(replace(given, hit=given.size > 12e-3), PodModel(drawn=0))
-
-
 def test_models_without_meaning_are_refused_together() -> None:
     with pytest.raises(StudyError) as found:
         PodModel(size_scale="square", link="cauchit", threshold=1.0, least=2.0, drawn=-1)
     assert len(found.value.problems) == 4
-
-
-@pytest.mark.parametrize("drawn", [1, 20, 99])
-def test_too_few_simulated_campaigns_are_refused(drawn: int) -> None:
-    with pytest.raises(StudyError, match="must be 0, or 100 or more"):
-        PodModel(drawn=drawn)
+    for drawn in (1, 99):
+        with pytest.raises(StudyError, match="must be 0, or 100 or more"):
+            PodModel(drawn=drawn)
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from turnout.core import content_cache as cache
 from turnout.core.lru_cache import LRUCache
 from turnout.mechanism import build, reduce, structure
 from turnout.mechanism.build import build_mechanism
+from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import load_panel
 
@@ -20,19 +21,30 @@ PANEL = load_panel("uic60-760-1-15")
 TABLE = ["-8 mm", "-5 mm", "0 mm", "9 mm"]
 
 
+def forget() -> None:
+    """Empty the memory, not the folder."""
+    cache.clear_content_cache()
+    reduce.clear_superelements()
+    build.clear_mechanisms()
+
+
+def assert_same(one: Mechanism, other: Mechanism) -> None:
+    for name in ("stiffness", "mass", "damping", "load", "rows"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+    for name, values in one.laws._asdict().items():
+        np.testing.assert_array_equal(values, getattr(other.laws, name), err_msg=name)
+    assert one.index == other.index
+
+
 @pytest.fixture
 def fresh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """An empty memory and an empty folder."""
     monkeypatch.setenv("TURNOUT_CACHE_DIR", str(tmp_path))
-    cache.clear_content_cache()
-    reduce.clear_superelements()
-    build.clear_mechanisms()
+    forget()
     cache.counts.clear()
     monkeypatch.setattr(cache, "_reported", set())
     yield tmp_path
-    cache.clear_content_cache()
-    reduce.clear_superelements()
-    build.clear_mechanisms()
+    forget()
 
 
 def built(overrides: dict[str, object]) -> dict[str, int]:
@@ -77,14 +89,9 @@ def test_rails_of_other_sections_share_all_else(
     panel = PANEL.with_overrides(scaled)
     shared = build_mechanism(panel)
     assert built(scaled) == {}
-    build.clear_mechanisms()
-    reduce.clear_superelements()
-    cache.clear_content_cache()
+    forget()
     made = build_mechanism(panel)
-    for name in ("stiffness", "mass", "damping", "load", "rows"):
-        np.testing.assert_array_equal(getattr(shared, name), getattr(made, name), err_msg=name)
-    for name, values in shared.laws._asdict().items():
-        np.testing.assert_array_equal(values, getattr(made.laws, name), err_msg=name)
+    assert_same(shared, made)
     assert not any("superelement" in path.name for path in kept_files())
 
 
@@ -92,9 +99,7 @@ def test_files_serve_the_next_process(fresh: Path, monkeypatch: pytest.MonkeyPat
     """Small superelements that a process computes after some others are made again."""
     monkeypatch.setattr(reduce, "FIRST_STORED", 1)
     first = build_mechanism(PANEL)
-    cache.clear_content_cache()
-    reduce.clear_superelements()
-    build.clear_mechanisms()
+    forget()
     cache.counts.clear()
     second = build_mechanism(PANEL)
     assert cache.counts == {
@@ -104,8 +109,7 @@ def test_files_serve_the_next_process(fresh: Path, monkeypatch: pytest.MonkeyPat
         "superelement computed": 1,
         "superelement from memory": 2,
     }
-    np.testing.assert_array_equal(first.stiffness, second.stiffness)
-    np.testing.assert_array_equal(first.mass, second.mass)
+    assert_same(first, second)
 
 
 def test_a_damaged_file_is_made_again_and_reported_once(
@@ -118,53 +122,41 @@ def test_a_damaged_file_is_made_again_and_reported_once(
     assert len(files) == 2
     files[0].write_bytes(b"no archive")
     files[1].write_bytes(files[1].read_bytes()[:60])
-    cache.clear_content_cache()
-    reduce.clear_superelements()
-    build.clear_mechanisms()
+    forget()
     with caplog.at_level(logging.WARNING, logger="turnout"):
         for number in (1, 2):
             again = cache.cached_arrays("a", [number], lambda: {"value": np.array([1.0, 2.0])})
             assert again["value"].tolist() == [1.0, 2.0]
     assert cache.counts["damaged"] == 2
     assert len(caplog.records) == 1
-    cache.clear_content_cache()
-    reduce.clear_superelements()
-    build.clear_mechanisms()
+    forget()
     cache.cached_arrays("a", [1], lambda: {"value": np.zeros(0)})
     assert cache.counts["a from file"] == 1
 
 
+@pytest.mark.parametrize("private", [True, False])
 def test_a_folder_that_cannot_be_written_costs_nothing_but_time(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fresh: Path, caplog: pytest.LogCaptureFixture
+    private: bool,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    fresh: Path,
+    caplog: pytest.LogCaptureFixture,
 ) -> None:
-    blocked = tmp_path / "file"
+    """A private folder takes its place, where there can be one."""
+    blocked, other = tmp_path / "file", tmp_path / "private"
     blocked.write_text("in the way")
+    other.mkdir(mode=0o700)
     monkeypatch.setenv("TURNOUT_CACHE_DIR", str(blocked))
-    monkeypatch.setattr(cache_folder, "private_folder", lambda: None)
+    monkeypatch.setattr(cache_folder, "private_folder", lambda: other if private else None)
     with caplog.at_level(logging.WARNING, logger="turnout"):
         for number in (1, 2):
             made = cache.cached_arrays("b", [number], lambda: {"value": np.array([3.0])})
             assert made["value"].tolist() == [3.0]
-    assert cache.counts["unwritable"] == 2
-    assert [r.message for r in caplog.records if "TURNOUT_CACHE_DIR" in r.message]
-
-
-def test_a_private_folder_takes_the_place_of_one_that_cannot_be_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fresh: Path
-) -> None:
-    blocked, private = tmp_path / "file", tmp_path / "private"
-    blocked.write_text("in the way")
-    private.mkdir(mode=0o700)
-    monkeypatch.setenv("TURNOUT_CACHE_DIR", str(blocked))
-    monkeypatch.setattr(cache_folder, "private_folder", lambda: private)
-    cache.cached_arrays("b", [3], lambda: {"value": np.array([3.0])})
-    assert len(list(private.glob("models-*/*.npz"))) == 1
-
-
-def test_no_one_changes_what_others_share(fresh: Path) -> None:
-    made = cache.cached_arrays("c", [0], lambda: {"value": np.array([3.0])})
-    with pytest.raises(ValueError, match="read-only"):
-        made["value"][0] = 1.0
+            with pytest.raises(ValueError, match="read-only"):
+                made["value"][0] = 1.0
+    assert len(list(other.glob("models-*/*.npz"))) == (2 if private else 0)
+    assert cache.counts["unwritable"] == (0 if private else 2)
+    assert private or [r.message for r in caplog.records if "TURNOUT_CACHE_DIR" in r.message]
 
 
 def test_old_files_go_and_memory_stays_small(fresh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -223,11 +215,7 @@ def test_a_kept_linear_part_is_the_one_that_would_be_made(changes: dict[str, obj
     kept = build_mechanism(panel, objects)
     build.clear_mechanisms()
     made = build_mechanism(panel, objects)
-    for name in ("stiffness", "mass", "damping", "load", "rows"):
-        np.testing.assert_array_equal(getattr(kept, name), getattr(made, name), err_msg=name)
-    for name, values in kept.laws._asdict().items():
-        np.testing.assert_array_equal(values, getattr(made.laws, name), err_msg=name)
-    assert kept.index == made.index
+    assert_same(kept, made)
 
 
 def test_nothing_of_a_rail_is_left_in_a_cleared_memory(fresh: Path) -> None:
@@ -254,13 +242,6 @@ def test_laws_take_the_values_of_their_own_chairs() -> None:
         assert found == pytest.approx(values or usual)
 
 
-def test_a_linear_part_is_kept_for_what_only_laws_know() -> None:
-    first = build_mechanism(PANEL)
-    dry = build_mechanism(PANEL.with_overrides({"chair.friction_coefficient": 0.5}))
-    assert dry.stiffness is first.stiffness
-    assert not dry.stiffness.flags.writeable
-
-
 def test_panels_of_the_same_keys_share_what_shapes_them(fresh: Path) -> None:
     """Values of laws do not count, strokes do; the mechanism is the one made from the start."""
     keys = ("chair.friction_coefficient", "drive.1.stiffness", "drive.2.over_travel_closed")
@@ -272,11 +253,10 @@ def test_panels_of_the_same_keys_share_what_shapes_them(fresh: Path) -> None:
         objects = [resolve_objects(panel, [ForeignObject(0.01, "sleeper 6")]) for panel in panels]
         made = [build_mechanism(*pair) for pair in zip(panels, objects, strict=True)]
         assert made[1].rows is made[2].rows
+        assert made[1].stiffness is made[2].stiffness
         build.clear_mechanisms()
         again = build_mechanism(panels[2], objects[2])
-        for name, array in again.laws._asdict().items():
-            np.testing.assert_array_equal(getattr(made[2].laws, name), array, strict=True)
-        np.testing.assert_array_equal(made[2].stiffness, again.stiffness)
+        assert_same(made[2], again)
         elsewhere = resolve_objects(panels[2], [ForeignObject(0.01, "sleeper 7")])
         assert build_mechanism(panels[2], elsewhere).rows is not again.rows
 
@@ -292,13 +272,10 @@ def test_rails_made_with_an_object_at_their_nodes_are_those_without(
     )
     bare, shared = build_mechanism(panel), build_mechanism(panel, objects)
     assert shared.stiffness is bare.stiffness
+    assert not shared.stiffness.flags.writeable
     assert shared.core is bare.rows
     build.clear_mechanisms()
     monkeypatch.setattr(build, "node_rows", lambda *_: None)
     made = build_mechanism(panel, objects)
     assert made.core is made.rows
-    for name in ("stiffness", "mass", "damping", "load", "rows"):
-        np.testing.assert_array_equal(getattr(shared, name), getattr(made, name), err_msg=name)
-    for name, values in shared.laws._asdict().items():
-        np.testing.assert_array_equal(values, getattr(made.laws, name), err_msg=name)
-    assert shared.index == made.index
+    assert_same(shared, made)

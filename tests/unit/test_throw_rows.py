@@ -172,14 +172,6 @@ def fused(weights: np.ndarray, values: np.ndarray) -> np.ndarray:
     return found
 
 
-def test_rows_with_gaps_in_memory_are_refused() -> None:
-    rows = WeightedRows(
-        sums_of_columns("g", np.array([[0]]), rows=np.array([0])), np.zeros((1, 8))[:, ::2]
-    )
-    with pytest.raises(ValueError, match="without gaps"):
-        write_rows([rows], {"g": np.zeros((4, 1))})
-
-
 @pytest.mark.parametrize(
     "places", [[], [4], [1, 2, 3], [0, 5, 10], [3, 2, 1], [1, 1, 1], [1, 2, 4]]
 )
@@ -204,16 +196,22 @@ def test_kept_indexes_make_the_same_coordinates(solved: Solved) -> None:
     assert "units" not in xr.Dataset(coords=indexed(made))["rail"].attrs
 
 
+FAMILIES = {
+    "rail", "drive", "chair", "stop", "link", "sensor", "object", "fastening", "axis",
+}  # fmt: skip
+
+
 @pytest.mark.parametrize("used", [(), ("drive",), ("fastening", "axis", "link", "stop", "object")])
 def test_coordinates_are_those_of_the_dimensions_that_are_used(
     solved: Solved, used: tuple[str, ...]
 ) -> None:
-    panel = load_panel(DEFAULT)
-    made = dataset_coordinates(panel, solved.mechanism.index, used=used)
-    there = {dim for dim in used if dim in ("axis", "object") or len(getattr(panel, dim))}
-    assert {dim for dims, _ in made.values() for dim in dims} <= {*used}
-    assert there - {"object"} <= made.keys()
-    assert ("drive_stiffness" in made) == ("drive" in used)
+    given = (load_panel(DEFAULT), solved.mechanism.index)
+    every, made = (dataset_coordinates(*given, used=dims) for dims in (FAMILIES, used))
+    assert {dims[0] for dims, _ in every.values()} >= {*used}
+    assert made.keys() == {name for name, (dims, _) in every.items() if dims[0] in used}
+    for name, (dims, values) in made.items():
+        assert dims == every[name][0]
+        np.testing.assert_array_equal(values, every[name][1])
 
 
 def test_a_run_without_all_channels_has_those_that_it_keeps(solved: Solved) -> None:
@@ -226,31 +224,39 @@ def test_a_run_without_all_channels_has_those_that_it_keeps(solved: Solved) -> N
             assert some[name].equals(whole[name]), name
 
 
-def test_what_the_kernel_would_misread_is_refused() -> None:
-    products = sums_of_columns("g", np.array([[0, 1], [2, 3]]), rows=np.arange(2))
-    history, out = np.arange(12.0).reshape(3, 4), np.zeros((2, 3))
-    fixed = np.zeros((2, 3))
-    fixed.flags.writeable = False
-    whole: Any = np.zeros((2, 3), dtype=np.int64)
-    for rows, message in (
-        (WeightedRows(products, fixed), "writeable"),
-        (WeightedRows(products, np.zeros((2, 6))[:, ::2]), "without gaps"),
-        (WeightedRows(products, whole), "must be floats"),
-        (WeightedRows(products, np.zeros((2, 4))), "history g must be floats of 4 instants"),
-        (WeightedRows(products, out, start=np.zeros(1)), "a start for each row"),
-    ):
-        with pytest.raises(ValueError, match=message):
-            write_rows([rows], {"g": history})
-    single: Any = history.astype(np.float32)
-    with pytest.raises(ValueError, match="history g must be floats"):
-        write_rows([WeightedRows(products, out)], {"g": single})
+INTEGERS: Any = np.zeros((2, 3), dtype=np.int64)
+FIXED = np.zeros((2, 3))
+FIXED.flags.writeable = False
+PAIRS = [[0, 1], [2, 3]]
+
+
+@pytest.mark.parametrize(
+    ("out", "columns", "kind", "start", "message"),
+    [
+        (FIXED, PAIRS, "f8", None, "writeable"),
+        (np.zeros((2, 6))[:, ::2], PAIRS, "f8", None, "without gaps"),
+        (INTEGERS, PAIRS, "f8", None, "must be floats"),
+        (np.zeros((2, 4)), PAIRS, "f8", None, "history g must be floats of 4 instants"),
+        (np.zeros((2, 3)), PAIRS, "f8", np.zeros(1), "a start for each row"),
+        (np.zeros((2, 3)), PAIRS, "f4", None, "history g must be floats"),
+        (np.zeros((2, 3)), [[0, 4], [2, 3]], "f8", None, ""),
+    ],
+    ids=["fixed", "gaps", "integers", "instants", "start", "single", "beyond"],
+)
+def test_what_the_kernel_would_misread_is_refused(
+    out: Any, columns: list[list[int]], kind: str, start: Any, message: str
+) -> None:
+    products = sums_of_columns("g", np.array(columns), rows=np.arange(2))
+    history: Any = np.arange(12.0).reshape(3, 4).astype(kind)
+    with pytest.raises(ValueError if message else IndexError, match=message or None):
+        write_rows([WeightedRows(products, out, start=start)], {"g": history, "q": history})
+
+
+def test_rows_of_other_instants_than_the_first_are_refused() -> None:
+    products = sums_of_columns("g", np.array(PAIRS), rows=np.arange(2))
+    rows = [WeightedRows(products, np.zeros((2, count))) for count in (3, 2)]
     with pytest.raises(ValueError, match="3 instants"):
-        write_rows(
-            [WeightedRows(products, out), WeightedRows(products, np.zeros((2, 2)))], {"g": history}
-        )
-    beyond = sums_of_columns("g", np.array([[0, 4], [2, 3]]), rows=np.arange(2))
-    with pytest.raises(IndexError):
-        write_rows([WeightedRows(beyond, out)], {"g": history, "q": history})
+        write_rows(rows, {"g": np.zeros((3, 4))})
 
 
 def test_recipes_are_made_once_for_rails_that_throws_share(solved: Solved) -> None:
@@ -290,11 +296,13 @@ def test_merged_blocks_hold_what_they_hold_apart() -> None:
     }
 
 
-def test_rows_without_weights_are_what_they_start_with() -> None:
-    out = np.empty((2, 13))
+def test_rows_without_weights_are_what_they_start_with_and_others_are_left() -> None:
+    out, left = np.empty((2, 13)), np.full((2, 4), 7.0)
     nothing = Product("g", np.arange(3), slice(0, 2), np.zeros((2, 3)))
     write_rows([WeightedRows([nothing], out, start=np.array([1.0, 2.0]))], {"g": np.ones((13, 3))})
     np.testing.assert_array_equal(out, np.broadcast_to([[1.0], [2.0]], out.shape))
+    write_rows([Recipe((), unknown=(1,)).into(left)], {"g": np.zeros((4, 9))})
+    np.testing.assert_array_equal(left, [[7.0] * 4, [np.nan] * 4])
 
 
 def test_places_of_gaps_that_throws_share_cannot_be_changed() -> None:
@@ -318,22 +326,3 @@ def test_rows_of_which_nothing_is_known_are_nan_and_near_rows_are_like_others() 
     np.testing.assert_array_equal(found[0], found[1])
     np.testing.assert_array_equal(found[0][[0, 2]], history[:, [8, 1]].T)
     assert np.isnan(found[0][1]).all()
-
-
-def test_rows_without_any_product_are_left_as_they_are() -> None:
-    out = np.full((2, 4), 7.0)
-    write_rows([Recipe((), unknown=(1,)).into(out)], {"g": np.zeros((4, 9))})
-    np.testing.assert_array_equal(out, [[7.0] * 4, [np.nan] * 4])
-
-
-def test_coordinates_of_other_dimensions_are_left_out(solved: Solved) -> None:
-    panel = load_panel(DEFAULT)
-    given = (panel, solved.mechanism.index)
-    families = {"rail", "drive", "chair", "stop", "link", "sensor", "object"}
-    every = dataset_coordinates(*given, used=families)
-    some = dataset_coordinates(*given, used={"drive"})
-    assert set(some) == {name for name, (dims, _) in every.items() if dims[0] == "drive"}
-    assert "object" in every
-    for name, (dims, values) in some.items():
-        assert dims == every[name][0]
-        np.testing.assert_array_equal(values, every[name][1])
