@@ -185,10 +185,11 @@ def main() -> None:
     """Print the table, or put it into the page of features."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--write", action="store_true", help="into docs/project/features.md")
+    write = parser.parse_args().write
     table = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
     lines = "\n".join(printed(table))
     path = page.DOCS / "project/features.md"
-    if parser.parse_args().write:
+    if write:
         text = page.put(path.read_text(encoding="utf-8"), "features", lines)
         path.write_text(text, encoding="utf-8")
     print(lines)

@@ -6,22 +6,9 @@ Files that are not named here are short; they fill what is left at the end.
 import pytest
 from xdist.scheduler import LoadFileScheduling
 
-TRAINED = (
-    "tests/unit/test_detector.py",
-    "tests/faults/test_detector_recordings.py",
-    "tests/unit/test_web_detecting.py",
-    "tests/unit/test_detector_calibrating.py",
-    "tests/unit/test_detector_another_switch.py",
-    "tests/unit/test_detector_align.py",
-    "tests/unit/test_detector_find_movements.py",
-    "tests/unit/test_detector_intervals.py",
-    "tests/unit/test_detector_nearest_samples.py",
-    "tests/unit/test_detector_object_kinds.py",
-    "tests/unit/test_detector_recorded.py",
-)
-"""Use the detector of the toy switch, which a process trains in 12 s: they share one process."""
 LONG = (
     "tests/faults/test_hostile_recordings.py",
+    "tests/unit/test_detector.py",
     "tests/unit/test_open_benchmark_methods.py",
     "tests/faults/test_studio_freeze.py",
     "tests/faults/test_calibrate_interrupt.py",
@@ -46,6 +33,10 @@ LONG = (
     "tests/gallery/test_readme.py",
     "tests/faults/test_cache_folder.py",
     "tests/faults/test_cli_campaign.py",
+    "tests/unit/test_web_detecting.py",
+    "tests/faults/test_detector_recordings.py",
+    "tests/unit/test_detector_calibrating.py",
+    "tests/unit/test_detector_another_switch.py",
     "tests/unit/test_study_discrepancy_fit.py",
     "tests/unit/test_web_worker.py",
     "tests/unit/test_detection_pod.py",
@@ -63,7 +54,7 @@ BROWSER = (
     "tests/browser/test_studio_work.py",
 )
 """Share one studio and one page of a browser."""
-RANK = {name: number for number, name in enumerate((*TRAINED, *BROWSER, *LONG))}
+RANK = {name: number for number, name in enumerate((*BROWSER, *LONG))}
 
 
 def ordered(items: list[pytest.Item]) -> list[pytest.Item]:
@@ -85,4 +76,4 @@ class LongFirst(LoadFileScheduling):
 
     def _split_scope(self, nodeid: str) -> str:
         file = file_of(nodeid)
-        return next((files[0] for files in (TRAINED, BROWSER) if file in files), file)
+        return BROWSER[0] if file in BROWSER else file

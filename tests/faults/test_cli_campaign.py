@@ -191,7 +191,7 @@ def test_a_folder_that_may_not_be_written_is_read_all_the_same(
         raise FileError(message)
 
     monkeypatch.setattr(recorded_throw, "write_atomic", full)
-    folder = copied(tmp_path)
+    folder = copied(tmp_path, built=False)
     assert run("check", folder).exit_code == 0
     assert list((folder / ".turnout").iterdir()) == []
     shutil.rmtree(folder)

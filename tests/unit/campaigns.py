@@ -8,6 +8,8 @@ from pathlib import Path
 
 from tests.unit.simulated import sb2_panel
 
+from turnout.measurement.campaign.build_campaign import build_campaign_dataset
+from turnout.measurement.campaign.campaign_folder import STORE
 from turnout.study.virtual.campaign_plan import CampaignPlan
 from turnout.study.virtual.make_campaign import make_virtual_campaign
 
@@ -29,10 +31,21 @@ def made() -> Path:
     return folder
 
 
-def copied(folder: Path) -> Path:
-    """Return a copy that a test may change, without what earlier builds kept."""
+@cache
+def cut() -> Path:
+    """Return a folder with what a build keeps of each recording."""
+    folder = copied(Path(tempfile.mkdtemp()), built=False)
+    atexit.register(shutil.rmtree, folder.parent, ignore_errors=True)
+    build_campaign_dataset(folder)
+    return folder / STORE
+
+
+def copied(folder: Path, *, built: bool = True) -> Path:
+    """Return a copy that a test may change, of a campaign that was built before or was not."""
     target = folder / "campaign"
-    shutil.copytree(made(), target, ignore=shutil.ignore_patterns(".turnout", ".virtual"))
+    shutil.copytree(made(), target, ignore=shutil.ignore_patterns(STORE, ".virtual"))
+    if built:
+        shutil.copytree(cut(), target / STORE)
     return target
 
 

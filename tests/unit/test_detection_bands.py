@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.unit.detection_throws import toy_throws
+from tests.unit.detection_throws import toy_map, toy_throws
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
@@ -21,7 +21,7 @@ CLOSING = 0.8
 
 
 def test_panels_that_are_alike_have_the_interval_of_one() -> None:
-    found = limit_map(toy_throws(), Conditions(), closing=CLOSING)
+    found = toy_map()
     band = bands.bands_of(["a", "b", "c"], [found] * 3)
     alone = found.sel(channel="both drives")
     for share in band["share"]:
@@ -32,7 +32,7 @@ def test_panels_that_are_alike_have_the_interval_of_one() -> None:
 
 
 def test_a_line_that_ends_beyond_what_was_thrown_is_marked_there() -> None:
-    found = limit_map(toy_throws(), Conditions(), closing=CLOSING)
+    found = toy_map()
     band = bands.bands_of(["a", "b"], [found] * 2)
     said = "line ends: beyond what was thrown"
     assert said not in [text.get_text() for text in plot_bands(band).axes[0].get_legend().texts]
@@ -45,7 +45,7 @@ def test_a_line_that_ends_beyond_what_was_thrown_is_marked_there() -> None:
 
 
 def test_a_place_lies_where_it_is_in_each_panel() -> None:
-    found = limit_map(toy_throws(), Conditions(), closing=CLOSING)
+    found = toy_map()
     x = found["x"].to_numpy()
     moved = found.assign_coords(x=("place", x + np.where(x == x[0], 0.4, 0.0)))
     band = bands.bands_of(["a", "b", "c"], [found, moved, moved])
@@ -62,7 +62,7 @@ def test_a_place_lies_where_it_is_in_each_panel() -> None:
 def test_one_drive_is_not_called_both() -> None:
     found = limit_map(toy_throws(drives=1), Conditions(), closing=CLOSING)
     assert "force, its one drive: " in plot_limit(found).get_suptitle()
-    found = limit_map(toy_throws(), Conditions(), closing=CLOSING)
+    found = toy_map()
     assert "force, both drives: " in plot_limit(found).get_suptitle()
 
 

@@ -36,10 +36,10 @@ def one_level(covariance: np.ndarray, shift: np.ndarray | None = None) -> Popula
 @pytest.mark.parametrize("size", [1.0, 2.0, 3.0])
 def test_a_signature_that_is_known_gives_the_closed_form(size: float) -> None:
     covariance = ROOT @ ROOT.T
-    drawn = draw_sound(one_level(covariance), np.full(2, 0.3), draws=40_000)
+    drawn = draw_sound(one_level(covariance), np.full(2, 0.3), draws=20_000)
     same = np.tile(size * WAY, (2, 1, 1))
     found = known_place_power(
-        drawn, same, same, false_alarm_rate=RATE, amplitude=0.0, objects=40_000
+        drawn, same, same, false_alarm_rate=RATE, amplitude=0.0, objects=20_000
     )
     index = float(detection_index(size * WAY, covariance))
     expected = norm.cdf(index - norm.isf(RATE))
@@ -67,10 +67,10 @@ def test_with_a_history_it_is_the_closed_form_of_what_remains() -> None:
         level_deviation=0.03, history=0,
     ).covariances[0]  # fmt: skip
     np.testing.assert_allclose(shift @ shift.T + covariance, unknown, rtol=1e-9)
-    drawn = draw_sound(one_level(covariance, shift), np.full(2, 0.3), draws=40_000)
+    drawn = draw_sound(one_level(covariance, shift), np.full(2, 0.3), draws=20_000)
     same = np.tile([6.0, 5.0], (2, 1, 1))
     found = known_place_power(
-        drawn, same, same, false_alarm_rate=RATE, amplitude=0.0, objects=40_000
+        drawn, same, same, false_alarm_rate=RATE, amplitude=0.0, objects=20_000
     )
     index = float(detection_index([6.0, 5.0], covariance))
     assert found.pod[0] == pytest.approx(norm.cdf(index - norm.isf(RATE)), abs=0.008)
@@ -100,10 +100,10 @@ def test_levels_of_several_centres_are_one_mixture() -> None:
         level=level, spread=0.05, mean=np.array([[0.0], [0.0], [0.0]]),
         covariances=[np.eye(1)] * 3, shifts=[np.zeros((1, 0))] * 3,
     )  # fmt: skip
-    drawn = draw_sound(many, np.array([0.1, 0.17, 0.28]), draws=30_000)
+    drawn = draw_sound(many, np.array([0.1, 0.17, 0.28]), draws=20_000)
     same = np.full((3, 1, 1), 4.0)
     found = known_place_power(
-        drawn, same, same, false_alarm_rate=RATE, amplitude=0.0, objects=30_000
+        drawn, same, same, false_alarm_rate=RATE, amplitude=0.0, objects=20_000
     )
     assert found.pod[0] == pytest.approx(norm.cdf(4.0 - norm.isf(RATE)), abs=0.01)
 
@@ -116,7 +116,7 @@ def test_a_small_rate_needs_no_more_draws() -> None:
 
 
 def test_the_map_lies_above_the_linear_bound_and_falls_with_a_history() -> None:
-    throws = toy_throws()
+    throws = toy_throws(states=30)
     found = known_place_map(throws, Conditions(), closing=CLOSING, draws=4000)
     linear = limit_map(throws, Conditions(), closing=CLOSING)["a90"].sel(channel="both drives")
     assert np.all(found["known_a90_high"] >= linear - 1e-4)
@@ -129,6 +129,6 @@ def test_the_map_lies_above_the_linear_bound_and_falls_with_a_history() -> None:
 
 
 def test_an_object_that_changes_nothing_is_not_seen() -> None:
-    throws = replace(toy_throws(), change=0.0 * toy_throws().change)
-    found = known_place_map(throws, Conditions(), closing=CLOSING, draws=2000)
+    throws = replace(toy_throws(states=30), change=0.0 * toy_throws(states=30).change)
+    found = known_place_map(throws, Conditions(), closing=CLOSING, draws=1000)
     assert np.isnan(found["known_a90"]).all()

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.unit.detection_throws import toy_throws
+from tests.unit.detection_throws import toy_map, toy_throws
 
 from turnout.detection.limit.limit_map import limit_map, rows_of, size_weights, smallest_seen
 from turnout.detection.reference import Conditions, reference_study
@@ -20,13 +20,13 @@ def a90(**conditions: object) -> np.ndarray:
 
 
 def test_what_is_not_touched_is_detected_at_the_rate_of_false_alarms() -> None:
-    found = limit_map(toy_throws(), Conditions(), closing=0.8)
+    found = toy_map()
     below = found["pod"].sel(place="sleeper 1", channel="both drives").sel(size=slice(0, 0.9e-3))
     np.testing.assert_allclose(below, 1e-3, rtol=1e-9)
 
 
 def test_probability_grows_with_the_size_and_with_a_second_drive() -> None:
-    found = limit_map(toy_throws(), Conditions(), closing=0.8)
+    found = toy_map()
     assert np.all(np.diff(found["pod"], axis=-1) >= -1e-12)
     both, one = (found["pod"].sel(channel=name) for name in ("both drives", "drive 1"))
     assert np.all(both.to_numpy() >= one.to_numpy() - 1e-12)
@@ -96,7 +96,7 @@ def test_objects_of_another_kind_lie_beside_those_that_stay_as_they_are() -> Non
 
 
 def test_figure_shows_the_blade_and_the_floor() -> None:
-    figure = plot_limit(limit_map(toy_throws(), Conditions(), closing=0.8))
+    figure = plot_limit(toy_map())
     ax = figure.axes[0]
     assert ax.get_xlim() == (0.3, 0.6)
     named = [text.get_text() for text in ax.get_legend().get_texts()]
@@ -105,7 +105,7 @@ def test_figure_shows_the_blade_and_the_floor() -> None:
 
 
 def test_the_edge_of_nine_of_ten_is_a90_between_places_too() -> None:
-    found = limit_map(toy_throws(), Conditions(), closing=0.8)
+    found = toy_map()
     at = found.sel(channel="both drives")
     edges = level_sizes(at)
     np.testing.assert_array_equal(edges[LEVELS.index(0.9)], at["a90"])
@@ -118,7 +118,7 @@ def test_the_edge_of_nine_of_ten_is_a90_between_places_too() -> None:
 
 
 def test_what_is_not_reached_ends_at_what_was_thrown_and_is_marked() -> None:
-    found = limit_map(toy_throws(), Conditions(), closing=0.8).copy(deep=True)
+    found = toy_map().copy(deep=True)
     found["pod"][:, 0] = np.minimum(found["pod"][:, 0], 0.6)
     found["a90"][:, 0] = np.nan
     at = found.sel(channel="both drives")
@@ -131,7 +131,7 @@ def test_what_is_not_reached_ends_at_what_was_thrown_and_is_marked() -> None:
 
 
 def test_places_that_lie_together_have_one_label() -> None:
-    found = limit_map(toy_throws(), Conditions(), closing=0.8)
+    found = toy_map()
     names = ["drive 1", "drive 2", *(f"sleeper {n}" for n in range(1, 12))]
     x = np.array([0.3, 0.3, *(0.6 * n for n in range(1, 12))])
     at, joined = labels_of(x, names)

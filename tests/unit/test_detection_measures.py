@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.stats import norm
-from tests.unit.detection_throws import toy_throws
+from tests.unit.detection_throws import CLOSING, toy_map, toy_throws
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
@@ -40,7 +40,6 @@ from turnout.panel.load import LoadedPanel, load_panel
 from turnout.throw.store import open_response
 
 INPUTS = ("drive.1.over_travel_closed",)
-CLOSING = 0.8
 
 
 def test_two_alarms_in_a_row_are_those_of_drawn_throws() -> None:
@@ -71,7 +70,7 @@ def test_measures_are_ranked_by_what_they_gain() -> None:
     assert [row["measure"] for row in rows][0] == "history 20"
     each = [float(row["gain"]) for row in rows]
     assert each == sorted(each, reverse=True)
-    usual = limit_map(throws, conditions, closing=CLOSING)["a90"].sel(channel="both drives")
+    usual = toy_map()["a90"].sel(channel="both drives")
     known = limit_map(throws, replace(conditions, history=20), closing=CLOSING)["a90"]
     gain = float((usual - known.sel(channel="both drives")).mean())
     assert each[0] == pytest.approx(gain)
@@ -93,7 +92,7 @@ def test_gains_have_intervals_over_states_drawn_together() -> None:
         assert low <= value <= high
         width[name] = high - low
     assert width["friction 0.25"] > width["discrepancy 3 %"] > 0.0
-    alone = limit_map(throws, conditions, closing=CLOSING).sel(channel="both drives")
+    alone = toy_map().sel(channel="both drives")
     ends = np.quantile(alone["a90_resampled"], [0.025, 0.975], axis=0, method="nearest")
     np.testing.assert_allclose(ends, [alone["a90_low"], alone["a90_high"]])
 
@@ -287,14 +286,16 @@ def test_a_day_on_the_default_panel_determines_what_it_should() -> None:
 def test_the_command_prints_map_end_positions_and_measures(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr("turnout.detection.throws.throw_all", lambda *_, **__: toy_throws())
+    monkeypatch.setattr(
+        "turnout.detection.throws.throw_all", lambda *_, **__: toy_throws(states=30)
+    )
     monkeypatch.setattr("turnout.detection.throws.closing_time", lambda _: CLOSING)
     monkeypatch.setattr(
         "turnout.detection.limit.end_positions.throw_ends", lambda *_, **__: ends(2e5)
     )
     monkeypatch.setattr(  # the tests of known places have all draws
         "turnout.detection.limit.known_place_map.known_place_map",
-        partial(known_place_map, draws=2_000),
+        partial(known_place_map, draws=1_000),
     )
     out, figure = tmp_path / "limit.nc", tmp_path / "limit.png"
     line = [

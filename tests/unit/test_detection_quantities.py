@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from benchmarks.channels_confirmed import confirmed
-from tests.unit.detection_throws import toy_throws
+from tests.unit.detection_throws import toy_map, toy_throws
 
 from turnout.core.errors import StudyError
 from turnout.detection.drive_quantities import (
@@ -129,7 +129,7 @@ def test_forces_are_also_judged_alone() -> None:
     names = ["both drives", "drive 1", "drive 2", "force"]
     assert found["channel"].to_numpy().tolist() == names
     assert found.attrs["quantities"] == "force and current"
-    only = limit_map(toy_throws(), Conditions(), closing=CLOSING)
+    only = toy_map()
     np.testing.assert_allclose(
         found["pod"].sel(channel="force"), only["pod"].sel(channel="both drives"), rtol=1e-9
     )

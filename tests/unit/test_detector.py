@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from turnout.cli.main import app
 from turnout.core.errors import FileError
 from turnout.detection.alarm_threshold import threshold_for
-from turnout.detection.detector import knowledge, throw_verdict
+from turnout.detection.detector import knowledge
 from turnout.detection.detector.allowances import gain_times
 from turnout.detection.detector.detector import Detector
 from turnout.detection.detector.judging import (
@@ -28,6 +28,7 @@ from turnout.detection.detector.judging import (
 )
 from turnout.detection.detector.knowledge import Knowledge
 from turnout.detection.detector.throw_set import ThrowSet
+from turnout.detection.detector.throw_verdict import named_cause
 from turnout.detection.detector.training import teach
 from turnout.detection.signal_discrepancy import SignalErrors
 
@@ -128,9 +129,9 @@ def test_a_switch_that_scatters_is_not_full_of_unknown_deviations(tmp_path: Path
     assert "object" not in said
     # One in a hundred on average: four in sixty are drawn once in three hundred sets.
     assert said.count("unknown deviation") <= 3
-    again.known = replace(again.known, scatter=1.0)
-    again._views.clear()
-    said = [again.judge_features(row).status for row in features[20:]]
+    strict = fresh()
+    strict.known = replace(again.known, scatter=1.0)
+    said = [strict.judge_features(row).status for row in features[20:]]
     assert said.count("unknown deviation") >= 57
 
 
@@ -445,7 +446,7 @@ def test_dry_chairs_are_named_by_what_explains_them_and_by_what_is_left_irregula
 
     def named(values: np.ndarray, irregular: float = 0.0, fit: float = 0.5) -> str:
         ratios = Ratios(alarm=values[0], place=values, cause=values, object=values[0])
-        return throw_verdict._named(view, ratios, np.array([irregular]), fit, calibrated)
+        return named_cause(view, ratios, np.array([irregular]), fit, calibrated)
 
     assert named(given) == "force sensor"
     assert named(given, irregular=3.0) == "dry chairs"

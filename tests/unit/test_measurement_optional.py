@@ -97,8 +97,10 @@ def test_parquet_with_timestamps(tmp_path: Path) -> None:
     assert (found.start_time or "").startswith("2025-11-03T10:12:33.250")
 
 
-@pytest.mark.parametrize(("write", "suffix"), [(mdf, ".mf4"), (parquet, ".parquet")])
-@pytest.mark.parametrize("kept", [0.02, 0.5, 0.95])
+@pytest.mark.parametrize(
+    ("write", "suffix", "kept"),
+    [(mdf, ".mf4", 0.02), (mdf, ".mf4", 0.95), (parquet, ".parquet", 0.5)],
+)
 def test_a_truncated_file_is_one_message(
     tmp_path: Path, capfd: pytest.CaptureFixture[str], write: object, suffix: str, kept: float
 ) -> None:

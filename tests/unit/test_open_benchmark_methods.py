@@ -5,6 +5,7 @@ import json
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -33,7 +34,7 @@ from tests.unit.benchmark_toy import toy_benchmark
 
 from turnout.detection.conditions import SIMULATED
 
-BENCH = toy_benchmark()
+bench = cache(toy_benchmark)
 BASELINES = [item for item in methods_for(Conditions()) if item.name != "turnout"]
 
 
@@ -42,7 +43,7 @@ def test_each_baseline_sees_an_obvious_object(method: Method, tmp_path: Path) ->
     if method.name in ("isolation-forest", "boosting"):
         pytest.importorskip("sklearn")
     one = replace(method, settings=method.settings[:1])  # type: ignore[type-var]
-    result = run_method(one, BENCH, tmp_path, data="toy")
+    result = run_method(one, bench(), tmp_path, data="toy")
     place, share, count = result["score"]["obvious"]
     assert count >= 3
     # 25 mm are 3.75 kN here, on 0.4 kN of all that differs otherwise
@@ -51,14 +52,14 @@ def test_each_baseline_sees_an_obvious_object(method: Method, tmp_path: Path) ->
 
 
 def test_a_perfect_detector_has_the_figures_of_one() -> None:
-    side = BENCH.test.of(BENCH.test.judged)
+    side = bench().test.of(bench().test.judged)
     size = side.labels["size"]
     verdicts = Verdicts(
         throw=side.throw, score=size, alarm=size > 0.0,
         probability=(size > 0.0).astype(float), novelty=size, cause=side.labels["role"],
         size=np.column_stack([size, size, size]),
     )  # fmt: skip
-    score = score_verdicts(verdicts, side, history=BENCH.history)
+    score = score_verdicts(verdicts, side, history=bench().history)
     assert score.false_alarms.value == 0.0
     assert score.macro_f1 == 1.0
     assert score.calibration == 0.0
@@ -68,9 +69,7 @@ def test_a_perfect_detector_has_the_figures_of_one() -> None:
     assert score.mid_span == pytest.approx(size[size > 0].min(), abs=2e-3)
 
 
-COUNTS = Counts(switches=4, machines=1, known=1, sound=1, objects=2, causes=1)
-
-
+TINY = Counts(switches=6, machines=0, known=1, sound=2, objects=2, causes=0)
 Printed = Callable[..., Any]
 
 
@@ -86,11 +85,29 @@ def printed(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
     return run
 
 
+@pytest.fixture(scope="module")
+def interrupted(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a benchmark that was stopped after two switches, and went on."""
+
+    class Enough(Exception):
+        pass
+
+    def stop(done: int, total: int) -> None:
+        if done == 2:
+            raise Enough
+
+    folder = tmp_path_factory.mktemp("interrupted") / "bench"
+    with pytest.raises(Enough):
+        make_throws(folder, TINY, report=stop)
+    assert len(list((folder / "switches").glob("*.nc"))) == 2
+    make_throws(folder, TINY)
+    return folder
+
+
 def test_the_command_makes_compares_and_scores(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, printed: Printed
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, printed: Printed, interrupted: Path
 ) -> None:
-    tiny = Counts(switches=6, machines=0, known=2, sound=3, objects=3, causes=0)
-    monkeypatch.setitem(PRESETS, "small", tiny)
+    monkeypatch.setitem(PRESETS, "small", TINY)
     folder = tmp_path / "bench"
     line = ["run", str(folder), "--size", "small", "--workers", "1"]
     line += ["--method", "threshold", "--main"]
@@ -116,6 +133,10 @@ def test_the_command_makes_compares_and_scores(
     assert "false alarms" in scored
     assert found["origin"] == own["origin"] == SIMULATED
     assert all(f"origin          {SIMULATED}" in text for text in (shown, scored))
+    # a benchmark that was interrupted holds the same throws
+    sides = [open_benchmark(name) for name in (folder, interrupted)]
+    assert sides[0].attrs["data"] == sides[1].attrs["data"]
+    assert np.array_equal(sides[0].train.histories, sides[1].train.histories)
 
 
 @pytest.mark.parametrize(
@@ -139,24 +160,10 @@ def test_bad_input_is_one_message_and_code_2(
     assert words in capsys.readouterr().err
 
 
-def test_an_interrupted_benchmark_goes_on_to_the_same_throws(tmp_path: Path) -> None:
-    class Enough(Exception):
-        pass
-
-    def stop(done: int, total: int) -> None:
-        if done == 2:
-            raise Enough
-
-    with pytest.raises(Enough):
-        make_throws(tmp_path / "one", COUNTS, report=stop)
-    assert len(list((tmp_path / "one" / "switches").glob("*.nc"))) == 2
-    make_throws(tmp_path / "one", COUNTS)
-    make_throws(tmp_path / "two", COUNTS)
-    sides = [open_benchmark(tmp_path / name) for name in ("one", "two")]
-    assert sides[0].attrs["data"] == sides[1].attrs["data"]
-    train = sides[0].train
-    assert np.array_equal(train.histories, sides[1].train.histories)
-    assert not set(train.groups) & set(sides[0].test.groups)
+def test_a_throw_with_an_object_is_that_of_a_sound_partner(interrupted: Path) -> None:
+    found = open_benchmark(interrupted)
+    train = found.train
+    assert not set(train.groups) & set(found.test.groups)
     # a throw with an object is the sound throw of the same state and what the object adds
     rows = np.flatnonzero(train.partner >= 0)
     assert rows.size
@@ -227,8 +234,8 @@ def test_every_fold_holds_back_as_many_switches_of_each_kind() -> None:
     # 8 kinds of 3 panels, two switches of each panel, one throw of each switch
     machine = np.repeat([f"kind {number}" for number in range(8)], 6)
     panel = np.repeat(np.random.default_rng(0).permutation(24), 2)
-    labels = {**BENCH.train.labels, "panel": panel, "machine": machine}
-    found = folds_of(replace(BENCH.train, labels=labels))
+    labels = {**bench().train.labels, "panel": panel, "machine": machine}
+    found = folds_of(replace(bench().train, labels=labels))
     assert np.array_equal(found[::2], found[1::2])
     for name in np.unique(machine):
         assert sorted(found[machine == name]) == [0, 0, 1, 1, 2, 2]

@@ -236,7 +236,7 @@ def verdict_on(
     odds = _odds(view, ratios)
     square, irregularity = unexplained(view, own)
     fit = float(share_worse(square, irregularity, calibrated=calibrated)[0])
-    cause = _named(view, ratios, irregularity, fit, calibrated)
+    cause = named_cause(view, ratios, irregularity, fit, calibrated)
     alarm = log_ratio > threshold
     near = objects_near(view, own, 0) if alarm else None
     end = gaps_of(
@@ -291,7 +291,7 @@ def _odds(view: View, ratios: Ratios) -> dict[str, float]:
     return found
 
 
-def _named(
+def named_cause(
     view: View, ratios: Ratios, irregularity: Floats, fit: float, calibrated: Calibrated
 ) -> str:
     """Return the cause with most support of those that have enough to be named; empty without.

@@ -261,7 +261,7 @@ def build_campaign_dataset(
         for run, piece, found in zip(sheet.runs, pieces, verdicts, strict=True)
         if isinstance(piece, RecordedThrow) and isinstance(found, ThrowQuality) and found.usable
     ]
-    slipped = _slipped([piece for _, piece, _ in usable])
+    slipped = slipped_movements([piece for _, piece, _ in usable])
     dataset = _dataset(usable, slipped, sheet, channel_map, excluded) if usable else None
     remarks = [
         *(exchange_remarks(dataset.attrs) if dataset is not None else []),
@@ -356,7 +356,7 @@ def _reasons(found: ThrowQuality | TurnoutError) -> tuple[str, ...]:
     return (str(found),) if isinstance(found, TurnoutError) else found.reasons
 
 
-def _slipped(pieces: Sequence[RecordedThrow]) -> list[bool | None]:
+def slipped_movements(pieces: Sequence[RecordedThrow]) -> list[bool | None]:
     """Flag throws, by currents, with a motor that ran until it was switched off; None without."""
     runs = [np.array(piece.throw.drive_ends) - piece.throw.onset for piece in pieces]
     known = [times[np.isfinite(times)] for times in runs]
