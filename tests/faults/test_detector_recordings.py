@@ -46,7 +46,7 @@ def table(
 
 
 def judged(path: Path) -> list[tuple[str, str]]:
-    found = Detector(toy_detector().knowledge).predict(read_table(path))
+    found = toy_detector().predict(read_table(path))
     return [(item.status, item.reason) for item in found]
 
 
@@ -109,7 +109,7 @@ def test_a_second_throw_in_a_row_is_not_passed_over(tmp_path: Path) -> None:
         onsets={"closing": 0.0},
         single=True,
     )
-    judge = Detector(toy_detector().knowledge).judge
+    judge = toy_detector().judge
     assert judge(alone).status == "sound"
     time = np.arange(both.shape[1]) / RATE - 4.4
     assert "one row is one throw" in judge(replace(alone, time=time, force=both)).reason
@@ -194,9 +194,7 @@ def test_a_row_that_cannot_be_read_says_why(row: str, words: str, tmp_path: Path
 
 def test_a_page_without_a_throw_that_could_be_judged_shows_no_good_news(tmp_path: Path) -> None:
     """It showed 'Not called' in green, with '0 of 1 throws are called sound'."""
-    lost = Detector(toy_detector().knowledge).predict(
-        read_table(table(tmp_path, -toy_throw(seed=3).force))
-    )
+    lost = toy_detector().predict(read_table(table(tmp_path, -toy_throw(seed=3).force)))
     rows = [
         {name: getattr(item, name) for name in item.__dataclass_fields__} | {"gaps": []}
         for item in lost
@@ -305,7 +303,7 @@ def test_watching_goes_on_whatever_comes(detector: Path, tmp_path: Path) -> None
 
 
 def test_what_is_no_throw_is_named() -> None:
-    detector = Detector(toy_detector().knowledge)
+    detector = toy_detector()
     with pytest.raises(TypeError, match=r"read_throws\('today'\)"):
         detector.predict("today")  # type: ignore[arg-type]
     throw = toy_throw(seed=3)
@@ -320,7 +318,7 @@ def test_times_of_day_are_instants() -> None:
     dataset = xr.Dataset(
         {"drive_force": (("drive", "time"), throw.force)}, {"time": day, "drive": ["1", "2"]}
     )
-    (verdict,) = Detector(toy_detector().knowledge).predict(dataset)
+    (verdict,) = toy_detector().predict(dataset)
     assert verdict.status == "sound"
 
 

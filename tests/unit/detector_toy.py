@@ -128,7 +128,7 @@ def toy_training() -> Knowledge:
 
 @cache
 def toy_detector() -> Detector:
-    """Return the detector, with the thresholds and widths that are stored."""
+    """Return the detector, with the thresholds and widths that are stored; to judge alone."""
     stored = json.loads(CALIBRATED.read_text(encoding="utf-8"))
     calibrated = [
         Calibrated(**{name: tuples_of(value) for name, value in item.items()}) for item in stored
@@ -170,7 +170,7 @@ def toy_throw(
 
 def toy_evidence() -> tuple[View, Evidence]:
     """Return how a sound throw at a middle friction level is judged."""
-    detector = Detector(toy_detector().knowledge)
+    detector = toy_detector()
     view = detector.view()
     features = detector.knowledge.model.mean[5][np.newaxis, : detector.knowledge.layout.size]
     evidence = evidence_of(view, features)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from tests.unit.detection_throws import toy_map, toy_throws
 
+from turnout.detection.floor import touch_floor, touched
 from turnout.detection.limit.limit_map import limit_map, rows_of, size_weights, smallest_seen
 from turnout.detection.reference import Conditions, reference_study
 from turnout.detection.throws import objects_study, of_kind, places_of, sizes_beyond
@@ -139,3 +140,21 @@ def test_places_that_lie_together_have_one_label() -> None:
     assert len(at) == len(joined) == 12
     together = found.assign_coords(x=("place", np.full(found.sizes["place"], 0.3)))
     assert rendered(plot_limit(together), ".png").startswith(b"\x89PNG")
+
+
+# ---- the touch floor
+
+
+def test_the_floor_touches_in_nine_of_ten_states() -> None:
+    gap = np.random.default_rng(2).uniform(0.0, 0.01, (1000, 3))
+    floor = touch_floor(gap)
+    np.testing.assert_allclose((floor > gap).mean(axis=0), 0.9, atol=2e-3)
+
+
+def test_a_closed_place_has_no_floor_and_throws_that_failed_do_not_count() -> None:
+    gap = np.array([[-1e-5, 2e-3], [-2e-5, np.nan], [-1e-5, 2e-3]])
+    np.testing.assert_allclose(touch_floor(gap), [0.0, 2e-3])
+
+
+def test_touch_is_a_force_at_any_time() -> None:
+    assert touched([0.0, 5.0, 5.5]).tolist() == [False, False, True]

@@ -38,7 +38,7 @@ def fresh() -> Detector:
 
 
 def test_sound_throws_are_sound_and_objects_are_called_where_they_are() -> None:
-    detector = fresh()
+    detector = toy_detector()
     levels = np.linspace(0.12, 0.48, 6)
     sound = [toy_throw(level=level, seed=i) for i, level in enumerate(levels)]
     assert [item.status for item in detector.predict(sound)] == ["sound"] * len(sound)
@@ -55,7 +55,7 @@ def test_sound_throws_are_sound_and_objects_are_called_where_they_are() -> None:
 @pytest.mark.parametrize("faster", [1.03, 1.01, 0.97])
 def test_another_speed_of_the_drives_is_no_object(faster: float) -> None:
     """What comes earlier looks like an object near a drive, unless all of it comes earlier."""
-    detector = fresh()
+    detector = toy_detector()
     levels = np.linspace(0.15, 0.45, 6)
     verdicts = []
     for number, level in enumerate(levels):
@@ -72,7 +72,7 @@ def test_another_speed_of_the_drives_is_no_object(faster: float) -> None:
 
 def test_a_late_recorder_changes_nothing() -> None:
     """An onset that was found 20 ms off is found again."""
-    detector = fresh()
+    detector = toy_detector()
     straight = detector.judge(toy_throw(seed=1))
     off = detector.judge(toy_throw(seed=1, shift=0.02))
     assert off.status == "sound"
@@ -81,7 +81,7 @@ def test_a_late_recorder_changes_nothing() -> None:
 
 
 def test_gaps_are_inferred_without_sensors() -> None:
-    detector = fresh()
+    detector = toy_detector()
     sound = {gap.name: gap for gap in detector.judge(toy_throw(seed=2)).gaps}
     assert sound["sensor TKK1"].low < 6e-3 < sound["sensor TKK1"].high
     assert sound["sensor TKK1"].above < 0.01
@@ -137,7 +137,7 @@ def test_a_switch_that_scatters_is_not_full_of_unknown_deviations(tmp_path: Path
 
 def test_a_switch_at_the_limit_of_its_over_travel_is_no_object_without_a_history() -> None:
     """A normal model gives the ends of an even spread too little weight: an adjustment has it."""
-    detector = fresh()
+    detector = toy_detector()
     view = detector.view()
     features = np.array(
         [detector.features(toy_throw(over=(5.0, 3.0), seed=seed))[1] for seed in range(40)]
@@ -177,7 +177,7 @@ def test_a_corner_that_the_sound_model_does_not_follow_is_no_object() -> None:
 
 
 def test_bad_recordings_are_not_judged_and_never_sound() -> None:
-    detector = fresh()
+    detector = toy_detector()
     good = toy_throw()
     bad = [
         replace(good, force=np.minimum(good.force, 1500.0)),
@@ -193,7 +193,7 @@ def test_bad_recordings_are_not_judged_and_never_sound() -> None:
 
 
 def test_closing_alone_is_judged() -> None:
-    detector = fresh()
+    detector = toy_detector()
     whole = toy_throw(size=25e-3)
     kept = whole.time > 3.6
     alone = replace(
@@ -413,7 +413,7 @@ def test_throws_judged_together_get_the_verdicts_of_each_alone() -> None:
     Products of many throws and of one are summed in another order, in single precision (6e-8 of
     terms some hundred times the ratio).
     """
-    detector = fresh()
+    detector = toy_detector()
     sound = [toy_throw(seed=61 + number) for number in range(3)]
     held = [toy_throw(seed=71 + number, size=20e-3) for number in range(3)]
     bad = replace(sound[0], force=np.full_like(sound[0].force, np.nan), name="bad")
@@ -429,7 +429,7 @@ def test_throws_judged_together_get_the_verdicts_of_each_alone() -> None:
 
 def test_dry_chairs_are_named_by_what_explains_them_and_by_what_is_left_irregular() -> None:
     """Each cause has its own limit; of those above it the one with most support is named."""
-    detector = fresh()
+    detector = toy_detector()
     view = detector.view()
     rows = np.array([detector.features(toy_throw(seed=seed))[1] for seed in range(3)])
     ratios = ratios_of(view, evidence_of(view, rows))
@@ -458,7 +458,7 @@ def test_dry_chairs_are_named_by_what_explains_them_and_by_what_is_left_irregula
 
 
 def test_causes_spikes_and_open_gaps_have_a_status_of_their_own() -> None:
-    detector = fresh()
+    detector = toy_detector()
     dry = toy_set(6, seed=4, sound_seed=4, kind="dry chairs")
     said = [detector.judge_features(row) for row in dry.features]
     assert {item.status for item in said} == {"other cause"}
@@ -478,7 +478,7 @@ def test_causes_spikes_and_open_gaps_have_a_status_of_their_own() -> None:
 
 
 def test_one_recording_without_a_threshold_does_not_end_the_others() -> None:
-    detector = fresh()
+    detector = toy_detector()
     cycles = tuple(item for item in detector.knowledge.calibrated if item.part == "cycle")
     whole = toy_throw(seed=2)
     kept = whole.time > 3.6
@@ -496,8 +496,8 @@ def test_a_channel_that_is_held_cannot_be_judged() -> None:
         force = throw.force.copy()
         held = (throw.time >= since) & (throw.time < until)
         force[1, held] = force[1, np.argmax(held)]
-        verdict = fresh().judge(replace(throw, force=force))
+        verdict = toy_detector().judge(replace(throw, force=force))
         assert verdict.status == "cannot judge"
         assert "drive 2: constant for" in verdict.reason
     smooth = np.round(throw.force, -2)  # of a coarse recorder, which repeats values
-    assert fresh().judge(replace(throw, force=smooth)).status != "cannot judge"
+    assert toy_detector().judge(replace(throw, force=smooth)).status != "cannot judge"

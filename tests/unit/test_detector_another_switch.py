@@ -138,6 +138,10 @@ def test_forces_of_another_scale_are_said_once(detector: Path, tmp_path: Path) -
 )
 def test_what_counts_as_no_fit(statuses: list[str], said: bool) -> None:
     assert bool(misfit_remark(statuses, OWN)) == said
-    rows = [asdict(Verdict(name="a", status=item)) for item in statuses]
-    asked = [item.question for item in detection_page(rows, about=OWN).findings]
-    assert ("Does the detector fit the switch?" in asked) == said
+
+
+@pytest.mark.parametrize(("status", "asked"), [("other cause", True), ("object", False)])
+def test_the_page_asks_whether_the_detector_fits(status: str, asked: bool) -> None:
+    rows = [asdict(Verdict(name="a", status=status))] * 5
+    questions = [item.question for item in detection_page(rows, about=OWN).findings]
+    assert ("Does the detector fit the switch?" in questions) == asked

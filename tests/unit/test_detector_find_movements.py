@@ -54,8 +54,8 @@ def fresh() -> Detector:
 
 def test_throws_are_judged_where_forces_wander_at_rest() -> None:
     """No channel says when the movements begin, and the forces do not rest before them."""
-    detector = fresh()
-    levels = np.linspace(0.24, 0.48, 8)
+    detector = toy_detector()
+    levels = np.linspace(0.24, 0.48, 4)
     sound = [recording(toy_throw(level=level, seed=i), seed=i) for i, level in enumerate(levels)]
     held = [
         recording(toy_throw(level=level, seed=i, size=26e-3), seed=i)
@@ -69,7 +69,7 @@ def test_throws_are_judged_where_forces_wander_at_rest() -> None:
 
 def test_onsets_are_found_to_some_hundredths_of_a_second() -> None:
     detector = fresh()
-    for seed in range(6):
+    for seed in range(3):
         (whole,) = throws_of_dataset(recording(toy_throw(seed=seed), wait=1.1, seed=seed))
         (throw,) = detector.located(whole)
         assert throw.fault == ""

@@ -10,7 +10,6 @@ import xarray as xr
 from tests.unit.detector_toy import RATE, toy_detector, toy_throw
 
 from turnout.core.errors import FileError
-from turnout.detection.detector.detector import Detector
 from turnout.detection.detector.reading import read_throws
 from turnout.detection.detector.recorded import (
     UNLOADED,
@@ -241,7 +240,7 @@ def test_one_current_for_two_motors_cannot_be_judged(tmp_path: Path) -> None:
 @pytest.mark.parametrize("size", [0.0, 15e-3])
 def test_a_clock_that_is_off_by_a_thousandth_changes_no_verdict(size: float) -> None:
     """3 ms at the end of a movement; onsets of both movements are found again."""
-    detector = Detector(toy_detector().knowledge)
+    detector = toy_detector()
     right = toy_throw(level=0.3, seed=8, size=size, x=3.6)
     for factor in (0.999, 1.001):
         onsets = {name: factor * at for name, at in right.onsets.items()}
@@ -274,7 +273,7 @@ def test_a_row_whose_forces_go_on_changing_at_rest_holds_one_throw(tmp_path: Pat
     (found,) = read_throws(path)
     assert found.fault == ""
     assert len(found.shown) > 1
-    (verdict,) = Detector(toy_detector().knowledge).predict(found)
+    (verdict,) = toy_detector().predict(found)
     assert verdict.status == "sound"
 
 
