@@ -1,4 +1,4 @@
-"""Which process runs which tests: files stay whole, long ones go first, one training serves many.
+"""Which process runs which tests: files stay whole, long ones go first, browsers share one.
 
 Files that are not named here are short; they fill what is left at the end.
 """

@@ -136,7 +136,7 @@ def test_a_map_is_not_written_through_a_link(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("depth", [0, 1])
 def test_what_is_kept_of_a_campaign_stays_in_it(tmp_path: Path, depth: int) -> None:
-    folder, elsewhere = copied(tmp_path), tmp_path / "elsewhere"
+    folder, elsewhere = copied(tmp_path, built=False), tmp_path / "elsewhere"
     elsewhere.mkdir()
     if depth:
         (folder / ".turnout").mkdir()

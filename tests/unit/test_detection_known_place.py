@@ -117,11 +117,11 @@ def test_a_small_rate_needs_no_more_draws() -> None:
 
 def test_the_map_lies_above_the_linear_bound_and_falls_with_a_history() -> None:
     throws = toy_throws(states=30)
-    found = known_place_map(throws, Conditions(), closing=CLOSING, draws=4000)
+    found = known_place_map(throws, Conditions(), closing=CLOSING, draws=2000)
     linear = limit_map(throws, Conditions(), closing=CLOSING)["a90"].sel(channel="both drives")
     assert np.all(found["known_a90_high"] >= linear - 1e-4)
     assert np.all(found["known_a90"] < linear + 1.5e-3)
-    known = known_place_map(throws, Conditions(history=20), closing=CLOSING, draws=4000)
+    known = known_place_map(throws, Conditions(history=20), closing=CLOSING, draws=2000)
     assert np.all(known["known_a90"] < found["known_a90"])
     assert np.all(found["known_alarm_rate_low"] < 1e-3)
     assert np.all(found["known_alarm_rate_high"] > 1e-3)

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 from turnout.cli.main import app
 from turnout.core.errors import StudyError
+from turnout.detection.limit import day_plan
 from turnout.detection.limit.bound import repeated_alarm_rate
 from turnout.detection.limit.day_plan import (
     Candidates,
@@ -251,7 +252,10 @@ def with_a_machine() -> LoadedPanel:
     return load_panel("uic60-760-1-15").with_overrides(machines)
 
 
-def test_the_slip_level_of_a_machine_is_that_of_its_clutch(with_a_machine: LoadedPanel) -> None:
+def test_the_slip_level_of_a_machine_is_that_of_its_clutch(
+    with_a_machine: LoadedPanel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(day_plan, "places_of", lambda _: ("drive 1", "sleeper 6", "drive 2"))
     names = [item.name for item in parameters_of(with_a_machine)]
     assert names.count("machine.jea73.clutch.torque") == 1
     assert not [name for name in names if name.endswith("saturation_force")]

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks.detection.make_throws import shared_pool
 
 from turnout.cli.limit import TEXTS
 from turnout.detection.floor import touched
@@ -26,9 +27,10 @@ PLACES = {"sleeper 6": (0.5e-3, 12e-3)}
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two states: sound, with gaps kept, and with objects too thin and thick enough."""
     place, study = tmp_path_factory.mktemp("limit"), reference_study(count=2)
-    throw_study(study, place / "sound")
-    throw_study(floor_study(study), place / "floor")
-    throw_study(objects_study(study, PLACES), place / "objects")
+    with shared_pool(1) as pool:
+        throw_study(study, place / "sound", pool=pool)
+        throw_study(floor_study(study), place / "floor", pool=pool)
+        throw_study(objects_study(study, PLACES), place / "objects", pool=pool)
     return place
 
 

@@ -210,10 +210,10 @@ def test_currents_are_judged_by_the_same_likelihood(tmp_path: Path) -> None:
         name: replace(
             toy_set(count, kind=name), features=item.features * ampere, rates=item.rates * ampere
         )
-        for name, count in (("sound", 400), ("object", 300))
+        for name, count in (("sound", 320), ("object", 120))
         for item in [toy_set(count, kind=name)]
     }
-    forces = {"sound": toy_set(400), "object": toy_set(300, kind="object")}
+    forces = {"sound": toy_set(320), "object": toy_set(120, kind="object")}
     setting = toy_setting()
     allowed = replace(
         setting.allowances,

@@ -12,9 +12,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+import xarray as xr
 from benchmarks.detection import run_methods, turnout_detector
 from benchmarks.detection.__main__ import main
-from benchmarks.detection.data import open_benchmark
+from benchmarks.detection.data import Side, open_benchmark
 from benchmarks.detection.definition import PRESETS, Counts
 from benchmarks.detection.make_throws import make_throws
 from benchmarks.detection.method import Method
@@ -85,30 +86,44 @@ def printed(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
     return run
 
 
-@pytest.fixture(scope="module")
-def interrupted(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a benchmark that was stopped after two switches, and went on."""
+def made_until(folder: Path, count: int) -> Path:
+    """Make a benchmark until some switches are thrown, and return the folder of these."""
 
     class Enough(Exception):
         pass
 
     def stop(done: int, total: int) -> None:
-        if done == 2:
+        if done == count:
             raise Enough
 
-    folder = tmp_path_factory.mktemp("interrupted") / "bench"
     with pytest.raises(Enough):
         make_throws(folder, TINY, report=stop)
-    assert len(list((folder / "switches").glob("*.nc"))) == 2
-    make_throws(folder, TINY)
-    return folder
+    assert len(list((folder / "switches").glob("*.nc"))) == count
+    return folder / "switches"
 
 
-def test_the_command_makes_compares_and_scores(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, printed: Printed, interrupted: Path
+def check_partners(train: Side) -> None:
+    """Check that a throw with an object is the sound one of its state and what the object adds."""
+    rows = np.flatnonzero(train.partner >= 0)
+    assert rows.size
+    assert np.array_equal(train.groups[rows], train.groups[train.partner[rows]])
+    assert np.array_equal(train.labels["level"][rows], train.labels["level"][train.partner[rows]])
+    before = slice(0, 100)  # while the switch opens, before anything is touched
+    for row in rows[train.labels["role"][rows] == "object"]:
+        change = train.clean[row] - train.clean[train.partner[row]]
+        assert np.abs(change[:, before]).max() <= 1.0
+
+
+def test_the_command_goes_on_where_it_was_stopped_compares_and_scores(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, printed: Printed
 ) -> None:
     monkeypatch.setitem(PRESETS, "small", TINY)
     folder = tmp_path / "bench"
+    kept = made_until(folder, 2)
+    one, same = (
+        xr.load_dataset(path / "000.nc") for path in (kept, made_until(tmp_path / "again", 1))
+    )
+    assert one.identical(same)
     line = ["run", str(folder), "--size", "small", "--workers", "1"]
     line += ["--method", "threshold", "--main"]
     first = printed(*line, "--json")
@@ -133,10 +148,9 @@ def test_the_command_makes_compares_and_scores(
     assert "false alarms" in scored
     assert found["origin"] == own["origin"] == SIMULATED
     assert all(f"origin          {SIMULATED}" in text for text in (shown, scored))
-    # a benchmark that was interrupted holds the same throws
-    sides = [open_benchmark(name) for name in (folder, interrupted)]
-    assert sides[0].attrs["data"] == sides[1].attrs["data"]
-    assert np.array_equal(sides[0].train.histories, sides[1].train.histories)
+    sides = open_benchmark(folder)
+    assert not set(sides.train.groups) & set(sides.test.groups)
+    check_partners(sides.train)
 
 
 @pytest.mark.parametrize(
@@ -158,21 +172,6 @@ def test_bad_input_is_one_message_and_code_2(
         printed(*(part.format(tmp_path) for part in line))
     assert ended.value.code == 2
     assert words in capsys.readouterr().err
-
-
-def test_a_throw_with_an_object_is_that_of_a_sound_partner(interrupted: Path) -> None:
-    found = open_benchmark(interrupted)
-    train = found.train
-    assert not set(train.groups) & set(found.test.groups)
-    # a throw with an object is the sound throw of the same state and what the object adds
-    rows = np.flatnonzero(train.partner >= 0)
-    assert rows.size
-    assert np.array_equal(train.groups[rows], train.groups[train.partner[rows]])
-    assert np.array_equal(train.labels["level"][rows], train.labels["level"][train.partner[rows]])
-    before = slice(0, 100)  # while the switch opens, before anything is touched
-    for row in rows[train.labels["role"][rows] == "object"]:
-        change = train.clean[row] - train.clean[train.partner[row]]
-        assert np.abs(change[:, before]).max() <= 1.0
 
 
 SOURCES = Path(run_methods.__file__).parent
