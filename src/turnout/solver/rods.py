@@ -12,12 +12,8 @@ from typing import NamedTuple
 
 from turnout.kernels.compiled import compiled, compiled_part
 from turnout.law.table import LawTable
+from turnout.machine.compute import places as at
 from turnout.machine.compute.couple import Machines, Room, accept_machines, try_machines
-from turnout.machine.compute.places import (
-    DIRECTION,
-    LOCK_ALLOWED,
-    ROD_POSITION,
-)
 from turnout.solver.scratch import Work
 from turnout.solver.solve import CONVERGED, NOT_CONVERGED, Tolerances, iterate_contact_set
 from turnout.solver.state import State
@@ -112,11 +108,11 @@ def _try_rods(
         return NOT_CONVERGED, 0.0
     farthest = 0.0
     for k in range(rods.input.size):
-        x = rods.trial[k, ROD_POSITION] + rods.shift[k]
+        x = rods.trial[k, at.ROD_POSITION] + rods.shift[k]
         farthest = max(farthest, abs(x - state.inputs[rods.input[k]]))
     if farthest > overlooked:
         for k in range(rods.input.size):
-            state.inputs[rods.input[k]] = rods.trial[k, ROD_POSITION] + rods.shift[k]
+            state.inputs[rods.input[k]] = rods.trial[k, at.ROD_POSITION] + rods.shift[k]
     return CONVERGED, farthest
 
 
@@ -133,15 +129,15 @@ def move_rods(rods: Rods, state: State, inputs: Floats, span: tuple[float, float
     """
     before, rod_before, lengths, h = rods.before, rods.rod_before, rods.lengths, span[1]
     for k in range(rods.input.size):
-        y, x = state.g[rods.place[k]] - rods.shift[k], rods.state[k, ROD_POSITION]
+        y, x = state.g[rods.place[k]] - rods.shift[k], rods.state[k, at.ROD_POSITION]
         rods.start[k] = y
         rods.speed[k], _ = _speed_and_bend(y, before[0, k], before[1, k], lengths)
         speed, bend = _speed_and_bend(x, rod_before[0, k], rod_before[1, k], lengths)
         predicted = x + h * (speed + h * bend)
         state.inputs[rods.input[k]] = predicted + rods.shift[k]
         inputs[rods.input[k]] = state.inputs[rods.input[k]]
-        near = rods.state[k, DIRECTION] < 0.0 or y >= -rods.lock_gap[k]
-        rods.state[k, LOCK_ALLOWED] = 1.0 if near else 0.0
+        near = rods.state[k, at.DIRECTION] < 0.0 or y >= -rods.lock_gap[k]
+        rods.state[k, at.LOCK_ALLOWED] = 1.0 if near else 0.0
 
 
 @compiled_part
@@ -216,7 +212,7 @@ def accept_rods(
     """
     rod_before = rods.rod_before
     for k in range(rods.input.size):
-        rod_before[1, k], rod_before[0, k] = rod_before[0, k], rods.state[k, ROD_POSITION]
+        rod_before[1, k], rod_before[0, k] = rod_before[0, k], rods.state[k, at.ROD_POSITION]
     machines, room = _machines_of(rods)
     accept_machines(machines, rods.state, rods.trial, span, room)
     rods.lengths[1], rods.lengths[0] = rods.lengths[0], span[1]

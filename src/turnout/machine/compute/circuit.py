@@ -9,55 +9,10 @@ import math
 
 from turnout.kernels.compiled import compiled, compiled_part
 from turnout.law.table import Floats
+from turnout.machine.compute import places as at
 from turnout.machine.compute.clutch import update_clutch
 from turnout.machine.compute.contactor import INSTANT, log_event, next_instant, switch_all_due
 from turnout.machine.compute.machine_step import SECOND, accept_step, span_of, take_step
-from turnout.machine.compute.places import (
-    BRUSH_RESISTANCE,
-    CLUTCH_STIFFNESS,
-    CONTACT_LOSS,
-    CONTACT_RESISTANCE,
-    CONVERGED,
-    CURRENT,
-    CUTOFF_DELAY,
-    CUTOFF_TIME,
-    DETECTION_CLOSED,
-    DETECTION_OPEN,
-    DIRECTION,
-    DRY_FROM,
-    DRY_RATIO,
-    DRY_TO,
-    ENERGIES,
-    ENERGISED,
-    EVENT_DETECTION_CLOSES,
-    EVENT_DETECTION_OPENS,
-    EVENT_LOCKED,
-    GEAR,
-    GEAR_ANGLE,
-    GEAR_INERTIA,
-    GEAR_RATIO,
-    GEAR_SPEED,
-    HALVED,
-    HOLDS,
-    INTO_STORES,
-    LIMIT_CLOSING,
-    LIMIT_OPENING,
-    LOCK_ALLOWED,
-    LOCK_GAP,
-    LOCKED,
-    LONGEST_STEP,
-    NOT_CONVERGED,
-    ONE_MASS,
-    OVERLOAD_CURRENT,
-    OVERLOAD_SINCE,
-    RAIL_POSITION,
-    ROD_FORCE,
-    ROD_POSITION,
-    SLIP,
-    SPEED,
-    STILL_TORQUE,
-    TWIST,
-)
 from turnout.machine.compute.rail import rail_side
 
 HALVINGS = 20
@@ -71,11 +26,15 @@ ANGLE_ROUNDING = 1e-10
 @compiled_part
 def beyond_limit(constants: Floats, state: Floats, angle: float) -> float:
     """Return how far the shaft is beyond its limit contact; -inf where that may not act [rad]."""
-    if state[ENERGISED] == 0.0 or state[CUTOFF_TIME] < math.inf or state[LOCK_ALLOWED] == 0.0:
+    if (
+        state[at.ENERGISED] == 0.0
+        or state[at.CUTOFF_TIME] < math.inf
+        or state[at.LOCK_ALLOWED] == 0.0
+    ):
         return -math.inf
-    if state[DIRECTION] > 0.0:
-        return float(angle - constants[LIMIT_CLOSING])
-    return float(constants[LIMIT_OPENING] - angle)
+    if state[at.DIRECTION] > 0.0:
+        return float(angle - constants[at.LIMIT_CLOSING])
+    return float(constants[at.LIMIT_OPENING] - angle)
 
 
 @compiled
@@ -90,16 +49,16 @@ def _locate_limit(
     """Return the length of the step that ends where the limit contact opens, and take it."""
     time, step = span
     low, high = 0.0, step
-    f_low = beyond_limit(constants, state, state[GEAR_ANGLE])
-    f_high = beyond_limit(constants, state, work[SECOND, GEAR_ANGLE])
+    f_low = beyond_limit(constants, state, state[at.GEAR_ANGLE])
+    f_high = beyond_limit(constants, state, work[SECOND, at.GEAR_ANGLE])
     h, side = step, 0
     for _ in range(LOCATE):
         h = low + (high - low) * f_low / (f_low - f_high)
         if not low < h < high:
             h = 0.5 * (low + high)
-        if take_step(constants, rail, table, state, time, h, work) != CONVERGED:
+        if take_step(constants, rail, table, state, time, h, work) != at.CONVERGED:
             return -1.0
-        f = beyond_limit(constants, state, work[SECOND, GEAR_ANGLE])
+        f = beyond_limit(constants, state, work[SECOND, at.GEAR_ANGLE])
         if abs(f) <= ANGLE_ROUNDING or high - low <= 1e-15:
             break
         if f > 0.0:
@@ -126,14 +85,14 @@ def _locate_turn(
 ) -> float:
     """Return the length of the step at whose end the gear stands, and take it."""
     time, step = span
-    before = state[GEAR_SPEED]
+    before = state[at.GEAR_SPEED]
     low, high = 0.0, step
     h = step
     for _ in range(LOCATE):
         h = 0.5 * (low + high)
-        if take_step(constants, rail, table, state, time, h, work) != CONVERGED:
+        if take_step(constants, rail, table, state, time, h, work) != at.CONVERGED:
             return -1.0
-        w2 = work[SECOND, GEAR_SPEED]
+        w2 = work[SECOND, at.GEAR_SPEED]
         if w2 == 0.0 or abs(w2) <= 1e-9 * abs(before):
             break
         if w2 * before < 0.0:
@@ -146,9 +105,9 @@ def _locate_turn(
 @compiled_part
 def rail_is_home(constants: Floats, rail: Floats, state: Floats) -> bool:
     """Return whether the rail is near enough for the lock; true where the rail is not here."""
-    if rail[ONE_MASS] == 0.0 or state[DIRECTION] < 0.0:
+    if rail[at.ONE_MASS] == 0.0 or state[at.DIRECTION] < 0.0:
         return True
-    return bool(state[RAIL_POSITION] >= -constants[LOCK_GAP])
+    return bool(state[at.RAIL_POSITION] >= -constants[at.LOCK_GAP])
 
 
 @compiled_part
@@ -162,24 +121,24 @@ def _after_step(
 ) -> None:
     """Update contacts and relay from the state at the end of a step."""
     before, time = times
-    x = state[ROD_POSITION]
-    opened = x_before >= constants[DETECTION_CLOSED] > x
-    opened = opened or x_before <= constants[DETECTION_OPEN] < x
-    closed = x_before < constants[DETECTION_CLOSED] <= x
-    closed = closed or x_before > constants[DETECTION_OPEN] >= x
+    x = state[at.ROD_POSITION]
+    opened = x_before >= constants[at.DETECTION_CLOSED] > x
+    opened = opened or x_before <= constants[at.DETECTION_OPEN] < x
+    closed = x_before < constants[at.DETECTION_CLOSED] <= x
+    closed = closed or x_before > constants[at.DETECTION_OPEN] >= x
     if opened:
-        log_event(state, log, time, EVENT_DETECTION_OPENS)
+        log_event(state, log, time, at.EVENT_DETECTION_OPENS)
     if closed:
-        log_event(state, log, time, EVENT_DETECTION_CLOSES)
-    if state[ENERGISED] == 0.0:
+        log_event(state, log, time, at.EVENT_DETECTION_CLOSES)
+    if state[at.ENERGISED] == 0.0:
         return
-    if abs(state[CURRENT]) < constants[OVERLOAD_CURRENT]:
-        state[OVERLOAD_SINCE] = math.inf
-    elif state[OVERLOAD_SINCE] == math.inf:
-        state[OVERLOAD_SINCE] = before
-    reached = beyond_limit(constants, state, state[GEAR_ANGLE]) >= -ANGLE_ROUNDING
+    if abs(state[at.CURRENT]) < constants[at.OVERLOAD_CURRENT]:
+        state[at.OVERLOAD_SINCE] = math.inf
+    elif state[at.OVERLOAD_SINCE] == math.inf:
+        state[at.OVERLOAD_SINCE] = before
+    reached = beyond_limit(constants, state, state[at.GEAR_ANGLE]) >= -ANGLE_ROUNDING
     if reached and rail_is_home(constants, rail, state):
-        state[CUTOFF_TIME] = time + constants[CUTOFF_DELAY]
+        state[at.CUTOFF_TIME] = time + constants[at.CUTOFF_DELAY]
 
 
 @compiled_part
@@ -188,13 +147,13 @@ def set_local_faults(constants: Floats, state: Floats) -> None:
 
     It holds for the whole step that begins there, so that each step is one of constant values.
     """
-    state[GEAR_RATIO], state[BRUSH_RESISTANCE] = 1.0, 0.0
-    if constants[DRY_FROM] <= state[ROD_POSITION] <= constants[DRY_TO]:
-        state[GEAR_RATIO] = constants[DRY_RATIO]
-    if constants[CONTACT_LOSS] > 0.0:
-        turns = (state[GEAR_ANGLE] + state[TWIST] + state[SLIP]) / (2.0 * math.pi)
-        if turns - math.floor(turns) < constants[CONTACT_LOSS]:
-            state[BRUSH_RESISTANCE] = constants[CONTACT_RESISTANCE]
+    state[at.GEAR_RATIO], state[at.BRUSH_RESISTANCE] = 1.0, 0.0
+    if constants[at.DRY_FROM] <= state[at.ROD_POSITION] <= constants[at.DRY_TO]:
+        state[at.GEAR_RATIO] = constants[at.DRY_RATIO]
+    if constants[at.CONTACT_LOSS] > 0.0:
+        turns = (state[at.GEAR_ANGLE] + state[at.TWIST] + state[at.SLIP]) / (2.0 * math.pi)
+        if turns - math.floor(turns) < constants[at.CONTACT_LOSS]:
+            state[at.BRUSH_RESISTANCE] = constants[at.CONTACT_RESISTANCE]
 
 
 @compiled
@@ -211,14 +170,14 @@ def _piece(
     time, h = span
     set_local_faults(constants, state)
     halvings = 0
-    while take_step(constants, rail, table, state, time, h, work) != CONVERGED:
+    while take_step(constants, rail, table, state, time, h, work) != at.CONVERGED:
         halvings += 1
         if halvings > HALVINGS:
             return -1.0
-        state[HALVED] += 1
+        state[at.HALVED] += 1
         h *= 0.5
-    over = beyond_limit(constants, state, work[SECOND, GEAR_ANGLE])
-    before = beyond_limit(constants, state, state[GEAR_ANGLE])
+    over = beyond_limit(constants, state, work[SECOND, at.GEAR_ANGLE])
+    before = beyond_limit(constants, state, state[at.GEAR_ANGLE])
     if over > ANGLE_ROUNDING and before < -ANGLE_ROUNDING:
         h = _locate_limit(constants, rail, table, state, (time, h), work)
     if h > 0.0 and _turns_round(constants, state, work):
@@ -231,13 +190,17 @@ def _piece(
 @compiled_part
 def _may_lock(constants: Floats, state: Floats) -> bool:
     """Return whether the lock holds the gear at its next standstill."""
-    return bool(constants[HOLDS] > 0.0 and state[ENERGISED] == 0.0 and state[LOCKED] == 0.0)
+    return bool(
+        constants[at.HOLDS] > 0.0 and state[at.ENERGISED] == 0.0 and state[at.LOCKED] == 0.0
+    )
 
 
 @compiled_part
 def _turns_round(constants: Floats, state: Floats, work: Floats) -> bool:
     """Return whether the gear stood within the step and may be locked there."""
-    return bool(_may_lock(constants, state) and work[SECOND, GEAR_SPEED] * state[GEAR_SPEED] < 0.0)
+    return bool(
+        _may_lock(constants, state) and work[SECOND, at.GEAR_SPEED] * state[at.GEAR_SPEED] < 0.0
+    )
 
 
 @compiled
@@ -253,25 +216,27 @@ def _finish_step(
     """Make the end of a step the state, with what clutch, contacts, relay and lock do there."""
     time, h = span
     locks = _may_lock(constants, state)
-    x_before, w2_before = state[ROD_POSITION], state[GEAR_SPEED]
+    x_before, w2_before = state[at.ROD_POSITION], state[at.GEAR_SPEED]
     accept_step(constants, rail, table, state, time, h, work)
     update_clutch(constants, state, h)
     _after_step(constants, rail, state, log, (time, time + h), x_before)
-    if locks and (state[GEAR_SPEED] == 0.0 or abs(state[GEAR_SPEED]) <= 1e-9 * abs(w2_before)):
+    if locks and (
+        state[at.GEAR_SPEED] == 0.0 or abs(state[at.GEAR_SPEED]) <= 1e-9 * abs(w2_before)
+    ):
         # what is left of the motion ends in the lock
-        motion = 0.5 * constants[GEAR_INERTIA] * state[GEAR_SPEED] ** 2
-        state[ENERGIES + GEAR] += motion
-        state[ENERGIES + INTO_STORES] -= motion
-        state[GEAR_SPEED], state[LOCKED] = 0.0, 1.0
-        log_event(state, log, time + h, EVENT_LOCKED)
+        motion = 0.5 * constants[at.GEAR_INERTIA] * state[at.GEAR_SPEED] ** 2
+        state[at.ENERGIES + at.GEAR] += motion
+        state[at.ENERGIES + at.INTO_STORES] -= motion
+        state[at.GEAR_SPEED], state[at.LOCKED] = 0.0, 1.0
+        log_event(state, log, time + h, at.EVENT_LOCKED)
 
 
 @compiled_part
 def rests(constants: Floats, rail: Floats, state: Floats) -> bool:
     """Return whether nothing in the machine can move until the next switching instant."""
-    off = state[ENERGISED] == 0.0 and state[CURRENT] == 0.0 and state[SPEED] == 0.0
-    held = abs(constants[CLUTCH_STIFFNESS] * state[TWIST]) <= state[STILL_TORQUE]
-    return bool(off and held and state[LOCKED] > 0.0 and rail[ONE_MASS] == 0.0)
+    off = state[at.ENERGISED] == 0.0 and state[at.CURRENT] == 0.0 and state[at.SPEED] == 0.0
+    held = abs(constants[at.CLUTCH_STIFFNESS] * state[at.TWIST]) <= state[at.STILL_TORQUE]
+    return bool(off and held and state[at.LOCKED] > 0.0 and rail[at.ONE_MASS] == 0.0)
 
 
 @compiled_part
@@ -280,7 +245,7 @@ def _hold(
 ) -> tuple[float, float]:
     """Return the force of a rod that stands, and the rail's position, at the end of a span."""
     free, compliance = span_of(constants, rail, state, span[0] + span[1])[1:]
-    x, y = state[ROD_POSITION], state[RAIL_POSITION]
+    x, y = state[at.ROD_POSITION], state[at.RAIL_POSITION]
     force, _, y = rail_side(constants, rail, span[1], state, free, compliance, y, x)
     return force, y
 
@@ -319,19 +284,19 @@ def advance(
     """
     time, end = span[0], span[0] + span[1]
     if rests(constants, rail, state) and next_instant(constants, state, commands, time) > end:
-        state[ROD_FORCE], state[RAIL_POSITION] = _hold(constants, rail, state, span)
-        return CONVERGED
+        state[at.ROD_FORCE], state[at.RAIL_POSITION] = _hold(constants, rail, state, span)
+        return at.CONVERGED
     pieces = 0
     while True:
         instant = switch_all_due(constants, state, commands, time, log)
         left = min(end, instant) - time
         if left <= INSTANT:
-            return CONVERGED
+            return at.CONVERGED
         pieces += 1
-        most = min(left, constants[LONGEST_STEP])
+        most = min(left, constants[at.LONGEST_STEP])
         h = _piece(constants, rail, table, state, (time, most), work, log)
         if h <= 0.0 or pieces > 1 << HALVINGS:
-            return NOT_CONVERGED
+            return at.NOT_CONVERGED
         time = min(end, instant) if h == left else time + h
 
 
@@ -355,17 +320,17 @@ def try_plain_step(
     if next_instant(constants, state, commands, time) <= end + INSTANT:
         return False
     if rests(constants, rail, state):
-        work[SECOND, ROD_POSITION] = state[ROD_POSITION]
+        work[SECOND, at.ROD_POSITION] = state[at.ROD_POSITION]
         held = _hold(constants, rail, state, span)
-        work[SECOND, ROD_FORCE], work[SECOND, RAIL_POSITION] = held
+        work[SECOND, at.ROD_FORCE], work[SECOND, at.RAIL_POSITION] = held
         return True
-    if h > constants[LONGEST_STEP]:
+    if h > constants[at.LONGEST_STEP]:
         return False
     set_local_faults(constants, state)
-    if take_step(constants, rail, table, state, time, h, work) != CONVERGED:
+    if take_step(constants, rail, table, state, time, h, work) != at.CONVERGED:
         return False
-    over = beyond_limit(constants, state, work[SECOND, GEAR_ANGLE])
-    before = beyond_limit(constants, state, state[GEAR_ANGLE])
+    over = beyond_limit(constants, state, work[SECOND, at.GEAR_ANGLE])
+    before = beyond_limit(constants, state, state[at.GEAR_ANGLE])
     at_limit = over > ANGLE_ROUNDING and before < -ANGLE_ROUNDING
     return not (at_limit or _turns_round(constants, state, work))
 
@@ -384,8 +349,8 @@ def accept_plain_step(
     """Make the end of a span that `try_plain_step` has solved the state."""
     time, end = span[0], span[0] + span[1]
     if rests(constants, rail, state):
-        state[ROD_FORCE] = work[SECOND, ROD_FORCE]
-        state[RAIL_POSITION] = work[SECOND, RAIL_POSITION]
+        state[at.ROD_FORCE] = work[SECOND, at.ROD_FORCE]
+        state[at.RAIL_POSITION] = work[SECOND, at.RAIL_POSITION]
         return
     _finish_step(constants, rail, table, state, (time, end - time), work, log)
     switch_all_due(constants, state, commands, end, log)

@@ -15,31 +15,10 @@ from typing import NamedTuple
 
 from turnout.kernels.compiled import compiled, compiled_part
 from turnout.law.table import Floats
+from turnout.machine.compute import places as at
 from turnout.machine.compute.circuit import accept_plain_step, advance, try_plain_step
 from turnout.machine.compute.induction import line_current
 from turnout.machine.compute.machine_step import SECOND
-from turnout.machine.compute.places import (
-    ARMATURE_OPEN,
-    CONVERGED,
-    CURRENT,
-    DIRECTION,
-    ENERGISED,
-    NOT_CONVERGED,
-    ONE_MASS,
-    RAIL_COMPLIANCE,
-    RAIL_FREE,
-    RAIL_START,
-    RAIL_START_SPEED,
-    RAIL_STEP,
-    RAIL_TIME,
-    ROD_FORCE,
-    ROD_POSITION,
-    ROD_STIFFNESS,
-    SHARED_DROP,
-    SHARED_DROP_ACROSS,
-    THREE_PHASE,
-    VOLTAGE,
-)
 
 SWEEPS = 40
 FORCE_ROUNDING = 1e-9
@@ -102,7 +81,7 @@ def _others_move(compliance: Floats, trial: Floats, number: int) -> float:
     moved = 0.0
     for other in range(trial.shape[0]):
         if other != number:
-            moved += compliance[number, other] * trial[other, ROD_FORCE]
+            moved += compliance[number, other] * trial[other, at.ROD_FORCE]
     return moved
 
 
@@ -115,14 +94,17 @@ def _others_current(machines: Machines, trial: Floats, number: int) -> tuple[flo
     """
     current, across = 0.0, 0.0
     for other in range(trial.shape[0]):
-        if other == number or not trial[other, ENERGISED] > 0.0:
+        if other == number or not trial[other, at.ENERGISED] > 0.0:
             continue
-        if machines.constants[other, THREE_PHASE] > 0.0 and trial[other, ARMATURE_OPEN] == 0.0:
+        if (
+            machines.constants[other, at.THREE_PHASE] > 0.0
+            and trial[other, at.ARMATURE_OPEN] == 0.0
+        ):
             line = line_current(machines.constants[other], trial[other])
             current += line.real
-            across += line.imag * trial[other, DIRECTION] * trial[number, DIRECTION]
+            across += line.imag * trial[other, at.DIRECTION] * trial[number, at.DIRECTION]
         else:
-            current += abs(trial[other, CURRENT])
+            current += abs(trial[other, at.CURRENT])
     return current, across
 
 
@@ -162,37 +144,37 @@ def try_machines(
     count = state.shape[0]
     shared = machines.shared_resistance > 0.0
     for number in range(count):
-        trial[number, ROD_FORCE] = state[number, ROD_FORCE]
+        trial[number, at.ROD_FORCE] = state[number, at.ROD_FORCE]
         if shared:
             _copy_row(state[number], trial[number])
     for _ in range(SWEEPS):
         for number in range(count):
             rail = room.rails[number]
-            rail[ONE_MASS] = 0.0
-            rail[RAIL_START], rail[RAIL_START_SPEED] = start[number], speed[number]
-            rail[RAIL_FREE] = free[number] + _others_move(compliance, trial, number)
-            rail[RAIL_COMPLIANCE] = compliance[number, number]
-            rail[RAIL_TIME], rail[RAIL_STEP] = span
+            rail[at.ONE_MASS] = 0.0
+            rail[at.RAIL_START], rail[at.RAIL_START_SPEED] = start[number], speed[number]
+            rail[at.RAIL_FREE] = free[number] + _others_move(compliance, trial, number)
+            rail[at.RAIL_COMPLIANCE] = compliance[number, number]
+            rail[at.RAIL_TIME], rail[at.RAIL_STEP] = span
             room.plain[number] = 0.0
             of_machine = (machines.constants[number], rail, machines.tables[number])
             commands, work = machines.commands[number], room.work[number]
             if not shared and try_plain_step(*of_machine, commands, state[number], span, work):
                 room.plain[number] = 1.0
-                trial[number, ROD_POSITION] = work[SECOND, ROD_POSITION]
-                trial[number, ROD_FORCE] = work[SECOND, ROD_FORCE]
+                trial[number, at.ROD_POSITION] = work[SECOND, at.ROD_POSITION]
+                trial[number, at.ROD_FORCE] = work[SECOND, at.ROD_FORCE]
                 continue
             drop, across = 0.0, 0.0
             if shared:
                 drop, across = _others_current(machines, trial, number)
             _copy_row(state[number], trial[number])
-            trial[number, SHARED_DROP] = machines.shared_resistance * drop
-            trial[number, SHARED_DROP_ACROSS] = machines.shared_resistance * across
+            trial[number, at.SHARED_DROP] = machines.shared_resistance * drop
+            trial[number, at.SHARED_DROP_ACROSS] = machines.shared_resistance * across
             code = advance(*of_machine, commands, trial[number], span, work, room.log[number])
-            if code != CONVERGED:
+            if code != at.CONVERGED:
                 return code
         if _agree(machines, trial, free, compliance, room.rails):
-            return CONVERGED
-    return NOT_CONVERGED
+            return at.CONVERGED
+    return at.NOT_CONVERGED
 
 
 @compiled_part
@@ -201,16 +183,16 @@ def _agree(
 ) -> bool:
     """Return whether each machine was solved with the final values of the others."""
     for number in range(trial.shape[0]):
-        moved = free[number] + _others_move(compliance, trial, number) - rails[number, RAIL_FREE]
-        error = machines.constants[number, ROD_STIFFNESS] * abs(moved)
-        if not error <= FORCE_ROUNDING * (1.0 + abs(trial[number, ROD_FORCE])):
+        moved = free[number] + _others_move(compliance, trial, number) - rails[number, at.RAIL_FREE]
+        error = machines.constants[number, at.ROD_STIFFNESS] * abs(moved)
+        if not error <= FORCE_ROUNDING * (1.0 + abs(trial[number, at.ROD_FORCE])):
             return False
         if not machines.shared_resistance > 0.0:
             continue
         drop, across = _others_current(machines, trial, number)
-        error = abs(machines.shared_resistance * drop - trial[number, SHARED_DROP])
-        error += abs(machines.shared_resistance * across - trial[number, SHARED_DROP_ACROSS])
-        if not error <= VOLTAGE_ROUNDING * machines.constants[number, VOLTAGE]:
+        error = abs(machines.shared_resistance * drop - trial[number, at.SHARED_DROP])
+        error += abs(machines.shared_resistance * across - trial[number, at.SHARED_DROP_ACROSS])
+        if not error <= VOLTAGE_ROUNDING * machines.constants[number, at.VOLTAGE]:
             return False
     return True
 

@@ -19,33 +19,7 @@ import math
 
 from turnout.kernels.compiled import compiled, compiled_part
 from turnout.law.table import Floats
-from turnout.machine.compute.places import (
-    COPPER,
-    CURRENT,
-    DIRECTION,
-    ENERGIES,
-    FIELD,
-    INTO_STORES,
-    IRON_CONDUCTANCE,
-    LEAKAGE_INDUCTANCE,
-    LINE,
-    LINE_RESISTANCE,
-    PHASE_VOLTAGE,
-    POLE_PAIRS,
-    RESISTANCE,
-    ROTOR_FLUX,
-    ROTOR_FLUX_ACROSS,
-    ROTOR_RESISTANCE,
-    SHARED_DROP,
-    SHARED_DROP_ACROSS,
-    SNUB,
-    STATOR_FLUX,
-    STATOR_FLUX_ACROSS,
-    STATOR_INDUCTANCE,
-    STEADY_CIRCUIT,
-    SUPPLY,
-    SUPPLY_SPEED,
-)
+from turnout.machine.compute import places as at
 
 NO_CURVE = (0.0, 0.0, 1.0, 0.0, 0.0)
 """Torque curve of a motor without one."""
@@ -66,40 +40,42 @@ def squared(z: complex) -> float:
 @compiled_part
 def stator_flux(row: Floats) -> complex:
     """Return psi_s of a state, a stage or a base."""
-    return complex(row[STATOR_FLUX], row[STATOR_FLUX_ACROSS])
+    return complex(row[at.STATOR_FLUX], row[at.STATOR_FLUX_ACROSS])
 
 
 @compiled_part
 def rotor_flux(row: Floats) -> complex:
     """Return psi_r of a state, a stage or a base."""
-    return complex(row[ROTOR_FLUX], row[ROTOR_FLUX_ACROSS])
+    return complex(row[at.ROTOR_FLUX], row[at.ROTOR_FLUX_ACROSS])
 
 
 @compiled_part
 def winding_currents(constants: Floats, psi_s: complex, psi_r: complex) -> tuple[complex, complex]:
     """Return the currents of stator and rotor [A]."""
-    i_r = scaled(psi_r - psi_s, 1.0 / constants[LEAKAGE_INDUCTANCE])
-    return scaled(psi_s, 1.0 / constants[STATOR_INDUCTANCE]) - i_r, i_r
+    i_r = scaled(psi_r - psi_s, 1.0 / constants[at.LEAKAGE_INDUCTANCE])
+    return scaled(psi_s, 1.0 / constants[at.STATOR_INDUCTANCE]) - i_r, i_r
 
 
 @compiled_part
 def series_resistance(constants: Floats) -> float:
     """Return what line and iron together put in series with the stator [ohm]."""
-    line = constants[LINE_RESISTANCE]
-    return float(line / (1.0 + line * constants[IRON_CONDUCTANCE]))
+    line = constants[at.LINE_RESISTANCE]
+    return float(line / (1.0 + line * constants[at.IRON_CONDUCTANCE]))
 
 
 @compiled_part
 def supply_phasor(constants: Floats, state: Floats) -> complex:
     """Return the voltage of a phase behind which the machine's own line begins, peak [V]."""
-    return complex(constants[PHASE_VOLTAGE] - state[SHARED_DROP], -state[SHARED_DROP_ACROSS])
+    return complex(
+        constants[at.PHASE_VOLTAGE] - state[at.SHARED_DROP], -state[at.SHARED_DROP_ACROSS]
+    )
 
 
 @compiled_part
 def terminals(constants: Floats, state: Floats, i_s: complex) -> tuple[complex, complex]:
     """Return the voltage at the motor's terminals [V] and the current in the line [A]."""
-    conductance = constants[IRON_CONDUCTANCE]
-    share = 1.0 / (1.0 + constants[LINE_RESISTANCE] * conductance)
+    conductance = constants[at.IRON_CONDUCTANCE]
+    share = 1.0 / (1.0 + constants[at.LINE_RESISTANCE] * conductance)
     source = scaled(supply_phasor(constants, state), share)
     voltage = source - scaled(i_s, series_resistance(constants))
     return voltage, i_s + scaled(voltage, conductance)
@@ -115,7 +91,7 @@ def line_current(constants: Floats, state: Floats) -> complex:
 @compiled_part
 def slip_speed(constants: Floats, state: Floats, w1: float) -> float:
     """Return w_k - n_p w1, electrical [rad/s]."""
-    return float(state[DIRECTION] * constants[SUPPLY_SPEED] - constants[POLE_PAIRS] * w1)
+    return float(state[at.DIRECTION] * constants[at.SUPPLY_SPEED] - constants[at.POLE_PAIRS] * w1)
 
 
 @compiled_part
@@ -123,12 +99,15 @@ def _stage_system(
     constants: Floats, state: Floats, g: float, base: Floats
 ) -> tuple[complex, float, float, float, complex, complex]:
     """Return a11, a12, a21, Re a22, b1, b2 of a stage: A (psi_s, psi_r) = b, Im a22 the slip."""
-    rate = 0.0 if constants[STEADY_CIRCUIT] > 0.0 else 1.0 / g
-    leak, line = constants[LEAKAGE_INDUCTANCE], constants[LINE_RESISTANCE]
-    r_s, r_r = constants[RESISTANCE] + series_resistance(constants), constants[ROTOR_RESISTANCE]
-    wk = state[DIRECTION] * constants[SUPPLY_SPEED]
-    a11 = complex(rate + r_s / constants[STATOR_INDUCTANCE] + r_s / leak, wk)
-    share = 1.0 / (1.0 + line * constants[IRON_CONDUCTANCE])
+    rate = 0.0 if constants[at.STEADY_CIRCUIT] > 0.0 else 1.0 / g
+    leak, line = constants[at.LEAKAGE_INDUCTANCE], constants[at.LINE_RESISTANCE]
+    r_s, r_r = (
+        constants[at.RESISTANCE] + series_resistance(constants),
+        constants[at.ROTOR_RESISTANCE],
+    )
+    wk = state[at.DIRECTION] * constants[at.SUPPLY_SPEED]
+    a11 = complex(rate + r_s / constants[at.STATOR_INDUCTANCE] + r_s / leak, wk)
+    share = 1.0 / (1.0 + line * constants[at.IRON_CONDUCTANCE])
     source = scaled(supply_phasor(constants, state), share)
     b1, b2 = source + scaled(stator_flux(base), rate), scaled(rotor_flux(base), rate)
     return a11, -r_s / leak, -r_r / leak, rate + r_r / leak, b1, b2
@@ -174,7 +153,7 @@ def torque_curve(
     a11, a12, a21, across, b1, b2 = _stage_system(constants, state, g, base)
     n = (a11 * b2 - scaled(b1, a21)).conjugate()
     d = scaled(a11, across) - a12 * a21
-    factor = 1.5 * constants[POLE_PAIRS] / constants[LEAKAGE_INDUCTANCE]
+    factor = 1.5 * constants[at.POLE_PAIRS] / constants[at.LEAKAGE_INDUCTANCE]
     n0 = factor * ((scaled(b1, across) - scaled(b2, a12)) * n).imag
     n1 = factor * (b1 * n).real
     d1 = -2.0 * (d.conjugate() * a11).imag
@@ -189,14 +168,14 @@ def known_curve(
 
     `known` holds the curve and what it depends on: direction, and both parts of the shared drop.
     """
-    if constants[STEADY_CIRCUIT] == 0.0:
+    if constants[at.STEADY_CIRCUIT] == 0.0:
         return torque_curve(constants, state, g, base)
-    alike = known[5] == state[DIRECTION] and known[6] == state[SHARED_DROP]
-    if not (alike and known[7] == state[SHARED_DROP_ACROSS]):
+    alike = known[5] == state[at.DIRECTION] and known[6] == state[at.SHARED_DROP]
+    if not (alike and known[7] == state[at.SHARED_DROP_ACROSS]):
         curve = torque_curve(constants, state, g, base)
         known[0], known[1], known[2], known[3], known[4] = curve
-        known[5], known[6] = state[DIRECTION], state[SHARED_DROP]
-        known[7] = state[SHARED_DROP_ACROSS]
+        known[5], known[6] = state[at.DIRECTION], state[at.SHARED_DROP]
+        known[7] = state[at.SHARED_DROP_ACROSS]
     return known[0], known[1], known[2], known[3], known[4]
 
 
@@ -213,7 +192,7 @@ def curve_torque(
     share = 1.0 / (d0 + slip * (d1 + slip * d2))
     torque = (n0 + n1 * slip) * share
     fall = (n1 - torque * (d1 + 2.0 * slip * d2)) * share
-    return torque, -constants[POLE_PAIRS] * fall
+    return torque, -constants[at.POLE_PAIRS] * fall
 
 
 @compiled_part
@@ -222,10 +201,10 @@ def fill_fluxes(
 ) -> None:
     """Write the fluxes of a stage at its motor speed, and the line's current (rms)."""
     psi_s, psi_r = stage_fluxes(constants, state, g, base, w1)
-    stage[STATOR_FLUX], stage[STATOR_FLUX_ACROSS] = psi_s.real, psi_s.imag
-    stage[ROTOR_FLUX], stage[ROTOR_FLUX_ACROSS] = psi_r.real, psi_r.imag
+    stage[at.STATOR_FLUX], stage[at.STATOR_FLUX_ACROSS] = psi_s.real, psi_s.imag
+    stage[at.ROTOR_FLUX], stage[at.ROTOR_FLUX_ACROSS] = psi_r.real, psi_r.imag
     i_s, _ = winding_currents(constants, psi_s, psi_r)
-    stage[CURRENT] = math.sqrt(0.5 * squared(terminals(constants, state, i_s)[1]))
+    stage[at.CURRENT] = math.sqrt(0.5 * squared(terminals(constants, state, i_s)[1]))
 
 
 @compiled_part
@@ -234,18 +213,18 @@ def add_electrical_energy(constants: Floats, state: Floats, stage: Floats, weigh
     i_s, i_r = winding_currents(constants, stator_flux(stage), rotor_flux(stage))
     voltage, line = terminals(constants, state, i_s)
     part = 1.5 * weight
-    taken = state[SHARED_DROP] * line.real + state[SHARED_DROP_ACROSS] * line.imag
-    state[ENERGIES + SUPPLY] += part * constants[PHASE_VOLTAGE] * line.real
-    state[ENERGIES + LINE] += part * (constants[LINE_RESISTANCE] * squared(line) + taken)
-    state[ENERGIES + FIELD] += part * constants[IRON_CONDUCTANCE] * squared(voltage)
-    heat = constants[RESISTANCE] * squared(i_s) + constants[ROTOR_RESISTANCE] * squared(i_r)
-    state[ENERGIES + COPPER] += part * heat
+    taken = state[at.SHARED_DROP] * line.real + state[at.SHARED_DROP_ACROSS] * line.imag
+    state[at.ENERGIES + at.SUPPLY] += part * constants[at.PHASE_VOLTAGE] * line.real
+    state[at.ENERGIES + at.LINE] += part * (constants[at.LINE_RESISTANCE] * squared(line) + taken)
+    state[at.ENERGIES + at.FIELD] += part * constants[at.IRON_CONDUCTANCE] * squared(voltage)
+    heat = constants[at.RESISTANCE] * squared(i_s) + constants[at.ROTOR_RESISTANCE] * squared(i_r)
+    state[at.ENERGIES + at.COPPER] += part * heat
 
 
 @compiled_part
 def stored_in_stage(constants: Floats, stage: Floats, before: Floats) -> float:
     """Return what the change of the fluxes within a stage stores [J]."""
-    if constants[STEADY_CIRCUIT] > 0.0:
+    if constants[at.STEADY_CIRCUIT] > 0.0:
         return 0.0
     psi_s, psi_r = stator_flux(stage), rotor_flux(stage)
     i_s, i_r = winding_currents(constants, psi_s, psi_r)
@@ -257,11 +236,11 @@ def stored_in_stage(constants: Floats, stage: Floats, before: Floats) -> float:
 @compiled_part
 def field_energy(constants: Floats, row: Floats) -> float:
     """Return the energy in the magnetic field, 0 of the steady circuit [J]."""
-    if constants[STEADY_CIRCUIT] > 0.0:
+    if constants[at.STEADY_CIRCUIT] > 0.0:
         return 0.0
     psi_s, psi_r = stator_flux(row), rotor_flux(row)
-    energy = squared(psi_s) / constants[STATOR_INDUCTANCE]
-    energy += squared(psi_r - psi_s) / constants[LEAKAGE_INDUCTANCE]
+    energy = squared(psi_s) / constants[at.STATOR_INDUCTANCE]
+    energy += squared(psi_r - psi_s) / constants[at.LEAKAGE_INDUCTANCE]
     return 0.75 * float(energy)
 
 
@@ -269,7 +248,7 @@ def field_energy(constants: Floats, row: Floats) -> float:
 def drop_fluxes(constants: Floats, state: Floats) -> None:
     """Let arc and windings take what the field holds when the contactor opens."""
     held = field_energy(constants, state)
-    state[ENERGIES + SNUB] += held
-    state[ENERGIES + INTO_STORES] -= held
-    state[STATOR_FLUX], state[STATOR_FLUX_ACROSS] = 0.0, 0.0
-    state[ROTOR_FLUX], state[ROTOR_FLUX_ACROSS] = 0.0, 0.0
+    state[at.ENERGIES + at.SNUB] += held
+    state[at.ENERGIES + at.INTO_STORES] -= held
+    state[at.STATOR_FLUX], state[at.STATOR_FLUX_ACROSS] = 0.0, 0.0
+    state[at.ROTOR_FLUX], state[at.ROTOR_FLUX_ACROSS] = 0.0, 0.0

@@ -14,35 +14,16 @@ import math
 
 from turnout.kernels.compiled import compiled, compiled_part
 from turnout.law.table import Floats
+from turnout.machine.compute import places as at
 from turnout.machine.compute.gamma import gamma_circuit
 from turnout.machine.compute.induction import drop_fluxes
-from turnout.machine.compute.places import (
-    COPPER,
-    CURRENT,
-    DIRECTION,
-    ENERGIES,
-    FIELD,
-    IRON_CONDUCTANCE,
-    LEAKAGE_INDUCTANCE,
-    LINE,
-    LINE_RESISTANCE,
-    PHASE_LOST,
-    PHASE_VOLTAGE,
-    POLE_PAIRS,
-    RESISTANCE,
-    ROTOR_RESISTANCE,
-    SPEED,
-    STATOR_INDUCTANCE,
-    SUPPLY,
-    SUPPLY_SPEED,
-)
 
 
 @compiled_part
 def lose_phase(constants: Floats, state: Floats) -> None:
     """Open one conductor: the arc takes what the field holds."""
     drop_fluxes(constants, state)
-    state[PHASE_LOST] = 1.0
+    state[at.PHASE_LOST] = 1.0
 
 
 @compiled_part
@@ -54,12 +35,12 @@ def _system(
     Per slip speed s = frame - n_p w1: lambda' = j R_r/(R_r + j s L_l)^2 and
     Z' = -(Z - R_s) lambda'/lambda.
     """
-    slip, r_r = frame - constants[POLE_PAIRS] * w1, constants[ROTOR_RESISTANCE]
-    resistances = (constants[RESISTANCE], r_r)
-    inductances = (constants[STATOR_INDUCTANCE], constants[LEAKAGE_INDUCTANCE])
+    slip, r_r = frame - constants[at.POLE_PAIRS] * w1, constants[at.ROTOR_RESISTANCE]
+    resistances = (constants[at.RESISTANCE], r_r)
+    inductances = (constants[at.STATOR_INDUCTANCE], constants[at.LEAKAGE_INDUCTANCE])
     per_flux, own, rotor = gamma_circuit(frame, slip, resistances, inductances)
     slope = complex(0.0, r_r) / (rotor * rotor)
-    return per_flux, own, slope, -(own - constants[RESISTANCE]) * slope / per_flux
+    return per_flux, own, slope, -(own - constants[at.RESISTANCE]) * slope / per_flux
 
 
 @compiled
@@ -75,9 +56,9 @@ def lost_phase_circuit(
     w1 : float
         [rad/s].
     """
-    forward = state[DIRECTION] * constants[SUPPLY_SPEED]
-    iron, pairs = constants[IRON_CONDUCTANCE], constants[POLE_PAIRS]
-    whole, bend = complex(2.0 * constants[LINE_RESISTANCE], 0.0), complex(0.0, 0.0)
+    forward = state[at.DIRECTION] * constants[at.SUPPLY_SPEED]
+    iron, pairs = constants[at.IRON_CONDUCTANCE], constants[at.POLE_PAIRS]
+    whole, bend = complex(2.0 * constants[at.LINE_RESISTANCE], 0.0), complex(0.0, 0.0)
     share, share_slope = 0.0, 0.0
     for number in range(2):
         frame = forward if number == 0 else -forward
@@ -94,7 +75,7 @@ def lost_phase_circuit(
         share_slope += flux * slope.imag
         share_slope -= 2.0 * flux * per_flux.imag * (per_line_slope / per_line).real
     # a phasor of the phase voltage, peak, is sqrt(2/3) of the voltage between lines, rms
-    line_to_line = math.sqrt(1.5) * constants[PHASE_VOLTAGE]
+    line_to_line = math.sqrt(1.5) * constants[at.PHASE_VOLTAGE]
     current = line_to_line / abs(whole)
     factor = pairs * current * current  # 1.5 n_p |i|^2 of each system, |i|^2 = 2/3 I^2
     torque = factor * share
@@ -105,19 +86,19 @@ def lost_phase_circuit(
 @compiled_part
 def add_lost_phase_energy(constants: Floats, state: Floats, stage: Floats, weight: float) -> None:
     """Add what a stage takes from the supply and loses in lines, iron and windings."""
-    forward = state[DIRECTION] * constants[SUPPLY_SPEED]
-    current, w1 = stage[CURRENT], stage[SPEED]
+    forward = state[at.DIRECTION] * constants[at.SUPPLY_SPEED]
+    current, w1 = stage[at.CURRENT], stage[at.SPEED]
     power = lost_phase_circuit(constants, state, w1)[3]
-    iron, squared = constants[IRON_CONDUCTANCE], current * current
-    state[ENERGIES + SUPPLY] += weight * power
-    state[ENERGIES + LINE] += weight * 2.0 * constants[LINE_RESISTANCE] * squared
+    iron, squared = constants[at.IRON_CONDUCTANCE], current * current
+    state[at.ENERGIES + at.SUPPLY] += weight * power
+    state[at.ENERGIES + at.LINE] += weight * 2.0 * constants[at.LINE_RESISTANCE] * squared
     for number in range(2):
         frame = forward if number == 0 else -forward
         per_flux, own, _, _ = _system(constants, frame, w1)
         divided = abs(1.0 + iron * own)
         stator = squared / (divided * divided)  # 3 |I_s|^2 of this system
         voltage = abs(own)
-        through = abs((per_flux - 1.0 / constants[STATOR_INDUCTANCE]) / per_flux)
-        heat = constants[RESISTANCE] + constants[ROTOR_RESISTANCE] * through * through
-        state[ENERGIES + COPPER] += weight * heat * stator
-        state[ENERGIES + FIELD] += weight * iron * voltage * voltage * stator
+        through = abs((per_flux - 1.0 / constants[at.STATOR_INDUCTANCE]) / per_flux)
+        heat = constants[at.RESISTANCE] + constants[at.ROTOR_RESISTANCE] * through * through
+        state[at.ENERGIES + at.COPPER] += weight * heat * stator
+        state[at.ENERGIES + at.FIELD] += weight * iron * voltage * voltage * stator

@@ -9,6 +9,7 @@ import math
 
 from turnout.kernels.compiled import compiled, compiled_part
 from turnout.law.table import Floats
+from turnout.machine.compute import places as at
 from turnout.machine.compute.induction import (
     add_electrical_energy,
     field_energy,
@@ -17,79 +18,6 @@ from turnout.machine.compute.induction import (
 )
 from turnout.machine.compute.lost_phase import add_lost_phase_energy, lost_phase_circuit
 from turnout.machine.compute.motor import net_voltage
-from turnout.machine.compute.places import (
-    ARMATURE_OPEN,
-    BED_REST,
-    BED_STIFFNESS,
-    BRUSH,
-    BRUSH_DROP,
-    BRUSH_RESISTANCE,
-    CLUTCH,
-    CLUTCH_STIFFNESS,
-    CONVERGED,
-    COPPER,
-    CURRENT,
-    ENERGIES,
-    ENERGISED,
-    FIELD,
-    FIELD_POWER,
-    FRICTION_STIFFNESS,
-    GEAR,
-    GEAR_ANGLE,
-    GEAR_DRAG,
-    GEAR_DRAG_HEAT,
-    GEAR_INERTIA,
-    GEAR_SPEED,
-    HAND,
-    HAND_GAIN,
-    HAND_ON,
-    HAND_RAMP,
-    HAND_SINCE,
-    HAND_SPEED,
-    INDUCTANCE,
-    INTEGRATED,
-    INTO_STORES,
-    LINE,
-    LINE_RESISTANCE,
-    MOTOR_DRAG,
-    MOTOR_DRAG_HEAT,
-    MOTOR_FRICTION,
-    MOTOR_INERTIA,
-    OBJECT_SIZE,
-    OBJECT_STIFFNESS,
-    ONE_MASS,
-    PHASE_LOST,
-    RAIL_COMPLIANCE,
-    RAIL_DAMPING,
-    RAIL_DAMPING_HEAT,
-    RAIL_FREE,
-    RAIL_FRICTION_HEAT,
-    RAIL_MASS,
-    RAIL_POSITION,
-    RAIL_SPEED,
-    RAIL_START,
-    RAIL_START_SPEED,
-    RAIL_STEP,
-    RAIL_TIME,
-    RAIL_TWIST,
-    RESISTANCE,
-    ROD_FORCE,
-    ROD_INPUT,
-    ROD_ON_RAIL,
-    ROD_POSITION,
-    ROD_STIFFNESS,
-    SLIP,
-    SNUB,
-    SNUB_RESISTANCE,
-    SPEED,
-    STEADY_CIRCUIT,
-    STILL_TORQUE,
-    STOP_STIFFNESS,
-    SUPPLIED,
-    SUPPLY,
-    THREE_PHASE,
-    TWIST,
-)
 from turnout.machine.compute.rail import bed_force, rod_position
 from turnout.machine.compute.stage import load_factor, solve_stage
 
@@ -107,12 +35,12 @@ places by which those of the second are further on."""
 @compiled_part
 def hand_speed(constants: Floats, state: Floats, time: float) -> float:
     """Return the speed of the hand at the crank [rad/s]."""
-    if state[HAND_ON] == 0.0:
+    if state[at.HAND_ON] == 0.0:
         return 0.0
-    since = time - state[HAND_SINCE]
-    if since >= constants[HAND_RAMP]:
-        return float(constants[HAND_SPEED])
-    return float(constants[HAND_SPEED] * max(since, 0.0) / constants[HAND_RAMP])
+    since = time - state[at.HAND_SINCE]
+    if since >= constants[at.HAND_RAMP]:
+        return float(constants[at.HAND_SPEED])
+    return float(constants[at.HAND_SPEED] * max(since, 0.0) / constants[at.HAND_RAMP])
 
 
 @compiled_part
@@ -125,19 +53,19 @@ def span_of(
     the end of it, where it is RAIL_FREE + RAIL_COMPLIANCE F.
     """
     hand = hand_speed(constants, state, time)
-    if rail[ONE_MASS] > 0.0:
+    if rail[at.ONE_MASS] > 0.0:
         return hand, 0.0, 0.0
-    tau = time - rail[RAIL_TIME]
-    share = (tau / rail[RAIL_STEP]) ** 2
-    start, speed = rail[RAIL_START], rail[RAIL_START_SPEED]
-    bend = rail[RAIL_FREE] - start - speed * rail[RAIL_STEP]
-    return hand, start + speed * tau + bend * share, rail[RAIL_COMPLIANCE] * share
+    tau = time - rail[at.RAIL_TIME]
+    share = (tau / rail[at.RAIL_STEP]) ** 2
+    start, speed = rail[at.RAIL_START], rail[at.RAIL_START_SPEED]
+    bend = rail[at.RAIL_FREE] - start - speed * rail[at.RAIL_STEP]
+    return hand, start + speed * tau + bend * share, rail[at.RAIL_COMPLIANCE] * share
 
 
 @compiled_part
 def _guess_speeds(state: Floats, stage: Floats, guess: Floats, number: int) -> None:
     """Begin the search for a stage with the change of speeds in that stage of the last step."""
-    for place, change in ((SPEED, GUESS_MOTOR), (GEAR_SPEED, GUESS_GEAR)):
+    for place, change in ((at.SPEED, GUESS_MOTOR), (at.GEAR_SPEED, GUESS_GEAR)):
         speed = state[place] + guess[change + number * (GUESS_STAGE - 1)]
         if speed * state[place] > 0.0:  # what stands or turns round is looked for from there
             stage[place] = speed
@@ -146,7 +74,7 @@ def _guess_speeds(state: Floats, stage: Floats, guess: Floats, number: int) -> N
 @compiled_part
 def _note_speeds(state: Floats, stage: Floats, guess: Floats, number: int) -> None:
     """Note the change of speeds in a stage."""
-    for place, change in ((SPEED, GUESS_MOTOR), (GEAR_SPEED, GUESS_GEAR)):
+    for place, change in ((at.SPEED, GUESS_MOTOR), (at.GEAR_SPEED, GUESS_GEAR)):
         guess[change + number * (GUESS_STAGE - 1)] = stage[place] - state[place]
 
 
@@ -182,24 +110,24 @@ def take_step(
     for k in range(first.size):
         first[k] = state[k]
         base[k] = state[k]
-    first[RAIL_POSITION] += g * state[RAIL_SPEED]
+    first[at.RAIL_POSITION] += g * state[at.RAIL_SPEED]
     if alike:
         _guess_speeds(state, first, guess, 0)
     span = span_of(constants, rail, state, time + g)
     code = solve_stage(constants, rail, table, state, g, base, span, first, work[CURVE])
-    if code != CONVERGED:
+    if code != at.CONVERGED:
         return code
     ahead = (1.0 - GAMMA) / GAMMA
     for k in range(first.size):
         second[k] = first[k]
-    for k in range(INTEGRATED):
+    for k in range(at.INTEGRATED):
         base[k] = state[k] + ahead * (first[k] - state[k])
-    second[RAIL_POSITION] = base[RAIL_POSITION] + g * first[RAIL_SPEED]
+    second[at.RAIL_POSITION] = base[at.RAIL_POSITION] + g * first[at.RAIL_SPEED]
     if alike:
         _guess_speeds(state, second, guess, 1)
     span = span_of(constants, rail, state, time + step)
     code = solve_stage(constants, rail, table, state, g, base, span, second, work[CURVE])
-    if code == CONVERGED:
+    if code == at.CONVERGED:
         _note_speeds(state, first, guess, 0)
         _note_speeds(state, second, guess, 1)
         guess[GUESS_STEP] = step
@@ -226,70 +154,74 @@ def accept_step(
         weight = (1.0 - GAMMA) * step if number == 0 else g
         hand = hand_speed(constants, state, time + (g if number == 0 else step))
         _fill_steady_circuit(constants, state, g, stage)
-        slid = stage[SPEED] - stage[GEAR_SPEED] - (stage[TWIST] - before[TWIST]) / g
+        slid = stage[at.SPEED] - stage[at.GEAR_SPEED] - (stage[at.TWIST] - before[at.TWIST]) / g
         slip += weight * slid
-        state[ENERGIES + CLUTCH] += weight * constants[CLUTCH_STIFFNESS] * stage[TWIST] * slid
+        state[at.ENERGIES + at.CLUTCH] += (
+            weight * constants[at.CLUTCH_STIFFNESS] * stage[at.TWIST] * slid
+        )
         _add_motor_energy(constants, state, stage, hand, weight)
         _add_gear_energy(constants, table, state, stage, weight)
         _add_stored_energy(constants, rail, state, stage, before, (g, weight))
-    state[SLIP] += slip
-    for k in range(INTEGRATED):
+    state[at.SLIP] += slip
+    for k in range(at.INTEGRATED):
         state[k] = second[k]
-    state[ROD_POSITION] = second[ROD_POSITION]
-    state[ROD_FORCE] = second[ROD_FORCE]
+    state[at.ROD_POSITION] = second[at.ROD_POSITION]
+    state[at.ROD_FORCE] = second[at.ROD_FORCE]
 
 
 @compiled_part
 def _fill_steady_circuit(constants: Floats, state: Floats, g: float, stage: Floats) -> None:
     """Write the current, and fluxes, of a stage that was solved without asking for them."""
-    if constants[THREE_PHASE] == 0.0 or state[ARMATURE_OPEN] > 0.0:
+    if constants[at.THREE_PHASE] == 0.0 or state[at.ARMATURE_OPEN] > 0.0:
         return
-    if state[PHASE_LOST] > 0.0:
-        stage[CURRENT] = lost_phase_circuit(constants, state, stage[SPEED])[0]
-    elif constants[STEADY_CIRCUIT] > 0.0:
-        fill_fluxes(constants, state, g, stage, stage, stage[SPEED])
+    if state[at.PHASE_LOST] > 0.0:
+        stage[at.CURRENT] = lost_phase_circuit(constants, state, stage[at.SPEED])[0]
+    elif constants[at.STEADY_CIRCUIT] > 0.0:
+        fill_fluxes(constants, state, g, stage, stage, stage[at.SPEED])
 
 
 @compiled_part
 def _add_motor_energy(
     constants: Floats, state: Floats, stage: Floats, hand: float, weight: float
 ) -> None:
-    i, w1 = stage[CURRENT], stage[SPEED]
+    i, w1 = stage[at.CURRENT], stage[at.SPEED]
     heat = weight * i * i
-    if constants[THREE_PHASE] > 0.0:
-        if state[ARMATURE_OPEN] == 0.0 and state[PHASE_LOST] > 0.0:
+    if constants[at.THREE_PHASE] > 0.0:
+        if state[at.ARMATURE_OPEN] == 0.0 and state[at.PHASE_LOST] > 0.0:
             add_lost_phase_energy(constants, state, stage, weight)
-        elif state[ARMATURE_OPEN] == 0.0:
+        elif state[at.ARMATURE_OPEN] == 0.0:
             add_electrical_energy(constants, state, stage, weight)
         heat, i = 0.0, 0.0
-    elif state[ENERGISED] > 0.0:
-        taken = state[SUPPLIED] - net_voltage(state)
-        state[ENERGIES + SUPPLY] += weight * (state[SUPPLIED] * i + constants[FIELD_POWER])
-        state[ENERGIES + FIELD] += weight * constants[FIELD_POWER]
-        state[ENERGIES + LINE] += heat * constants[LINE_RESISTANCE] + weight * taken * i
+    elif state[at.ENERGISED] > 0.0:
+        taken = state[at.SUPPLIED] - net_voltage(state)
+        state[at.ENERGIES + at.SUPPLY] += weight * (
+            state[at.SUPPLIED] * i + constants[at.FIELD_POWER]
+        )
+        state[at.ENERGIES + at.FIELD] += weight * constants[at.FIELD_POWER]
+        state[at.ENERGIES + at.LINE] += heat * constants[at.LINE_RESISTANCE] + weight * taken * i
     else:
-        state[ENERGIES + SNUB] += heat * constants[SNUB_RESISTANCE]
-    state[ENERGIES + COPPER] += heat * constants[RESISTANCE]
-    state[ENERGIES + BRUSH] += weight * constants[BRUSH_DROP] * abs(i)
-    state[ENERGIES + BRUSH] += heat * state[BRUSH_RESISTANCE]
-    state[ENERGIES + MOTOR_FRICTION] += weight * state[STILL_TORQUE] * abs(w1)
-    state[ENERGIES + MOTOR_DRAG_HEAT] += weight * constants[MOTOR_DRAG] * w1 * w1
-    gain = constants[HAND_GAIN] * state[HAND_ON]
-    state[ENERGIES + HAND] += weight * gain * (hand - w1) * w1
+        state[at.ENERGIES + at.SNUB] += heat * constants[at.SNUB_RESISTANCE]
+    state[at.ENERGIES + at.COPPER] += heat * constants[at.RESISTANCE]
+    state[at.ENERGIES + at.BRUSH] += weight * constants[at.BRUSH_DROP] * abs(i)
+    state[at.ENERGIES + at.BRUSH] += heat * state[at.BRUSH_RESISTANCE]
+    state[at.ENERGIES + at.MOTOR_FRICTION] += weight * state[at.STILL_TORQUE] * abs(w1)
+    state[at.ENERGIES + at.MOTOR_DRAG_HEAT] += weight * constants[at.MOTOR_DRAG] * w1 * w1
+    gain = constants[at.HAND_GAIN] * state[at.HAND_ON]
+    state[at.ENERGIES + at.HAND] += weight * gain * (hand - w1) * w1
 
 
 @compiled_part
 def _add_gear_energy(
     constants: Floats, table: Floats, state: Floats, stage: Floats, weight: float
 ) -> None:
-    w2 = stage[GEAR_SPEED]
+    w2 = stage[at.GEAR_SPEED]
     if w2 == 0.0:
         return
-    load = rod_position(constants, table, stage[GEAR_ANGLE])[1] * stage[ROD_FORCE]
+    load = rod_position(constants, table, stage[at.GEAR_ANGLE])[1] * stage[at.ROD_FORCE]
     factor = load_factor(constants, state, load, math.copysign(1.0, w2))
-    state[ENERGIES + GEAR] += weight * (factor - 1.0) * load * w2
-    state[ENERGIES + GEAR_DRAG_HEAT] += weight * constants[GEAR_DRAG] * w2 * w2
-    state[ENERGIES + ROD_INPUT] += weight * load * w2
+    state[at.ENERGIES + at.GEAR] += weight * (factor - 1.0) * load * w2
+    state[at.ENERGIES + at.GEAR_DRAG_HEAT] += weight * constants[at.GEAR_DRAG] * w2 * w2
+    state[at.ENERGIES + at.ROD_INPUT] += weight * load * w2
 
 
 @compiled_part
@@ -303,41 +235,45 @@ def _add_stored_energy(
 ) -> None:
     """Add what the stages put into springs, masses and the coil, and what the rail takes."""
     g, weight = lengths
-    into = constants[INDUCTANCE] * stage[CURRENT] * (stage[CURRENT] - before[CURRENT])
-    if constants[THREE_PHASE] > 0.0:
+    into = constants[at.INDUCTANCE] * stage[at.CURRENT] * (stage[at.CURRENT] - before[at.CURRENT])
+    if constants[at.THREE_PHASE] > 0.0:
         into += stored_in_stage(constants, stage, before)
-    into += constants[MOTOR_INERTIA] * stage[SPEED] * (stage[SPEED] - before[SPEED])
-    into += constants[GEAR_INERTIA] * stage[GEAR_SPEED] * (stage[GEAR_SPEED] - before[GEAR_SPEED])
-    into += constants[CLUTCH_STIFFNESS] * stage[TWIST] * (stage[TWIST] - before[TWIST])
-    state[ENERGIES + INTO_STORES] += weight / g * into
-    if rail[ONE_MASS] == 0.0:
+    into += constants[at.MOTOR_INERTIA] * stage[at.SPEED] * (stage[at.SPEED] - before[at.SPEED])
+    into += (
+        constants[at.GEAR_INERTIA]
+        * stage[at.GEAR_SPEED]
+        * (stage[at.GEAR_SPEED] - before[at.GEAR_SPEED])
+    )
+    into += constants[at.CLUTCH_STIFFNESS] * stage[at.TWIST] * (stage[at.TWIST] - before[at.TWIST])
+    state[at.ENERGIES + at.INTO_STORES] += weight / g * into
+    if rail[at.ONE_MASS] == 0.0:
         return
-    v, force = stage[RAIL_SPEED], stage[ROD_FORCE]
-    twist, twisted = stage[RAIL_TWIST], (stage[RAIL_TWIST] - before[RAIL_TWIST]) / g
-    friction = rail[FRICTION_STIFFNESS] * twist
-    state[ENERGIES + RAIL_FRICTION_HEAT] += weight * friction * (v - twisted)
-    state[ENERGIES + RAIL_DAMPING_HEAT] += weight * rail[RAIL_DAMPING] * v * v
-    state[ENERGIES + ROD_ON_RAIL] += weight * force * v
-    into = rail[RAIL_MASS] * v * (v - before[RAIL_SPEED]) / g + friction * twisted
-    into += bed_force(rail, stage[RAIL_POSITION])[0] * v
-    state[ENERGIES + INTO_STORES] += weight * into
+    v, force = stage[at.RAIL_SPEED], stage[at.ROD_FORCE]
+    twist, twisted = stage[at.RAIL_TWIST], (stage[at.RAIL_TWIST] - before[at.RAIL_TWIST]) / g
+    friction = rail[at.FRICTION_STIFFNESS] * twist
+    state[at.ENERGIES + at.RAIL_FRICTION_HEAT] += weight * friction * (v - twisted)
+    state[at.ENERGIES + at.RAIL_DAMPING_HEAT] += weight * rail[at.RAIL_DAMPING] * v * v
+    state[at.ENERGIES + at.ROD_ON_RAIL] += weight * force * v
+    into = rail[at.RAIL_MASS] * v * (v - before[at.RAIL_SPEED]) / g + friction * twisted
+    into += bed_force(rail, stage[at.RAIL_POSITION])[0] * v
+    state[at.ENERGIES + at.INTO_STORES] += weight * into
 
 
 @compiled
 def stored_energy(constants: Floats, rail: Floats, state: Floats) -> float:
     """Return the energy in the machine, its rod and a one-mass rail [J]."""
-    energy = constants[INDUCTANCE] * state[CURRENT] ** 2
-    energy += constants[MOTOR_INERTIA] * state[SPEED] ** 2
-    energy += constants[GEAR_INERTIA] * state[GEAR_SPEED] ** 2
-    energy += constants[CLUTCH_STIFFNESS] * state[TWIST] ** 2
-    if constants[THREE_PHASE] > 0.0:
+    energy = constants[at.INDUCTANCE] * state[at.CURRENT] ** 2
+    energy += constants[at.MOTOR_INERTIA] * state[at.SPEED] ** 2
+    energy += constants[at.GEAR_INERTIA] * state[at.GEAR_SPEED] ** 2
+    energy += constants[at.CLUTCH_STIFFNESS] * state[at.TWIST] ** 2
+    if constants[at.THREE_PHASE] > 0.0:
         energy += 2.0 * field_energy(constants, state)
-    if rail[ONE_MASS] > 0.0:
-        y = state[RAIL_POSITION]
-        energy += rail[RAIL_MASS] * state[RAIL_SPEED] ** 2
-        energy += rail[FRICTION_STIFFNESS] * state[RAIL_TWIST] ** 2
-        energy += rail[BED_STIFFNESS] * (y - rail[BED_REST]) ** 2
-        energy += rail[STOP_STIFFNESS] * max(y, 0.0) ** 2
-        energy += rail[OBJECT_STIFFNESS] * max(y + rail[OBJECT_SIZE], 0.0) ** 2
-        energy += state[ROD_FORCE] ** 2 / constants[ROD_STIFFNESS]
+    if rail[at.ONE_MASS] > 0.0:
+        y = state[at.RAIL_POSITION]
+        energy += rail[at.RAIL_MASS] * state[at.RAIL_SPEED] ** 2
+        energy += rail[at.FRICTION_STIFFNESS] * state[at.RAIL_TWIST] ** 2
+        energy += rail[at.BED_STIFFNESS] * (y - rail[at.BED_REST]) ** 2
+        energy += rail[at.STOP_STIFFNESS] * max(y, 0.0) ** 2
+        energy += rail[at.OBJECT_STIFFNESS] * max(y + rail[at.OBJECT_SIZE], 0.0) ** 2
+        energy += state[at.ROD_FORCE] ** 2 / constants[at.ROD_STIFFNESS]
     return 0.5 * float(energy)

@@ -14,33 +14,9 @@ import math
 
 from turnout.kernels.compiled import compiled, compiled_part
 from turnout.law.table import Floats
+from turnout.machine.compute import places as at
 from turnout.machine.compute.induction import curve_torque
 from turnout.machine.compute.lost_phase import lost_phase_circuit
-from turnout.machine.compute.places import (
-    ARMATURE_OPEN,
-    BRUSH_DROP,
-    BRUSH_RESISTANCE,
-    CIRCUIT_RESISTANCE,
-    CLUTCH_STIFFNESS,
-    CURRENT,
-    DIRECTION,
-    HAND_GAIN,
-    HAND_ON,
-    INDUCTANCE,
-    INVERSE_SATURATION,
-    LEVEL,
-    MOTOR_CONSTANT,
-    MOTOR_DRAG,
-    MOTOR_INERTIA,
-    PHASE_LOST,
-    SERIES,
-    SHARED_DROP,
-    SPEED,
-    STILL_TORQUE,
-    SUPPLIED,
-    THREE_PHASE,
-    TWIST,
-)
 
 ITERATIONS = 60
 ROUNDING = 4e-14
@@ -52,7 +28,9 @@ UNSOLVED = 1e-9
 @compiled_part
 def net_voltage(state: Floats) -> float:
     """Return the voltage that drives the current, less what the other machines take [V]."""
-    return float(state[SUPPLIED] - math.copysign(1.0, state[SUPPLIED]) * state[SHARED_DROP])
+    return float(
+        state[at.SUPPLIED] - math.copysign(1.0, state[at.SUPPLIED]) * state[at.SHARED_DROP]
+    )
 
 
 @compiled_part
@@ -87,19 +65,19 @@ def motor_torque(
     never rises with w1; that of an induction motor does below breakdown, by far less than J_1/g.
     The current of an induction motor is not needed here; 0 stands for it.
     """
-    if state[ARMATURE_OPEN] > 0.0:
+    if state[at.ARMATURE_OPEN] > 0.0:
         return 0.0, 0.0, 0.0
-    if constants[THREE_PHASE] > 0.0:
-        if state[PHASE_LOST] > 0.0:
+    if constants[at.THREE_PHASE] > 0.0:
+        if state[at.PHASE_LOST] > 0.0:
             _, torque, slope, _ = lost_phase_circuit(constants, state, w1)
         else:
             torque, slope = curve_torque(constants, state, curve, w1)
         return 0.0, torque, slope
-    current = base[CURRENT]
-    k, drop = constants[MOTOR_CONSTANT], constants[BRUSH_DROP]
-    r = constants[INDUCTANCE] / g + state[CIRCUIT_RESISTANCE] + state[BRUSH_RESISTANCE]
-    q = net_voltage(state) + constants[INDUCTANCE] / g * current
-    if constants[SERIES] == 0.0:
+    current = base[at.CURRENT]
+    k, drop = constants[at.MOTOR_CONSTANT], constants[at.BRUSH_DROP]
+    r = constants[at.INDUCTANCE] / g + state[at.CIRCUIT_RESISTANCE] + state[at.BRUSH_RESISTANCE]
+    q = net_voltage(state) + constants[at.INDUCTANCE] / g * current
+    if constants[at.SERIES] == 0.0:
         q -= k * w1
         if abs(q) <= drop:
             return 0.0, 0.0, 0.0
@@ -107,7 +85,7 @@ def motor_torque(
         return i, k * i, -k * k / r
     if abs(q) <= drop:
         return 0.0, 0.0, 0.0
-    sign, d, u_s = math.copysign(1.0, q), state[DIRECTION], constants[INVERSE_SATURATION]
+    sign, d, u_s = math.copysign(1.0, q), state[at.DIRECTION], constants[at.INVERSE_SATURATION]
     free = abs(q) - drop
     generated = d * k * w1
     a, b = r * u_s, r + generated - free * u_s
@@ -129,10 +107,10 @@ def clutch_torque(
     constants: Floats, state: Floats, g: float, twist: float, slip_speed: float
 ) -> tuple[float, float]:
     """Return torque and slope of the elastic-plastic clutch [N m], [N m s/rad]."""
-    trial = constants[CLUTCH_STIFFNESS] * (twist + g * slip_speed)
-    level = state[LEVEL]
+    trial = constants[at.CLUTCH_STIFFNESS] * (twist + g * slip_speed)
+    level = state[at.LEVEL]
     if abs(trial) <= level:
-        return trial, constants[CLUTCH_STIFFNESS] * g
+        return trial, constants[at.CLUTCH_STIFFNESS] * g
     return math.copysign(level, trial), 0.0
 
 
@@ -149,12 +127,12 @@ def _residual(
 ) -> tuple[float, float, float, float, float, float]:
     """Return residual, slope and scale at w1 without t_0; clutch torque, its slope and current."""
     i, torque, torque_slope = motor_torque(constants, state, g, base, curve, w1)
-    clutch, clutch_slope = clutch_torque(constants, state, g, base[TWIST], w1 - w2)
-    inertia = constants[MOTOR_INERTIA] / g
-    gain = constants[HAND_GAIN] * state[HAND_ON]
-    viscous = constants[MOTOR_DRAG] + gain
-    residual = inertia * (w1 - base[SPEED]) + viscous * w1 - gain * hand + clutch - torque
-    scale = inertia * (abs(w1) + abs(base[SPEED])) + viscous * abs(w1) + gain * abs(hand)
+    clutch, clutch_slope = clutch_torque(constants, state, g, base[at.TWIST], w1 - w2)
+    inertia = constants[at.MOTOR_INERTIA] / g
+    gain = constants[at.HAND_GAIN] * state[at.HAND_ON]
+    viscous = constants[at.MOTOR_DRAG] + gain
+    residual = inertia * (w1 - base[at.SPEED]) + viscous * w1 - gain * hand + clutch - torque
+    scale = inertia * (abs(w1) + abs(base[at.SPEED])) + viscous * abs(w1) + gain * abs(hand)
     scale += abs(clutch) + abs(torque)
     return residual, inertia + viscous + clutch_slope - torque_slope, scale, clutch, clutch_slope, i
 
@@ -190,7 +168,7 @@ def motor_side(
     tuple of float
         The current is NaN where the iteration did not end, and 0 of an induction motor.
     """
-    still = state[STILL_TORQUE]
+    still = state[at.STILL_TORQUE]
     sign = math.copysign(1.0, start)
     w1 = start
     if start == 0.0:
@@ -220,7 +198,7 @@ def motor_side(
             if not settled:
                 w1 = new
                 continue
-            if constants[THREE_PHASE] > 0.0 and not abs(f) <= UNSOLVED * (scale + still):
+            if constants[at.THREE_PHASE] > 0.0 and not abs(f) <= UNSOLVED * (scale + still):
                 break  # torque rises faster than the inertia's J1/g: the step is too long
         if checked or w1 * sign >= 0.0:
             follows = clutch_slope / slope

@@ -2,9 +2,9 @@
 
 from turnout.kernels.compiled import compiled
 from turnout.law.table import Floats
+from turnout.machine.compute import places as at
 from turnout.machine.compute.circuit import advance
 from turnout.machine.compute.machine_step import stored_energy
-from turnout.machine.compute.places import CONVERGED
 
 
 @compiled
@@ -39,7 +39,7 @@ def throw(
         for sub in range(every):
             time = (row * every + sub) * step
             span = (time, (row * every + sub + 1) * step - time)
-            if advance(constants, rail, table, commands, state, span, work, log) != CONVERGED:
+            if advance(constants, rail, table, commands, state, span, work, log) != at.CONVERGED:
                 return row
         for k in range(state.size):
             kept[row + 1, k] = state[k]

@@ -10,30 +10,8 @@ import math
 
 from turnout.kernels.compiled import compiled, compiled_part
 from turnout.law.table import Floats
+from turnout.machine.compute import places as at
 from turnout.machine.compute.motor import ITERATIONS, ROUNDING
-from turnout.machine.compute.places import (
-    BED_REST,
-    BED_STIFFNESS,
-    CRANK,
-    FRICTION_FORCE,
-    FRICTION_STIFFNESS,
-    OBJECT_SIZE,
-    OBJECT_STIFFNESS,
-    ONE_MASS,
-    RAIL_DAMPING,
-    RAIL_MASS,
-    RAIL_POSITION,
-    RAIL_SPEED,
-    RAIL_TWIST,
-    RATIO,
-    ROD_PLAY,
-    ROD_STIFFNESS,
-    SCREW,
-    STOP_STIFFNESS,
-    STROKE,
-    STROKE_KIND,
-    STROKE_START,
-)
 
 
 @compiled
@@ -49,10 +27,10 @@ def rod_position(constants: Floats, table: Floats, angle: float) -> tuple[float,
     angle : float
         [rad].
     """
-    if constants[STROKE_KIND] == SCREW:
-        return angle / constants[RATIO], 1.0 / constants[RATIO], 0.0
-    whole, stroke, start = constants[RATIO], constants[STROKE], constants[STROKE_START]
-    if constants[STROKE_KIND] == CRANK:
+    if constants[at.STROKE_KIND] == at.SCREW:
+        return angle / constants[at.RATIO], 1.0 / constants[at.RATIO], 0.0
+    whole, stroke, start = constants[at.RATIO], constants[at.STROKE], constants[at.STROKE_START]
+    if constants[at.STROKE_KIND] == at.CRANK:
         turn = math.pi / whole
         phi, half = turn * angle, 0.5 * stroke
         x = start + half * (1.0 - math.cos(phi))
@@ -73,7 +51,7 @@ def rod_position(constants: Floats, table: Floats, angle: float) -> tuple[float,
 @compiled_part
 def rod_stretch(constants: Floats, stretch: float) -> float:
     """Return the elastic part of the distance between rod end and rail, beyond the lost motion."""
-    half = 0.5 * constants[ROD_PLAY]
+    half = 0.5 * constants[at.ROD_PLAY]
     if abs(stretch) <= half:
         return 0.0
     return float(stretch - math.copysign(half, stretch))
@@ -82,26 +60,26 @@ def rod_stretch(constants: Floats, stretch: float) -> float:
 @compiled_part
 def friction_twist(rail: Floats, trial: float) -> tuple[float, float]:
     """Return displacement and stiffness of the elastic-plastic friction for a trial value."""
-    stiffness = rail[FRICTION_STIFFNESS]
-    if stiffness * abs(trial) <= rail[FRICTION_FORCE]:
+    stiffness = rail[at.FRICTION_STIFFNESS]
+    if stiffness * abs(trial) <= rail[at.FRICTION_FORCE]:
         return trial, stiffness
-    return float(math.copysign(rail[FRICTION_FORCE] / stiffness, trial)), 0.0
+    return float(math.copysign(rail[at.FRICTION_FORCE] / stiffness, trial)), 0.0
 
 
 @compiled_part
 def bed_force(rail: Floats, y: float) -> tuple[float, float, float]:
     """Return force against +y of bed, stop and object, its slope, and the size of its terms."""
-    force = rail[BED_STIFFNESS] * (y - rail[BED_REST])
-    slope = rail[BED_STIFFNESS]
-    scale = rail[BED_STIFFNESS] * (abs(y) + abs(rail[BED_REST]))
+    force = rail[at.BED_STIFFNESS] * (y - rail[at.BED_REST])
+    slope = rail[at.BED_STIFFNESS]
+    scale = rail[at.BED_STIFFNESS] * (abs(y) + abs(rail[at.BED_REST]))
     if y > 0.0:
-        force += rail[STOP_STIFFNESS] * y
-        slope += rail[STOP_STIFFNESS]
-        scale += rail[STOP_STIFFNESS] * y
-    if y + rail[OBJECT_SIZE] > 0.0 and rail[OBJECT_STIFFNESS] > 0.0:
-        force += rail[OBJECT_STIFFNESS] * (y + rail[OBJECT_SIZE])
-        slope += rail[OBJECT_STIFFNESS]
-        scale += rail[OBJECT_STIFFNESS] * (abs(y) + rail[OBJECT_SIZE])
+        force += rail[at.STOP_STIFFNESS] * y
+        slope += rail[at.STOP_STIFFNESS]
+        scale += rail[at.STOP_STIFFNESS] * y
+    if y + rail[at.OBJECT_SIZE] > 0.0 and rail[at.OBJECT_STIFFNESS] > 0.0:
+        force += rail[at.OBJECT_STIFFNESS] * (y + rail[at.OBJECT_SIZE])
+        slope += rail[at.OBJECT_STIFFNESS]
+        scale += rail[at.OBJECT_STIFFNESS] * (abs(y) + rail[at.OBJECT_SIZE])
     return force, slope, scale
 
 
@@ -135,29 +113,29 @@ def rail_side(
     + k_s max(y, 0) + k_o max(y + s, 0) = F(x - y), whose left side rises with y: one solution.
     The force is NaN where the iteration did not end.
     """
-    k = constants[ROD_STIFFNESS]
-    if rail[ONE_MASS] == 0.0:
+    k = constants[at.ROD_STIFFNESS]
+    if rail[at.ONE_MASS] == 0.0:
         stiffness = k / (1.0 + k * compliance)
         elastic = rod_stretch(constants, x - free)
         force = stiffness * elastic
         return force, stiffness if elastic != 0.0 else 0.0, free + compliance * force
-    inertia = rail[RAIL_MASS] / (g * g)
-    viscous = rail[RAIL_DAMPING] / g
-    y, y_base = start, base[RAIL_POSITION]
-    momentum = rail[RAIL_MASS] / g * base[RAIL_SPEED]
+    inertia = rail[at.RAIL_MASS] / (g * g)
+    viscous = rail[at.RAIL_DAMPING] / g
+    y, y_base = start, base[at.RAIL_POSITION]
+    momentum = rail[at.RAIL_MASS] / g * base[at.RAIL_SPEED]
     low, high = -math.inf, math.inf
     for _ in range(ITERATIONS):
         moved = y - y_base
-        twist, friction_slope = friction_twist(rail, base[RAIL_TWIST] + moved)
+        twist, friction_slope = friction_twist(rail, base[at.RAIL_TWIST] + moved)
         f, slope, scale = bed_force(rail, y)
-        friction = rail[FRICTION_STIFFNESS] * twist
+        friction = rail[at.FRICTION_STIFFNESS] * twist
         elastic = rod_stretch(constants, x - y)
         force = k * elastic
         rod_slope = k if elastic != 0.0 else 0.0
         f += (inertia + viscous) * moved - momentum + friction - force
         slope += inertia + viscous + friction_slope
         scale += (inertia + viscous) * (abs(y) + abs(y_base)) + abs(momentum)
-        scale += rail[FRICTION_STIFFNESS] * abs(twist) + k * (abs(x) + abs(y))
+        scale += rail[at.FRICTION_STIFFNESS] * abs(twist) + k * (abs(x) + abs(y))
         if not abs(f) < math.inf:
             break
         settled = abs(f) <= ROUNDING * scale

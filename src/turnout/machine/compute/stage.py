@@ -16,34 +16,9 @@ import math
 
 from turnout.kernels.compiled import compiled, compiled_part
 from turnout.law.table import Floats
+from turnout.machine.compute import places as at
 from turnout.machine.compute.induction import NO_CURVE, fill_fluxes, known_curve
 from turnout.machine.compute.motor import ITERATIONS, ROUNDING, motor_side
-from turnout.machine.compute.places import (
-    ARMATURE_OPEN,
-    CLUTCH_STIFFNESS,
-    CONVERGED,
-    CURRENT,
-    FACTOR_DRIVEN,
-    FACTOR_DRIVING,
-    GEAR_ANGLE,
-    GEAR_DRAG,
-    GEAR_INERTIA,
-    GEAR_RATIO,
-    GEAR_SPEED,
-    LOCKED,
-    NOT_CONVERGED,
-    ONE_MASS,
-    PHASE_LOST,
-    RAIL_POSITION,
-    RAIL_SPEED,
-    RAIL_TWIST,
-    ROD_FORCE,
-    ROD_POSITION,
-    SPEED,
-    STEADY_CIRCUIT,
-    THREE_PHASE,
-    TWIST,
-)
 from turnout.machine.compute.rail import friction_twist, rail_side, rod_position
 
 
@@ -51,8 +26,8 @@ from turnout.machine.compute.rail import friction_twist, rail_side, rod_position
 def load_factor(constants: Floats, state: Floats, force: float, sign: float) -> float:
     """Return torque at the shaft per load, X' F, when the gear turns with a sign."""
     if force * sign > 0.0:
-        return float(constants[FACTOR_DRIVING] / state[GEAR_RATIO])
-    return float(constants[FACTOR_DRIVEN] * state[GEAR_RATIO])
+        return float(constants[at.FACTOR_DRIVING] / state[at.GEAR_RATIO])
+    return float(constants[at.FACTOR_DRIVEN] * state[at.GEAR_RATIO])
 
 
 @compiled_part
@@ -67,17 +42,17 @@ def _fill(
 ) -> None:
     """Write the solution of a stage; what a steady circuit carries follows when it is accepted."""
     i, w1, w2, x, force, y = solution
-    stage[CURRENT], stage[SPEED], stage[GEAR_SPEED] = i, w1, w2
-    stage[GEAR_ANGLE] = base[GEAR_ANGLE] + g * w2
-    stage[ROD_POSITION], stage[ROD_FORCE] = x, force
-    stage[RAIL_POSITION] = y
-    transient = constants[THREE_PHASE] > 0.0 and constants[STEADY_CIRCUIT] == 0.0
-    if transient and state[ARMATURE_OPEN] == 0.0 and state[PHASE_LOST] == 0.0:
+    stage[at.CURRENT], stage[at.SPEED], stage[at.GEAR_SPEED] = i, w1, w2
+    stage[at.GEAR_ANGLE] = base[at.GEAR_ANGLE] + g * w2
+    stage[at.ROD_POSITION], stage[at.ROD_FORCE] = x, force
+    stage[at.RAIL_POSITION] = y
+    transient = constants[at.THREE_PHASE] > 0.0 and constants[at.STEADY_CIRCUIT] == 0.0
+    if transient and state[at.ARMATURE_OPEN] == 0.0 and state[at.PHASE_LOST] == 0.0:
         fill_fluxes(constants, state, g, base, stage, w1)
-    if rail[ONE_MASS] > 0.0:
-        moved = y - base[RAIL_POSITION]
-        stage[RAIL_SPEED] = moved / g
-        stage[RAIL_TWIST] = friction_twist(rail, base[RAIL_TWIST] + moved)[0]
+    if rail[at.ONE_MASS] > 0.0:
+        moved = y - base[at.RAIL_POSITION]
+        stage[at.RAIL_SPEED] = moved / g
+        stage[at.RAIL_TWIST] = friction_twist(rail, base[at.RAIL_TWIST] + moved)[0]
 
 
 @compiled_part
@@ -127,30 +102,30 @@ def solve_stage(
         CONVERGED or NOT_CONVERGED.
     """
     hand, free, compliance = span
-    inertia = constants[GEAR_INERTIA] / g
-    w1, y = stage[SPEED], stage[RAIL_POSITION]
-    w2 = 0.0 if state[LOCKED] > 0.0 else stage[GEAR_SPEED]
+    inertia = constants[at.GEAR_INERTIA] / g
+    w1, y = stage[at.SPEED], stage[at.RAIL_POSITION]
+    w2 = 0.0 if state[at.LOCKED] > 0.0 else stage[at.GEAR_SPEED]
     sign = math.copysign(1.0, w2)
     stands = w2 == 0.0
     checked = False
     curve = NO_CURVE
-    if constants[THREE_PHASE] > 0.0 and state[ARMATURE_OPEN] == 0.0:
+    if constants[at.THREE_PHASE] > 0.0 and state[at.ARMATURE_OPEN] == 0.0:
         curve = known_curve(constants, state, g, base, known)
     low, high = -math.inf, math.inf
     for _ in range(2 * ITERATIONS):
         w1, i, clutch, clutch_slope, follows = motor_side(
             constants, state, g, base, curve, hand, w1, w2
         )
-        x, dx, ddx = rod_position(constants, table, base[GEAR_ANGLE] + g * w2)
+        x, dx, ddx = rod_position(constants, table, base[at.GEAR_ANGLE] + g * w2)
         force, force_slope, y = rail_side(constants, rail, g, base, free, compliance, y, x)
         load = dx * force
-        f = inertia * (w2 - base[GEAR_SPEED]) - clutch
+        f = inertia * (w2 - base[at.GEAR_SPEED]) - clutch
         if not abs(f + load) < math.inf or math.isnan(i):
-            return NOT_CONVERGED
+            return at.NOT_CONVERGED
         if stands:
             below = load_factor(constants, state, load, -1.0)
             above = load_factor(constants, state, load, 1.0)
-            settled = state[LOCKED] > 0.0 or f + below * load <= 0.0 <= f + above * load
+            settled = state[at.LOCKED] > 0.0 or f + below * load <= 0.0 <= f + above * load
             if not settled:
                 stands, checked, low, high = False, True, -math.inf, math.inf
                 sign = 1.0 if f + above * load < 0.0 else -1.0
@@ -158,14 +133,16 @@ def solve_stage(
             settled = False
         if not stands:
             factor = load_factor(constants, state, load, sign)
-            f += constants[GEAR_DRAG] * w2 + factor * load
-            slope = inertia + constants[GEAR_DRAG] - clutch_slope
+            f += constants[at.GEAR_DRAG] * w2 + factor * load
+            slope = inertia + constants[at.GEAR_DRAG] - clutch_slope
             slope += factor * g * (dx * dx * force_slope + ddx * force)
-            scale = inertia * (abs(w2) + abs(base[GEAR_SPEED])) + abs(clutch) + factor * abs(load)
+            scale = (
+                inertia * (abs(w2) + abs(base[at.GEAR_SPEED])) + abs(clutch) + factor * abs(load)
+            )
             settled = abs(f) <= ROUNDING * scale
             if not settled:
                 if slope <= 0.0:
-                    return NOT_CONVERGED
+                    return at.NOT_CONVERGED
                 if f > 0.0:
                     high = w2
                 else:
@@ -182,6 +159,6 @@ def solve_stage(
                 continue
         if settled:
             _fill(constants, rail, state, g, base, stage, (i, w1, w2, x, force, y))
-            stage[TWIST] = clutch / constants[CLUTCH_STIFFNESS]
-            return CONVERGED
-    return NOT_CONVERGED
+            stage[at.TWIST] = clutch / constants[at.CLUTCH_STIFFNESS]
+            return at.CONVERGED
+    return at.NOT_CONVERGED
