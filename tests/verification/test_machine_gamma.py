@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from turnout.machine.compute.gamma import gamma_impedance
+from turnout.machine.compute.induction import gamma_impedance
 from turnout.machine.machine_file import load_machines
-from turnout.machine.steady import circuit_at
+from turnout.machine.motor import gamma_point
 
 
 def textbook(slip: float, values: tuple[float, float, float, float], speed: float) -> complex:
@@ -43,7 +43,7 @@ def test_steady_torque_is_the_power_across_the_air_gap() -> None:
     r_s, r_r, l_s = (float(value or 0.0) for value in values)
     l_l, pairs = float(motor.leakage_inductance or 0.0), motor.pole_pairs or 1
     for slip in (0.02, 0.2, 1.0):
-        torque, _ = circuit_at(machine, (1.0 - slip) * speed / pairs)
+        torque, _ = gamma_point(machine.motor, machine.supply, (1.0 - slip) * speed / pairs)
         voltage = motor.voltage / math.sqrt(3.0)  # no line: iron loss changes no torque
         stator = voltage / textbook(slip, (r_s, r_r, l_s, l_l), speed)
         main, rotor = 1j * speed * l_s, 1j * speed * l_l + r_r / slip

@@ -14,11 +14,16 @@ from tests.verification.reference import DATA
 from turnout.machine.components import Machine
 from turnout.machine.compute import places as at
 from turnout.machine.compute.machine_step import accept_step, stored_energy, take_step
-from turnout.machine.line_power import gamma_from_inverse_gamma, line_power
 from turnout.machine.machine_file import load_machines
-from turnout.machine.motor_record import Motor, breakdown_point
+from turnout.machine.motor import (
+    Motor,
+    breakdown_point,
+    gamma_from_inverse_gamma,
+    gamma_point,
+    line_power,
+)
 from turnout.machine.rows import machine_row, work_rows
-from turnout.machine.steady import circuit_at, steady_point, torque_for
+from turnout.machine.steady import steady_point, torque_for
 
 RESISTANCE, ROTOR, LEAKAGE, MAIN = 3.7, 2.1, 0.021, 0.224
 PAIRS, INERTIA, SUPPLY = 2, 0.015, 2.0 * math.pi * 50.0
@@ -103,14 +108,15 @@ def test_breakdown() -> None:
     machine = bare(motor.model_copy(update={"iron_resistance": 900.0}), line=5.0)
     slip, torque = breakdown_point(machine.motor, line=5.0)
     speeds = (1.0 - slip * np.array([0.999, 1.0, 1.001])) * SUPPLY / PAIRS
-    below, top, above = (circuit_at(machine, float(w))[0] for w in speeds)
+    below, top, above = (gamma_point(machine.motor, machine.supply, float(w))[0] for w in speeds)
     assert top == pytest.approx(torque, rel=1e-9)
     assert below < top > above
 
 
 def test_steady_circuit() -> None:
     """Reference: the benchmark's circuit at the speed that its start ends with."""
-    torque, point = circuit_at(bare(reference_motor()), 152.8597)
+    alone = bare(reference_motor())
+    torque, point = gamma_point(alone.motor, alone.supply, 152.8597)
     assert point.current == pytest.approx(3.86822, rel=1e-5)
     assert point.power == pytest.approx(1736.88, rel=1e-4)
     assert torque == pytest.approx(10.0, rel=1e-4)
@@ -217,7 +223,7 @@ def test_steady_point_of_a_random_motor() -> None:
         machine = machine.model_copy(update={"motor": motor})
         constants, states, _ = started(machine, step=1e-2, end=0.1, loads={0.0: 0.0})
         power, apparent, current = line_power(constants, states[-1:])
-        _, point = circuit_at(machine, float(states[-1, at.SPEED]))
+        _, point = gamma_point(machine.motor, machine.supply, float(states[-1, at.SPEED]))
         assert current[0] == pytest.approx(point.current, rel=1e-6)
         assert power[0] == pytest.approx(point.power, rel=1e-6)
         assert apparent[0] == pytest.approx(point.apparent, rel=1e-6)

@@ -14,10 +14,10 @@ from tests.verification.test_machine_induction import bare, random_motor, refere
 from turnout.core.errors import MachineError
 from turnout.machine.components import Machine
 from turnout.machine.compute import places as at
-from turnout.machine.compute.lost_phase import lost_phase_circuit
+from turnout.machine.compute.induction import lost_phase_circuit
 from turnout.machine.compute.machine_step import accept_step, stored_energy, take_step
-from turnout.machine.line_power import line_power
 from turnout.machine.machine_file import load_machines
+from turnout.machine.motor import line_power
 from turnout.machine.one_mass_throw import throw_one_mass
 from turnout.machine.rows import machine_row, work_rows
 

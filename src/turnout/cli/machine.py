@@ -98,7 +98,7 @@ def machine_run_command(
 ) -> None:
     """Simulate a machine throwing a one-mass rail: current, force, events, energy."""
     check_outputs({"--out": out, "--plot": plot}, {"--out": (".nc",), "--plot": FIGURES})
-    from turnout.machine.compute.one_mass import throw as kernel
+    from turnout.machine.compute.circuit import throw as kernel
     from turnout.machine.machine_file import load_machines
     from turnout.machine.one_mass_throw import throw_one_mass
     from turnout.throw.compilation import must_compile
@@ -176,13 +176,10 @@ def machine_lines(loaded: "LoadedMachines") -> list[str]:
 
 def _values(loaded: "LoadedMachines") -> list[tuple[str, Any]]:
     """Return keys and values that count: not those left out, nor defaults of another motor."""
-    from turnout.machine.components import OF_DIRECT_CURRENT
-
     spare = {
         f"machine.{name}.{key}"
         for name, machine in loaded.machine.items()
-        if machine.motor.kind == "induction"
-        for key in OF_DIRECT_CURRENT
+        for key in machine.motor.of_kind.meaningless
         if loaded.origin_text(f"machine.{name}.{key}") == "default"
     }
     values = loaded.model_dump(exclude={"schema_version", "name", "description"})
@@ -206,17 +203,13 @@ def _shown(value: Any) -> str:
     return show_value(value)
 
 
-OF_THREE_PHASES = {"energy_field": "energy_iron", "energy_snub": "energy_arc"}
-"""Energies that a three-phase motor, which has neither field winding nor snubber, loses instead."""
-
-
 def throw_summary(throw: "MachineThrow") -> dict[str, Any]:
     """Return the record that `turnout machine run --json` prints."""
     import numpy as np
 
     current, force = np.abs(throw["lead_current"]), throw["rod_force"]
     energies = {name: throw[name] for name in throw.histories if name.startswith("energy_")}
-    own_names = OF_THREE_PHASES if throw.three_phase else {}
+    own_names = throw.kind.energy_names
     finite = throw.energised_time == throw.energised_time
     span = throw.last_energised
     last = (
@@ -271,7 +264,7 @@ def throw_lines(throw: "MachineThrow") -> list[str]:
     switched = found["energised_time"]
     seconds = f", energised {switched:.4f} s" if switched is not None else ""
     energies = {key.removeprefix("energy_"): value for key, value in found["energies"].items()}
-    rms = " rms" if throw.three_phase else ""
+    rms = " rms" if throw.kind.alternating else ""
     means, power = "", []
     if found["current_mean"] is not None:
         last = f"over the last {FINAL_CURRENT_WINDOW} s"

@@ -18,7 +18,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from turnout.core.problems import nearest
-from turnout.core.quantity import Quantity
+from turnout.core.quantity import NameIn, Quantity
 from turnout.core.toml import Origin, load_toml
 from turnout.core.units import SI, Dimension, is_finite
 
@@ -129,7 +129,8 @@ class Key:
     @property
     def allowed(self) -> str:
         """Range in SI, or the texts to choose from; an empty text for anything of its kind."""
-        choices = [
+        names = [m for m in self.field.metadata if isinstance(m, NameIn)]
+        choices = [f'"{name}"' for mark in names for name in mark.names] or [
             f'"{item}"' if isinstance(item, str) else str(item)
             for form in self._forms
             if typing.get_origin(form) is typing.Literal

@@ -5,7 +5,7 @@ numbers, marked by `turnout.core.units.SI` or by the validation context `{"si": 
 do neither.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from copy import deepcopy
 from dataclasses import dataclass
 from typing import Annotated, Any
@@ -16,6 +16,7 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     GetCoreSchemaHandler,
+    PlainValidator,
     ValidationInfo,
     WithJsonSchema,
 )
@@ -73,6 +74,37 @@ class Record(BaseModel):
         allow_inf_nan=False,
         str_strip_whitespace=True,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class NameIn:
+    """Mark of a text that must be a name in a table, which may get more of them.
+
+    Examples
+    --------
+    >>> from pydantic import TypeAdapter
+    >>> TypeAdapter(Annotated[str, NameIn({"stone": 1, "ice": 2})]).validate_python("ice")
+    'ice'
+    """
+
+    names: Collection[str]
+
+    def check(self, value: object) -> str:
+        """Return the value if it is a name; otherwise say which there are."""
+        if isinstance(value, str) and value in self.names:
+            return value
+        *most, last = map(repr, self.names)
+        expected = f"{', '.join(most)} or {last}" if most else last
+        message = f"must be {expected}"
+        raise ValueError(message)
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
+        """Return the schema of pydantic, by which it validates."""
+        return PlainValidator(self.check).__get_pydantic_core_schema__(source, handler)
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
+        """Return the JSON schema, which lists the names."""
+        return {"enum": list(self.names), "type": "string"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)

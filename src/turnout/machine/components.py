@@ -31,10 +31,9 @@ from turnout.core.quantity import (
     TemperatureCoefficient,
     Time,
     Torque,
-    Voltage,
 )
 from turnout.core.units import SI
-from turnout.machine.motor_record import Motor, breakdown_point
+from turnout.machine.motor import Motor, Supply, with_article
 
 MOST_INSTANTS = 1_000_000
 
@@ -179,29 +178,6 @@ class Circuit(Record):
     )
 
 
-class Supply(Record):
-    """What feeds the machine, as it is and not as it is rated."""
-
-    voltage: Voltage | None = Field(
-        None, gt=0, description="at its terminals; default the motor's rated one [V]"
-    )
-    line_resistance: Resistance = Field(
-        0.0,
-        ge=0,
-        description="of the line there and back; of an induction motor of each phase [ohm]",
-    )
-    shared_resistance: Resistance = Field(
-        0.0,
-        ge=0,
-        description="of what several machines share, of induction motors of each phase [ohm]",
-    )
-    phase_lost_at: Time | None = Field(
-        None,
-        ge=0,
-        description="one of the three conductors of an induction motor opens; default never [s]",
-    )
-
-
 class HandCrank(Record):
     """A hand at the crank in place of the motor current; the armature is open."""
 
@@ -229,29 +205,14 @@ class Machine(Record):
     hand: HandCrank | None = Field(None, description="a hand crank in place of the motor")
 
     @property
-    def constant_at_rest(self) -> float:
-        """Torque per ampere at the rated voltage and stall current [N m/A]."""
-        motor = self.motor
-        if motor.constant is not None:
-            return motor.constant
-        stall = (motor.voltage - motor.brush_drop) / motor.resistance
-        field = stall
-        if motor.kind == "separate field" and motor.field_resistance is not None:
-            field = motor.voltage / motor.field_resistance
-        saturation = field / motor.saturation_current if motor.saturation_current else 0.0
-        return (motor.field_constant or 0.0) * field / (1.0 + saturation)
-
-    @property
     def stall_torque(self) -> float:
         """Torque of the standing motor at its rated voltage, without line [N m].
 
         Of an induction motor the breakdown torque, below which it stalls.
         """
         motor = self.motor
-        if motor.kind == "induction":
-            return breakdown_point(motor)[1] - motor.loss_torque
-        current = (motor.voltage - motor.brush_drop) / motor.resistance
-        return self.constant_at_rest * current - motor.loss_torque
+        most = motor.of_kind.stall_torque(motor, motor.voltage, cold=True)
+        return most - motor.loss_torque
 
     @model_validator(mode="after")
     def _fits(self) -> Self:
@@ -263,7 +224,7 @@ class Machine(Record):
             )
             raise ValueError(message)
         if self.supply.phase_lost_at is not None:
-            if self.motor.kind != "induction":
+            if not self.motor.of_kind.alternating:
                 message = f"supply.phase_lost_at is of induction motors; this is {self.motor.kind}"
                 raise ValueError(message)
             if self.supply.shared_resistance:
@@ -272,11 +233,12 @@ class Machine(Record):
                     "supply.shared_resistance"
                 )
                 raise ValueError(message)
-        spare = self._without_effect()
+        kind = self.motor.of_kind
+        spare = [text for key in kind.without_effect if (text := self._given(key))]
         if spare:
             message = (
-                f"{' and '.join(spare)}: without effect on an induction motor, whose windings are "
-                "open after the cut-off and whose line is the supply; leave it out"
+                f"{' and '.join(spare)}: without effect on {with_article(self.motor.kind)} motor, "
+                f"{kind.no_effect_since}; leave it out"
             )
             raise ValueError(message)
         back = self.gear.back_efficiency
@@ -288,26 +250,14 @@ class Machine(Record):
             raise ValueError(message)
         return self
 
-    def _without_effect(self) -> list[str]:
-        """Return what is given of the circuit and means nothing to the motor.
-
-        `after_cutoff` is not among it: machines that are based on one of direct current have it.
-        """
-        circuit = self.circuit
-        if self.motor.kind != "induction":
-            return []
-        given = {
-            "circuit.snub_resistance": circuit.snub_resistance > 0.0,
-            "circuit.measured_current = 'supply'": circuit.measured_current == "supply",
-        }
-        return [name for name, spare in given.items() if spare]
-
-
-OF_DIRECT_CURRENT = {
-    *("motor.brush_drop", "motor.contact_loss", "motor.contact_resistance"),
-    *("circuit.after_cutoff", "circuit.snub_resistance", "circuit.measured_current"),
-}
-"""Keys of a machine that mean nothing to an induction motor."""
+    def _given(self, key: str) -> str:
+        """Return a key of a part whose value is not its default, with the value of a choice."""
+        part, name = key.split(".")
+        record = getattr(self, part)
+        value = getattr(record, name)
+        if value == type(record).model_fields[name].default:
+            return ""
+        return f"{key} = '{value}'" if isinstance(value, str) else key
 
 
 class OneMassRail(Record):

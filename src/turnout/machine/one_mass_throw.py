@@ -12,13 +12,12 @@ from turnout.core.errors import MachineError, SolverError
 from turnout.law.table import Floats
 from turnout.machine.components import Machine, OneMassRail, Throw
 from turnout.machine.compute import places as at
-from turnout.machine.compute.one_mass import throw as throw_kernel
-from turnout.machine.line_power import machine_powers
+from turnout.machine.compute.circuit import throw as throw_kernel
 from turnout.machine.machine_file import LoadedMachines, load_machines
+from turnout.machine.motor import MOTOR_KINDS, MotorKind, nominal_voltage
 from turnout.machine.rows import (
     command_rows,
     machine_row,
-    nominal_voltage,
     rail_row,
     rest_on,
     start_state,
@@ -116,8 +115,8 @@ class MachineThrow:
         Largest residual of the energy balance over the energy turned over [-].
     halved : int
         Steps that were taken in halves.
-    three_phase : bool
-        Whether currents are rms values of a line.
+    kind : MotorKind
+        Of its motor.
     """
 
     time: Floats
@@ -129,7 +128,7 @@ class MachineThrow:
     halved: int
     name: str = ""
     overrides: Mapping[str, object] = field(default_factory=dict)
-    three_phase: bool = False
+    kind: MotorKind = MOTOR_KINDS["permanent magnet"]
 
     def __getitem__(self, name: str) -> Floats:
         """Return a history by its name."""
@@ -265,7 +264,7 @@ def _march(
         halved=int(state[at.HALVED]),
         name=about[0],
         overrides=about[1],
-        three_phase=machine.motor.kind == "induction",
+        kind=machine.motor.of_kind,
     )
 
 
@@ -275,10 +274,9 @@ def _histories(
     lead, on = kept[:, at.CURRENT], kept[:, at.ENERGISED]
     voltage = kept[:, at.SUPPLIED]
     supply = on * np.where(voltage < 0.0, -1.0, 1.0) * lead
-    drawn = supply + on * constants[at.FIELD_POWER] / nominal_voltage(machine)
-    power, apparent = machine_powers(constants, kept)
-    three_phase = constants[at.THREE_PHASE] > 0.0  # a line's current is that at the supply too
-    at_supply = machine.circuit.measured_current == "supply" and not three_phase
+    drawn = supply + on * constants[at.FIELD_POWER] / nominal_voltage(machine.motor, machine.supply)
+    power, apparent = machine.motor.of_kind.powers(constants, kept)
+    at_supply = machine.circuit.measured_current == "supply"
     return {
         "current": drawn if at_supply else lead,
         "lead_current": lead,

@@ -8,41 +8,11 @@ import numpy as np
 from turnout.law.table import Floats
 from turnout.machine.components import Command, Machine, OneMassRail, Stroke
 from turnout.machine.compute import places as at
-from turnout.machine.compute.clutch import kinetic_level
-from turnout.machine.compute.contactor import switch_off
+from turnout.machine.compute.circuit import kinetic_level, switch_off
 from turnout.machine.compute.couple import Room
 from turnout.machine.compute.machine_step import WORK_ROWS
 from turnout.machine.compute.rail import bed_force, rod_position
-from turnout.machine.motor_record import copper_factor
-
-TRANSIENT_STEP = 2e-4
-"""Longest step in which the fluxes of an induction motor are followed: a hundredth of 50 Hz [s]."""
-
-
-def nominal_voltage(machine: Machine) -> float:
-    """Return the voltage of the supply as it is [V]."""
-    return machine.supply.voltage or machine.motor.voltage
-
-
-def separate_field_current(machine: Machine) -> float:
-    """Return the current of a separate field winding, 0 where there is none [A]."""
-    motor = machine.motor
-    if motor.kind != "separate field" or motor.field_resistance is None:
-        return 0.0
-    return nominal_voltage(machine) / (motor.field_resistance * copper_factor(motor))
-
-
-def motor_constant(machine: Machine) -> float:
-    """Return k [V s/rad], or K [V s/(rad A)] where the armature current is the field current."""
-    motor = machine.motor
-    if motor.constant is not None:
-        return motor.constant
-    constant = motor.field_constant or 0.0
-    if motor.kind != "separate field":
-        return constant
-    field = separate_field_current(machine)
-    saturation = field / motor.saturation_current if motor.saturation_current else 0.0
-    return constant * field / (1.0 + saturation)
+from turnout.machine.motor import copper_factor, line_resistance, nominal_voltage
 
 
 def stroke_table(stroke: Stroke) -> Floats:
@@ -86,46 +56,21 @@ def angle_at(machine: Machine, position: float) -> float:
 
 
 def _motor_entries(machine: Machine) -> dict[int, float]:
-    motor, factor = machine.motor, copper_factor(machine.motor)
-    series = motor.kind in ("series", "split field")
-    saturated = series and motor.saturation_current is not None
-    line = machine.supply.line_resistance + machine.supply.shared_resistance
+    motor, supply = machine.motor, machine.supply
     return {
-        at.SERIES: float(series),
-        at.VOLTAGE: nominal_voltage(machine),
-        at.RESISTANCE: motor.resistance * factor,
-        at.LINE_RESISTANCE: line,
+        at.VOLTAGE: nominal_voltage(motor, supply),
+        at.RESISTANCE: motor.resistance * copper_factor(motor),
+        at.LINE_RESISTANCE: line_resistance(supply),
         at.INDUCTANCE: motor.inductance or 0.0,
-        at.MOTOR_CONSTANT: motor_constant(machine),
-        at.INVERSE_SATURATION: 1.0 / (motor.saturation_current or 1.0) if saturated else 0.0,
         at.BRUSH_DROP: motor.brush_drop,
         at.CONTACT_LOSS: motor.contact_loss,
         at.CONTACT_RESISTANCE: motor.contact_resistance,
-        at.FIELD_POWER: nominal_voltage(machine) * separate_field_current(machine),
         at.LOSS_TORQUE: motor.loss_torque,
         at.BRAKE_TORQUE: motor.brake_torque,
         at.MOTOR_DRAG: motor.drag,
         at.MOTOR_INERTIA: motor.inertia,
         at.LONGEST_STEP: math.inf,
-        at.PHASE_LOST_TIME: _or(machine.supply.phase_lost_at, math.inf),
-        **(_induction_entries(machine) if motor.kind == "induction" else {}),
-    }
-
-
-def _induction_entries(machine: Machine) -> dict[int, float]:
-    motor = machine.motor
-    iron = motor.iron_resistance
-    return {
-        at.THREE_PHASE: 1.0,
-        at.STEADY_CIRCUIT: float(not motor.transient),
-        at.PHASE_VOLTAGE: math.sqrt(2.0 / 3.0) * nominal_voltage(machine),
-        at.SUPPLY_SPEED: 2.0 * math.pi * (motor.frequency or 0.0),
-        at.POLE_PAIRS: float(motor.pole_pairs or 1),
-        at.ROTOR_RESISTANCE: (motor.rotor_resistance or 0.0) * copper_factor(motor),
-        at.STATOR_INDUCTANCE: motor.stator_inductance or 0.0,
-        at.LEAKAGE_INDUCTANCE: motor.leakage_inductance or 0.0,
-        at.IRON_CONDUCTANCE: 1.0 / iron if iron else 0.0,
-        at.LONGEST_STEP: TRANSIENT_STEP if motor.transient else math.inf,
+        at.PHASE_LOST_TIME: _or(supply.phase_lost_at, math.inf),
     }
 
 
@@ -163,7 +108,7 @@ def _circuit_entries(machine: Machine) -> dict[int, float]:
     cranked = hand is not None
     return {
         at.SNUB_RESISTANCE: circuit.snub_resistance,
-        at.OPEN_AFTER: float(circuit.after_cutoff == "open" or machine.motor.kind == "induction"),
+        at.OPEN_AFTER: float(circuit.after_cutoff == "open"),
         at.CONTACTOR_DELAY: circuit.contactor_delay,
         at.CUTOFF_DELAY: circuit.cutoff_delay,
         at.TIME_OUT: math.inf if cranked else circuit.time_out or math.inf,
@@ -188,6 +133,7 @@ def machine_row(machine: Machine, *, limits: bool = True) -> Floats:
     """Return the constants of a machine, see `turnout.machine.compute.places`."""
     row = np.zeros(at.CONSTANTS)
     entries = _motor_entries(machine) | _gear_entries(machine) | _circuit_entries(machine)
+    entries |= machine.motor.of_kind.places(machine.motor, machine.supply)
     for place, value in entries.items():
         row[place] = value
     if limits:

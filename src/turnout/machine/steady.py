@@ -1,58 +1,10 @@
 """Steady points of a machine in closed form: current, speed and power under a constant force."""
 
 import math
-from dataclasses import dataclass, replace
 
 from turnout.core.lru_cache import LRUCache
 from turnout.machine.components import Machine
-from turnout.machine.compute.gamma import gamma_impedance
-from turnout.machine.motor_record import breakdown_point, copper_factor
-from turnout.machine.rows import (
-    motor_constant,
-    nominal_voltage,
-    separate_field_current,
-)
-
-
-@dataclass(frozen=True, slots=True)
-class SteadyPoint:
-    """Current [A], speed of the shaft [rad/s], active [W] and apparent power [V A] drawn.
-
-    The current is that of the motor; of an induction motor that of the line, rms. `stalled`: the
-    torque is beyond what the motor can give, so it stands.
-    """
-
-    current: float
-    speed: float
-    power: float
-    apparent: float
-    stalled: bool = False
-
-
-def line_resistance(machine: Machine) -> float:
-    """Return the resistance between the source and the motor, of a phase if it has three [ohm]."""
-    return machine.supply.line_resistance + machine.supply.shared_resistance
-
-
-def circuit_resistance(machine: Machine) -> float:
-    """Return the resistance of copper, line and supply together [ohm]."""
-    own = machine.motor.resistance * copper_factor(machine.motor)
-    return own + line_resistance(machine)
-
-
-def constant_at(machine: Machine, current: float) -> float:
-    """Return torque per ampere at a current [N m/A]."""
-    constant = motor_constant(machine)
-    if machine.motor.kind not in ("series", "split field"):
-        return constant
-    saturation = machine.motor.saturation_current or math.inf
-    return constant * current / (1.0 + current / saturation)
-
-
-def speed_at(machine: Machine, current: float) -> float:
-    """Return the steady speed at a current [rad/s]: (V - R i - V_b)/k(i)."""
-    left = nominal_voltage(machine) - circuit_resistance(machine) * current
-    return (left - machine.motor.brush_drop) / constant_at(machine, current)
+from turnout.machine.motor import SteadyPoint, line_resistance, nominal_voltage
 
 
 def steady_point(machine: Machine, *, torque: float, drag: bool = True) -> SteadyPoint:
@@ -71,68 +23,9 @@ def steady_point(machine: Machine, *, torque: float, drag: bool = True) -> Stead
     k(i) i = T_0 + (c1 + c2) w + torque with V = R i + k(i) w + V_b. An induction motor is on the
     branch above its breakdown speed, or stands.
     """
-    from scipy.optimize import brentq  # slow to load; sweeps of markers need none
-
-    motor = machine.motor
-    viscous = motor.drag + (machine.gear.drag if drag else 0.0)
-    if motor.kind == "induction":
-        return _induction_point(machine, torque, viscous)
-    most = (nominal_voltage(machine) - motor.brush_drop) / circuit_resistance(machine)
-
-    def short(current: float) -> float:
-        speed = speed_at(machine, current)
-        need = motor.loss_torque + viscous * speed + torque
-        return constant_at(machine, current) * current - need
-
-    stalled = short(most) < 0.0
-    current = most if stalled else float(brentq(short, 1e-9 * most, most, xtol=1e-15))
-    voltage = nominal_voltage(machine)
-    power = voltage * (current + separate_field_current(machine))
-    return SteadyPoint(current, max(speed_at(machine, current), 0.0), power, power, stalled)
-
-
-def circuit_at(machine: Machine, speed: float) -> tuple[float, SteadyPoint]:
-    """Return torque [N m] and steady point of an induction motor at a speed of its shaft [rad/s].
-
-    Notes
-    -----
-    The Gamma circuit in phasors (rms) with the iron loss across its terminals and the line before
-    them. With psi_s = I_s/lambda, T = 3 n_p Im(I_s conj psi_s) = 3 n_p |psi_s|^2 Im lambda.
-    """
-    motor, line = machine.motor, line_resistance(machine)
-    supply = 2.0 * math.pi * (motor.frequency or 0.0)
-    pairs, factor = motor.pole_pairs or 1, copper_factor(motor)
-    per_flux, stator, _ = gamma_impedance(
-        supply,
-        supply - pairs * speed,
-        (motor.resistance * factor, (motor.rotor_resistance or 0.0) * factor),
-        (motor.stator_inductance or 0.0, motor.leakage_inductance or 0.0),
-    )
-    iron = 1.0 / motor.iron_resistance if motor.iron_resistance else 0.0
-    whole = line + stator / (1.0 + stator * iron)
-    voltage = nominal_voltage(machine) / math.sqrt(3.0)
-    current = voltage / whole
-    through = (voltage - line * current) / stator
-    torque = 3.0 * pairs * abs(through / per_flux) ** 2 * per_flux.imag
-    power = 3.0 * voltage * current.real
-    return torque, SteadyPoint(abs(current), speed, power, 3.0 * voltage * abs(current))
-
-
-def _induction_point(machine: Machine, torque: float, viscous: float) -> SteadyPoint:
-    from scipy.optimize import brentq  # slow to load; sweeps of markers need none
-
-    motor = machine.motor
-    supply, line = nominal_voltage(machine), line_resistance(machine)
-    slip, _ = breakdown_point(motor, voltage=supply, line=line)
-    synchronous = 2.0 * math.pi * (motor.frequency or 0.0) / (motor.pole_pairs or 1)
-
-    def short(speed: float) -> float:
-        return circuit_at(machine, speed)[0] - motor.loss_torque - viscous * speed - torque
-
-    least = (1.0 - min(slip, 1.0)) * synchronous
-    if short(least) < 0.0:
-        return replace(circuit_at(machine, 0.0)[1], stalled=True)
-    return circuit_at(machine, float(brentq(short, least, synchronous, xtol=1e-13)))[1]
+    viscous = machine.motor.drag + (machine.gear.drag if drag else 0.0)
+    kind = machine.motor.of_kind
+    return kind.steady_point(machine.motor, machine.supply, torque=torque, viscous=viscous)
 
 
 def torque_for(machine: Machine, force: float) -> float:
@@ -223,15 +116,10 @@ def stall_text(machine: Machine) -> str:
     if not slip_point(machine).stalled:
         return ""
     motor, level = machine.motor, machine.clutch.torque * (1.0 - machine.clutch.worn)
-    if motor.kind == "induction":
-        own = {"voltage": nominal_voltage(machine), "line": line_resistance(machine)}
-        name, most = "breakdown", breakdown_point(motor, **own)[1]
-    else:
-        current = (nominal_voltage(machine) - motor.brush_drop) / circuit_resistance(machine)
-        name, most = "standstill", constant_at(machine, current) * current
-    return (
-        f"the motor stalls before the clutch slips ({name} {most:.3g} N m, clutch {level:.3g} N m)"
-    )
+    kind, voltage = motor.of_kind, nominal_voltage(motor, machine.supply)
+    most = kind.stall_torque(motor, voltage, line_resistance(machine.supply))
+    shown = f"{kind.stall} {most:.3g} N m, clutch {level:.3g} N m"
+    return f"the motor stalls before the clutch slips ({shown})"
 
 
 def steady_lines(machine: Machine) -> list[str]:

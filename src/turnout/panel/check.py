@@ -500,7 +500,4 @@ def _supply(
 
 def _source(machine: Any) -> str:
     """Return the supply that a machine needs; machines that share one must need the same."""
-    if machine.motor.kind != "induction":
-        return "direct current"
-    voltage = machine.supply.voltage or machine.motor.voltage
-    return f"three phases of {voltage:g} V, {machine.motor.frequency:g} Hz"
+    return machine.motor.of_kind.source(machine.motor, machine.supply)

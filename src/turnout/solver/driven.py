@@ -14,7 +14,6 @@ from turnout.core.scheme import Scheme
 from turnout.kernels.shared_record import shared_record
 from turnout.machine.components import Machine
 from turnout.machine.compute import places as at
-from turnout.machine.line_power import field_energies
 from turnout.machine.rows import machine_room
 from turnout.mechanism.mechanism import DriveMachines, Mechanism
 from turnout.solver.duty import Duty, machine_duties
@@ -183,8 +182,9 @@ class MachineHistory:
         energy = np.zeros(self.given.shape)
         for state, constant in STORES.items():
             energy += 0.5 * self.constants[:, constant] * self.states[:, :, state] ** 2
-        for number in np.flatnonzero(self.constants[:, at.THREE_PHASE]):
-            energy[:, number] += field_energies(self.constants[number], self.states[:, number])
+        for number, machine in enumerate(self.records):
+            kind = machine.motor.of_kind
+            energy[:, number] += kind.field_energies(self.constants[number], self.states[:, number])
         return np.asarray(energy - energy[0])
 
     @cached_property
@@ -225,12 +225,12 @@ def run_constants(given: DriveMachines, scheme: Scheme) -> Floats:
 
     In long steps, as those of quick mode, induction motors are steady circuits.
     """
-    three_phase = given.constants[:, at.THREE_PHASE] > 0.0
-    if not three_phase.any() or scheme.step <= LONGEST_TRANSIENT:
+    transient = np.isfinite(given.constants[:, at.LONGEST_STEP])
+    if not transient.any() or scheme.step <= LONGEST_TRANSIENT:
         return given.constants
     found = given.constants.copy()
-    found[three_phase, at.STEADY_CIRCUIT] = 1.0
-    found[three_phase, at.LONGEST_STEP] = np.inf
+    found[transient, at.STEADY_CIRCUIT] = 1.0
+    found[transient, at.LONGEST_STEP] = np.inf
     return found
 
 

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from turnout.machine.components import Machine
 from turnout.machine.compute import places as at
-from turnout.machine.line_power import machine_powers
-from turnout.machine.rows import nominal_voltage
+from turnout.machine.motor import nominal_voltage
 from turnout.machine.steady import shaft_travel, steady_point, torque_for
 from turnout.panel.markers import movement_time, ordered_movements
 from turnout.panel.model import Panel
@@ -172,18 +171,18 @@ def machine_signals(panel: Panel, history: History) -> dict[str, Channel]:
 
     voltage, lead = state[:, :, at.SUPPLIED], state[:, :, at.CURRENT]
     power, apparent = np.empty_like(lead), np.empty_like(lead)
-    for number, constants in enumerate(machines.constants):
-        power[:, number], apparent[:, number] = machine_powers(constants, state[:, number])
-    three_phase = machines.constants[:, at.THREE_PHASE] > 0.0
-    rated = np.array([nominal_voltage(machine) for machine in machines.records])
+    kinds = [machine.motor.of_kind for machine in machines.records]
+    for number, (kind, constants) in enumerate(zip(kinds, machines.constants, strict=True)):
+        power[:, number], apparent[:, number] = kind.powers(constants, state[:, number])
+    alternating = any(kind.alternating for kind in kinds)
+    rated = np.array([nominal_voltage(each.motor, each.supply) for each in machines.records])
     places = [machine.circuit.measured_current for machine in machines.records]
-    from_supply = (np.array(places) == "supply") & ~three_phase  # a line's current is in both
-    current = np.where(from_supply, power / rated, lead)
+    current = np.where(np.array(places) == "supply", power / rated, lead)
     return {
         "drive_current": of_drives(current),
         "drive_voltage": of_drives(voltage),
         "drive_power": of_drives(power),
-        **({"drive_apparent_power": of_drives(apparent)} if three_phase.any() else {}),
+        **({"drive_apparent_power": of_drives(apparent)} if alternating else {}),
         "motor_speed": of_drives(state[:, :, at.SPEED]),
         "clutch_slip": of_drives(state[:, :, at.SLIP]),
         "clutch_heat": of_drives(machines.sums(at.CLUTCH)),
@@ -360,7 +359,8 @@ def local_gain(machine: Machine, quantity: str) -> tuple[Floats, Floats]:
     force = np.linspace(0.0, held / shaft_travel(machine), FORCES)
     points = [steady_point(machine, torque=torque_for(machine, float(each))) for each in force]
     power = np.array([point.power for point in points])
-    from_supply = machine.circuit.measured_current == "supply" and machine.motor.kind != "induction"
-    current = power / nominal_voltage(machine) if from_supply else [p.current for p in points]
+    from_supply = machine.circuit.measured_current == "supply"
+    voltage = nominal_voltage(machine.motor, machine.supply)
+    current = power / voltage if from_supply else [p.current for p in points]
     values = power if quantity == POWER else np.asarray(current)
     return force, np.gradient(values, force)

@@ -3,6 +3,10 @@
 `advance` covers a span with steps that end at every switching instant. The length of a step is cut
 at known instants; the limit contact and the standstill of the lock are located inside a step, which
 is then taken again up to there. A step that does not converge is taken in halves.
+
+Within a step the clutch slips at one level. At the end of a step a sticking clutch that reached
+its breakaway torque falls to its kinetic level: the twist gives the difference to the slip, and the
+released energy becomes heat. It sticks again as soon as its torque falls below the kinetic level.
 """
 
 import math
@@ -10,9 +14,15 @@ import math
 from turnout.kernels.compiled import compiled, compiled_part
 from turnout.law.table import Floats
 from turnout.machine.compute import places as at
-from turnout.machine.compute.clutch import update_clutch
-from turnout.machine.compute.contactor import INSTANT, log_event, next_instant, switch_all_due
-from turnout.machine.compute.machine_step import SECOND, accept_step, span_of, take_step
+from turnout.machine.compute.induction import lose_phase
+from turnout.machine.compute.machine_step import (
+    SECOND,
+    accept_step,
+    span_of,
+    stored_energy,
+    take_step,
+)
+from turnout.machine.compute.motor import drop_field, supplied_voltage
 from turnout.machine.compute.rail import rail_side
 
 HALVINGS = 20
@@ -21,6 +31,160 @@ LOCATE = 40
 """So many trials locate a switching instant within a step."""
 ANGLE_ROUNDING = 1e-10
 """Shaft angle by which a limit contact may be missed [rad]."""
+INSTANT = 1e-12
+"""Times nearer to each other are one instant [s]."""
+LEAST_LEVEL = 0.05
+"""Share of the level of the new clutch that heat and wear leave at least."""
+REACHED = 1e-12
+"""Share of its level by which a clutch may be below it and count as slipping."""
+
+
+# --- the clutch from step to step
+
+
+@compiled
+def kinetic_level(constants: Floats, state: Floats) -> float:
+    """Return the torque of the slipping clutch at its temperature and wear [N m]."""
+    share = 1.0 + constants[at.LEVEL_PER_KELVIN] * state[at.CLUTCH_TEMPERATURE]
+    share -= constants[at.LEVEL_PER_JOULE] * state[at.ENERGIES + at.CLUTCH]
+    return float(constants[at.CLUTCH_TORQUE] * max(share, LEAST_LEVEL))
+
+
+@compiled
+def update_clutch(constants: Floats, state: Floats, step: float) -> None:
+    """Let breakaway, temperature and wear follow from the end of a step of a length [s]."""
+    kinetic, stiffness = kinetic_level(constants, state), constants[at.CLUTCH_STIFFNESS]
+    if constants[at.STATIC_RATIO] > 1.0:
+        torque = stiffness * abs(state[at.TWIST])
+        if state[at.SLIPPING] == 0.0 and torque >= state[at.LEVEL] * (1.0 - REACHED):
+            twist = math.copysign(min(kinetic / stiffness, abs(state[at.TWIST])), state[at.TWIST])
+            released = 0.5 * stiffness * (state[at.TWIST] ** 2 - twist**2)
+            state[at.SLIP] += state[at.TWIST] - twist
+            state[at.ENERGIES + at.CLUTCH] += released
+            state[at.ENERGIES + at.INTO_STORES] -= released
+            state[at.TWIST], state[at.SLIPPING] = twist, math.copysign(1.0, twist)
+        elif state[at.SLIPPING] != 0.0 and torque < state[at.LEVEL] * (1.0 - REACHED):
+            state[at.SLIPPING] = 0.0
+    heat = state[at.ENERGIES + at.CLUTCH] - state[at.HEAT_COUNTED]
+    state[at.HEAT_COUNTED] = state[at.ENERGIES + at.CLUTCH]
+    state[at.CLUTCH_TEMPERATURE] += heat / constants[at.CLUTCH_HEAT_CAPACITY]
+    state[at.LEVEL] = kinetic * (1.0 if state[at.SLIPPING] != 0.0 else constants[at.STATIC_RATIO])
+    state[at.CLUTCH_TEMPERATURE] *= math.exp(-constants[at.CLUTCH_COOLING] * step)
+
+
+# --- contactor, cut-off, time-out, relay, hand and log
+
+
+@compiled_part
+def log_event(state: Floats, log: Floats, time: float, event: int) -> None:
+    """Write an event into the log where there is room; count it in any case."""
+    row = int(state[at.EVENTS])
+    if row < log.shape[0]:
+        log[row, 0], log[row, 1] = time, event
+    state[at.EVENTS] = row + 1
+
+
+@compiled
+def switch_on(constants: Floats, state: Floats, time: float, direction: float) -> None:
+    """Close the contactor, or begin to crank: the lock and the brake open."""
+    state[at.ENERGISED], state[at.DIRECTION] = 1.0, direction
+    state[at.LOCKED], state[at.STILL_TORQUE] = 0.0, constants[at.LOSS_TORQUE]
+    state[at.CONTACTOR_TIME], state[at.CUTOFF_TIME] = time, math.inf
+    state[at.OVERLOAD_SINCE] = math.inf
+    if constants[at.HAND_GAIN] > 0.0:
+        state[at.HAND_ON], state[at.HAND_SINCE], state[at.ARMATURE_OPEN] = 1.0, time, 1.0
+        state[at.SUPPLIED] = 0.0
+        return
+    state[at.ARMATURE_OPEN] = 0.0
+    state[at.SUPPLIED] = supplied_voltage(constants, direction)
+    state[at.CIRCUIT_RESISTANCE] = constants[at.RESISTANCE] + constants[at.LINE_RESISTANCE]
+
+
+@compiled
+def switch_off(constants: Floats, state: Floats) -> None:
+    """Open the contactor: snubbing or an open armature, and the brake."""
+    state[at.ENERGISED], state[at.SUPPLIED] = 0.0, 0.0
+    state[at.HAND_ON] *= constants[at.HAND_STAYS]
+    state[at.CUTOFF_TIME] = math.inf
+    state[at.STILL_TORQUE] = constants[at.LOSS_TORQUE] + constants[at.BRAKE_TORQUE]
+    state[at.CIRCUIT_RESISTANCE] = constants[at.RESISTANCE] + constants[at.SNUB_RESISTANCE]
+    if constants[at.OPEN_AFTER] > 0.0 or constants[at.HAND_GAIN] > 0.0:
+        state[at.ARMATURE_OPEN] = 1.0
+        drop_field(constants, state)
+
+
+@compiled_part
+def next_instant(constants: Floats, state: Floats, commands: Floats, time: float) -> float:
+    """Return the next known switching instant, inf if there is none [s]."""
+    instant = math.inf
+    row = int(state[at.NEXT_COMMAND])
+    if row < commands.shape[0]:
+        instant = commands[row, 0] + constants[at.CONTACTOR_DELAY]
+    if state[at.ENERGISED] > 0.0:
+        instant = min(
+            instant, state[at.CONTACTOR_TIME] + constants[at.TIME_OUT], state[at.CUTOFF_TIME]
+        )
+        instant = min(instant, state[at.OVERLOAD_SINCE] + constants[at.OVERLOAD_TIME])
+    if state[at.HAND_ON] > 0.0:
+        corner = state[at.HAND_SINCE] + constants[at.HAND_RAMP]
+        if corner > time + INSTANT:
+            instant = min(instant, corner)
+    if state[at.PHASE_LOST] == 0.0:
+        instant = min(instant, constants[at.PHASE_LOST_TIME])
+    return float(instant)
+
+
+@compiled_part
+def switch_due(
+    constants: Floats, state: Floats, commands: Floats, time: float, log: Floats
+) -> None:
+    """Switch what is due at an instant; a command while energised reverses the motor at once."""
+    now = time + INSTANT
+    if state[at.PHASE_LOST] == 0.0 and now >= constants[at.PHASE_LOST_TIME]:
+        lose_phase(constants, state)
+        log_event(state, log, time, at.EVENT_PHASE_LOST)
+    if state[at.ENERGISED] > 0.0:
+        if now >= state[at.CUTOFF_TIME]:
+            switch_off(constants, state)
+            log_event(state, log, time, at.EVENT_OFF_LIMIT)
+        elif now >= state[at.CONTACTOR_TIME] + constants[at.TIME_OUT]:
+            switch_off(constants, state)
+            log_event(state, log, time, at.EVENT_OFF_TIME_OUT)
+        elif now >= state[at.OVERLOAD_SINCE] + constants[at.OVERLOAD_TIME]:
+            switch_off(constants, state)
+            log_event(state, log, time, at.EVENT_OFF_OVERLOAD)
+    row = int(state[at.NEXT_COMMAND])
+    if row < commands.shape[0] and now >= commands[row, 0] + constants[at.CONTACTOR_DELAY]:
+        if state[at.ENERGISED] > 0.0:
+            switch_off(constants, state)
+        switch_on(constants, state, time, commands[row, 1])
+        state[at.NEXT_COMMAND] = row + 1
+        log_event(state, log, time, at.EVENT_ON)
+
+
+@compiled_part
+def _lock_standing(constants: Floats, state: Floats, log: Floats, time: float) -> None:
+    """Lock at once what stands when the contactor opens."""
+    free = state[at.ENERGISED] == 0.0 and state[at.LOCKED] == 0.0 and constants[at.HOLDS] > 0.0
+    if free and state[at.GEAR_SPEED] == 0.0:
+        state[at.LOCKED] = 1.0
+        log_event(state, log, time, at.EVENT_LOCKED)
+
+
+@compiled_part
+def switch_all_due(
+    constants: Floats, state: Floats, commands: Floats, time: float, log: Floats
+) -> float:
+    """Switch all that is due at an instant, and return the next one [s]."""
+    instant = next_instant(constants, state, commands, time)
+    while instant <= time + INSTANT:
+        switch_due(constants, state, commands, time, log)
+        _lock_standing(constants, state, log, time)
+        instant = next_instant(constants, state, commands, time)
+    return instant
+
+
+# --- over a span of time
 
 
 @compiled_part
@@ -354,3 +518,43 @@ def accept_plain_step(
         return
     _finish_step(constants, rail, table, state, (time, end - time), work, log)
     switch_all_due(constants, state, commands, end, log)
+
+
+@compiled
+def throw(
+    constants: Floats,
+    rail: Floats,
+    table: Floats,
+    commands: Floats,
+    state: Floats,
+    stepping: tuple[float, int, int],
+    work: Floats,
+    log: Floats,
+    kept: Floats,
+    stored: Floats,
+) -> int:
+    """March from time 0 and return the number of kept instants reached.
+
+    Parameters
+    ----------
+    stepping : tuple
+        Step [s], steps between kept instants, kept instants.
+    kept : ndarray, shape (n_kept + 1, STATES)
+        Receives the state rows; the first is the start.
+    stored : ndarray, shape (n_kept + 1,)
+        Receives the stored energy [J].
+    """
+    step, every, count = stepping
+    for k in range(state.size):
+        kept[0, k] = state[k]
+    stored[0] = stored_energy(constants, rail, state)
+    for row in range(count):
+        for sub in range(every):
+            time = (row * every + sub) * step
+            span = (time, (row * every + sub + 1) * step - time)
+            if advance(constants, rail, table, commands, state, span, work, log) != at.CONVERGED:
+                return row
+        for k in range(state.size):
+            kept[row + 1, k] = state[k]
+        stored[row + 1] = stored_energy(constants, rail, state)
+    return count

@@ -17,8 +17,8 @@ from turnout.kernels.compiled import compiled, compiled_part
 from turnout.law.table import Floats
 from turnout.machine.compute import places as at
 from turnout.machine.compute.circuit import accept_plain_step, advance, try_plain_step
-from turnout.machine.compute.induction import line_current
 from turnout.machine.compute.machine_step import SECOND
+from turnout.machine.compute.motor import supply_current
 
 SWEEPS = 40
 FORCE_ROUNDING = 1e-9
@@ -96,15 +96,9 @@ def _others_current(machines: Machines, trial: Floats, number: int) -> tuple[flo
     for other in range(trial.shape[0]):
         if other == number or not trial[other, at.ENERGISED] > 0.0:
             continue
-        if (
-            machines.constants[other, at.THREE_PHASE] > 0.0
-            and trial[other, at.ARMATURE_OPEN] == 0.0
-        ):
-            line = line_current(machines.constants[other], trial[other])
-            current += line.real
-            across += line.imag * trial[other, at.DIRECTION] * trial[number, at.DIRECTION]
-        else:
-            current += abs(trial[other, at.CURRENT])
+        along, ahead = supply_current(machines.constants[other], trial[other])
+        current += along
+        across += ahead * trial[other, at.DIRECTION] * trial[number, at.DIRECTION]
     return current, across
 
 

@@ -3,6 +3,17 @@
 The scheme is the L-stable SDIRK of order 2 (Alexander 1977, doi 10.1137/0714068) with
 gamma = 1 - 1/sqrt(2) and weights (1 - gamma, gamma); its second stage ends at the end of the step.
 Set-valued laws hold in each stage exactly.
+
+A stage of length g asks for the gear speed w2 with
+
+    J2 (w2 - w2*)/g + c2 w2 - T_c(w2) + X'(th2) F(x) + t_g = 0
+
+where T_c is what the motor side answers (it falls with w2), F what the rod answers (it rises with
+the rod position x = X(th2), th2 = th2* + g w2), and t_g the loss of the gear: the load appears at
+the shaft as X' F / eta where it is driven, as X' F eta_b where it drives back, and as any value
+between while the gear stands. All of it rises with w2, jumps included, so there is one solution;
+it is looked for on the side of w2 that the last stage was on, and the standing gear is tried when
+that side has no solution. Nothing is smoothed and no sign is guessed.
 """
 
 import math
@@ -10,16 +21,18 @@ import math
 from turnout.kernels.compiled import compiled, compiled_part
 from turnout.law.table import Floats
 from turnout.machine.compute import places as at
-from turnout.machine.compute.induction import (
+from turnout.machine.compute.motor import (
+    ITERATIONS,
+    ROUNDING,
     add_electrical_energy,
-    field_energy,
-    fill_fluxes,
-    stored_in_stage,
+    fill_currents,
+    fill_steady_currents,
+    flux_energy,
+    into_field,
+    motor_side,
+    stage_curve,
 )
-from turnout.machine.compute.lost_phase import add_lost_phase_energy, lost_phase_circuit
-from turnout.machine.compute.motor import net_voltage
-from turnout.machine.compute.rail import bed_force, rod_position
-from turnout.machine.compute.stage import load_factor, solve_stage
+from turnout.machine.compute.rail import bed_force, friction_twist, rail_side, rod_position
 
 GAMMA = 1.0 - math.sqrt(0.5)
 """Length of a stage per length of the step."""
@@ -30,6 +43,144 @@ BASE, FIRST, SECOND, GUESS, CURVE, WORK_ROWS = range(6)
 GUESS_STEP, GUESS_MOTOR, GUESS_GEAR, GUESS_STAGE = range(4)
 """Of the row GUESS: length of the last step; change of both speeds in its first stage, and the
 places by which those of the second are further on."""
+
+
+@compiled_part
+def load_factor(constants: Floats, state: Floats, force: float, sign: float) -> float:
+    """Return torque at the shaft per load, X' F, when the gear turns with a sign."""
+    if force * sign > 0.0:
+        return float(constants[at.FACTOR_DRIVING] / state[at.GEAR_RATIO])
+    return float(constants[at.FACTOR_DRIVEN] * state[at.GEAR_RATIO])
+
+
+@compiled_part
+def _fill(
+    constants: Floats,
+    rail: Floats,
+    state: Floats,
+    g: float,
+    base: Floats,
+    stage: Floats,
+    solution: tuple[float, float, float, float, float, float],
+) -> None:
+    """Write the solution of a stage; what a steady circuit carries follows when it is accepted."""
+    i, w1, w2, x, force, y = solution
+    stage[at.CURRENT], stage[at.SPEED], stage[at.GEAR_SPEED] = i, w1, w2
+    stage[at.GEAR_ANGLE] = base[at.GEAR_ANGLE] + g * w2
+    stage[at.ROD_POSITION], stage[at.ROD_FORCE] = x, force
+    stage[at.RAIL_POSITION] = y
+    fill_currents(constants, state, g, base, stage, w1)
+    if rail[at.ONE_MASS] > 0.0:
+        moved = y - base[at.RAIL_POSITION]
+        stage[at.RAIL_SPEED] = moved / g
+        stage[at.RAIL_TWIST] = friction_twist(rail, base[at.RAIL_TWIST] + moved)[0]
+
+
+@compiled_part
+def follow_gear(w1: float, change: float) -> float:
+    """Return where the motor will be to first order, or its speed where that turns it round."""
+    ahead = w1 + change
+    return ahead if ahead * w1 > 0.0 else w1
+
+
+@compiled
+def solve_stage(
+    constants: Floats,
+    rail: Floats,
+    table: Floats,
+    state: Floats,
+    g: float,
+    base: Floats,
+    span: tuple[float, float, float],
+    stage: Floats,
+    known: Floats,
+) -> int:
+    """Solve one stage; `stage` holds the guess and receives the solution.
+
+    Parameters
+    ----------
+    constants, rail : ndarray
+        Rows of the machine and of its rail.
+    table : ndarray, shape (n, 5)
+        Of the stroke, see `rod_position`.
+    state : ndarray
+        Circuit, lock, clutch level, and whether the gear is dry here.
+    g : float
+        [s].
+    base : ndarray, shape (INTEGRATED,)
+        What the earlier stages leave.
+    span : tuple of float
+        Speed of the hand at the crank [rad/s], position of an affine rail without rod force [m]
+        and its compliance [m/N], at the end of the stage.
+    stage : ndarray
+        As the first entries of a state row, up to ROD_FORCE.
+    known : ndarray
+        Of `known_curve`; zeros at first.
+
+    Returns
+    -------
+    int
+        CONVERGED or NOT_CONVERGED.
+    """
+    hand, free, compliance = span
+    inertia = constants[at.GEAR_INERTIA] / g
+    w1, y = stage[at.SPEED], stage[at.RAIL_POSITION]
+    w2 = 0.0 if state[at.LOCKED] > 0.0 else stage[at.GEAR_SPEED]
+    sign = math.copysign(1.0, w2)
+    stands = w2 == 0.0
+    checked = False
+    curve = stage_curve(constants, state, g, base, known)
+    low, high = -math.inf, math.inf
+    for _ in range(2 * ITERATIONS):
+        w1, i, clutch, clutch_slope, follows = motor_side(
+            constants, state, g, base, curve, hand, w1, w2
+        )
+        x, dx, ddx = rod_position(constants, table, base[at.GEAR_ANGLE] + g * w2)
+        force, force_slope, y = rail_side(constants, rail, g, base, free, compliance, y, x)
+        load = dx * force
+        f = inertia * (w2 - base[at.GEAR_SPEED]) - clutch
+        if not abs(f + load) < math.inf or math.isnan(i):
+            return at.NOT_CONVERGED
+        if stands:
+            below = load_factor(constants, state, load, -1.0)
+            above = load_factor(constants, state, load, 1.0)
+            settled = state[at.LOCKED] > 0.0 or f + below * load <= 0.0 <= f + above * load
+            if not settled:
+                stands, checked, low, high = False, True, -math.inf, math.inf
+                sign = 1.0 if f + above * load < 0.0 else -1.0
+        else:
+            settled = False
+        if not stands:
+            factor = load_factor(constants, state, load, sign)
+            f += constants[at.GEAR_DRAG] * w2 + factor * load
+            slope = inertia + constants[at.GEAR_DRAG] - clutch_slope
+            slope += factor * g * (dx * dx * force_slope + ddx * force)
+            scale = (
+                inertia * (abs(w2) + abs(base[at.GEAR_SPEED])) + abs(clutch) + factor * abs(load)
+            )
+            settled = abs(f) <= ROUNDING * scale
+            if not settled:
+                if slope <= 0.0:
+                    return at.NOT_CONVERGED
+                if f > 0.0:
+                    high = w2
+                else:
+                    low = w2
+                new = w2 - f / slope
+                if not low < new < high:
+                    new = 0.5 * (low + high)
+                settled = new in (w2, low, high)
+                if not settled:
+                    w1, w2 = follow_gear(w1, follows * (new - w2)), new
+                    continue
+            if not checked and w2 * sign < 0.0:
+                stands, w2 = True, 0.0
+                continue
+        if settled:
+            _fill(constants, rail, state, g, base, stage, (i, w1, w2, x, force, y))
+            stage[at.TWIST] = clutch / constants[at.CLUTCH_STIFFNESS]
+            return at.CONVERGED
+    return at.NOT_CONVERGED
 
 
 @compiled_part
@@ -153,7 +304,7 @@ def accept_step(
         before = state if number == 0 else base
         weight = (1.0 - GAMMA) * step if number == 0 else g
         hand = hand_speed(constants, state, time + (g if number == 0 else step))
-        _fill_steady_circuit(constants, state, g, stage)
+        fill_steady_currents(constants, state, g, stage)
         slid = stage[at.SPEED] - stage[at.GEAR_SPEED] - (stage[at.TWIST] - before[at.TWIST]) / g
         slip += weight * slid
         state[at.ENERGIES + at.CLUTCH] += (
@@ -170,40 +321,11 @@ def accept_step(
 
 
 @compiled_part
-def _fill_steady_circuit(constants: Floats, state: Floats, g: float, stage: Floats) -> None:
-    """Write the current, and fluxes, of a stage that was solved without asking for them."""
-    if constants[at.THREE_PHASE] == 0.0 or state[at.ARMATURE_OPEN] > 0.0:
-        return
-    if state[at.PHASE_LOST] > 0.0:
-        stage[at.CURRENT] = lost_phase_circuit(constants, state, stage[at.SPEED])[0]
-    elif constants[at.STEADY_CIRCUIT] > 0.0:
-        fill_fluxes(constants, state, g, stage, stage, stage[at.SPEED])
-
-
-@compiled_part
 def _add_motor_energy(
     constants: Floats, state: Floats, stage: Floats, hand: float, weight: float
 ) -> None:
-    i, w1 = stage[at.CURRENT], stage[at.SPEED]
-    heat = weight * i * i
-    if constants[at.THREE_PHASE] > 0.0:
-        if state[at.ARMATURE_OPEN] == 0.0 and state[at.PHASE_LOST] > 0.0:
-            add_lost_phase_energy(constants, state, stage, weight)
-        elif state[at.ARMATURE_OPEN] == 0.0:
-            add_electrical_energy(constants, state, stage, weight)
-        heat, i = 0.0, 0.0
-    elif state[at.ENERGISED] > 0.0:
-        taken = state[at.SUPPLIED] - net_voltage(state)
-        state[at.ENERGIES + at.SUPPLY] += weight * (
-            state[at.SUPPLIED] * i + constants[at.FIELD_POWER]
-        )
-        state[at.ENERGIES + at.FIELD] += weight * constants[at.FIELD_POWER]
-        state[at.ENERGIES + at.LINE] += heat * constants[at.LINE_RESISTANCE] + weight * taken * i
-    else:
-        state[at.ENERGIES + at.SNUB] += heat * constants[at.SNUB_RESISTANCE]
-    state[at.ENERGIES + at.COPPER] += heat * constants[at.RESISTANCE]
-    state[at.ENERGIES + at.BRUSH] += weight * constants[at.BRUSH_DROP] * abs(i)
-    state[at.ENERGIES + at.BRUSH] += heat * state[at.BRUSH_RESISTANCE]
+    add_electrical_energy(constants, state, stage, weight)
+    w1 = stage[at.SPEED]
     state[at.ENERGIES + at.MOTOR_FRICTION] += weight * state[at.STILL_TORQUE] * abs(w1)
     state[at.ENERGIES + at.MOTOR_DRAG_HEAT] += weight * constants[at.MOTOR_DRAG] * w1 * w1
     gain = constants[at.HAND_GAIN] * state[at.HAND_ON]
@@ -235,9 +357,7 @@ def _add_stored_energy(
 ) -> None:
     """Add what the stages put into springs, masses and the coil, and what the rail takes."""
     g, weight = lengths
-    into = constants[at.INDUCTANCE] * stage[at.CURRENT] * (stage[at.CURRENT] - before[at.CURRENT])
-    if constants[at.THREE_PHASE] > 0.0:
-        into += stored_in_stage(constants, stage, before)
+    into = into_field(constants, stage, before)
     into += constants[at.MOTOR_INERTIA] * stage[at.SPEED] * (stage[at.SPEED] - before[at.SPEED])
     into += (
         constants[at.GEAR_INERTIA]
@@ -266,8 +386,7 @@ def stored_energy(constants: Floats, rail: Floats, state: Floats) -> float:
     energy += constants[at.MOTOR_INERTIA] * state[at.SPEED] ** 2
     energy += constants[at.GEAR_INERTIA] * state[at.GEAR_SPEED] ** 2
     energy += constants[at.CLUTCH_STIFFNESS] * state[at.TWIST] ** 2
-    if constants[at.THREE_PHASE] > 0.0:
-        energy += 2.0 * field_energy(constants, state)
+    energy += 2.0 * flux_energy(constants, state)
     if rail[at.ONE_MASS] > 0.0:
         y = state[at.RAIL_POSITION]
         energy += rail[at.RAIL_MASS] * state[at.RAIL_SPEED] ** 2

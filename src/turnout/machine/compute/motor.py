@@ -8,6 +8,9 @@ speed w1 solves
 Every term but the set-valued one is continuous and does not fall with w1, and J1/g > 0: there is
 one solution, which a Newton iteration inside a bracket always finds. float64 throughout; torques
 [N m], speeds [rad/s], positive in the closing direction.
+
+A motor has one of the circuits of `turnout.machine.compute.places`, with brushes here or with three
+phases in `turnout.machine.compute.induction`; the functions above `clutch_torque` tell them apart.
 """
 
 import math
@@ -15,14 +18,39 @@ import math
 from turnout.kernels.compiled import compiled, compiled_part
 from turnout.law.table import Floats
 from turnout.machine.compute import places as at
-from turnout.machine.compute.induction import curve_torque
-from turnout.machine.compute.lost_phase import lost_phase_circuit
+from turnout.machine.compute.induction import (
+    NO_CURVE,
+    add_lost_phase_energy,
+    add_three_phase_energy,
+    curve_torque,
+    drop_fluxes,
+    field_energy,
+    fill_fluxes,
+    known_curve,
+    line_current,
+    lost_phase_circuit,
+    stored_in_stage,
+)
 
 ITERATIONS = 60
 ROUNDING = 4e-14
 """Residual, as a share of the sum of its terms, that counts as zero."""
 UNSOLVED = 1e-9
 """The same where a bracket has closed without a solution."""
+Curve = tuple[float, float, float, float, float]
+
+
+@compiled_part
+def is_three_phase(constants: Floats) -> bool:
+    """Return whether the motor is an induction motor."""
+    return bool(constants[at.MOTOR_CIRCUIT] == at.THREE_PHASE)
+
+
+@compiled_part
+def supplied_voltage(constants: Floats, direction: float) -> float:
+    """Return the voltage behind the contactor, which reverses a constant field alone [V]."""
+    reverses = direction < 0.0 and constants[at.MOTOR_CIRCUIT] == at.CONSTANT_FIELD
+    return float(-constants[at.VOLTAGE] if reverses else constants[at.VOLTAGE])
 
 
 @compiled_part
@@ -34,12 +62,29 @@ def net_voltage(state: Floats) -> float:
 
 
 @compiled_part
+def supply_current(constants: Floats, state: Floats) -> tuple[float, float]:
+    """Return the current that the machine takes, along and across its supply's voltage [A]."""
+    if is_three_phase(constants) and state[at.ARMATURE_OPEN] == 0.0:
+        line = line_current(constants, state)
+        return line.real, line.imag
+    return abs(state[at.CURRENT]), 0.0
+
+
+@compiled_part
+def stage_curve(constants: Floats, state: Floats, g: float, base: Floats, known: Floats) -> Curve:
+    """Return the torque over the slip of an induction motor in a stage, see `torque_curve`."""
+    if is_three_phase(constants) and state[at.ARMATURE_OPEN] == 0.0:
+        return known_curve(constants, state, g, base, known)
+    return NO_CURVE
+
+
+@compiled_part
 def motor_torque(
     constants: Floats,
     state: Floats,
     g: float,
     base: Floats,
-    curve: tuple[float, float, float, float, float],
+    curve: Curve,
     w1: float,
 ) -> tuple[float, float, float]:
     """Return current, torque and slope of the torque at a motor speed.
@@ -67,7 +112,7 @@ def motor_torque(
     """
     if state[at.ARMATURE_OPEN] > 0.0:
         return 0.0, 0.0, 0.0
-    if constants[at.THREE_PHASE] > 0.0:
+    if is_three_phase(constants):
         if state[at.PHASE_LOST] > 0.0:
             _, torque, slope, _ = lost_phase_circuit(constants, state, w1)
         else:
@@ -77,7 +122,7 @@ def motor_torque(
     k, drop = constants[at.MOTOR_CONSTANT], constants[at.BRUSH_DROP]
     r = constants[at.INDUCTANCE] / g + state[at.CIRCUIT_RESISTANCE] + state[at.BRUSH_RESISTANCE]
     q = net_voltage(state) + constants[at.INDUCTANCE] / g * current
-    if constants[at.SERIES] == 0.0:
+    if constants[at.MOTOR_CIRCUIT] == at.CONSTANT_FIELD:
         q -= k * w1
         if abs(q) <= drop:
             return 0.0, 0.0, 0.0
@@ -103,6 +148,77 @@ def motor_torque(
 
 
 @compiled_part
+def fill_currents(
+    constants: Floats, state: Floats, g: float, base: Floats, stage: Floats, w1: float
+) -> None:
+    """Write the fluxes of a stage of an induction motor, whose steady circuit waits for its end."""
+    transient = is_three_phase(constants) and constants[at.STEADY_CIRCUIT] == 0.0
+    if transient and state[at.ARMATURE_OPEN] == 0.0 and state[at.PHASE_LOST] == 0.0:
+        fill_fluxes(constants, state, g, base, stage, w1)
+
+
+@compiled_part
+def fill_steady_currents(constants: Floats, state: Floats, g: float, stage: Floats) -> None:
+    """Write the current, and fluxes, of a stage that was solved without asking for them."""
+    if not is_three_phase(constants) or state[at.ARMATURE_OPEN] > 0.0:
+        return
+    if state[at.PHASE_LOST] > 0.0:
+        stage[at.CURRENT] = lost_phase_circuit(constants, state, stage[at.SPEED])[0]
+    elif constants[at.STEADY_CIRCUIT] > 0.0:
+        fill_fluxes(constants, state, g, stage, stage, stage[at.SPEED])
+
+
+@compiled_part
+def add_electrical_energy(constants: Floats, state: Floats, stage: Floats, weight: float) -> None:
+    """Add what a stage takes from the supply, and loses in line, copper and brushes."""
+    i = stage[at.CURRENT]
+    heat = weight * i * i
+    if is_three_phase(constants):
+        if state[at.ARMATURE_OPEN] == 0.0 and state[at.PHASE_LOST] > 0.0:
+            add_lost_phase_energy(constants, state, stage, weight)
+        elif state[at.ARMATURE_OPEN] == 0.0:
+            add_three_phase_energy(constants, state, stage, weight)
+        return
+    if state[at.ENERGISED] > 0.0:
+        taken = state[at.SUPPLIED] - net_voltage(state)
+        power = state[at.SUPPLIED] * i + constants[at.FIELD_POWER]
+        state[at.ENERGIES + at.SUPPLY] += weight * power
+        state[at.ENERGIES + at.FIELD] += weight * constants[at.FIELD_POWER]
+        state[at.ENERGIES + at.LINE] += heat * constants[at.LINE_RESISTANCE] + weight * taken * i
+    else:
+        state[at.ENERGIES + at.SNUB] += heat * constants[at.SNUB_RESISTANCE]
+    state[at.ENERGIES + at.COPPER] += heat * constants[at.RESISTANCE]
+    state[at.ENERGIES + at.BRUSH] += weight * constants[at.BRUSH_DROP] * abs(i)
+    state[at.ENERGIES + at.BRUSH] += heat * state[at.BRUSH_RESISTANCE]
+
+
+@compiled_part
+def into_field(constants: Floats, stage: Floats, before: Floats) -> float:
+    """Return what the change of current or fluxes within a stage stores [J]."""
+    into = constants[at.INDUCTANCE] * stage[at.CURRENT] * (stage[at.CURRENT] - before[at.CURRENT])
+    if is_three_phase(constants):
+        into += stored_in_stage(constants, stage, before)
+    return float(into)
+
+
+@compiled_part
+def flux_energy(constants: Floats, state: Floats) -> float:
+    """Return the energy in the fluxes of an induction motor, 0 of others [J]."""
+    return field_energy(constants, state) if is_three_phase(constants) else 0.0
+
+
+@compiled_part
+def drop_field(constants: Floats, state: Floats) -> None:
+    """Let the arc take what coil or fluxes hold when the contactor opens."""
+    coil = 0.5 * constants[at.INDUCTANCE] * state[at.CURRENT] ** 2
+    state[at.ENERGIES + at.SNUB] += coil
+    state[at.ENERGIES + at.INTO_STORES] -= coil
+    state[at.CURRENT] = 0.0
+    if is_three_phase(constants):
+        drop_fluxes(constants, state)
+
+
+@compiled_part
 def clutch_torque(
     constants: Floats, state: Floats, g: float, twist: float, slip_speed: float
 ) -> tuple[float, float]:
@@ -120,7 +236,7 @@ def _residual(
     state: Floats,
     g: float,
     base: Floats,
-    curve: tuple[float, float, float, float, float],
+    curve: Curve,
     hand: float,
     w1: float,
     w2: float,
@@ -143,7 +259,7 @@ def motor_side(
     state: Floats,
     g: float,
     base: Floats,
-    curve: tuple[float, float, float, float, float],
+    curve: Curve,
     hand: float,
     start: float,
     w2: float,
@@ -198,7 +314,7 @@ def motor_side(
             if not settled:
                 w1 = new
                 continue
-            if constants[at.THREE_PHASE] > 0.0 and not abs(f) <= UNSOLVED * (scale + still):
+            if is_three_phase(constants) and not abs(f) <= UNSOLVED * (scale + still):
                 break  # torque rises faster than the inertia's J1/g: the step is too long
         if checked or w1 * sign >= 0.0:
             follows = clutch_slope / slope

@@ -6,7 +6,7 @@ the closing direction. Flags are 0.0 or 1.0.
 
 # --- constants of a machine ------------------------------------------------------------------
 (
-    SERIES,  # 1: field winding in series, torque K i^2 / (1 + |i|/i_s)
+    MOTOR_CIRCUIT,  # of the motor: CONSTANT_FIELD, SERIES_FIELD or THREE_PHASE
     VOLTAGE,  # of the supply [V]
     RESISTANCE,  # of the copper in the motor circuit, at its temperature [ohm]
     LINE_RESISTANCE,  # of line and supply [ohm]
@@ -53,8 +53,7 @@ the closing direction. Flags are 0.0 or 1.0.
     HAND_SPEED,  # [rad/s]
     HAND_RAMP,  # [s]
     HAND_STAYS,  # 1: the hand does not let go at the limit contact
-    THREE_PHASE,  # 1: induction motor, with the constants below
-    STEADY_CIRCUIT,  # 1: its fluxes follow at once
+    STEADY_CIRCUIT,  # 1: the fluxes of an induction motor follow at once
     PHASE_VOLTAGE,  # peak, line to neutral [V]
     SUPPLY_SPEED,  # 2 pi f [rad/s]
     POLE_PAIRS,
@@ -70,9 +69,10 @@ the closing direction. Flags are 0.0 or 1.0.
     CONTACT_LOSS,  # share of each turn of the motor in which a brush has poor contact
     CONTACT_RESISTANCE,  # added there [ohm]
     CONSTANTS,
-) = range(64)
+) = range(63)
 
-
+(CONSTANT_FIELD, SERIES_FIELD, THREE_PHASE) = range(3)
+"""Circuits of motors: torque k i; K i^2/(1 + |i|/i_s); that of the Gamma model."""
 (SCREW, CRANK, TABLE) = range(3)
 """How the rod position follows from the shaft angle."""
 

@@ -190,8 +190,9 @@ def make_throw(job: ThrowJob, case: Case, *, number: int) -> SeriesPart:
 
 def _powers(panel: LoadedPanel) -> tuple[str, ...]:
     """Return the channels of power that a panel's drives have."""
-    kinds = [panel.machine[d.machine].motor.kind for d in panel.drive.values() if d.machine]
-    return POWERS[: 0 if not kinds else 2 if "induction" in kinds else 1]
+    motors = [panel.machine[d.machine].motor for d in panel.drive.values() if d.machine]
+    alternating = any(motor.of_kind.alternating for motor in motors)
+    return POWERS[: 0 if not motors else 2 if alternating else 1]
 
 
 def read_part(folder: Path, case: Case) -> SeriesPart | None:
