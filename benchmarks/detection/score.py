@@ -22,8 +22,8 @@ from benchmarks.detection.metrics import (
     macro_f1,
     weighted_a90,
 )
-from benchmarks.detection.switch_throws import UNKNOWN
 from benchmarks.detection.verdicts import Verdicts
+from turnout.study.defects import DEFECTS
 
 Floats = NDArray[np.float64]
 
@@ -182,6 +182,7 @@ def _said(side: Side, verdicts: Verdicts) -> dict[str, Any]:
     role = side.labels["role"]
     sound, touched = role == SOUND, object_touched(side)
     found: dict[str, Any] = {}
+    unknown = np.isin(role, [name for name, d in DEFECTS.items() if not d.trained])
     called = touched & verdicts.alarm
     if verdicts.x is not None:
         found["x"] = accuracy(verdicts.x[called], side.labels["x"][called])
@@ -194,11 +195,11 @@ def _said(side: Side, verdicts: Verdicts) -> dict[str, Any]:
             for text, own in (("sound", sound), ("object", touched))
         }
     if verdicts.cause is not None:
-        own = (role != UNKNOWN) & (touched | (role != OBJECT))
+        own = ~unknown & (touched | (role != OBJECT))
         names = [str(name) for name in np.unique(role[own])]
         found["macro_f1"] = macro_f1(role[own].tolist(), verdicts.cause[own].tolist(), names)
     if verdicts.novelty is not None:
-        found["unknown_auroc"] = auroc(verdicts.novelty[role == UNKNOWN], verdicts.novelty[sound])
+        found["unknown_auroc"] = auroc(verdicts.novelty[unknown], verdicts.novelty[sound])
     if verdicts.probability is not None:
         # an object is as likely as none: throws with one count as much as those without
         own = touched | (role != OBJECT)

@@ -4,7 +4,7 @@ The first half of its year gives sound throws, its history. In the other half it
 and with objects and with other causes, each of these in the state of a sound throw of that half.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,25 +22,17 @@ from benchmarks.detection.definition import (
 )
 from turnout.core.errors import PanelError, StudyError
 from turnout.detection.detector.training_plan import (
-    ADJUSTED,
-    CLUTCH,
-    DEFECTS,
-    DRY,
     LARGEST,
     OBJECT_AT,
     OBJECT_SIZE,
-    ROD,
-    SLOWER,
     SMALLEST,
-    WEAKER,
     Plan,
     Population,
-    Row,
-    slowed,
 )
 from turnout.detection.reference import TEMPERATURE, reference_study
 from turnout.detection.throws import places_of
 from turnout.panel.load import LoadedPanel
+from turnout.study.defects import DEFECTS, Row
 from turnout.study.scenario import Output
 from turnout.study.study import Study
 
@@ -60,8 +52,6 @@ LARGEST_AT_DRIVES = 26e-3
 ROUND = 1000
 """Numbers of states between those of the history and the judged ones."""
 FORCES, MACHINE_CHANNELS = ("drive_force", "sensor_gap"), ("drive_current", "drive_power")
-UNKNOWN = "slow drive"
-"""Cause that only switches for testing have: what a method makes of what it never saw."""
 FIXED, MOST_DRAWN = 5 * ROUND, 100
 """First state that what is fixed for a switch may be taken from, and how many are tried."""
 SHIFTED = ("over_travel_closed", "stress_free")
@@ -214,10 +204,11 @@ def holds_at_rest(population: Population, row: Row) -> bool:
 
 
 def _with_cause(name: str, row: Row, rng: np.random.Generator, population: Population) -> Row:
-    """Return a row with another cause; a clutch is worn no further than it holds the rails."""
-    cause = CAUSES[name]
+    """Return a row with another cause, which leaves the drives able to hold the rails."""
+    cause = DEFECTS[name].change
+    assert cause is not None
     made = cause(row, rng, population)
-    for _ in range(MOST_DRAWN if name == CLUTCH else 0):
+    for _ in range(MOST_DRAWN if DEFECTS[name].weakens else 0):
         if holds_at_rest(population, made):
             break
         made = cause(row, rng, population)
@@ -261,28 +252,12 @@ def _with_object(
 def causes_of(switch: Switch) -> list[str]:
     """Return the causes other than objects that a switch is thrown with.
 
-    A frozen blade is left out: it adds a law to every chair, which makes all throws slower.
+    Those that no detector of turnout learns only switches for testing have: what a method makes of
+    what it never saw.
     """
-    return [name for name in CAUSES if not (name == UNKNOWN and switch.split == TRAIN)]
-
-
-def with_slow_drive(row: Row, rng: np.random.Generator, population: Population) -> Row:
-    """Let one drive, or as often all of them, be slow: a fault within a drive, or a weak supply."""
-    panel = population.study.panel
-    drives = list(panel.drive)
-    slow = drives if rng.random() < ALL_SLOW else [str(rng.choice(drives))]
-    longer = float(rng.uniform(*SLOWER))
-    voltage = float(rng.uniform(*WEAKER)) if panel.machine else 1.0
-    return slowed(row, population, slow, longer=longer, voltage=voltage)
-
-
-ALL_SLOW = 0.5
-"""Share of the slow throws in which all drives are slow [-]."""
-CAUSES: Mapping[str, Callable[[Row, np.random.Generator, Population], Row]] = {
-    **{name: DEFECTS[name] for name in (DRY, ADJUSTED, CLUTCH, ROD)},
-    UNKNOWN: with_slow_drive,
-}
-"""Other than objects, by the name that stands in the data set."""
+    learned = switch.split == TRAIN
+    own = {name: d for name, d in DEFECTS.items() if d.benchmark and d.change is not None}
+    return [name for name, d in own.items() if d.trained or not learned]
 
 
 def _alike(rows: list[Row], population: Population) -> list[Row]:

@@ -48,10 +48,10 @@ from turnout.detection.detector.throw_layout import Layout
 from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.detector.throw_verdict import ALARM, CAUSE, UNKNOWN, Verdict, verdict_on
 from turnout.detection.detector.training import LEAST_SOUND, setting_of, teach
-from turnout.detection.detector.training_plan import DEFECTS
 from turnout.detection.detector.training_sets import Counts
 from turnout.detection.detector.unexplained import least_squares
 from turnout.detection.likelihood import Evidence
+from turnout.study.defects import trained_changes
 
 Floats = NDArray[np.float64]
 Settings = Sequence[Mapping[str, Any]]
@@ -291,10 +291,10 @@ def training_sets(train: Judged, setting: Mapping[str, Any]) -> dict[str, ThrowS
     inputs = switch_components(whole, train.layout, count=int(setting["components"]))
     usual = Counts()
     most = {HISTORY: usual.sound, OBJECT: usual.objects} | {
-        name: usual.of_cause(name) for name in DEFECTS
+        name: usual.of_cause(name) for name in trained_changes()
     }
     found = {}
-    for name in (SOUND, HISTORY, OBJECT, *DEFECTS):
+    for name in (SOUND, HISTORY, OBJECT, *trained_changes()):
         if np.any(whole.labels["role"] == name):
             # of sound throws all that others pair with
             found[name] = throw_set_of(whole, [name], train.layout, inputs, most=most.get(name))

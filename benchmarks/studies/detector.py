@@ -58,18 +58,19 @@ from turnout.detection.alarm_threshold import RATES
 from turnout.detection.detector.allowances import Allowances
 from turnout.detection.detector.calibrating import Errors, alarms_of, learn_history
 from turnout.detection.detector.detector import Detector
-from turnout.detection.detector.judging import ADJUSTED, CYCLE, LEAST_HISTORY, make_view
+from turnout.detection.detector.judging import CYCLE, LEAST_HISTORY, make_view
 from turnout.detection.detector.knowledge import Knowledge, Setting
 from turnout.detection.detector.throw_layout import Layout, means_on
 from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.detector.throw_verdict import ALARM, UNKNOWN
 from turnout.detection.detector.train_detector import knowledge_of_sets
 from turnout.detection.detector.training import setting_of
-from turnout.detection.detector.training_plan import DEFECTS, HISTORY, OBJECT, SOUND
+from turnout.detection.detector.training_plan import HISTORY, OBJECT, SOUND
 from turnout.detection.detector.training_sets import after_history
 from turnout.detection.floor import TOUCH_FORCE
 from turnout.detection.reference import NOMINAL_FRICTION, reference_study
 from turnout.detection.throws import nominal_amplitude
+from turnout.study.defects import trained_changes
 
 DETECTOR = (
     "detection/detector",
@@ -255,9 +256,9 @@ def verdict_figures(knowledge: Knowledge, judged: Judged) -> dict[str, object]:
     Without a history an adjusted switch is one of the population, and counts as no cause.
     """
     places, gaps = knowledge.setting.places, knowledge.setting.gaps
-    kinds = [kind for kind in ("sound", "object", *DEFECTS) if judged.of(kind).size]
+    kinds = [kind for kind in ("sound", "object", *trained_changes()) if judged.of(kind).size]
     alone = max(item.history for item in judged.verdict) < LEAST_HISTORY
-    named = [kind for kind in kinds if not (alone and kind == ADJUSTED)]
+    named = [kind for kind in kinds if not (alone and kind == "adjustment")]
     history = max(item.history for item in judged.verdict)
     calibrated = knowledge.calibration(part=CYCLE, history=history)
     assert calibrated is not None

@@ -19,10 +19,11 @@ from benchmarks.studies.detector_over_time import Recorder
 from benchmarks.studies.detector_sets import Throws
 from turnout.detection.detector.detector import Detector
 from turnout.detection.detector.training import layout_of_panel
-from turnout.detection.detector.training_plan import OBJECT_AT, OBJECT_SIZE, Plan, Population, Row
+from turnout.detection.detector.training_plan import OBJECT_AT, OBJECT_SIZE, Plan, Population
 from turnout.detection.detector.training_sets import TEST_SEED
 from turnout.detection.reference import reference_study
 from turnout.panel.load import load_panel
+from turnout.study.defects import Row
 
 SIZE, PLACE = 20e-3, 3.6
 """Of the object, at sleeper 6, where 13.7 mm are seen in nine of ten throws [m]."""

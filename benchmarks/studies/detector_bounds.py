@@ -42,7 +42,6 @@ from turnout.detection.detector.calibrating import AT_ONCE, learn_history
 from turnout.detection.detector.detector import Detector
 from turnout.detection.detector.judging import (
     CYCLE,
-    DRY,
     View,
     evidence_of,
     make_view,
@@ -63,7 +62,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
 RATE = 1e-3
-USES = {SOUND: 7, OBJECT: 4, DRY: 4}
+USES = {SOUND: 7, OBJECT: 4, "dry chairs": 4}
 """Of each throw, with other errors each time."""
 RESAMPLES = 400
 SEED = 51
@@ -132,7 +131,7 @@ def said_of(
     view: View, calibrated: Calibrated, features: Floats, throws: ThrowSet, change: Floats
 ) -> Said:
     """Judge throws with drawn errors."""
-    dry = view.kinds.index(DRY)
+    dry = view.kinds.index("dry chairs")
     parts: list[list[Floats]] = []
     for first in range(0, len(features), AT_ONCE):
         evidence = evidence_of(view, features[first : first + AT_ONCE])
@@ -279,7 +278,7 @@ def _over(label: str, differences: Floats) -> str:
 
 def dry_chairs(said: Mapping[str, Said]) -> dict[str, float]:
     """Return the area under the curve of severe dry chairs, left out and with signatures."""
-    dry, sound = said[DRY], said[SOUND]
+    dry, sound = said["dry chairs"], said[SOUND]
     severe = dry.change >= SEVERE
     found = {
         name: auroc(getattr(dry, field)[severe], getattr(sound, field))
@@ -300,7 +299,7 @@ def dry_chairs(said: Mapping[str, Said]) -> dict[str, float]:
     changes = {"median change of severe ones": median(dry.change[severe].tolist())}
     limits = {"left out, from": float(low), "left out, to": float(high)}
     return {name: round(value, 3) for name, value in (found | limits | changes).items()} | {
-        "severe throws": float(severe.sum() / USES[DRY])
+        "severe throws": float(severe.sum() / USES["dry chairs"])
     }
 
 

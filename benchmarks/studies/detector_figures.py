@@ -19,7 +19,7 @@ from turnout.detection.detector.knowledge import Knowledge
 from turnout.detection.detector.object_posterior import Interval
 from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.detector.throw_verdict import ALARM, Change, Gap, Verdict, verdict_on
-from turnout.detection.detector.training_plan import ADJUSTED, DRY, HISTORY, OBJECT, SOUND
+from turnout.detection.detector.training_plan import HISTORY, OBJECT, SOUND
 from turnout.detection.floor import TOUCH_FORCE
 
 Floats = NDArray[np.float64]
@@ -248,11 +248,11 @@ def judge_with_history(
                 held = mine.force > TOUCH_FORCE if kind == OBJECT else np.full(len(change), True)
                 measured[kind] = features[held], change[held]
             again = uses.sound if kind == SOUND else uses.causes
-            if again and len(mine.row) and kind in (SOUND, DRY, ADJUSTED):
+            if again and len(mine.row) and kind in (SOUND, "dry chairs", "adjustment"):
                 rows = [mine.features + fixed + errors.of_throws(mine.rates) for _ in range(again)]
                 found = alarms_of(view, np.concatenate(rows)).tolist()
                 ratios[kind] = found
-                if kind == DRY:
+                if kind == "dry chairs":
                     for label, part in dry_by_friction(np.tile(mine.level, again)).items():
                         ratios[label] = np.array(found)[part].tolist()
         unknown = left_out_scores(knowledge, view, calibrated, measured) if uses.unknown else {}
@@ -267,7 +267,10 @@ def judge_with_history(
 
 def dry_by_friction(level: Floats) -> dict[str, NDArray[np.bool_]]:
     """Return which throws are from low and which from high friction."""
-    return {f"{DRY}, low friction": level < MIDDLE, f"{DRY}, high friction": level >= MIDDLE}
+    return {
+        "dry chairs, low friction": level < MIDDLE,
+        "dry chairs, high friction": level >= MIDDLE,
+    }
 
 
 MIDDLE = 0.3

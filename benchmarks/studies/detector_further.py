@@ -32,7 +32,7 @@ from turnout.detection.detector.switch_history import observe
 from turnout.detection.detector.throw_layout import Layout
 from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.detector.train_detector import knowledge_of_sets
-from turnout.detection.detector.training_plan import ADJUSTED, HISTORY, OBJECT, SOUND
+from turnout.detection.detector.training_plan import HISTORY, OBJECT, SOUND
 from turnout.detection.floor import TOUCH_FORCE
 
 Floats = NDArray[np.float64]
@@ -146,7 +146,7 @@ def unknown_alone(
     assert calibrated is not None
     measured = {}
     for name, throws in sets.items():
-        if name.startswith(HISTORY) or name == ADJUSTED:
+        if name.startswith(HISTORY) or name == "adjustment":
             continue
         own = throws.of(throws.force > TOUCH_FORCE) if name == OBJECT else throws
         change = changes_of(own, sets[HISTORY], knowledge)

@@ -45,13 +45,13 @@ from turnout.detection.detector.training_plan import (
     SOUND,
     Plan,
     Population,
-    Row,
     with_object,
 )
 from turnout.detection.detector.training_sets import HISTORY_SEED, after_history
 from turnout.detection.floor import TOUCH_FORCE
 from turnout.detection.reference import NOMINAL_FRICTION, reference_study
 from turnout.detection.throws import nominal_amplitude, places_of
+from turnout.study.defects import Row
 from turnout.study.study import Study
 
 Floats = NDArray[np.float64]

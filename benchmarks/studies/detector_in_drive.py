@@ -22,7 +22,7 @@ from turnout.core.threads import one_blas_thread
 from turnout.detection.conditions import CURRENT
 from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.detector.train_detector import knowledge_of_sets
-from turnout.detection.detector.training_plan import IN_DRIVE, OBJECT, SOUND, SUPPLY
+from turnout.detection.detector.training_plan import OBJECT, SOUND
 from turnout.detection.detector.training_sets import TEST_SEED, Counts, training_plans
 from turnout.detection.reference import reference_study
 from turnout.panel.load import load_panel
@@ -30,7 +30,7 @@ from turnout.study.study import Study
 
 LEARNED = Counts(sound=600, objects=200, kinds=0, defects=60, switches=0)
 JUDGED = Counts(sound=60, objects=60, kinds=0, defects=60, switches=0)
-SHOWN = (SOUND, OBJECT, IN_DRIVE, SUPPLY)
+SHOWN = (SOUND, OBJECT, "in-drive", "supply")
 
 
 def main() -> None:

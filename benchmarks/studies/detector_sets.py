@@ -21,13 +21,8 @@ from turnout.detection.detector.training_plan import (
     OBJECT,
     OBJECT_AT,
     OBJECT_SIZE,
-    OTHER_RAIL,
     Plan,
     Population,
-    Row,
-    chair_factor,
-    defect,
-    over_travel,
     with_object,
 )
 from turnout.detection.detector.training_sets import (
@@ -39,6 +34,7 @@ from turnout.detection.detector.training_sets import (
 from turnout.detection.reference import FRICTION, TEMPERATURE
 from turnout.detection.throws import places_of
 from turnout.panel.load import load_panel
+from turnout.study.defects import OTHER_RAIL, Row, chair_factor, defect, over_travel
 from turnout.study.read_study import scheme_for
 from turnout.study.scenario import Output
 from turnout.study.study import Study

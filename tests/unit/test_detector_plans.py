@@ -2,8 +2,11 @@
 
 import numpy as np
 import pytest
+from benchmarks.detection.definition import Switch
+from benchmarks.detection.switch_throws import causes_of
 
-from turnout.detection.detector.training_plan import DEFECTS, Population
+from turnout.detection.detector.throw_verdict import advice_on
+from turnout.detection.detector.training_plan import Population
 from turnout.detection.detector.training_sets import (
     KINDS,
     Counts,
@@ -11,7 +14,10 @@ from turnout.detection.detector.training_sets import (
     training_plans,
 )
 from turnout.detection.reference import reference_study
+from turnout.figures.detection import trend_sheet
 from turnout.panel.load import load_panel
+from turnout.study.defects import DEFECTS, Defect, Rng, Row, Switches, trained_changes
+from turnout.study.virtual.campaign_plan import virtual_plan
 
 
 @pytest.fixture(scope="module")
@@ -19,10 +25,10 @@ def population() -> Population:
     return Population(reference_study())
 
 
-@pytest.mark.parametrize("cause", DEFECTS)
+@pytest.mark.parametrize("cause", trained_changes())
 def test_a_cause_changes_its_own_values_alone(population: Population, cause: str) -> None:
     sound = population.row(3)
-    row = DEFECTS[cause](sound, np.random.default_rng(4), population)
+    row = trained_changes()[cause](sound, np.random.default_rng(4), population)
     changed = [name for name in row if row[name] != sound.get(name, 0.0)]
     key = {
         "dry chairs": "friction_coefficient",
@@ -39,7 +45,7 @@ def test_a_cause_changes_its_own_values_alone(population: Population, cause: str
 
 def test_frozen_chairs_keep_their_force_in_newtons(population: Population) -> None:
     """A factor on the panel's 0 N would freeze nothing."""
-    row = DEFECTS["frozen blade"](population.row(0), np.random.default_rng(2), population)
+    row = trained_changes()["frozen blade"](population.row(0), np.random.default_rng(2), population)
     plan = population.plan("frozen blade", [row])
     frozen = {name: value for name, value in row.items() if name.endswith("frozen_force")}
     assert 50.0 * 0.5 <= max(frozen.values()) <= 400.0
@@ -55,7 +61,7 @@ def test_a_fault_within_a_drive_slows_that_one_and_a_weak_supply_all(
     """In both directions, by the same time."""
     sound = population.row(2)
     for seed in range(6):
-        row = DEFECTS[cause](sound, np.random.default_rng(seed), population)
+        row = trained_changes()[cause](sound, np.random.default_rng(seed), population)
         usual = {"movement.return.extra_time.2": sound["movement.return.extra_time.2"]}
         longer = {
             name: float(row[name]) - float(usual.get(name, 0.0))
@@ -84,7 +90,7 @@ def test_machines_wear_their_clutch_and_slow_down_by_their_supply(machines: Popu
     keys = {name: item.key for name, item in plan.study.variables.items()}
     assert keys["drive.1.saturation_force, defect"] == "machine.jea73.clutch.torque"
     assert {"drive_current", "drive_power"} <= set(plan.study.output.channels)
-    row = DEFECTS["supply"](sound, np.random.default_rng(1), machines)
+    row = trained_changes()["supply"](sound, np.random.default_rng(1), machines)
     changed = {name: row[name] for name in row if row[name] != sound[name]}
     assert set(changed) == {
         "machine.jea73.supply.voltage",
@@ -96,7 +102,8 @@ def test_machines_wear_their_clutch_and_slow_down_by_their_supply(machines: Popu
 def test_a_fault_within_a_machine_is_its_gear_or_its_motor(machines: Population) -> None:
     """A dry gear takes torque; a bad motor gets less voltage; the other machine stays as it is."""
     sound, found = machines.row(1), []
-    rows = [DEFECTS["in-drive"](sound, np.random.default_rng(seed), machines) for seed in range(20)]
+    change = trained_changes()["in-drive"]
+    rows = [change(sound, np.random.default_rng(seed), machines) for seed in range(20)]
     usual = {"gear.efficiency": 0.9, "motor.loss_torque": 0.745, "supply.voltage": 220.0}
     for row in rows:
         changed = {
@@ -139,3 +146,34 @@ def test_more_throws_begin_with_the_same_ones() -> None:
     assert len(few["dry chairs"].level) == 6 * len(few["clutch"].level)
     assert len(few["adjustment"].level) == 2 * len(few["clutch"].level)
     assert after_history("object") == "history, object"
+
+
+def _bent(row: Row, rng: Rng, population: Switches) -> Row:
+    """Let drive 1 be half as stiff."""
+    del rng, population
+    return {**row, "drive.1.stiffness, defect": 0.5}
+
+
+def test_a_defect_is_one_row(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Training, advice, trend, benchmark and virtual campaigns follow from its row alone."""
+    toy = Defect(
+        change=_bent, advice="straighten it", times=3, trend=1, slows=1, benchmark=True,
+        campaign={"slip_scatter": 0.01},
+    )  # fmt: skip
+    odds = {"odds": {"toy": 2.0}, "friction": 0.3, "log_ratio": -5.0, "threshold": 4.0}
+    before = trend_sheet([odds, odds])
+    assert not before.rows[-1].lines
+    monkeypatch.setitem(DEFECTS, "toy", toy)
+    counts = Counts(sound=2, objects=0, defects=4, switches=0)
+    plans = training_plans(reference_study(), counts)
+    assert plans["toy"].study.count == 12
+    assert list(plans)[-1] == "toy"  # what others draw stays as it is
+    key = next(v for v in plans["toy"].study.variables.values() if v.name.startswith("drive.1.st"))
+    assert key.key == "drive.1.stiffness"
+    assert advice_on("toy") == "straighten it"
+    assert [line.label for line in trend_sheet([odds, odds]).rows[-1].lines] == ["toy"]
+    assert "toy" in causes_of(
+        Switch(number=1, panel=0, machines=(), rate=1e3, split="test", phase=0.0)
+    )
+    plan = virtual_plan(load_panel("sb2"), sizes=["13 mm"], defects=["toy"])
+    assert plan.defects.slip_scatter == 0.01

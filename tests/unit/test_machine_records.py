@@ -18,9 +18,11 @@ from turnout.machine.components import Command
 from turnout.machine.compute import places
 from turnout.machine.compute.rail import rod_position
 from turnout.machine.machine_file import load_machines, machine_names, machine_text
+from turnout.machine.motor import MOTOR_KINDS, Motor, PermanentMagnet
 from turnout.machine.one_mass_throw import throw_one_mass
 from turnout.machine.rows import angle_at, machine_row, stroke_table
-from turnout.machine.steady import slip_point
+from turnout.machine.steady import slip_point, stall_text
+from turnout.panel.key_reference import key_tables
 
 SHORT = {"throw.duration": 0.3}
 
@@ -239,3 +241,37 @@ def test_commands_of_the_program(tmp_path: Path) -> None:
     assert reported.stdout.count("written") == 2
     assert figure.read_bytes().startswith(b"\x89PNG")
     assert "energy residual" in reported.stdout
+
+
+class Doubled(PermanentMagnet):
+    """A toy kind: twice the constant of a permanent magnet, and no snubbing."""
+
+    without_effect = ("circuit.snub_resistance",)
+    no_effect_since = "which is a toy"
+    stall = "toy standstill"
+
+    def constant(self, motor: Motor, voltage: float, factor: float) -> float:
+        """Return k [V s/rad]."""
+        return 2.0 * super().constant(motor, voltage, factor)
+
+
+def test_a_kind_of_motor_is_one_class(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What it is called, refuses, computes, draws and says follows from its row alone."""
+    constant = load_machines("sb3").machine["sb3"].motor.constant
+    assert constant is not None
+    usual = throw_one_mass("sb3", overrides={**SHORT, "circuit.snub_resistance": 0.0})
+    toy = {"motor.kind": "toy", "motor.constant": 0.5 * constant, "circuit.snub_resistance": 0.0}
+    with pytest.raises(MachineError, match="motor.kind = 'toy': must be 'permanent magnet'"):
+        load_machines("sb3", overrides=toy)
+    monkeypatch.setitem(MOTOR_KINDS, "toy", Doubled())
+    thrown = throw_one_mass("sb3", overrides={**SHORT, **toy})
+    assert np.array_equal(thrown["current"], usual["current"])
+    loaded = load_machines("sb3", overrides=toy)
+    point = slip_point(loaded.machine["sb3"])
+    assert point == slip_point(load_machines("sb3").machine["sb3"])
+    weak = loaded.with_overrides({"supply.voltage": 20.0}).machine["sb3"]
+    assert "(toy standstill " in stall_text(weak)
+    with pytest.raises(MachineError, match="snub_resistance: without effect on a toy motor, which"):
+        load_machines("sb3", overrides=toy | {"circuit.snub_resistance": 1.0})
+    rows = {row.path: row for table in key_tables() for row in table.keys}
+    assert '"toy"' in rows["machine", "NAME", "motor", "kind"].allowed

@@ -158,7 +158,7 @@ def test_unknown_places_and_sizes_are_all_named(tmp_path: Path) -> None:
 
 
 def test_a_worn_clutch_slips_above_its_level_and_scatters() -> None:
-    plan = virtual_plan(sb2_panel(), worn_clutch=True)
+    plan = virtual_plan(sb2_panel(), defects=["clutch"])
     levels = [
         overrides_for(plan, sb2_panel(), np.random.default_rng(seed))["drive.2.saturation_force"]
         for seed in range(400)

@@ -127,6 +127,7 @@ def virtual_command(
     loaded = opened_panel(panel, settings, calibration)
     if finer:
         loaded = finer_panel(loaded)
+    defects = {"clutch": worn_clutch, "soft build-up": soft_build_up}
     plan = virtual_plan(
         loaded,
         places=places,
@@ -135,8 +136,7 @@ def virtual_command(
         object_free=repeats,
         mistyped=mistype,
         seed=seed,
-        worn_clutch=worn_clutch,
-        soft_build_up=soft_build_up,
+        defects=[name for name, wanted in defects.items() if wanted],
         scheme=finer_scheme() if finer else None,
         monitoring=_monitoring(monitoring, together),
         recorder=recorder,

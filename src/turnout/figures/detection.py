@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 
 from turnout.figures.sheet import Level, Line, Row, Sheet
-
-SHOWN_CAUSES = ("clutch", "dry chairs", "adjustment", "loose rod", "in-drive", "supply")
+from turnout.study.defects import DEFECTS
 
 
 def trend_sheet(verdicts: Sequence[Mapping[str, Any]]) -> Sheet:
@@ -43,7 +42,8 @@ def trend_sheet(verdicts: Sequence[Mapping[str, Any]]) -> Sheet:
         )
 
     thresholds = {round(float(v), 4) for v in _of(verdicts, "threshold") if np.isfinite(v)}
-    named = [name for name in SHOWN_CAUSES if any(name in item["odds"] for item in verdicts)]
+    drawn = sorted((d.trend, name) for name, d in DEFECTS.items() if d.trend)
+    named = [name for _, name in drawn if any(name in item["odds"] for item in verdicts)]
     causes = [
         line(name, [_log(item["odds"].get(name)) for item in verdicts], colour)
         for colour, name in enumerate(named, 2)

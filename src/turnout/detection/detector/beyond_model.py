@@ -24,14 +24,16 @@ from turnout.detection.detector.judging import SPEED, View
 from turnout.detection.detector.throw_layout import Layout, stretched
 from turnout.detection.detector.throw_verdict import (
     CAUSE,
-    CAUSE_ADVICE,
+    FAULT_ADVICE,
     NOT_SUPERVISED,
     OBJECTS,
     SOUND,
     START_ADVICE,
     Verdict,
+    advice_on,
 )
 from turnout.detection.likelihood import Evidence, log_sum
+from turnout.study.defects import DEFECTS
 
 Floats = NDArray[np.float64]
 
@@ -45,9 +47,6 @@ SURE = float(np.log(1e3))
 """Log likelihood ratio to the known speed from which on another one counts [-]."""
 RARE_START = 1e-6
 """Share of starts of the model that are further off [-]."""
-ONE_DRIVE, SLOW = "in-drive", ("in-drive", "supply", "slow drive")
-"""Causes by which a drive or all drives take longer than in any throw with an object."""
-TIMING = (SPEED, *SLOW)
 UNLOADED_SHARE = 0.25
 """Share of the usual force below which a drive starts unloaded [-]."""
 
@@ -104,9 +103,9 @@ class KnownBounds:
             if start:
                 verdict = _without_objects(verdict, start, START_ADVICE)
             elif speed:
-                advice = CAUSE_ADVICE.get(verdict.cause, CAUSE_ADVICE[SPEED])
+                advice = advice_on(verdict.cause, FAULT_ADVICE[SPEED])
                 said = _without_objects(verdict, speed, f"{advice}; {NOT_SUPERVISED}")
-                kept = {name: verdict.odds[name] for name in TIMING if name in verdict.odds}
+                kept = {name: odds for name, odds in verdict.odds.items() if _is_timing(name)}
                 verdict = replace(said, odds=kept)
             found.append(verdict)
         return found
@@ -147,17 +146,28 @@ def _stretch(root: Floats, mean: Floats, view: View, layout: Layout) -> NDArray[
 
 def _speed(verdict: Verdict, share: float, gain: float) -> str:
     """Return how fast a throw is beyond the model; empty where another cause explains it better."""
-    others = max(odds for name, odds in verdict.odds.items() if name not in TIMING)
+    others = max(odds for name, odds in verdict.odds.items() if not _is_timing(name))
     sure = abs(share) >= LEAST_SLOWER - SPEED_ERROR and gain >= SURE
     off = sure and (verdict.cause == SPEED or np.exp(min(gain, 700.0)) > others)
-    if not off and verdict.cause not in SLOW:
+    slowed = _slowed(verdict.cause)
+    if not off and not slowed:
         return ""
-    if verdict.cause == ONE_DRIVE:  # the share found is that of all drives together
+    if slowed == 1:  # the share found is that of all drives together
         return "a drive is slower than the detector knows"
     more = "or more " if abs(share) >= SLOWER[-1] else ""
     size = f"{100.0 * abs(share):.1f} % {more}" if sure else ""
     way = "faster" if sure and share < 0.0 else "slower"
     return f"the switch is {size}{way} than the detector knows"
+
+
+def _slowed(cause: str) -> int:
+    """Return how many drives a cause slows, 0 or those of `Defect.slows`."""
+    return DEFECTS[cause].slows if cause in DEFECTS else 0
+
+
+def _is_timing(cause: str) -> bool:
+    """Return True if a drive or all take longer by a cause than in any throw with an object."""
+    return cause == SPEED or _slowed(cause) > 0
 
 
 def _without_objects(verdict: Verdict, reason: str, advice: str) -> Verdict:

@@ -24,7 +24,6 @@ from turnout.detection.detector.interval_widths import (
 from turnout.detection.detector.judging import (
     CAUSE_WEIGHT,
     CYCLE,
-    DRY,
     SPEED,
     View,
     evidence_of,
@@ -43,6 +42,7 @@ from turnout.detection.detector.switch_history import (
 )
 from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.likelihood import Evidence
+from turnout.study.defects import DEFECTS
 
 Floats = NDArray[np.float64]
 
@@ -56,11 +56,18 @@ CAUSE_RATE = 1e-2
 """Share of sound throws in which each other cause has more support than it is named from [-]."""
 LEAST_CAUSE = float(np.log(20.0))
 """Support below which no other cause is named [-]."""
-LEAST_SUPPORT = {SPEED: float(np.log(1e6)), DRY: float(np.log(5.0))}
-"""The same for another speed, since an onset found some 10 ms off looks like a little of it, and
-for dry chairs, whose support counts irregularity too: theirs is what sound throws exceed [-]."""
+LEAST_SPEED = float(np.log(1e6))
+"""The same for another speed, since an onset found some 10 ms off looks like a little of it [-]."""
 
 Report = Callable[[int, int], None]
+
+
+def _least_support(cause: str) -> float:
+    """Return the support below which a cause is not named [-]."""
+    if cause == SPEED:
+        return LEAST_SPEED
+    own = DEFECTS[cause].least_support if cause in DEFECTS else None
+    return LEAST_CAUSE if own is None else own
 
 
 class Errors:
@@ -390,7 +397,7 @@ def _calibrated(
     object_gap_factor = tuple(
         factor_of(own, otherwise=one) for own, one in zip(each_gap(found.alarm), given, strict=True)
     )
-    least_support = [LEAST_SUPPORT.get(name, LEAST_CAUSE) for name in knowledge.causes]
+    least_support = [_least_support(name) for name in knowledge.causes]
     # a cause without a signature has no support at all
     rare = np.quantile(np.maximum(causes, least_support), 1.0 - CAUSE_RATE, axis=0)
     return replace(

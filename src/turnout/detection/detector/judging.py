@@ -33,6 +33,7 @@ from turnout.detection.likelihood import (
     make_hypotheses,
     weigh,
 )
+from turnout.study.defects import DEFECTS
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
@@ -41,7 +42,7 @@ CYCLE = "cycle"
 """Opening and closing together, in place of the closing alone."""
 CAUSE_WEIGHT = 0.3
 r""":math:`\rho`, weight of every other cause against a sound switch [-]."""
-DRY, ADJUSTED, UNUSUAL = "dry chairs", "adjustment", "unusual sound throw"
+UNUSUAL = "unusual sound throw"
 SPEED = "other speed"
 """A cause without throws: all drives move faster or slower than the schedule of the panel."""
 LEAST_HISTORY = 3
@@ -109,7 +110,9 @@ class View:
     @property
     def identifiable(self) -> NDArray[np.bool_]:
         """Whether each further kind can be named, shape (n_causes,)."""
-        never = (UNUSUAL,) if self.history >= LEAST_HISTORY else (UNUSUAL, ADJUSTED)
+        known = self.history >= LEAST_HISTORY
+        needing = () if known else (name for name, d in DEFECTS.items() if d.needs_history)
+        never = {UNUSUAL, *needing}
         return np.array([name not in never for name in self.kinds[self.objects :]])
 
 
@@ -261,13 +264,10 @@ def support_of(view: View, ratios: Ratios, irregularity: Floats) -> Floats:
         From `unexplained` [-].
     """
     found = ratios.cause.copy()
-    if DRY in view.kinds:
-        found[view.kinds.index(DRY) - view.objects] += IRREGULAR * np.maximum(irregularity, 0.0)
+    for number, name in enumerate(view.kinds[view.objects :]):
+        if name in DEFECTS and DEFECTS[name].irregular:
+            found[number] += DEFECTS[name].irregular * np.maximum(irregularity, 0.0)
     return found
-
-
-IRREGULAR = 0.5
-"""Weight of what is left irregular for dry chairs [-]."""
 
 
 def unexplained(

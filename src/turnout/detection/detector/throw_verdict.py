@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.detection.detector.judging import (
-    ADJUSTED,
     Ratios,
     View,
     level_of,
@@ -28,6 +27,7 @@ from turnout.detection.detector.object_posterior import (
 )
 from turnout.detection.detector.throw_layout import CLOSING
 from turnout.detection.likelihood import Evidence, log_sum
+from turnout.study.defects import DEFECTS
 
 Floats = NDArray[np.float64]
 
@@ -50,20 +50,13 @@ ADVICE = {
 NOT_SUPERVISED = "the throw counts as not supervised"
 UNVERIFIED_ADVICE = f"judge the forces of the drives; {NOT_SUPERVISED}"
 START_ADVICE = f"make one whole throw, then record the next one; {NOT_SUPERVISED}"
-CAUSE_ADVICE = {
-    "dry chairs": "grease the slide chairs",
-    ADJUSTED: "confirm the adjustment and take a new history: turnout detect learn",
-    "clutch": "check the clutch of the drive that slips early",
-    "loose rod": "check rod, bushing and bolts of the drive",
-    "frozen blade": "clear ice from the slide chairs, check the heating",
-    "in-drive": "check gear, bearings, brushes and cable of the drive that is slow",
-    "supply": "check the supply of the drives: voltage, cable, contacts",
-    "slow drive": "check supply, gear, brushes and cable of the drive",  # detectors of format 3
+FAULT_ADVICE = {
     "other speed": "check supply, sampling rate, and whether the panel has the durations of these "
     "drives; until then an object may go unnoticed",
     "force sensor": "check gain and zero of the force sensor; until then an object may go "
     "unnoticed",
 }
+"""Of causes that are no defects of the switch."""
 
 UNKNOWN_SHARE = 1e-4
 """Share of throws that fit worse than any hypothesis explains, from which on that is said [-]."""
@@ -71,6 +64,11 @@ NAMED_SHARE = 1e-8
 """The same, below which no cause is named: right ones fit to 1e-6, spikes to 1e-10 [-]."""
 SEEN_SHARE = 0.01
 """Change of a drive force that is worth naming, share of its amplitude [-]."""
+
+
+def advice_on(cause: str, otherwise: str = ADVICE[CAUSE]) -> str:
+    """Return what to do about a cause other than an object."""
+    return DEFECTS[cause].advice if cause in DEFECTS else FAULT_ADVICE.get(cause, otherwise)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -252,7 +250,7 @@ def verdict_on(
     gaps = _gaps(knowledge, end, reach=calibrated.gap_reach)
     status = _status(alarm, cause, fit, gaps=gaps)
     best = cause if status == CAUSE else max(odds, key=lambda item: odds[item])
-    advice = CAUSE_ADVICE.get(cause, ADVICE[status]) if status == CAUSE else ADVICE[status]
+    advice = advice_on(cause) if status == CAUSE else ADVICE[status]
     if any(gap.called for gap in gaps):
         fits = status == UNKNOWN and fit >= UNKNOWN_SHARE
         advice = f"{OPEN_ADVICE}; {'throw again' if fits else advice}"

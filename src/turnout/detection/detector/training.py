@@ -26,13 +26,11 @@ from turnout.detection.detector.throw_layout import (
 )
 from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.detector.training_plan import (
-    DEFECTS,
     HISTORY,
     OBJECT,
     OBJECT_AT,
     OBJECT_SIZE,
     SOUND,
-    SUPPLY,
     Plan,
 )
 from turnout.detection.detector.training_sets import KINDS
@@ -43,6 +41,7 @@ from turnout.detection.reference import FRICTION, NOMINAL_FRICTION
 from turnout.detection.signal_errors import signal_errors
 from turnout.detection.throws import of_kind, places_of
 from turnout.panel.load import LoadedPanel
+from turnout.study.defects import ALL_DRIVES, DEFECTS, trained_changes
 from turnout.study.sweep.read import last_values
 
 Floats = NDArray[np.float64]
@@ -185,7 +184,7 @@ def teach(sets: Mapping[str, ThrowSet], setting: Setting, *, seed: int = 0) -> K
         part=setting.layout.part,
         scale=np.concatenate([deviation, np.full(len(setting.gaps), GAP_SCALE)]),
     )
-    thrown = [name for name in DEFECTS if name in sets and competes(name, setting)]
+    thrown = [name for name in trained_changes() if name in sets and competes(name, setting)]
     causes = (*thrown, SENSOR, SPEED, UNUSUAL)
     x = np.array(list(setting.places.values()))
     samples = [_objects(sets[OBJECT], sets[SOUND], x)]
@@ -210,7 +209,8 @@ def competes(cause: str, setting: Setting) -> bool:
     A weak supply slows all drives, a fault within a drive that one alone: of a single drive the
     force shows the same of both, and the latter stands for both.
     """
-    return cause != SUPPLY or setting.quantity != FORCE or len(setting.layout.drives) > 1
+    alone = setting.quantity == FORCE and len(setting.layout.drives) == 1
+    return not alone or DEFECTS[cause].slows < ALL_DRIVES
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -5,7 +5,7 @@ sound throw of the same state: what the two differ by is the signature of the ca
 chair is a chair a rail, since chairs run dry under one rail too.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
 
@@ -15,6 +15,17 @@ from numpy.typing import NDArray
 from turnout.detection.drive_quantities import stored_channels
 from turnout.detection.reference import FRICTION, PER_THROW, SLIP_LEVEL, TEMPERATURE
 from turnout.panel.load import LoadedPanel, panel_from_document
+from turnout.study.defects import (
+    CHAIR_FRICTION,
+    DEFECT_FIELDS,
+    OTHER_RAIL,
+    Rng,
+    Row,
+    chair_factor,
+    defect,
+    over_travel,
+    supply_voltage,
+)
 from turnout.study.design import Axis, Design
 from turnout.study.random_inputs import TemperatureLaw
 from turnout.study.sampling import FIELDS
@@ -22,52 +33,11 @@ from turnout.study.scenario import Output, Value
 from turnout.study.study import Study
 from turnout.study.variable import Variable, value_kind
 
-Row = dict[str, Value]
-Rng = np.random.Generator
-
 OBJECT_AT, OBJECT_SIZE, OBJECT_KIND = "object.x", "object.size", "object.kind"
 SMALLEST, LIKELIEST, LARGEST = 1e-3, 6e-3, 31e-3
 """Sizes of objects to learn from, a triangular distribution [m]."""
 CHANNELS = ("drive_force", "sensor_gap")
-OTHER_RAIL = " other rail"
-"""Ends the name of the chair under the rail that is not instrumented."""
-
-HISTORY = "history"
-SOUND, OBJECT, DRY, ADJUSTED, CLUTCH, ROD, FROZEN, IN_DRIVE, SUPPLY = (
-    "sound",
-    "object",
-    "dry chairs",
-    "adjustment",
-    "clutch",
-    "loose rod",
-    "frozen blade",
-    "in-drive",
-    "supply",
-)
-DRY_FRICTION = (0.6, 0.8)
-"""Friction coefficient of chairs that ran dry [-]."""
-ADJUSTMENT = 1.2e-3
-"""Largest change of a closing over-travel by hand [m]."""
-CLUTCH_SHARE, ROD_SHARE = (0.5, 0.9), (0.1, 0.7)
-"""Slip level of a worn clutch and stiffness of a loose rod, shares of the sound value [-]."""
-FROZEN_FORCE, FROZEN_CHAIRS = (50.0, 1600.0), (3, 25)
-"""Force at which the ice on a chair breaks [N], and how many chairs in a row are frozen."""
-SLOWER = (0.15, 0.6)
-"""By how much the movement of a marker takes longer: weak supply, brushes, dry gear [s]."""
-WEAKER = (0.85, 0.97)
-"""Share of its rated voltage that the motor of a slow machine gets [-]."""
-DRY_GEAR = (0.2, 1.0)
-"""Severity of a gear that runs dry: the most severe loses `EFFICIENCY_LOST` of its efficiency and
-doubles the dry friction of the motor [-]."""
-EFFICIENCY_LOST = 0.3
-GEAR_SHARE = 0.5
-"""Share of the faults within machines that are of gear and bearings; the others are of the motor,
-its brushes or its own cable [-]."""
-
-DEFECT = ", defect"
-"""Ends the name of a factor that is 1 in a sound switch."""
-DEFECT_FIELDS = ("stiffness", SLIP_LEVEL)
-
+SOUND, OBJECT, HISTORY = "sound", "object", "history"
 
 SLOW, BLOCK = ("section_scale", "lateral_inertia_scale"), 100
 """Inputs that need a new rail, which takes five times as long as a throw, and how many states in
@@ -260,38 +230,12 @@ class Population:
         )
 
 
-def over_travel(drive: str) -> str:
-    """Return the key of the closing over-travel of a drive."""
-    return f"drive.{drive}.over_travel_closed"
-
-
-def defect(drive: str, field: str) -> str:
-    """Return the name of the factor by which a defect changes a value of a drive."""
-    return f"drive.{drive}.{field}{DEFECT}"
-
-
 def _defect_key(panel: LoadedPanel, drive: str, field: str) -> str:
     """Return what a defect multiplies; the slip level of a machine is that of its clutch."""
     machine = panel.drive[drive].machine
     if machine is not None and field == SLIP_LEVEL:
         return f"machine.{machine}.clutch.torque"
     return f"drive.{drive}.{field}"
-
-
-def supply_voltage(machine: str) -> str:
-    """Return the key of the voltage that a machine is fed with."""
-    return f"machine.{machine}.supply.voltage"
-
-
-def chair_factor(chair: str) -> str:
-    """Return the name of the factor on a chair's friction."""
-    return f"chair.{chair}{CHAIR_FRICTION}"
-
-
-CHAIR_FRICTION = ".friction_coefficient"
-
-
-# ---- what happens to a sound row
 
 
 def with_object(row: Row, rng: Rng, *, x: float, largest: float = LARGEST) -> Row:
@@ -302,146 +246,3 @@ def with_object(row: Row, rng: Rng, *, x: float, largest: float = LARGEST) -> Ro
         OBJECT_AT: x,
         OBJECT_SIZE: float(rng.triangular(SMALLEST, likeliest, largest)),
     }
-
-
-def with_dry_chairs(row: Row, rng: Rng, population: Population, *, rail: str | None = None) -> Row:
-    """Let one to three neighbouring chairs run dry, under one rail or, as seldom, under both."""
-    chairs = [name for name in population.chairs if not name.endswith(OTHER_RAIL)]
-    count = int(rng.integers(1, 4))
-    first = int(rng.integers(0, len(chairs) - count + 1))
-    which = rail or str(rng.choice(["one", "other", "both"], p=[0.4, 0.4, 0.2]))
-    friction = population.friction(row)
-    changed = dict(row)
-    for name in chairs[first : first + count]:
-        target = float(rng.uniform(*DRY_FRICTION))
-        for chair, wanted in ((name, which != "other"), (name + OTHER_RAIL, which != "one")):
-            if wanted and chair_factor(chair) in row:
-                changed[chair_factor(chair)] = max(
-                    target / friction, float(row[chair_factor(chair)])
-                )
-    return changed
-
-
-def with_adjustment(row: Row, rng: Rng, population: Population, *, change: float = 0.0) -> Row:
-    """Change the closing over-travel of one drive, now and then of both [m]."""
-    drives = list(population.study.panel.drive)
-    both = change == 0.0 and rng.random() < BOTH_ADJUSTED
-    chosen = drives if both else [str(rng.choice(drives))]
-    changed = dict(row)
-    for drive in chosen:
-        key = over_travel(drive)
-        shift = change * rng.choice([-1.0, 1.0]) if change else rng.uniform(-ADJUSTMENT, ADJUSTMENT)
-        changed[key] = max(0.0, float(row[key]) + float(shift))
-    return changed
-
-
-BOTH_ADJUSTED = 0.2
-"""Share of the adjustments that change both drives [-]."""
-
-
-def with_factor(
-    row: Row, rng: Rng, population: Population, *, field: str, share: Sequence[float]
-) -> Row:
-    """Multiply a value of one drive by a random share, uniform in its logarithm."""
-    drive = str(rng.choice(list(population.study.panel.drive)))
-    key = defect(drive, field)
-    drawn = float(np.exp(rng.uniform(np.log(share[0]), np.log(share[1]))))
-    return {**row, key: float(row[key]) * drawn}
-
-
-def with_worn_clutch(row: Row, rng: Rng, population: Population) -> Row:
-    """Lower the slip level of one drive."""
-    return with_factor(row, rng, population, field="saturation_force", share=CLUTCH_SHARE)
-
-
-def with_loose_rod(row: Row, rng: Rng, population: Population) -> Row:
-    """Soften the rod of one drive."""
-    return with_factor(row, rng, population, field="stiffness", share=ROD_SHARE)
-
-
-def with_frozen_blade(row: Row, rng: Rng, population: Population) -> Row:
-    """Freeze both rails to some neighbouring chairs, each with its own force."""
-    chairs = [name for name in population.chairs if not name.endswith(OTHER_RAIL)]
-    least, most = (min(count, len(chairs)) for count in FROZEN_CHAIRS)
-    count = int(rng.integers(least, most + 1))
-    first = int(rng.integers(0, len(chairs) - count + 1))
-    frozen = chairs[first : first + count]
-    changed = dict(row)
-    largest = float(np.exp(rng.uniform(*np.log(FROZEN_FORCE))))
-    for name in population.chairs:
-        force = largest * rng.uniform(0.5, 1.0) if name.removesuffix(OTHER_RAIL) in frozen else 0.0
-        changed[f"chair.{name}.frozen_force"] = float(force)
-    return changed
-
-
-def with_in_drive(row: Row, rng: Rng, population: Population) -> Row:
-    """Let one drive be slow in both directions by what is wrong within it.
-
-    The rod of a marker shows that by its timing alone. A machine has a dry gear, which takes more
-    torque over the whole stroke, or a motor that gets less voltage by its brushes or own cable.
-    """
-    panel = population.study.panel
-    drive = str(rng.choice(list(panel.drive)))
-    longer, voltage = float(rng.uniform(*SLOWER)), float(rng.uniform(*WEAKER))
-    severity = float(rng.uniform(*DRY_GEAR)) if rng.random() < GEAR_SHARE else 0.0
-    dry = severity > 0.0 and panel.drive[drive].machine is not None
-    changed = slowed(row, population, [] if dry else [drive], longer=longer, voltage=voltage)
-    for name in dict.fromkeys(record.machine for record in panel.drive.values() if record.machine):
-        lost = severity if dry and name == panel.drive[drive].machine else 0.0
-        machine = panel.machine[name]
-        changed[f"machine.{name}.gear.efficiency"] = machine.gear.efficiency * (
-            1.0 - EFFICIENCY_LOST * lost
-        )
-        changed[f"machine.{name}.motor.loss_torque"] = machine.motor.loss_torque * (1.0 + lost)
-    return changed
-
-
-def with_weak_supply(row: Row, rng: Rng, population: Population) -> Row:
-    """Let all drives be slow in both directions: they share a supply, and its voltage is low."""
-    drives = list(population.study.panel.drive)
-    longer, voltage = float(rng.uniform(*SLOWER)), float(rng.uniform(*WEAKER))
-    return slowed(row, population, drives, longer=longer, voltage=voltage)
-
-
-def slowed(
-    row: Row, population: Population, slow: Sequence[str], *, longer: float, voltage: float
-) -> Row:
-    """Return a row in which some drives are slower, with the durations of all written out.
-
-    Parameters
-    ----------
-    row : dict
-        A sound throw.
-    population : Population
-        It is of.
-    slow : sequence of str
-        Names of the drives.
-    longer : float
-        By how much a marker takes longer in each direction [s].
-    voltage : float
-        Share of its voltage that a machine gets [-].
-    """
-    panel = population.study.panel
-    changed = dict(row)
-    for name, movement in panel.movement.items():
-        for drive, record in panel.drive.items():
-            if record.machine is None:
-                key = f"movement.{name}.extra_time.{drive}"
-                usual = float(changed.get(key, movement.extra_time.get(drive, 0.0)))
-                changed[key] = usual + (longer if drive in slow else 0.0)
-    for machine in {panel.drive[drive].machine for drive in slow} - {None}:
-        key = supply_voltage(str(machine))
-        changed[key] = float(row[key]) * voltage
-    return changed
-
-
-DEFECTS: Mapping[str, Callable[[Row, Rng, Population], Row]] = {
-    DRY: with_dry_chairs,
-    ADJUSTED: with_adjustment,
-    CLUTCH: with_worn_clutch,
-    ROD: with_loose_rod,
-    FROZEN: with_frozen_blade,
-    IN_DRIVE: with_in_drive,
-    SUPPLY: with_weak_supply,
-}
-"""Causes other than objects that throws are made for."""

@@ -8,21 +8,16 @@ import numpy as np
 import xarray as xr
 
 from turnout.detection.detector.training_plan import (
-    ADJUSTED,
-    DEFECTS,
-    DRY,
     HISTORY,
     OBJECT,
     OBJECT_KIND,
     SOUND,
     Plan,
     Population,
-    Row,
-    with_adjustment,
-    with_dry_chairs,
     with_object,
 )
 from turnout.detection.throws import of_kind, places_of
+from turnout.study.defects import DEFECTS, Change, Row, later_changes, trained_changes
 from turnout.study.study import Study
 from turnout.study.sweep.read import open_batches
 from turnout.study.sweep.run import SweepProgress, throw_study
@@ -36,11 +31,6 @@ MARGIN = 0.3
 """Objects to learn from lie up to so far beyond the outermost places [m]."""
 GRID = 0.3
 """Between the places of objects to learn from; any place would double the time of a throw [m]."""
-
-TIMES = {DRY: 6, ADJUSTED: 2}
-"""Throws of a cause for one of most others [-]. Dry chairs may be anywhere under either rail, and
-chairs break away at other instants in every state: of severe ones 26, 36, 41 and 48 % are named
-from 200, 400, 800 and 2,400 samples, at one sound throw in 100."""
 
 KINDS = ("stone", "ice", "snow", "wood")
 """Kinds of objects beside those that stay as they are, which all "object" throws hold. Steel does
@@ -58,7 +48,7 @@ class Counts:
     kinds : int
         The first of the throws with objects that are also thrown with an object of each of `KINDS`.
     defects : int
-        Throws of each other cause, paired as objects are, times those of `TIMES`.
+        Throws of each other cause, paired as objects are, as often as `DEFECTS` says.
     switches, repeats : int
         Switches with a history, and sound throws of each.
     judged : int
@@ -78,7 +68,7 @@ class Counts:
 
     def of_cause(self, name: str) -> int:
         """Return how many throws another cause gets."""
-        return self.defects * TIMES.get(name, 1)
+        return self.defects * (DEFECTS[name].times if name in DEFECTS else 1)
 
 
 def training_plans(study: Study, counts: Counts, *, seed: int = 0) -> dict[str, Plan]:
@@ -109,7 +99,7 @@ def training_plans(study: Study, counts: Counts, *, seed: int = 0) -> dict[str, 
             own = [{**row, OBJECT_KIND: kind} for row in rows[: counts.kinds]]
             name = of_kind(OBJECT, kind)
             plans[name] = _paired(population, name, own, sound)
-    for number, (name, change) in enumerate(DEFECTS.items()):
+    for number, (name, change) in enumerate(trained_changes().items()):
         if counts.defects:
             rng = np.random.default_rng([study.seed, seed, 9, number])
             count = counts.of_cause(name)
@@ -145,8 +135,8 @@ def _history_plans(
 ) -> dict[str, Plan]:
     """Return repeated throws of some switches, and the last of them with objects.
 
-    For judging adjustments and dry chairs follow in the same throws, and every other cause in the
-    last throw of each switch.
+    For judging, defects that differ after a history follow in the same throws, and every other one
+    in the last throw of each switch.
     """
     population = Population(study, seed=seed + HISTORY_SEED)
     rng = np.random.default_rng([study.seed, seed, 8])
@@ -163,10 +153,7 @@ def _history_plans(
     judged = [i for i in range(len(rows)) if i % counts.repeats >= first]
     kinds: Mapping[str, Callable[[Row, int], Row]] = {
         OBJECT: lambda row, i: object_at(row, rng, places, number=i, exact=True),
-        ADJUSTED: lambda row, i: with_adjustment(row, rng, population, change=1e-3),
-        DRY: lambda row, i: with_dry_chairs(
-            row, rng, population, rail=str(rng.choice(["one", "other"]))
-        ),
+        **{name: _numbered(change, rng, population) for name, change in later_changes().items()},
     }
     for kind, change in kinds.items():
         if not (seed or kind == OBJECT):
@@ -177,11 +164,18 @@ def _history_plans(
         plans[after_history(kind)] = _later(population, kind, made, rows, partner, switch)
     if seed:
         last = [i for i in judged if i % counts.repeats == counts.repeats - 1]
-        for kind, cause in DEFECTS.items():
+        for kind, cause in trained_changes().items():
             if kind not in kinds:
                 made = [cause(rows[i], rng, population) for i in last]
                 plans[after_history(kind)] = _later(population, kind, made, rows, last, switch)
     return plans
+
+
+def _numbered(
+    change: Change, rng: np.random.Generator, population: Population
+) -> Callable[[Row, int], Row]:
+    """Return a change of a defect that is called with the number of a throw."""
+    return lambda row, number: change(row, rng, population)
 
 
 def _later(

@@ -16,6 +16,7 @@ from turnout.measurement.chain.recorder_response import NO_RESPONSE, RecorderRes
 from turnout.measurement.formats.file_format import WRITERS
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel
+from turnout.study.defects import DEFECTS
 from turnout.study.virtual.disturbance import Disturbance
 from turnout.study.virtual.record_throw import CurrentLaw, Window
 from turnout.throw.drives import machine_supplies
@@ -168,8 +169,7 @@ def virtual_plan(
     places: Sequence[str] = (),
     sizes: Sequence[str] = (),
     formats: Sequence[str] = ("csv", "mat"),
-    worn_clutch: bool = False,
-    soft_build_up: bool = False,
+    defects: Sequence[str] = (),
     object_free: int = 5,
     mistyped: int = 0,
     seed: int = 0,
@@ -188,10 +188,8 @@ def virtual_plan(
         Such as "sleeper 6" and "13 mm"; the published ones where there are none.
     formats : sequence of str
         "csv", "mat", "h5".
-    worn_clutch : bool
-        Drive 2 slips 15 % above its level, scattering by 5 %.
-    soft_build_up : bool
-        Drive 2 follows with 0.25 s after contact.
+    defects : sequence of str
+        Names in `turnout.study.defects.DEFECTS`, with values of a campaign, for drive 2.
     object_free, mistyped, seed : int
         As in `CampaignPlan`.
     scheme : Scheme, optional
@@ -209,7 +207,7 @@ def virtual_plan(
     Examples
     --------
     >>> from turnout.panel.load import load_panel
-    >>> virtual_plan(load_panel("sb2"), sizes=["13 mm"], worn_clutch=True).defects.slip_excess
+    >>> virtual_plan(load_panel("sb2"), sizes=["13 mm"], defects=["clutch"]).defects.slip_excess
     0.15
     """
     problems, metres, named = [], [], []
@@ -225,11 +223,7 @@ def virtual_plan(
             problems.append(f"--place {text}: {error}")
     if problems:
         raise FileError("\n".join(problems))
-    defects = Defects(
-        slip_excess=0.15 if worn_clutch else 0.0,
-        slip_scatter=0.05 if worn_clutch else 0.0,
-        build_up_lag=0.25 if soft_build_up else 0.0,
-    )
+    values = {key: value for name in defects for key, value in DEFECTS[name].campaign.items()}
     return CampaignPlan(
         places=tuple(named) or places_with_room(panel, size=min(metres, default=min(SIZES))),
         sizes=tuple(sorted(metres)) or SIZES,
@@ -237,7 +231,7 @@ def virtual_plan(
         object_free=object_free,
         mistyped=mistyped,
         seed=seed,
-        defects=defects,
+        defects=Defects(**values),
         scheme=scheme or Scheme(),
         monitoring=monitoring,
         recorder=recorder,
