@@ -4,17 +4,8 @@ import numpy as np
 import pytest
 
 from turnout.core.errors import MechanicsError
-from turnout.law.kernel import (
-    SLIP_BACKWARD,
-    SLIP_FORWARD,
-    STICK,
-    any_not_finite,
-    friction_state,
-    law_argument,
-    law_energy,
-    law_force,
-    segment_for,
-)
+from turnout.law.friction import SLIP_BACKWARD, SLIP_FORWARD, STICK, friction_state
+from turnout.law.kernel import any_not_finite, law_argument, law_energy, law_force, segment_for
 from turnout.law.table import LawTable, LawTableBuilder
 
 KERNELS = [law_argument, segment_for, law_force, law_energy, friction_state, any_not_finite]

@@ -5,7 +5,7 @@ import pytest
 from tests.unit.test_solver_columns import INERTIA, VISCOSITY, Setup, flip, setup
 
 from turnout.core.scheme import AlphaCoefficients
-from turnout.law.kernel import SLIP_FORWARD
+from turnout.law.friction import SLIP_FORWARD
 from turnout.solver.accuracy import DRIFTS, is_inaccurate, refine
 from turnout.solver.columns import rebuild, update_row
 from turnout.solver.compliance import assemble_level

@@ -12,7 +12,7 @@ import pytest
 
 from turnout.core.errors import MechanicsError
 from turnout.kernels.shared_record import shared_record
-from turnout.law.kernel import STICK
+from turnout.law.friction import STICK
 from turnout.law.table import LawTable, LawTableBuilder
 from turnout.solver.blocks import Block
 from turnout.solver.columns import activate, deactivate, finish_pending, rebuild, update_row

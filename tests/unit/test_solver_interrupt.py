@@ -18,7 +18,7 @@ from turnout.kernels import flag_setter, interrupt
 from turnout.kernels.interrupt import call_interruptible, one_thread
 from turnout.kernels.lanes import zeros_in_lines
 from turnout.kernels.shared_record import shared_record
-from turnout.law.friction_course import no_courses
+from turnout.law.friction import no_courses
 from turnout.law.obstruction import no_obstructions
 from turnout.panel.load import load_panel
 from turnout.solver import integration

@@ -10,7 +10,7 @@ import pytest
 from tests.verification.hand_made import energy_residual, hand_made, linear_spring, run
 
 from turnout.core.errors import PanelError
-from turnout.law.friction_course import FrictionCourses
+from turnout.law.friction import FrictionCourses
 from turnout.law.obstruction import BREAKS_AWAY, no_obstructions
 from turnout.law.table import LawTableBuilder
 from turnout.panel.load import load_panel

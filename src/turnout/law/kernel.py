@@ -1,6 +1,6 @@
-"""Compiled evaluation of the law table: arguments, segments, forces, friction.
+"""Compiled evaluation of the law table: arguments, segments, forces.
 
-Arrays are float64, including the branches of frictions; indices are int64. In the table for the
+Arrays are float64; indices are int64. In the table for the
 kernels, `turnout.solver.numbering.place_laws`, rows are places, and they and the normal laws of
 frictions are unsigned. Arguments grow as a contact closes; `F` is the resisting force of the law,
 so that ``-F`` acts on the structure along the law's row.
@@ -19,10 +19,6 @@ from turnout.kernels.lanes import (
     select,
 )
 from turnout.law.table import Floats, LawTable
-
-STICK = 0
-SLIP_FORWARD = 1
-SLIP_BACKWARD = -1
 
 
 @compiled
@@ -63,31 +59,6 @@ def law_energy(table: LawTable, law: int, segment: int, e: float) -> float:
     return energy
 
 
-@compiled
-def friction_state(trial: float, limit: float, present: float, tolerance: float) -> float:
-    """Return stick or slip for an elastic trial force; the `present` state is kept if it holds.
-
-    Parameters
-    ----------
-    trial : float
-        ``stick_stiffness * (displacement - anchor)`` with the anchor of the last instant [N].
-    limit : float
-        ``friction_coefficient * normal force``, not negative [N].
-    present : float
-        STICK, SLIP_FORWARD or SLIP_BACKWARD.
-    tolerance : float
-        Largest violation of the present state that is accepted [N].
-    """
-    if present == STICK:
-        if abs(trial) <= limit + tolerance:
-            return STICK
-    elif limit <= 0.0 or present * trial >= limit - tolerance:
-        return present
-    if abs(trial) <= limit:
-        return STICK
-    return SLIP_FORWARD if trial > 0.0 else SLIP_BACKWARD
-
-
 @compiled_loop
 def any_not_finite(values: Floats) -> bool:
     """Return True if a vector that fills whole cache lines holds NaN or infinity."""
@@ -102,3 +73,9 @@ def any_not_finite(values: Floats) -> bool:
     for i in range(whole, values.size, LANES):
         a = a + select(greater(infinite, absolute(load(values, i))), zero, one)
     return horizontal_sum((a + b) + (c + d)) > 0.0
+
+
+@compiled
+def share_until_zero(margin: float, margin_end: float) -> float:
+    """Return the share of a path at which a margin becomes zero; 0 if it already is negative."""
+    return margin / (margin - margin_end) if margin > 0.0 else 0.0

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from turnout.core.errors import MechanicsError
 from turnout.core.lru_cache import LRUCache
 from turnout.core.threads import one_blas_thread
-from turnout.law.friction_course import FrictionCourses, no_courses
+from turnout.law.friction import FrictionCourses, no_courses
 from turnout.mechanism.build_rails import SIGN, stock_rail_data, switch_rail_data, with_scale
 from turnout.mechanism.drive_machines import drive_machines
 from turnout.mechanism.laws import LawLayout, LawRows, law_table, lay_out

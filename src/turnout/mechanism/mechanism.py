@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from turnout.beam.material import ElasticMaterial
 from turnout.beam.section_properties import SectionProperties
-from turnout.law.friction_course import FrictionCourses, no_courses
+from turnout.law.friction import FrictionCourses, no_courses
 from turnout.law.obstruction import Obstructions, no_obstructions
 from turnout.law.table import LawTable
 from turnout.machine.components import Machine

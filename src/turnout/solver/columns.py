@@ -43,7 +43,7 @@ from turnout.kernels.vector import (
     update_rank_one,
     update_rank_two,
 )
-from turnout.law.kernel import STICK
+from turnout.law.friction import STICK, limit_line
 from turnout.law.table import LawTable
 from turnout.solver.state import (
     COUNT_FLIPS,
@@ -82,13 +82,15 @@ def evaluate_deviation(
             shift += table.stick_stiffness[friction] * state.anchor[friction]
             continue
         normal = table.friction_normal[friction]
-        gain = branch * table.friction_coefficient[friction]
+        slope, constant = limit_line(
+            table.friction_coefficient[friction], state.slope[normal], state.constant[normal]
+        )
         normal_row = table.row[normal]
         for k in range(start, stop):
             if system.term_list[k] == normal_row:
-                slopes[k - start] -= gain * state.slope[normal]
+                slopes[k - start] -= branch * slope
                 break
-        shift -= gain * state.constant[normal]
+        shift -= branch * constant
     return shift
 
 

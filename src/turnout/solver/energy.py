@@ -19,16 +19,13 @@ from itertools import pairwise
 from turnout.kernels.compiled import compiled, compiled_loop, compiled_part
 from turnout.kernels.lanes import (
     LANES,
-    absolute,
     broadcast,
     gather,
-    greater,
     horizontal_sum,
     load,
-    select,
-    store,
 )
 from turnout.kernels.vector import add_weighted_rows, copy, dot
+from turnout.law.friction import slip_anchors
 from turnout.law.kernel import law_argument, law_energy, law_force, segment_for
 from turnout.law.table import LawTable
 from turnout.solver.scratch import LAWS, Work
@@ -144,35 +141,12 @@ def account_friction(system: System, state: State, work: Work) -> None:
     slip, since the foot reversed within the step; the difference is numerical dissipation, as of
     laws that change their segment.
     """
-    of_friction, of_turns = _update_anchors(
+    of_friction, of_turns = slip_anchors(
         state.friction, work.trial, work.limit, system.stick_flexibility, state.friction_force,
         state.anchor,
     )  # fmt: skip
     state.ledger[FRICTION] += of_friction
     state.ledger[SEGMENTS] += of_turns
-
-
-@compiled_loop
-def _update_anchors(
-    branches: Floats,
-    trials: Floats,
-    limits: Floats,
-    flexibility: Floats,
-    forces: Floats,
-    anchor: Floats,
-) -> tuple[float, float]:
-    zero, half = broadcast(0.0), broadcast(0.5)
-    dissipated, reversed_work = zero, zero
-    for i in range(0, trials.size, LANES):
-        branch, force_n, trial = load(branches, i), load(forces, i), load(trials, i)
-        force = select(greater(absolute(branch), zero), branch * load(limits, i), trial)
-        slip = (trial - force) * load(flexibility, i)
-        opposing = select(greater(zero, force_n * slip), force, force_n)
-        dissipated = dissipated + half * (force + opposing) * slip
-        reversed_work = reversed_work + half * (force_n - opposing) * slip
-        store(force, forces, i)
-        store(load(anchor, i) + slip, anchor, i)
-    return horizontal_sum(dissipated), horizontal_sum(reversed_work)
 
 
 @compiled_part

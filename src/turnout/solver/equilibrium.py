@@ -10,7 +10,8 @@ import numpy as np
 
 from turnout.kernels.compiled import compiled
 from turnout.kernels.vector import copy
-from turnout.law.kernel import STICK, any_not_finite
+from turnout.law.friction import STICK
+from turnout.law.kernel import any_not_finite
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
 from turnout.solver.accuracy import measure_residual, refine

@@ -9,7 +9,8 @@ itself turns back; that ends with an outcome code.
 
 from turnout.kernels.compiled import compiled
 from turnout.kernels.vector import add_scaled, copy, dot
-from turnout.law.kernel import SLIP_BACKWARD, SLIP_FORWARD, STICK
+from turnout.law.friction import branch_event, friction_limit, trial_force
+from turnout.law.kernel import share_until_zero
 from turnout.law.table import LawTable
 from turnout.solver.scratch import Work
 from turnout.solver.solution import evaluate_deviation_forces, gather_modes, solve_displacements
@@ -68,12 +69,6 @@ def _solve_at(
 
 
 @compiled
-def _share_until_zero(margin: float, margin_end: float) -> float:
-    """Return the share of a path at which a margin becomes zero; 0 if it already is negative."""
-    return margin / (margin - margin_end) if margin > 0.0 else 0.0
-
-
-@compiled
 def _law_event(
     table: LawTable, state: State, law: int, end: tuple[Floats, Floats], gap: float
 ) -> tuple[float, int]:
@@ -84,9 +79,9 @@ def _law_event(
         argument -= state.inputs[index]
         argument_end -= end[1][index]
     if argument_end > state.upper[law] + gap:
-        return _share_until_zero(state.upper[law] - argument, state.upper[law] - argument_end), 1
+        return share_until_zero(state.upper[law] - argument, state.upper[law] - argument_end), 1
     if argument_end < state.lower[law] - gap:
-        return _share_until_zero(argument - state.lower[law], argument_end - state.lower[law]), -1
+        return share_until_zero(argument - state.lower[law], argument_end - state.lower[law]), -1
     return 2.0, 0
 
 
@@ -99,23 +94,12 @@ def _friction_event(
     slope, constant = state.slope[normal], state.constant[normal]
     normal_row, stiffness = table.row[normal], table.stick_stiffness[friction]
     coefficient, anchor = table.friction_coefficient[friction], state.anchor[friction]
-    limit = coefficient * (slope * state.g[normal_row] + constant)
-    limit_end = coefficient * (slope * end[normal_row] + constant)
-    trial = stiffness * (state.g[row] - anchor)
-    trial_end = stiffness * (end[row] - anchor)
+    limit = friction_limit(coefficient, slope * state.g[normal_row] + constant)
+    limit_end = friction_limit(coefficient, slope * end[normal_row] + constant)
+    trial = trial_force(stiffness, state.g[row], anchor)
+    trial_end = trial_force(stiffness, end[row], anchor)
     branch = int(state.friction[friction])
-    if branch == STICK:
-        for side in (SLIP_FORWARD, SLIP_BACKWARD):
-            margin, margin_end = limit - side * trial, limit_end - side * trial_end
-            if margin_end < -force:
-                return _share_until_zero(margin, margin_end), side
-        return 2.0, branch
-    if limit <= 0.0 and limit_end <= 0.0:
-        return 2.0, branch
-    margin, margin_end = branch * trial - limit, branch * trial_end - limit_end
-    if margin_end < -force:
-        return _share_until_zero(margin, margin_end), STICK
-    return 2.0, branch
+    return branch_event(branch, (trial, trial_end), (limit, limit_end), force)
 
 
 @compiled

@@ -8,7 +8,7 @@ import numpy as np
 from turnout.kernels.compiled import compiled, compiled_loop, compiled_part
 from turnout.kernels.lanes import LANES, gather_neighbours, load, store, store_nontemporal
 from turnout.kernels.vector import copy
-from turnout.law.friction_course import FrictionCourses
+from turnout.law.friction import FrictionCourses
 from turnout.law.obstruction import Obstructions
 from turnout.law.table import LawTable
 from turnout.solver.accuracy import (

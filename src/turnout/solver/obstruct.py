@@ -7,8 +7,8 @@ does: the force drops at the instant between two steps.
 """
 
 from turnout.kernels.compiled import compiled
-from turnout.law.friction_course import FrictionCourses
-from turnout.law.kernel import STICK, law_argument, segment_for
+from turnout.law.friction import STICK, FrictionCourses
+from turnout.law.kernel import law_argument, segment_for
 from turnout.law.obstruction import (
     BREAKS_AWAY,
     CRUMBLES,

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from turnout.core.errors import SolverError
 from turnout.core.scheme import AlphaCoefficients, Scheme
 from turnout.kernels.shared_record import clone_record, copy_vectors, shared_record
-from turnout.law.friction_course import FrictionCourses, no_courses
+from turnout.law.friction import FrictionCourses, no_courses
 from turnout.law.obstruction import Obstructions, no_obstructions, remember
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism, Wait

@@ -8,31 +8,21 @@ every law. Modal coordinates are gathered once the set has converged.
 
 from typing import NamedTuple
 
-import numpy as np
-
 from turnout.kernels.compiled import compiled, compiled_loop, compiled_part
 from turnout.kernels.lanes import (
     LANES,
-    Bools,
-    absolute,
     any_true,
     broadcast,
     gather,
-    gather_neighbours,
     greater,
     greater_or_nan,
     load,
     logical_or,
-    select,
     store,
 )
 from turnout.kernels.vector import copy
-from turnout.law.kernel import (
-    STICK,
-    any_not_finite,
-    friction_state,
-    segment_for,
-)
+from turnout.law.friction import STICK, branch_violated, friction_state, trials_and_limits
+from turnout.law.kernel import any_not_finite, segment_for
 from turnout.law.table import LawTable
 from turnout.solver.columns import finish_pending, update_row
 from turnout.solver.scratch import FRICTIONS, LAWS, Work
@@ -146,34 +136,10 @@ def evaluate_frictions(table: LawTable, state: State, work: Work, force: float) 
     """
     of_normals = (work.force, table.friction_normal, table.friction_coefficient)
     springs = (state.anchor, table.stick_stiffness)
-    return _evaluate_frictions(
+    return trials_and_limits(
         of_normals, state.g, table.friction_row, springs, state.friction, force,
         work.trial, work.limit,
     )  # fmt: skip
-
-
-@compiled_loop
-def _evaluate_frictions(
-    of_normals: tuple[Floats, Ints, Floats],
-    g: Floats,
-    row: Ints,
-    springs: tuple[Floats, Floats],
-    branches: Floats,
-    tolerance: float,
-    trials: Floats,
-    limits: Floats,
-) -> bool:
-    force, normal, coefficient = of_normals
-    anchor, stiffness = springs
-    zero, tolerance_8 = broadcast(0.0), broadcast(tolerance)
-    violated = greater(zero, zero)
-    for i in range(0, trials.size, LANES):
-        limit = load(coefficient, i) * gather_neighbours(force, normal, i)
-        trial = load(stiffness, i) * (gather(g, row, i) - load(anchor, i))
-        store(limit, limits, i)
-        store(trial, trials, i)
-        violated = logical_or(violated, _violated(trial, limit, load(branches, i), tolerance_8))
-    return any_true(violated)
 
 
 @compiled
@@ -255,23 +221,10 @@ def _any_violated(
     trials: Floats, limits: Floats, branches: Floats, tolerance: float, at: int
 ) -> bool:
     """Return whether one of eight frictions violates its branch by more than a force [N]."""
+    branch = load(branches, at)
     return any_true(
-        _violated(load(trials, at), load(limits, at), load(branches, at), broadcast(tolerance))
+        branch_violated(load(trials, at), load(limits, at), branch, broadcast(tolerance))
     )
-
-
-@compiled_loop
-def _violated(trial: Floats, limit: Floats, branch: Floats, tolerance: Floats) -> Bools:
-    """Return which of eight frictions violate their branches.
-
-    Stick is violated by a trial force above the limit, slip by one below.
-    """
-    zero = broadcast(0.0)
-    slips, closed = greater(absolute(branch), zero), greater(limit, zero)
-    positive_limit = select(closed, limit, zero)
-    lowest = select(closed, positive_limit - tolerance, broadcast(-np.inf))
-    larger = select(slips, lowest, absolute(trial))
-    return greater_or_nan(larger, select(slips, branch * trial, positive_limit + tolerance))
 
 
 @compiled_part

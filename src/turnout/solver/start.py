@@ -22,7 +22,7 @@ from turnout.core.lru_cache import LRUCache
 from turnout.core.scheme import Scheme
 from turnout.kernels.interrupt import call_interruptible
 from turnout.kernels.shared_record import SharedRecord, clone_record
-from turnout.law.kernel import SLIP_FORWARD
+from turnout.law.friction import SLIP_FORWARD
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
 from turnout.solver.arrange import Arrangement, Templates

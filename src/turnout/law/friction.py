@@ -1,0 +1,230 @@
+"""The friction law of a foot: limit, trial force, stick or slip, work, and its course.
+
+Elastic-plastic Coulomb friction: a spring between the foot and its anchor holds up to the limit, a
+share of the force of the normal law; beyond, the anchor follows. All that depends on the law is
+here: the solver asks for forces, limits and their rise, and for what violates or leaves a branch.
+Branches of frictions are float64 numbers; `friction_limit` and `trial_force` take single numbers
+and lanes alike. The coefficient may differ along the stroke: snow, ice, or wear on a part of a
+chair.
+"""
+
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+
+from turnout.kernels.compiled import compiled, compiled_loop, compiled_part
+from turnout.kernels.lanes import (
+    LANES,
+    Bools,
+    absolute,
+    any_true,
+    broadcast,
+    gather,
+    gather_neighbours,
+    greater,
+    greater_or_nan,
+    horizontal_sum,
+    load,
+    logical_or,
+    select,
+    store,
+)
+from turnout.law.kernel import share_until_zero
+from turnout.law.table import Floats, Ints
+
+Numbers = TypeVar("Numbers", float, Floats)
+STICK = 0
+SLIP_FORWARD = 1
+SLIP_BACKWARD = -1
+
+
+@compiled_part
+def friction_limit(coefficient: Numbers, normal: Numbers) -> Numbers:
+    """Return the force at which a foot slips, from that of its normal law [N]."""
+    return coefficient * normal
+
+
+@compiled_part
+def limit_line(coefficient: float, slope: float, constant: float) -> tuple[float, float]:
+    """Return slope [N/m] and constant [N] of the limit, from those of the normal law."""
+    return coefficient * slope, coefficient * constant
+
+
+@compiled_part
+def trial_force(stiffness: Numbers, displacement: Numbers, anchor: Numbers) -> Numbers:
+    """Return the force of the spring between a foot and its anchor while that stays [N]."""
+    return stiffness * (displacement - anchor)
+
+
+@compiled
+def friction_state(trial: float, limit: float, present: float, tolerance: float) -> float:
+    """Return stick or slip for an elastic trial force; the `present` state is kept if it holds.
+
+    Parameters
+    ----------
+    trial : float
+        ``stick_stiffness * (displacement - anchor)`` with the anchor of the last instant [N].
+    limit : float
+        ``friction_coefficient * normal force``, not negative [N].
+    present : float
+        STICK, SLIP_FORWARD or SLIP_BACKWARD.
+    tolerance : float
+        Largest violation of the present state that is accepted [N].
+    """
+    if present == STICK:
+        if abs(trial) <= limit + tolerance:
+            return STICK
+    elif limit <= 0.0 or present * trial >= limit - tolerance:
+        return present
+    if abs(trial) <= limit:
+        return STICK
+    return SLIP_FORWARD if trial > 0.0 else SLIP_BACKWARD
+
+
+@compiled_loop
+def branch_violated(trial: Floats, limit: Floats, branch: Floats, tolerance: Floats) -> Bools:
+    """Return which of eight frictions violate their branches.
+
+    Stick is violated by a trial force above the limit, slip by one below.
+    """
+    zero = broadcast(0.0)
+    slips, closed = greater(absolute(branch), zero), greater(limit, zero)
+    positive_limit = select(closed, limit, zero)
+    lowest = select(closed, positive_limit - tolerance, broadcast(-np.inf))
+    larger = select(slips, lowest, absolute(trial))
+    return greater_or_nan(larger, select(slips, branch * trial, positive_limit + tolerance))
+
+
+@compiled_loop
+def trials_and_limits(
+    of_normals: tuple[Floats, Ints, Floats],
+    g: Floats,
+    row: Ints,
+    springs: tuple[Floats, Floats],
+    branches: Floats,
+    tolerance: float,
+    trials: Floats,
+    limits: Floats,
+) -> bool:
+    """Write trial forces and limits [N]; return whether any branch is violated by `tolerance` [N].
+
+    `of_normals` are the forces of laws, the normal law and the coefficient of each friction,
+    `springs` the anchors and stiffnesses.
+    """
+    force, normal, coefficient = of_normals
+    anchor, stiffness = springs
+    zero, tolerance_8 = broadcast(0.0), broadcast(tolerance)
+    violated = greater(zero, zero)
+    for i in range(0, trials.size, LANES):
+        limit = friction_limit(load(coefficient, i), gather_neighbours(force, normal, i))
+        trial = trial_force(load(stiffness, i), gather(g, row, i), load(anchor, i))
+        store(limit, limits, i)
+        store(trial, trials, i)
+        branch = load(branches, i)
+        violated = logical_or(violated, branch_violated(trial, limit, branch, tolerance_8))
+    return any_true(violated)
+
+
+@compiled_loop
+def slip_anchors(
+    branches: Floats,
+    trials: Floats,
+    limits: Floats,
+    flexibility: Floats,
+    forces: Floats,
+    anchor: Floats,
+) -> tuple[float, float]:
+    """Move the anchors of slipping feet so that force and spring agree; return two works [J].
+
+    The first is the mean force times the slip, which is dissipated; the second is what the force at
+    the start does along the slip of a foot that reversed within the step.
+    """
+    zero, half = broadcast(0.0), broadcast(0.5)
+    dissipated, reversed_work = zero, zero
+    for i in range(0, trials.size, LANES):
+        branch, force_n, trial = load(branches, i), load(forces, i), load(trials, i)
+        force = select(greater(absolute(branch), zero), branch * load(limits, i), trial)
+        slip = (trial - force) * load(flexibility, i)
+        opposing = select(greater(zero, force_n * slip), force, force_n)
+        dissipated = dissipated + half * (force + opposing) * slip
+        reversed_work = reversed_work + half * (force_n - opposing) * slip
+        store(force, forces, i)
+        store(load(anchor, i) + slip, anchor, i)
+    return horizontal_sum(dissipated), horizontal_sum(reversed_work)
+
+
+@compiled
+def branch_event(
+    branch: int, trials: tuple[float, float], limits: tuple[float, float], force: float
+) -> tuple[float, int]:
+    """Return where on a path a friction leaves its branch [share, 2 for never], and to which.
+
+    Parameters
+    ----------
+    branch : int
+        Present one.
+    trials, limits : tuple of float
+        Trial forces and limits at both ends of the path [N].
+    force : float
+        Largest violation that is accepted [N].
+    """
+    trial, trial_end = trials
+    limit, limit_end = limits
+    if branch == STICK:
+        for side in (SLIP_FORWARD, SLIP_BACKWARD):
+            margin, margin_end = limit - side * trial, limit_end - side * trial_end
+            if margin_end < -force:
+                return share_until_zero(margin, margin_end), side
+        return 2.0, branch
+    if limit <= 0.0 and limit_end <= 0.0:
+        return 2.0, branch
+    margin, margin_end = branch * trial - limit, branch * trial_end - limit_end
+    if margin_end < -force:
+        return share_until_zero(margin, margin_end), STICK
+    return 2.0, branch
+
+
+class FrictionCourses(NamedTuple):
+    """Courses of friction coefficients over the opening of a rail, one row for each friction.
+
+    The coefficient is constant between two openings of a course. It changes between steps.
+
+    Attributes
+    ----------
+    friction : ndarray of int, shape (n,)
+        Friction of each.
+    coefficient : ndarray, shape (n,)
+        What its factors multiply [-].
+    closed, side : ndarray, shape (n,)
+        The opening is ``closed - side g`` with the displacement of the friction's row [m].
+    start : ndarray of int, shape (n + 1,)
+        Where the course of each begins.
+    opening, factor : ndarray, shape (m,)
+        Openings from which on a factor holds, rising in each course [m], and the factors [-].
+    at : ndarray of int, shape (n,)
+        Where each course is at present, -1 before the first step.
+    """
+
+    friction: Ints
+    coefficient: Floats
+    closed: Floats
+    side: Floats
+    start: Ints
+    opening: Floats
+    factor: Floats
+    at: Ints
+
+
+def no_courses() -> FrictionCourses:
+    """Return no course at all."""
+    nothing, numbers = np.zeros(0), np.zeros(0, dtype=np.int64)
+    return FrictionCourses(
+        friction=numbers,
+        coefficient=nothing,
+        closed=nothing,
+        side=nothing,
+        start=np.zeros(1, dtype=np.int64),
+        opening=nothing,
+        factor=nothing,
+        at=numbers.copy(),
+    )
