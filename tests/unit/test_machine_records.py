@@ -18,7 +18,7 @@ from turnout.machine.components import Command
 from turnout.machine.compute import places
 from turnout.machine.compute.rail import rod_position
 from turnout.machine.machine_file import load_machines, machine_names, machine_text
-from turnout.machine.motor import MOTOR_KINDS, Motor, PermanentMagnet
+from turnout.machine.motor_kind import MOTOR_KINDS, Motor, PermanentMagnet
 from turnout.machine.one_mass_throw import throw_one_mass
 from turnout.machine.rows import angle_at, machine_row, stroke_table
 from turnout.machine.steady import slip_point, stall_text
@@ -261,7 +261,7 @@ def test_a_kind_of_motor_is_one_class(monkeypatch: pytest.MonkeyPatch) -> None:
     assert constant is not None
     usual = throw_one_mass("sb3", overrides={**SHORT, "circuit.snub_resistance": 0.0})
     toy = {"motor.kind": "toy", "motor.constant": 0.5 * constant, "circuit.snub_resistance": 0.0}
-    with pytest.raises(MachineError, match="motor.kind = 'toy': must be 'permanent magnet'"):
+    with pytest.raises(MachineError, match="motor.kind = \"toy\": must be 'permanent magnet'"):
         load_machines("sb3", overrides=toy)
     monkeypatch.setitem(MOTOR_KINDS, "toy", Doubled())
     thrown = throw_one_mass("sb3", overrides={**SHORT, **toy})

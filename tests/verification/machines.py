@@ -6,7 +6,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from turnout.core.units import SI
-from turnout.machine.motor import Motor, breakdown_point
+from turnout.machine.motor_kind import Motor, breakdown_point
 
 PEAK_CURRENT, PEAK_TIME = 10.295559, 18.264424e-3
 """Of the start of a bare motor with V 220, R 15, L 0.15, k 0.99, J 2e-3: closed form."""

@@ -13,7 +13,7 @@ import pytest
 from turnout.machine.compute import places as at
 from turnout.machine.compute.couple import Machines, accept_machines, try_machines
 from turnout.machine.machine_file import load_machines
-from turnout.machine.motor import line_power
+from turnout.machine.motor_kind import line_power
 from turnout.machine.one_mass_throw import throw_one_mass
 from turnout.machine.rows import command_rows, machine_room, machine_row, start_state, stroke_table
 

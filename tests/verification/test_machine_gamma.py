@@ -7,7 +7,7 @@ import pytest
 
 from turnout.machine.compute.induction import gamma_impedance
 from turnout.machine.machine_file import load_machines
-from turnout.machine.motor import gamma_point
+from turnout.machine.motor_kind import gamma_point
 
 
 def textbook(slip: float, values: tuple[float, float, float, float], speed: float) -> complex:

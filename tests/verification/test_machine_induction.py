@@ -15,7 +15,7 @@ from turnout.machine.components import Machine
 from turnout.machine.compute import places as at
 from turnout.machine.compute.machine_step import accept_step, stored_energy, take_step
 from turnout.machine.machine_file import load_machines
-from turnout.machine.motor import (
+from turnout.machine.motor_kind import (
     Motor,
     breakdown_point,
     gamma_from_inverse_gamma,

@@ -17,7 +17,7 @@ from turnout.machine.compute import places as at
 from turnout.machine.compute.induction import lost_phase_circuit
 from turnout.machine.compute.machine_step import accept_step, stored_energy, take_step
 from turnout.machine.machine_file import load_machines
-from turnout.machine.motor import line_power
+from turnout.machine.motor_kind import line_power
 from turnout.machine.one_mass_throw import throw_one_mass
 from turnout.machine.rows import machine_row, work_rows
 

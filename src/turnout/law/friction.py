@@ -157,7 +157,7 @@ def slip_anchors(
 def branch_event(
     branch: int, trials: tuple[float, float], limits: tuple[float, float], force: float
 ) -> tuple[float, int]:
-    """Return where on a path a friction leaves its branch [share, 2 for never], and to which.
+    """Return share of a path at which a friction leaves its branch, 2 for never, and the next one.
 
     Parameters
     ----------

@@ -33,7 +33,7 @@ from turnout.core.quantity import (
     Torque,
 )
 from turnout.core.units import SI
-from turnout.machine.motor import Motor, Supply, with_article
+from turnout.machine.motor_kind import Motor, Supply, with_article
 
 MOST_INSTANTS = 1_000_000
 

@@ -14,7 +14,7 @@ from turnout.machine.components import Machine, OneMassRail, Throw
 from turnout.machine.compute import places as at
 from turnout.machine.compute.circuit import throw as throw_kernel
 from turnout.machine.machine_file import LoadedMachines, load_machines
-from turnout.machine.motor import MOTOR_KINDS, MotorKind, nominal_voltage
+from turnout.machine.motor_kind import MOTOR_KINDS, MotorKind, nominal_voltage
 from turnout.machine.rows import (
     command_rows,
     machine_row,

@@ -12,7 +12,7 @@ from turnout.machine.compute.circuit import kinetic_level, switch_off
 from turnout.machine.compute.couple import Room
 from turnout.machine.compute.machine_step import WORK_ROWS
 from turnout.machine.compute.rail import bed_force, rod_position
-from turnout.machine.motor import copper_factor, line_resistance, nominal_voltage
+from turnout.machine.motor_kind import copper_factor, line_resistance, nominal_voltage
 
 
 def stroke_table(stroke: Stroke) -> Floats:

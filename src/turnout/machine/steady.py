@@ -4,7 +4,7 @@ import math
 
 from turnout.core.lru_cache import LRUCache
 from turnout.machine.components import Machine
-from turnout.machine.motor import SteadyPoint, line_resistance, nominal_voltage
+from turnout.machine.motor_kind import SteadyPoint, line_resistance, nominal_voltage
 
 
 def steady_point(machine: Machine, *, torque: float, drag: bool = True) -> SteadyPoint:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from turnout.machine.components import Machine
 from turnout.machine.compute import places as at
-from turnout.machine.motor import nominal_voltage
+from turnout.machine.motor_kind import nominal_voltage
 from turnout.machine.steady import shaft_travel, steady_point, torque_for
 from turnout.panel.markers import movement_time, ordered_movements
 from turnout.panel.model import Panel
