@@ -22,10 +22,10 @@ from benchmarks.page import EVIDENCE, put_section
 from benchmarks.studies.resumable import Record, command_line
 from turnout.api.campaign import load_campaign
 from turnout.calibration.comparison import Uncertainty
+from turnout.calibration.current_fit import LoadLine
 from turnout.calibration.machine_fit import MachineFit, fit_machines
 from turnout.core.errors import TurnoutError
 from turnout.core.scheme import Scheme
-from turnout.machine.current_fit import LoadLine
 from turnout.machine.steady import slip_point, steady_point, torque_for
 from turnout.mechanism.drive_machines import fitted_machine
 from turnout.panel.load import LoadedPanel

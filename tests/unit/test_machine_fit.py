@@ -16,17 +16,18 @@ from tests.unit.test_cli_json import COMMON, printed
 from tests.unit.test_cli_json import documented as documented  # noqa: PLC0414 - a fixture
 
 from turnout.api.machine import fit_machines
-from turnout.core.errors import MachineError, MeasurementError
-from turnout.core.moving_average import moving_average
-from turnout.machine.clutch_fit import slip_estimate, slip_level
-from turnout.machine.current_fit import (
+from turnout.calibration.current_fit import (
     STEP,
     LoadLine,
     NotIdentified,
     RunningSpan,
     fit_load_line,
+    slip_estimate,
+    slip_level,
 )
-from turnout.machine.force_anchor import gauge_anchor, sister_anchor
+from turnout.calibration.force_anchor import gauge_anchor, sister_anchor
+from turnout.core.errors import MachineError, MeasurementError
+from turnout.core.moving_average import moving_average
 
 Floats = NDArray[np.float64]
 IDLE, SLOPE, SLIP, LAG, COIL = 0.8, 2e-4, 2.0, 0.030, 0.010

@@ -14,6 +14,19 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.calibration.comparison import Uncertainty
+from turnout.calibration.current_fit import (
+    ClutchTrend,
+    Estimate,
+    LoadLine,
+    MotorKind,
+    NotIdentified,
+    RunningSpan,
+    SlipLevel,
+    clutch_trend,
+    fit_load_line,
+    slip_estimate,
+)
+from turnout.calibration.force_anchor import ForceAnchor, gauge_anchor, sister_anchor
 from turnout.calibration.running_spans import (
     LEAST_RUN,
     OVERRUN,
@@ -22,16 +35,6 @@ from turnout.calibration.running_spans import (
     steady_and_slipping,
 )
 from turnout.core.errors import MeasurementError
-from turnout.machine.clutch_fit import ClutchTrend, SlipLevel, clutch_trend, slip_estimate
-from turnout.machine.current_fit import (
-    Estimate,
-    LoadLine,
-    MotorKind,
-    NotIdentified,
-    RunningSpan,
-    fit_load_line,
-)
-from turnout.machine.force_anchor import ForceAnchor, gauge_anchor, sister_anchor
 
 Floats = NDArray[np.float64]
 

@@ -7,9 +7,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from turnout.calibration.current_fit import STEP, RunningSpan, SlipLevel, slip_level
 from turnout.core.running_current import LARGEST_ZERO, running_time
-from turnout.machine.clutch_fit import SlipLevel, slip_level
-from turnout.machine.current_fit import STEP, RunningSpan
 
 Floats = NDArray[np.float64]
 

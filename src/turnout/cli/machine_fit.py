@@ -12,10 +12,10 @@ from turnout.cli.json_output import JsonOption, print_json
 from turnout.cli.options import QuietOption
 
 if TYPE_CHECKING:
+    from turnout.calibration.current_fit import Estimate
+    from turnout.calibration.force_anchor import ForceAnchor
     from turnout.calibration.machine_fit import DriveFit, MachineFit
     from turnout.core.units import Dimension
-    from turnout.machine.current_fit import Estimate
-    from turnout.machine.force_anchor import ForceAnchor
 
 FIT_UNITS = {
     **{"idle": "A", "slope": "A/N", "slope_driven_back": "A/N", "slip": "A", "current": "A"},
@@ -193,7 +193,7 @@ def fit_record(fit: "MachineFit") -> dict[str, Any]:
 
 
 def _drive_record(item: "DriveFit") -> dict[str, Any]:
-    from turnout.machine.current_fit import LoadLine
+    from turnout.calibration.current_fit import LoadLine
 
     line = item.line if isinstance(item.line, LoadLine) else None
     fields = ("idle", "slope", "slope_driven_back", "lag", "lag_coil", "rms", "reference")
@@ -239,7 +239,7 @@ def fit_lines(fit: "MachineFit") -> list[str]:
 
 
 def _drive_rows(item: "DriveFit") -> Iterator[tuple[str, str]]:
-    from turnout.machine.current_fit import LoadLine
+    from turnout.calibration.current_fit import LoadLine
 
     if isinstance(item.line, LoadLine):
         yield "idle current", _stated(item.line.idle, "A", 4)

@@ -25,26 +25,6 @@ from turnout.machine.rows import (
     work_rows,
 )
 
-ENERGY_NAMES = {
-    "energy_supply": "taken from the supply",
-    "energy_copper": "lost in the motor's copper",
-    "energy_line": "lost in line and supply",
-    "energy_brush": "lost at the brushes",
-    "energy_snub": "lost in the snubber, or in arc and windings of an induction motor",
-    "energy_field": "lost in a separate field winding, or in the iron of an induction motor",
-    "energy_T0": "dry friction of the motor, brake included",
-    "energy_c1": "viscous drag of the motor",
-    "energy_gear": "lost in the gear",
-    "energy_c2": "viscous drag of the gear",
-    "energy_clutch": "heat of the slipping clutch",
-    "energy_friction": "friction of the rail",
-    "energy_rail_damping": "damping of the rail",
-    "energy_hand": "from the hand at the crank",
-    "energy_rod_on_rail": "work of the rod on the rail",
-    "energy_stored": "change of what is stored",
-    "energy_numerical": "lost by the scheme in what is stored",
-    "energy_residual": "residual of the balance",
-}
 BALANCE = 1e-6
 """Largest residual of the energy balance, as a share of the energy turned over, of a good run."""
 MOVED = 1e-4
@@ -52,44 +32,77 @@ MOVED = 1e-4
 EVENTS = 64
 
 ENERGIES = {
-    "energy_supply": at.SUPPLY,
-    "energy_copper": at.COPPER,
-    "energy_line": at.LINE,
-    "energy_brush": at.BRUSH,
-    "energy_snub": at.SNUB,
-    "energy_field": at.FIELD,
-    "energy_T0": at.MOTOR_FRICTION,
-    "energy_c1": at.MOTOR_DRAG_HEAT,
-    "energy_gear": at.GEAR,
-    "energy_c2": at.GEAR_DRAG_HEAT,
-    "energy_clutch": at.CLUTCH,
-    "energy_friction": at.RAIL_FRICTION_HEAT,
-    "energy_rail_damping": at.RAIL_DAMPING_HEAT,
-    "energy_hand": at.HAND,
-    "energy_rod_on_rail": at.ROD_ON_RAIL,
+    "energy_supply": (at.SUPPLY, "taken from the supply"),
+    "energy_copper": (at.COPPER, "lost in the motor's copper"),
+    "energy_line": (at.LINE, "lost in line and supply"),
+    "energy_brush": (at.BRUSH, "lost at the brushes"),
+    "energy_snub": (at.SNUB, "lost in the snubber, or in arc and windings of an induction motor"),
+    "energy_field": (
+        at.FIELD,
+        "lost in a separate field winding, or in the iron of an induction motor",
+    ),
+    "energy_T0": (at.MOTOR_FRICTION, "dry friction of the motor, brake included"),
+    "energy_c1": (at.MOTOR_DRAG_HEAT, "viscous drag of the motor"),
+    "energy_gear": (at.GEAR, "lost in the gear"),
+    "energy_c2": (at.GEAR_DRAG_HEAT, "viscous drag of the gear"),
+    "energy_clutch": (at.CLUTCH, "heat of the slipping clutch"),
+    "energy_friction": (at.RAIL_FRICTION_HEAT, "friction of the rail"),
+    "energy_rail_damping": (at.RAIL_DAMPING_HEAT, "damping of the rail"),
+    "energy_hand": (at.HAND, "from the hand at the crank"),
+    "energy_rod_on_rail": (at.ROD_ON_RAIL, "work of the rod on the rail"),
 }
+"""Sums of energy by their names: place in the sums, long name."""
 LOSSES = tuple(
     name for name in ENERGIES if name not in ("energy_supply", "energy_hand", "energy_rod_on_rail")
 )
-UNITS = {
-    "current": "A",
-    "lead_current": "A",
-    "voltage": "V",
-    "power": "W",
-    "apparent_power": "V A",
-    "speed": "rad/s",
-    "gear_speed": "rad/s",
-    "rod_force": "N",
-    "rod_position": "m",
-    "rail_position": "m",
-    "rail_speed": "m/s",
-    "rail_friction": "N",
-    "clutch_slip": "rad",
-    "clutch_torque": "N m",
-    "clutch_temperature": "K",
-    "energised": "1",
-    "locked": "1",
+BALANCES = {
+    "energy_stored": "change of what is stored",
+    "energy_numerical": "lost by the scheme in what is stored",
+    "energy_residual": "residual of the balance",
 }
+"""Energies that follow from these, and their long names."""
+STATES = {
+    "lead_current": (at.CURRENT, "A", "current in the motor lead"),
+    "voltage": (at.SUPPLIED, "V", "voltage at the motor circuit"),
+    "speed": (at.SPEED, "rad/s", "speed of the motor"),
+    "gear_speed": (at.GEAR_SPEED, "rad/s", "speed of the shaft behind the clutch"),
+    "rod_force": (
+        at.ROD_FORCE,
+        "N",
+        "force of the rod on the rail, positive when it pushes it home",
+    ),
+    "rod_position": (
+        at.ROD_POSITION,
+        "m",
+        "position of the rod's machine end, positive in the closing direction",
+    ),
+    "rail_position": (at.RAIL_POSITION, "m", "position of the rail, 0 at home"),
+    "rail_speed": (at.RAIL_SPEED, "m/s", "speed of the rail"),
+    "clutch_slip": (at.SLIP, "rad", "angle by which the clutch has slipped"),
+    "clutch_temperature": (
+        at.CLUTCH_TEMPERATURE,
+        "K",
+        "temperature of the clutch above ambient",
+    ),
+    "energised": (at.ENERGISED, "1", "whether the motor is switched on"),
+    "locked": (at.LOCKED, "1", "whether the lock holds the gear"),
+}
+"""Histories that are states: place in the state, unit, long name."""
+DERIVED = {
+    "current": ("A", "motor current where the clamp sits"),
+    "power": ("W", "power drawn from the supply, active where it is three-phase"),
+    "apparent_power": ("V A", "apparent power drawn from the supply"),
+    "rail_friction": ("N", "friction on the rail, positive against the closing direction"),
+    "clutch_torque": ("N m", "torque of the clutch"),
+}
+"""Histories that follow from states: unit, long name."""
+ABOUT: Mapping[str, tuple[str, str]] = {
+    **{name: (unit, text) for name, (_, unit, text) in STATES.items()},
+    **DERIVED,
+    **{name: ("J", text) for name, (_, text) in ENERGIES.items()},
+    **{name: ("J", text) for name, text in BALANCES.items()},
+}
+"""Unit and long name of each history."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -103,7 +116,7 @@ class MachineThrow:
     histories : mapping of str to ndarray, shape (n,)
         `current` and `power` as drawn or as in the motor lead (see `circuit.measured_current`),
         `speed`, `rod_force`, `rod_position`, `rail_position`, `clutch_slip`, `clutch_torque`,
-        `rail_friction`, ..., and the energies `energy_*` from time 0 [J]; units in `UNITS`.
+        `rail_friction`, ..., and the energies `energy_*` from time 0 [J]; units in `ABOUT`.
     events : tuple of (float, str)
         Time [s] and what happened.
     outcome : str
@@ -272,36 +285,24 @@ def _histories(
     machine: Machine, constants: Floats, rail: Floats, kept: Floats
 ) -> dict[str, Floats]:
     lead, on = kept[:, at.CURRENT], kept[:, at.ENERGISED]
-    voltage = kept[:, at.SUPPLIED]
-    supply = on * np.where(voltage < 0.0, -1.0, 1.0) * lead
-    drawn = supply + on * constants[at.FIELD_POWER] / nominal_voltage(machine.motor, machine.supply)
+    supply = on * np.where(kept[:, at.SUPPLIED] < 0.0, -1.0, 1.0) * lead
+    voltage = nominal_voltage(machine.motor, machine.supply)
+    drawn = supply + on * constants[at.FIELD_POWER] / voltage
     power, apparent = machine.motor.of_kind.powers(constants, kept)
     at_supply = machine.circuit.measured_current == "supply"
-    return {
+    return {name: kept[:, place] for name, (place, _, _) in STATES.items()} | {
         "current": drawn if at_supply else lead,
-        "lead_current": lead,
-        "voltage": voltage,
         "power": power,
         "apparent_power": apparent,
-        "speed": kept[:, at.SPEED],
-        "gear_speed": kept[:, at.GEAR_SPEED],
-        "rod_force": kept[:, at.ROD_FORCE],
-        "rod_position": kept[:, at.ROD_POSITION],
-        "rail_position": kept[:, at.RAIL_POSITION],
-        "rail_speed": kept[:, at.RAIL_SPEED],
         "rail_friction": rail[at.FRICTION_STIFFNESS] * kept[:, at.RAIL_TWIST],
-        "clutch_slip": kept[:, at.SLIP],
         "clutch_torque": constants[at.CLUTCH_STIFFNESS] * kept[:, at.TWIST],
-        "clutch_temperature": kept[:, at.CLUTCH_TEMPERATURE],
-        "energised": on,
-        "locked": kept[:, at.LOCKED],
     }
 
 
 def _energies(kept: Floats, stored: Floats) -> dict[str, Floats]:
     """Return the sums of energy, and the residual of their balance over what was turned over."""
     sums = kept[:, at.ENERGIES :]
-    found = {name: sums[:, place] for name, place in ENERGIES.items()}
+    found = {name: sums[:, place] for name, (place, _) in ENERGIES.items()}
     change = stored - stored[0]
     into = sums[:, at.INTO_STORES] + sums[:, at.ROD_INPUT] - sums[:, at.ROD_ON_RAIL]
     numerical = into - change

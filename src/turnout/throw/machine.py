@@ -6,28 +6,9 @@ import numpy as np
 import xarray as xr
 
 from turnout.core.provenance import provenance
-from turnout.machine.one_mass_throw import ENERGY_NAMES, UNITS, MachineThrow
+from turnout.machine.one_mass_throw import ABOUT, MachineThrow
 
 SCHEMA_VERSION = 1
-LONG_NAMES = {
-    "current": "motor current where the clamp sits",
-    "lead_current": "current in the motor lead",
-    "voltage": "voltage at the motor circuit",
-    "power": "power drawn from the supply, active where it is three-phase",
-    "apparent_power": "apparent power drawn from the supply",
-    "speed": "speed of the motor",
-    "gear_speed": "speed of the shaft behind the clutch",
-    "rod_force": "force of the rod on the rail, positive when it pushes it home",
-    "rod_position": "position of the rod's machine end, positive in the closing direction",
-    "rail_position": "position of the rail, 0 at home",
-    "rail_speed": "speed of the rail",
-    "rail_friction": "friction on the rail, positive against the closing direction",
-    "clutch_slip": "angle by which the clutch has slipped",
-    "clutch_torque": "torque of the clutch",
-    "clutch_temperature": "temperature of the clutch above ambient",
-    "energised": "whether the motor is switched on",
-    "locked": "whether the lock holds the gear",
-}
 
 
 def machine_dataset(throw: MachineThrow) -> xr.Dataset:
@@ -51,7 +32,7 @@ def machine_dataset(throw: MachineThrow) -> xr.Dataset:
     ('A', 'moving')
     """
     variables = {
-        name: ("time", values, {"units": machine_unit(name), "long_name": long_name_of(name)})
+        name: ("time", values, dict(zip(("units", "long_name"), ABOUT[name], strict=True)))
         for name, values in throw.histories.items()
     }
     times = np.array([time for time, _ in throw.events], dtype=np.float64)
@@ -73,13 +54,3 @@ def machine_dataset(throw: MachineThrow) -> xr.Dataset:
         **provenance(),
     }
     return dataset
-
-
-def machine_unit(name: str) -> str:
-    """Return the unit of a history of a throw."""
-    return "J" if name.startswith("energy_") else UNITS[name]
-
-
-def long_name_of(name: str) -> str:
-    """Return the long name of a history of a throw."""
-    return ENERGY_NAMES.get(name) or LONG_NAMES[name]

@@ -9,12 +9,10 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
+from turnout.calibration.current_fit import NORMAL_REACH, Estimate, series_current
 from turnout.core.errors import MachineError
-from turnout.machine.current_fit import Estimate, series_current
 
 AnchorKind = Literal["force at the drive", "clutch-force gauge", "sister machine"]
-REACH = 1.96
-"""Half of a 95 % interval in standard deviations."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,7 +81,9 @@ class ForceAnchor:
         variance += (self.scale_deviation * force) ** 2
         variance += 2.0 * self.covariance * by_idle * by_slope
         spread = math.sqrt(max(variance, 0.0))
-        return Estimate(force, spread, force - REACH * spread, force + REACH * spread, 1)
+        return Estimate(
+            force, spread, force - NORMAL_REACH * spread, force + NORMAL_REACH * spread, 1
+        )
 
 
 def _motor_shape(current: float, saturation: float) -> tuple[float, float]:
