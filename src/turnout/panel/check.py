@@ -500,4 +500,4 @@ def _supply(
 
 def _source(machine: Any) -> str:
     """Return the supply that a machine needs; machines that share one must need the same."""
-    return machine.motor.of_kind.source(machine.motor, machine.supply)
+    return str(machine.motor.of_kind.source(machine.motor, machine.supply))

@@ -2,7 +2,7 @@
 
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -223,7 +223,9 @@ def virtual_plan(
             problems.append(f"--place {text}: {error}")
     if problems:
         raise FileError("\n".join(problems))
-    values = {key: value for name in defects for key, value in DEFECTS[name].campaign.items()}
+    own = Defects()
+    for name in defects:
+        own = replace(own, **DEFECTS[name].campaign)  # type: ignore[arg-type]
     return CampaignPlan(
         places=tuple(named) or places_with_room(panel, size=min(metres, default=min(SIZES))),
         sizes=tuple(sorted(metres)) or SIZES,
@@ -231,7 +233,7 @@ def virtual_plan(
         object_free=object_free,
         mistyped=mistyped,
         seed=seed,
-        defects=Defects(**values),
+        defects=own,
         scheme=scheme or Scheme(),
         monitoring=monitoring,
         recorder=recorder,
