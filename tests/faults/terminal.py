@@ -58,6 +58,20 @@ def run_shell(*arguments: str, folder: Path) -> tuple[int, str]:
     return done.returncode, done.stderr
 
 
+def run_code(code: str) -> str:
+    """Run code by a process of its own; return what it prints."""
+    path = os.pathsep.join(map(os.path.abspath, filter(None, sys.path)))
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "PYTHONPATH": path},
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
 def run_here(*arguments: str, folder: Path) -> tuple[int, str]:
     """Run the program in a folder by this process, which has all loaded; return code and stderr."""
     before, said = Path.cwd(), io.StringIO()

@@ -338,6 +338,8 @@ def test_a_folder_with_other_files_is_refused(name: str, study: Study, tmp_path:
         throw_study(study, tmp_path / "full", pool=here)
     assert [p for p in (tmp_path / "full").rglob("*") if p.is_file()] == [path]
     assert path.read_text() == "mine"
+    with pytest.raises(FileError, match="holds no sweep"):
+        open_batches(tmp_path / "full")
 
 
 def test_a_folder_of_the_form_with_a_pickle_is_refused(study: Study, swept: Path) -> None:
@@ -377,15 +379,6 @@ def test_a_study_made_in_python_is_stored_exactly(study: Study, tmp_path: Path) 
     assert kept.description == own.description
     assert list(kept.scenarios()) == list(own.scenarios())
     assert kept.panel.with_overrides({"drive.1.stiffness": 7e5}).drive["1"].stiffness == 7e5
-
-
-def test_a_study_that_no_file_can_hold_is_refused_before_anything_is_made(
-    study: Study, tmp_path: Path
-) -> None:
-    wrong = replace(study, rule=object())  # type: ignore[arg-type]
-    with pytest.raises(FileError, match="study 'tiny': cannot be stored"):
-        throw_study(wrong, tmp_path / "s", pool=here)
-    assert not (tmp_path / "s").exists()
 
 
 def test_no_file_is_unpickled(pytestconfig: pytest.Config) -> None:

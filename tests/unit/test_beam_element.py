@@ -132,27 +132,35 @@ def test_mirrored_section_gives_the_mirrored_element(former):
     assert np.abs(there - here).max() > 1e-3 * np.abs(here).max()
 
 
+def assembled(x, *, count):
+    return assemble_beam(x, uniform(SKEW, count), STEEL, name="left switch rail")
+
+
 class TestAssembly:
     """DOFs are addressed by position and name."""
 
     x = (0.0, 0.3, 0.7, 1.5)
-    beam = assemble_beam(x, uniform(SKEW, 3), STEEL, name="left switch rail")
+    beam = assembled(x, count=3)
 
     @pytest.mark.parametrize("component", range(6))
     def test_dof_is_found_by_position_and_name(self, component):
         assert dof_index(self.beam, 0.7 + 5e-7, DOF[component]) == 12 + component
 
-    def test_missing_node_is_named_with_the_nearest(self):
-        with pytest.raises(MechanicsError, match=r"left switch rail.* x = 0\.45 m.* at 0\.3 m"):
-            dof_index(self.beam, 0.45, "uy")
-
-    def test_unknown_direction_is_refused(self):
-        with pytest.raises(MechanicsError, match="'v'; allowed are ux, uy, uz, rx, ry, rz"):
-            point_row(self.beam, 0.3, "v")
-
-    def test_position_that_is_no_number_is_refused(self):
-        with pytest.raises(MechanicsError, match="no node at x = nan"):
-            dof_index(self.beam, float("nan"), "uy")
+    @pytest.mark.parametrize(
+        ("ask", "words"),
+        [
+            (lambda beam: dof_index(beam, 0.45, "uy"), r"left .* x = 0\.45 m.* at 0\.3 m"),
+            (lambda beam: dof_index(beam, float("nan"), "uy"), "no node at x = nan"),
+            (lambda beam: point_row(beam, 0.3, "v"), "'v'; allowed are ux, uy, uz, rx, ry, rz"),
+            (lambda _: assembled([0.0, 0.3, 0.7, 1.5], count=2), "3 .* as many sections, not 2"),
+            (lambda _: assembled([0.0], count=1), "two or more and increase"),
+            (lambda _: assembled([0.0, 0.0], count=2), "two or more and increase"),
+            (lambda _: assembled([1.0, 0.5], count=2), "two or more and increase"),
+        ],
+    )
+    def test_what_is_not_there_is_refused(self, ask, words):
+        with pytest.raises(MechanicsError, match=words):
+            ask(self.beam)
 
     def test_point_moves_with_its_section(self):
         """A point's displacement is u + theta x r, its rotation that of the section."""
@@ -170,12 +178,3 @@ class TestAssembly:
         for i, block in enumerate(blocks):
             expected[6 * i : 6 * i + 12, 6 * i : 6 * i + 12] += block
         np.testing.assert_allclose(self.beam.stiffness.toarray(), expected, rtol=1e-13)
-
-    def test_sections_must_match_the_elements(self):
-        with pytest.raises(MechanicsError, match="3 elements need as many sections, not 2"):
-            assemble_beam(self.x, uniform(SKEW, 2), STEEL)
-
-    @pytest.mark.parametrize("x", [[0.0], [0.0, 0.0], [1.0, 0.5]])
-    def test_nodes_must_increase(self, x):
-        with pytest.raises(MechanicsError, match="two or more and increase"):
-            assemble_beam(x, uniform(SKEW, len(x)), STEEL)

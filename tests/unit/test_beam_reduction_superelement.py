@@ -93,13 +93,6 @@ def test_zero_cutoff_keeps_static_shapes_only():
     assert guyan.frequency_first_omitted > 0.0
 
 
-def test_recovery_of_a_history(reduced):
-    history = np.random.default_rng(1).standard_normal((reduced.stiffness.shape[0], 4))
-    found = reduced.transformation @ history
-    np.testing.assert_allclose(found[:, 2], (reduced.transformation @ history[:, 2]), rtol=1e-13)
-    np.testing.assert_allclose(found[INTERFACE], history[:3], rtol=1e-13)
-
-
 def test_unsymmetric_matrix_is_projected_as_it_is(reduced):
     matrix = np.random.default_rng(2).standard_normal((SIZE, SIZE))
     left, right = np.random.default_rng(3).standard_normal((2, reduced.stiffness.shape[0]))

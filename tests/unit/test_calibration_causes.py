@@ -9,6 +9,7 @@ from tests.unit.test_calibration_fit import PARAMETERS, TRUE, misfit, movement, 
 from turnout.calibration import cause_trials, starts
 from turnout.calibration.bushing_laws import SOFTNESS, soft_bushing
 from turnout.calibration.candidate_causes import candidate_causes
+from turnout.calibration.cause import Cause
 from turnout.calibration.cause_lines import cause_lines
 from turnout.calibration.cause_trials import one_of_alike, own_levels, with_cause
 from turnout.calibration.causes import (
@@ -16,6 +17,7 @@ from turnout.calibration.causes import (
     _best_of_alike,
     _Budget,
     _fitted_with,
+    is_worth_a_search,
     with_causes,
     without_needless,
 )
@@ -28,10 +30,14 @@ from turnout.calibration.sensors import common_lead
 from turnout.calibration.stages import default_plan
 from turnout.core.errors import SolverError
 from turnout.measurement.chain.recorder_response import LowPass, RecorderResponse
-from turnout.panel.load import load_panel
+from turnout.panel.load import LoadedPanel, load_panel
 
 AVERAGE = RecorderResponse(average=0.3)
 FILTER = RecorderResponse(low_pass=LowPass(corner=1.5))
+
+
+def of_order_4(kind: str) -> RecorderResponse:
+    return RecorderResponse(low_pass=LowPass(kind=kind, order=4, corner=1.5))
 
 
 def recorded(
@@ -62,16 +68,40 @@ def averaged(*, stated: float = 0.0) -> list[MeasuredMovement]:
     return recorded(AVERAGE, stated=RecorderResponse(average=stated))
 
 
-def test_a_recorder_that_averages_is_found_and_freed_of() -> None:
-    search = search_of(misfit(recorded(AVERAGE, stated=RecorderResponse(), count=6)))
-    again, (cause, *_) = search.found, search.tested
+def cause_of(panel: LoadedPanel, name: str) -> Cause:
+    causes = candidate_causes(panel, default_plan(panel).parameters)
+    return next(item for item in causes if item.name == name)
+
+
+@pytest.mark.parametrize(
+    ("by", "size", "remedy"),
+    [
+        (AVERAGE, pytest.approx(0.3, abs=0.02), 'recorded_average = "0.'),
+        # The time constant of a corner at 1.5 Hz.
+        (
+            FILTER,
+            pytest.approx(0.106, rel=0.05),
+            'recorded_filter = { kind = "butterworth", order = 2, corner = "1.',
+        ),
+        # It was taken for a mean over the past, and values were 7 deviations off.
+        (of_order_4("bessel"), None, 'kind = "bessel", order = 4, corner = "1.'),
+        (of_order_4("butterworth"), None, 'kind = "butterworth", order = 4, corner = "1.'),
+        (RecorderResponse(rate=4.0), None, 'recorded_rate = "4'),
+    ],
+    ids=["average", "filter", "bessel", "butterworth", "rate"],
+)
+def test_what_a_recorder_does_is_found_and_the_remedy_named(
+    by: RecorderResponse, size: object, remedy: str
+) -> None:
+    count = 6 if by is AVERAGE else 3
+    search = search_of(misfit(recorded(by, stated=RecorderResponse(), count=count)))
+    cause = search.tested[0]
     assert not search.misses
-    assert cause.name == "recorder filter"
-    assert cause.fitted
-    assert cause.gain > 100.0
-    assert cause.sizes[0] == pytest.approx(0.3, abs=0.02)
-    assert 'recorded_average = "0.' in cause.text
-    assert again.values["k"] == pytest.approx(TRUE["k"], rel=5e-3)
+    assert (cause.name, cause.fitted) == ("recorder filter", True)
+    assert cause.gain > (100.0 if by is AVERAGE else 20.0)
+    assert size is None or cause.sizes[0] == size
+    assert remedy in cause.text
+    assert search.found.values["k"] == pytest.approx(TRUE["k"], rel=5e-3)
 
 
 def test_a_fit_to_its_end_that_fails_or_still_misses_something_is_no_start(
@@ -80,14 +110,16 @@ def test_a_fit_to_its_end_that_fails_or_still_misses_something_is_no_start(
     whole = misfit(averaged())
     near = fit(whole, PARAMETERS, TRUE, rough=True)
     found = brief_fit(whole, PARAMETERS, TRUE, near=near)
-    assert starts._gone_to_its_end(whole, PARAMETERS, found, None) is None
+    assert is_worth_a_search(found, share=starts.CLEARLY)
+    monkeypatch.setattr(starts, "brief_fit", lambda *_, **__: found)
+    assert starts.last_start(whole, PARAMETERS, near, found) is found
 
     def fails(*_: object, **__: object) -> None:
         message = "it slips at rest"
         raise SolverError(message)
 
     monkeypatch.setattr(starts, "fit", fails)
-    assert starts._gone_to_its_end(whole, PARAMETERS, found, None) is None
+    assert starts.last_start(whole, PARAMETERS, near, found) is found
 
 
 def test_a_search_ends_after_its_throws_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -102,31 +134,12 @@ def test_a_search_ends_after_its_throws_and_says_so(monkeypatch: pytest.MonkeyPa
     assert line.startswith(f"search: ended after {search.stopped} throws")
 
 
-def test_an_average_that_the_map_states_is_no_cause() -> None:
-    whole = misfit(averaged(stated=0.3))
+@pytest.mark.parametrize("by", [AVERAGE, FILTER], ids=["average", "filter"])
+def test_what_the_map_states_is_no_cause(by: RecorderResponse) -> None:
+    whole = misfit(recorded(by, stated=by))
     found = fit(whole, PARAMETERS, TRUE)
     assert found.values["k"] == pytest.approx(TRUE["k"], rel=5e-3)
     assert with_causes(found, whole, load_panel("sb1")).tested == ()
-
-
-def test_a_recorder_that_filters_is_found_and_the_remedy_named() -> None:
-    search = search_of(misfit(recorded(FILTER, stated=RecorderResponse())))
-    cause = search.tested[0]
-    assert not search.misses
-    assert (cause.name, cause.fitted) == ("recorder filter", True)
-    # The time constant of a corner at 1.5 Hz.
-    assert cause.sizes[0] == pytest.approx(0.106, rel=0.05)
-    assert 'recorded_filter = { kind = "butterworth", order = 2, corner = "1.' in cause.text
-    assert search.found.values["k"] == pytest.approx(TRUE["k"], rel=5e-3)
-
-
-@pytest.mark.parametrize(("kind", "order"), [("bessel", 4), ("butterworth", 4)])
-def test_a_filter_of_higher_order_is_not_taken_for_another(kind: str, order: int) -> None:
-    """A Bessel filter was taken for a mean over the past, and values were 7 deviations off."""
-    filtered = RecorderResponse(low_pass=LowPass(kind=kind, order=order, corner=1.5))
-    search = search_of(misfit(recorded(filtered, stated=RecorderResponse())))
-    assert f'kind = "{kind}", order = {order}, corner = "1.' in search.tested[0].text
-    assert search.found.values["k"] == pytest.approx(TRUE["k"], rel=5e-3)
 
 
 def test_fits_in_turn_are_of_causes_that_are_not_alike() -> None:
@@ -144,19 +157,10 @@ def test_fits_in_turn_are_of_causes_that_are_not_alike() -> None:
 
 def test_rails_that_differ_by_less_than_anybody_could_say_are_no_cause() -> None:
     """Gains that were off alone left 0.04 % for the rails, and intervals of 2 %."""
-    (sections,) = [
-        item for item in candidate_causes(load_panel("sb1"), PARAMETERS) if item.name == "sections"
-    ]
+    sections = cause_of(load_panel("sb1"), "sections")
     start = sections.parameters[0].start
     assert sections.is_slight([1.0004 * start])
     assert not sections.is_slight([0.99 * start])
-
-
-def test_samples_far_apart_are_found_without_a_delay() -> None:
-    search = search_of(misfit(recorded(RecorderResponse(rate=4.0), stated=RecorderResponse())))
-    assert not search.misses
-    assert 'recorded_rate = "4' in search.tested[0].text
-    assert search.found.values["k"] == pytest.approx(TRUE["k"], rel=5e-3)
 
 
 def test_a_mean_over_the_past_is_not_taken_for_samples_far_apart_and_a_lead_of_motors() -> None:
@@ -182,13 +186,6 @@ def test_a_lead_of_the_motors_beside_samples_far_apart_stays() -> None:
     assert search.tested[0].text.startswith("the recorder takes")
     assert common_lead(search.found) == pytest.approx(0.05, abs=0.005)
     assert search.found.values["k"] == pytest.approx(TRUE["k"], rel=5e-3)
-
-
-def test_a_filter_that_the_map_states_is_no_cause() -> None:
-    whole = misfit(recorded(FILTER, stated=FILTER))
-    found = fit(whole, PARAMETERS, TRUE)
-    assert found.values["k"] == pytest.approx(TRUE["k"], rel=5e-3)
-    assert with_causes(found, whole, load_panel("sb1")).tested == ()
 
 
 def test_a_soft_bushing_has_its_stiffness_beyond_its_travel() -> None:
@@ -272,8 +269,7 @@ def test_every_cause_is_one_that_the_panel_can_be_thrown_with() -> None:
 def test_drives_that_go_elsewhere_when_open_are_a_cause_where_a_panel_has_them() -> None:
     """1 mm that no fit knows of moved a stiffness by 5 % on this panel."""
     panel = load_panel("uic60-760-1-15")
-    parameters = default_plan(panel).parameters
-    (cause,) = [c for c in candidate_causes(panel, parameters) if c.name == "over-travel"]
+    cause = cause_of(panel, "over-travel")
     keys = [f"drive.{name}.over_travel_open" for name in panel.drive]
     assert [key for item in cause.parameters for key in item.keys] == keys
     reach = [drive.over_travel_open for drive in panel.drive.values()]
@@ -294,9 +290,7 @@ def test_drives_that_go_elsewhere_when_open_are_a_cause_where_a_panel_has_them()
 
 
 def test_friction_by_chair_keeps_its_mean() -> None:
-    panel = load_panel("sb1")
-    parameters = default_plan(panel).parameters
-    cause = next(c for c in candidate_causes(panel, parameters) if c.name == "friction by chair")
+    cause = cause_of(load_panel("sb1"), "friction by chair")
     assert cause.law is not None
     shares = np.linspace(-0.5, 0.5, len(cause.parameters))
     sizes = {item.name: float(share) for item, share in zip(cause.parameters, shares, strict=True)}

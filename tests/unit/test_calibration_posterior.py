@@ -200,22 +200,25 @@ def test_errors_that_no_residual_shows_widen_both_alike(fitted: Fit) -> None:
 
 
 @pytest.mark.usefixtures("few_draws")
-def test_too_few_effective_samples_give_no_intervals_but_a_remedy(
-    fitted: Fit, spread: Spread, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("limit", "value", "words"),
+    [
+        ("LEAST_EFFECTIVE", 1e9, ["effective samples", "--fix"]),
+        ("AWAY", 0.0, ["standard deviations from the fit"]),
+    ],
+)
+def test_too_few_effective_samples_and_a_mean_far_from_the_fit_are_said(
+    fitted: Fit,
+    spread: Spread,
+    monkeypatch: pytest.MonkeyPatch,
+    limit: str,
+    value: float,
+    words: list[str],
 ) -> None:
-    monkeypatch.setattr("turnout.calibration.posterior.LEAST_EFFECTIVE", 1e9)
+    """There are no intervals of too few samples, but a remedy."""
+    monkeypatch.setattr(f"turnout.calibration.posterior.{limit}", value)
     monkeypatch.setattr("turnout.calibration.posterior.CHAIN_ROUNDS", 1)
     record, warnings = posterior_record(fitted, spread)
-    assert record == {}
-    assert "effective samples" in warnings[0]
-    assert "--fix" in warnings[0]
-
-
-@pytest.mark.usefixtures("few_draws")
-def test_a_mean_that_is_far_from_the_fit_is_said(
-    fitted: Fit, spread: Spread, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("turnout.calibration.posterior.AWAY", 0.0)
-    record, warnings = posterior_record(fitted, spread)
-    assert record["away_from_fit"] > 0.0
-    assert "standard deviations from the fit" in warnings[0]
+    assert (record == {}) == (limit == "LEAST_EFFECTIVE")
+    assert record.get("away_from_fit", 1.0) > 0.0
+    assert all(word in warnings[0] for word in words)

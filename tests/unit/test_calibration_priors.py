@@ -30,11 +30,15 @@ def with_parameters(whole: Misfit, parameters: tuple[Parameter, ...]) -> Misfit:
     return replace(whole, parameters=parameters, base={p.name: p.start for p in parameters})
 
 
+def alike(count: int) -> Misfit:
+    return misfit([movement(f"m{n}", rng=np.random.default_rng(n)) for n in range(count)])
+
+
 def test_what_movements_do_not_show_is_known_as_it_was_stated() -> None:
     """The object is met at 1.5 s, so that movements of 1.4 s say nothing of the stiffness."""
-    short = [replace(movement(f"m{n}", rng=np.random.default_rng(n)), length=1.4) for n in range(4)]
+    whole = misfit([replace(item, length=1.4) for item in alike(4).movements])
     parameters = stated(0.1, start=800e3)
-    found = fit(with_parameters(misfit(short), parameters), parameters, {**TRUE, "k": 950e3})
+    found = fit(with_parameters(whole, parameters), parameters, {**TRUE, "k": 950e3})
     assert found.values["k"] == pytest.approx(800e3, rel=2e-3)
     spread = spread_of(found)
     assert spread.states == ("fitted", "fitted")
@@ -43,15 +47,14 @@ def test_what_movements_do_not_show_is_known_as_it_was_stated() -> None:
 
 
 def test_a_prior_does_not_hold_what_movements_show() -> None:
-    whole = misfit([movement(f"m{n}", rng=np.random.default_rng(n)) for n in range(4)])
     parameters = stated(0.1, start=800e3)
-    found = fit(with_parameters(whole, parameters), parameters, {**TRUE, "k": 800e3})
+    found = fit(with_parameters(alike(4), parameters), parameters, {**TRUE, "k": 800e3})
     assert found.values["k"] == pytest.approx(TRUE["k"], rel=5e-3)
 
 
 def test_a_prior_weighs_as_a_measurement() -> None:
     """Inverse variances add up."""
-    whole = misfit([movement(f"m{n}", rng=np.random.default_rng(n)) for n in range(2)])
+    whole = alike(2)
     alone = spread_of(fit(whole, PARAMETERS, TRUE)).coordinate_covariance[1, 1]
     parameters = stated(float(np.sqrt(alone)), start=TRUE["k"])
     both = spread_of(fit(with_parameters(whole, parameters), parameters, TRUE))
@@ -76,6 +79,12 @@ def recorded(*, clock: float = 0.0, zero: float = 0.0) -> Fit:
     return fit(replace(whole, comparison=known), PARAMETERS, TRUE)
 
 
+@pytest.fixture(scope="module")
+def right() -> Fit:
+    """A fit to movements of a recorder with nothing off."""
+    return recorded()
+
+
 def sensor(found: Fit, kind: str) -> FoundSensor:
     return next(item for item in found_sensors(found) if item.column.kind == kind)
 
@@ -96,10 +105,25 @@ def test_a_clock_that_is_off_is_found_with_a_warning() -> None:
     assert "sampling rate" in clock.warning
 
 
+def test_a_zero_that_all_movements_share_is_found() -> None:
+    zero = sensor(recorded(zero=25.0), "zero")
+    # Each movement has a zero of its own, of 20 N; six of them hold the common one to 8 N.
+    assert 5.0 < zero.value < 25.0
+    assert zero.deviation < 10.0
+    assert "zero of the gauges of drive 1" in zero.text
+
+
+def test_a_right_chain_is_no_cause_and_no_reason(right: Fit) -> None:
+    for item in found_sensors(right):
+        assert not item.leaves, item.text
+        assert not item.cause, item.text
+    assert not sensor_reasons(right)
+    assert not prior_reasons(right, ["recorder filter"])
+
+
 def test_a_zero_that_no_one_would_believe_is_a_reason_against_the_fit() -> None:
     (reason,) = sensor_reasons(recorded(zero=300.0))
     assert "zero of the gauges of drive 1" in reason
-    assert not sensor_reasons(recorded())
 
 
 def test_a_sensor_that_leaves_its_prior_beside_a_cause_is_a_reason_against_the_cause() -> None:
@@ -112,7 +136,6 @@ def test_a_sensor_that_leaves_its_prior_beside_a_cause_is_a_reason_against_the_c
     assert "although recorder filter and clutch were fitted: zero of the gauges of drive" in reason
     assert "so recorder filter and clutch are not the cause" in reason
     assert "clock" not in reason
-    assert not prior_reasons(recorded(), ["recorder filter"])
 
 
 @pytest.mark.parametrize(
@@ -124,16 +147,16 @@ def test_a_sensor_that_leaves_its_prior_beside_a_cause_is_a_reason_against_the_c
     ],
 )
 def test_a_reason_says_whether_one_value_or_all_are_too_far_off(
-    away: list[float], words: str, monkeypatch: pytest.MonkeyPatch
+    away: list[float], words: str, right: Fit, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     unknowns = [Stated(text=f"n{number}", away=size) for number, size in enumerate(away)]
     monkeypatch.setattr(left_priors, "stated_unknowns", lambda _: unknowns)
-    found = prior_reasons(recorded(), ["clutch"])
+    found = prior_reasons(right, ["clutch"])
     assert [words in text for text in found] == ([True] if words else [])
 
 
 def test_a_state_of_the_panel_that_leaves_its_prior_beside_a_cause_is_one_too() -> None:
-    whole = misfit([movement(f"m{n}", rng=np.random.default_rng(n)) for n in range(4)])
+    whole = alike(4)
     for start, leaves in ((0.5, True), (0.85, False)):
         parameters = stated(0.1, start=start * TRUE["k"])
         found = fit(with_parameters(whole, parameters), parameters, TRUE)
@@ -147,7 +170,7 @@ def test_gains_alike_are_no_reason_where_the_rails_are_fitted(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The scale of the model is then doubted, and the intervals say so."""
-    whole = misfit([movement(f"m{n}", rng=np.random.default_rng(n)) for n in range(4)])
+    whole = alike(4)
     # Forces that are 4 % too small are gains of 4 % too much where stiffness is known.
     known = replace(whole.comparison, gains={("drive_force", "1"): 0.01})
     less = tuple(
@@ -159,20 +182,6 @@ def test_gains_alike_are_no_reason_where_the_rails_are_fitted(
     assert "gauges of drive 1 +" in reason
     monkeypatch.setattr("turnout.calibration.left_priors.MODULUS", "k")
     assert not prior_reasons(found, ["sections"])
-
-
-def test_a_right_chain_is_no_cause() -> None:
-    for item in found_sensors(recorded()):
-        assert not item.leaves, item.text
-        assert not item.cause, item.text
-
-
-def test_a_zero_that_all_movements_share_is_found() -> None:
-    zero = sensor(recorded(zero=25.0), "zero")
-    # Each movement has a zero of its own, of 20 N; six of them hold the common one to 8 N.
-    assert 5.0 < zero.value < 25.0
-    assert zero.deviation < 10.0
-    assert "zero of the gauges of drive 1" in zero.text
 
 
 def test_over_travel_and_fit_are_fitted_with_priors_where_a_panel_has_them() -> None:

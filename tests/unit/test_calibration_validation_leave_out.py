@@ -1,8 +1,10 @@
 """Places left out in turn: exact for a linear model, and a wrong place is seen."""
 
+from typing import Any
+
 import numpy as np
 
-from turnout.calibration.validation.leave_out import leave_out_places
+from turnout.calibration.validation.leave_out import LeftOut, leave_out_places
 
 PLACES = ["none", "none", "drive 1", "drive 1", "sleeper 7", "drive 2"]
 
@@ -16,19 +18,25 @@ def made() -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray]:
     return measured, slopes, stacked
 
 
+def left_out(
+    measured: np.ndarray, forces: np.ndarray, slopes: dict[str, np.ndarray], **known: Any
+) -> LeftOut:
+    """Leave out the places; of noises of 0.3, and with values as uncertain as they come."""
+    usual = {
+        "variance": np.full(measured.shape, 0.09),
+        "covariance": np.eye(len(slopes)),
+        "places": PLACES,
+    }
+    return leave_out_places(measured, forces, slopes, **(usual | known))
+
+
 def test_it_is_the_fit_to_the_other_places() -> None:
     measured, slopes, stacked = made()
     J = stacked.reshape(3, -1).T
     values = np.linalg.lstsq(J, measured.ravel(), rcond=None)[0]
     covariance = 0.09 * np.linalg.inv(J.T @ J)
-    found = leave_out_places(
-        measured,
-        np.tensordot(values, stacked, axes=1),
-        slopes,
-        places=PLACES,
-        variance=np.full(measured.shape, 0.09),
-        covariance=covariance,
-    )
+    forces = np.tensordot(values, stacked, axes=1)
+    found = left_out(measured, forces, slopes, covariance=covariance)
     assert found.predicted.all()
     for place in set(PLACES):
         inside = np.array([item == place for item in PLACES])
@@ -50,14 +58,7 @@ def test_values_that_are_off_are_off_by_as_much_in_each_prediction() -> None:
     values = np.linalg.lstsq(J, measured.ravel(), rcond=None)[0]
     off = np.array([0.3, -0.2, 0.1])
     found, moved = (
-        leave_out_places(
-            measured,
-            np.tensordot(judged, stacked, axes=1),
-            slopes,
-            places=PLACES,
-            variance=np.full(measured.shape, 0.09),
-            covariance=np.eye(3),
-        )
+        left_out(measured, np.tensordot(judged, stacked, axes=1), slopes)
         for judged in (values, values + off)
     )
     change = np.tensordot(off, stacked, axes=1)
@@ -81,15 +82,8 @@ def test_what_a_movement_has_of_its_own_is_no_reason_to_change_values() -> None:
         return np.linalg.solve(H, g)
 
     every = list(range(len(PLACES)))
-    found = leave_out_places(
-        measured,
-        np.tensordot(values(every), stacked, axes=1),
-        slopes,
-        places=PLACES,
-        variance=np.full(measured.shape, 0.09),
-        covariance=np.eye(3),
-        alike=[own],
-    )
+    forces = np.tensordot(values(every), stacked, axes=1)
+    found = left_out(measured, forces, slopes, alike=[own])
     for place in set(PLACES):
         inside = [n for n in every if PLACES[n] == place]
         others = values([n for n in every if n not in inside])
@@ -98,54 +92,28 @@ def test_what_a_movement_has_of_its_own_is_no_reason_to_change_values() -> None:
 
 
 def test_a_value_that_one_place_alone_shows_keeps_that_place() -> None:
-    measured, slopes, stacked = made()
+    measured, slopes, _ = made()
     slopes["level"][:, :5] = 0.0
-    found = leave_out_places(
-        measured,
-        np.zeros_like(measured),
-        slopes,
-        places=PLACES,
-        variance=np.ones_like(measured),
-        covariance=np.eye(3),
-    )
+    found = left_out(measured, np.zeros_like(measured), slopes)
     assert found.predicted.tolist() == [True] * 5 + [False]
     np.testing.assert_array_equal(found.forces[:, 5], 0.0)
 
 
 def test_missing_bins_say_nothing() -> None:
-    measured, slopes, stacked = made()
+    measured, slopes, _ = made()
     measured[1, 2] = np.nan
-    found = leave_out_places(
-        measured,
-        np.zeros_like(measured),
-        slopes,
-        places=PLACES,
-        variance=np.ones_like(measured),
-        covariance=np.eye(3),
-    )
-    assert np.isfinite(found.forces).all()
+    assert np.isfinite(left_out(measured, np.zeros_like(measured), slopes).forces).all()
 
 
 def test_channels_and_values_that_say_nothing_change_nothing() -> None:
     measured, slopes, _ = made()
     forces, variance = np.zeros_like(measured), np.ones_like(measured)
-    plain = leave_out_places(
-        measured[:1],
-        forces[:1],
-        {key: item[:1] for key, item in slopes.items()},
-        places=PLACES,
-        variance=variance[:1],
-        covariance=np.eye(3),
-    )
+    one = {key: item[:1] for key, item in slopes.items()}
+    plain = left_out(measured[:1], forces[:1], one, variance=variance[:1])
     variance[1] = np.nan  # a channel that was not fitted
     slopes["clutch"] = np.zeros_like(measured)  # a value on which nothing here depends
-    found = leave_out_places(
-        measured, forces, slopes, places=PLACES, variance=variance, covariance=np.eye(4)
-    )
+    found = left_out(measured, forces, slopes, variance=variance)
     assert found.predicted.all()
     np.testing.assert_allclose(found.forces[0], plain.forces[0], rtol=1e-12)
-    none = {"clutch": slopes["clutch"]}
-    found = leave_out_places(
-        measured, forces, none, places=PLACES, variance=variance, covariance=np.eye(1)
-    )
-    assert not found.predicted.any()
+    none = left_out(measured, forces, {"clutch": slopes["clutch"]}, variance=variance)
+    assert not none.predicted.any()

@@ -16,15 +16,13 @@ from turnout.study.study import Study
 from turnout.study.sweep.stored_study import study_data, study_from_data
 
 DEFAULT = "uic60-760-1-15"
+OVER_TRAVEL, INERTIA = "drive.1.over_travel_closed", "rail.lateral_inertia_scale"
+RETURN = "movement.return.start"
+APART = {"rail.straight.stress_free": 0.4, "rail.curved.stress_free": 0.6}
 
 
 def drawn(study: Study, name: str, count: int = 200) -> np.ndarray:
     return np.array([float(study.design.drawn_values(n)[name]) for n in range(count)])
-
-
-def bounds(study: Study, name: str) -> tuple[float, float]:
-    law = next(item.law for item in study.design.drawn if item.name == name)
-    return law.bounds  # type: ignore[union-attr]
 
 
 def test_the_panel_of_the_study_keeps_it_as_it_is() -> None:
@@ -33,24 +31,30 @@ def test_the_panel_of_the_study_keeps_it_as_it_is() -> None:
     assert given.digest == own.digest
 
 
-def test_the_over_travel_scatters_about_that_of_the_panel() -> None:
-    panel = load_panel(DEFAULT, overrides={"drive.1.over_travel_closed": "5.5 mm"})
-    study = reference_study(panel)
-    assert bounds(study, "drive.1.over_travel_closed") == pytest.approx((4.5e-3, 6.5e-3))
-    assert bounds(study, "drive.2.over_travel_closed") == pytest.approx((2.8e-3, 4.8e-3))
-    clamp = reference_study(load_panel("60e1-300-1-9-clamp-lock"))
-    assert bounds(clamp, "drive.1.over_travel_closed") == pytest.approx((0.0, 1.5e-3))
+@pytest.mark.parametrize(
+    ("panel", "changes", "name", "expected"),
+    [
+        (DEFAULT, {OVER_TRAVEL: "5.5 mm"}, OVER_TRAVEL, (4.5e-3, 6.5e-3)),
+        (DEFAULT, {}, "drive.2.over_travel_closed", (2.8e-3, 4.8e-3)),
+        ("60e1-300-1-9-clamp-lock", {}, OVER_TRAVEL, (0.0, 1.5e-3)),
+        (DEFAULT, APART, "rail.straight.stress_free", (0.38, 0.42)),
+        (DEFAULT, {INERTIA: 1.08}, INERTIA, (0.9 * 1.08, 1.1 * 1.08)),
+        # A last movement of another name keeps its start.
+        ("60e1-300-1-9", {RETURN: "5 s"}, RETURN, (4.98, 5.02)),
+    ],
+)
+def test_inputs_scatter_about_the_values_of_the_panel(
+    panel: str, changes: dict[str, object], name: str, expected: tuple[float, float]
+) -> None:
+    study = reference_study(load_panel(panel, overrides=changes))
+    law = next(item.law for item in study.design.drawn if item.name == name)
+    assert law.bounds == pytest.approx(expected)  # type: ignore[union-attr]
 
 
-def test_stress_free_position_and_inertia_lie_about_those_of_the_panel() -> None:
-    changed = {"rail.straight.stress_free": 0.4, "rail.curved.stress_free": 0.6}
-    study = reference_study(
-        load_panel(DEFAULT, overrides={**changed, "rail.lateral_inertia_scale": 1.08})
-    )
-    assert bounds(study, "rail.straight.stress_free") == pytest.approx((0.38, 0.42))
+def test_the_stress_free_positions_of_both_rails_are_one() -> None:
+    study = reference_study(load_panel(DEFAULT, overrides=APART))
     both = drawn(study, "rail.straight.stress_free") + drawn(study, "rail.curved.stress_free")
-    np.testing.assert_allclose(both, 1.0, atol=2e-3)  # still one position
-    assert bounds(study, "rail.lateral_inertia_scale") == pytest.approx((0.9 * 1.08, 1.1 * 1.08))
+    np.testing.assert_allclose(both, 1.0, atol=2e-3)
 
 
 def with_third_drive() -> LoadedPanel:
@@ -87,11 +91,6 @@ def test_a_further_drive_leaves_the_states_of_the_others() -> None:
     base, more = reference_study(count=3), reference_study(with_third_drive(), count=3)
     before, after = (item.design.drawn_values(2) for item in (base, more))
     assert all(after[name] == pytest.approx(before[name], rel=1e-12) for name in before)
-
-
-def test_a_last_movement_of_another_name_keeps_its_start() -> None:
-    panel = load_panel("60e1-300-1-9", overrides={"movement.return.start": "5 s"})
-    assert bounds(reference_study(panel), "movement.return.start") == pytest.approx((4.98, 5.02))
 
 
 def test_a_fit_of_nothing_does_not_vary_and_that_is_said() -> None:

@@ -2,15 +2,13 @@
 
 import errno
 import math
-import os
-import subprocess
-import sys
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 from numba.core.caching import IndexDataCacheFile
+from tests.faults.terminal import run_code
 
 from turnout.kernels.arguments import ARRAY, NUMBER, add_argument
 from turnout.kernels.compiled import CACHE_VARIABLE, Kernel, compiled
@@ -153,20 +151,18 @@ def test_another_processor_choice_or_kind_has_a_file_of_its_own(
         machine_digest.cache_clear()
 
 
-def test_a_folder_that_cannot_be_written_stops_nothing(
-    double: Kernel, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+@pytest.mark.parametrize("disk", ["missing", "full"])
+def test_a_file_that_cannot_be_written_stops_nothing(
+    double: Kernel, disk: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "missing"))
-    assert double(3.0) == 6.0
-    assert not again(double).is_kept()
-
-
-def test_a_full_disk_stops_nothing(double: Kernel, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(*_: object, **__: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(IndexDataCacheFile, "save", full)
-    monkeypatch.setattr("turnout.kernels.machine_code.write_atomic", full)
+    if disk == "missing":
+        monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "missing"))
+    else:
+        monkeypatch.setattr(IndexDataCacheFile, "save", full)
+        monkeypatch.setattr("turnout.kernels.machine_code.write_atomic", full)
     assert double(3.0) == 6.0
     assert not again(double).is_kept()
 
@@ -199,12 +195,5 @@ print("numba" in sys.modules)
 
 
 def test_a_throw_with_kernels_at_hand_loads_no_compiler() -> None:
-    for _ in range(2):  # the first may have to compile
-        done = subprocess.run(
-            [sys.executable, "-c", THROW], capture_output=True, text=True, check=False,
-            env=os.environ | {"PYTHONPATH": ":".join(sys.path)},
-        )  # fmt: skip
-        assert done.returncode == 0, done.stderr
-        if done.stdout.strip() == "False":
-            return
-    pytest.fail("the compiler was loaded")
+    # The first may have to compile.
+    assert "False" in [run_code(THROW).strip() for _ in range(2)]

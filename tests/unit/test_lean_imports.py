@@ -2,10 +2,10 @@
 
 import json
 import os
-import subprocess
 import sys
 
 import pytest
+from tests.faults.terminal import run_code
 
 from turnout.core.lean_imports import (
     import_scipy,
@@ -52,15 +52,13 @@ print(json.dumps(found))
 """
 
 
-def test_unused_parts_are_left_out_and_there_when_they_are_used() -> None:
+def test_unused_parts_are_left_out_and_there_when_they_are_used(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """Linear algebra starts no threads, pydantic looks for no plugins, masked arrays come late."""
-    left = ("NUM_THREADS", "PYDANTIC_DISABLE_PLUGINS")
-    environment = {k: v for k, v in os.environ.items() if not any(name in k for name in left)}
-    done = subprocess.run(
-        [sys.executable, "-c", LEAN], capture_output=True, text=True, env=environment, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    found = json.loads(done.stdout)
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "PYDANTIC_DISABLE_PLUGINS"):
+        monkeypatch.delenv(name, raising=False)
+    found = json.loads(run_code(LEAN))
     assert found.pop("threads") in ([1], []), "without OpenBLAS there are none to see"
     assert found == {
         "plugins": [0, "__all__"],
@@ -82,14 +80,13 @@ def test_what_a_user_chose_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("OMP_NUM_THREADS", "2")
     with without_blas_threads():
         assert "OPENBLAS_NUM_THREADS" not in os.environ
-    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "2")
-    monkeypatch.setenv("PYDANTIC_DISABLE_PLUGINS", "logfire-plugin")
+    chosen = {"OPENBLAS_NUM_THREADS": "2", "PYDANTIC_DISABLE_PLUGINS": "logfire-plugin"}
+    for name, value in chosen.items():
+        monkeypatch.setenv(name, value)
     for context in (without_blas_threads, without_plugins):
         with context():
-            assert os.environ["OPENBLAS_NUM_THREADS"] == "2"
-            assert os.environ["PYDANTIC_DISABLE_PLUGINS"] == "logfire-plugin"
-    assert os.environ["OPENBLAS_NUM_THREADS"] == "2"
-    assert os.environ["PYDANTIC_DISABLE_PLUGINS"] == "logfire-plugin"
+            assert chosen.items() <= os.environ.items()
+        assert chosen.items() <= os.environ.items()
 
 
 def threads_of_blas() -> set[int]:
@@ -136,8 +133,4 @@ print("scipy.stats" in sys.modules)
 
 def test_steps_sweeps_calibration_and_detector_start_without_what_opens_results() -> None:
     # Which takes 0.3 s before the first worker of a sweep begins, and distributions of SciPy 0.4 s.
-    done = subprocess.run(
-        [sys.executable, "-c", STARTS], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.split() == ["False"] * 4
+    assert run_code(STARTS).split() == ["False"] * 4

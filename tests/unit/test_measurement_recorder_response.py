@@ -7,6 +7,7 @@ from scipy.signal import bessel, butter, lsim
 from turnout.core.errors import MeasurementError
 from turnout.core.toml import parse_toml
 from turnout.measurement.chain.apply import map_hash, parse_channel_map
+from turnout.measurement.chain.channel_map import ChannelMap
 from turnout.measurement.chain.recorder_response import (
     LowPass,
     RecorderResponse,
@@ -16,7 +17,6 @@ from turnout.measurement.chain.recorder_response import (
 )
 
 TIME = np.arange(4000) * 1e-3
-CLAMP = '[drive_current.1]\ncolumn = "C"\nkind = "scaled"\n'
 MAP = '[drive_force.1]\ncolumn = "Rod 1"\nkind = "scaled"\n'
 
 
@@ -107,22 +107,28 @@ def test_lines_between_samples_are_those_of_all_phases() -> None:
     )
 
 
+def mapped(text: str) -> ChannelMap:
+    return parse_channel_map(parse_toml(text + MAP, source="map"))
+
+
 def test_what_the_map_states_is_what_a_dataset_says() -> None:
-    text = (
+    whole = mapped(
         'recorded_average = "20 ms"\nrecorded_rate = "25 Hz"\n'
         'recorded_filter = { kind = "rc", corner = "6 Hz" }\n'
     )
-    stated = parse_channel_map(parse_toml(text + MAP, source="map")).recorder_response()
+    stated = whole.recorder_response()
     assert stated == RecorderResponse(
         low_pass=LowPass(kind="rc", order=1, corner=6.0), average=0.02, rate=25.0
     )
     assert recorder_response_of(stated.attributes()) == stated
     assert "an RC low-pass of order 1 at 6 Hz" in stated.text
-    plain = parse_channel_map(parse_toml(MAP, source="map"))
+    plain = mapped("")
     assert not plain.recorder_response()
     assert plain.recorder_response().attributes() == {}
     # Campaigns that state nothing are not read again.
-    assert map_hash(plain) != map_hash(parse_channel_map(parse_toml(text + MAP, source="map")))
+    assert map_hash(plain) != map_hash(whole)
+    # Samples as close as these change nothing.
+    assert not mapped('recorded_rate = "1 kHz"\n').recorder_response()
 
 
 @pytest.mark.parametrize(
@@ -142,29 +148,16 @@ def test_what_the_map_states_is_what_a_dataset_says() -> None:
         ("clock_uncertainty = 2", "a share: 0.02 for 2 %"),
         ('clock_uncertainty = "10 ppm"', "1e-5 for 10 ppm"),
         ("gain_uncertainty = 0.01", "into the table of a channel"),
-    ],
-)
-def test_what_no_recorder_does_is_refused_by_name(line: str, match: str) -> None:
-    with pytest.raises(MeasurementError, match=match):
-        parse_channel_map(parse_toml(f"{line}\n{MAP}", source="map"))
-
-
-@pytest.mark.parametrize(
-    ("line", "match"),
-    [
-        ('recorded_average = "0.1 s"', "above the first table"),
-        ("gain_uncertainty = 2", "a share: 0.02 for 2 %"),
+        # In the wrong table it says where it belongs.
+        (f'{MAP}recorded_average = "0.1 s"', "above the first table"),
+        (f"{MAP}gain_uncertainty = 2", "a share: 0.02 for 2 %"),
         (
             '[drive_current.1]\ncolumn = "C"\nkind = "scaled"\ngain_uncertainty = 0.1',
             "force channels",
         ),
     ],
 )
-def test_a_key_in_the_wrong_table_says_where_it_belongs(line: str, match: str) -> None:
+def test_what_no_recorder_does_is_refused_by_name(line: str, match: str) -> None:
+    rest = "" if line.startswith(MAP) else MAP
     with pytest.raises(MeasurementError, match=match):
-        parse_channel_map(parse_toml(f"{MAP}{line}\n", source="map"))
-
-
-def test_samples_that_change_nothing_are_no_response() -> None:
-    text = 'recorded_rate = "1 kHz"\n'
-    assert not parse_channel_map(parse_toml(text + MAP, source="map")).recorder_response()
+        parse_channel_map(parse_toml(f"{line}\n{rest}", source="map"))

@@ -52,15 +52,21 @@ def test_a_csv_sheet_is_read(tmp_path: Path) -> None:
     assert sheet.runs[3].where == "line 8"
 
 
-@pytest.mark.parametrize("separator", [";", "\t"])
-def test_other_separators_and_decimal_commas_are_read(separator: str, tmp_path: Path) -> None:
-    text = "file|direction|size (mm)|place\na.csv|closing|13,5|sleeper 1\n".replace("|", separator)
-    assert sheet_of(text, tmp_path).runs[0].size == 0.0135
-
-
-def test_sizes_may_carry_their_own_unit(tmp_path: Path) -> None:
-    text = "file,direction,size,place\na.csv,closing,1.3 cm,sleeper 1\n"
-    assert sheet_of(text, tmp_path).runs[0].size == 0.013
+@pytest.mark.parametrize(
+    ("text", "size"),
+    [
+        ("file;direction;size (mm);place\na.csv;closing;13,5;sleeper 1\n", 0.0135),
+        ("file\tdirection\tsize (mm)\tplace\na.csv\tclosing\t13,5\tsleeper 1\n", 0.0135),
+        ("file,direction,size,place\na.csv,closing,1.3 cm,sleeper 1\n", 0.013),
+    ],
+    ids=["semicolon", "tab", "own unit"],
+)
+def test_other_separators_decimal_commas_and_units_are_read(
+    text: str, size: float, tmp_path: Path
+) -> None:
+    sheet = sheet_of(text, tmp_path)
+    assert sheet.runs[0].size == size
+    assert sheet.title == tmp_path.name, "where none is given"
 
 
 def test_a_toml_sheet_is_read(tmp_path: Path) -> None:
@@ -69,11 +75,6 @@ def test_a_toml_sheet_is_read(tmp_path: Path) -> None:
     assert [run.name for run in sheet.runs] == ["a", "a#2"]
     assert [run.load_cell for run in sheet.runs] == [False, False]
     assert sheet.runs[0].place == "x = 3.6 m"
-
-
-def test_a_title_is_the_folder_where_none_is_given(tmp_path: Path) -> None:
-    text = "file,direction,size [mm],place\na.csv,closing,13,sleeper 1\n"
-    assert sheet_of(text, tmp_path).title == tmp_path.name
 
 
 @pytest.mark.parametrize(
@@ -119,17 +120,18 @@ def test_a_mistake_is_named(old: str, new: str, words: str, tmp_path: Path) -> N
     assert "runs.csv" in str(caught.value)
 
 
-def test_all_mistakes_come_at_once(tmp_path: Path) -> None:
-    text = CSV.replace("closing,10", "closing,ten").replace("opening,31", "up,31")
+@pytest.mark.parametrize(
+    ("text", "count"),
+    [
+        (CSV.replace("closing,10", "closing,ten").replace("opening,31", "up,31"), 2),
+        (CSV.replace("sleeper 6", "sleper 6"), 1),
+    ],
+    ids=["size and direction", "place"],
+)
+def test_all_mistakes_come_at_once(text: str, count: int, tmp_path: Path) -> None:
     with pytest.raises(MeasurementError) as caught:
         sheet_of(text, tmp_path)
-    assert len(caught.value.problems) == 2
-
-
-def test_a_place_that_is_none_is_one_mistake(tmp_path: Path) -> None:
-    with pytest.raises(MeasurementError) as caught:
-        sheet_of(CSV.replace("sleeper 6", "sleper 6"), tmp_path)
-    assert len(caught.value.problems) == 1
+    assert len(caught.value.problems) == count
 
 
 def test_unknown_headings_of_toml_are_named(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from tests.unit.simulated import sb2_dataset
 
 from turnout.core.errors import ResponseError
 from turnout.core.moving_average import moving_average
-from turnout.metric.features import FEATURES, _medians, features, movement_features
+from turnout.metric.features import FEATURES, features, movement_features
 
 TIME = np.arange(0.0, 3.0, 1e-3)
 # Friction of 300 N from 0.2 s on, from 1.5 s on a rise of 2 kN/s to 1500 N, held until the end.
@@ -157,14 +157,6 @@ def test_a_wound_clutch_that_turns_the_motor_back_is_no_motion() -> None:
     )
 
 
-@pytest.mark.parametrize("count", [1, 2, 7, 8, 265])
-def test_medians_are_those_of_numpy(count: int) -> None:
-    values = np.random.default_rng(count).normal(size=(4, count))
-    np.testing.assert_array_equal(_medians(values), np.median(values, axis=1))
-    values[1, count // 2] = np.nan
-    np.testing.assert_array_equal(_medians(values), np.median(values, axis=1))
-
-
 @pytest.mark.parametrize("count", [3, 9, 1063])
 def test_work_is_that_of_the_trapezoidal_rule(count: int) -> None:
     effort, travel = np.random.default_rng(count).normal(size=(2, 3, count))
@@ -203,16 +195,17 @@ def test_instants_are_those_of_a_plain_search(missing: bool, count: int) -> None
         if not np.isfinite(row).any():
             assert all(np.isnan(value) for value in found.values())
             continue
-        expected = _plainly(time, row, path, found["plateau_force"])
+        expected = plainly(time, row, path)
         assert {name: found[name] for name in expected} == pytest.approx(expected, nan_ok=True)
 
 
-def _plainly(
-    time: np.ndarray, effort: np.ndarray, travel: np.ndarray, plateau: float
-) -> dict[str, float]:
+def plainly(time: np.ndarray, effort: np.ndarray, travel: np.ndarray) -> dict[str, float]:
     known = [n for n in range(time.size) if np.isfinite(effort[n])]
     at = max(known, key=lambda n: effort[n])
     moving = [n for n in range(time.size) if abs(travel[n] - travel[-1]) > 1e-9]
+    duration = time[min(moving[-1] + 1, time.size - 1)] if moving else 0.0
+    middle = effort[(time >= 0.25 * duration) & (time < 0.75 * duration)]
+    plateau = np.median(middle) if middle.size else np.nan
     slips = [n for n in range(time.size) if effort[n] >= 300.0]
     smooth = moving_average(effort, rate=100.0)
     top = int(np.argmax(smooth))
@@ -228,6 +221,7 @@ def _plainly(
         "buildup_slope": slope,
         "peak_force": effort[at],
         "peak_time": time[at],
-        "duration": time[min(moving[-1] + 1, time.size - 1)] if moving else 0.0,
+        "plateau_force": plateau,
+        "duration": duration,
         "slip_time": time[slips[0]] if slips else np.nan,
     }

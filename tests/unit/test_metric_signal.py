@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 from tests.unit.simulated import sb2_dataset
 
-from turnout.metric.channel_features import filtered, final_value, first_time
+from turnout.metric.channel_features import filtered, first_time
 from turnout.metric.slip import margins, movements, slips
 from turnout.metric.summary import LEAST_SCALE, numerical_share, residual_share
 
@@ -58,33 +58,29 @@ def test_first_time_of_what_never_happens_is_nan() -> None:
     assert np.isnan(float(first_time(flag[:0])))
 
 
-def test_the_last_value() -> None:
-    force = xr.DataArray([1.0, -5.0, 2.0], {"time": [0.0, 1.0, 2.0]}, "time")
-    assert float(final_value(force)) == 2.0
-
-
 def test_movements_come_from_the_attributes() -> None:
     assert [span.to for span in movements(hand_made())] == ["open", "closed"]
     assert movements(xr.Dataset()) == ()
 
 
-def test_no_one_slips() -> None:
-    assert slips(hand_made()) == []
-
-
-def test_a_slip_is_placed_in_its_movement() -> None:
-    found = slips(hand_made((2.0, 2.5), (3.0, 3.5), (7.5, 9.0)))
-    assert [(s.drive, s.time) for s in found] == [
-        ("2", pytest.approx(2.0)),
-        ("2", pytest.approx(7.5)),
+@pytest.mark.parametrize(
+    ("periods", "expected"),
+    [
+        ([], []),
+        ([(2.0, 2.5), (3.0, 3.5), (7.5, 9.0)], [(2.0, "open"), (7.5, "closed")]),
+        # A drive rests at its saturation force until the return relieves it.
+        ([(2.0, 5.4)], [(2.0, "open")]),
+    ],
+    ids=["none", "in each movement", "held into the next"],
+)
+def test_a_slip_counts_once_and_in_its_movement(
+    periods: list[tuple[float, float]], expected: list[tuple[float, str]]
+) -> None:
+    found = slips(hand_made(*periods))
+    assert [(s.time, s.movement.to) for s in found if s.movement] == [
+        (pytest.approx(time), to) for time, to in expected
     ]
-    assert [s.movement.to for s in found if s.movement] == ["open", "closed"]
-
-
-def test_a_slip_held_into_the_next_movement_is_not_counted_again() -> None:
-    """A drive rests at its saturation force until the return relieves it."""
-    found = slips(hand_made((2.0, 5.4)))
-    assert [s.time for s in found] == [pytest.approx(2.0)]
+    assert [s.drive for s in found] == ["2"] * len(expected)
 
 
 def test_without_movements_the_first_slip_counts() -> None:

@@ -1,5 +1,7 @@
 """The words after a run, checked against the dataset that they are about."""
 
+from collections.abc import Callable
+
 import pytest
 import xarray as xr
 from tests.unit.simulated import sb1_dataset, sb1_panel, sb2_dataset
@@ -20,6 +22,8 @@ def test_the_end_state_is_reported() -> None:
         force = float(end["drive_force"].sel(drive=name)) / 1e3
         gap = float(end["drive_gap"].sel(drive=name)) * 1e3
         assert f"end force {force:.2f} kN; raw end gap {gap:.2f} mm" in text
+    stretch = float(end["drive_force"].sel(drive="2")) / 810.0
+    assert f"(bushing stretch {stretch:.2f} mm)" in text
     assert f"first touched at t = {float(dataset['contact_time']):.3f} s" in text
     assert "locked: yes" in text
     assert "TKK1 yes" in text
@@ -27,12 +31,6 @@ def test_the_end_state_is_reported() -> None:
     assert "13 mm at sleeper 6 (x = 3.6 m), rail A" in text
     assert "TOO NARROW: at least 58 mm required" in text
     assert "cut-off 300 Hz" in text
-
-
-def test_a_gap_at_a_drive_is_reported_as_bushing_stretch() -> None:
-    dataset = sb2_dataset()
-    stretch = float(dataset["drive_force"].sel(drive="2")[-1]) / 810.0
-    assert f"(bushing stretch {stretch:.2f} mm)" in text_of(dataset)
 
 
 def test_a_slipping_drive_is_reported_with_place_and_time() -> None:
@@ -58,19 +56,17 @@ def test_a_slip_says_whether_an_object_was_touched_before() -> None:
     assert "in the opening movement, after an object was touched" in text_of(dataset)
 
 
-def test_an_incomplete_run_says_so_first() -> None:
-    assert "NOT COMPLETE: interrupted at t = " in text_of(interrupted())
-
-
-def test_no_object_and_overrides() -> None:
-    text = text_of(sb1_dataset())
-    assert "object: none" in text
-    assert "schedule.end = 2.5" in text
-
-
-def test_an_object_that_is_never_touched() -> None:
-    untouched = sb2_dataset().assign(object_touched=False)
-    assert "never touched" in text_of(untouched)
+@pytest.mark.parametrize(
+    ("dataset", "words"),
+    [
+        (interrupted, "NOT COMPLETE: interrupted at t = "),
+        (sb1_dataset, "object: none"),
+        (sb1_dataset, "schedule.end = 2.5"),
+        (lambda: sb2_dataset().assign(object_touched=False), "never touched"),
+    ],
+)
+def test_what_is_special_of_a_run_is_said(dataset: Callable[[], xr.Dataset], words: str) -> None:
+    assert words in text_of(dataset())
 
 
 @pytest.mark.parametrize("kept", [["drive_force"], ["gap"], ["locked"]])

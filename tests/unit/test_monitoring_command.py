@@ -88,28 +88,26 @@ def test_the_throw_of_one_machine(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "text"),
+    ("file", "words", "text"),
     [
-        (["--rate", "25 A"], "--rate '25 A'"),
-        (["--rate", "0.1 Hz"], "must be 1 to 1000 Hz"),
-        (["--together", "1,2"], "write NAME=DRIVE,DRIVE"),
-        (["--together", "a=1,7"], "drive 7 is not there"),
-        (["--current-step", "-1 A"], "must be 0 to 100 A"),
-        (["--current-step", "1e300 A"], "must be 0 to 100 A"),
+        ("machine_file", ["--rate", "25 A"], "--rate '25 A'"),
+        ("machine_file", ["--rate", "0.1 Hz"], "must be 1 to 1000 Hz"),
+        ("machine_file", ["--together", "1,2"], "write NAME=DRIVE,DRIVE"),
+        ("machine_file", ["--together", "a=1,7"], "drive 7 is not there"),
+        ("machine_file", ["--current-step", "-1 A"], "must be 0 to 100 A"),
+        ("machine_file", ["--current-step", "1e300 A"], "must be 0 to 100 A"),
+        ("run_file", [], "take a throw whose drives are machines"),
     ],
 )
-def test_bad_input(machine_file: Path, tmp_path: Path, words: list[str], text: str) -> None:
+def test_bad_input(
+    request: pytest.FixtureRequest, tmp_path: Path, file: str, words: list[str], text: str
+) -> None:
     out = tmp_path / "stored.csv"
-    code, output = call("machine", "monitor", machine_file, "--out", out, *words)
+    run = request.getfixturevalue(file)
+    code, output = call("machine", "monitor", run, "--out", out, *words)
     assert code == 2
     assert text in output
     assert not out.exists()
-
-
-def test_a_throw_of_markers(run_file: Path, tmp_path: Path) -> None:
-    code, output = call("machine", "monitor", run_file, "--out", tmp_path / "stored.csv")
-    assert code == 2
-    assert "take a throw whose drives are machines" in output
 
 
 def test_all_problems_at_once() -> None:

@@ -3,12 +3,11 @@
 import gc
 import os
 import signal
-import subprocess
-import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
+from tests.faults.terminal import run_code
 
 from turnout.core.errors import FileError
 from turnout.core.processes import (
@@ -22,14 +21,10 @@ from turnout.core.processes import (
 from turnout.study.sweep import worker as sweep_work
 from turnout.study.sweep.run import local_pool
 
-LOADED = "import sys, turnout.core.processes; print(*sorted(sys.modules))"
-
 
 def test_what_a_process_loads_first_is_light() -> None:
-    reported = subprocess.run(
-        [sys.executable, "-c", LOADED], check=True, capture_output=True, text=True
-    )
-    ours = {name for name in reported.stdout.split() if name.split(".")[0] in ("turnout", "numpy")}
+    names = run_code("import sys, turnout.core.processes; print(*sorted(sys.modules))").split()
+    ours = {name for name in names if name.split(".")[0] in ("turnout", "numpy")}
     assert ours == {"turnout", "turnout.core.lazy", "turnout.core", "turnout.core.processes"}
 
 

@@ -1,9 +1,7 @@
 """The public interface: names, stubs, what they cost to load, and results that show themselves."""
 
-import ast
 import re
-import subprocess
-import sys
+from collections.abc import Callable
 from functools import cache
 from importlib import import_module
 from itertools import pairwise
@@ -16,29 +14,17 @@ import pytest
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from tests.faults.terminal import run_code
 from tests.unit.calibrations import calibration
 from tests.unit.campaigns import copied, made
 from tests.unit.simulated import sb1_dataset, sb1_panel, sb2_dataset
-from tests.unit.sweeps import small_study, study_file
+from tests.unit.sweeps import study_file
 
 import turnout
 import turnout.figures
 from turnout.api.stub import PACKAGES, stub_path, stub_text
 
 matplotlib.use("Agg")
-NEEDED = (
-    *("simulate", "panel_names", "read_recording", "load_campaign", "build_campaign"),
-    *("calibrate", "validate", "load_study", "run_sweep", "open_sweep", "features", "figures"),
-)
-
-
-def run(script: str) -> str:
-    """Run a script in a fresh process; return what it prints."""
-    done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
 
 
 @pytest.mark.parametrize("package", PACKAGES)
@@ -52,25 +38,84 @@ def test_every_name_loads_and_is_in_the_stub(package: str) -> None:
     )
 
 
-def test_the_stub_lists_what_all_lists() -> None:
-    tree = ast.parse(stub_path("turnout").read_text(encoding="utf-8"))
-    imported = {item.asname for node in tree.body if isinstance(node, ast.ImportFrom)
-                for item in node.names}  # fmt: skip
-    assert imported == set(turnout.__all__)
-
-
-def test_the_names_that_scripts_rely_on_are_there() -> None:
-    assert set(NEEDED) <= set(turnout.__all__)
-
-
 def test_importing_loads_nothing_of_the_rest() -> None:
-    reported = run(
+    reported = run_code(
         "import sys\nbefore = set(sys.modules)\nimport turnout\n"
         "print(*sorted(n for n in set(sys.modules) - before if n.startswith('turnout')))\n"
         "print(*{'typing', 'numpy', 'xarray', 'pydantic', 'matplotlib', 'numba'}"
         " & (set(sys.modules) - before))"
     )
     assert reported.splitlines() == ["turnout turnout.core turnout.core.lazy", ""]
+
+
+def run_file(folder: Path) -> Path:
+    turnout.save_response(sb1_dataset(), folder / "run.nc")
+    return folder / "run.nc"
+
+
+def recording(folder: Path, *, smooth: object) -> xr.Dataset:
+    campaign = copied(folder)
+    file = sorted(campaign.glob("none_closing_1.*"))[0]
+    assert turnout.read_recording(file).channels
+    return turnout.import_recording(file, channels=campaign / "channels.toml", smooth=smooth)
+
+
+def load_known(folder: Path, panel: object) -> object:
+    calibration().save(folder / "known.toml")
+    return turnout.load_calibration(folder / "known.toml", panel=panel)
+
+
+BAD: dict[type[Exception], dict[str, Callable[[Path], object]]] = {
+    turnout.FileError: {
+        "smooth = 0: must be more than 0": lambda folder: recording(folder, smooth=0),
+        "run.nc: holds one run, not a campaign": lambda f: turnout.load_campaign(run_file(f)),
+        "give its panel too": lambda folder: turnout.build_campaign(folder, places=["drive 1"]),
+    },
+    turnout.MeasurementError: {
+        "(?s)sizes: '13': has no unit.*places: 'sleper 6'": lambda folder: turnout.build_campaign(
+            folder, panel=sb1_panel(), sizes=["13"], places=["sleper 6"]
+        ),
+        "takes what load_campaign": lambda _: turnout.calibrate(sb1_dataset(), sb1_panel()),
+        "takes what calibrate": lambda _: turnout.validate(small_campaign(), "known.toml"),
+    },
+    turnout.PanelError: {
+        "calibrate.*\n.*panel = 'sb1': takes a panel from load_panel": (
+            lambda _: turnout.calibrate(small_campaign(), "sb1")
+        ),
+        "build_campaign.*\n.*takes a panel from load_panel": (
+            lambda folder: turnout.build_campaign(folder, panel="sb1")
+        ),
+        "load_calibration.*\n.*takes a panel from load_panel": lambda folder: load_known(
+            folder, "sb1"
+        ),
+    },
+    turnout.ResponseError: {
+        "mode = 'quick' and a scheme exclude": (
+            lambda _: turnout.simulate(sb1_panel(), mode="quick", scheme=turnout.Scheme())
+        ),
+        "nothing to draw: the dataset has no energy": (
+            lambda _: turnout.figures.plot_energy(sb2_dataset()[["drive_force"]])
+        ),
+    },
+    turnout.SolverError: {
+        "mode = 'fast': allowed are waveform, quick": (
+            lambda _: turnout.simulate(sb1_panel(), mode="fast")
+        ),
+    },
+    turnout.StudyError: {
+        "takes a study from load_study": lambda f: turnout.run_sweep(3, out=f / "out"),
+    },
+}
+
+
+@pytest.mark.parametrize(
+    ("error", "words"), [(error, words) for error, cases in BAD.items() for words in cases]
+)
+def test_bad_input_is_refused_with_the_remedy(
+    error: type[Exception], words: str, tmp_path: Path
+) -> None:
+    with pytest.raises(error, match=words):
+        BAD[error][words](tmp_path)
 
 
 def test_an_unknown_name_is_reported_with_the_nearest() -> None:
@@ -81,24 +126,15 @@ def test_an_unknown_name_is_reported_with_the_nearest() -> None:
 # --- panels and objects
 
 
-def test_panel_names() -> None:
-    assert {"sb1", "sb2", "uic60-760-1-15"} <= set(turnout.panel_names())
-
-
-def test_a_panel_tells_its_hash_and_is_a_table() -> None:
+def test_a_panel_tells_its_hash_and_is_a_table_without_markup() -> None:
     panel = turnout.load_panel("sb1")
     shown = repr(panel)  # before anything has used the hash
     assert shown == f"LoadedPanel('sb1', hash='{panel.hash[:12]}')"
-    html = panel._repr_html_()
-    assert panel.hash[:12] in html
-    assert "<script" not in html
+    assert panel.hash[:12] in panel._repr_html_()
     assert {"drive", "with_overrides", "hash"} <= set(dir(panel))
     assert len(dir(panel)) < 50
-
-
-def test_names_cannot_become_markup() -> None:
-    panel = turnout.load_panel("sb1").with_overrides({"description": "<script>alert(1)</script>"})
-    assert "<script" not in panel._repr_html_()
+    named = panel.with_overrides({"description": "<script>alert(1)</script>"})
+    assert "<script" not in named._repr_html_()
 
 
 @pytest.mark.parametrize("size", [13, 5.0, 1.0, "13 m"])
@@ -116,16 +152,6 @@ def test_simulate_takes_a_mode() -> None:
     same = turnout.simulate(sb1_panel(), scheme=turnout.Scheme.of("quick"))
     np.testing.assert_array_equal(quick["drive_force"], same["drive_force"])
     assert sb1_dataset().attrs["mode"] == "waveform"
-
-
-def test_mode_and_scheme_exclude_each_other() -> None:
-    with pytest.raises(turnout.ResponseError, match="mode = 'quick' and a scheme exclude"):
-        turnout.simulate(sb1_panel(), mode="quick", scheme=turnout.Scheme())
-
-
-def test_an_unknown_mode_is_refused() -> None:
-    with pytest.raises(turnout.SolverError, match="mode = 'fast': allowed are waveform, quick"):
-        turnout.simulate(sb1_panel(), mode="fast")  # type: ignore[arg-type]
 
 
 def test_written_datasets_keep_to_cf(tmp_path: Path) -> None:
@@ -147,20 +173,19 @@ def test_features_are_those_of_the_accessor() -> None:
 
 
 def test_the_accessor_is_there_with_the_first_dataset(tmp_path: Path) -> None:
-    turnout.save_response(sb1_dataset(), tmp_path / "run.nc")
-    given = repr(str(tmp_path / "run.nc"))
+    given = repr(str(run_file(tmp_path)))
     text = (
         "import sys, turnout\nturnout.load_panel('sb1')\nprint('xarray' in sys.modules)\n"
         f"print(turnout.open_response({given}).turnout.summary())"
     )
-    needed, summary = run(text).split("\n", 1)
+    needed, summary = run_code(text).split("\n", 1)
     assert needed == "False", "a panel needs no xarray"
     assert summary.startswith("sb1")
     text = (
         "import xarray, turnout\n"
         f"print(xarray.open_dataset({given}, decode_times=False).turnout.verdict().kind)"
     )
-    assert run(text).strip()
+    assert run_code(text).strip()
 
 
 def test_the_accessor_sums_up_a_run() -> None:
@@ -184,13 +209,8 @@ def test_the_accessor_draws_campaigns_and_modes() -> None:
 
 
 def test_read_and_import_recording(tmp_path: Path) -> None:
-    folder = copied(tmp_path)
-    file = sorted(folder.glob("none_closing_1.*"))[0]
-    assert turnout.read_recording(file).channels
-    measured = turnout.import_recording(file, channels=folder / "channels.toml", smooth="100 ms")
+    measured = recording(tmp_path, smooth="100 ms")
     assert {"drive_force", "drive_force_unfiltered"} <= set(measured.data_vars)
-    with pytest.raises(turnout.FileError, match="smooth = 0: must be more than 0"):
-        turnout.import_recording(file, channels=folder / "channels.toml", smooth=0)
 
 
 @cache
@@ -210,20 +230,6 @@ def test_a_campaign_is_loaded_from_its_folder_and_its_file(tmp_path: Path) -> No
     assert "<script" not in html
     assert "movements" in repr(again)
     assert isinstance(again.plot(place="sleeper 6"), Figure)
-
-
-def test_one_run_is_no_campaign(tmp_path: Path) -> None:
-    turnout.save_response(sb1_dataset(), tmp_path / "run.nc")
-    with pytest.raises(turnout.FileError, match=r"run.nc: holds one run, not a campaign"):
-        turnout.load_campaign(tmp_path / "run.nc")
-
-
-def test_build_campaign_throws_a_virtual_one_only_with_its_panel(tmp_path: Path) -> None:
-    with pytest.raises(turnout.FileError, match="give its panel too"):
-        turnout.build_campaign(tmp_path, places=["drive 1"])
-    with pytest.raises(turnout.MeasurementError, match="sizes: '13': has no unit") as caught:
-        turnout.build_campaign(tmp_path, panel=sb1_panel(), sizes=["13"], places=["sleper 6"])
-    assert "places: 'sleper 6'" in str(caught.value)
 
 
 # --- calibration and validation
@@ -297,24 +303,6 @@ def test_a_calibration_is_a_small_table_without_markup() -> None:
     assert ticks == ["chair.friction_coefficient", "drive.1.stiffness"]
 
 
-def test_names_in_place_of_what_they_name_are_refused(tmp_path: Path) -> None:
-    campaign = small_campaign()
-    calibration().save(tmp_path / "known.toml")
-    with pytest.raises(turnout.PanelError, match="calibrate.*\n.*panel = 'sb1': takes a panel"):
-        turnout.calibrate(campaign, "sb1")  # type: ignore[arg-type]
-    with pytest.raises(turnout.PanelError, match="takes a panel from load_panel"):
-        turnout.build_campaign(tmp_path, panel="sb1")  # type: ignore[arg-type]
-    with pytest.raises(turnout.PanelError, match="takes a panel from load_panel"):
-        turnout.load_calibration(tmp_path / "known.toml", panel="sb1")  # type: ignore[arg-type]
-    with pytest.raises(turnout.MeasurementError, match="takes what calibrate"):
-        turnout.validate(campaign, "known.toml")  # type: ignore[arg-type]
-
-
-def test_calibrate_takes_a_campaign() -> None:
-    with pytest.raises(turnout.MeasurementError, match="takes what load_campaign"):
-        turnout.calibrate(sb1_dataset(), sb1_panel())
-
-
 # --- sweeps
 
 
@@ -336,19 +324,9 @@ def test_a_sweep_is_run_and_opened(swept: turnout.Sweep) -> None:
     assert repr(again) == "<Sweep tiny: 4 scenarios>"
     assert isinstance(again.plot_effects(), Figure)
     assert "4 scenarios" in repr(again.dataset.turnout)
-
-
-def test_files_of_a_sweep_name_their_conventions(swept: turnout.Sweep) -> None:
     for file in (swept.folder / "batches").glob("*.nc"):
         with xr.open_dataset(file, decode_times=False) as plain:
             assert plain.attrs["Conventions"] == "CF-1.11"
-
-
-def test_load_study_and_what_is_none(tmp_path: Path) -> None:
-    assert turnout.load_study("sleeper-6").count == 11
-    assert small_study(tmp_path).count == 20
-    with pytest.raises(turnout.StudyError, match="takes a study from load_study"):
-        turnout.run_sweep(3, out=tmp_path / "out")  # type: ignore[arg-type]
 
 
 # --- figures
@@ -366,11 +344,6 @@ def test_figures_on_one_pair_of_axes_take_it(name: str) -> None:
     alone = draw(sb2_dataset())
     assert isinstance(alone, Axes)
     assert alone.get_xlabel() == ax.get_xlabel() != ""
-
-
-def test_a_figure_of_what_was_not_kept_is_refused() -> None:
-    with pytest.raises(turnout.ResponseError, match="nothing to draw: the dataset has no energy"):
-        turnout.figures.plot_energy(sb2_dataset()[["drive_force"]])
 
 
 # --- documentation

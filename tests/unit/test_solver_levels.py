@@ -33,6 +33,14 @@ def assembled(run: PreparedRun) -> np.ndarray:
     return run.state.compliance[list(LEVELS)].copy()
 
 
+def given_back(place: str = "x = 3.61 m") -> np.ndarray:
+    """Assemble a run with an object at a place and give it back; return what it held."""
+    run = prepared(place)
+    held = assembled(run)
+    run.give_back()
+    return held
+
+
 @pytest.fixture(autouse=True)
 def _without_memory() -> None:
     clear_memory()
@@ -42,16 +50,12 @@ def _without_memory() -> None:
 def test_the_only_throw_of_some_rails_leaves_nothing() -> None:
     levels.clear_levels()
     clear_memory()
-    only = prepared("x = 3.61 m")
-    assembled(only)
-    only.give_back()
+    given_back()
     assert not prepared("x = 3.61 m").state.level_ready.any()
 
 
 def test_another_place_of_an_object_gives_the_bits_of_a_new_compliance() -> None:
-    first = prepared("x = 3.61 m")
-    elsewhere = assembled(first)
-    first.give_back()
+    elsewhere = given_back()
     moved = prepared("x = 2.17 m")
     assert moved.state.level_ready[list(LEVELS)].tolist() == [STALE, STALE]
     found = assembled(moved)
@@ -63,27 +67,21 @@ def test_another_place_of_an_object_gives_the_bits_of_a_new_compliance() -> None
 
 
 def test_the_same_place_needs_nothing() -> None:
-    first = prepared("x = 3.61 m")
-    before = assembled(first)
-    first.give_back()
+    before = given_back()
     again = prepared("x = 3.61 m")
     assert again.state.level_ready[list(LEVELS)].tolist() == [READY, READY]
     np.testing.assert_array_equal(assembled(again), before)
 
 
 def test_no_two_runs_share_their_memory() -> None:
-    first = prepared("x = 3.61 m")
-    assembled(first)
-    first.give_back()
+    given_back()
     second, third = prepared("x = 3.61 m"), prepared("x = 3.61 m")
     assert not np.shares_memory(second.state.compliance, third.state.compliance)
     assert not third.state.level_ready.any()
 
 
 def test_another_step_has_a_compliance_of_its_own() -> None:
-    first = prepared("x = 3.61 m")
-    assembled(first)
-    first.give_back()
+    given_back()
     other = prepared("x = 3.61 m", scheme=Scheme(step=2e-3, cutoff_frequency=100.0))
     assert not other.state.level_ready.any()
 

@@ -40,6 +40,10 @@ values = ["0 mm", "12 mm"]
 """
 
 
+def variable(name: str, values: str) -> str:
+    return f'\n[[variable]]\nkey = "object.{name}"\nvalues = {values}\n'
+
+
 def study(tmp_path: Path, more: str):
     path = tmp_path / "kinds.toml"
     path.write_text(HEAD + more, encoding="utf-8")
@@ -49,19 +53,9 @@ def study(tmp_path: Path, more: str):
 def test_an_object_has_what_belongs_to_its_kind(tmp_path: Path) -> None:
     made = study(
         tmp_path,
-        """
-[[variable]]
-key = "object.kind"
-values = ["snow", "stone"]
-
-[[variable]]
-key = "object.density"
-values = ["400 kg/m^3"]
-
-[[variable]]
-key = "object.piece"
-values = [0.25]
-""",
+        variable("kind", '["snow", "stone"]')
+        + variable("density", '["400 kg/m^3"]')
+        + variable("piece", "[0.25]"),
     )
     objects = [item.foreign_objects[0] for item in made.scenarios() if item.foreign_objects]
     assert [(item.kind, item.density, item.piece) for item in objects] == [
@@ -75,40 +69,29 @@ values = [0.25]
 
 
 def test_a_study_without_causes_has_no_labels(tmp_path: Path) -> None:
-    assert "label.cause" not in study(tmp_path, "").scenario(0).inputs
+    """And a density alone belongs to no spring, and is left out."""
+    made = study(tmp_path, variable("density", '["3 kg/m^3"]'))
+    assert made.scenario(1).foreign_objects[0].density is None
+    assert "label.cause" not in made.scenario(0).inputs
 
 
 @pytest.mark.parametrize(
     ("more", "said"),
     [
-        ('key = "object.kind"\nvalues = ["icee"]', "nearest is 'ice'"),
-        ('key = "object.density"\nvalues = ["3 kg/m^3"]', ""),
-        ('key = "object.strength"\nvalues = [3]', "no unit"),
+        (variable("kind", '["icee"]'), "nearest is 'ice'"),
+        (variable("strength", "[3]"), "no unit"),
+        (
+            variable("kind", '["stone", "snow"]') + variable("density", '["3 kg/m^3"]'),
+            "must be 50 to 900",
+        ),
     ],
+    ids=["kind", "unit", "range of the kind"],
 )
 def test_impossible_kinds_are_refused_before_any_throw(
     tmp_path: Path, more: str, said: str
 ) -> None:
-    text = f"\n[[variable]]\n{more}\n"
-    if not said:  # density alone belongs to no spring, and is left out
-        assert study(tmp_path, text).scenario(1).foreign_objects[0].density is None
-        return
     with pytest.raises(StudyError, match=said):
-        study(tmp_path, text)
-
-
-def test_a_value_out_of_the_range_of_its_kind_is_refused(tmp_path: Path) -> None:
-    text = """
-[[variable]]
-key = "object.kind"
-values = ["stone", "snow"]
-
-[[variable]]
-key = "object.density"
-values = ["3 kg/m^3"]
-"""
-    with pytest.raises(StudyError, match="must be 50 to 900"):
-        study(tmp_path, text)
+        study(tmp_path, more)
 
 
 @pytest.mark.parametrize("name", LIBRARY)

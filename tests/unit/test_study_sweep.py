@@ -1,10 +1,7 @@
 """A sweep from study to dataset: nothing lost, nothing doubled, the same bits in any order."""
 
 import json
-import os
 import shutil
-import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
+from tests.faults.terminal import run_code
 from tests.unit.sweeps import batch_names, here, small_study, variables_of
 
 from turnout.calibration.load_study import load_study
@@ -23,15 +21,17 @@ from turnout.core.scheme import Scheme
 from turnout.metric.features import FEATURES, features
 from turnout.metric.slip import Span
 from turnout.solver.outcome import Code, Outcome
+from turnout.study.scenario import Output
 from turnout.study.study import Study
 from turnout.study.sweep import folder as sweep_folder
 from turnout.study.sweep import row as sweep_row
 from turnout.study.sweep.batch import batch_variables, throw_batch
 from turnout.study.sweep.batch_bytes import file_bytes
 from turnout.study.sweep.batch_index import label_arrays, read_index
-from turnout.study.sweep.folder import check_folder, lock_folder
+from turnout.study.sweep.folder import lock_folder
 from turnout.study.sweep.labels import object_labels
 from turnout.study.sweep.read import open_batches, read_labels
+from turnout.study.sweep.row import ScenarioRow
 from turnout.study.sweep.run import SweepProgress, throw_study
 from turnout.throw.simulate import PlannedThrow, Solved, simulate, solve_planned
 
@@ -115,7 +115,7 @@ def test_any_part_is_that_of_the_whole(whole: Path) -> None:
     xr.testing.assert_identical(read_labels(whole), loaded.drop_dims("time"))
 
 
-def test_what_is_missing_is_thrown_and_comes_to_the_same_bits(
+def test_what_is_missing_is_said_and_thrown_and_comes_to_the_same_bits(
     study: Study, whole: Path, tmp_path: Path
 ) -> None:
     reported: list[SweepProgress] = []
@@ -123,11 +123,16 @@ def test_what_is_missing_is_thrown_and_comes_to_the_same_bits(
     names = batch_names(whole)
     assert len(names) == 3
     (tmp_path / "s" / "batches" / names[1]).unlink()
+    there = [*range(8), *range(16, 20)]
+    part, full = open_batches(tmp_path / "s"), open_batches(whole)
+    assert (full.attrs["missing"], part.attrs["missing"]) == (0, 8)
+    assert part["scenario"].values.tolist() == there
+    kept = full.isel(scenario=there).drop_attrs(deep=False).load()
+    xr.testing.assert_identical(part.drop_attrs(deep=False).load(), kept)
     torn = tmp_path / "s" / "batches" / names[2]
     torn.write_bytes(torn.read_bytes()[:-200])
     half = tmp_path / "s" / "batches" / f".{names[1][:-3]}.ab_cd123.nc"
     half.write_bytes(b"half")
-    assert open_batches(whole).attrs["missing"] == 0
     again = throw_study(study, tmp_path / "s", pool=here, report=reported.append)
     assert again.thrown == 12
     assert again.damaged == (tmp_path / "s" / "damaged" / names[2],)
@@ -138,31 +143,24 @@ def test_what_is_missing_is_thrown_and_comes_to_the_same_bits(
     assert throw_study(study, tmp_path / "s", pool=here).thrown == 0
 
 
-def test_a_sweep_that_is_not_whole_says_what_is_missing(whole: Path, tmp_path: Path) -> None:
-    shutil.copytree(whole, tmp_path / "s")
-    (tmp_path / "s" / "batches" / batch_names(tmp_path / "s")[0]).unlink()
-    dataset = open_batches(tmp_path / "s")
-    assert dataset.attrs["missing"] == 8
-    assert dataset["scenario"].values.tolist() == list(range(8, 20))
-    full = open_batches(whole).isel(scenario=slice(8, None)).drop_attrs(deep=False)
-    xr.testing.assert_identical(dataset.drop_attrs(deep=False).load(), full.load())
-
-
-def test_another_study_is_refused_and_nothing_is_touched(whole: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("count", "panel", "words"),
+    [
+        (21, "sb1", r"holds the sweep 'tiny' \(20 scenarios.*another folder"),
+        (20, "other", r"of panel sb1 \(20 scen.*, not 'tiny' of panel other \(20 scen"),
+        (20, "sb1", r"\), which has other values; name another folder"),
+    ],
+    ids=["count", "panel", "values"],
+)
+def test_another_study_is_refused_and_nothing_is_touched(
+    study: Study, whole: Path, tmp_path: Path, count: int, panel: str, words: str
+) -> None:
     before = {p: p.stat().st_mtime_ns for p in whole.rglob("*")}
-    other = small_study(tmp_path, count=21)
-    with pytest.raises(FileError, match=r"holds the sweep 'tiny' \(20 scenarios.*another folder"):
+    named = study.panel.model_copy(update={"name": panel})
+    other = replace(small_study(tmp_path, count=count), panel=named, seed=study.seed + 1)
+    with pytest.raises(FileError, match=words):
         throw_study(other, whole, pool=here)
     assert {p: p.stat().st_mtime_ns for p in whole.rglob("*")} == before
-
-
-def test_a_refused_study_of_the_same_name_says_what_differs(study: Study, whole: Path) -> None:
-    panel = study.panel.model_copy(update={"name": "other"})
-    words = rf"of panel {study.panel.name} \(20 scen.*, not 'tiny' of panel other \(20 scen"
-    with pytest.raises(FileError, match=words):
-        check_folder(whole, replace(study, panel=panel, seed=study.seed + 1))
-    with pytest.raises(FileError, match=r"\), which has other values; name another folder"):
-        check_folder(whole, replace(study, seed=study.seed + 1))
 
 
 def test_another_version_is_refused(
@@ -175,15 +173,6 @@ def test_another_version_is_refused(
     known.pop("checksum")
     (tmp_path / "sweep.json").write_text(sealed_json(known | {"store_version": 99}))
     with pytest.raises(FileError, match="stored in form 99, this turnout has form 2"):
-        open_batches(tmp_path)
-
-
-def test_a_folder_with_something_else_is_refused(study: Study, tmp_path: Path) -> None:
-    (tmp_path / "mine.txt").write_text("mine")
-    with pytest.raises(FileError, match="is not empty and holds no sweep"):
-        throw_study(study, tmp_path, pool=here)
-    assert [p.name for p in tmp_path.iterdir()] == ["mine.txt"]
-    with pytest.raises(FileError, match="holds no sweep"):
         open_batches(tmp_path)
 
 
@@ -262,7 +251,7 @@ def test_long_throws_are_thrown_a_few_at_a_time(study: Study) -> None:
 def test_throws_with_the_same_rails_are_planned_together(
     study: Study, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Others a few at a time; those that cannot be thrown have no rails."""
+    """Others a few at a time; those that cannot be thrown have no rails, and say why."""
     order: list[str] = []
     for name in ("plan_scenario", "throw_scenario"):
         made = getattr(sweep_row, name)
@@ -274,29 +263,32 @@ def test_throws_with_the_same_rails_are_planned_together(
         monkeypatch.setattr(sweep_row, name, noted)
     monkeypatch.setattr(sweep_row, "APART_AT_ONCE", 2)
 
-    def throw(key: str, values: list[float]) -> list[str]:
+    def throw(key: str, values: list[float]) -> list[ScenarioRow]:
         order.clear()
         scenarios = [replace(study.scenario(0), overrides={key: value}) for value in values]
-        sweep_row.throw_scenarios(study, scenarios)
-        return order
+        return sweep_row.throw_scenarios(study, scenarios)
 
-    alike = throw("chair.friction_coefficient", [0.2, 0.21, -1.0, 0.22])
-    assert alike == ["plan"] * 4 + ["throw"] * 4
-    others = throw("chair.damping", [1e3, 2e3, 3e3])
-    assert others == ["plan"] * 2 + ["throw"] * 2 + ["plan", "throw"]
-
-
-def test_a_scenario_that_cannot_be_says_why(study: Study) -> None:
-    scenario = replace(study.scenario(0), overrides={"chair.friction_coefficient": -1.0})
-    (row,) = sweep_row.throw_scenarios(study, [scenario])
-    assert row.outcome == "invalid"
-    assert "friction_coefficient" in row.reason
+    rows = throw("chair.friction_coefficient", [0.2, 0.21, -1.0, 0.22])
+    assert order == ["plan"] * 4 + ["throw"] * 4
+    assert [row.outcome for row in rows] == ["complete", "complete", "invalid", "complete"]
+    assert "friction_coefficient" in rows[2].reason
+    throw("chair.damping", [1e3, 2e3, 3e3])
+    assert order == ["plan"] * 2 + ["throw"] * 2 + ["plan", "throw"]
 
 
-def test_a_rate_that_does_not_fit_the_solver_is_refused(study: Study, tmp_path: Path) -> None:
-    wrong = replace(study, output=replace(study.output, rate=300.0))
-    with pytest.raises(FileError, match="300 Hz.*divides 1000 Hz"):
-        throw_study(wrong, tmp_path / "s", pool=here)
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"output": replace(Output(), rate=300.0)}, "300 Hz.*divides 1000 Hz"),
+        ({"rule": object()}, "study 'tiny': cannot be stored"),
+    ],
+    ids=["rate between the steps", "rule of no file"],
+)
+def test_a_wrong_study_is_refused_before_anything_is_made(
+    study: Study, tmp_path: Path, changed: dict[str, Any], words: str
+) -> None:
+    with pytest.raises(FileError, match=words):
+        throw_study(replace(study, **changed), tmp_path / "s", pool=here)
     assert not (tmp_path / "s").exists()
 
 
@@ -401,8 +393,4 @@ print(len(file_bytes(batch_variables(study, throw_batch(study, [[0]])))) > 1000)
 unwanted = "xarray", "pandas", "dask", "scipy.stats", "scipy.special", "scipy.interpolate"
 print(*[name for name in unwanted if name in sys.modules])
 """
-    path = ":".join(sys.path)
-    command = [sys.executable, "-c", script]
-    env = os.environ | {"PYTHONPATH": path}
-    run = subprocess.run(command, capture_output=True, text=True, check=True, env=env)
-    assert run.stdout.splitlines() == ["True", ""]
+    assert run_code(script).splitlines() == ["True", ""]

@@ -2,13 +2,14 @@
 
 import csv
 import io
+import re
 
 import numpy as np
 import pytest
 import xarray as xr
 
 from turnout.calibration.validation.acceptance import judge
-from turnout.calibration.validation.power import TIMES, _milliseconds, _size
+from turnout.calibration.validation.power import TIMES, _size
 from turnout.calibration.validation.scatter import Direction, scatter_of
 from turnout.calibration.validation.verdict_text import acceptance_lines, page_text, table_text
 from turnout.core.errors import ResponseError
@@ -103,23 +104,21 @@ def test_a_good_prediction_is_accepted() -> None:
     assert "drive 1" in acceptance_lines(verdict)[1]
 
 
-def test_an_error_beyond_three_spreads_is_refused() -> None:
-    verdict = judge(hand_made(off=120.0, band=500.0))
+@pytest.mark.parametrize(
+    ("made", "count", "words"),
+    [
+        (hand_made(off=120.0, band=500.0), 1, "drive 2 is off by 1.* times the spread of repeats"),
+        (hand_made(off=400.0), 2, "drive 2 is off .*mostly in level"),
+        (hand_made(band=5.0), 3, "the band of 95 % covers"),
+        (hand_made(used=6), 0, "NOT VALIDATED: the fit has seen every movement"),
+    ],
+    ids=["error beyond three spreads", "kind of the error", "band that misses", "nothing unseen"],
+)
+def test_a_refusal_names_its_reasons(made: xr.Dataset, count: int, words: str) -> None:
+    verdict = judge(made)
     assert not verdict.accepted
-    assert len(verdict.reasons) == 1
-    assert "drive 2 is off by 1" in verdict.reasons[0]
-    assert "times the spread of repeats" in verdict.text
-
-
-def test_a_band_that_misses_is_refused() -> None:
-    verdict = judge(hand_made(band=5.0))
-    assert any("the band of 95 % covers" in reason for reason in verdict.reasons)
-
-
-def test_a_fit_to_everything_validates_nothing() -> None:
-    verdict = judge(hand_made(used=6))
-    assert not verdict.accepted
-    assert "NOT VALIDATED: the fit has seen every movement" in verdict.text
+    assert len(verdict.reasons) == count
+    assert re.search(words, verdict.reasons[0] if count else verdict.text)
 
 
 def test_the_worst_movement_is_named() -> None:
@@ -164,11 +163,6 @@ def test_the_map_shows_errors_and_brackets_what_was_used() -> None:
     assert texts[0] == f"({none:.0f})"
     assert texts[1] == f"({rms[2]:.0f})"
     assert texts[2] == f"{rms[3]:.0f}"
-
-
-def test_a_refusal_names_whether_timing_level_or_shape_is_off() -> None:
-    reasons = judge(hand_made(off=400.0)).reasons
-    assert "mostly in level" in reasons[0]
 
 
 def test_the_kind_of_each_movement_is_named_where_they_differ() -> None:
@@ -254,7 +248,6 @@ def test_what_is_noticed_follows_the_bend_and_is_rounded_up() -> None:
     assert _size(0.0451, is_length=False) == "4.6 %"
     assert _size(0.1204, is_length=False) == "13 %"
     assert _size(0.00056, is_length=True) == "0.56 mm"
-    assert _milliseconds(0.00631) == "7 ms"
 
 
 def test_it_would_notice_a_lag_and_says_that_a_lead_is_taken_off() -> None:

@@ -3,17 +3,21 @@
 import numpy as np
 import pytest
 
-from turnout.machine.one_mass_throw import throw_one_mass
+from turnout.machine.one_mass_throw import MachineThrow, throw_one_mass
 
 WALL = {"rail.object_size": 0.013, "throw.duration": 3.5, "circuit.time_out": 4.0}
 TORQUE, RATIO, EFFICIENCY = 6000 / (5600 * 0.9), 5600, 0.9
+
+
+def sb3(changes: dict[str, object]) -> MachineThrow:
+    return throw_one_mass("sb3", overrides=changes)
 
 
 @pytest.mark.parametrize("inertia", [1e-8, 1e-7, 2e-6, 1e-5])
 def test_force_held_by_the_standing_gear(inertia: float) -> None:
     """Between N eta T_s, where it would creep on, and N T_s / eta, where it is thrown back."""
     wall = WALL | {"gear.inertia": inertia, "throw.duration": 6.0, "circuit.time_out": 5.5}
-    thrown = throw_one_mass("sb3", overrides=wall)
+    thrown = sb3(wall)
     at = np.searchsorted(thrown.time, 5.5)
     force = thrown["rod_force"][at]
     assert RATIO * EFFICIENCY * TORQUE <= force <= RATIO * TORQUE / EFFICIENCY
@@ -25,7 +29,7 @@ def test_force_held_by_the_standing_gear(inertia: float) -> None:
 
 def test_no_creep_while_it_slips() -> None:
     wall = WALL | {"throw.duration": 30.0, "circuit.time_out": 30.0, "throw.step": 1e-3}
-    thrown = throw_one_mass("sb3", overrides=wall)
+    thrown = sb3(wall)
     late = thrown.time > 20.0  # the rail on its rod has rung out
     assert np.ptp(thrown["rod_position"][late]) <= 1e-12
     assert np.ptp(thrown["rail_position"][late]) <= 1e-9
@@ -40,10 +44,8 @@ def test_slip_is_remembered_over_a_reversal() -> None:
         {"time": 5.0, "direction": "open"},
         {"time": 10.0, "direction": "close"},
     ]
-    thrown = throw_one_mass(
-        "sb3",
-        overrides=WALL
-        | {"throw.command": commands, "throw.duration": 9.9, "rail.object_size": 0.013},
+    thrown = sb3(
+        WALL | {"throw.command": commands, "throw.duration": 9.9, "rail.object_size": 0.013}
     )
     slip, time = thrown["clutch_slip"], thrown.time
     held, later = np.searchsorted(time, [4.9, 9.8])
@@ -55,7 +57,7 @@ def test_slip_is_remembered_over_a_reversal() -> None:
 
 
 def test_breakaway_above_the_slip_torque() -> None:
-    thrown = throw_one_mass("sb3", overrides=WALL | {"clutch.static_ratio": 1.25})
+    thrown = sb3(WALL | {"clutch.static_ratio": 1.25})
     torque = thrown["clutch_torque"]
     assert torque.max() > 1.15 * TORQUE
     slipping = np.searchsorted(thrown.time, 3.4)
@@ -71,19 +73,19 @@ def test_heat_lowers_the_level() -> None:
         "throw.duration": 6.0,
         "circuit.time_out": 6.0,
     }
-    thrown = throw_one_mass("sb3", overrides=heated)
+    thrown = sb3(heated)
     heat, rise = thrown["energy_clutch"], thrown["clutch_temperature"]
     assert rise[-1] == pytest.approx(heat[-1] / 500.0, rel=1e-9)
     at = np.searchsorted(thrown.time, 5.9)
     assert thrown["clutch_torque"][at] == pytest.approx(TORQUE * (1 - 0.01 * rise[at]), rel=1e-3)
-    cooled = throw_one_mass("sb3", overrides=heated | {"clutch.cooling_time": 1.0})
+    cooled = sb3(heated | {"clutch.cooling_time": 1.0})
     assert cooled["clutch_temperature"][-1] < 0.7 * rise[-1]
 
 
 def test_worn_clutch_slips_earlier() -> None:
-    fresh = throw_one_mass("sb3", overrides=WALL)
-    worn = throw_one_mass("sb3", overrides=WALL | {"clutch.worn": 0.2})
-    wearing = throw_one_mass("sb3", overrides=WALL | {"clutch.wear": 2e-4})
+    fresh = sb3(WALL)
+    worn = sb3(WALL | {"clutch.worn": 0.2})
+    wearing = sb3(WALL | {"clutch.wear": 2e-4})
     at = np.searchsorted(fresh.time, 3.45)
     assert worn["clutch_torque"][at] == pytest.approx(0.8 * TORQUE, rel=1e-9)
     heat = wearing["energy_clutch"][at]
@@ -94,22 +96,17 @@ def test_worn_clutch_slips_earlier() -> None:
 def test_what_holds_the_rail() -> None:
     """A lock holds, a self-locking gear holds; without either the closing force drives back."""
     sound = {"throw.duration": 6.0}
-    lock = throw_one_mass("sb3", overrides=sound)
-    gear = throw_one_mass(
-        "sb3", overrides=sound | {"circuit.holding": "gear", "gear.back_efficiency": 0.0}
-    )
-    brake = throw_one_mass(
-        "sb3", overrides=sound | {"circuit.holding": "brake", "motor.brake_torque": 1.0}
-    )
-    weak = throw_one_mass(
-        "sb3",
-        overrides=sound
+    lock = sb3(sound)
+    gear = sb3(sound | {"circuit.holding": "gear", "gear.back_efficiency": 0.0})
+    brake = sb3(sound | {"circuit.holding": "brake", "motor.brake_torque": 1.0})
+    weak = sb3(
+        sound
         | {
             "circuit.holding": "brake",
             "motor.brake_torque": 1e-6,
             "motor.loss_torque": 0.05,
             "circuit.after_cutoff": "open",
-        },
+        }
     )
     for held in (lock, gear, brake):
         late = held.time > 5.0
@@ -121,13 +118,12 @@ def test_what_holds_the_rail() -> None:
 
 def test_strokes_with_unlocking() -> None:
     """A crank and a table move the rod by the same stroke, the table with dwells at both ends."""
-    crank = throw_one_mass(
-        "sb3",
-        overrides={
+    crank = sb3(
+        {
             "stroke": {"kind": "crank", "angle": 650.0, "length": 0.12, "start": -0.117},
             "circuit.limit_closing": 2.9e-3,
             "throw.duration": 6.0,
-        },
+        }
     )
     assert crank.outcome == "limit"
     assert crank.energy_residual <= 1e-6
@@ -140,7 +136,7 @@ def test_strokes_with_unlocking() -> None:
 
 
 def test_play_of_the_rod() -> None:
-    thrown = throw_one_mass("sb3", overrides={"rod.play": 4e-3})
+    thrown = sb3({"rod.play": 4e-3})
     force = thrown["rod_force"]
     stretch = thrown["rod_position"] - thrown["rail_position"]
     free = np.abs(stretch) < 2e-3 - 1e-12
@@ -151,14 +147,12 @@ def test_play_of_the_rod() -> None:
 
 def test_relay_time_out_and_stall() -> None:
     wall = {"rail.object_size": 0.1, "throw.duration": 3.0}
-    relay = throw_one_mass(
-        "sb3", overrides=wall | {"circuit.overload_current": 1.9, "circuit.overload_time": 0.5}
-    )
+    relay = sb3(wall | {"circuit.overload_current": 1.9, "circuit.overload_time": 0.5})
     assert relay.outcome == "overload"
     # 0.5 s after the current reached 1.9 A for good, not after the inrush
     rising = np.flatnonzero(relay["current"][relay.time > 0.4] >= 1.9)[0] * 1e-3 + 0.401
     assert relay.events[1][0] == pytest.approx(rising + 0.5, abs=2e-3)
-    stalled = throw_one_mass("sb3", overrides={"supply.voltage": 4.0, "circuit.time_out": 2.0})
+    stalled = sb3({"supply.voltage": 4.0, "circuit.time_out": 2.0})
     assert stalled.outcome == "stalled"
     assert stalled["current"][1500] == pytest.approx((4 - 2) / 15, rel=1e-6)
 
@@ -166,22 +160,21 @@ def test_relay_time_out_and_stall() -> None:
 def test_lock_rule_keeps_the_motor_on() -> None:
     """With a gap rule the limit contact does not act before the rail is near."""
     blocked = {"rail.object_size": 8e-3, "circuit.limit_closing": -2.5e-3, "throw.duration": 9.0}
-    assert throw_one_mass("sb3", overrides=blocked).outcome == "limit"
-    ruled = throw_one_mass("sb3", overrides=blocked | {"circuit.lock_gap": 5e-3})
+    assert sb3(blocked).outcome == "limit"
+    ruled = sb3(blocked | {"circuit.lock_gap": 5e-3})
     assert ruled.outcome == "time-out"
     assert np.abs(ruled["clutch_slip"]).max() > 100
 
 
 def test_detection_and_delays() -> None:
-    thrown = throw_one_mass(
-        "sb3",
-        overrides={
+    thrown = sb3(
+        {
             "circuit.detection_open": -0.11,
             "circuit.detection_closed": 1e-3,
             "circuit.cutoff_delay": 0.03,
-        },
+        }
     )
     texts = [text for _, text in thrown.events]
     assert texts == ["on", "detection opens", "detection closes", "off limit", "locked"]
-    plain = throw_one_mass("sb3")
+    plain = sb3({})
     assert thrown.energised_time == pytest.approx(plain.energised_time + 0.03, abs=1e-6)

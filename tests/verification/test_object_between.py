@@ -14,7 +14,7 @@ from tests.verification.runs import DEFAULT, STUDIED
 from turnout.core.scheme import Scheme
 from turnout.mechanism import build
 from turnout.mechanism.mechanism import Mechanism
-from turnout.mechanism.object_rows import is_off_node, offnode_row
+from turnout.mechanism.object_rows import is_off_node
 from turnout.panel.foreign_object import ForeignObject, PlacedObject, resolve_objects
 from turnout.panel.load import LoadedPanel, load_panel
 from turnout.solver.integration import History
@@ -83,14 +83,3 @@ def test_an_object_at_a_place_and_one_between_are_both_there(panel: LoadedPanel)
     for name, one in zip(("1", "2"), alone, strict=True):
         assert gap[law[name]] == one.laws.offset[one.index.object[name]]
     assert history.law_force[:, law["2"]].max() > 0.0
-
-
-def test_a_point_between_follows_what_a_rigid_rail_does() -> None:
-    nodes = np.array([0.0, 0.2, 0.5])
-    at, weights = offnode_row(nodes, x=0.31, z=0.15)
-    moved = np.zeros((nodes.size, 6))
-    moved[:, 1] = 0.02 + 0.3 * nodes  # aside, and turned about z
-    moved[:, 5] = 0.3
-    moved[:, 3] = 0.1  # rolled
-    expected = 0.02 + 0.3 * 0.31 - 0.15 * 0.1
-    assert weights @ moved.ravel()[at] == pytest.approx(expected, rel=1e-13)
