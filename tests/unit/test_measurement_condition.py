@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import xarray as xr
 
 from turnout.core.channels import check_schema
 from turnout.core.moving_average import moving_average, window_samples
@@ -15,7 +14,6 @@ from turnout.measurement.chain.condition import (
     tare,
 )
 from turnout.measurement.recording import RecordedChannel, Recording
-from turnout.metric.channel_features import filtered
 
 RATE = 1000.0
 RNG = np.random.default_rng(7)
@@ -37,15 +35,6 @@ def test_edges_are_over_what_there_is() -> None:
     assert smooth[0] == pytest.approx(values[:51].mean())
     assert smooth[20] == pytest.approx(values[:71].mean())
     assert smooth[-1] == pytest.approx(values[-51:].mean())
-
-
-def test_it_is_the_filter_of_the_features() -> None:
-    """`metric` smooths simulations and measurements, with and without missing samples."""
-    values = RNG.normal(size=(2, 700))
-    values[1, 300:420] = np.nan
-    time = np.arange(700) / RATE
-    theirs = filtered(xr.DataArray(values, {"time": time}, ("drive", "time")))
-    np.testing.assert_allclose(moving_average(values, rate=RATE), theirs.values, atol=1e-12)
 
 
 def test_one_more_row_changes_no_bit_of_the_others() -> None:

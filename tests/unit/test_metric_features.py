@@ -146,15 +146,12 @@ def test_the_throw_time_of_a_campaign_is_that_of_the_unfiltered_current() -> Non
 
 def test_a_wound_clutch_that_turns_the_motor_back_is_no_motion() -> None:
     """After the cut-off -8 A brake the motor, then the clutch turns it back: +0.7 A for 30 ms."""
-    current = np.where(TIME < 1.9, 1.1, 0.0)
-    current[(TIME >= 1.9) & (TIME < 1.95)], current[(TIME >= 1.95) & (TIME < 1.98)] = -8.0, 0.7
-    found = named(movement_features(TIME, EFFORT, current=current))
-    assert found["duration"] == pytest.approx(1.9, abs=2e-3)
-    driven_back = np.where(TIME < 1.9, 1.1, 0.0)
+    wound, driven_back = (np.where(TIME < 1.9, 1.1, 0.0) for _ in range(2))
+    wound[(TIME >= 1.9) & (TIME < 1.95)], wound[(TIME >= 1.95) & (TIME < 1.98)] = -8.0, 0.7
     driven_back[(TIME >= 0.3) & (TIME < 0.6)] = 0.4
-    assert named(movement_features(TIME, EFFORT, current=driven_back))["duration"] == pytest.approx(
-        1.9, abs=2e-3
-    )
+    for current in (wound, driven_back):
+        found = named(movement_features(TIME, EFFORT, current=current))
+        assert found["duration"] == pytest.approx(1.9, abs=2e-3)
 
 
 @pytest.mark.parametrize("count", [3, 9, 1063])

@@ -119,12 +119,19 @@ def test_files_hold_the_same_run(studio: Client) -> None:
         ({"settings": {"drive.2.stiffness": 81}}, "has no unit"),
         ({"panel": "unknown"}, "is no longer loaded"),
         ({"colour": "red"}, "unknown key"),
+        ({"places": ["sleeper 6"] * 40, "sizes": ["13 mm"] * 20}, "at most 600"),
+        ({"places": ["sleeper 6"], "sizes": []}, "sizes"),
+        ({"places": ["sleeper 99"], "sizes": ["13 mm"]}, "sleeper 99"),
+        ({"places": ["sleeper 6"], "sizes": ["13 kg"]}, "13 kg"),
     ],
 )
-def test_what_cannot_be_thrown_is_reported(
+def test_a_throw_or_a_map_that_cannot_be_made_is_reported(
     studio: Client, record: dict[str, object], words: str
 ) -> None:
-    reply = studio.post("/api/run", asked(studio) | record)
+    if "places" in record:
+        reply = studio.post("/api/map", {"run": asked(studio)} | record)
+    else:
+        reply = studio.post("/api/run", asked(studio) | record)
     assert reply.status == 422
     assert words in reply.json["message"]
 
@@ -194,23 +201,6 @@ def test_a_map_says_how_much_is_done_and_can_be_stopped(studio: Client) -> None:
     at_work.join(timeout=60)
     assert replies[0].json == {"superseded": True}
     assert studio.ask("/api/job/mine").json == {"share": None}
-
-
-@pytest.mark.parametrize(
-    ("places", "sizes", "words"),
-    [
-        (["sleeper 6"] * 40, ["13 mm"] * 20, "at most 600"),
-        (["sleeper 6"], [], "sizes"),
-        (["sleeper 99"], ["13 mm"], "sleeper 99"),
-        (["sleeper 6"], ["13 kg"], "13 kg"),
-    ],
-)
-def test_a_map_that_cannot_be_made(
-    studio: Client, places: list[str], sizes: list[str], words: str
-) -> None:
-    reply = studio.post("/api/map", map_asked(studio, places, sizes))
-    assert reply.status == 422
-    assert words in reply.json["message"]
 
 
 def burst(client: Client, *, seconds: float) -> tuple[list[bool | None], Reply, list[float]]:
