@@ -7,6 +7,7 @@ from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -90,6 +91,10 @@ BAD: dict[type[Exception], dict[str, Callable[[Path], object]]] = {
         ),
     },
     turnout.ResponseError: {
+        r"takes a panel from load_panel\(\), not str": lambda _: turnout.simulate("sb1"),
+        "interval = '1 ms': must be a number": lambda _: turnout.Save(interval="1 ms"),
+        "scheme = '1 ms' must be a Scheme": lambda _: turnout.simulate(sb1_panel(), scheme="1 ms"),
+        "save = '1 ms' must be a Save": lambda _: turnout.simulate(sb1_panel(), save="1 ms"),
         "mode = 'quick' and a scheme exclude": (
             lambda _: turnout.simulate(sb1_panel(), mode="quick", scheme=turnout.Scheme())
         ),
@@ -121,6 +126,18 @@ def test_bad_input_is_refused_with_the_remedy(
 def test_an_unknown_name_is_reported_with_the_nearest() -> None:
     with pytest.raises(AttributeError, match="nearest is 'simulate'"):
         turnout.simulat  # type: ignore[attr-defined]  # noqa: B018
+
+
+@pytest.mark.parametrize("given", ["13mm@sleeper6", 0.013, ["13mm@sleeper6"], {"size": 0.013}])
+def test_what_is_no_foreign_object(given: Any) -> None:
+    with pytest.raises(turnout.TurnoutError, match=r"foreign_object: .*takes a ForeignObject"):
+        turnout.simulate(sb1_panel(), foreign_object=given)
+
+
+@pytest.mark.parametrize("given", [3, None, 1.5, b"sb1"])
+def test_what_is_no_panel_name(given: Any) -> None:
+    with pytest.raises(turnout.FileError, match=r"load_panel\(\) takes the name .*'sb1'"):
+        turnout.load_panel(given)
 
 
 # --- panels and objects
