@@ -12,7 +12,7 @@ import pytest
 from turnout.beam.assembly import DOF, assemble_beam, dof_index, point_row
 from turnout.beam.element import element_gravity_load, element_mass, element_stiffness
 from turnout.beam.material import ElasticMaterial
-from turnout.beam.section_properties import SectionProperties, mirror_sections
+from turnout.beam.section_record import SectionProperties, mirror_sections
 from turnout.core.errors import MechanicsError
 
 STEEL = ElasticMaterial(youngs_modulus=2.1e11, poisson_ratio=0.3, density=7850.0)

@@ -7,7 +7,7 @@ import pytest
 
 from turnout.beam.material import ElasticMaterial
 from turnout.beam.mesh import MERGE_DISTANCE, mesh_nodes
-from turnout.beam.section_properties import SectionProperties, interpolate_sections, mirror_sections
+from turnout.beam.section_record import SectionProperties, interpolate_sections, mirror_sections
 from turnout.core.errors import MechanicsError
 
 NAMES = [field.name for field in fields(SectionProperties)]

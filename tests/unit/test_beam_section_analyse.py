@@ -5,7 +5,7 @@ import pytest
 
 from turnout.beam.outline import Outline, make_outline, mirror, move, rotate, scale
 from turnout.beam.section_analysis import SectionAnalysis, analyse_outline, analyse_outlines
-from turnout.beam.section_properties import SectionProperties, mirror_sections
+from turnout.beam.section_record import SectionProperties, mirror_sections
 from turnout.core.errors import MechanicsError
 
 # No symmetry, a re-entrant corner and walls of different thickness.

@@ -17,7 +17,7 @@ from turnout.beam.outline import (
     rotate,
     scale,
 )
-from turnout.beam.section_geometry import area_moments, principal_moments
+from turnout.beam.outline_moments import area_moments, principal_moments
 from turnout.core.errors import MechanicsError
 
 SKEW = make_outline([[0, 0], [0.08, 0], [0.07, 0.02], [0.03, 0.03], [0.02, 0.11], [-0.01, 0.12]])

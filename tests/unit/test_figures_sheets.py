@@ -7,10 +7,10 @@ import pytest
 from tests.unit.simulated import sb1_dataset, sb2_dataset
 
 from turnout.core.errors import ResponseError
+from turnout.figures.along_rail_sheet import chair_sheet, gap_sheet, shade_of, shape_sheet
 from turnout.figures.draw import draw_sheet
-from turnout.figures.rail_sheet import chair_sheet, gap_sheet, shade_of, shape_sheet
+from turnout.figures.over_time_sheet import energy_sheet, throw_sheet
 from turnout.figures.sheet import Level, Line, Row, Sheet, sheet_record
-from turnout.figures.throw_sheet import energy_sheet, throw_sheet
 
 
 def line_of(sheet: Sheet, row: int, label: str) -> Line:

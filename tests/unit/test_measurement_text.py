@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from turnout.core.errors import FileError, MeasurementError
-from turnout.measurement.formats.csv_text import csv_bytes
 from turnout.measurement.formats.file_format import read_recording
+from turnout.measurement.formats.text_table import csv_bytes
 from turnout.measurement.recording import RecordedChannel, Recording
 
 DEWESOFT = (

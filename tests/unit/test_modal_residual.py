@@ -8,7 +8,7 @@ from scipy.linalg import eigh
 
 from turnout.beam.assembly import assemble_beam
 from turnout.beam.material import ElasticMaterial
-from turnout.beam.section_properties import SectionProperties
+from turnout.beam.section_record import SectionProperties
 from turnout.core.errors import MechanicsError
 from turnout.solver.modal import ModalModel, diagonalise_damping, modal_model
 

@@ -8,7 +8,7 @@ from scipy.linalg import block_diag
 from tests.verification.hand_made import ALL_MODES
 
 from turnout.beam.material import ElasticMaterial
-from turnout.beam.section_properties import SectionProperties
+from turnout.beam.section_record import SectionProperties
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism, Point, RailData, ReducedRail, Support
 from turnout.mechanism.reduce import reduce_rail

@@ -17,7 +17,7 @@ import scipy.sparse.linalg as spla
 
 from turnout.beam.assembly import assemble_beam, dof_index
 from turnout.beam.material import ElasticMaterial
-from turnout.beam.section_properties import SectionProperties
+from turnout.beam.section_record import SectionProperties
 
 STEEL = ElasticMaterial(youngs_modulus=210e9, poisson_ratio=0.3, density=7850.0)
 AREA, SECOND, TORSION, SHEAR = 4e-4, 1.3e-8, 2.2e-8, 0.8

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 from turnout.beam.assembly import assemble_beam
 from turnout.beam.material import ElasticMaterial
-from turnout.beam.section_properties import SectionProperties
+from turnout.beam.section_record import SectionProperties
 
 STEEL = ElasticMaterial(youngs_modulus=2.1e11, poisson_ratio=0.3, density=7850.0)
 E, G, RHO = STEEL.youngs_modulus, STEEL.shear_modulus, STEEL.density

@@ -9,7 +9,7 @@ import pytest
 
 from turnout.beam.assembly import assemble_beam, point_row
 from turnout.beam.material import ElasticMaterial
-from turnout.beam.section_properties import SectionProperties, interpolate_sections
+from turnout.beam.section_record import SectionProperties, interpolate_sections
 
 STEEL = ElasticMaterial(youngs_modulus=2.1e11, poisson_ratio=0.3, density=7850.0)
 E, G = STEEL.youngs_modulus, STEEL.shear_modulus

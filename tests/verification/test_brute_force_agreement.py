@@ -19,7 +19,7 @@ from tests.verification.reference import DATA
 
 from turnout.beam.assembly import assemble_beam, point_row
 from turnout.beam.material import ElasticMaterial
-from turnout.beam.section_properties import SectionProperties
+from turnout.beam.section_record import SectionProperties
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism
 from turnout.solver.integration import History

@@ -15,7 +15,7 @@ from turnout.beam.craig_bampton import craig_bampton, reduce_vector
 from turnout.beam.material import ElasticMaterial
 from turnout.beam.mesh import mesh_nodes
 from turnout.beam.reduction_error import reduction_report
-from turnout.beam.section_properties import SectionProperties, interpolate_sections
+from turnout.beam.section_record import SectionProperties, interpolate_sections
 
 STEEL = ElasticMaterial(youngs_modulus=2.1e11, poisson_ratio=0.3, density=7850.0)
 LENGTH = 6.0

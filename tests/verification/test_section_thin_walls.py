@@ -17,8 +17,8 @@ from tests.verification.section_shapes import (
 )
 
 from turnout.beam.outline import make_outline
+from turnout.beam.outline_moments import area_moments, principal_moments
 from turnout.beam.section_analysis import analyse_outline
-from turnout.beam.section_geometry import area_moments, principal_moments
 
 RADIUS, WALL = 0.1, 0.004
 CORNERS = 96

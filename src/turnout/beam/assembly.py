@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from turnout.beam.element import element_matrices
 from turnout.beam.material import ElasticMaterial
 from turnout.beam.mesh import MERGE_DISTANCE
-from turnout.beam.section_properties import SectionProperties
+from turnout.beam.section_record import SectionProperties
 from turnout.core.errors import MechanicsError
 
 FloatArray = npt.NDArray[np.float64]

@@ -33,7 +33,7 @@ import numpy as np
 import numpy.typing as npt
 
 from turnout.beam.material import ElasticMaterial
-from turnout.beam.section_properties import SectionProperties
+from turnout.beam.section_record import SectionProperties
 
 FloatArray = npt.NDArray[np.float64]
 

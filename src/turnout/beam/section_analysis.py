@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from turnout.beam.outline import FloatArray, Outline
-from turnout.beam.section_geometry import AreaMoments, area_moments, principal_moments
-from turnout.beam.section_properties import SectionProperties
+from turnout.beam.outline_moments import AreaMoments, area_moments, principal_moments
+from turnout.beam.section_record import SectionProperties
 from turnout.core.errors import MechanicsError
 
 # Triangles before refinement, per square root of the area: 10 mm on a rail.

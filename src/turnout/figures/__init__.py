@@ -35,11 +35,11 @@ NAMES = {
     "Band": "turnout.figures.sheet",
     "Moment": "turnout.figures.sheet",
     "draw_sheet": "turnout.figures.draw",
-    "shade_of": "turnout.figures.rail_sheet",
-    "energy_sheet": "turnout.figures.throw_sheet",
-    "shape_sheet": "turnout.figures.rail_sheet",
-    "gap_sheet": "turnout.figures.rail_sheet",
-    "chair_sheet": "turnout.figures.rail_sheet",
+    "shade_of": "turnout.figures.along_rail_sheet",
+    "energy_sheet": "turnout.figures.over_time_sheet",
+    "shape_sheet": "turnout.figures.along_rail_sheet",
+    "gap_sheet": "turnout.figures.along_rail_sheet",
+    "chair_sheet": "turnout.figures.along_rail_sheet",
 }
 """Module of each public name; `__all__`, the loader and the stub follow from it."""
 

@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from turnout.core.errors import ResponseError
-from turnout.figures.rail_sheet import shade_of
+from turnout.figures.along_rail_sheet import shade_of
 from turnout.figures.sheet import Line, Row, Sheet
 from turnout.figures.style import GREY, new_figure, put_title, styled
 from turnout.metric.campaign_statistics import end_values, object_places

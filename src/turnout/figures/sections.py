@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from turnout.beam.outline import Outline
-from turnout.beam.section_properties import FloatArray, SectionProperties
+from turnout.beam.section_record import FloatArray, SectionProperties
 from turnout.figures.style import COLOURS, DASHES, GREY, MILLI, SHADE, put_title
 
 if TYPE_CHECKING:

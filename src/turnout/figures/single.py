@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING
 import xarray as xr
 
 from turnout.core.errors import ResponseError
+from turnout.figures.along_rail_sheet import chair_sheet, gap_sheet, shape_sheet
 from turnout.figures.draw import draw_row
-from turnout.figures.rail_sheet import chair_sheet, gap_sheet, shape_sheet
+from turnout.figures.over_time_sheet import energy_sheet, throw_sheet
 from turnout.figures.sheet import Sheet
-from turnout.figures.throw_sheet import energy_sheet, throw_sheet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

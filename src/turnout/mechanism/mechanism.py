@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.beam.material import ElasticMaterial
-from turnout.beam.section_properties import SectionProperties
+from turnout.beam.section_record import SectionProperties
 from turnout.law.friction import FrictionCourses, no_courses
 from turnout.law.obstruction import Obstructions, no_obstructions
 from turnout.law.table import LawTable

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from numpy.typing import NDArray
 
 from turnout.beam.outline import Outline, make_outline, ring_area
-from turnout.beam.section_properties import SectionProperties
+from turnout.beam.section_record import SectionProperties
 from turnout.core.content_cache import cached_arrays
 from turnout.core.errors import MechanicsError
 from turnout.panel.model import Panel
@@ -280,8 +280,8 @@ def _planing(panel: Panel, planed: PlanedSection) -> "Planing":
 
 def _computed(panel: Panel, section: str) -> dict[str, Floats]:
     """Analyse the outlines of a section and turn them to y towards the stock rail."""
+    from turnout.beam.outline_moments import foot_edges
     from turnout.beam.section_analysis import analyse_outlines
-    from turnout.beam.section_geometry import foot_edges
 
     outlines = [outline for outline, _ in section_outlines(panel, section)]
     found = analyse_outlines(outlines, poisson_ratio=panel.material.poisson_ratio).properties

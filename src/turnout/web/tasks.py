@@ -23,8 +23,8 @@ from turnout.core.lru_cache import LRUCache
 from turnout.core.scheme import Scheme
 from turnout.core.stored_arrays import arrays_from_bytes, arrays_to_bytes
 from turnout.core.toml import decode, parse_toml
+from turnout.figures.over_time_sheet import throw_sheet
 from turnout.figures.sheet import sheet_record
-from turnout.figures.throw_sheet import throw_sheet
 from turnout.measurement.formats.history import is_history
 from turnout.metric.panel_check import (
     concern_lines,

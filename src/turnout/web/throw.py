@@ -10,10 +10,10 @@ import xarray as xr
 from turnout.core.errors import PanelError, SolverError
 from turnout.core.scheme import Scheme
 from turnout.figures.moving_plan import FRAMES, motion_record
+from turnout.figures.over_time_sheet import throw_sheet
 from turnout.figures.sheet import MOST_POINTS, sheet_record
 from turnout.figures.style import rendered
 from turnout.figures.throw import plot_throw
-from turnout.figures.throw_sheet import throw_sheet
 from turnout.measurement.formats.history import history_text
 from turnout.metric.finding import headline
 from turnout.metric.key_figure import KeyFigure, key_figures

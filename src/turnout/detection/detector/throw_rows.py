@@ -17,7 +17,7 @@ from turnout.detection.detector.recorded import Recorded
 from turnout.detection.detector.throw_layout import CLOSING, LEAST_SAMPLES, OPENING
 from turnout.detection.detector.throws_of_dataset import faulty, throws_of_dataset
 from turnout.detection.drive_quantities import CHANNELS
-from turnout.measurement.formats.text_layout import encoding_of
+from turnout.measurement.formats.text_dialect import encoding_of
 
 Floats = NDArray[np.float64]
 

@@ -4,13 +4,13 @@ from collections.abc import Iterable
 
 import xarray as xr
 
+from turnout.figures.along_rail_sheet import chair_sheet, gap_sheet, shape_sheet
 from turnout.figures.draw import draw_sheet
-from turnout.figures.rail_sheet import chair_sheet, gap_sheet, shape_sheet
+from turnout.figures.over_time_sheet import energy_sheet, throw_sheet
 from turnout.figures.report.inputs import inputs_section, origin_section
 from turnout.figures.report.page import Page, Picture, Section, Table
 from turnout.figures.sheet import Sheet
 from turnout.figures.style import rendered, title_of
-from turnout.figures.throw_sheet import energy_sheet, throw_sheet
 from turnout.metric.finding import findings
 from turnout.metric.panel_check import concerns
 from turnout.metric.summary import summary

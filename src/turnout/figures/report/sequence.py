@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from turnout.figures.rail_sheet import shade_of
+from turnout.figures.along_rail_sheet import shade_of
 from turnout.figures.report.inputs import origin_section
 from turnout.figures.report.page import Page, Section, Table
 from turnout.figures.report.run import picture_of

@@ -8,6 +8,7 @@ import xarray as xr
 from turnout.calibration.validation.acceptance import judge
 from turnout.core.value_text import count_text
 from turnout.figures.draw import draw_sheet
+from turnout.figures.over_time_sheet import throw_sheet
 from turnout.figures.report.campaign import campaign_findings
 from turnout.figures.report.page import data_address
 from turnout.figures.report.sequence import sequence_findings, sequence_sheet
@@ -15,7 +16,6 @@ from turnout.figures.report.sweep import sweep_findings
 from turnout.figures.report.validation import validation_findings
 from turnout.figures.sheet import Sheet
 from turnout.figures.style import rendered, title_of
-from turnout.figures.throw_sheet import throw_sheet
 from turnout.metric.finding import Finding, findings
 from turnout.metric.throw_table import throw_table
 

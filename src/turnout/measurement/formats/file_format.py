@@ -9,10 +9,10 @@ from typing import Any
 
 from turnout.core.errors import FileError
 from turnout.core.files import require_regular_file, write_atomic
-from turnout.measurement.formats.csv_text import csv_bytes, read_text
 from turnout.measurement.formats.hdf5 import hdf5_bytes
 from turnout.measurement.formats.isolated import read_isolated
 from turnout.measurement.formats.mat import mat_bytes
+from turnout.measurement.formats.text_table import csv_bytes, read_text
 from turnout.measurement.recording import Recording
 
 SNIFFED_BYTES = 600

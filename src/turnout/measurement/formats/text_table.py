@@ -18,7 +18,7 @@ from turnout.measurement.formats.assemble import (
     seconds_of,
 )
 from turnout.measurement.formats.extent import MOST_CHANNELS
-from turnout.measurement.formats.text_layout import EMPTY, SAMPLE_SIZE, TextLayout, text_layout
+from turnout.measurement.formats.text_dialect import EMPTY, SAMPLE_SIZE, TextLayout, text_layout
 from turnout.measurement.recording import Recording
 
 NO_TIME = "give a column 'Time (s)' or a line 'Sample rate: 1000 Hz' above the numbers"
