@@ -28,24 +28,21 @@ HOLED = make_outline(
 
 
 @pytest.mark.parametrize(
-    ("points", "words"),
+    ("points", "holes", "words"),
     [
-        ([[0, 0], [1, 1], [1, 0], [0, 1]], "Self-intersection"),
-        ([[0, 0], [1, 0]], "three or more"),
-        ([[0, 0, 0], [1, 0, 0], [1, 1, 0]], "three or more"),
-        ([[0, 0], [1, np.nan], [1, 1]], "point 1 of the outline is not finite"),
-        ([[0, 0], [1, 1], [2, 2]], "no section"),
+        ([[0, 0], [1, 1], [1, 0], [0, 1]], (), "Self-intersection"),
+        ([[0, 0], [1, 0]], (), "three or more"),
+        ([[0, 0, 0], [1, 0, 0], [1, 1, 0]], (), "three or more"),
+        ([[0, 0], [1, np.nan], [1, 1]], (), "point 1 of the outline is not finite"),
+        ([[0, 0], [1, 1], [2, 2]], (), "no section"),
+        ([[0, 0], [1, 0], [1, 1], [0, 1]], ([[2, 0], [3, 0], [3, 1]],), "lies outside"),
     ],
 )
-def test_what_is_no_outline_is_refused(points: list[list[float]], words: str) -> None:
+def test_what_is_no_outline_is_refused(
+    points: list[list[float]], holes: tuple[list[list[float]], ...], words: str
+) -> None:
     with pytest.raises(MechanicsError, match=words):
-        make_outline(points)
-
-
-def test_a_hole_outside_is_refused() -> None:
-    square = [[0, 0], [1, 0], [1, 1], [0, 1]]
-    with pytest.raises(MechanicsError, match="lies outside"):
-        make_outline(square, holes=([[2, 0], [3, 0], [3, 1]],))
+        make_outline(points, holes=holes)
 
 
 def test_the_record_wants_its_sense_of_rotation() -> None:

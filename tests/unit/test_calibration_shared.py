@@ -16,7 +16,7 @@ from turnout.calibration.covariance import (
 )
 from turnout.calibration.fit import fit
 from turnout.calibration.measured_movements import MeasuredMovement
-from turnout.calibration.misfit import framed
+from turnout.calibration.misfit import Misfit, framed
 from turnout.calibration.parameter import Parameter
 from turnout.calibration.sensors import common_lead, found_sensors
 from turnout.calibration.shared import (
@@ -92,6 +92,12 @@ def movements(*, gain: float = 0.0, wave: float = 0.0, seed: int = 3) -> list[Me
     return made
 
 
+def gauged(known: float, **off: float) -> Misfit:
+    """Movements behind gauges whose gain is known to a share; it and more may be off."""
+    whole = misfit(movements(**off))
+    return replace(whole, comparison=replace(whole.comparison, gains={KEY: known}))
+
+
 def test_what_movements_share_is_separated_from_their_own() -> None:
     rng = np.random.default_rng(4)
     own = [3.0 * rng.standard_normal(150) for _ in range(8)]
@@ -106,8 +112,7 @@ def test_what_movements_share_is_separated_from_their_own() -> None:
 
 def test_a_gain_is_found_as_far_as_the_movements_show_it_and_widens_the_intervals() -> None:
     """Friction and a slip level that is fixed: only the level shows the gain."""
-    whole = misfit(movements(gain=0.03))
-    free = replace(whole, comparison=replace(whole.comparison, gains={KEY: 0.01}))
+    free = gauged(0.01, gain=0.03)
     (gain,) = found_sensors(fit(free, PARAMETERS, TRUE))
     assert gain.value == pytest.approx(0.03, abs=4 * gain.deviation + 1e-3)
     assert gain.deviation < 0.01
@@ -128,8 +133,7 @@ def test_gains_that_are_alike_count_where_chance_does_not_make_them_so() -> None
     """One channel: its gain is the scale. By 2 stated deviations it may be off, not by 4."""
     widths = []
     for gain in (0.02, 0.04):
-        whole = misfit(movements(gain=gain))
-        free = replace(whole, comparison=replace(whole.comparison, gains={KEY: 0.01}))
+        free = gauged(0.01, gain=gain)
         # With the slip level as good as known, the gain is.
         found = fit(free, PARAMETERS[:1], TRUE)
         mean, stated = common_gain(found) or (0.0, 0.0)
@@ -148,8 +152,7 @@ def test_gains_that_are_alike_count_where_chance_does_not_make_them_so() -> None
 
 def test_the_scale_of_the_model_moves_all_forces_together() -> None:
     """It was added to each alone: their ratio, which it leaves as it is, seemed uncertain too."""
-    whole = misfit(movements(gain=0.04))
-    free = replace(whole, comparison=replace(whole.comparison, gains={KEY: 0.01}))
+    free = gauged(0.01, gain=0.04)
     found = fit(free, PARAMETERS, TRUE)
     both = tuple(replace(item, unit="N") for item in PARAMETERS)
     covariance = spread_of(replace(found, parameters=both)).coordinate_covariance
@@ -184,8 +187,7 @@ def test_shared_discrepancies_make_movements_worth_less() -> None:
 
 
 def test_a_wave_that_all_movements_miss_is_not_averaged_out() -> None:
-    whole = misfit(movements(wave=15.0))
-    free = replace(whole, comparison=replace(whole.comparison, gains={KEY: 1e-4}))
+    free = gauged(1e-4, wave=15.0)
     found = fit(free, PARAMETERS, TRUE)
     assert (*KEY, "closing") in found.misfit.comparison.discrepancy
     for item, (low, high) in zip(PARAMETERS, spread_of(found).intervals, strict=True):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from tests.verification.prismatic_panel import TEXT
-from typer.testing import CliRunner
+from typer.testing import CliRunner, Result
 
 from turnout.cli.main import app
 from turnout.core.errors import ResponseError
@@ -119,22 +119,14 @@ def test_reduction_is_reported_rail_by_rail() -> None:
     assert "relative error" in texts["switch"]
 
 
+def command(words: str, *more: str) -> Result:
+    return CliRunner().invoke(app, ["panel", "modes", "sb1", *words.split(), *more])
+
+
 def test_command_prints_draws_and_writes(tmp_path: Path) -> None:
     out, plot = tmp_path / "m.nc", tmp_path / "m.png"
-    result = CliRunner().invoke(
-        app,
-        [
-            "panel",
-            "modes",
-            "sb1",
-            "--count",
-            "2",
-            "--reduction",
-            "--system",
-            "rail switch, feet free",
-        ]
-        + ["--out", str(out), "--plot", str(plot)],
-    )
+    chosen = f"--count 2 --reduction --out {out} --plot {plot} --system"
+    result = command(chosen, "rail switch, feet free")
     assert result.exit_code == 0, result.output
     assert "rail switch, feet free" in result.output
     assert "at 1.25 times the friction all vibrations decay" in result.output
@@ -143,17 +135,18 @@ def test_command_prints_draws_and_writes(tmp_path: Path) -> None:
     assert plot.stat().st_size > 10_000
 
 
-def test_command_refuses_what_it_cannot_write() -> None:
-    result = CliRunner().invoke(app, ["panel", "modes", "sb1", "--plot", "shapes.txt"])
-    assert result.exception is not None
-    assert "must end in" in str(result.exception)
-
-
-def test_command_refuses_an_unknown_system_before_it_prints() -> None:
-    result = CliRunner().invoke(
-        app, ["panel", "modes", "sb1", "--plot", "x.png", "--system", "rail Z"]
-    )
-    assert "no modes of 'rail Z'; there are those of 'rail switch, feet free'" in str(
-        result.exception
-    )
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--plot", "shapes.txt"], "must end in"),
+        (
+            ["--plot", "x.png", "--system", "rail Z"],
+            "no modes of 'rail Z'; there are those of 'rail switch, feet free'",
+        ),
+    ],
+    ids=["suffix", "system"],
+)
+def test_command_refuses_what_it_cannot_draw_before_it_prints(words: list[str], said: str) -> None:
+    result = command("", *words)
+    assert said in str(result.exception)
     assert result.output == ""
