@@ -95,6 +95,7 @@ def test_a_solution_is_corrected_where_columns_are_fresh_and_yet_wrong(made: Set
     tolerances, inputs = Tolerances(1e9, 1e12, 10), (state.inputs.copy(), state.inputs.copy())
     state.inputs[:] = [2e-3, -1e-3]
     args = (system, table, state, work, tolerances, given, given.step, factors, inputs, True)
+    args += (no_obstructions(),)
     assert _try_step(*args) == CONVERGED
     assert state.counters[COUNT_RECENT] == 0
     assert state.drift[0] == DRIFTS  # checked once more after the next step

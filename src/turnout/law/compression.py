@@ -5,7 +5,8 @@ with the stiffness of the contacts. With the area :math:`A` (length along the ra
 size :math:`s` and the compression :math:`e`:
 
 - stone splits along the line of load at :math:`F = \sigma s^2`;
-- ice is crushed at :math:`F = p A` and flakes off in cycles, the force drops to zero in each;
+- ice is crushed at :math:`F = p A` until its first layer flakes off, from then on at the mean force
+  of the cycles in which layer after layer fails;
 - snow is compacted, :math:`F = p_{ice} A (\varrho / \varrho_{ice})^n` at the density
   :math:`\varrho = \varrho_0 s / (s - e_p)` with the lasting compression :math:`e_p`;
 - wood across the grain and metal yield at :math:`F = \sigma A` and harden.
@@ -13,12 +14,12 @@ size :math:`s` and the compression :math:`e`:
 Sources, ranges and assumptions: docs/use/objects.md.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from turnout.core.units import MELTING
-from turnout.law.obstruction import CRUMBLES, NEVER, SPENT, SPLITS
+from turnout.law.obstruction import CRUMBLES, NEVER, SPLITS
 from turnout.law.table import Floats
 
 ICE_PRESSURE, ICE_PRESSURE_RISE = 5e6, 0.5e6
@@ -51,7 +52,7 @@ class Compression:
         Of the segments; the first is free [N/m].
     breaks : int
         See `turnout.law.obstruction`.
-    piece, limit, layer, least : float
+    piece, limit, crushed, least : float
         See `turnout.law.obstruction.Obstructions`.
     """
 
@@ -60,7 +61,7 @@ class Compression:
     breaks: int = NEVER
     piece: float = 0.0
     limit: float = 0.0
-    layer: float = 0.0
+    crushed: float = 0.0
     least: float = 0.0
 
     @property
@@ -127,26 +128,64 @@ def stone(*, size: float, strength: float, contact: float, piece: float) -> Comp
     )
 
 
-def ice(*, size: float, area: float, strength: float, contact: float, piece: float) -> Compression:
-    """Return the curve of ice: elastic, then crushed, flaking off down to a `piece` of it [-]."""
+def ice(
+    *,
+    size: float,
+    area: float,
+    strength: float,
+    contact: float,
+    piece: float,
+    lost: float = 0.0,
+    broken: bool = False,
+) -> Compression:
+    """Return the curve of ice: elastic, crushed at its strength, then down to a `piece` of it [-].
+
+    Parameters
+    ----------
+    lost : float
+        Taken from the size before [m].
+    broken : bool
+        Whether its first layer has flaked off: it is then crushed at the mean force.
+
+    Examples
+    --------
+    >>> curve = ice(size=0.02, area=4e-4, strength=10e6, contact=40e6, piece=0.2)
+    >>> round(curve.crushed), curve.limit.round(6)
+    (1311, 0.000722)
+    """
     stiffness = in_series(contact, ICE_MODULUS * area / size)
-    limit = strength * area / stiffness
-    cycle = max(ICE_CYCLE * size, LEAST_CYCLE)
+    force, cycle = strength * area, max(ICE_CYCLE * size, LEAST_CYCLE)
+    mean = mean_force(force, stiffness=stiffness, cycle=cycle)
+    depth, first = (1.0 - piece) * size - lost, ICE_CRUSHED * cycle
+    if broken:
+        force = mean
+    if depth <= 0.0:
+        return Compression(np.zeros(1), np.array([0.0, stiffness]))
+    reach = force / stiffness
     return Compression(
-        np.array([0.0, limit]),
-        np.array([0.0, stiffness, 0.0]),
-        CRUMBLES,
-        limit=limit + ICE_CRUSHED * cycle,
-        layer=cycle,
+        np.array([0.0, reach, reach + depth]),
+        np.array([0.0, stiffness, 0.0, stiffness]),
+        NEVER if broken or depth <= first else CRUMBLES,
+        limit=reach + first,
+        crushed=mean,
         least=piece * size,
     )
 
 
-def spent(curve: Compression) -> Compression:
-    """Return the curve of an object that crumbles no more: elastic for ever."""
-    slopes = curve.slopes.copy()
-    slopes[2:] = slopes[1]
-    return replace(curve, slopes=slopes, breaks=SPENT)
+def mean_force(force: float, *, stiffness: float, cycle: float) -> float:
+    """Return the mean force of ice over a cycle of a saw-tooth [N].
+
+    Parameters
+    ----------
+    force : float
+        At which it is crushed over a share of the cycle [N].
+    stiffness : float
+        Elastic; a layer that has flaked off relieves it by the rest of the cycle [N/m].
+    cycle : float
+        Thickness of a layer [m].
+    """
+    left = max(force - stiffness * (1.0 - ICE_CRUSHED) * cycle, 0.0)
+    return ICE_CRUSHED * force + (force**2 - left**2) / (2.0 * stiffness * cycle)
 
 
 def snow(

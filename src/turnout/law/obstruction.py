@@ -9,8 +9,8 @@ An obstruction is a law of the table with the segments
 While a rail moves within a step the law is piecewise linear and elastic. What it remembers changes
 between steps only: a compression on the envelope leaves a *dent*, so that segment 1 becomes the
 line of unloading through the deepest point; on the plateau of a brittle obstruction (slope zero)
-it *breaks*, and what is left of it is smaller. The energy that this takes from the law is
-dissipated.
+it *breaks*, and what is left of it is smaller or weaker. The energy that this takes from the law is
+dissipated. Steps are shortened until one ends where an obstruction fails, `passes_failure`.
 """
 
 from typing import NamedTuple
@@ -20,13 +20,12 @@ import numpy as np
 from turnout.kernels.compiled import compiled
 from turnout.law.table import Floats, Ints, LawTable
 
-NEVER, SPLITS, CRUMBLES, BREAKS_AWAY, SPENT = range(5)
-"""Failure modes of an obstruction: none, it dents; into a piece; in layers; as a bond between two
-bodies; or no longer, and it does not dent either."""
+NEVER, SPLITS, CRUMBLES, BREAKS_AWAY = range(4)
+"""Failure modes of an obstruction: none, it dents; into a piece; from a peak of its force to a lower
+one, at which it dents from then on; as a bond between two bodies."""
 
-
-ROUNDING = 1e-9
-"""Of sizes from which layers were taken [m]."""
+LOCATED = 1e-3
+"""Overrun of a failure that needs no shorter step, over the compression that reaches it [-]."""
 
 
 class Obstructions(NamedTuple):
@@ -42,10 +41,12 @@ class Obstructions(NamedTuple):
         Stiffness on the way back [N/m].
     piece : ndarray, shape (n,)
         Splits: share of the size that stays [-].
-    limit, layer : ndarray, shape (n,)
-        Crumbles: compression at which it fails, and thickness that one failure takes away [m].
+    limit : ndarray, shape (n,)
+        Crumbles: compression at which it fails [m].
+    crushed : ndarray, shape (n,)
+        Crumbles: force at which it dents once it has failed [N].
     least : ndarray, shape (n,)
-        Splits: a smaller piece falls out; crumbles: no failure below this size [m].
+        Splits: a smaller piece falls out; crumbles: this size remains [m].
     size : ndarray, shape (n,)
         Extent across the gap without what has broken off [m].
     deepest : ndarray, shape (n,)
@@ -61,7 +62,7 @@ class Obstructions(NamedTuple):
     unloading: Floats
     piece: Floats
     limit: Floats
-    layer: Floats
+    crushed: Floats
     least: Floats
     size: Floats
     deepest: Floats
@@ -84,7 +85,7 @@ def no_obstructions(count: int = 0) -> Obstructions:
         unloading=numbers(),
         piece=numbers(),
         limit=numbers(),
-        layer=numbers(),
+        crushed=numbers(),
         least=numbers(),
         size=numbers(),
         deepest=numbers(),
@@ -155,33 +156,52 @@ def split(table: LawTable, obstructions: Obstructions, row: int) -> bool:
 
 @compiled
 def crumble(table: LawTable, obstructions: Obstructions, row: int, e: float) -> None:
-    """Take away as many layers as bring the compression `e` [m] back below failure.
+    """Let the force of ice at the compression `e` [m] fall to that of crushing, which dents it.
 
-    What is left has no dent; below the least size it fails no more.
+    The dent ends where the least size is left, as before the failure.
     """
     law: int = obstructions.law[row]
     first: int = table.segment_start[law]
-    count = 1 + int((e - obstructions.limit[row]) / obstructions.layer[row])
-    lost = count * obstructions.layer[row]
-    obstructions.size[row] -= lost
-    obstructions.broken[row] += count
-    obstructions.deepest[row] = 0.0
-    table.offset[law] += lost
     stiffness: float = obstructions.unloading[row]
-    force: float = table.intercept[first + 2]
+    force: float = obstructions.crushed[row]
     reach = force / stiffness
-    table.segment_upper[first] = 0.0
-    table.segment_lower[first + 1] = 0.0
-    table.segment_upper[first + 1] = reach
-    table.segment_lower[first + 2] = reach
-    table.intercept[first + 1] = 0.0
-    table.potential[first + 1] = 0.0
-    table.potential[first + 2] = -0.5 * force * reach
-    if obstructions.size[row] <= obstructions.least[row] + ROUNDING:
-        obstructions.breaks[row] = SPENT
-        table.slope[first + 2] = stiffness
-        table.intercept[first + 2] = 0.0
-        table.potential[first + 2] = 0.0
+    whole = obstructions.size[row] - obstructions.least[row]
+    free = min(e - reach, whole)
+    deepest, last = free + reach, whole + reach
+    table.segment_upper[first] = free
+    table.segment_lower[first + 1], table.segment_upper[first + 1] = free, deepest
+    table.segment_lower[first + 2], table.segment_upper[first + 2] = deepest, last
+    table.segment_lower[first + 3] = last
+    table.slope[first + 1] = stiffness
+    table.intercept[first + 1] = -stiffness * free
+    table.potential[first + 1] = 0.5 * stiffness * free * free
+    table.intercept[first + 2] = force
+    table.potential[first + 2] = 0.5 * force * reach - force * deepest
+    table.intercept[first + 3] = -stiffness * whole
+    crushing = force * (whole - free)
+    table.potential[first + 3] = 0.5 * stiffness * whole * whole + crushing
+    obstructions.breaks[row] = NEVER
+    obstructions.broken[row] += 1
+    obstructions.deepest[row] = deepest
+
+
+@compiled
+def failure(table: LawTable, obstructions: Obstructions, row: int) -> float:
+    """Return the compression beyond which an obstruction fails, infinite for none [m]."""
+    breaks = obstructions.breaks[row]
+    if breaks == NEVER:
+        return np.inf
+    if breaks == CRUMBLES:
+        return float(obstructions.limit[row])
+    return float(table.segment_lower[table.segment_start[obstructions.law[row]] + 2])
+
+
+@compiled
+def overrun(table: LawTable, obstructions: Obstructions, row: int, e: float) -> float:
+    """Return how far the compression `e` lies beyond the failure [m]; negative before it."""
+    if obstructions.breaks[row] == BREAKS_AWAY:
+        e = abs(e)
+    return e - failure(table, obstructions, row)
 
 
 @compiled

@@ -12,11 +12,10 @@ from turnout.law.compression import (
     ice_pressure,
     metal,
     snow,
-    spent,
     stone,
     wood,
 )
-from turnout.law.obstruction import BREAKS_AWAY, ROUNDING, Obstructions, no_obstructions
+from turnout.law.obstruction import BREAKS_AWAY, CRUMBLES, Obstructions, no_obstructions
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.mechanism import LawIndex
 from turnout.panel.foreign_object import LONGEST_PART, PlacedObject
@@ -98,15 +97,17 @@ def add_object(laws: LawTableBuilder, row: int, item: PlacedObject, *, clearance
 def compression_of(item: PlacedObject) -> Compression:
     """Return force over compression of an object that is no spring.
 
-    What broke off before has gone from its size; ice keeps the layer that it had at first.
+    What broke off before has gone from its size; ice keeps the cycle that it had at first.
     """
     contact, size, area = item.stiffness, item.size - item.lost, item.length * item.depth
     if item.kind == "stone":
         return stone(size=size, strength=item.strength, contact=contact, piece=item.piece)
     if item.kind == "ice":
         pressure = item.strength or ice_pressure(item.temperature)
-        curve = ice(size=item.size, area=area, strength=pressure, contact=contact, piece=item.piece)
-        return spent(curve) if size <= curve.least + ROUNDING else curve
+        return ice(
+            size=item.size, area=area, strength=pressure, contact=contact, piece=item.piece,
+            lost=item.lost, broken=item.broken > 0,
+        )  # fmt: skip
     if item.kind == "snow":
         return snow(
             size=size,
@@ -172,7 +173,7 @@ def obstructions_of(index: LawIndex, objects: Sequence[PlacedObject]) -> Obstruc
         found.unloading[row] = curve.unloading
         found.piece[row] = curve.piece
         found.limit[row] = curve.limit
-        found.layer[row] = curve.layer
+        found.crushed[row] = curve.crushed if curve.breaks == CRUMBLES else 0.0
         found.least[row] = curve.least
         found.size[row] = item.size - item.lost
         found.deepest[row] = item.deepest

@@ -27,7 +27,12 @@ from turnout.solver.energy import (
     switch_laws,
 )
 from turnout.solver.follow import follow_path
-from turnout.solver.obstruct import update_courses, update_obstructions
+from turnout.solver.obstruct import (
+    has_just_broken,
+    passes_failure,
+    update_courses,
+    update_obstructions,
+)
 from turnout.solver.quasistatic import advance_static
 from turnout.solver.rods import (
     Rods,
@@ -70,6 +75,8 @@ from turnout.solver.system import Floats, Ints, System
 
 MEASURE_EVERY = 400
 """Steps after which the residual of a solution is measured in any case."""
+PASSED = -1
+"""Outcome of a step on whose way an obstruction fails."""
 
 
 @compiled
@@ -94,12 +101,14 @@ def _try_step(
     factors: Factors,
     inputs: tuple[Floats, Floats],
     last: bool,
+    obstructions: Obstructions,
     rods: Rods | None = None,
     time: float = 0.0,
 ) -> int:
     """Take one step of length `h` [s]; on failure restore the state, except its inputs.
 
-    A `last` attempt follows the solution path where the contact set does not converge.
+    A `last` attempt follows the solution path where the contact set does not converge; others end
+    with PASSED where an obstruction fails on the way.
     """
     inertia, viscosity = factors.inertia, factors.viscosity
     predict(system, state, work, stepping, h, factors)
@@ -130,6 +139,9 @@ def _try_step(
             refine(system, state, work)
             evaluate(table, state, work)
             state.drift[0] = DRIFTS
+    if code == CONVERGED and state.counters[LEVEL] < stepping.halvings:  # noqa: SIM102, as above
+        if passes_failure(table, state, obstructions):
+            code = PASSED
     if code == CONVERGED:
         correct(system, state, work, stepping, factors)
         return code
@@ -150,16 +162,23 @@ def _advance(
     nominal: Factors,
     inputs: tuple[Floats, Floats],
     time: float,
+    obstructions: Obstructions,
     rods: Rods | None,
 ) -> int:
     """Advance by one nominal step from `time` [s], in one piece or in halved pieces.
 
-    `nominal` are the factors of a step in one piece.
+    `nominal` are the factors of a step in one piece. Where an obstruction fails, the smallest piece
+    ends there, and so small are those that follow.
     """
     first, last = inputs
     n_pieces = 1 << stepping.halvings
-    position, level = 0, 0
+    position, level, fails = 0, 0, False
     h, factors = stepping.step, nominal
+    if has_just_broken(state, obstructions):
+        level = stepping.halvings
+        h = stepping.step / n_pieces
+        factors = step_factors(stepping, h)
+        switch_level(system, table, state, work, stepping, level)
     begin, end = work.inputs_start, work.inputs_end
     while position < n_pieces:
         size = n_pieces >> level
@@ -174,10 +193,11 @@ def _advance(
         last_attempt = stepping.follow_path and level == stepping.halvings
         code = _try_step(
             system, table, state, work, tolerances, stepping, h, factors, (begin, end),
-            last_attempt, rods, begun,
+            last_attempt, obstructions, rods, begun,
         )  # fmt: skip
         if code != CONVERGED:
             copy(begin, state.inputs)
+            fails |= code == PASSED
             level += 1
             if level > stepping.halvings or code == STOPPED:
                 return code
@@ -193,6 +213,10 @@ def _advance(
         account_laws(system, table, state, work, begin, time + share * stepping.step)
         account_friction(system, state, work)
         position += size
+        if fails and position < n_pieces:
+            now = time + share * stepping.step
+            count = update_obstructions(system, table, state, work, obstructions, now)
+            update_marked(system, table, state, work, count)
     return CONVERGED
 
 
@@ -303,8 +327,9 @@ def march(
             code = STOPPED if work.stop[0] else CONVERGED
         elif stepping.inertia:
             code = _advance(
-                system, table, state, work, tolerances, stepping, nominal, pair, time, rods
-            )
+                system, table, state, work, tolerances, stepping, nominal, pair, time,
+                obstructions, rods,
+            )  # fmt: skip
         else:
             span = (time, time + stepping.step)
             code = advance_static(system, table, state, work, tolerances, pair, span)

@@ -3,7 +3,8 @@
 Laws are elastic within a step, `turnout.law.obstruction`; here, once a step has been accepted, what
 they remember follows from where the step ended. A dent changes neither force nor stiffness of the
 present state, so no column changes. A failure changes the law of its row, as a law that is switched
-does: the force drops at the instant between two steps.
+does: the force drops at the instant between two steps. A step that passes a failure is taken again
+in halves, until the smallest of them ends there.
 """
 
 from turnout.kernels.compiled import compiled
@@ -12,16 +13,18 @@ from turnout.law.kernel import law_argument, segment_for
 from turnout.law.obstruction import (
     BREAKS_AWAY,
     CRUMBLES,
+    LOCATED,
     NEVER,
-    SPENT,
     SPLITS,
     Obstructions,
     crumble,
     dent,
+    failure,
+    overrun,
     split,
 )
 from turnout.law.table import LawTable
-from turnout.solver.energy import OBJECTS, force_and_energy
+from turnout.solver.energy import OBJECTS, SEGMENTS, force_and_energy
 from turnout.solver.scratch import Work
 from turnout.solver.solve import mark_law, mark_row
 from turnout.solver.state import State, set_segment
@@ -62,19 +65,38 @@ def update_obstructions(
         if segment == 0 and breaks != BREAKS_AWAY:
             continue
         e = law_argument(table, law, state.g, state.inputs)
-        if breaks == SPENT:
-            continue
-        dents = breaks == NEVER or (breaks == CRUMBLES and e <= obstructions.limit[row])
-        if not dents:
+        if breaks != NEVER and overrun(table, obstructions, row, e) > 0.0:
             _break(table, state, obstructions, row, e, time)
             count = mark_law(system, table, state, work, count, law)
-        elif e > obstructions.deepest[row]:
+        elif breaks in (NEVER, CRUMBLES) and e > obstructions.deepest[row]:
             lost = dent(table, law, segment, e, obstructions.unloading[row])
             obstructions.deepest[row] = e
             obstructions.dissipated[row] += lost
             state.ledger[OBJECTS] += lost
             set_segment(table, state, law, segment)
     return count
+
+
+@compiled
+def passes_failure(table: LawTable, state: State, obstructions: Obstructions) -> bool:
+    """Return whether some obstruction is further beyond its failure than is overlooked."""
+    for row in range(obstructions.law.size):
+        law = obstructions.law[row]
+        if state.present[law] == 0 or obstructions.breaks[row] == NEVER:
+            continue
+        e = law_argument(table, law, state.g, state.inputs)
+        if overrun(table, obstructions, row, e) > LOCATED * failure(table, obstructions, row):
+            return True
+    return False
+
+
+@compiled
+def has_just_broken(state: State, obstructions: Obstructions) -> bool:
+    """Return whether a force has dropped at the present instant."""
+    for row in range(obstructions.law.size):
+        if obstructions.broken[row] > 0 and state.jump[obstructions.law[row]] != 0.0:
+            return True
+    return False
 
 
 @compiled
@@ -122,9 +144,14 @@ def freeze(table: LawTable, state: State, obstructions: Obstructions) -> None:
 def _break(
     table: LawTable, state: State, obstructions: Obstructions, row: int, e: float, time: float
 ) -> None:
-    """Break an obstruction at the compression `e` [m]; what its law stored beyond is dissipated."""
+    """Break an obstruction at the compression `e` [m]; what its law stored beyond is dissipated.
+
+    The work of the force that falls, on the way that the step went on beyond the failure, is none
+    of the obstruction's and counts as numerical.
+    """
     law, breaks = obstructions.law[row], obstructions.breaks[row]
     force, energy = force_and_energy(state, law, e)
+    late = overrun(table, obstructions, row, e) * (abs(force) - obstructions.crushed[row])
     stays = True
     if breaks == SPLITS:
         stays = split(table, obstructions, row)
@@ -140,5 +167,6 @@ def _break(
     set_segment(table, state, law, segment_for(table, law, left, 0, 0.0))
     new_force, new_energy = force_and_energy(state, law, left)
     state.jump[law] += force - new_force
-    obstructions.dissipated[row] += energy - new_energy
-    state.ledger[OBJECTS] += energy - new_energy
+    state.ledger[SEGMENTS] += late
+    obstructions.dissipated[row] += energy - new_energy - late
+    state.ledger[OBJECTS] += energy - new_energy - late

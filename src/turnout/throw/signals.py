@@ -177,6 +177,9 @@ def lasting_dents(mechanism: Mechanism, history: History) -> Floats:
         if e > 0.0:
             at = first + np.searchsorted(laws.segment_upper[first : end - 1], e)
             force = laws.slope[at] * e + laws.intercept[at]
+            if obstructions.broken[row] and obstructions.crushed[row]:
+                most = obstructions.size[row] - obstructions.least[row]
+                force = max(obstructions.crushed[row], obstructions.unloading[row] * (e - most))
             found[row] = max(0.0, e - force / obstructions.unloading[row])
     return found
 
