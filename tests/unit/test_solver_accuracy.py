@@ -6,6 +6,7 @@ from tests.unit.test_solver_columns import INERTIA, VISCOSITY, Setup, flip, setu
 
 from turnout.core.scheme import AlphaCoefficients
 from turnout.law.friction import SLIP_FORWARD
+from turnout.law.obstruction import no_obstructions
 from turnout.solver.accuracy import DRIFTS, is_inaccurate, refine
 from turnout.solver.columns import rebuild, update_row
 from turnout.solver.compliance import assemble_level

@@ -139,6 +139,7 @@ def split(table: LawTable, obstructions: Obstructions, row: int) -> bool:
     whole: float = obstructions.size[row]
     left = obstructions.piece[row] * whole
     obstructions.broken[row] += 1
+    obstructions.deepest[row] = 0.0
     if left < obstructions.least[row]:
         obstructions.size[row] = 0.0
         return False

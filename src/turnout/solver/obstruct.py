@@ -58,10 +58,14 @@ def update_obstructions(
     count = 0
     for row in range(obstructions.law.size):
         law = obstructions.law[row]
-        segment = state.segment[law]
-        if state.present[law] == 0 or segment == ELASTIC:
+        segment, breaks = state.segment[law], obstructions.breaks[row]
+        if state.present[law] == 0:
             continue
-        breaks = obstructions.breaks[row]
+        if segment == ELASTIC:
+            if breaks == SPLITS:
+                e = law_argument(table, law, state.g, state.inputs)
+                obstructions.deepest[row] = max(obstructions.deepest[row], e)
+            continue
         if segment == 0 and breaks != BREAKS_AWAY:
             continue
         e = law_argument(table, law, state.g, state.inputs)
