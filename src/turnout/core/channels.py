@@ -282,10 +282,13 @@ ON_REQUEST = frozenset({"fastening_force", "fastening_moment"})
 OPTIONAL = MEASURED | OF_MACHINES | OF_THREE_PHASE | ON_REQUEST
 OPTIONAL |= {"single_object_force", "object_contact_time", "object_left", "object_broken"}
 
+DEPENDS = "depends on how it breaks"
+"""Kind of verdict on a throw that ends otherwise where objects break a little sooner or later."""
 BREAK_NOTE = (
-    "An object broke: the number of breaks, and so the verdict, may depend on step and mode"
+    "An object broke: where its strength is nearly met, the verdict may depend on step and mode"
 )
-"""Attribute `break_note` of datasets in which an object broke; of a sequence with `break_throw`."""
+"""Attribute `break_note` of sequences in which an object broke, with `break_throw`; of a single
+throw, which is compared with others, it says what differs, and `break_check` what was compared."""
 
 
 def label(dataset: "xr.Dataset") -> "xr.Dataset":

@@ -89,7 +89,7 @@ def title_of(dataset: xr.Dataset, compare: xr.Dataset | None = None) -> str:
         parts.extend(unfinished(dataset).values())
         parts.extend(["object not detected"] if verdict(dataset).missed else [])
         if break_note(dataset):
-            parts.append("an object broke: verdict may depend on step and mode")
+            parts.append("verdict may depend on how an object breaks")
     text = ", ".join(parts)
     if compare is not None:
         text += f"\ngrey: {_described(compare)}"

@@ -21,7 +21,7 @@ from turnout.kernels.compiled import compiled
 from turnout.law.table import Floats, Ints, LawTable
 
 NEVER, SPLITS, CRUMBLES, BREAKS_AWAY = range(4)
-"""Failure modes of an obstruction: none, it dents; into a piece; from a peak of its force to a lower
+"""Failure modes of an obstruction: none, it dents; into a piece; from its highest force to a lower
 one, at which it dents from then on; as a bond between two bodies."""
 
 LOCATED = 1e-3

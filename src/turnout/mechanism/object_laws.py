@@ -103,11 +103,9 @@ def compression_of(item: PlacedObject) -> Compression:
     if item.kind == "stone":
         return stone(size=size, strength=item.strength, contact=contact, piece=item.piece)
     if item.kind == "ice":
-        pressure = item.strength or ice_pressure(item.temperature)
-        return ice(
-            size=item.size, area=area, strength=pressure, contact=contact, piece=item.piece,
-            lost=item.lost, broken=item.broken > 0,
-        )  # fmt: skip
+        of_ice = {"strength": strength_of(item), "piece": item.piece, "lost": item.lost}
+        broken = item.broken > 0
+        return ice(size=item.size, area=area, contact=contact, broken=broken, **of_ice)
     if item.kind == "snow":
         return snow(
             size=size,
@@ -118,6 +116,13 @@ def compression_of(item: PlacedObject) -> Compression:
         )
     of_kind = {"wood": wood, "metal": metal}[item.kind]
     return of_kind(size=size, area=area, strength=item.strength, contact=contact)
+
+
+def strength_of(item: PlacedObject) -> float:
+    """Return the strength of an object [Pa]; that of ice may follow from its temperature."""
+    if item.kind == "ice" and not item.strength:
+        return ice_pressure(item.temperature)
+    return item.strength
 
 
 def dent_of(item: PlacedObject) -> float:

@@ -159,6 +159,8 @@ def headline(found: Verdict, dataset: xr.Dataset) -> Finding | None:
         if bool(dataset.get("object_placed", True)) and not unfinished(dataset):
             return None
         return Finding("look", HEADLINE, "Not judged", detail)
+    if found.kind == "depends on how it breaks":
+        return Finding("look", HEADLINE, _capital(found.kind), detail, found.meaning)
     if found.missed:
         return Finding("bad", HEADLINE, UNDETECTED, detail, found.meaning)
     if found.kind.startswith("detected"):

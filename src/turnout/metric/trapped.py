@@ -40,7 +40,10 @@ def is_trapped(contact: ArrayLike, taken: ArrayLike, left: ArrayLike) -> NDArray
 
 
 def break_note(dataset: "xr.Dataset") -> str:
-    """Return the note beside a verdict on objects that broke; empty if none did.
+    """Return the note beside a verdict that may rest on how objects broke; empty for none.
+
+    A single throw has one where the throws that it was compared with end otherwise. Sequences and
+    sweeps, which are not compared, have one where an object broke.
 
     Parameters
     ----------
@@ -51,10 +54,12 @@ def break_note(dataset: "xr.Dataset") -> str:
     --------
     >>> import xarray as xr
     >>> break_note(xr.Dataset({"object_broken": ("object", [3, 0])}))
-    'An object broke: the number of breaks, and so the verdict, may depend on step and mode'
+    'An object broke: where its strength is nearly met, the verdict may depend on step and mode'
     >>> break_note(xr.Dataset({"object_broken": ("object", [0, 0])}))
     ''
     """
+    if "break_check" in dataset.attrs:
+        return str(dataset.attrs.get("break_note", ""))
     if "scenario" in dataset.dims or "break_note" not in dataset.attrs:
         broke = "object_broken" in dataset and bool((dataset["object_broken"] > 0).any())
         return BREAK_NOTE if broke else ""

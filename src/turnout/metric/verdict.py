@@ -41,6 +41,7 @@ Kind = Literal[
     "not locked",
     "not sound",
     "sound",
+    "depends on how it breaks",
     "not judged",
 ]
 KINDS: tuple[str, ...] = get_args(Kind)
@@ -57,6 +58,8 @@ MEANINGS: dict[Kind, str] = {
     "not sound": "The switch closes and locks, but wheels have less room beside its open rail than "
     "they need.",
     "sound": "No object is trapped, and the switch closes and locks.",
+    "depends on how it breaks": "An object breaks, or nearly does, and what the switch reports "
+    "rests on it: a little more or less strength changes it.",
     "not judged": "",
 }
 """Meaning of each kind for trains."""
@@ -93,12 +96,13 @@ class Verdict:
         names the others. The rest is for a switch in which no object is touched, nothing is
         left of one that is, or a drive slips before: "not locked", a drive slips, the lock is
         refused, or a sensor reports a gap; "not sound", only the flangeway is below its limit;
-        "sound", every check is passed.
+        "sound", every check is passed. "depends on how it breaks": throws in which objects break a
+        little sooner or later, or in mode waveform, end with other reports.
         "not judged": the dataset lacks what the verdict rests on, an object does not fit, or a
         drive has not arrived and no object is detected or missed by what has.
     text : str
-        One plain sentence with its numbers; where an object broke a second one, that the verdict
-        may depend on step and mode.
+        One plain sentence with its numbers; where an object broke in a throw of a sequence a second
+        one, that the verdict may depend on step and mode.
     """
 
     kind: Kind
@@ -143,6 +147,9 @@ def verdict(dataset: "xr.Dataset") -> Verdict:
         return Verdict("not judged", f"Not judged: {unplaced}.")
     judged = dataset[[name for name in _JUDGED if name in dataset]]
     found, note = _judged(judged, _cases(judged)), break_note(dataset)
+    if "break_check" in dataset.attrs and note:
+        text = f"{note}; in this throw: {found.text[:1].lower()}{found.text[1:]}"
+        return Verdict("depends on how it breaks", text)
     return replace(found, text=f"{found.text} {note}.") if note else found
 
 

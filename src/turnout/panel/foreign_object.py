@@ -326,7 +326,7 @@ def _examined(
     panel: Panel, whole: ForeignObject, *, sized: bool
 ) -> tuple[float | None, list[tuple[str, str]]]:
     """Return the place of an object that leaves out no more than times, and its faults."""
-    faults = []
+    faults = [] if whole.stiffness is None else break_faults(whole)
     if whole.rail not in panel.rail:
         text = f"; there are {choices(panel.rail)}{nearest(str(whole.rail), panel.rail)}"
         faults.append(("rail", f" = {show_value(whole.rail)}: there is no such rail{text}"))
@@ -338,6 +338,27 @@ def _examined(
     if sized and x is not None and whole.rail in panel.rail:
         faults += _opening_faults(panel, whole, str(whole.rail), x)
     return x, faults + (_time_faults(panel, whole) if sized else [])
+
+
+def break_faults(item: ForeignObject) -> list[tuple[str, str]]:
+    """Find out whether an object that breaks is squeezed flat before it can.
+
+    Its compression where it fails, force over stiffness, must be less than its size. Ice whose
+    strength follows from its temperature is not examined.
+    """
+    if item.kind not in ("stone", "ice"):
+        return []
+    size, stiffness = float(item.size), float(item.stiffness or 0.0)
+    given = filled_parameters(item.kind, item.parameters, size=size)
+    force = given["strength"] * (given["length"] * given["depth"] or size**2)
+    if force < stiffness * size:
+        return []
+    text = (
+        f" = {1e-6 * given['strength']:g} MPa: it cannot break, {1e-3 * force:.3g} kN would press "
+        f"its {1e3 * size:g} mm together by {1e3 * force / stiffness:.3g} mm (stiffness = "
+        f"{1e-3 * stiffness:g} kN/m); give less strength or more stiffness"
+    )
+    return [("strength", text)]
 
 
 def _opening_faults(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.core.channels import BREAK_NOTE, SCHEMA_VERSION
+from turnout.core.channels import SCHEMA_VERSION
 from turnout.core.lru_cache import LRUCache
 from turnout.core.provenance import provenance
 from turnout.core.scheme import Scheme
@@ -62,7 +62,6 @@ from turnout.throw.signals import (
     energy_scale,
     fastening_signals,
     force_block,
-    has_broken,
     object_channels,
     object_memory,
     stop_block,
@@ -259,7 +258,6 @@ def describe_run(
         **({"machine_throws": duty_records(panel, made, end)} if made else {}),
         **({"schedule_waits": json.dumps(waits)} if any(waits) else {}),
         **rules,
-        **({"break_note": BREAK_NOTE} if has_broken(mechanism, history) else {}),
         "outcome": outcome.code.name.lower().replace("_", " "),
         "outcome_message": outcome.message(),
         "complete": outcome.complete,

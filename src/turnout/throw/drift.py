@@ -273,7 +273,9 @@ def aged_objects(
         broken = item.broken + int(history.obstructions.broken[row])
         if broken and drift.fall > 0.0 and random.random() < drift.fall:
             continue
-        after = replace(_remembered(item, history, row, float(dents[row])), broken=broken)
+        changes = drift.temperature is not None or _growth(item, drift, temperature) != 0.0
+        after = _remembered(item, history, row, float(dents[row]), changes=changes)
+        after = replace(after, broken=broken)
         after = _weathered(after, drift, temperature, densities.get(item.name, 0.0))
         opening = largest_opening(panel, item.rail, item.x)
         room = (math.inf if opening is None else opening) + after.lost
@@ -283,18 +285,21 @@ def aged_objects(
     return tuple(found)
 
 
-def _remembered(item: PlacedObject, history: History, row: int, dent: float) -> PlacedObject:
+def _remembered(
+    item: PlacedObject, history: History, row: int, dent: float, *, changes: bool
+) -> PlacedObject:
     """Return an object as a throw left it.
 
-    Snow with an imprint is thinner and denser snow, whose strength goes on where it was.
+    Snow that `changes` with the weather is thinner and denser snow with its imprint, whose strength
+    goes on about where it was.
     """
     obstructions = history.obstructions
-    if item.kind == "snow":
+    if item.kind == "snow" and changes:
         left = item.size - dent
         return replace(item, size=left, density=item.density * item.size / left)
     lost = item.size - float(obstructions.size[row])
-    if item.kind == "ice":  # crushed ice is gone
-        return replace(item, lost=lost + dent)
+    if item.kind == "ice" and (changes or item.broken or obstructions.broken[row]):
+        return replace(item, lost=lost + dent)  # crushed ice is gone
     return replace(item, lost=lost, deepest=float(obstructions.deepest[row]))
 
 
@@ -302,13 +307,18 @@ def _weathered(
     item: PlacedObject, drift: Drift, temperature: float | None, fresh: float
 ) -> PlacedObject:
     """Let ice and snow grow below the melting point, and melt above."""
-    growth = {"ice": drift.ice_growth, "snow": drift.snow_growth}.get(item.kind)
-    if growth is None:
-        return item
-    warmth = 0.0 if temperature is None else max(temperature - MELTING, 0.0)
-    change = -float(drift.melting) * warmth if warmth > 0.0 else float(growth)
+    change = _growth(item, drift, temperature)
     size = item.size + change
     if item.kind == "snow" and change > 0.0:
         density = (item.density * item.size + fresh * change) / size
         return replace(item, size=size, density=density)
     return replace(item, size=size)
+
+
+def _growth(item: PlacedObject, drift: Drift, temperature: float | None) -> float:
+    """Return what ice and snow gain after a throw, or lose above the melting point [m]."""
+    growth = {"ice": drift.ice_growth, "snow": drift.snow_growth}.get(item.kind)
+    if growth is None:
+        return 0.0
+    warmth = 0.0 if temperature is None else max(temperature - MELTING, 0.0)
+    return -float(drift.melting) * warmth if warmth > 0.0 else float(growth)

@@ -34,6 +34,7 @@ from turnout.solver.march import march_with_machines
 from turnout.solver.outcome import NotConverged
 from turnout.solver.start import PriorMotion
 from turnout.solver.watch import Watch
+from turnout.throw.breaking import BREAKING, COMPARED, break_attributes
 from turnout.throw.compilation import must_compile
 from turnout.throw.save import Save
 
@@ -132,16 +133,18 @@ def simulate_placed(
         from turnout.throw.dataset import describe_run, response_dataset  # the solver needs none
 
         dataset = response_dataset(panel, solved.mechanism, solved.history, save=save)
+        taken = time.perf_counter() - began - solved.compile_time
+        breaks = _compare_breaks(panel, solved, scheme)
     attributes = describe_run(
         panel,
         solved.mechanism,
         solved.history,
         scheme=scheme,
         objects=solved.objects,
-        wall_time=time.perf_counter() - began - solved.compile_time,
+        wall_time=taken,
         solver_time=solved.solver_time,
     )
-    dataset.attrs.update(attributes)
+    dataset.attrs.update(attributes | breaks)
     if throw and not solved.history.outcome.complete:
         raise NotConverged(solved.history.outcome, partial=dataset)
     return dataset
@@ -340,6 +343,24 @@ def solve_planned(
         compile_time=planned.compile_time,
         build_time=planned.build_time,
         processor_time=planned.processor_time + time.process_time() - used,
+    )
+
+
+def _compare_breaks(panel: LoadedPanel, solved: Solved, scheme: Scheme) -> dict[str, str]:
+    """Return what a dataset says of breaks; throws without them are not compared."""
+    if not any(item.kind in BREAKING for item in solved.objects):
+        return {}
+    from turnout.throw.dataset import response_dataset
+
+    def kept(made: Solved) -> "xr.Dataset":
+        return response_dataset(panel, made.mechanism, made.history, save=COMPARED)
+
+    def throw(objects: tuple[PlacedObject, ...], other: Scheme) -> "tuple[xr.Dataset, bool]":
+        made = solve_placed(panel, objects, scheme=other)
+        return kept(made), made.history.outcome.complete
+
+    return break_attributes(
+        solved.objects, (solved.mechanism, solved.history), lambda: kept(solved), scheme, throw
     )
 
 

@@ -22,6 +22,7 @@ LEVELS: Mapping[str, Severity] = {
     "undetected object": "bad",
     "not locked": "bad",
     "not sound": "bad",
+    "depends on how it breaks": "look",
     "not judged": "look",
 }
 """Of kinds of verdicts; all others are good."""

@@ -15,6 +15,7 @@ const KINDS = {
   "does not fit": ["–", "does not fit", "rest"],
   "not locked": ["!", "not locked without it", "look"],
   "not sound": ["!", "not sound without it", "look"],
+  "depends on how it breaks": ["?", "depends on how it breaks", "look"],
   "not judged": ["?", "not judged", "look"],
   failed: ["?", "not computed", "look"],
 };
