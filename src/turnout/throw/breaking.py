@@ -1,9 +1,9 @@
 """Throws of objects that break, or nearly do, beside others in which they break sooner or later.
 
-Where an object fails on the peak of a blow, its verdict rests on how well the steps resolve it. A
-throw of mode quick is then made in mode waveform too, any other with strengths that are lower and
-higher by as much as the peak may be off. Where lock, control, slip or what is trapped differ, the
-verdict depends on how it breaks.
+Whether an object fails rests on a peak of its force, which steps resolve only so well: the first
+failure mostly on a slow one, those of pieces on blows. A throw of mode quick is then made in mode
+waveform too, any other with strengths that are lower and higher by as much as the peak may be off.
+Where lock, control, slip or what is trapped differ, the verdict depends on how it breaks.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -23,9 +23,9 @@ from turnout.throw.save import Save
 if TYPE_CHECKING:
     import xarray as xr
 
-PEAK_ERROR, COARSE_PEAK_ERROR = 0.05, 0.25
-"""Largest error of the peak force of a blow: in mode waveform, and in one of longer steps or a
-lower cut-off [-]."""
+SLOW_ERROR, BLOW_ERROR, COARSE_ERROR = 0.005, 0.05, 0.25
+"""Largest errors of the peak of an object's force in mode waveform, without and with a blow, and
+those of a blow with longer steps or a lower cut-off [-]."""
 CLOSE = 0.3e-3
 """End gaps that differ by less are alike [m]."""
 COMPARED = Save(
@@ -44,11 +44,6 @@ def is_coarse(scheme: Scheme) -> bool:
     fine = Scheme()
     coarser = scheme.step > fine.step or scheme.cutoff_frequency < fine.cutoff_frequency
     return coarser or not scheme.inertia
-
-
-def peak_error(scheme: Scheme) -> float:
-    """Return the largest error of the peak force of a blow in a scheme [-]."""
-    return COARSE_PEAK_ERROR if is_coarse(scheme) else PEAK_ERROR
 
 
 def break_attributes(
@@ -74,51 +69,56 @@ def break_attributes(
         Makes such a dataset for other objects and another scheme, and says whether it is complete.
     """
     mechanism, history = solved
-    broke, near = _closeness(mechanism, history, objects, peak_error(scheme))
-    if not history.outcome.complete or not (broke or near):
+    coarse = is_coarse(scheme)
+    near = _is_near(mechanism, history, objects, COARSE_ERROR if coarse else SLOW_ERROR)
+    first = _end_of(base()) if history.outcome.complete else None
+    if first is None or not (near or any(first.broken)):
         return {}
-    found = [_end_of(base())]
-    for varied, other in _variants(objects, scheme, broke=broke):
+    found = [first]
+    for varied, other, alike in _variants(objects, scheme, broke=any(first.broken)):
         dataset, complete = throw(varied, other)
-        if complete:
-            found.append(_end_of(dataset))
-    how = "in mode waveform" if is_coarse(scheme) else f"with {100 * PEAK_ERROR:g} % of strength"
-    if all(end.state == found[0].state for end in found):
+        end = _end_of(dataset) if complete else first
+        if not alike or np.array_equal(np.sign(end.broken), np.sign(first.broken)):
+            found.append(end)
+    how = "in mode waveform" if coarse else "with a little less and more strength"
+    if all(end.state == first.state for end in found):
         return {"break_check": f"alike {how}"}
     return {"break_check": f"differs {how}", "break_note": _note(found, how)}
 
 
-def _closeness(
+def _is_near(
     mechanism: Mechanism, history: History, objects: Sequence[PlacedObject], error: float
-) -> tuple[bool, bool]:
-    """Return whether an object broke, and whether one nearly did."""
+) -> bool:
+    """Return whether an object came within an error of its failure [-], or yielded as ice does."""
     obstructions = history.obstructions
     rows = named_obstructions(obstructions, mechanism.index.object)
-    broke = near = False
     for item in objects:
-        for name in mechanism.index.object_parts.get(item.name, ()):
-            row = rows.get(name, -1)
-            if row < 0 or item.kind not in BREAKING:
-                continue
-            broke |= bool(obstructions.broken[row] > 0)
-            reach = compression_of(item).breakpoints[1:2] * (1.0 - error)
-            deepest = obstructions.deepest[row]
-            near |= bool(deepest > 0.0 and (item.kind == "ice" or np.all(deepest > reach)))
-    return broke, near
+        for name in (
+            mechanism.index.object_parts.get(item.name, ()) if item.kind in BREAKING else ()
+        ):
+            deepest = float(obstructions.deepest[rows[name]])
+            reach = 0.0 if item.kind == "ice" else float(compression_of(item).breakpoints[1])
+            if deepest > (1.0 - error) * reach:
+                return True
+    return False
 
 
 def _variants(
     objects: tuple[PlacedObject, ...], scheme: Scheme, *, broke: bool
-) -> Iterator[tuple[tuple[PlacedObject, ...], Scheme]]:
-    """Yield objects and schemes of the throws to compare with."""
+) -> Iterator[tuple[tuple[PlacedObject, ...], Scheme, bool]]:
+    """Yield objects and schemes to compare with, and whether the same objects must break in them.
+
+    Pieces of stone fail on blows.
+    """
     if is_coarse(scheme):
-        yield objects, Scheme()
+        yield objects, Scheme(), False
         return
-    for factor in (1.0 - PEAK_ERROR, 1.0 + PEAK_ERROR) if broke else (1.0 - PEAK_ERROR,):
-        yield (
-            tuple(replace(item, strength=factor * strength_of(item)) for item in objects),
-            scheme,
-        )
+    factors = [(1.0 - SLOW_ERROR, False)] + [(1.0 + SLOW_ERROR, False)] * broke
+    if broke and any(item.kind == "stone" for item in objects):
+        factors += [(1.0 - BLOW_ERROR, True), (1.0 + BLOW_ERROR, True)]
+    for factor, alike in factors:
+        varied = tuple(replace(item, strength=factor * strength_of(item)) for item in objects)
+        yield varied, scheme, alike
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +127,7 @@ class _End:
 
     state: tuple[bool, ...]
     gaps: dict[str, float]
-    broken: int
+    broken: tuple[int, ...]
 
 
 def _end_of(dataset: "xr.Dataset") -> _End:
@@ -141,14 +141,15 @@ def _end_of(dataset: "xr.Dataset") -> _End:
         state += dataset["in_control"].transpose(..., "time").values[..., -1].tolist()
         last = dataset["sensor_gap"].transpose(..., "time").values[..., -1]
         gaps = dict(zip(dataset["sensor"].values.tolist(), last.tolist(), strict=True))
-    return _End(tuple(state), gaps, int(dataset["object_broken"].sum()))
+    return _End(tuple(state), gaps, tuple(dataset["object_broken"].values.tolist()))
 
 
 def _note(found: list[_End], how: str) -> str:
     """Return how the throws differ, in a sentence without its full stop."""
-    least, most = min(end.broken for end in found), max(end.broken for end in found)
-    breaks = f"{least} to {most} breaks" if most > least else f"{most} breaks"
-    parts = [breaks.replace("1 breaks", "1 break") if most == 1 and least == most else breaks]
+    counts = [sum(end.broken) for end in found]
+    least, most = min(counts), max(counts)
+    span = f"{least} to {most}" if most > least else f"{most}"
+    parts = [f"{span} break{'' if span == '1' else 's'}"]
     for name in found[0].gaps:
         gaps = [end.gaps[name] for end in found]
         if max(gaps) - min(gaps) > CLOSE:
