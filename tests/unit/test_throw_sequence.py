@@ -53,7 +53,7 @@ def test_a_stone_that_falls_out_leaves_the_next_throw_free() -> None:
     stone = ForeignObject("20 mm", "drive 1", kind="stone", strength="10 MPa", piece=0.0)
     made = simulate_sequence(PANEL, throws=2, foreign_object=stone)
     free = simulate(PANEL, mode="quick")
-    assert made["object_force"].max("time")[0] == pytest.approx(4000.0, rel=1e-9)
+    assert 3800.0 < made["object_force"].max("time")[0] <= 4000.0
     assert made["object_size"].values.tolist() == [[0.02], [0.0]]
     assert float(made["object_force"][1].max()) == 0.0
     assert np.allclose(made["drive_force"][1], free["drive_force"], atol=1e-6)
@@ -64,7 +64,7 @@ def test_a_broken_piece_may_fall_in_a_later_throw() -> None:
     ice = ForeignObject("10 mm", "drive 1", kind="ice")
     drift = Drift(fall=0.4, seed=FALLS_LATER)
     made = simulate_sequence(PANEL, throws=4, foreign_object=ice, drift=drift)
-    assert made["object_broken"].values[:, 0].tolist() == [8, 0, 0, 0]
+    assert made["object_broken"].values[:, 0].tolist() == [1, 0, 0, 0]
     assert made["object_size"].values[:, 0] == pytest.approx([0.01, 0.002, 0.002, 0.0], abs=1e-6)
 
 
@@ -141,6 +141,17 @@ def test_snow_is_packed_and_keeps_its_mass() -> None:
     assert made["object_left"].values[1, 0] == pytest.approx(size[1], abs=3e-4)
 
 
+@pytest.mark.parametrize("kind", ["snow", "wood"])
+def test_what_only_dents_has_the_same_envelope_in_a_second_throw(kind: str) -> None:
+    item = ForeignObject("20 mm", "drive 1", kind=kind)
+    made = simulate_sequence(PANEL, throws=2, foreign_object=item)
+    taken = made["energy_object_dissipated"].values[:, -1]
+    assert taken[0] > 5.0
+    assert taken[1] < 5e-3 * taken[0]
+    left = made["object_left"].values[:, 0]
+    assert left[1] == pytest.approx(left[0], abs=1e-5)
+
+
 def test_ice_that_is_crushed_to_its_last_layer_is_met_again() -> None:
     ice = ForeignObject("10 mm", "drive 1", kind="ice")
     made = simulate_sequence(PANEL, throws=3, foreign_object=ice)
@@ -209,7 +220,8 @@ def test_a_ridge_of_ice_covers_sleepers_and_an_object_may_lie_in_it() -> None:
     alone = simulate(PANEL, foreign_object=ridge, mode="quick")
     assert both["object"].values.tolist() == ["1", "2"]
     force = both["single_object_force"].max("time").values
-    assert np.all(force > 100.0)
+    assert force[0] > 100.0
+    assert both["object_broken"].values[1] >= 1
     assert float(alone["object_force"].max()) > 1000.0
 
 

@@ -62,7 +62,7 @@ def obstruction(law: int, curve: Compression, *, size: float, deepest: float = 0
     """Return the memory of one law."""
     found = no_obstructions(1)
     values = {
-        name: getattr(curve, name) for name in ("breaks", "unloading", "piece", "limit", "layer")
+        name: getattr(curve, name) for name in ("breaks", "unloading", "piece", "limit", "crushed")
     }
     for name, value in (values | {"law": law, "least": curve.least, "size": size}).items():
         getattr(found, name)[0] = value

@@ -32,14 +32,13 @@ def test_a_bond_holds_up_to_its_force_and_is_gone() -> None:
     mechanism = hand_made(laws, mass=[1.0], obstructions=frozen, load=[50.0])
     history = run(mechanism, lambda t: 0.01 * np.sin(3.0 * t), end=2.0)
     force = history.law_force[:, bond]
-    assert np.abs(force).max() == pytest.approx(reach * stiffness, rel=1e-12)
+    assert 0.5 < np.abs(force).max() / (reach * stiffness) <= 1.0
     # it stands at rest under its load without force
     assert force[0] == pytest.approx(0.0, abs=1e-9)
     broke = int(np.argmax(np.abs(force)))
     assert np.all(force[broke + 2 :] == 0.0)
     elastic = 0.5 * stiffness * reach**2
-    overshoot = reach * stiffness * np.abs(np.diff(history.g[:, 0])).max()
-    assert elastic <= history.obstructions.dissipated[0] <= elastic + overshoot
+    assert history.obstructions.dissipated[0] == pytest.approx(elastic, rel=1e-9)
     assert energy_residual(history) < 1e-6
 
 

@@ -51,29 +51,41 @@ def compression(history: History) -> np.ndarray:
     return history.g[:, 0] - CLEARANCE
 
 
-def stone_force(e: np.ndarray) -> np.ndarray:
+def stone_force(e: np.ndarray, *, late: bool = False) -> np.ndarray:
+    """Return the force, where `late` with failures after the instants at which they are passed."""
     size, lost, found = SIZE, 0.0, []
     for value in e:
-        limit = 20e6 * size**2
         trial = CONTACT * max(value - lost, 0.0)
-        found.append(min(trial, limit))
-        if trial > limit:
+        if late:
+            found.append(min(trial, 20e6 * size**2))
+        while trial > 20e6 * size**2:
             lost, size = lost + 0.4 * size, 0.6 * size
+            trial = CONTACT * max(value - lost, 0.0)
+        if not late:
+            found.append(trial)
     return np.array(found)
 
 
-def ice_force(e: np.ndarray) -> np.ndarray:
-    k = 1.0 / (1.0 / CONTACT + SIZE / (9e9 * AREA))
-    limit, cycle = 10e6 * AREA, 0.1 * SIZE
-    lost, deepest, found = 0.0, 0.0, []
+ICE_STIFFNESS = 1.0 / (1.0 / CONTACT + SIZE / (9e9 * AREA))
+ICE_FORCE, CYCLE, LASTING = 10e6 * AREA, 0.1 * SIZE, 0.8 * SIZE
+ICE_MEAN = 0.3 * ICE_FORCE + ICE_FORCE**2 / (2.0 * ICE_STIFFNESS * CYCLE)  # falls to zero
+
+
+def ice_force(e: np.ndarray, *, late: bool = False) -> np.ndarray:
+    k, limit = ICE_STIFFNESS, ICE_FORCE
+    deepest, found, broken = 0.0, [], False
+
+    def on(x: float) -> float:
+        return max(min(k * x, limit), k * (x - LASTING))
+
     for value in e:
-        x, spent = value - lost, SIZE - lost <= 0.2 * SIZE
-        back = min(k * deepest, limit) - k * (deepest - x)
-        force = max(k * x if spent else min(k * x, limit) if x > deepest else back, 0.0)
-        found.append(force)
-        deepest = max(deepest, x)
-        while not spent and x > limit / k + 0.3 * cycle:
-            lost, x, deepest = lost + cycle, x - cycle, 0.0
+        fails = not broken and value > ICE_FORCE / k + 0.3 * CYCLE
+        if fails and not late:
+            broken, limit = True, ICE_MEAN
+        deepest = max(deepest, value)
+        found.append(max(on(deepest) - k * (deepest - value), 0.0))
+        if fails and late:
+            broken, limit = True, ICE_MEAN
     return np.array(found)
 
 
@@ -116,7 +128,7 @@ def metal_force(e: np.ndarray) -> np.ndarray:
     return dented_force(np.array(points), k)(e)
 
 
-FORCES = {
+FORCES: dict[str, Callable[..., np.ndarray]] = {
     "stone": stone_force,
     "ice": ice_force,
     "snow": snow_force,
@@ -144,7 +156,7 @@ def test_what_is_dissipated_is_the_area_of_the_loop(kind: str) -> None:
     area = float(np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(e)))
     dissipated = float(history.obstructions.dissipated[0])
     assert dissipated == pytest.approx(history.ledger[-1, 6], rel=1e-12)
-    assert dissipated == pytest.approx(area, rel=0.02)  # failures wait for the end of a step
+    assert dissipated == pytest.approx(area, rel=0.02)
     assert np.all(np.diff(history.ledger[:, 6]) >= -1e-9)
     assert energy_residual(history) < CLOSE
     assert energy_residual(history, without="objects") > 1e-3
@@ -152,7 +164,7 @@ def test_what_is_dissipated_is_the_area_of_the_loop(kind: str) -> None:
 
 def test_a_stone_splits_at_the_square_of_its_size() -> None:
     history = moved(CURVES["stone"])
-    assert history.law_force[:, 1].max() == pytest.approx(20e6 * SIZE**2, rel=CLOSE)
+    assert 0.8 < history.law_force[:, 1].max() / (20e6 * SIZE**2) <= 1.0 + CLOSE
     assert history.obstructions.broken[0] >= 2
     assert history.obstructions.size[0] == pytest.approx(
         SIZE * 0.6 ** int(history.obstructions.broken[0]), rel=CLOSE
@@ -167,19 +179,35 @@ def test_a_stone_without_a_piece_is_gone() -> None:
     assert np.all(history.law_force[peak + 1 :, 1] == 0.0)
 
 
-def test_ice_fails_in_drops_and_leaves_a_layer() -> None:
+def test_ice_fails_once_and_is_crushed_at_the_mean_force_of_its_saw_tooth() -> None:
     history = moved(CURVES["ice"])
     force, e = history.law_force[:, 1], compression(history)
-    assert force[e < 0.012].max() == pytest.approx(10e6 * AREA, rel=CLOSE)
-    drops = np.diff(force)[np.diff(e) > 0]
-    assert np.sum(drops == -10e6 * AREA) >= 5
-    # two cycles of 2 mm: each is crushed over 30 %, and loses what was elastic
-    first = (history.time < 0.5) & (e > 0.0) & (e < 0.0039)
-    limit, reach = 10e6 * AREA, CURVES["ice"].breakpoints[1]
-    assert np.trapezoid(force[first], e[first]) == pytest.approx(
-        2.0 * limit * (0.3 * 0.002 + 0.5 * reach), rel=0.05
-    )
-    assert history.obstructions.size[0] > 0.2 * SIZE - CURVES["ice"].layer
+    before = e < ICE_FORCE / ICE_STIFFNESS + 0.3 * CYCLE
+    first = int(np.argmin(before))
+    assert force[:first].max() == pytest.approx(ICE_FORCE, rel=CLOSE)
+    assert force[first : first + 20] == pytest.approx(ICE_MEAN, rel=CLOSE)
+    assert history.obstructions.broken[0] == 1
+
+
+def test_ice_dissipates_the_closed_form() -> None:
+    """Its crushing at the full force, the fall of the elastic part, and the mean force from there.
+
+    It is crushed down to its least size.
+    """
+    for step in (1e-3, 4e-3):
+        found = float(moved(CURVES["ice"], step=step).obstructions.dissipated[0])
+        first = 0.3 * CYCLE * ICE_FORCE
+        first += 0.5 * (ICE_FORCE**2 - ICE_MEAN**2) / ICE_STIFFNESS
+        lasting = 0.3 * CYCLE + (ICE_FORCE - ICE_MEAN) / ICE_STIFFNESS
+        assert found == pytest.approx(first + ICE_MEAN * (LASTING - lasting), rel=1e-6)
+
+
+def test_stone_dissipates_the_closed_form() -> None:
+    for step in (1e-3, 4e-3):
+        obstructions = moved(CURVES["stone"], step=step).obstructions
+        forces = 20e6 * (SIZE * 0.6 ** np.arange(int(obstructions.broken[0]))) ** 2
+        elastic = float(np.sum(forces**2) / (2.0 * CONTACT))
+        assert obstructions.dissipated[0] == pytest.approx(elastic, rel=1e-6)
 
 
 @pytest.mark.parametrize("kind", ["snow", "wood", "metal"])
@@ -197,7 +225,8 @@ def test_a_dent_that_was_there_before_is_remembered(kind: str) -> None:
 @pytest.mark.parametrize("kind", CURVES)
 def test_without_inertia_the_force_follows_the_closed_form_too(kind: str) -> None:
     history = moved(CURVES[kind], inertia=False)
-    expected = FORCES[kind](compression(history))
+    late = {"late": True} if kind in ("stone", "ice") else {}
+    expected = FORCES[kind](compression(history), **late)
     force = history.law_force[:, 1]
     assert np.max(np.abs(force - expected)) < CLOSE * force.max()
     assert energy_residual(history) < CLOSE

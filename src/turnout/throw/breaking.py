@@ -23,9 +23,10 @@ from turnout.throw.save import Save
 if TYPE_CHECKING:
     import xarray as xr
 
-SLOW_ERROR, BLOW_ERROR, COARSE_ERROR = 0.005, 0.05, 0.25
-"""Largest errors of the peak of an object's force in mode waveform, without and with a blow, and
-those of a blow with longer steps or a lower cut-off [-]."""
+SLOW_ERROR, BLOW_ERROR = 0.005, 0.05
+"""Largest errors of the peak of an object's force in mode waveform, without and with a blow [-]."""
+COARSE_SLOW_ERROR, COARSE_BLOW_ERROR = 0.01, 0.25
+"""The same with longer steps or a lower cut-off [-]."""
 CLOSE = 0.3e-3
 """End gaps that differ by less are alike [m]."""
 COMPARED = Save(
@@ -70,7 +71,7 @@ def break_attributes(
     """
     mechanism, history = solved
     coarse = is_coarse(scheme)
-    near = _is_near(mechanism, history, objects, COARSE_ERROR if coarse else SLOW_ERROR)
+    near = _is_near(mechanism, history, objects, COARSE_BLOW_ERROR if coarse else SLOW_ERROR)
     first = _end_of(base()) if history.outcome.complete else None
     if first is None or not (near or any(first.broken)):
         return {}
@@ -80,7 +81,8 @@ def break_attributes(
         end = _end_of(dataset) if complete else first
         if not alike or np.array_equal(np.sign(end.broken), np.sign(first.broken)):
             found.append(end)
-    how = "in mode waveform" if coarse else "with a little less and more strength"
+    how = "in mode waveform and " if coarse else ""
+    how += "with a little less and more strength"
     if all(end.state == first.state for end in found):
         return {"break_check": f"alike {how}"}
     return {"break_check": f"differs {how}", "break_note": _note(found, how)}
@@ -110,11 +112,12 @@ def _variants(
 
     Pieces of stone fail on blows.
     """
-    if is_coarse(scheme):
+    coarse = is_coarse(scheme)
+    if coarse:
         yield objects, Scheme(), False
-        return
-    factors = [(1.0 - SLOW_ERROR, False)] + [(1.0 + SLOW_ERROR, False)] * broke
-    if broke and any(item.kind == "stone" for item in objects):
+    error = COARSE_SLOW_ERROR if coarse else SLOW_ERROR
+    factors = [(1.0 - error, False)] + [(1.0 + error, False)] * broke
+    if broke and not coarse and any(item.kind == "stone" for item in objects):
         factors += [(1.0 - BLOW_ERROR, True), (1.0 + BLOW_ERROR, True)]
     for factor, alike in factors:
         varied = tuple(replace(item, strength=factor * strength_of(item)) for item in objects)
