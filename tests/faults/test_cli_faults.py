@@ -30,6 +30,12 @@ from turnout.throw.store import open_response
         (("--object", "13@sleeper6"), ("13 would be 13 m",)),
         (("--object", "13mm@sleeper66"), ("sleeper '66'", "there are '1'")),
         (("--object", "200mm@sleeper6"), ("200 mm", "larger than the opening")),
+        (
+            ("--object", "20mm stone@drive1, strength=200MPa, stiffness=1kN/mm"),
+            ("strength = 200 MPa", "it cannot break", "more stiffness"),
+        ),
+        (("--object", "13mm stone@drive1, strength=-1MPa"), ("strength = ", "must be ")),
+        (("--object", "13mm stone@drive1, toughness=-1MPa"), ('no "toughness"',)),
         (("--step", "1"), ("--step 1", "write the unit")),
         (("--step", "0s"), ("must be more than 0",)),
         (("--cutoff", "300ms"), ("--cutoff 300ms", "frequency")),
