@@ -81,31 +81,32 @@ def run(folder: Path, script: str, *, cache: Path) -> str:
     return done.stdout
 
 
-def planted_ran(folder: Path, place: str, *, cache: Path) -> bool:
-    """Plant machine code in a place (an expression), call the kernel, and say whether it ran."""
-    return run(folder, f"{PLANT}\nplant({place})", cache=cache).strip() == "3.0"
-
-
-def test_a_trusted_folder_is_read_so_this_test_can_fail(script_folder: Path) -> None:
+@pytest.mark.parametrize(
+    ("mode", "place", "ran"),
+    [
+        (0o700, "kernel_cache_folder()", True),
+        (0o770, "kernel_cache_folder()", False),
+        (
+            None,
+            "Path(os.environ['TMPDIR']) / f'turnout-{os.getpid()}-{kernel_cache_folder().name}'",
+            False,
+        ),
+    ],
+    ids=["trusted", "others can write it", "predictable"],
+)
+def test_machine_code_is_read_from_a_trusted_folder_only(
+    script_folder: Path, mode: int | None, place: str, ran: bool
+) -> None:
+    """Plant some in a place (an expression), and call the kernel whose it would be."""
     cache = script_folder / "cache"
-    assert planted_ran(script_folder, "kernel_cache_folder()", cache=cache)
-
-
-def test_nothing_is_read_from_a_predictable_place(script_folder: Path) -> None:
-    blocked = script_folder / "file"
-    blocked.write_text("in the way")
-    place = (
-        f"Path({str(script_folder / 'tmp')!r})"
-        " / f'turnout-{os.getpid()}-{kernel_cache_folder().name}'"
-    )
-    assert not planted_ran(script_folder, place, cache=blocked)
-
-
-def test_nothing_is_read_from_a_folder_that_others_can_write(script_folder: Path) -> None:
-    kernels = script_folder / "cache" / kernel_cache_folder().name
-    kernels.mkdir(parents=True)
-    kernels.chmod(0o770)
-    assert not planted_ran(script_folder, "kernel_cache_folder()", cache=kernels.parent)
+    if mode is None:
+        cache.write_text("in the way")
+    else:
+        kernels = cache / kernel_cache_folder().name
+        kernels.mkdir(parents=True)
+        kernels.chmod(mode)
+    said = run(script_folder, f"{PLANT}\nplant({place})", cache=cache).strip()
+    assert said == ("3.0" if ran else "2.0")
 
 
 def test_what_was_compiled_from_other_sources_is_not_read_in_a_chosen_folder(

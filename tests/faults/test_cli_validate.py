@@ -79,19 +79,18 @@ def test_a_campaign_of_other_drives_is_refused(tmp_path: Path) -> None:
     assert "drive 3: not in panel sb2" in found or "drive '3'" in found
 
 
-@pytest.mark.parametrize("place", ["sleeper 9"])
-def test_a_place_without_movements_is_refused_before_throwing(tmp_path: Path, place: str) -> None:
-    folder = copied(tmp_path)
-    result = validate(
-        folder, "--calibration", saved(tmp_path), "-o", tmp_path / "report", "--place", place, "-q"
-    )
-    assert "no closing movement with an object at 'sleeper 9'" in message(result)
-    assert not (tmp_path / "report" / "validation.nc").exists()
-    assert not (folder / ".turnout" / "throws").exists()
-
-
-def test_laws_of_a_drive_that_is_not_there_are_refused_before_throwing(tmp_path: Path) -> None:
-    folder = copied(tmp_path)
-    result = validate(folder, "--calibration", saved(tmp_path), "--drive-laws", "3", "-q")
-    assert "drive '3': not in panel sb2" in message(result)
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--place", "sleeper 9"), "no closing movement with an object at 'sleeper 9'"),
+        (("--drive-laws", "3"), "drive '3': not in panel sb2"),
+    ],
+)
+def test_a_place_or_drive_that_is_not_there_is_refused_before_throwing(
+    tmp_path: Path, options: tuple[str, str], words: str
+) -> None:
+    folder, report = copied(tmp_path), tmp_path / "report"
+    line = ("--calibration", saved(tmp_path), "-o", report, *options, "-q")
+    assert words in message(validate(folder, *line))
+    assert not (report / "validation.nc").exists()
     assert not (folder / ".turnout" / "throws").exists()

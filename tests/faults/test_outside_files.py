@@ -22,18 +22,14 @@ SECRET = "not to be read or replaced\n"
 def folder(tmp_path: Path) -> Path:
     """Return a campaign whose first recording has been moved out of it."""
     made = copied(tmp_path)
-    first = next(line.split(",")[0] for line in _runs(made))
+    first = _first(made)
     shutil.move(made / first, tmp_path / first)
     return made
 
 
-def _runs(folder: Path) -> list[str]:
-    lines = (folder / "runs.csv").read_text(encoding="utf-8").splitlines()
-    return [line for line in lines if ".csv" in line or ".mat" in line]
-
-
 def _first(folder: Path) -> str:
-    return _runs(folder)[0].split(",")[0]
+    lines = (folder / "runs.csv").read_text(encoding="utf-8").splitlines()
+    return next(line.split(",")[0] for line in lines if ".csv" in line or ".mat" in line)
 
 
 @pytest.mark.parametrize("how", ["..", "absolute", "link"])
@@ -45,7 +41,7 @@ def test_a_recording_outside_the_folder(folder: Path, how: str) -> None:
         edited(folder, name, f"../{name}" if how == ".." else str(outside))
     code, said = run_here("campaign", "check", "campaign", folder=folder.parent)
     assert code == 2
-    assert "lies outside" in said
+    assert f"{name} lies outside" in said
     assert "--allow-outside" in said
     assert "Traceback" not in said
     given = ("campaign", "check", "campaign", "--allow-outside", "--quiet")

@@ -44,47 +44,44 @@ def problems(tmp_path: Path, text: str) -> list[str]:
     return list(caught.value.problems)
 
 
-def test_members_of_a_family_have_a_limit(tmp_path: Path) -> None:
-    members = "".join(f"\n[sleeper.z{number}]\nx = '1 m'\n" for number in range(2000))
-    (problem,) = problems(tmp_path, SB1 + members)
-    assert re.match(rf"sleeper: makes 2\d\d\d members, at most {MOST_MEMBERS}; give fewer", problem)
-    (problem, *_) = problems(tmp_path, generated("0.6 m", 10**9))
-    assert "`count` must be 1 ... 10000" in problem
-
-
 def generated(step: str, count: int) -> str:
     """Return a panel whose sleepers are generated."""
     sleeper = f'[sleeper]\nx = {{ start = "0 m", step = "{step}", count = {count} }}\n'
     return re.sub(r"\[sleeper\].*?(?=\n\[)", sleeper, SB1, flags=re.DOTALL)
 
 
-def test_what_members_share_has_a_limit(tmp_path: Path) -> None:
-    values = ", ".join(["'1 mm'"] * 90_000)
-    text = SB1.replace("[chair]", f"[chair]\nfoot_offsets = [{values}]", 1)
-    assert any("90000 values for" in problem for problem in problems(tmp_path, text))
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (SB1 + "".join(f"\n[sleeper.z{number}]\nx = '1 m'\n" for number in range(2000)),
+         rf"^sleeper: makes 2\d\d\d members, at most {MOST_MEMBERS}; give fewer"),
+        (generated("0.6 m", 10**9), "`count` must be 1 ... 10000"),
+        (generated("1e306 m", 500), "must lead to finite"),
+        (SB1.replace("[chair]", "[chair]\nfoot_offsets = [" + "'1 mm', " * 90_000 + "]", 1),
+         "90000 values for"),
+        (SB1 + OUTLINE.format("[1, 2], " * (MOST_POINTS + 1)),
+         f"at most {MOST_POINTS} are read, leave some out"),
+    ],
+    ids=["members", "generated", "infinite", "shared", "outline"],
+)  # fmt: skip
+def test_members_and_values_have_limits(tmp_path: Path, text: str, message: str) -> None:
+    assert any(re.search(message, problem) for problem in problems(tmp_path, text))
 
 
-def test_foot_points_and_points_of_outlines_have_limits(tmp_path: Path) -> None:
-    feet = [f"{number} mm" for number in range(9)]
-    with pytest.raises(PanelError, match="9 foot points, at most 8; give those of the edges"):
-        load_panel("sb1").with_overrides({"chair.foot_offsets": feet})
-    points = ", ".join(["[1, 2]"] * (MOST_POINTS + 1))
-    (problem,) = problems(tmp_path, SB1 + OUTLINE.format(points))
-    assert f"at most {MOST_POINTS} are read, leave some out" in problem
-
-
-def test_elements_and_modes_have_limits() -> None:
-    panel = load_panel("sb1")
-    with pytest.raises(PanelError, match=r"element_length = 1e-06 m: makes .* at most 5000"):
-        panel.with_overrides({"discretisation.element_length": 1e-6})
-    with pytest.raises(PanelError, match=r"superelement_cutoff = 1e\+09: must be at most 100000"):
-        panel.with_overrides({"discretisation.superelement_cutoff": 1e9})
-
-
-def test_generated_positions_are_finite(tmp_path: Path) -> None:
-    assert any(
-        "must lead to finite" in line for line in problems(tmp_path, generated("1e306 m", 500))
-    )
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("chair.foot_offsets", [f"{number} mm" for number in range(9)],
+         "9 foot points, at most 8; give those of the edges"),
+        ("discretisation.element_length", 1e-6,
+         r"element_length = 1e-06 m: makes .* at most 5000"),
+        ("discretisation.superelement_cutoff", 1e9,
+         r"superelement_cutoff = 1e\+09: must be at most 100000"),
+    ],
+)  # fmt: skip
+def test_foot_points_elements_and_modes_have_limits(key: str, value: object, message: str) -> None:
+    with pytest.raises(PanelError, match=message):
+        load_panel("sb1").with_overrides({key: value})
 
 
 def test_a_reduction_has_limits(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -100,20 +97,23 @@ def test_a_reduction_has_limits(monkeypatch: pytest.MonkeyPatch) -> None:
         modes_below(few, sp.csr_array(sp.eye_array(4)), cutoff_frequency=9.0)
 
 
+SOONER = r"end sooner \(schedule.end\)"
+INSTANTS = rf"instants every .* at most {MOST_STEPS} are made"
+
+
 @pytest.mark.parametrize(
-    ("end", "scheme"),
-    [(1e4, Scheme()), (1e308, Scheme()), (100.0, Scheme(step=1e-5)), (9e5, Scheme.of("quick"))],
-)
-def test_steps_have_a_limit_with_a_remedy(end: float, scheme: Scheme) -> None:
-    panel = load_panel("sb1").with_overrides({"schedule.end": end})
-    with pytest.raises(SolverError, match=r"end sooner \(schedule.end\)"):
+    ("end", "scheme", "message"),
+    [
+        (1e4, Scheme(), SOONER), (1e308, Scheme(), SOONER), (100.0, Scheme(step=1e-5), SOONER),
+        (9e5, Scheme.of("quick"), SOONER), (None, Scheme(output_interval=1e-9), INSTANTS),
+    ],
+)  # fmt: skip
+def test_steps_and_stored_instants_have_a_limit_with_a_remedy(
+    end: float | None, scheme: Scheme, message: str
+) -> None:
+    panel = load_panel("sb1").with_overrides({} if end is None else {"schedule.end": end})
+    with pytest.raises(SolverError, match=message):
         simulate(panel, scheme=scheme)
-
-
-def test_stored_instants_have_the_same_limit() -> None:
-    panel = load_panel("sb1")
-    with pytest.raises(SolverError, match=rf"instants every .* at most {MOST_STEPS} are made"):
-        simulate(panel, scheme=Scheme(output_interval=1e-9))
 
 
 def test_many_problems_are_reported_in_part_and_counted(tmp_path: Path) -> None:
@@ -188,8 +188,8 @@ def test_memory_that_runs_out_is_one_message(
     def exhausted(*_: object) -> None:
         raise MemoryError
 
-    monkeypatch.setattr("turnout.cli.options.opened_panel", exhausted)
     monkeypatch.setattr("turnout.cli.panel.opened_panel", exhausted)
+    monkeypatch.setattr("turnout.cli.options.opened_panel", exhausted)
     monkeypatch.setattr(sys, "argv", ["turnout", "panel", "check", "sb1"])
     with pytest.raises(SystemExit) as caught:
         main()

@@ -1,9 +1,10 @@
 """Systematic errors absorbed by parameters, on made-up movements."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
-from tests.unit.test_calibration_fit import PARAMETERS, TRUE, misfit, movement
+from tests.unit.test_calibration_fit import PARAMETERS, TRUE, alike, misfit, movement
 
 from turnout.calibration.advice import (
     SHARE,
@@ -14,12 +15,17 @@ from turnout.calibration.advice import (
 )
 from turnout.calibration.comparison import Uncertainty
 from turnout.calibration.covariance import plain_gain_column, spread_of
-from turnout.calibration.fit import fit
+from turnout.calibration.fit import Fit, fit
 from turnout.calibration.parameter import prior_information
 
 
+@cache
+def fitted(count: int) -> Fit:
+    return fit(misfit(alike(count, seed=1)), PARAMETERS, TRUE)
+
+
 def test_an_error_that_a_parameter_imitates_is_reported_in_its_words() -> None:
-    found = fit(misfit([movement("m", rng=np.random.default_rng(1))]), PARAMETERS, TRUE)
+    found = fitted(1)
     # One per cent of friction, as an error that is not friction.
     text = _systematic_error(found, "1 % more weight", -0.01 * found.jacobian[:, 0])
     assert text == (
@@ -29,14 +35,13 @@ def test_an_error_that_a_parameter_imitates_is_reported_in_its_words() -> None:
 
 
 def test_an_error_that_nothing_imitates_is_seen() -> None:
-    found = fit(misfit([movement("m", rng=np.random.default_rng(1))]), PARAMETERS, TRUE)
+    found = fitted(1)
     wave = 10.0 * np.sin(np.arange(found.residuals.size))
     assert "but the misfit would show it" in _systematic_error(found, "a wave", wave)
 
 
 def test_gauges_that_read_too_much_are_seen_where_a_slip_level_is_known() -> None:
-    rng = np.random.default_rng(1)
-    found = fit(misfit([movement(f"m{n}", rng=rng) for n in range(3)]), PARAMETERS, TRUE)
+    found = fitted(3)
     column = SHARE * plain_gain_column(found, ("drive_force", "1"))
     assert "but the misfit would show it" in _systematic_error(found, "1 % more", column)
 
@@ -51,9 +56,8 @@ def test_the_best_come_first_and_few() -> None:
 
 
 def test_an_error_that_a_free_gain_takes_up_is_not_said_to_be_seen() -> None:
-    rng = np.random.default_rng(1)
     key = ("drive_force", "1")
-    whole = misfit([movement(f"m{n}", rng=rng) for n in range(3)])
+    whole = misfit(alike(3, seed=1))
     free = replace(whole, comparison=replace(whole.comparison, gains={key: 0.01}))
     found = fit(free, PARAMETERS, TRUE)
     text = _systematic_error(found, "1 % more", SHARE * plain_gain_column(found, key))
@@ -64,7 +68,7 @@ def test_an_error_that_a_free_gain_takes_up_is_not_said_to_be_seen() -> None:
 
 
 def test_what_is_lost_among_all_residuals_is_no_misfit_that_shows() -> None:
-    found = fit(misfit([movement("m", rng=np.random.default_rng(1))]), PARAMETERS, TRUE)
+    found = fitted(1)
     wave = np.sin(np.arange(found.residuals.size))
     wave *= 4.0 / np.linalg.norm(wave)
     assert "only a fit with it as an unknown would show it (4 st" in _systematic_error(

@@ -3,9 +3,8 @@
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
-from tests.unit.test_calibration_fit import PARAMETERS, TRUE, misfit, movement
+from tests.unit.test_calibration_fit import PARAMETERS, TRUE, alike, misfit
 
 from turnout.calibration import stage_progress
 from turnout.calibration.fit import fit
@@ -18,52 +17,50 @@ from turnout.cli.calibrate import _ProgressLog
 from turnout.panel.load import load_panel
 
 
+class Watched:
+    """A reporter of one stage, and what it reported at each instant of a clock."""
+
+    def __init__(self, patch: pytest.MonkeyPatch, clock: tuple[float, ...], **plan: float) -> None:
+        monotonic = iter(clock).__next__
+        patch.setattr(stage_progress, "time", SimpleNamespace(monotonic=monotonic))
+        self.states: list[CalibrationProgress] = []
+        self.evaluator: Any = SimpleNamespace(made=0, work=0.0)
+        self.watch = ProgressReporter(self.states.append, 1, **plan)
+
+    def left(self, work: float) -> float:
+        """Return the time left [s] after so much work."""
+        self.evaluator.made, self.evaluator.work = int(work), work
+        self.watch.report_state(self.evaluator)
+        return float(self.states[-1].left)
+
+
 def test_time_left_is_never_less_than_that_of_one_step(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fits that need more throws than usual said "about 0 s left" for minutes."""
-    clock = iter([10.0, 30.0])
-    monkeypatch.setattr(stage_progress, "time", SimpleNamespace(monotonic=clock.__next__))
-    states: list[CalibrationProgress] = []
-    evaluator: Any = SimpleNamespace(made=100, work=100.0)
-    watch = ProgressReporter(states.append, 1, planned=80, per_step=40, began=10.0)
-    watch.report_state(evaluator)
-    watch.report_state(evaluator)
-    assert states[-1].seconds == 20.0
-    assert states[-1].left == pytest.approx(0.4 * 20.0)
+    stage = Watched(monkeypatch, (10.0, 30.0), planned=80, per_step=40, began=10.0)
+    stage.left(100.0)
+    assert stage.left(100.0) == pytest.approx(0.4 * 20.0)
+    assert stage.states[-1].seconds == 20.0
 
 
 def test_time_left_follows_the_present_pace_and_what_was_needed_beyond_the_plan(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Quick throws come first: by their pace "less than 5 s" were left from second 8 to 85."""
-    clock = iter([8.0, 18.0, 58.0])
-    monkeypatch.setattr(stage_progress, "time", SimpleNamespace(monotonic=clock.__next__))
-    states: list[CalibrationProgress] = []
-    evaluator: Any = SimpleNamespace(made=700, work=700.0)
-    watch = ProgressReporter(states.append, 1, planned=800, per_step=98, began=1e-9)
-    watch.report_state(evaluator)
-    evaluator.work = 800.0
-    watch.report_state(evaluator)
-    assert states[-1].left == pytest.approx(0.1 * 98)
-    evaluator.work = 1200.0
-    watch.report_state(evaluator)
-    assert states[-1].left == pytest.approx(0.1 * 400)
+    stage = Watched(monkeypatch, (8.0, 18.0, 58.0), planned=800, per_step=98, began=1e-9)
+    stage.left(700.0)
+    assert stage.left(800.0) == pytest.approx(0.1 * 98)
+    assert stage.left(1200.0) == pytest.approx(0.1 * 400)
 
 
 def test_advice_counts_its_own_throws(monkeypatch: pytest.MonkeyPatch) -> None:
     """It said "about 51 s left" for all of 20 s, by a step of the stage before."""
-    clock = iter([20.0, 30.0])
-    monkeypatch.setattr(stage_progress, "time", SimpleNamespace(monotonic=clock.__next__))
-    states: list[CalibrationProgress] = []
-    evaluator: Any = SimpleNamespace(made=1000, work=1000.0)
+    stage = Watched(monkeypatch, (20.0, 30.0), planned=500, per_step=98, began=10.0)
+    stage.evaluator.made, stage.evaluator.work = 1000, 1000.0
     final: Any = SimpleNamespace(parameters=range(4), misfit=SimpleNamespace(movements=range(20)))
-    watch = ProgressReporter(states.append, 1, planned=500, per_step=98, began=10.0)
-    watch.begin("advice", final, evaluator)
-    watch.report_state(evaluator)
-    evaluator.work = 1100.0
-    watch.report_state(evaluator)
+    stage.watch.begin("advice", final, stage.evaluator)
     work = 3.5 * 60
-    assert states[0].left == pytest.approx(0.01 * work)
-    assert states[1].left == pytest.approx(0.1 * (work - 100))
+    assert stage.left(1000.0) == pytest.approx(0.01 * work)
+    assert stage.left(1100.0) == pytest.approx(0.1 * (work - 100))
 
 
 def test_time_left_is_not_said_of_the_first_throws(capsys: pytest.CaptureFixture[str]) -> None:
@@ -89,16 +86,10 @@ def test_time_left_is_not_said_of_the_first_throws(capsys: pytest.CaptureFixture
 
 def test_a_search_for_causes_is_in_the_time_left(monkeypatch: pytest.MonkeyPatch) -> None:
     """It takes more throws than all stages before, which said "about 10 s" all the while."""
-    clock = iter([10.0, 20.0, 21.0])
-    monkeypatch.setattr(stage_progress, "time", SimpleNamespace(monotonic=clock.__next__))
-    states: list[CalibrationProgress] = []
-    evaluator: Any = SimpleNamespace(made=100, work=100.0)
-    watch = ProgressReporter(states.append, 1, planned=110, per_step=40, began=10.0)
-    watch.report_state(evaluator)
-    rng = np.random.default_rng(3)
-    found = fit(misfit([movement(f"m{n}", rng=rng) for n in range(3)]), PARAMETERS, TRUE)
+    whole = Watched(monkeypatch, (10.0, 20.0, 21.0), planned=110, per_step=40, began=10.0)
+    whole.left(100.0)
+    found = fit(misfit(alike(3, seed=3)), PARAMETERS, TRUE)
     throws = work_of_search(found, load_panel("sb1"))
     assert throws > 3 * 40
-    watch.more(throws, evaluator)
-    watch.report_state(evaluator)
-    assert states[-1].left == pytest.approx(0.1 * (40 + throws))
+    whole.watch.more(throws, whole.evaluator)
+    assert whole.left(100.0) == pytest.approx(0.1 * (40 + throws))

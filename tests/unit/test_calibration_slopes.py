@@ -11,6 +11,7 @@ from tests.unit.test_calibration_fit import (
     PARAMETERS,
     TRUE,
     MadeUp,
+    alike,
     listened,
     misfit,
     movement,
@@ -29,8 +30,7 @@ from turnout.panel.load import load_panel
 
 
 def repeats(count: int) -> Misfit:
-    rng = np.random.default_rng(5)
-    return misfit([movement(f"m{n}", rng=rng) for n in range(count)])
+    return misfit(alike(count, seed=5))
 
 
 def test_repeats_near_the_same_values_share_slopes_and_others_have_their_own() -> None:

@@ -84,7 +84,9 @@ def test_a_calibration_that_is_not_to_be_trusted_is_written_and_says_so(
     assert "trusted = true" in out.read_text(encoding="utf-8")
 
 
-def test_a_throw_takes_the_panel_of_the_calibration(file: Path, tmp_path: Path) -> None:
+def test_a_throw_takes_the_panel_of_the_calibration_and_what_is_set_goes_on_top(
+    file: Path, tmp_path: Path
+) -> None:
     out = tmp_path / "run.nc"
     done = run("simulate", "--calibration", file, "--out", out, "--mode", "quick")
     assert done.exit_code == 0, (done.output, done.exception)
@@ -93,13 +95,10 @@ def test_a_throw_takes_the_panel_of_the_calibration(file: Path, tmp_path: Path) 
     assert attributes["panel_hash"].startswith(calibrated_hash())
     assert json.loads(attributes["overrides"])["chair.friction_coefficient"] == 0.31
     assert "calibration" not in done.stderr  # it is of this panel, so nothing is said of it
-
-
-def test_what_is_set_goes_on_top(file: Path, tmp_path: Path) -> None:
-    text = ["--set", "chair.friction_coefficient=0.2", "--mode", "quick"]
-    done = run("simulate", "--calibration", file, *text, "--out", tmp_path / "run.nc")
+    top = ["--set", "chair.friction_coefficient=0.2", "--mode", "quick"]
+    done = run("simulate", "--calibration", file, *top, "--out", out)
     assert done.exit_code == 0, (done.output, done.exception)
-    changes = json.loads(open_response(tmp_path / "run.nc").attrs["overrides"])
+    changes = json.loads(open_response(out).attrs["overrides"])
     assert changes["chair.friction_coefficient"] == 0.2
     assert changes["drive.1.stiffness"] == 7.6e5
 
@@ -130,13 +129,6 @@ def test_another_panel_is_named(file: Path) -> None:
     assert "not of sb2" in done.stderr
 
 
-def test_a_panel_file_has_to_be_named(tmp_path: Path) -> None:
-    replace(calibration(), panel="mine").save(tmp_path / "c.toml")
-    done = run("simulate", "--calibration", tmp_path / "c.toml")
-    assert isinstance(done.exception, FileError)
-    assert "is of panel 'mine'; name the file of that panel" in str(done.exception)
-
-
 def test_a_study_names_its_calibration(file: Path, tmp_path: Path) -> None:
     study = study_file(tmp_path, count=4)
     text = study.read_text(encoding="utf-8")
@@ -148,6 +140,13 @@ def test_a_study_names_its_calibration(file: Path, tmp_path: Path) -> None:
     assert load_study(study).digest != loaded.digest
     done = run("sweep", "plan", study, "--trials", "0", "--calibration", tmp_path / "none.toml")
     assert isinstance(done.exception, FileError)
+
+
+def test_a_panel_file_has_to_be_named(tmp_path: Path) -> None:
+    replace(calibration(), panel="mine").save(tmp_path / "c.toml")
+    done = run("simulate", "--calibration", tmp_path / "c.toml")
+    assert isinstance(done.exception, FileError)
+    assert "is of panel 'mine'; name the file of that panel" in str(done.exception)
 
 
 def test_a_panel_that_lacks_a_key_is_refused(file: Path, tmp_path: Path) -> None:

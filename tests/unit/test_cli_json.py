@@ -3,6 +3,7 @@
 import json
 import re
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -29,20 +30,10 @@ def refuse_constant(text: str) -> None:
     raise ValueError(message)
 
 
-def printed(*line: object, code: int = 0) -> dict[str, Any]:
-    """Run a command with `--json` and return what it printed, read by a strict parser."""
-    done = CliRunner().invoke(app, [*map(str, line), "--json"])
-    assert done.exit_code == code, (done.output, done.exception)
-    found = json.loads(done.stdout, parse_constant=refuse_constant)
-    assert set(found) >= COMMON
-    assert all(Path(path).exists() for path in found["written"])
-    return found
-
-
-@pytest.fixture(scope="module")
-def documented(pytestconfig: pytest.Config) -> dict[str, set[str]]:
+@cache
+def documented() -> dict[str, set[str]]:
     """Return the keys that the page documents for each command."""
-    text = (pytestconfig.rootpath / "docs/use/json.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "docs/use/json.md").read_text(encoding="utf-8")
     pages = re.split(r"^### ", text, flags=re.MULTILINE)[1:]
     return {
         command: {
@@ -55,10 +46,26 @@ def documented(pytestconfig: pytest.Config) -> dict[str, set[str]]:
     }
 
 
-def test_a_run(tmp_path: Path, documented: dict[str, set[str]]) -> None:
+def printed(*line: object, code: int = 0) -> dict[str, Any]:
+    """Run a command with `--json` and return what it printed, read by a strict parser.
+
+    It has the documented keys; those of `import` depend on its options.
+    """
+    done = CliRunner().invoke(app, [*map(str, line), "--json"])
+    assert done.exit_code == code, (done.output, done.exception)
+    found = json.loads(done.stdout, parse_constant=refuse_constant)
+    assert set(found) >= COMMON
+    command = next(name for name in documented() if " ".join(map(str, line)).startswith(name))
+    assert found["command"] == command
+    own = set(found) - COMMON
+    assert own <= documented()[command] if command == "import" else own == documented()[command]
+    assert all(Path(path).exists() for path in found["written"])
+    return found
+
+
+def test_a_run(tmp_path: Path) -> None:
     out = tmp_path / "run.nc"
     found = printed("simulate", "sb1", "--object", "5mm@drive1", "--mode", "quick", "-o", out)
-    assert set(found) - COMMON == documented["simulate"]
     assert found["written"] == [str(out)]
     assert found["foreign_objects"][0]["size"] == 0.005
     assert found["units"]["end_force:1"] == "N"
@@ -67,45 +74,27 @@ def test_a_run(tmp_path: Path, documented: dict[str, set[str]]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("line", "command"),
+    "line",
     [
-        (["panel", "list"], "panel list"),
-        (["panel", "show", "sb1"], "panel show"),
-        (["panel", "check", "sb1", "--no-throw"], "panel check"),
-        (["panel", "sections", "sb1"], "panel sections"),
-        (["panel", "modes", "sb1", "--count", "2"], "panel modes"),
-        (["machine", "list"], "machine list"),
-        (["machine", "show", "sb3"], "machine show"),
-        (["machine", "run", "sb3"], "machine run"),
-        (["sweep", "list"], "sweep list"),
+        "panel list", "panel show sb1", "panel check sb1 --no-throw", "panel sections sb1",
+        "panel modes sb1 --count 2", "machine list", "machine show sb3", "machine run sb3",
+        "sweep list",
     ],
-    ids=lambda value: value if isinstance(value, str) else "",
-)
-def test_panels_and_machines(
-    line: list[str], command: str, documented: dict[str, set[str]]
-) -> None:
-    found = printed(*line)
-    assert found["command"] == command
-    assert set(found) - COMMON == documented[command]
+)  # fmt: skip
+def test_panels_and_machines(line: str) -> None:
+    assert printed(*line.split())["written"] == []
 
 
-def test_a_figure_beside_the_result(tmp_path: Path) -> None:
+def test_a_figure_and_a_new_panel_are_written(tmp_path: Path) -> None:
     figure = tmp_path / "plan.png"
     assert printed("panel", "show", "sb1", "--plot", figure)["written"] == [str(figure)]
-
-
-def test_a_new_panel(tmp_path: Path, documented: dict[str, set[str]]) -> None:
     found = printed("panel", "new", tmp_path / "mine.toml", "--from", "sb1")
-    assert set(found) - COMMON == documented["panel new"]
     assert (found["panel"], found["source"]) == ("mine", "sb1")
 
 
-def test_a_check_gives_the_least_test_piece_of_every_drive(
-    documented: dict[str, set[str]],
-) -> None:
+def test_a_check_gives_the_least_test_piece_of_every_drive() -> None:
     found = printed("panel", "check", "sb2")  # warns, which is no refusal
     assert found["warnings"]
-    assert set(found) - COMMON == documented["panel check"]
     assert found["lock_rule"] == load_panel("sb2").lock.rule
     assert [item["drive"] for item in found["test_pieces"]] == ["1", "2"]
     for item in found["test_pieces"]:
@@ -119,14 +108,13 @@ def test_warnings_of_a_check() -> None:
     assert set(found["warnings"][0]) == {"what", "where", "number", "remedy"}
 
 
-def test_throws_of_a_panel(documented: dict[str, set[str]]) -> None:
+def test_throws_of_a_panel() -> None:
     found = printed("panel", "show", "sb2", "--throw")
-    assert set(found) - COMMON == documented["panel show"]
     assert {item["drive"] for item in found["throw"]["margins"]} == {"1", "2"}
     assert len(found["throw"]["pieces"]) == 2
 
 
-def test_a_recording(tmp_path: Path, documented: dict[str, set[str]]) -> None:
+def test_a_recording(tmp_path: Path) -> None:
     time = np.arange(3000) / 1000
     columns = {"Rod 1": "mV/V", "Rod 2": "mV/V", "Clamp 1": "V", "Clamp 2": "V"}
     channels = {
@@ -136,31 +124,25 @@ def test_a_recording(tmp_path: Path, documented: dict[str, set[str]]) -> None:
     write_recording(Recording(channels, "test", None), path)
     found = printed("import", path, "--suggest", made)
     assert [item["name"] for item in found["channels"]] == list(columns)
-    assert set(found) - COMMON <= documented["import"]
     found = printed("import", path, "--channels", made)
-    assert set(found) - COMMON <= documented["import"]
     assert {item["unit"] for item in found["quantities"]} == {"N", "A"}
 
 
-def test_a_campaign(tmp_path: Path, documented: dict[str, set[str]]) -> None:
+def test_a_campaign(tmp_path: Path) -> None:
     folder = copied(tmp_path)
     for command in ("check", "build"):
         found = printed("campaign", command, folder)
-        assert set(found) - COMMON == documented[f"campaign {command}"]
         assert (found["movements"], found["usable"]) == (9, 9)
 
 
-def test_a_virtual_campaign(tmp_path: Path, documented: dict[str, set[str]]) -> None:
+def test_a_virtual_campaign(tmp_path: Path) -> None:
     small = ("--repeats", 1, "--place", "drive1", "--size", "13mm", "--format", "csv")
     options = (*small, "--workers", 1, "--out", tmp_path / "v")
     found = printed("campaign", "virtual", "--panel", "sb1", *options)
-    assert set(found) - COMMON == documented["campaign virtual"]
     assert found["movements"] == 3
 
 
-def test_a_calibration(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, documented: dict[str, set[str]]
-) -> None:
+def test_a_calibration(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     known = replace(calibration(), distrust=("the model misses 214 N",))
     monkeypatch.setattr("turnout.cli.calibrate.opened_campaign", lambda *_, **__: None)
     monkeypatch.setattr(
@@ -173,15 +155,12 @@ def test_a_calibration(
     )
     line = ("calibrate", tmp_path, "--panel", "sb1", "-o", tmp_path / "c.toml")
     found = printed(*line, "--strict", code=1)
-    assert set(found) - COMMON == documented["calibrate"]
     assert (found["trustworthy"], found["reasons"]) == (False, ["the model misses 214 N"])
     names = {item["name"] for item in found["parameters"]}
     assert names == set(found["units"])
 
 
-def test_a_validation(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, documented: dict[str, set[str]]
-) -> None:
+def test_a_validation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from turnout.calibration.validation.acceptance import Acceptance, ChannelResult
 
     channel = ChannelResult(
@@ -200,26 +179,21 @@ def test_a_validation(
     monkeypatch.setattr(f"{validation}.verdict_text.notes", lambda _: ["one note"])
     line = ("validate", tmp_path, "--calibration", tmp_path / "c.toml", "--workers", 1)
     found = printed(*line)
-    assert set(found) - COMMON == documented["validate"]
     assert not found["valid"]
     assert found["channels"][0]["spreads"] == 9.0
     assert printed(*line, "--strict", code=1)["remarks"] == ["one note"]
 
 
-def test_a_sweep(tmp_path: Path, documented: dict[str, set[str]]) -> None:
+def test_a_sweep(tmp_path: Path) -> None:
     study, out = study_file(tmp_path, count=3), tmp_path / "s"
     plan = printed("sweep", "plan", study, "--trials", 1)
-    assert set(plan) - COMMON == documented["sweep plan"]
     assert plan["scenarios"] == 3
     throw_study(small_study(tmp_path, count=3), out, pool=here)
-    done = printed("sweep", "run", study, "-o", out)
-    assert set(done) - COMMON == documented["sweep run"]
+    printed("sweep", "run", study, "-o", out)
     key = "chair.friction_coefficient"
     cells = printed("sweep", "map", out, "--x", key, "--y", key)
-    assert set(cells) - COMMON == documented["sweep map"]
     assert sum(cells["states"].values()) == 3
-    effects = printed("sweep", "effects", out)
-    assert set(effects) - COMMON == documented["sweep effects"]
+    printed("sweep", "effects", out)
 
 
 def test_one_throw_a_value_has_no_sensitivity(tmp_path: Path) -> None:

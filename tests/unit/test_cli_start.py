@@ -8,7 +8,6 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-import turnout
 from turnout.cli.main import app, main
 
 HEAVY = ("numba", "numpy", "xarray", "pandas", "pydantic", "matplotlib", "pint", "scipy")
@@ -76,17 +75,6 @@ def test_an_error_while_a_command_loads_is_no_unknown_command(
     assert "No such command" in CliRunner().invoke(app, ["pods"]).output
 
 
-@pytest.mark.parametrize("name", turnout.__all__)
-def test_every_public_name_is_there(name: str) -> None:
-    assert getattr(turnout, name) is not None
-    assert name in dir(turnout)
-
-
-def test_an_unknown_name_is_an_attribute_error() -> None:
-    with pytest.raises(AttributeError, match="no attribute 'simulat'"):
-        turnout.simulat  # noqa: B018
-
-
 GROUPS = ([], ["panel"], ["machine"], ["campaign"], ["sweep"])
 
 
@@ -107,14 +95,9 @@ def test_short_help_is_whole(group: list[str]) -> None:
 
 
 @pytest.mark.parametrize("command", commands(), ids=" ".join)
-def test_help_names_values_by_words(command: list[str]) -> None:
+def test_help_names_values_by_words_and_short_options_mean_the_same(command: list[str]) -> None:
     text = CliRunner().invoke(app, [*command, "--help"]).output
     assert re.findall(r"<[a-z\[\] ]+>", text) == []
-
-
-@pytest.mark.parametrize("command", commands(), ids=" ".join)
-def test_short_options_mean_the_same_everywhere(command: list[str]) -> None:
-    text = CliRunner().invoke(app, [*command, "--help"]).output
     assert set(re.findall(r"-[a-z], --[a-z]+", text)) <= {"-o, --out", "-q, --quiet"}
     assert "  --out " not in text
     assert "  --quiet " not in text
@@ -127,28 +110,24 @@ def test_completion_is_offered(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "_TURNOUT_COMPLETE" in done.output
 
 
-@pytest.mark.parametrize(("variables", "coloured"), [({}, True), ({"NO_COLOR": "1"}, False)])
-def test_colour_unless_it_is_refused(
-    variables: dict[str, str],
+@pytest.mark.parametrize(
+    ("refused", "terminal", "coloured"),
+    [(False, True, True), (True, True, False), (False, False, False)],
+    ids=["terminal", "NO_COLOR", "file"],
+)
+def test_colour_in_a_terminal_unless_it_is_refused(
+    refused: bool,
+    terminal: bool,
     coloured: bool,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.delenv("NO_COLOR", raising=False)
-    for key, value in variables.items():
-        monkeypatch.setenv(key, value)
+    if refused:
+        monkeypatch.setenv("NO_COLOR", "1")
     monkeypatch.setattr("sys.argv", ["turnout", "simulate", "nowhere.toml"])
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal)
     with pytest.raises(SystemExit) as ended:
         main()
     assert ended.value.code == 2
-    assert ("\x1b[" in capsys.readouterr().err) == coloured
-
-
-def test_no_colour_in_a_file(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr("sys.argv", ["turnout", "simulate", "nowhere.toml"])
-    with pytest.raises(SystemExit):
-        main()
-    assert "\x1b" not in capsys.readouterr().err
+    assert ("\x1b" in capsys.readouterr().err) == coloured

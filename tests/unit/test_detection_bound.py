@@ -11,7 +11,6 @@ from turnout.detection.features import (
     window_means,
 )
 from turnout.detection.limit.bound import (
-    Predictive,
     detection_index,
     excess_over_bound,
     predictive,
@@ -65,34 +64,25 @@ def test_a_detector_above_the_bound_is_found_out() -> None:
     assert excess_over_bound(cheating, 20_000, bound=bound) < 1e-3
 
 
-def expected(history: int, *, fixed_share: float = 0.5) -> Predictive:
+@pytest.mark.parametrize("history", [0, 20, 10**9])
+def test_history_is_the_closed_form_of_a_repeated_measurement(history: int) -> None:
+    """Without any it is the covariance of the population; after many what changes is left."""
+    sensitivity, within = np.array([[3.0], [1.0]]), 3.25 * np.eye(2)
     one = Local(
-        level=0.3, mean=np.zeros(2), sensitivity=np.array([[3.0], [1.0]]), slope=np.zeros(2),
-        within=np.eye(2),
-    )  # fmt: skip
-    return predictive(
+        level=0.3, mean=np.zeros(2), sensitivity=sensitivity, slope=np.zeros(2), within=np.eye(2)
+    )
+    found = predictive(
         [one],
         discrepancy=4.0 * np.eye(2),
         noise=0.25 * np.eye(2),
-        fixed_share=fixed_share,
+        fixed_share=0.5,
         level_deviation=0.03,
         history=history,
     )
-
-
-def test_without_history_it_is_the_covariance_of_the_population() -> None:
-    sensitivity = np.array([[3.0], [1.0]])
-    np.testing.assert_allclose(
-        expected(0).covariances[0], sensitivity @ sensitivity.T + 5.25 * np.eye(2)
-    )
-
-
-def test_history_is_the_closed_form_of_a_repeated_measurement() -> None:
-    between = np.array([[3.0], [1.0]]) @ np.array([[3.0, 1.0]]) + 2.0 * np.eye(2)
-    within = 3.25 * np.eye(2)
-    left = between - between @ np.linalg.solve(between + within / 20, between)
-    np.testing.assert_allclose(expected(20).covariances[0], left + within, rtol=1e-9)
-    np.testing.assert_allclose(expected(10**9).covariances[0], within, atol=1e-6)
+    between = sensitivity @ sensitivity.T + 2.0 * np.eye(2)
+    # Woodbury's form of (between^-1 + history within^-1)^-1, which holds without history too
+    left = between - history * between @ np.linalg.solve(history * between + within, between)
+    np.testing.assert_allclose(found.covariances[0], left + within, rtol=1e-9, atol=1e-6)
 
 
 def test_local_models_give_back_a_linear_population() -> None:

@@ -13,25 +13,21 @@ from turnout.detection.detector.switch_history import (
 )
 
 
-def toy_model(*, spread: float = 0.0) -> SoundModel:
-    """Two features, one gap, one mode of the switch that moves the first feature by `spread`."""
-    switch = np.zeros((3, 3, 1))
+def toy_model(*, spread: float = 0.0, size: int = 2, gaps: int = 1) -> SoundModel:
+    """Features, a gap, and one mode of the switch that moves the first feature by `spread`."""
+    values = size + gaps
+    switch = np.zeros((3, values, 1))
     switch[:, 0, 0] = spread
     return SoundModel(
-        level=np.array([0.1, 0.2, 0.3]),
-        weight=np.full(3, 1.0 / 3.0),
-        mean=np.zeros((3, 3)),
-        slope=np.zeros((3, 3)),
-        switch=switch,
-        within=np.zeros((3, 3, 3)),
-        shift=np.zeros((3, 2, 2)),
-    )
+        level=np.array([0.1, 0.2, 0.3]), weight=np.full(3, 1.0 / 3.0), mean=np.zeros((3, values)),
+        slope=np.zeros((3, values)), switch=switch, within=np.zeros((3, values, values)),
+        shift=np.zeros((3, size, size)),
+    )  # fmt: skip
 
 
-def errors_of(*, fixed: float, changing: float) -> ThrowErrors:
-    return ThrowErrors(
-        fixed=fixed**2 * np.eye(2), changing=changing**2 * np.eye(2), timing=0.0, gap=0.1
-    )
+def errors_of(*, fixed: float, changing: float, size: int = 2) -> ThrowErrors:
+    unit = np.eye(size)
+    return ThrowErrors(fixed=fixed**2 * unit, changing=changing**2 * unit, timing=0.0, gap=0.1)
 
 
 @pytest.mark.parametrize("count", [1, 5, 20])
@@ -100,31 +96,13 @@ def test_sound_model_finds_a_linear_population() -> None:
     assert SPACING_SHARE * found.spacing == pytest.approx(0.06, abs=0.005)
 
 
-def plain_model(size: int) -> SoundModel:
-    """Features that neither levels nor switches change, and no gap."""
-    return SoundModel(
-        level=np.array([0.1, 0.2, 0.3]),
-        weight=np.full(3, 1.0 / 3.0),
-        mean=np.zeros((3, size)),
-        slope=np.zeros((3, size)),
-        switch=np.zeros((3, size, 1)),
-        within=np.zeros((3, size, size)),
-        shift=np.zeros((3, size, size)),
-    )
-
-
-def plain_errors(size: int, *, fixed: float, changing: float) -> ThrowErrors:
-    unit = np.eye(size)
-    return ThrowErrors(fixed=fixed * unit, changing=changing * unit, timing=0.0, gap=0.1)
-
-
 @pytest.mark.parametrize(
     ("drawn", "low", "high"), [(0.5, 1.0, 1.0), (1.0, 1.0, 1.1), (4.0, 3.6, 4.4)]
 )
 def test_throws_tell_how_much_a_switch_scatters(drawn: float, low: float, high: float) -> None:
     """Throws with so many times the assumed variance; less than assumed is never believed."""
     size, rng = 60, np.random.default_rng(8)
-    model, errors = plain_model(size), plain_errors(size, fixed=1.0, changing=1.0)
+    model, errors = toy_model(size=size, gaps=0), errors_of(fixed=1.0, changing=1.0, size=size)
     own = rng.standard_normal(size)
     features = own + np.sqrt(drawn) * rng.standard_normal((20, size))
     known = observe_all(
@@ -137,7 +115,7 @@ def test_throws_tell_how_much_a_switch_scatters(drawn: float, low: float, high: 
 
 def test_a_switch_that_scatters_is_learned_as_if_that_had_been_assumed() -> None:
     size, rng = 60, np.random.default_rng(9)
-    model, errors = plain_model(size), plain_errors(size, fixed=1.0, changing=1.0)
+    model, errors = toy_model(size=size, gaps=0), errors_of(fixed=1.0, changing=1.0, size=size)
     features, levels = 2.0 * rng.standard_normal((20, size)), np.full(20, 0.2)
     found = observe_all(model, errors, before_history(model, errors), features, levels=levels)
     assumed = errors.scattered(found.scatter)

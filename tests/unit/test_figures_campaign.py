@@ -3,19 +3,17 @@
 import numpy as np
 import pytest
 import xarray as xr
-from tests.unit.campaigns import made
+from tests.unit.campaigns import copied, made
 
 from turnout.core.errors import ResponseError
 from turnout.figures.campaign import plot_overview, plot_stacked
 from turnout.measurement.campaign.build_campaign import build_campaign_dataset
-from turnout.metric.campaign_statistics import end_values, object_places
+from turnout.metric.campaign_statistics import end_values
 from turnout.throw.store import open_response
 
 
 @pytest.fixture(scope="module")
 def measured(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
-    from tests.unit.campaigns import copied
-
     dataset = build_campaign_dataset(copied(tmp_path_factory.mktemp("plot"))).dataset
     assert dataset is not None
     return dataset
@@ -90,10 +88,6 @@ def test_nothing_to_draw_says_so(measured: xr.Dataset) -> None:
         plot_overview(bare)
     with pytest.raises(ResponseError, match="no forces and no currents"):
         plot_stacked(measured.drop_vars(list(measured.data_vars)), place="sleeper 6")
-
-
-def test_places_are_those_of_objects(measured: xr.Dataset) -> None:
-    assert object_places(measured) == ["sleeper 6"]
 
 
 def test_a_slip_is_framed_only_where_something_was_measured(measured: xr.Dataset) -> None:

@@ -1,6 +1,7 @@
 """Eight numbers at a time: kernels do what the same functions do in Python, and no more."""
 
 import copy
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -84,21 +85,16 @@ def padded(vector: Floats) -> Floats:
 @pytest.mark.parametrize("kind", [np.uint64, np.int64])
 @pytest.mark.parametrize("count", [1, 5, 8, 19, 40])
 def test_kernels_do_what_the_functions_do_in_python(count: int, kind: type) -> None:
-    record, plain = shared_record(given(count, seed=count, kind=kind)), given(count, count, kind)
-    filled = plain._replace(**{name: padded(getattr(plain, name)) for name in VECTORS})
-    _combine(record)
-    _combine.py_func(filled)
-    np.testing.assert_array_equal(record.found, filled.found[:count])
-    assert np.any(record.found != 0.0)
-
-
-def test_comparisons_with_nan_say_no() -> None:
-    plain = given(8, seed=1)
-    plain.a[:] = np.nan
-    record = shared_record(plain)
-    _combine(record)
-    _combine.py_func(plain)
-    np.testing.assert_array_equal(record.found, plain.found)
+    """Comparisons with NaN, too, which say no."""
+    for missing in (False, True):
+        plain = given(count, count, kind)
+        plain.a[:] = np.nan if missing else plain.a
+        record = shared_record(plain)
+        filled = plain._replace(**{name: padded(getattr(plain, name)) for name in VECTORS})
+        _combine(record)
+        _combine.py_func(filled)
+        np.testing.assert_array_equal(record.found, filled.found[:count])
+        assert np.any(record.found != 0.0)
 
 
 def test_a_sum_has_one_order() -> None:
@@ -175,22 +171,19 @@ def test_another_record_has_vectors_and_matrices_of_its_own() -> None:
     assert second.a.ctypes.data % (8 * LANES) == 0
 
 
-def test_what_has_gaps_is_refused() -> None:
-    gaps = given(4, seed=5)._replace(a=np.zeros(8)[::2])
-    with pytest.raises(
-        TypeError, match=r"Given\.a must be an array of 8-byte numbers without gaps"
-    ):
-        shared_record(gaps)
-
-
-def test_another_record_needs_all_matrices() -> None:
-    with pytest.raises(TypeError, match="pass every matrix"):
-        clone_record(shared_record(given(3, seed=6)))
-
-
-def test_a_record_cannot_be_sent_elsewhere() -> None:
-    with pytest.raises(TypeError, match="stays where it is"):
-        copy.deepcopy(shared_record(given(3, seed=7)))
+@pytest.mark.parametrize(
+    ("ask", "message"),
+    [
+        (lambda: shared_record(given(4, seed=5)._replace(a=np.zeros(8)[::2])),
+         r"Given\.a must be an array of 8-byte numbers without gaps"),
+        (lambda: clone_record(shared_record(given(3, seed=6))), "pass every matrix"),
+        (lambda: copy.deepcopy(shared_record(given(3, seed=7))), "stays where it is"),
+    ],
+    ids=["gaps", "no matrix", "sent elsewhere"],
+)  # fmt: skip
+def test_a_record_that_cannot_be_is_refused(ask: Callable[[], object], message: str) -> None:
+    with pytest.raises(TypeError, match=message):
+        ask()
 
 
 @pytest.mark.parametrize("values", [np.arange(8), np.arange(16.0)[::2], np.arange(8.0, dtype="f4")])

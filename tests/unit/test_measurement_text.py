@@ -45,24 +45,33 @@ def test_the_same_numbers_however_they_are_written(
     assert recording.problems == ("channel 'Strain': 1 cell is empty, taken as missing",)
 
 
-def test_the_lines_above_the_table_tell_start_and_rate(tmp_path: Path) -> None:
-    text = "Start time: 2025-11-03 10:12:33\nSample rate (kHz): 2,5\nA [V];B [-]\n1;2\n3;4\n"
+@pytest.mark.parametrize(
+    ("text", "rate", "columns", "problems"),
+    [
+        # The lines above the table tell start and rate.
+        ("Start time: 2025-11-03 10:12:33\nSample rate (kHz): 2,5\nA [V];B [-]\n1;2\n3;4\n",
+         2500.0, {"A": [1.0, 3.0], "B": [2.0, 4.0]}, ()),
+        # White space, as `save -ascii` writes it; the first column rises evenly: time.
+        (" 0.0  1e0 5\n 1.0e-3  2 6\n 2.0e-03  3 7\n",
+         1000.0, {"column 2": [1, 2, 3], "column 3": [5, 6, 7]}, ()),
+        # The line that tells Excel the separator is no heading.
+        ("sep=;\n0;1\n0,1;2\n0,2;3\n", 10.0, {"column 2": [1, 2, 3]}, ()),
+        ("t,a,b\n0,1,2\n0.1,3,4\n0.2,5",
+         10.0, {"a": [1, 3], "b": [2, 4]}, ("the last line is cut off and left out",)),
+    ],
+    ids=["lines above", "numbers alone", "separator", "cut off"],
+)  # fmt: skip
+def test_tables_without_a_usual_heading_or_end(
+    tmp_path: Path, text: str, rate: float, columns: dict[str, list[float]],
+    problems: tuple[str, ...],
+) -> None:  # fmt: skip
     recording = read_recording(written(tmp_path, text))
-    assert recording.start_time == "2025-11-03 10:12:33"
-    assert recording.channel("A").rate == 2500.0
-    np.testing.assert_array_equal(recording.channel("B").values, [2.0, 4.0])
-
-
-def test_numbers_alone(tmp_path: Path) -> None:
-    """Columns of white space, as `save -ascii` writes them; the first rises evenly: time."""
-    recording = read_recording(written(tmp_path, " 0.0  1e0 5\n 1.0e-3  2 6\n 2.0e-03  3 7\n"))
-    assert list(recording.channels) == ["column 2", "column 3"]
-    assert recording.channel("column 3").rate == 1000.0
-
-
-def test_the_line_that_tells_excel_the_separator_is_no_heading(tmp_path: Path) -> None:
-    recording = read_recording(written(tmp_path, "sep=;\n0;1\n0,1;2\n0,2;3\n"))
-    assert list(recording.channels) == ["column 2"]
+    assert recording.start_time == ("2025-11-03 10:12:33" if "Start" in text else None)
+    assert recording.problems == problems
+    assert list(recording.channels) == list(columns)
+    for name, values in columns.items():
+        np.testing.assert_array_equal(recording.channel(name).values, values)
+        assert recording.channel(name).rate == pytest.approx(rate)
 
 
 @pytest.mark.parametrize(
@@ -87,12 +96,6 @@ def test_clock_times_over_midnight(tmp_path: Path, stamps: tuple[str, ...]) -> N
     rows = "".join(f"{stamp};{value}\n" for value, stamp in enumerate(stamps))
     recording = read_recording(written(tmp_path, "Time;A (V)\n" + rows))
     assert recording.channel("A").rate == pytest.approx(1000.0, rel=1e-6)
-
-
-def test_a_line_that_was_cut_off_is_left_out(tmp_path: Path) -> None:
-    recording = read_recording(written(tmp_path, "t,a,b\n0,1,2\n0.1,3,4\n0.2,5"))
-    np.testing.assert_array_equal(recording.channel("a").values, [1.0, 3.0])
-    assert recording.problems == ("the last line is cut off and left out",)
 
 
 @pytest.mark.parametrize(

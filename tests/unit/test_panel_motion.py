@@ -17,6 +17,7 @@ from turnout.panel.markers import (
     start_offset,
 )
 
+TABLE = ([0.0, 1.0, 2.2, 3.2], [0.0, 0.1, 0.7, 1.0])
 SHAPES = ("raised cosine", "smoothstep", "linear", "table")
 
 
@@ -24,8 +25,8 @@ def shaped(shape: str, **more: object) -> LoadedPanel:
     overrides: dict[str, object] = {"movement.shape": shape, **more}
     if shape == "table":
         overrides |= {
-            "movement.table_time": [0.0, 1.0, 2.2, 3.2],
-            "movement.table_fraction": [0.0, 0.1, 0.7, 1.0],
+            "movement.table_time": TABLE[0],
+            "movement.table_fraction": TABLE[1],
         }
     return load_panel("sb2", overrides=overrides)
 
@@ -62,30 +63,26 @@ def test_raised_cosine_has_constant_speed_between_smooth_ends() -> None:
     np.testing.assert_allclose(speed[1:-1], expected[1:-1], rtol=0, atol=1e-5)
 
 
-def test_a_ramp_of_zero_is_the_linear_shape_and_the_longest_ramp_is_half() -> None:
-    time = np.linspace(0.0, 3.2, 33)
-    no_ramp = movement_fraction(
-        shaped("raised cosine", **{"movement.ramp": 0.0}).movement["throw"], time, drive="1"
-    )
-    np.testing.assert_allclose(no_ramp, time / 3.2, rtol=1e-14)
-    full = shaped("raised cosine", **{"movement.ramp": 1.6}).movement["throw"]
-    expected = time / 3.2 - np.sin(2.0 * np.pi * time / 3.2) / (2.0 * np.pi)
-    np.testing.assert_allclose(movement_fraction(full, time, drive="1"), expected, atol=1e-14)
+S, TURN = np.linspace(0.0, 1.0, 33), 2.0 * np.pi
 
 
-def test_smoothstep_is_the_cubic() -> None:
-    movement = load_panel("sb1").movement["return"]
-    s = np.linspace(0.0, 1.0, 11)
-    for drive, total in (("1", 3.0), ("2", 3.2)):
-        fraction = movement_fraction(movement, s * total, drive=drive)
-        np.testing.assert_allclose(fraction, 3.0 * s**2 - 2.0 * s**3, rtol=1e-12)
-
-
-def test_a_table_is_stretched_to_the_drives_own_time() -> None:
-    movement = shaped("table").movement["return"]
-    np.testing.assert_allclose(movement_fraction(movement, [1.0, 2.2], drive="1"), [0.1, 0.7])
-    late = np.array([1.0, 2.2]) * 3.4 / 3.2
-    np.testing.assert_allclose(movement_fraction(movement, late, drive="2"), [0.1, 0.7])
+@pytest.mark.parametrize(
+    ("shape", "more", "totals", "expected"),
+    [
+        ("raised cosine", {"movement.ramp": 0.0}, {"1": 3.2, "2": 3.4}, S),  # the linear shape
+        ("raised cosine", {"movement.ramp": 1.6}, {"1": 3.2}, S - np.sin(TURN * S) / TURN),
+        ("smoothstep", {}, {"1": 3.2, "2": 3.4}, 3.0 * S**2 - 2.0 * S**3),
+        ("table", {}, {"1": 3.2, "2": 3.4}, np.interp(3.2 * S, *TABLE)),
+    ],
+    ids=["no ramp", "longest ramp", "smoothstep", "table"],
+)
+def test_shapes_have_their_closed_forms_in_the_drives_own_time(
+    shape: str, more: dict[str, object], totals: dict[str, float], expected: np.ndarray
+) -> None:
+    movement = shaped(shape, **more).movement["return"]
+    for drive, total in totals.items():
+        fraction = movement_fraction(movement, S * total, drive=drive)
+        np.testing.assert_allclose(fraction, expected, rtol=1e-12, atol=1e-14)
 
 
 @pytest.mark.parametrize(
@@ -157,17 +154,10 @@ def test_a_loaded_start_follows_the_last_movement_to_it() -> None:
     np.testing.assert_allclose(positions[:, 0], [-0.117, -0.087], atol=1e-12)
     np.testing.assert_array_equal(positions[:, -1], marker_positions(panel, [0.0])[:, 0])
     assert positions[1, 1] < positions[1, 2] == positions[1, 3]
-
-
-def test_a_schedule_that_never_returns_turns_its_first_movement_around() -> None:
-    panel = load_panel("uic60-760-1-15")
+    # A schedule that never returns turns its first movement around; other starts follow none.
     away = panel.model_copy(update={"movement": {"throw": panel.movement["throw"]}})
-    movement = prior_movement(away)
-    assert movement is not None
-    assert (movement.to, movement.duration) == ("closed", panel.movement["throw"].duration)
-
-
-def test_other_starts_follow_no_movement() -> None:
+    turned = prior_movement(away)
+    assert turned is not None
+    assert (turned.to, turned.duration) == ("closed", panel.movement["throw"].duration)
     assert prior_movement(load_panel("sb2")) is None
-    still = load_panel("uic60-760-1-15").model_copy(update={"movement": {}})
-    assert prior_movement(still) is None
+    assert prior_movement(panel.model_copy(update={"movement": {}})) is None

@@ -11,7 +11,6 @@ from turnout.panel.profile import (
     running_edge_offset,
     running_edge_position,
     section_stations,
-    stock_rail_gap,
 )
 from turnout.panel.records import Profile
 
@@ -40,13 +39,6 @@ def test_linear_profile_constant_and_short_cubics() -> None:
     parabola = profile([0.0, 1.0, 2.0], [0.0, 1.0, 4.0], "cubic")
     assert evaluate_profile(parabola, [0.5])[0] == pytest.approx(0.25, abs=1e-14)
     np.testing.assert_array_equal(evaluate_profile(0.02, [0.0, 9.0]), [0.02, 0.02])
-
-
-def test_a_rail_without_stock_rail_has_no_gap() -> None:
-    panel = load_panel("sb2")
-    assert stock_rail_gap(panel.rail["A"], [0.0, 1.0]) is not None
-    without = panel.rail["A"].model_copy(update={"stock_rail_gap": None})
-    assert stock_rail_gap(without, [0.0]) is None
 
 
 def test_running_edge_and_its_inverse() -> None:

@@ -58,15 +58,8 @@ def test_it_has_the_records_tables_and_overrides_of_its_whole_document() -> None
     assert dict(made.origins) == dict(expected.origins)
     again = made.with_overrides({"gravity": 9.8})
     assert again.hash == whole(expected, {"gravity": 9.8}).hash
-
-
-def test_its_tables_are_pickled_with_it() -> None:
-    panel = load_panel("uic60-760-1-15")
-    panel.with_overrides(FIRST)
-    made = panel.with_overrides(SECOND)
-    again = pickle.loads(pickle.dumps(made))
-    assert again.document == made.document
-    assert again.hash == made.hash
+    unpickled = pickle.loads(pickle.dumps(made))
+    assert (unpickled, unpickled.document, unpickled.hash) == (made, made.document, made.hash)
 
 
 @pytest.mark.parametrize(
@@ -134,6 +127,7 @@ def test_panels_that_differ_in_fields_that_do_not_matter_are_alike() -> None:
     assert copied.reference_panel(fields) is copied
     again = pickle.loads(pickle.dumps(second))
     assert again.reference_panel(fields) is again
+    assert second.reference_panel(fields) is third.reference_panel(fields), "pickling changed it"
 
 
 def test_panels_of_equal_values_are_equal_however_they_were_made() -> None:
@@ -142,12 +136,3 @@ def test_panels_of_equal_values_are_equal_however_they_were_made() -> None:
     assert made[0].hash == made[1].hash
     assert made[0] == made[1] == made[2] != panel
     assert made[0] != made[0].hash
-
-
-def test_pickling_changes_nothing() -> None:
-    panel = load_panel("uic60-760-1-15")
-    first, second = (panel.with_overrides({"drive.1.stiffness": k}) for k in (7e5, 7.1e5))
-    fields = {("drive", "stiffness")}
-    assert second.reference_panel(fields) is first
-    assert pickle.loads(pickle.dumps(second)) == second
-    assert second.reference_panel(fields) is first

@@ -10,7 +10,7 @@ from turnout.mechanism.build import build_mechanism
 from turnout.mechanism.build import clear_mechanisms as clear_linear
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
-from turnout.panel.load import load_panel
+from turnout.panel.load import LoadedPanel, load_panel
 from turnout.panel.markers import marker_positions
 from turnout.solver import arrange as arrangement
 from turnout.solver import condense, start
@@ -20,6 +20,12 @@ from turnout.solver.outcome import Code
 from turnout.throw.simulate import solve_placed
 
 QUICK = Scheme.of("quick")
+
+
+def forget() -> None:
+    clear_memory()
+    clear_linear()
+    start.clear_starts()
 
 
 @pytest.fixture(autouse=True)
@@ -61,19 +67,6 @@ def test_matrices_that_could_be_written_to_are_never_remembered() -> None:
     assert arrange(own, QUICK).system is not arrange(own, QUICK).system
 
 
-def test_a_run_from_memory_gives_the_same_bits() -> None:
-    def history() -> np.ndarray:
-        panel = load_panel("sb1")
-        inputs = lambda t: marker_positions(panel, t)  # noqa: E731
-        return integrate(build_mechanism(panel), QUICK, inputs=inputs, end=2.0).g
-
-    first = history()
-    kept = history()
-    clear_memory()
-    np.testing.assert_array_equal(first, kept)
-    np.testing.assert_array_equal(first, history())
-
-
 def test_a_drive_of_another_stiffness_shares_what_was_condensed_at_its_home() -> None:
     panel = load_panel("sb1")
     first = arrange(build_mechanism(panel), QUICK)
@@ -109,6 +102,12 @@ def test_condensing_at_the_home_changes_less_than_a_hundredth_of_the_error(
 PLACES = ("sleeper 6", "drive 2", "x = 3.333 m", "x = 2 m")
 
 
+def history(panel: LoadedPanel, place: str) -> np.ndarray:
+    """Throw a panel over an object at a place."""
+    objects = resolve_objects(panel, (ForeignObject(0.01, place),))
+    return solve_placed(panel, objects, scheme=QUICK).history.g
+
+
 def test_an_object_elsewhere_finds_rails_and_prior_motion_and_gives_the_same_bits(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -123,27 +122,22 @@ def test_an_object_elsewhere_finds_rails_and_prior_motion_and_gives_the_same_bit
     monkeypatch.setattr(start, "_move", move)
     start.clear_starts()
 
-    def history(place: str) -> np.ndarray:
-        objects = resolve_objects(panel, (ForeignObject(0.01, place),))
-        return solve_placed(panel, objects, scheme=QUICK).history.g
-
-    one_after_another = [history(place) for place in PLACES]
+    one_after_another = [history(panel, place) for place in PLACES]
     assert len(moved) == 1
     objects = [resolve_objects(panel, (ForeignObject(0.01, place),)) for place in PLACES]
     made = [arrange(build_mechanism(panel, item), QUICK) for item in objects]
     kept = {id(part.before.model) for item in made for part in item.condensed.parts if part.before}
     assert len(kept) == 2  # a switch rail and its stock rail
     for place, known in zip(PLACES, one_after_another, strict=True):
-        clear_memory()
-        clear_linear()
-        start.clear_starts()
-        np.testing.assert_array_equal(history(place), known)
+        forget()
+        np.testing.assert_array_equal(history(panel, place), known)
 
 
 def test_rails_of_other_sections_share_the_layout_and_give_the_same_bits(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     panel = load_panel("uic60-760-1-15").with_overrides({"schedule.end": 8.0})
+    panels = [panel.with_overrides({"rail.section_scale": scale}) for scale in (0.98, 1.0, 1.02)]
     laid_out: list[object] = []
 
     def lay_out(*given: object, fixed_rows: int) -> object:
@@ -153,15 +147,8 @@ def test_rails_of_other_sections_share_the_layout_and_give_the_same_bits(
     condensing = arrangement.condensed_system
     monkeypatch.setattr(arrangement, "condensed_system", lay_out)
 
-    def history(scale: float) -> np.ndarray:
-        scaled = panel.with_overrides({"rail.section_scale": scale})
-        objects = resolve_objects(scaled, (ForeignObject(0.01, "x = 3.333 m"),))
-        return solve_placed(scaled, objects, scheme=QUICK).history.g
-
-    one_after_another = [history(scale) for scale in (0.98, 1.0, 1.02)]
+    one_after_another = [history(scaled, PLACES[2]) for scaled in panels]
     assert len(laid_out) == 1
-    for scale, known in zip((0.98, 1.0, 1.02), one_after_another, strict=True):
-        clear_memory()
-        clear_linear()
-        start.clear_starts()
-        np.testing.assert_array_equal(history(scale), known)
+    for scaled, known in zip(panels, one_after_another, strict=True):
+        forget()
+        np.testing.assert_array_equal(history(scaled, PLACES[2]), known)

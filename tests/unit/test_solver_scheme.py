@@ -1,5 +1,7 @@
 """The time scheme: what it refuses, its order, its damping of what a step cannot resolve."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from tests.verification.hand_made import energy_residual, hand_made, linear_spring, run
@@ -25,23 +27,31 @@ from turnout.solver.outcome import ADVICE, Code, NotConverged, Outcome
         ({"output_interval": float("inf")}, "output_interval = inf s: must be positive"),
         ({"iterations": 0}, "iterations must be at least 1"),
         ({"halvings": -1}, "halvings at least 0"),
+        ({"mode": "fast"}, "mode = 'fast': allowed are waveform, quick, quasi"),
+        ({"step": "1 ms", "cutoff_frequency": None}, "step = .1 ms.: must be .*; cutoff_frequency"),
+        ({"step": -1.0, "cutoff_frequency": -1.0, "spectral_radius": 3.0},
+         "step = -1 s.*cutoff_frequency.*spectral_radius"),
     ],
-)
-def test_a_scheme_that_cannot_work_is_refused(options: dict[str, float], message: str) -> None:
+)  # fmt: skip
+def test_a_scheme_that_cannot_work_is_refused(options: dict[str, Any], message: str) -> None:
     with pytest.raises(SolverError, match=message):
-        Scheme(**options)
+        (Scheme.of if "mode" in options else Scheme)(**options)
 
 
-@pytest.mark.parametrize(("step", "stride"), [(2.5e-4, 4), (3e-4, 4), (1e-3, 1), (2e-3, 1)])
-def test_a_scheme_stores_about_every_millisecond(step: float, stride: int) -> None:
-    scheme = Scheme(step=step)
+@pytest.mark.parametrize(
+    ("step", "interval", "stride"),
+    [
+        # about every millisecond, unless an interval is given
+        (2.5e-4, None, 4), (3e-4, None, 4), (1e-3, None, 1), (2e-3, None, 1), (4e-3, 8e-3, 2),
+        # instants between the steps have no stride
+        (4e-4, 1e-3, 0), (4e-3, 1e-3, 0), (4e-3, 0.01, 0),
+    ],
+)  # fmt: skip
+def test_steps_that_are_stored(step: float, interval: float | None, stride: int) -> None:
+    given = {} if interval is None else {"output_interval": interval}
+    scheme = Scheme(step=step, **given)
     assert scheme.stride == stride
-    assert scheme.output_interval == pytest.approx(stride * step)
-
-
-@pytest.mark.parametrize(("step", "interval"), [(4e-4, 1e-3), (4e-3, 1e-3), (4e-3, 0.01)])
-def test_instants_between_the_steps_have_no_stride(step: float, interval: float) -> None:
-    assert Scheme(step=step, output_interval=interval).stride == 0
+    assert scheme.output_interval == pytest.approx(interval or stride * step)
 
 
 def test_a_mode_chooses_and_is_reported_back() -> None:
@@ -53,27 +63,7 @@ def test_a_mode_chooses_and_is_reported_back() -> None:
     static = Scheme.of("quasi-static")
     assert static.mode == "quasi-static"
     assert static.describe().startswith("quasi-static")
-
-
-def test_an_unknown_mode_names_those_there_are() -> None:
-    with pytest.raises(SolverError, match="mode = 'fast': allowed are waveform, quick, quasi"):
-        Scheme.of("fast")
-
-
-def test_texts_are_no_numbers_of_a_scheme() -> None:
-    with pytest.raises(SolverError, match=r"step = '1 ms': must be .*; cutoff_frequency = None"):
-        Scheme(step="1 ms", cutoff_frequency=None)  # type: ignore[arg-type]
-
-
-def test_all_problems_of_a_scheme_are_named_at_once() -> None:
-    with pytest.raises(SolverError, match="step = -1 s.*cutoff_frequency.*spectral_radius"):
-        Scheme(step=-1.0, cutoff_frequency=-1.0, spectral_radius=3.0)
-
-
-def test_a_scheme_states_itself() -> None:
-    scheme = Scheme(step=4e-3, output_interval=8e-3, cutoff_frequency=100.0)
-    assert scheme.stride == 2
-    text = scheme.describe()
+    text = Scheme(step=4e-3, cutoff_frequency=100.0).describe()
     for part in ("generalised-alpha", "0.5", "4 ms", "100 Hz"):
         assert part in text
 

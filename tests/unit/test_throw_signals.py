@@ -1,10 +1,10 @@
 """Signs and sums of the channels, on the whole panel."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-import xarray as xr
 from tests.unit.simulated import OBJECT, sb1_dataset, sb2_dataset, sb2_panel, sb2_run
 
 from turnout.panel.foreign_object import ForeignObject
@@ -16,14 +16,27 @@ from turnout.throw.simulate import simulate
 OPENING, CLOSING, END = 2.0, 6.0, 8.4
 
 
-def at(dataset: xr.Dataset, time: float) -> xr.Dataset:
+def at(dataset: Any, time: float) -> Any:
     return dataset.sel(time=time, method="nearest")
 
 
-def test_drives_pull_open_and_push_closed() -> None:
-    dataset = sb2_dataset()
-    assert at(dataset, OPENING)["drive_force"].sel(drive="2") < -1e3
-    assert at(dataset, CLOSING)["drive_force"].sel(drive="2") > 1e3
+@pytest.mark.parametrize(
+    ("channel", "where", "sign", "least"),
+    [
+        # drives pull open and push closed
+        ("drive_force", {"drive": "2"}, 1.0, 1e3),
+        # tension is positive: rail A pulls B when it closes, and pushes it when it opens
+        ("link_force", {"link": "2"}, 1.0, 500.0),
+        # friction opposes the motion; away from the ends every chair slides
+        ("chair_friction_force", {"chair": slice("3", "12")}, -1.0, 0.0),
+    ],
+)
+def test_forces_turn_with_the_motion(
+    channel: str, where: dict[str, object], sign: float, least: float
+) -> None:
+    force = sign * sb2_dataset()[channel].sel(where)
+    assert (at(force, OPENING) < -least).all()
+    assert (at(force, CLOSING) > least).all()
 
 
 def test_marker_power_is_force_times_marker_speed() -> None:
@@ -34,42 +47,21 @@ def test_marker_power_is_force_times_marker_speed() -> None:
     assert work == pytest.approx(float(dataset["work_markers"][-1]), rel=1e-9)
 
 
-def test_friction_opposes_the_motion() -> None:
-    """Away from the ends, where every chair slides."""
-    dataset = sb2_dataset()
-    chairs = slice("3", "12")
-    opening = at(dataset, OPENING)["chair_friction_force"].sel(chair=chairs)
-    closing = at(dataset, CLOSING)["chair_friction_force"].sel(chair=chairs)
-    assert (opening > 0).all()
-    assert (closing < 0).all()
-
-
 def test_chairs_carry_the_weight() -> None:
     """The benchmark's sum of static chair forces, 16.30 kN to 0.5 %."""
     weight = at(sb2_dataset(), 0.0)["chair_normal_force"].sum()
     assert float(weight) == pytest.approx(16300.0, rel=5e-3)
 
 
-def test_friction_stays_within_its_cone() -> None:
+def test_unilateral_forces_are_never_negative_and_friction_stays_within_its_cone() -> None:
+    """But for what the scheme overlooks: its gap tolerance times the stiffness."""
     dataset = sb2_dataset()
     friction, normal = dataset["chair_friction_force"], dataset["chair_normal_force"]
     assert (abs(friction) <= 0.4 * normal + 1e-3).all()
-
-
-def test_unilateral_forces_are_never_negative() -> None:
-    """But for what the scheme overlooks: its gap tolerance times the stiffness."""
-    dataset = sb2_dataset()
     overlooked = dataset.attrs["gap_tolerance"] * 2e8
     for name in ("object_force", "chair_normal_force", "stop_force"):
         assert (dataset[name] >= -1.01 * overlooked).all(), name
     assert dataset["stop_force"].max() > 10.0
-
-
-def test_the_driven_rail_pushes_and_pulls_the_other() -> None:
-    """Tension is positive: rail A pulls B when it closes, and pushes it when it opens."""
-    dataset = sb2_dataset()
-    assert at(dataset, CLOSING)["link_force"].sel(link="2") > 500.0
-    assert at(dataset, OPENING)["link_force"].sel(link="2") < -500.0
 
 
 def test_gap_is_the_distance_to_the_stock_rail() -> None:

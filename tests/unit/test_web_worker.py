@@ -19,6 +19,7 @@ from turnout.web.question import PATIENCE, Question, Reply, Superseded, Task
 from turnout.web.worker import ClosedError, Worker
 
 Asking = Callable[[Worker], Coroutine[Any, Any, Any]]
+Shared = Callable[[Asking], Any]
 BYTES = 500_000_000
 
 
@@ -37,7 +38,7 @@ def run(asking: Asking, *, prepare: Any = answering.prepared) -> Any:
 
 
 @pytest.fixture(scope="module")
-def shared() -> Iterator[Callable[[Asking], Any]]:
+def shared() -> Iterator[Shared]:
     """Ask one worker whatever needs none of its own; it is served by a thread."""
     loop = asyncio.new_event_loop()
     thread = threading.Thread(target=loop.run_forever)
@@ -94,9 +95,7 @@ def _needs_proc() -> None:
         pytest.skip("no /proc to see processes in")
 
 
-def test_what_waits_is_dropped_for_the_newest(
-    shared: Callable[[Asking], Any],
-) -> None:
+def test_what_waits_is_dropped_for_the_newest(shared: Shared) -> None:
     async def ask(worker: Worker) -> Any:
         await worker.answer(Task("echo"))
         tasks = []
@@ -112,9 +111,7 @@ def test_what_waits_is_dropped_for_the_newest(
     assert record(last)["content"] == "0.30000"
 
 
-def test_a_file_is_made_whatever_is_asked_after_it(
-    shared: Callable[[Asking], Any],
-) -> None:
+def test_a_file_is_made_whatever_is_asked_after_it(shared: Shared) -> None:
     async def ask(worker: Worker) -> Any:
         kept = asyncio.create_task(worker.answer(Task("wait", b"0.2")))
         live = asyncio.create_task(worker.answer(Task("echo", b"throw"), kind="live"))
@@ -123,9 +120,7 @@ def test_a_file_is_made_whatever_is_asked_after_it(
     assert [record(item)["content"] for item in shared(ask)] == ["0.2", "throw"]
 
 
-def test_a_long_run_gives_way(
-    shared: Callable[[Asking], Any],
-) -> None:
+def test_a_long_run_gives_way(shared: Shared) -> None:
     async def ask(worker: Worker) -> Any:
         await worker.answer(Task("echo"))
         slow = asyncio.create_task(worker.answer(Task("wait", b"9"), kind="live"))
@@ -176,7 +171,7 @@ def test_a_hanging_task_is_stopped_and_others_are_answered_meanwhile() -> None:
     ],
 )
 def test_whatever_goes_wrong_is_one_message(
-    shared: Callable[[Asking], Any], name: str, status: int, words: str
+    shared: Shared, name: str, status: int, words: str
 ) -> None:
     async def ask(worker: Worker) -> Any:
         reply = await worker.answer(Task(name))
@@ -189,9 +184,7 @@ def test_whatever_goes_wrong_is_one_message(
     assert record(following)["content"] == "next"
 
 
-def test_what_a_process_knew_is_known_to_its_successor(
-    shared: Callable[[Asking], Any],
-) -> None:
+def test_what_a_process_knew_is_known_to_its_successor(shared: Shared) -> None:
     async def ask(worker: Worker) -> Any:
         options = {"mark": "m"}
         first = record(await worker.answer(Task("keep", b"panel", options)))["process"]
@@ -239,7 +232,7 @@ def test_processes_that_do_not_start_are_reported() -> None:
         assert "does not start (OSError: nothing to compute with)" in str(error)
 
 
-def test_work_ahead_is_done_and_gives_way(shared: Callable[[Asking], Any], tmp_path: Path) -> None:
+def test_work_ahead_is_done_and_gives_way(shared: Shared, tmp_path: Path) -> None:
     done = tmp_path / "done"
 
     async def ask(worker: Worker) -> None:

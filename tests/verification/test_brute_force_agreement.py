@@ -43,20 +43,13 @@ def beam() -> tuple[np.ndarray, ...]:
     the rod and the vertical load.
     """
     x = np.linspace(0.0, 3.9, 14)
-    one = np.ones(13)
-    section = SectionProperties(
-        area=7.0e-3 * one,
-        second_moment_vertical=1.2e-5 * one,
-        second_moment_lateral=4e-6 * one,
-        product_moment=1e-6 * one,
-        torsion_constant=2e-6 * one,
-        shear_factor_vertical=0.4 * one,
-        shear_factor_lateral=0.6 * one,
-        centroid_y=0.004 * one,
-        centroid_z=0.0 * one,
-        shear_centre_y=0.0 * one,
-        shear_centre_z=-0.02 * one,
-    )
+    values = {
+        "area": 7.0e-3, "second_moment_vertical": 1.2e-5, "second_moment_lateral": 4e-6,
+        "product_moment": 1e-6, "torsion_constant": 2e-6, "shear_factor_vertical": 0.4,
+        "shear_factor_lateral": 0.6, "centroid_y": 0.004, "centroid_z": 0.0,
+        "shear_centre_y": 0.0, "shear_centre_z": -0.02,
+    }  # fmt: skip
+    section = SectionProperties(**{name: value * np.ones(13) for name, value in values.items()})
     steel = ElasticMaterial(youngs_modulus=2.1e11, poisson_ratio=0.3, density=7850.0)
     model = assemble_beam(x, section, steel)
     side = [point_row(model, at, "uy", z=-FOOT_DEPTH) for at in CHAIRS]
@@ -103,6 +96,11 @@ def as_mechanism() -> Mechanism:
     return hand_made(laws, mass=mass, stiffness=stiffness, damping=damping, load=load, rows=rows)
 
 
+def ours(**options: float) -> History:
+    rod, swing = (lambda t: markers(t)[0]), (lambda t: markers(t)[1])
+    return run(as_mechanism(), rod, swing, end=END, **options)
+
+
 def reference(step: float = 5e-5, frozen: np.ndarray | None = None) -> Path:
     mass, stiffness, damping, load, rows = beam()
     laws = Laws(
@@ -119,18 +117,9 @@ def reference(step: float = 5e-5, frozen: np.ndarray | None = None) -> Path:
         foot_stiffness=np.full(12, STICK),
     )
     return brute_force(
-        mass,
-        stiffness,
-        damping,
-        load,
-        rows,
-        laws,
-        markers=markers,
-        step=step,
-        end=END,
-        every=round(EVERY / step),
-        frozen=frozen,
-    )
+        mass, stiffness, damping, load, rows, laws,
+        markers=markers, step=step, end=END, every=round(EVERY / step), frozen=frozen,
+    )  # fmt: skip
 
 
 def channels(result: History | Path) -> dict[str, np.ndarray]:
@@ -182,18 +171,7 @@ def test_the_stored_run_is_that_of_the_program(truth: Path) -> None:
 
 @pytest.fixture(scope="module")
 def runs() -> dict[float, History]:
-    mechanism = as_mechanism()
-    return {
-        step: run(
-            mechanism,
-            lambda t: markers(t)[0],
-            lambda t: markers(t)[1],
-            end=END,
-            step=step,
-            every=round(EVERY / step),
-        )
-        for step in (1e-3, 2.5e-4)
-    }
+    return {step: ours(step=step, every=round(EVERY / step)) for step in TOLERANCE}
 
 
 def test_the_case_is_hard(truth: Path) -> None:
@@ -237,13 +215,7 @@ def test_it_converges_to_brute_force(truth: Path, runs: dict[float, History]) ->
 
 @pytest.mark.parametrize(("cutoff_frequency", "agrees"), [(300.0, True), (50.0, False)])
 def test_the_cutoff_that_agrees(truth: Path, cutoff_frequency: float, agrees: bool) -> None:
-    history = run(
-        as_mechanism(),
-        lambda t: markers(t)[0],
-        lambda t: markers(t)[1],
-        end=END,
-        cutoff_frequency=cutoff_frequency,
-    )
+    history = ours(cutoff_frequency=cutoff_frequency)
     assert history.q.shape[1] < 0.2 * history.model.modes.shape[0]
     found = difference(history, truth)
     for name, value in found.items():

@@ -55,6 +55,14 @@ def with_text(*changes: tuple[str, str]) -> LoadedPanel:
     return panel_from_file(parse_toml(text, source="changed"))
 
 
+def with_back_drive(
+    *, ratio: str = "0.7", drive: str = "2", x: str = "9.6 m", more: str = ""
+) -> LoadedPanel:
+    """Return the default panel with a back drive."""
+    back = f'[back_drive.far]\ndrive = "{drive}"\nx = "{x}"\nratio = {ratio}\n{more}\n'
+    return with_text(("[sensor]\n", f'{back}stiffness = "5e7 N/m"\n\n[sensor]\n'))
+
+
 @pytest.mark.parametrize("stroke", STROKES)
 @pytest.mark.parametrize("name", [DEFAULT, SYMMETRIC])
 def test_the_way_to_open_is_that_of_a_beam_held_at_the_strokes(stroke: float, name: str) -> None:
@@ -143,11 +151,7 @@ def test_a_link_with_lost_motion_carries_nothing_within_it() -> None:
 
 
 def test_a_back_drive_moves_its_place_by_its_ratio() -> None:
-    back = (
-        '[back_drive.far]\ndrive = "2"\nx = "9.6 m"\nratio = 0.7\nheight = "20 mm"\n'
-        'stiffness = "5e7 N/m"\n\n[sensor]\n'
-    )
-    panel = with_text(("[sensor]\n", back))
+    panel = with_back_drive(more='height = "20 mm"')
     plain = load_panel(DEFAULT)
     x = np.array([6.9, 9.6])
     ways = [build_mechanism(item).shapes["straight"].travel_at(x) for item in (panel, plain)]
@@ -252,45 +256,23 @@ def test_an_over_travel_beyond_slip_is_refused_beside_a_studied_stiffness_too() 
 
 
 @pytest.mark.parametrize(
-    ("ratio", "drive", "x", "reported"),
+    ("given", "reported"),
     [
-        ("0", "2", "9.6 m", "ratio = 0: must be more than 0"),
-        ("0.7", "3", "9.6 m", 'drive = "3": there is no such drive'),
-        ("0.7", "2", "6.9 m", "x = 6.9 m: is the place of drive '2' itself; move it away"),
+        ({"ratio": "0"}, "ratio = 0: must be more than 0"),
+        ({"drive": "3"}, 'drive = "3": there is no such drive'),
+        ({"x": "6.9 m"}, "x = 6.9 m: is the place of drive '2' itself; move it away"),
+        ({"more": 'adjustment = "60 mm"'}, "adjustment = 60 mm: at most 10 mm either way, "
+         "or the rails cannot close; change its ratio"),
     ],
-)
-def test_a_back_drive_that_cannot_be_is_refused(
-    ratio: str, drive: str, x: str, reported: str
-) -> None:
-    back = (
-        f'[back_drive.far]\ndrive = "{drive}"\nx = "{x}"\nratio = {ratio}\n'
-        'stiffness = "5e7 N/m"\n\n[sensor]\n'
-    )
+)  # fmt: skip
+def test_a_back_drive_that_cannot_be_is_refused(given: dict[str, str], reported: str) -> None:
     with pytest.raises(PanelError) as caught:
-        with_text(("[sensor]\n", back))
+        with_back_drive(**given)
     assert len(caught.value.problems) == 1
-    assert reported in str(caught.value)
-
-
-def test_a_back_drive_is_adjusted_by_what_its_adjusters_take_up() -> None:
-    back = (
-        '[back_drive.far]\ndrive = "2"\nx = "9.6 m"\nratio = 0.7\nadjustment = "60 mm"\n'
-        'stiffness = "5e7 N/m"\n\n[sensor]\n'
-    )
-    with pytest.raises(PanelError) as caught:
-        with_text(("[sensor]\n", back))
-    assert len(caught.value.problems) == 1
-    reported = (
-        "adjustment = 60 mm: at most 10 mm either way, or the rails cannot close; change its ratio"
-    )
     assert reported in str(caught.value)
 
 
 def test_a_back_drive_at_the_place_of_another_drive_is_refused_when_it_is_built() -> None:
-    back = (
-        '[back_drive.far]\ndrive = "2"\nx = "0.3 m"\nratio = 0.7\n'
-        'stiffness = "5e7 N/m"\n\n[sensor]\n'
-    )
-    panel = with_text(("[sensor]\n", back))
+    panel = with_back_drive(x="0.3 m")
     with pytest.raises(MechanicsError, match="rail.straight.fit_gap: the rail cannot stand open"):
         build_mechanism(panel)

@@ -24,7 +24,8 @@ THICK = [7e-3, 3e-5, 5e-6, 3e-7, 2e-6, 0.4, 0.5, 0.004, 0.08, 0.003, 0.05]
 THIN = [3e-3, 8e-6, 1e-6, 1e-7, 8e-7, 0.4, 0.5, 0.010, 0.06, 0.008, 0.03]
 
 
-def rail():
+@pytest.fixture(scope="module")
+def beam():
     """Make a tapered rail with an unsymmetric, eccentric section."""
     x = mesh_nodes(0.0, LENGTH, element_length=0.15, forced=SUPPORTS)
     ends = SectionProperties(*[np.array(pair) for pair in zip(THIN, THICK, strict=True)])
@@ -45,8 +46,8 @@ def on_springs(beam):
 
 
 @pytest.fixture(scope="module")
-def beam():
-    return rail()
+def stiffness(beam):
+    return on_springs(beam)
 
 
 @pytest.fixture(scope="module")
@@ -55,8 +56,7 @@ def interface(beam):
     return [*dofs, dof_index(beam, LENGTH, "ux")]
 
 
-def test_rail_on_springs_keeps_its_statics(beam, interface):
-    stiffness = on_springs(beam)
+def test_rail_on_springs_keeps_its_statics(beam, stiffness, interface):
     reduced = craig_bampton(stiffness, beam.mass, interface, cutoff_frequency=300.0)
     report = reduction_report(reduced, stiffness, beam.mass)
     assert report.static_error < 1e-9
@@ -64,9 +64,8 @@ def test_rail_on_springs_keeps_its_statics(beam, interface):
     assert report.dof_share < 0.2
 
 
-def test_error_falls_with_the_cutoff(beam, interface):
+def test_error_falls_with_the_cutoff(beam, stiffness, interface):
     """Frequencies up to 400 Hz with modes up to 800 and up to 1600 Hz."""
-    stiffness = on_springs(beam)
     worst = []
     for cutoff in (800.0, 1600.0):
         reduced = craig_bampton(stiffness, beam.mass, interface, cutoff_frequency=cutoff)
@@ -79,8 +78,7 @@ def test_error_falls_with_the_cutoff(beam, interface):
     assert worst[1] < worst[0] / 4.0
 
 
-def test_full_frequencies_are_those_of_the_beam(beam, interface):
-    stiffness = on_springs(beam)
+def test_full_frequencies_are_those_of_the_beam(beam, stiffness, interface):
     reduced = craig_bampton(stiffness, beam.mass, interface, cutoff_frequency=500.0)
     found = reduction_report(reduced, stiffness, beam.mass).frequencies_full
     exact = scipy.linalg.eigvalsh(stiffness.toarray(), beam.mass.toarray())
@@ -107,18 +105,16 @@ def test_rigid_motion_is_recovered_exactly(beam, interface):
     assert abs(yaw[reduced.interface] @ reduced.stiffness @ yaw[reduced.interface]) < 1e-3
 
 
-def test_weight_is_carried_by_the_interface_exactly(beam, interface):
+def test_weight_is_carried_by_the_interface_exactly(beam, stiffness, interface):
     """Loads inside the body reach the interface through the static shapes."""
-    stiffness = on_springs(beam)
     reduced = craig_bampton(stiffness, beam.mass, interface, cutoff_frequency=300.0)
     full = np.linalg.solve(stiffness.toarray(), beam.gravity_load)
     small = np.linalg.solve(reduced.stiffness, reduce_vector(reduced, beam.gravity_load))
     np.testing.assert_allclose(small[: len(interface)], full[interface], rtol=1e-7)
 
 
-def test_harmonic_response_below_the_cutoff(beam, interface):
+def test_harmonic_response_below_the_cutoff(beam, stiffness, interface):
     """A lateral force on the thin end's foot at 60 Hz, with modes up to 1000 Hz: 0.2 %."""
-    stiffness = on_springs(beam)
     reduced = craig_bampton(stiffness, beam.mass, interface, cutoff_frequency=1000.0)
     load = point_row(beam, SUPPORTS[0], "uy", z=-0.01)
     square = (2.0 * np.pi * 60.0) ** 2
