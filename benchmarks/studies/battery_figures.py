@@ -89,15 +89,16 @@ def beams() -> Figure:
     """Draw errors of frequencies and of compliances over the number of elements."""
     figure, (left, middle, right) = new_figure(3)
     counts = np.array([3, 6, 12])
-    slender = np.array([dynamics.TestSlenderCantilever().error(n) for n in counts])
+    slender = np.array([dynamics.slender_errors(n) for n in counts])
     for mode, (colour, mark) in enumerate(((BLUE, "o"), (ORANGE, "s"))):
         left.plot(counts, slender[:, mode], mark + "-", color=colour, label=f"mode {mode + 1}")
     plain_ticks(left, counts)
     slope(left, counts, 0.4 * slender[0, 0], -4)
     labelled(left, "slender cantilever", "elements", "frequency error [-]", legend="upper right")
     counts = np.array([16, 32, 64])
+    pinned = np.array([dynamics.pinned_errors(n) for n in counts])
     for mode, (colour, mark) in enumerate(((BLUE, "o"), (ORANGE, "s"), (GREEN, "^")), 1):
-        errors = [dynamics.TestStoutPinnedBeam().error(n, mode) for n in counts]
+        errors = pinned[:, mode - 1]
         middle.plot(counts, errors, mark + "-", color=colour, label=f"mode {mode}")
         if mode == 1:
             slope(middle, counts, 0.5 * errors[0], -2)
