@@ -16,10 +16,10 @@ from benchmarks.studies.resumable import Record, command_line
 from turnout.core.channels import DEPENDS
 from turnout.core.errors import PanelError
 from turnout.core.scheme import Scheme
+from turnout.law.object_kind import OBJECT_KINDS
 from turnout.metric.verdict import verdict
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel, load_panel
-from turnout.panel.object_kind import KINDS
 from turnout.throw.simulate import simulate
 
 SEED = 20261129
@@ -53,7 +53,7 @@ def drawn_panel(number: int, random: np.random.Generator) -> LoadedPanel:
 
 def drawn_object(panel: LoadedPanel, random: np.random.Generator) -> ForeignObject:
     """Return an object that may break, or one time in ten another one."""
-    others = [kind for kind in KINDS if kind not in STRENGTHS]
+    others = [kind for kind in OBJECT_KINDS if kind not in STRENGTHS]
     kind = str(random.choice([*STRENGTHS, "other"], p=[0.45, 0.45, 0.1]))
     given: dict[str, Any] = {}
     if kind == "other":

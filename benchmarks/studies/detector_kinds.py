@@ -22,12 +22,12 @@ from turnout.detection.detector.judging import CYCLE, evidence_of, make_view, ra
 from turnout.detection.detector.knowledge import Knowledge, Setting
 from turnout.detection.detector.object_kinds import LEAST_ODDS, RIGID
 from turnout.detection.detector.throw_set import ThrowSet
-from turnout.detection.detector.train_detector import OF_KINDS, folds_of
+from turnout.detection.detector.train_detector import folds_of, sets_of_kinds
 from turnout.detection.detector.training import setting_of, teach
 from turnout.detection.detector.training_plan import OBJECT_KIND, Plan, Population
 from turnout.detection.detector.training_sets import (
     HISTORY_SEED,
-    KINDS,
+    learned_kinds,
     object_at,
     training_plans,
 )
@@ -44,7 +44,7 @@ FOLDS, DRAWS, USES = 4, 6, 4
 """Folds and uses of sound throws behind the threshold, and uses of each object."""
 NEAR = 1.3
 """Distance from a drive within which a place counts as near it [m]."""
-NAMES = {RIGID: "spring"} | {kind: kind for kind in KINDS}
+NAMES = {RIGID: "spring"} | {kind: kind for kind in learned_kinds()}
 """Kinds of objects as panels have them, by the name in a verdict."""
 
 
@@ -67,7 +67,7 @@ def main() -> None:
 
 def small_detector(sets: Mapping[str, ThrowSet], setting: Setting) -> Knowledge:
     """Return a detector with a threshold for no history, of fewer folds and uses."""
-    weighed = {name: item for name, item in sets.items() if name not in OF_KINDS}
+    weighed = {name: item for name, item in sets.items() if name not in sets_of_kinds()}
     folds = folds_of(weighed, setting, count=FOLDS)
     return with_calibration(teach(sets, setting), [calibrate_alone(folds, draws=DRAWS)])
 

@@ -33,6 +33,7 @@ from turnout.detection.detector.training_sets import (
 )
 from turnout.detection.reference import FRICTION, TEMPERATURE
 from turnout.detection.throws import places_of
+from turnout.law.object_kind import OBJECT_KINDS
 from turnout.panel.load import load_panel
 from turnout.study.defects import OTHER_RAIL, Row, chair_factor, defect, over_travel
 from turnout.study.read_study import scheme_for
@@ -50,7 +51,7 @@ WARMTH = (-9.0, -8.0, -3.0, 3.0, 10.0, 15.0, 18.0, 17.0, 11.0, 5.0, -1.0, -6.0)
 ICE_STEP, ICE_THROWS = 0.2e-3, 90
 ICE_PLACES = ("drive 1", "sleeper 3", "sleeper 6", "sleeper 9", "drive 2")
 SOFT_STATES = 60
-SOFT_KINDS = ("spring", "stone", "ice", "snow", "wood", "metal")
+SOFT_KINDS = tuple(OBJECT_KINDS)
 OTHER_SWITCHES, OTHER_SOUND, OTHER_OBJECTS = 20, 12, 12
 MESHES = ("0.1 m", "0.2 m")
 

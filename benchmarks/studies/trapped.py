@@ -11,11 +11,11 @@ from pathlib import Path
 
 from benchmarks.page import DOCS, put
 from turnout.core.units import Dimension
+from turnout.law.object_kind import DIMENSIONS, OBJECT_KINDS
 from turnout.measurement.chain.recorder import ERRORS
 from turnout.metric.throw_table import throw_table
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
-from turnout.panel.object_kind import DIMENSIONS, KINDS
 from turnout.throw.drift import Drift
 from turnout.throw.sequence import simulate_sequence
 
@@ -48,14 +48,14 @@ def object_table(place: str) -> str:
     """Return the table of all kinds at a place."""
     head = "| kind | size | peak force | breaks | reported | next throw meets | reported then |\n"
     head += "|---|---|---|---|---|---|---|\n"
-    return head + "".join(f"{row(kind, size, place)}\n" for kind in KINDS for size in SIZES)
+    return head + "".join(f"{row(kind, size, place)}\n" for kind in OBJECT_KINDS for size in SIZES)
 
 
 def parameter_table() -> str:
     """Return the table of all parameters, with defaults, ranges and origins."""
     lines = ["| kind | parameter | default | range | origin |", "|---|---|---|---|---|"]
-    for kind, parameters in KINDS.items():
-        for name, item in parameters.items():
+    for kind, row in OBJECT_KINDS.items():
+        for name, item in row.parameters.items():
             factor, unit = SHOWN[DIMENSIONS[name].unit] if name in DIMENSIONS else (1.0, "")
             default = "see below" if name == "strength" else "size"
             if item.default is not None:

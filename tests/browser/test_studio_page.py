@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.browser.conftest import Screen
 
+from turnout.law.object_kind import OBJECT_KINDS
 from turnout.panel.load import library_text
-from turnout.panel.object_kind import KINDS
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
@@ -81,7 +81,7 @@ def test_sliders_change_numbers_lamps_and_rails(screen: Screen) -> None:
 def test_kinds_of_objects_are_chosen(screen: Screen) -> None:
     page = screen.page
     choice = page.get_by_label("Kind", exact=True)
-    assert choice.locator("option").all_inner_texts() == list(KINDS)
+    assert choice.locator("option").all_inner_texts() == list(OBJECT_KINDS)
     force = float(screen.figure("object_end").split()[0])
     screen.clear()
     choice.select_option("snow")

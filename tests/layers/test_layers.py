@@ -21,24 +21,33 @@ ALLOWED: dict[str, set[str]] = {
     "beam": {"core"},
     "law": {"core", "kernels"},
     "machine": {"core", "kernels", "law"},
-    "panel": {"core", "machine"},  # of machines the records
+    "panel": {"core", "law", "machine"},  # of machines the records, of laws the kinds of objects
     "mechanism": {"core", "beam", "law", "machine", "panel"},
     "solver": {"core", "kernels", "law", "machine", "mechanism"},
     "throw": {"core", "kernels", "machine", "panel", "mechanism", "solver"},
     "measurement": {"core"},
     "metric": {"core", "kernels", "panel", "mechanism", "solver", "throw"},
-    "study": {"core", "panel", "mechanism", "solver", "throw", "measurement", "metric"},
+    "study": {"core", "law", "panel", "mechanism", "solver", "throw", "measurement", "metric"},
     "calibration": {
         *("core", "machine", "panel", "solver", "throw", "measurement", "metric", "study"),
     },
-    "detection": {"core", "panel", "mechanism", "throw", "measurement", "study", "calibration"},
+    "detection": {
+        "core",
+        "law",
+        "panel",
+        "mechanism",
+        "throw",
+        "measurement",
+        "study",
+        "calibration",
+    },
     "figures": {
         *("core", "beam", "panel", "mechanism", "metric", "study", "calibration", "detection")
     },
     "api": {
         *("core", "panel", "throw", "measurement", "metric", "study", "calibration", "figures"),
     },
-    "web": {"core", "panel", "throw", "measurement", "metric", "detection", "figures"},
+    "web": {"core", "law", "panel", "throw", "measurement", "metric", "detection", "figures"},
     "cli": {
         *("core", "machine", "panel", "mechanism", "throw", "measurement", "metric", "study"),
         *("calibration", "detection", "figures", "web"),

@@ -8,9 +8,9 @@ from benchmarks.detection.switch_throws import causes_of
 from turnout.detection.detector.throw_verdict import advice_on
 from turnout.detection.detector.training_plan import Population
 from turnout.detection.detector.training_sets import (
-    KINDS,
     Counts,
     after_history,
+    learned_kinds,
     training_plans,
 )
 from turnout.detection.reference import reference_study
@@ -129,7 +129,7 @@ def test_each_kind_is_thrown_with_the_same_objects() -> None:
     plans = training_plans(reference_study(), Counts(sound=4, objects=3, kinds=2, switches=0))
     rows = [dict(zip(plans["object"].study.design.axes[0].names, row, strict=True))
             for row in plans["object"].study.design.axes[0].rows]  # fmt: skip
-    for kind in KINDS:
+    for kind in learned_kinds():
         (axis,) = plans[f"object-{kind}"].study.design.axes
         own = [dict(zip(axis.names, row, strict=True)) for row in axis.rows]
         assert own == [{**row, "object.kind": kind} for row in rows[:2]]

@@ -6,9 +6,20 @@ import numpy as np
 import pytest
 
 from turnout.core.errors import PanelError
+from turnout.detection.detector.training_sets import learned_kinds
+from turnout.law.object_kind import (
+    OBJECT_KINDS,
+    Compression,
+    ObjectKind,
+    ObjectParameter,
+    Trapped,
+    hardening,
+)
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
+from turnout.panel.key_reference import key_tables
 from turnout.panel.load import load_panel
 from turnout.panel.object_text import parse_object
+from turnout.throw.simulate import simulate
 
 PANEL = load_panel("uic60-760-1-15")
 
@@ -166,3 +177,44 @@ def test_a_name_of_several_places_wants_its_family() -> None:
     panel = load_panel("uic60-760-1-15")
     with pytest.raises(PanelError, match=r"not the name of one place only; write 'sleeper 2' or"):
         resolve_objects(panel, [parse_object("13mm@2")])
+
+
+class Rubber(ObjectKind):
+    """A toy kind: it yields at its strength, then stiffens; half of a dent comes back."""
+
+    parameters = {"strength": ObjectParameter(2e6, 1e5, 1e7, "assumption: a toy")}  # noqa: RUF012
+    learned = True
+
+    def curve(self, item: Trapped) -> Compression:
+        """Return force over compression."""
+        size = item.size - item.lost
+        force = item.strength * size**2 * np.array([1.0, 50.0])
+        return hardening(np.array([0.0, 0.9 * size]), force, item.stiffness)
+
+    def left(
+        self, item: Trapped, *, lost: float, deepest: float, dent: float, changes: bool, broke: bool
+    ) -> dict[str, float]:
+        """Return what a throw changed in it."""
+        return {"lost": lost, "deepest": 0.5 * deepest}
+
+
+def test_a_kind_of_object_is_one_class(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Reading, checks, laws, memory, words and lists follow from its row alone."""
+    text = "13 mm rubber @ sleeper 6, strength = 3 MPa"
+    with pytest.raises(PanelError, match="kind = 'rubber': there is no such kind"):
+        parse_object(text)
+    monkeypatch.setitem(OBJECT_KINDS, "rubber", Rubber())
+    with pytest.raises(PanelError, match=r"strength = 2e\+07 Pa: must be 100000 to 1e\+07 Pa"):
+        parse_object("13 mm rubber @ sleeper 6, strength = 20 MPa")
+    with pytest.raises(PanelError, match="an object of kind 'rubber' has none, it has 'strength'"):
+        parse_object("13 mm rubber @ sleeper 6, density = 400 kg/m^3")
+    (placed,) = resolve_objects(PANEL, [parse_object(text)])
+    assert (placed.kind, placed.strength, placed.length) == ("rubber", 3e6, 0.0)
+    dataset = simulate(PANEL, foreign_object=parse_object(text), mode="quick")
+    assert '"kind": "rubber"' in dataset.attrs["foreign_objects"]
+    assert 0.0 < float(dataset["object_left"][0]) < 0.013
+    own = PANEL.with_overrides({"object.o": {"size": 0.013, "at": "sleeper 6", "kind": "rubber"}})
+    assert own.object["o"].kind == "rubber"
+    rows = {row.path: row for table in key_tables() for row in table.keys}
+    assert '"rubber"' in rows["object", "NAME", "kind"].allowed
+    assert learned_kinds()[-1] == "rubber"

@@ -5,10 +5,11 @@ from collections.abc import Callable
 import numpy as np
 
 from turnout.core.scheme import Scheme
-from turnout.law.compression import Compression
+from turnout.law.object_kind import Compression
 from turnout.law.obstruction import Obstructions, no_obstructions
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism
+from turnout.panel.foreign_object import PlacedObject
 from turnout.solver.integration import History, integrate
 
 LEDGER = ("markers", "friction", "damping", "switched", "algorithmic", "segments", "objects")
@@ -42,6 +43,16 @@ def hand_made(
         friction_names=tuple(f"foot {i}" for i in range(table.friction_row.size)),
         obstructions=obstructions or no_obstructions(),
     )
+
+
+def curve_of(
+    kind: str, *, size: float, contact: float, area: float = 0.0, **values: float
+) -> Compression:
+    """Return the curve of an object of a kind that has not been touched."""
+    item = PlacedObject(
+        "", size, 0.0, "", 0.0, contact, 0.0, 0.0, kind=kind, length=area, depth=1.0, **values
+    )  # fmt: skip
+    return item.of_kind.curve(item)
 
 
 def linear_spring(

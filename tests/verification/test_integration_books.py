@@ -13,6 +13,7 @@ import pytest
 from tests.verification.hand_made import (
     LEDGER,
     STORED,
+    curve_of,
     energy_residual,
     energy_scale,
     hand_made,
@@ -21,7 +22,6 @@ from tests.verification.hand_made import (
     run,
 )
 
-from turnout.law import compression as curves
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism
 from turnout.solver import energy, march
@@ -45,7 +45,7 @@ def everything() -> Mechanism:
     feet = [laws.add_contact(row, stiffness=2e6, clearance=0.0, base_closed=True) for row in (1, 2)]
     linear_spring(laws, 4, 2e4, input_index=1)
     laws.add_contact(3, stiffness=4e5, clearance=-0.003, appears=0.6, disappears=1.1)
-    wood = curves.wood(size=0.01, area=1e-6, strength=5e6, contact=1e6)
+    wood = curve_of("wood", size=0.01, area=1e-6, strength=5e6, contact=1e6)
     trapped = laws.add_piecewise(
         3, breakpoints=wood.breakpoints, slopes=wood.slopes, offset=0.002, waits=True
     )

@@ -9,10 +9,16 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from tests.verification.hand_made import energy_residual, hand_made, linear_spring, obstruction, run
+from tests.verification.hand_made import (
+    curve_of,
+    energy_residual,
+    hand_made,
+    linear_spring,
+    obstruction,
+    run,
+)
 
-from turnout.law import compression as curves
-from turnout.law.compression import Compression
+from turnout.law.object_kind import Compression
 from turnout.law.table import LawTableBuilder
 from turnout.solver.integration import History
 
@@ -21,11 +27,13 @@ CONTACT, SIZE, CLEARANCE = 40e6, 0.02, 0.003
 LENGTH, DEPTH, AREA = 0.03, 0.02, 6e-4
 FROST = 263.15
 CURVES: dict[str, Compression] = {
-    "stone": curves.stone(size=SIZE, strength=20e6, contact=CONTACT, piece=0.6),
-    "ice": curves.ice(size=SIZE, area=AREA, strength=10e6, contact=CONTACT, piece=0.2),
-    "snow": curves.snow(size=SIZE, area=AREA, density=300.0, temperature=FROST, contact=CONTACT),
-    "wood": curves.wood(size=SIZE, area=AREA, strength=5e6, contact=CONTACT),
-    "metal": curves.metal(size=SIZE, area=1e-5, strength=235e6, contact=CONTACT),
+    "stone": curve_of("stone", size=SIZE, strength=20e6, contact=CONTACT, piece=0.6),
+    "ice": curve_of("ice", size=SIZE, area=AREA, strength=10e6, contact=CONTACT, piece=0.2),
+    "snow": curve_of(
+        "snow", size=SIZE, area=AREA, density=300.0, temperature=FROST, contact=CONTACT
+    ),
+    "wood": curve_of("wood", size=SIZE, area=AREA, strength=5e6, contact=CONTACT),
+    "metal": curve_of("metal", size=SIZE, area=1e-5, strength=235e6, contact=CONTACT),
 }
 
 
@@ -174,7 +182,7 @@ def test_a_stone_splits_at_the_square_of_its_size() -> None:
 
 
 def test_a_stone_without_a_piece_is_gone() -> None:
-    curve = curves.stone(size=SIZE, strength=20e6, contact=CONTACT, piece=0.0)
+    curve = curve_of("stone", size=SIZE, strength=20e6, contact=CONTACT, piece=0.0)
     history = moved(curve)
     peak = int(np.argmax(history.law_force[:, 1]))
     assert history.obstructions.size[0] == 0.0

@@ -7,14 +7,14 @@ import pytest
 
 from turnout.core.errors import PanelError
 from turnout.core.scheme import Scheme
+from turnout.law.object_kind import OBJECT_KINDS
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import load_panel
-from turnout.panel.object_kind import KINDS
 from turnout.solver.outcome import CLOSES, LEAST_SCALE
 from turnout.throw.simulate import solve
 
 PANELS = ("sb1", "sb2", "uic60-760-1-15")
-KINDS_THAT_REMEMBER = tuple(kind for kind in KINDS if kind != "spring")
+KINDS_THAT_REMEMBER = tuple(name for name, kind in OBJECT_KINDS.items() if kind.remembers)
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ def random_object(random: np.random.Generator) -> ForeignObject:
     kind = str(random.choice(KINDS_THAT_REMEMBER))
     given = {
         name: float(np.exp(random.uniform(np.log(max(p.least, 1e-3)), np.log(p.most))))
-        for name, p in KINDS[kind].items()
+        for name, p in OBJECT_KINDS[kind].parameters.items()
         if random.random() < 0.5
     }
     if "length" in given:

@@ -65,7 +65,7 @@ def train_command(
             "--objects",
             metavar="N",
             min=200,
-            help="Throws with objects, the first 800 also as stone, ice, snow and wood; "
+            help="Throws with objects, the first 800 also as objects that yield, such as ice; "
             "default 3000.",
         ),
     ] = None,

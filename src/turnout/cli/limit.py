@@ -122,7 +122,7 @@ def limit_command(
     kind: Annotated[
         str,
         typer.Option(
-            "--kind", metavar="NAME", help="Of the objects: spring, stone, ice, snow, wood, metal."
+            "--kind", metavar="NAME", help="Of the objects, such as ice; an unknown one lists all."
         ),
     ] = "spring",
     known_place: Annotated[

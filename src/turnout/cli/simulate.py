@@ -44,7 +44,7 @@ def simulate_command(
             "--object",
             metavar="SIZE[ KIND]@PLACE[, KEY=VALUE]",
             help="Foreign object, such as 13mm@sleeper6, '5 mm @ x = 3.6 m' or "
-            "'20mm ice@sleeper6, length=2m' (kinds: spring, stone, ice, snow, wood, metal). "
+            "'20mm ice@sleeper6, length=2m' (an unknown kind lists all). "
             "Repeatable.",
         ),
     ] = [],  # noqa: B006 - typer copies it

@@ -28,8 +28,8 @@ from turnout.detection.reference import (
 )
 from turnout.detection.signal_discrepancy import Signal, SignalErrors
 from turnout.detection.signal_errors import signal_errors
+from turnout.law.object_kind import kind_faults
 from turnout.panel.load import LoadedPanel
-from turnout.panel.object_kind import kind_faults
 from turnout.study.design import Axis
 from turnout.study.random_inputs import TemperatureLaw
 from turnout.study.scenario import Output

@@ -6,15 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from turnout.law.compression import (
-    Compression,
-    ice,
-    ice_pressure,
-    metal,
-    snow,
-    stone,
-    wood,
-)
 from turnout.law.obstruction import BREAKS_AWAY, CRUMBLES, Obstructions, no_obstructions
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.mechanism import LawIndex
@@ -72,17 +63,7 @@ def add_object(laws: LawTableBuilder, row: int, item: PlacedObject, *, clearance
     clearance : float
         Approach at which it is touched while nothing has broken off [m].
     """
-    if item.kind == "spring":
-        laws.add_contact(
-            row,
-            stiffness=item.stiffness,
-            clearance=clearance,
-            appears=item.appears,
-            disappears=item.disappears,
-            waits=True,
-        )
-        return
-    curve = compression_of(item)
+    curve = item.of_kind.curve(item)
     laws.add_piecewise(
         row,
         breakpoints=curve.breakpoints,
@@ -94,42 +75,11 @@ def add_object(laws: LawTableBuilder, row: int, item: PlacedObject, *, clearance
     )
 
 
-def compression_of(item: PlacedObject) -> Compression:
-    """Return force over compression of an object that is no spring.
-
-    What broke off before has gone from its size; ice keeps the cycle that it had at first.
-    """
-    contact, size, area = item.stiffness, item.size - item.lost, item.length * item.depth
-    if item.kind == "stone":
-        return stone(size=size, strength=item.strength, contact=contact, piece=item.piece)
-    if item.kind == "ice":
-        of_ice = {"strength": strength_of(item), "piece": item.piece, "lost": item.lost}
-        broken = item.broken > 0
-        return ice(size=item.size, area=area, contact=contact, broken=broken, **of_ice)
-    if item.kind == "snow":
-        return snow(
-            size=size,
-            area=area,
-            density=item.density,
-            temperature=item.temperature,
-            contact=contact,
-        )
-    of_kind = {"wood": wood, "metal": metal}[item.kind]
-    return of_kind(size=size, area=area, strength=item.strength, contact=contact)
-
-
-def strength_of(item: PlacedObject) -> float:
-    """Return the strength of an object [Pa]; that of ice may follow from its temperature."""
-    if item.kind == "ice" and not item.strength:
-        return ice_pressure(item.temperature)
-    return item.strength
-
-
 def dent_of(item: PlacedObject) -> float:
     """Return the lasting compression that earlier throws have left in an object [m]."""
-    if item.kind == "spring" or item.deepest <= 0.0:
+    if not item.of_kind.remembers or item.deepest <= 0.0:
         return 0.0
-    return compression_of(item).lasting(item.deepest)
+    return item.of_kind.curve(item).lasting(item.deepest)
 
 
 def add_bond(laws: LawTableBuilder, row: int, chair: Chair, *, feet: int) -> None:
@@ -167,12 +117,12 @@ def obstructions_of(index: LawIndex, objects: Sequence[PlacedObject]) -> Obstruc
         All objects; springs remember nothing.
     """
     laws = index.object
-    kept = [item for item in objects if item.kind != "spring"]
+    kept = [item for item in objects if item.of_kind.remembers]
     found = no_obstructions(len(kept) + len(index.bond))
     found.law[len(kept) :] = list(index.bond.values())
     found.breaks[len(kept) :] = BREAKS_AWAY
     for row, item in enumerate(kept):
-        curve = compression_of(item)
+        curve = item.of_kind.curve(item)
         found.law[row] = laws[item.name]
         found.breaks[row] = curve.breaks
         found.unloading[row] = curve.unloading

@@ -8,16 +8,17 @@ from typing import Any
 from turnout.core.errors import PanelError
 from turnout.core.problems import choices, nearest, show_value
 from turnout.core.units import LENGTH, STIFFNESS, TIME, Dimension, parse_quantity
-from turnout.panel.layout import largest_opening
-from turnout.panel.markers import ordered_movements
-from turnout.panel.model import Panel
-from turnout.panel.object_kind import (
+from turnout.law.object_kind import (
     DIMENSIONS,
-    KINDS,
+    OBJECT_KINDS,
     PARAMETERS,
+    ObjectKind,
     filled_parameters,
     kind_faults,
 )
+from turnout.panel.layout import largest_opening
+from turnout.panel.markers import ordered_movements
+from turnout.panel.model import Panel
 from turnout.panel.object_records import PanelObject
 from turnout.panel.place import find_place
 
@@ -61,8 +62,8 @@ class ForeignObject:
     appears, disappears : float or str, optional
         When it is placed and taken away [s].
     kind : str
-        "spring" (elastic, as in the paper), "stone", "ice", "snow", "wood" or "metal"; see
-        `turnout.panel.object_kind` for which of the following each has, and their defaults.
+        "spring" (elastic, as in the paper) or another of `turnout.law.object_kind.OBJECT_KINDS`,
+        which say which of the following each has, and their defaults.
     length, depth : float or str, optional
         Extent along the rail and upright [m].
     strength : float or str, optional
@@ -157,7 +158,7 @@ class PlacedObject:
     appears, disappears : float
         When it is placed and taken away [s]; infinite if it stays.
     kind : str
-        See `turnout.panel.object_kind`.
+        See `turnout.law.object_kind`.
     length, depth, strength, density, temperature, piece : float
         Parameters of its kind, 0 for those that it does not have [SI].
     lost, deepest : float
@@ -187,6 +188,11 @@ class PlacedObject:
     deepest: float = 0.0
     broken: int = 0
     whole: str = ""
+
+    @property
+    def of_kind(self) -> ObjectKind:
+        """How an object of its kind behaves."""
+        return OBJECT_KINDS[self.kind]
 
 
 def _quantity(name: str, value: Any, dimension: Dimension) -> float:
@@ -346,7 +352,7 @@ def break_faults(item: ForeignObject) -> list[tuple[str, str]]:
     Its compression where it fails, force over stiffness, must be less than its size. Ice whose
     strength follows from its temperature is not examined.
     """
-    if item.kind not in ("stone", "ice"):
+    if not OBJECT_KINDS[item.kind].breaks:
         return []
     size, stiffness = float(item.size), float(item.stiffness or 0.0)
     given = filled_parameters(item.kind, item.parameters, size=size)
@@ -392,7 +398,7 @@ def _opening_faults(
 
 def _length(item: ForeignObject) -> float:
     """Return the length along the rail of an object that has one, else 0 [m]."""
-    if "length" not in KINDS[item.kind]:
+    if "length" not in OBJECT_KINDS[item.kind].parameters:
         return 0.0
     parameters = filled_parameters(item.kind, item.parameters, size=float(item.size))
     return parameters["length"] if parameters["length"] > LONGEST_PART else 0.0

@@ -1,10 +1,20 @@
 """The records of foreign objects in a panel file."""
 
-from typing import Literal
+from typing import Annotated
 
 from pydantic import Field
 
-from turnout.core.quantity import Density, Length, Pressure, Record, Stiffness, Temperature, Time
+from turnout.core.quantity import (
+    Density,
+    Length,
+    NameIn,
+    Pressure,
+    Record,
+    Stiffness,
+    Temperature,
+    Time,
+)
+from turnout.law.object_kind import OBJECT_KINDS
 
 
 class ObjectDefaults(Record):
@@ -31,7 +41,7 @@ class PanelObject(Record):
     stiffness: Stiffness | None = Field(None, gt=0, description="in compression only [N/m]")
     appears: Time | None = Field(None, ge=0, description="when it is placed [s]")
     disappears: Time | None = Field(None, gt=0, description="when it is taken away [s]")
-    kind: Literal["spring", "stone", "ice", "snow", "wood", "metal"] = Field(
+    kind: Annotated[str, NameIn(OBJECT_KINDS)] = Field(
         "spring", description="what it is; a spring is elastic and never breaks"
     )
     length: Length | None = Field(None, gt=0, description="extent along the rail [m]")

@@ -6,8 +6,8 @@ from typing import Any
 from turnout.core.errors import PanelError
 from turnout.core.problems import choices, nearest
 from turnout.core.units import LENGTH, parse_quantity
+from turnout.law.object_kind import PARAMETERS
 from turnout.panel.foreign_object import PANEL_DEFAULTS, ForeignObject
-from turnout.panel.object_kind import PARAMETERS
 
 
 def parse_object(text: str) -> ForeignObject:

@@ -20,11 +20,11 @@ from turnout.core.units import (
     is_finite,
     parse_quantity,
 )
+from turnout.law.object_kind import DIMENSIONS, OBJECT_KINDS, PARAMETERS
 from turnout.measurement.chain.recorder import ERRORS, Recorder
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel
 from turnout.panel.model import FAMILIES, PANEL_KEYS
-from turnout.panel.object_kind import DIMENSIONS, KINDS, PARAMETERS
 from turnout.study.scenario import Value
 
 TEMPERATURE_KEY = "temperature"
@@ -271,7 +271,8 @@ def foreign_objects(by_key: Mapping[str, Value]) -> tuple[ForeignObject, ...]:
     at = f"x = {by_key['object.x']:.9g} m" if "object.x" in by_key else str(by_key["object.at"])
     kind = str(by_key.get("object.kind", ForeignObject.__dataclass_fields__["kind"].default))
     # what is drawn for other kinds does not matter
-    own = [name for name in PARAMETERS if kind not in KINDS or name in KINDS[kind]]
+    known = OBJECT_KINDS[kind].parameters if kind in OBJECT_KINDS else PARAMETERS
+    own = [name for name in PARAMETERS if name in known]
     chosen = {
         name: by_key[f"object.{name}"]
         for name in (*_OBJECT_FIELDS, *own)

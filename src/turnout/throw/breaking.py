@@ -15,7 +15,7 @@ import numpy as np
 from turnout.core.channels import DEPENDS
 from turnout.core.scheme import Scheme
 from turnout.mechanism.mechanism import Mechanism
-from turnout.mechanism.object_laws import compression_of, named_obstructions, strength_of
+from turnout.mechanism.object_laws import named_obstructions
 from turnout.panel.foreign_object import PlacedObject
 from turnout.solver.integration import History
 from turnout.throw.save import Save
@@ -35,8 +35,6 @@ COMPARED = Save(
         *("object_left", "object_broken", "contact_time", "object_contact_time"),
     )
 )
-BREAKING = ("stone", "ice")
-"""Kinds of objects that break."""
 Throw = Callable[[tuple[PlacedObject, ...], Scheme], "tuple[xr.Dataset, bool]"]
 
 
@@ -95,11 +93,11 @@ def _is_near(
     obstructions = history.obstructions
     rows = named_obstructions(obstructions, mechanism.index.object)
     for item in objects:
-        for name in (
-            mechanism.index.object_parts.get(item.name, ()) if item.kind in BREAKING else ()
-        ):
+        parts = mechanism.index.object_parts.get(item.name, ())
+        for name in parts if item.of_kind.breaks else ():
             deepest = float(obstructions.deepest[rows[name]])
-            reach = 0.0 if item.kind == "ice" else float(compression_of(item).breakpoints[1])
+            late = item.of_kind.breaks_late
+            reach = 0.0 if late else float(item.of_kind.curve(item).breakpoints[1])
             if deepest > (1.0 - error) * reach:
                 return True
     return False
@@ -117,10 +115,12 @@ def _variants(
         yield objects, Scheme(), False
     error = COARSE_SLOW_ERROR if coarse else SLOW_ERROR
     factors = [(1.0 - error, False)] + [(1.0 + error, False)] * broke
-    if broke and not coarse and any(item.kind == "stone" for item in objects):
+    if broke and not coarse and any(item.of_kind.breaks_again for item in objects):
         factors += [(1.0 - BLOW_ERROR, True), (1.0 + BLOW_ERROR, True)]
     for factor, alike in factors:
-        varied = tuple(replace(item, strength=factor * strength_of(item)) for item in objects)
+        varied = tuple(
+            replace(item, strength=factor * item.of_kind.strength(item)) for item in objects
+        )
         yield varied, scheme, alike
 
 

@@ -18,7 +18,6 @@ from turnout.panel.foreign_object import PlacedObject
 from turnout.panel.load import LoadedPanel
 from turnout.panel.markers import prior_movement
 from turnout.panel.model import Panel
-from turnout.panel.object_kind import KINDS
 from turnout.panel.records import Placed
 from turnout.solver.integration import History
 from turnout.throw.coordinates import dataset_coordinates, dimensions_of, output_stations
@@ -335,9 +334,9 @@ def _object_record(panel: Panel, item: PlacedObject) -> dict[str, object]:
 
 def _kind_record(item: PlacedObject) -> dict[str, object]:
     """Return kind and parameters of an object that is no spring."""
-    if item.kind == "spring":
+    if not item.of_kind.remembers:
         return {}
-    return {"kind": item.kind} | {name: getattr(item, name) for name in KINDS[item.kind]}
+    return {"kind": item.kind} | {name: getattr(item, name) for name in item.of_kind.parameters}
 
 
 def _place_name(panel: Panel, x: float) -> str:

@@ -288,19 +288,17 @@ def aged_objects(
 def _remembered(
     item: PlacedObject, history: History, row: int, dent: float, *, changes: bool
 ) -> PlacedObject:
-    """Return an object as a throw left it.
-
-    Snow that `changes` with the weather is thinner and denser snow with its imprint, whose strength
-    goes on about where it was.
-    """
+    """Return an object as a throw left it."""
     obstructions = history.obstructions
-    if item.kind == "snow" and changes:
-        left = item.size - dent
-        return replace(item, size=left, density=item.density * item.size / left)
-    lost = item.size - float(obstructions.size[row])
-    if item.kind == "ice" and (changes or item.broken or obstructions.broken[row]):
-        return replace(item, lost=lost + dent)  # crushed ice is gone
-    return replace(item, lost=lost, deepest=float(obstructions.deepest[row]))
+    changed = item.of_kind.left(
+        item,
+        lost=item.size - float(obstructions.size[row]),
+        deepest=float(obstructions.deepest[row]),
+        dent=dent,
+        changes=changes,
+        broke=bool(item.broken or obstructions.broken[row]),
+    )
+    return replace(item, **changed)  # type: ignore[arg-type]
 
 
 def _weathered(
@@ -308,17 +306,13 @@ def _weathered(
 ) -> PlacedObject:
     """Let ice and snow grow below the melting point, and melt above."""
     change = _growth(item, drift, temperature)
-    size = item.size + change
-    if item.kind == "snow" and change > 0.0:
-        density = (item.density * item.size + fresh * change) / size
-        return replace(item, size=size, density=density)
-    return replace(item, size=size)
+    return replace(item, **item.of_kind.grown(item, change, fresh))  # type: ignore[arg-type]
 
 
 def _growth(item: PlacedObject, drift: Drift, temperature: float | None) -> float:
     """Return what ice and snow gain after a throw, or lose above the melting point [m]."""
-    growth = {"ice": drift.ice_growth, "snow": drift.snow_growth}.get(item.kind)
-    if growth is None:
+    if not item.of_kind.growth:
         return 0.0
+    growth = getattr(drift, item.of_kind.growth)
     warmth = 0.0 if temperature is None else max(temperature - MELTING, 0.0)
     return -float(drift.melting) * warmth if warmth > 0.0 else float(growth)

@@ -320,7 +320,7 @@ def _at_temperature(
         return tuple(parts)
     return tuple(
         replace(part, temperature=min(temperature, 273.15))
-        if part.kind in ("ice", "snow")
+        if "temperature" in part.of_kind.parameters
         else part
         for part in parts
     )

@@ -34,7 +34,7 @@ from turnout.solver.march import march_with_machines
 from turnout.solver.outcome import NotConverged
 from turnout.solver.start import PriorMotion
 from turnout.solver.watch import Watch
-from turnout.throw.breaking import BREAKING, COMPARED, break_attributes
+from turnout.throw.breaking import COMPARED, break_attributes
 from turnout.throw.compilation import must_compile
 from turnout.throw.save import Save
 
@@ -348,7 +348,7 @@ def solve_planned(
 
 def _compare_breaks(panel: LoadedPanel, solved: Solved, scheme: Scheme) -> dict[str, str]:
     """Return what a dataset says of breaks; throws without them are not compared."""
-    if not any(item.kind in BREAKING for item in solved.objects):
+    if not any(item.of_kind.breaks for item in solved.objects):
         return {}
     from turnout.throw.dataset import response_dataset
 

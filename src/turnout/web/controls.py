@@ -4,11 +4,11 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from turnout.figures.moving_plan import plan_record
+from turnout.law.object_kind import OBJECT_KINDS
 from turnout.panel.foreign_object import resolve_objects
 from turnout.panel.load import LoadedPanel
 from turnout.panel.markers import ordered_movements
 from turnout.panel.model import Panel
-from turnout.panel.object_kind import KINDS
 from turnout.web.measured import Measured
 
 KILO, MILLI = 1e3, 1e-3
@@ -166,7 +166,7 @@ def panel_controls(panel: LoadedPanel, mark: str) -> dict[str, Any]:
         "description": " ".join(panel.description.split()),
         "plan": plan_record(panel),
         "controls": controls(panel),
-        "kinds": list(KINDS),
+        "kinds": list(OBJECT_KINDS),
         "places": [{"name": name, "x": _x_of(panel, name)} for name in places],
         "own_objects": [{"name": o.name, "size": o.size, "x": o.x} for o in own],
     }

@@ -26,9 +26,9 @@ from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.detector.training import competes, read_set, setting_of, teach
 from turnout.detection.detector.training_plan import BLOCK, HISTORY, OBJECT, SOUND
 from turnout.detection.detector.training_sets import (
-    KINDS,
     Counts,
     after_history,
+    learned_kinds,
     throw_plans,
     training_plans,
 )
@@ -50,7 +50,12 @@ LEAST_LEFT = 30
 HISTORIES = (5, 20)
 """Sound throws known of a switch that thresholds are taken for, beside none."""
 
-OF_KINDS = tuple(of_kind(OBJECT, kind) for kind in KINDS)
+
+def sets_of_kinds() -> tuple[str, ...]:
+    """Return the names of the sets of throws with objects of the learned kinds."""
+    return tuple(of_kind(OBJECT, kind) for kind in learned_kinds())
+
+
 LEAST_COUNT = 420
 """Sound throws to ask for: of what is not held back, `LEAST_SOUND` must end."""
 
@@ -154,7 +159,7 @@ def knowledge_of_sets(
     """
     with one_blas_thread():
         # thresholds do not depend on the kind of an object
-        weighed = {name: item for name, item in sets.items() if name not in OF_KINDS}
+        weighed = {name: item for name, item in sets.items() if name not in sets_of_kinds()}
         calibrated = _calibrations(
             folds_of(weighed, setting),
             {name: item for name, item in sets.items() if name.startswith(HISTORY)},

@@ -33,7 +33,7 @@ from turnout.detection.detector.training_plan import (
     SOUND,
     Plan,
 )
-from turnout.detection.detector.training_sets import KINDS
+from turnout.detection.detector.training_sets import learned_kinds
 from turnout.detection.drive_quantities import CHANNELS, signals_of
 from turnout.detection.floor import TOUCH_FORCE
 from turnout.detection.likelihood import Signatures
@@ -250,7 +250,8 @@ def _kinds(
     sets: Mapping[str, ThrowSet], x: Floats, *, model: SoundModel, errors: ThrowErrors
 ) -> KindSignatures | None:
     """Return signatures of the same objects of each kind; None where none were thrown."""
-    thrown = {kind: sets[of_kind(OBJECT, kind)] for kind in KINDS if of_kind(OBJECT, kind) in sets}
+    named = {kind: of_kind(OBJECT, kind) for kind in learned_kinds()}
+    thrown = {kind: sets[name] for kind, name in named.items() if name in sets}
     if not thrown:
         return None
     last = max(int(item.row.max(initial=-1)) for item in thrown.values())

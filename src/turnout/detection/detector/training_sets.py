@@ -17,6 +17,7 @@ from turnout.detection.detector.training_plan import (
     with_object,
 )
 from turnout.detection.throws import of_kind, places_of
+from turnout.law.object_kind import OBJECT_KINDS
 from turnout.study.defects import DEFECTS, Change, Row, later_changes, trained_changes
 from turnout.study.study import Study
 from turnout.study.sweep.read import open_batches
@@ -32,9 +33,13 @@ MARGIN = 0.3
 GRID = 0.3
 """Between the places of objects to learn from; any place would double the time of a throw [m]."""
 
-KINDS = ("stone", "ice", "snow", "wood")
-"""Kinds of objects beside those that stay as they are, which all "object" throws hold. Steel does
-not yield to what a drive can press with, and is one of the latter."""
+
+def learned_kinds() -> tuple[str, ...]:
+    """Return the kinds of objects beside those that stay as they are, of all "object" throws.
+
+    Steel does not yield to what a drive can press with, and is one of the latter.
+    """
+    return tuple(name for name, kind in OBJECT_KINDS.items() if kind.learned)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,7 +51,7 @@ class Counts:
     sound, objects : int
         Sound throws, each of another switch; objects in the first of these states.
     kinds : int
-        The first of the throws with objects that are also thrown with an object of each of `KINDS`.
+        The first of the throws with objects that are also thrown with one of each learned kind.
     defects : int
         Throws of each other cause, paired as objects are, as often as `DEFECTS` says.
     switches, repeats : int
@@ -95,7 +100,7 @@ def training_plans(study: Study, counts: Counts, *, seed: int = 0) -> dict[str, 
             for i in range(counts.objects)
         ]
         plans[OBJECT] = _paired(population, OBJECT, rows, sound)
-        for kind in KINDS if counts.kinds and not test else ():
+        for kind in learned_kinds() if counts.kinds and not test else ():
             own = [{**row, OBJECT_KIND: kind} for row in rows[: counts.kinds]]
             name = of_kind(OBJECT, kind)
             plans[name] = _paired(population, name, own, sound)
