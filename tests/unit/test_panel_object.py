@@ -16,10 +16,11 @@ from turnout.law.object_kind import (
     hardening,
 )
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
-from turnout.panel.key_reference import key_tables
 from turnout.panel.load import load_panel
+from turnout.panel.model import PANEL_KEYS
 from turnout.panel.object_text import parse_object
 from turnout.throw.simulate import simulate
+from turnout.web.controls import panel_controls
 
 PANEL = load_panel("uic60-760-1-15")
 
@@ -192,7 +193,14 @@ class Rubber(ObjectKind):
         return hardening(np.array([0.0, 0.9 * size]), force, item.stiffness)
 
     def left(
-        self, item: Trapped, *, lost: float, deepest: float, dent: float, changes: bool, broke: bool
+        self,
+        item: Trapped,
+        *,
+        lost: float,
+        deepest: float,
+        dent: float,
+        changes: bool,
+        broke: bool,
     ) -> dict[str, float]:
         """Return what a throw changed in it."""
         return {"lost": lost, "deepest": 0.5 * deepest}
@@ -201,10 +209,10 @@ class Rubber(ObjectKind):
 def test_a_kind_of_object_is_one_class(monkeypatch: pytest.MonkeyPatch) -> None:
     """Reading, checks, laws, memory, words and lists follow from its row alone."""
     text = "13 mm rubber @ sleeper 6, strength = 3 MPa"
-    with pytest.raises(PanelError, match="kind = 'rubber': there is no such kind"):
+    with pytest.raises(PanelError, match='kind = "rubber": there is no such kind'):
         parse_object(text)
     monkeypatch.setitem(OBJECT_KINDS, "rubber", Rubber())
-    with pytest.raises(PanelError, match=r"strength = 2e\+07 Pa: must be 100000 to 1e\+07 Pa"):
+    with pytest.raises(PanelError, match=r"strength = 2e\+07 N/m\^2: must be 100000 to 1e\+07"):
         parse_object("13 mm rubber @ sleeper 6, strength = 20 MPa")
     with pytest.raises(PanelError, match="an object of kind 'rubber' has none, it has 'strength'"):
         parse_object("13 mm rubber @ sleeper 6, density = 400 kg/m^3")
@@ -215,6 +223,8 @@ def test_a_kind_of_object_is_one_class(monkeypatch: pytest.MonkeyPatch) -> None:
     assert 0.0 < float(dataset["object_left"][0]) < 0.013
     own = PANEL.with_overrides({"object.o": {"size": 0.013, "at": "sleeper 6", "kind": "rubber"}})
     assert own.object["o"].kind == "rubber"
-    rows = {row.path: row for table in key_tables() for row in table.keys}
-    assert '"rubber"' in rows["object", "NAME", "kind"].allowed
+    key = PANEL_KEYS.find("object.kind")
+    assert key is not None
+    assert '"rubber"' in key.allowed
     assert learned_kinds()[-1] == "rubber"
+    assert panel_controls(PANEL, "a")["kinds"][-1] == "rubber"

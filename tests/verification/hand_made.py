@@ -5,11 +5,10 @@ from collections.abc import Callable
 import numpy as np
 
 from turnout.core.scheme import Scheme
-from turnout.law.object_kind import Compression
+from turnout.law.object_kind import Compression, Trapped
 from turnout.law.obstruction import Obstructions, no_obstructions
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism
-from turnout.panel.foreign_object import PlacedObject
 from turnout.solver.integration import History, integrate
 
 LEDGER = ("markers", "friction", "damping", "switched", "algorithmic", "segments", "objects")
@@ -49,8 +48,8 @@ def curve_of(
     kind: str, *, size: float, contact: float, area: float = 0.0, **values: float
 ) -> Compression:
     """Return the curve of an object of a kind that has not been touched."""
-    item = PlacedObject(
-        "", size, 0.0, "", 0.0, contact, 0.0, 0.0, kind=kind, length=area, depth=1.0, **values
+    item = Trapped(
+        kind=kind, size=size, stiffness=contact, length=area, depth=1.0, **values
     )  # fmt: skip
     return item.of_kind.curve(item)
 

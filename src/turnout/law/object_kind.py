@@ -1,4 +1,4 @@
-r"""Kinds of objects between two rails, one class each: values, force over compression, what stays.
+r"""Kinds of objects between two rails, one class each: values, force over compression, rest.
 
 Each curve is a polyline through zero that `turnout.law.obstruction` gives a memory, and stands in
 series with the stiffness of the contacts. With the area :math:`A` (length along the rail times
@@ -18,17 +18,15 @@ docs/use/objects.md.
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from turnout.core.problems import choices, nearest, show_value
-from turnout.core.units import DENSITY, LENGTH, PRESSURE, TEMPERATURE, Dimension
+from turnout.core.units import DENSITY, LENGTH, MELTING, PRESSURE, TEMPERATURE, Dimension
 from turnout.law.obstruction import CRUMBLES, NEVER, SPLITS
 from turnout.law.table import Floats
 
-MELTING = 273.15
-"""[K]"""
 ICE_PRESSURE, ICE_PRESSURE_RISE = 5e6, 0.5e6
 """Crushing pressure of ice at its melting point [Pa], and its rise with frost [Pa/K]."""
 ICE_MODULUS, ICE_DENSITY = 9e9, 917.0
@@ -147,19 +145,43 @@ def in_series(*stiffness: float) -> float:
     return 1.0 / sum(1.0 / k for k in stiffness)
 
 
-class Trapped(Protocol):
-    """An object in its place, see `turnout.panel.foreign_object.PlacedObject`."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trapped:
+    """An object between two rails wherever it is, in SI.
 
+    Parameters
+    ----------
+    kind : str
+        Of `OBJECT_KINDS`.
+    size : float
+        Extent across the gap [m].
+    stiffness : float
+        In compression only [N/m].
+    length, depth, strength, density, temperature, piece : float
+        Parameters of its kind, 0 for those that it does not have [SI].
+    lost, deepest : float
+        What broke off before, and the largest compression of what is left [m].
+    broken : int
+        How often it broke before.
+    """
+
+    kind: str = "spring"
     size: float
     stiffness: float
-    length: float
-    depth: float
-    strength: float
-    density: float
-    temperature: float
-    piece: float
-    lost: float
-    broken: int
+    length: float = 0.0
+    depth: float = 0.0
+    strength: float = 0.0
+    density: float = 0.0
+    temperature: float = 0.0
+    piece: float = 0.0
+    lost: float = 0.0
+    deepest: float = 0.0
+    broken: int = 0
+
+    @property
+    def of_kind(self) -> "ObjectKind":
+        """How an object of its kind behaves."""
+        return OBJECT_KINDS[self.kind]
 
 
 class ObjectKind:
@@ -192,13 +214,20 @@ class ObjectKind:
         return item.strength
 
     def curve(self, item: Trapped) -> Compression:
-        """Return force over compression; what broke off before has gone from the size."""
+        """Return force over compression, of the size without the part that broke off before."""
         return Compression(np.zeros(1), np.array([0.0, item.stiffness]))
 
     def left(
-        self, item: Trapped, *, lost: float, deepest: float, dent: float, changes: bool, broke: bool
+        self,
+        item: Trapped,
+        *,
+        lost: float,
+        deepest: float,
+        dent: float,
+        changes: bool,
+        broke: bool,
     ) -> dict[str, float]:
-        """Return what a throw changed in an object.
+        """Return the changes of an object by a throw.
 
         Parameters
         ----------
@@ -215,7 +244,7 @@ class ObjectKind:
         return {"lost": lost, "deepest": deepest}
 
     def grown(self, item: Trapped, change: float, fresh: float) -> dict[str, float]:
-        """Return what growth [m], of a density where it is fresh [kg/m3], changes in an object."""
+        """Return the changes by growth [m] of a density if fresh [kg/m3], or by melting."""
         del fresh
         return {"size": item.size + change}
 
@@ -295,9 +324,16 @@ class Ice(ObjectKind):
         )
 
     def left(
-        self, item: Trapped, *, lost: float, deepest: float, dent: float, changes: bool, broke: bool
+        self,
+        item: Trapped,
+        *,
+        lost: float,
+        deepest: float,
+        dent: float,
+        changes: bool,
+        broke: bool,
     ) -> dict[str, float]:
-        """Return what a throw changed in it: crushed ice is gone."""
+        """Return its changes by a throw: crushed ice is gone."""
         if changes or broke:
             return {"lost": lost + dent}
         return {"lost": lost, "deepest": deepest}
@@ -326,9 +362,16 @@ class Snow(ObjectKind):
         return hardening(size * (1.0 - densities[0] / densities), force, stiffness)
 
     def left(
-        self, item: Trapped, *, lost: float, deepest: float, dent: float, changes: bool, broke: bool
+        self,
+        item: Trapped,
+        *,
+        lost: float,
+        deepest: float,
+        dent: float,
+        changes: bool,
+        broke: bool,
     ) -> dict[str, float]:
-        """Return what a throw changed in it.
+        """Return its changes by a throw.
 
         With its imprint it is thinner and denser snow, whose strength goes on about where it was.
         """
@@ -339,7 +382,7 @@ class Snow(ObjectKind):
         return {"lost": lost, "deepest": deepest}
 
     def grown(self, item: Trapped, change: float, fresh: float) -> dict[str, float]:
-        """Return size and density with what has fallen, or melted."""
+        """Return size and density after snow has fallen, or melted."""
         size = item.size + change
         if change <= 0.0:
             return {"size": size}

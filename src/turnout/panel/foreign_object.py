@@ -12,7 +12,7 @@ from turnout.law.object_kind import (
     DIMENSIONS,
     OBJECT_KINDS,
     PARAMETERS,
-    ObjectKind,
+    Trapped,
     filled_parameters,
     kind_faults,
 )
@@ -139,60 +139,31 @@ class ForeignObject:
 _FIELDS = tuple(field.name for field in fields(ForeignObject))
 
 
-@dataclass(frozen=True, slots=True)
-class PlacedObject:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlacedObject(Trapped):
     """A foreign object whose place and times are known, in SI.
 
     Parameters
     ----------
     name : str
         Its name in the panel, or its number among those given.
-    size : float
-        Extent across the gap [m].
     x, height : float
         Place of its contact with the switch rail [m].
     rail : str
         Switch rail that traps it.
-    stiffness : float
-        In compression only [N/m].
     appears, disappears : float
         When it is placed and taken away [s]; infinite if it stays.
-    kind : str
-        See `turnout.law.object_kind`.
-    length, depth, strength, density, temperature, piece : float
-        Parameters of its kind, 0 for those that it does not have [SI].
-    lost, deepest : float
-        What broke off before, and the largest compression of what is left [m].
-    broken : int
-        How often it broke before.
     whole : str
         Name of the object that this is a part of; empty for a whole one.
     """
 
     name: str
-    size: float
     x: float
     rail: str
     height: float
-    stiffness: float
     appears: float
     disappears: float
-    kind: str = "spring"
-    length: float = 0.0
-    depth: float = 0.0
-    strength: float = 0.0
-    density: float = 0.0
-    temperature: float = 0.0
-    piece: float = 0.0
-    lost: float = 0.0
-    deepest: float = 0.0
-    broken: int = 0
     whole: str = ""
-
-    @property
-    def of_kind(self) -> ObjectKind:
-        """How an object of its kind behaves."""
-        return OBJECT_KINDS[self.kind]
 
 
 def _quantity(name: str, value: Any, dimension: Dimension) -> float:
