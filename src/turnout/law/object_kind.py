@@ -271,7 +271,15 @@ class Stone(ObjectKind):
     breaks = breaks_again = learned = True
 
     def curve(self, item: Trapped) -> Compression:
-        """Return force over compression; its strength is splitting force over size squared."""
+        """Return force over compression; its strength is splitting force over size squared.
+
+        Examples
+        --------
+        >>> item = Trapped(kind="stone", size=0.02, stiffness=40e6, strength=20e6, piece=0.5)
+        >>> curve = item.of_kind.curve(item)
+        >>> float(curve.breakpoints[1] * curve.slopes[1])  # splits at 8 kN
+        8000.0
+        """
         contact, size = item.stiffness, item.size - item.lost
         limit = item.strength * size**2 / contact
         slopes = np.array([0.0, contact, 0.0])
@@ -302,7 +310,15 @@ class Ice(ObjectKind):
         return item.strength or ice_pressure(item.temperature)
 
     def curve(self, item: Trapped) -> Compression:
-        """Return force over compression; the cycle stays that of the whole size."""
+        """Return force over compression; the cycle stays that of the whole size.
+
+        Examples
+        --------
+        >>> given = {"size": 0.02, "length": 0.02, "depth": 0.02, "strength": 10e6, "piece": 0.2}
+        >>> item = Trapped(kind="ice", stiffness=40e6, **given)
+        >>> round(item.of_kind.curve(item).crushed), round(item.of_kind.curve(item).limit, 6)
+        (1322, 0.000722)
+        """
         size, area = item.size, item.length * item.depth
         stiffness = in_series(item.stiffness, ICE_MODULUS * area / size)
         force, cycle = self.strength(item) * area, max(ICE_CYCLE * size, LEAST_CYCLE)
