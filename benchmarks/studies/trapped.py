@@ -13,7 +13,7 @@ from benchmarks.page import DOCS, put
 from turnout.core.units import Dimension
 from turnout.law.object_kind import DIMENSIONS, OBJECT_KINDS
 from turnout.measurement.chain.recorder import ERRORS
-from turnout.metric.throw_table import throw_table
+from turnout.metric.verdict import throw_table
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
 from turnout.throw.drift import Drift

@@ -11,15 +11,14 @@ from tests.unit.sweeps import here
 
 from turnout.calibration.load_study import load_study
 from turnout.figures.style import title_of
+from turnout.metric.checks import lamps
 from turnout.metric.finding import findings
-from turnout.metric.lamp import lamps
 from turnout.metric.panel_check import concerns
 from turnout.metric.slip import movements
 from turnout.metric.summary import summary
 from turnout.metric.sweep_map import STATES, end_state
 from turnout.metric.test_piece import check_piece
-from turnout.metric.throw_table import throw_table
-from turnout.metric.verdict import verdict
+from turnout.metric.verdict import throw_table, verdict
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel, load_panel
 from turnout.study.sweep.read import last_values, open_batches
@@ -97,16 +96,18 @@ def test_nothing_is_judged_by_a_movement_that_is_not_over() -> None:
     assert not bool(run["locked"][-1])
     assert verdict(run).kind == "not judged"
     assert verdict(run).text == "Not judged: Drive 1 still moves at 8.5 s."
-    assert "NO, " in dict(summary(run))["locked"]
-    assert dict(summary(run))["locked"].endswith("Drive 1 still moves at 8.5 s")
+    locked = dict(summary(run))["locked"]
+    assert locked.startswith(
+        "NOT JUDGED after closing by the rule 'slip or gap': Drive 1 still mov"
+    )
     first, second = findings(run)[:2]
     assert (first.level, first.answer, first.detail) == (
         "look", "Not judged", "Drive 1 still moves at 8.5 s",
     )  # fmt: skip
-    assert (second.level, second.answer) == ("look", "No")
+    assert (second.level, second.answer) == ("look", "Not judged")
     lock = lamps(run)[0]
     assert not lock.on[-1]
-    assert not lock.judged[-1]
+    assert lock.checks[-1].met is None
     assert "sound" not in said(run).lower()
     assert "the switch locks" not in said(run)
 

@@ -39,7 +39,9 @@ def test_python_and_program_agree_to_the_last_bit(tmp_path: Path) -> None:
 
 def test_summary_and_files_are_reported(tmp_path: Path) -> None:
     result = run("--out", tmp_path / "run.nc", "--plot", tmp_path / "run.svg")
-    assert result.stdout.startswith("verdict         Not locked: no object, but Drive ")
+    assert result.stdout.startswith(
+        "verdict         Not locked after closing: no object, but Drive "
+    )
     assert "locked" in result.stdout
     assert f"{tmp_path / 'run.nc'} (" in result.stdout
     assert f"{tmp_path / 'run.svg'} (" in result.stdout
@@ -51,7 +53,7 @@ def test_the_verdict_is_coloured_on_a_terminal_alone(monkeypatch: pytest.MonkeyP
     arguments = ["simulate", "sb1", *QUICK]
     plain, shown = (CliRunner().invoke(app, arguments, color=on).stdout for on in (False, True))
     assert "\x1b[" not in plain
-    assert "\x1b[31m\x1b[1mNot locked\x1b[0m: no object" in shown
+    assert "\x1b[31m\x1b[1mNot locked after closing\x1b[0m: no object" in shown
     assert "\nmeaning         The switch does not report" in plain
 
 

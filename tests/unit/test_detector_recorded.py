@@ -12,8 +12,6 @@ from tests.unit.detector_toy import RATE, toy_detector, toy_throw
 from turnout.core.errors import FileError
 from turnout.detection.detector.reading import read_throws
 from turnout.detection.detector.recorded import (
-    UNLOADED,
-    ZEROED,
     ForcesAtRest,
     Recorded,
     features_of_recorded,
@@ -126,19 +124,19 @@ def test_forces_zeroed_at_rest_are_noticed_and_an_unloaded_start_is_not_mistaken
     spread = np.full(size, 200.0)
     view = SimpleNamespace(usual=np.array([usual, spread]), features=np.arange(size))
     own = np.where(before & (LAYOUT.part == 0), rest, usual)
-    assert ForcesAtRest(view, LAYOUT).fault(own) == ""
-    assert ForcesAtRest(view, LAYOUT).fault(own - rest) == ZEROED
+    assert not ForcesAtRest(view, LAYOUT).zeroed(own)
+    assert ForcesAtRest(view, LAYOUT).zeroed(own - rest)
     pressed = np.where(before & (LAYOUT.part == 0), 10.0, usual)
-    assert ForcesAtRest(view, LAYOUT).fault(pressed) == UNLOADED
+    assert not ForcesAtRest(view, LAYOUT).zeroed(pressed)
     # one drive at zero is a fault of that drive, not of the recorder
     one = np.where(before & (LAYOUT.part == 0) & (LAYOUT.drive == 0), 0.0, usual)
-    assert ForcesAtRest(view, LAYOUT).fault(one) == ""
+    assert not ForcesAtRest(view, LAYOUT).zeroed(one)
     # a recording of the closing alone, zeroed before it
     rows = np.flatnonzero(LAYOUT.part == 1)
     spread = np.full(rows.size, 100.0)
     closing = SimpleNamespace(usual=np.array([usual[rows], spread]), features=rows)
-    assert ForcesAtRest(closing, LAYOUT).fault(usual) == ""
-    assert ForcesAtRest(closing, LAYOUT).fault(usual + 1000.0) == ZEROED
+    assert not ForcesAtRest(closing, LAYOUT).zeroed(usual)
+    assert ForcesAtRest(closing, LAYOUT).zeroed(usual + 1000.0)
 
 
 def test_a_table_has_a_row_a_throw(tmp_path: Path) -> None:

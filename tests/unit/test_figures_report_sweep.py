@@ -10,6 +10,7 @@ import xarray as xr
 from turnout.core.errors import ResponseError
 from turnout.figures.report.page import page_html
 from turnout.figures.report.sweep import sweep_figures, sweep_findings, sweep_page
+from turnout.metric.verdict import KINDS
 from turnout.study.sweep.effects import sweep_effects
 
 PLACES, SIZES, FRICTION = ("drive 1", "sleeper 6"), (0.005, 0.013, 0.031), (0.2, 0.3, 0.4, 0.5)
@@ -23,13 +24,11 @@ def labels() -> xr.Dataset:
     count = size.size
     failed = np.arange(count) == 3
     force = np.where(failed, np.nan, 1e5 * size + 8e3 * friction)
-    slipped = np.where(failed, -1, size > 0.03)
+    kinds = np.where(size > 0.03, KINDS.index("detected by slip"), KINDS.index("undetected object"))
     return xr.Dataset(
         {
             "outcome": ("scenario", np.where(failed, "failed", "complete")),
-            "slipped": ("scenario", slipped),
-            "slipped_free": ("scenario", 0 * slipped),
-            "end_locked": ("scenario", np.where(failed, -1, size <= 0.03)),
+            "verdict": ("scenario", np.where(failed, -1, kinds)),
             "object_touched": ("scenario", np.where(failed, -1, 1)),
             "peak_force": (
                 ("scenario", "drive", "direction"),
@@ -56,11 +55,11 @@ def labels() -> xr.Dataset:
 def test_the_headline_counts_objects_that_nothing_notices() -> None:
     first, *others = sweep_findings(labels())
     # Of 24 throws one failed; 8 of the other 23 slipped on 31 mm.
-    ended = "throws that touch an object end locked and in control, without slip"
+    ended = "throws that touch an object pass all checks with it in the switch"
     assert first.detail == f"15 of 23 {ended}"
     assert (first.level, first.answer) == ("bad", "65.2 % of touched objects")
     reported = {item.question: item.answer for item in others}
-    assert reported["Slips on the object"] == "34.8 %"
+    assert reported["Detected by slip"] == "34.8 %"
     assert reported["Failed"] == "4.17 %"
     assert reported["Not thrown yet"] == "2"
 
@@ -69,6 +68,7 @@ def test_an_object_that_is_gone_is_not_counted_as_undetected() -> None:
     made = labels()
     trapped = made["object_touched"].values.copy()
     trapped[0] = 0
+    made["verdict"][0] = KINDS.index("sound")
     first, *_ = sweep_findings(made.assign(object_trapped=("scenario", trapped)))
     assert first.detail.startswith("14 of 23 throws")
     assert first.detail.endswith("; in 1 of them the object is gone at the end")
@@ -86,7 +86,7 @@ def test_places_against_sizes_hold_medians_and_frame_slips() -> None:
     assert (heat.rows, heat.columns) == (list(PLACES), ["5", "13", "31"])
     assert heat.values[1][1] == pytest.approx(1.3 + 8 * 0.35)
     assert heat.framed == [[False, False, True]] * 2
-    assert section.tables[0].rows[0][3] == "slips on the object"
+    assert section.tables[0].rows[0][3] == "detected by slip"
 
 
 def test_what_decides_is_drawn_with_its_interval() -> None:
@@ -101,8 +101,8 @@ def test_what_decides_is_drawn_with_its_interval() -> None:
 
 
 def test_a_sweep_that_does_not_tell_how_throws_ended_is_refused() -> None:
-    with pytest.raises(ResponseError, match="has no slipped_free"):
-        sweep_page(labels().drop_vars("slipped_free"))
+    with pytest.raises(ResponseError, match="has no verdict"):
+        sweep_page(labels().drop_vars("verdict"))
 
 
 def test_the_page_is_whole_and_names_no_address() -> None:

@@ -20,32 +20,22 @@ from turnout.metric.sweep_map import STATES, end_state, sweep_map
 from turnout.study.sweep.effects import sweep_effects
 
 PLACES, SIZES = ("drive 1", "sleeper 6"), (0.0, 0.005, 0.013, 0.031)
-# Place by size: slipped, slipped without an object, locked, in control, outcome.
-THROWN = [
-    ("complete", 0, 0, 1, 1), ("complete", 0, 0, 0, 1),
-    ("complete", 1, 0, 0, 0), ("skipped", -1, -1, -1, -1),
-    ("complete", 1, 1, 0, 1), ("complete", 0, 0, 1, 0),
-    ("failed", -1, -1, -1, -1), ("complete", 1, 0, 0, 1),
-]  # fmt: skip
 ENDS = [
-    "locked, in control", "not locked", "slips on the object", "not thrown",
-    "slips without an object", "not in control", "failed", "slips on the object",
+    "sound", "not locked", "detected by slip", "not thrown",
+    "not sound", "detected by TKK", "failed", "detected by switch-off",
 ]  # fmt: skip
+OUTCOMES = {"failed": "failed", "not thrown": "skipped"}
 
 
 def labels() -> xr.Dataset:
-    outcome, slipped, free, locked, control = (
-        np.array(column) for column in zip(*THROWN, strict=True)
-    )
+    outcome = np.array([OUTCOMES.get(end, "complete") for end in ENDS])
+    kinds = [-1 if end in OUTCOMES else STATES.index(end) for end in ENDS]
     thrown = outcome == "complete"
     force = np.where(thrown, 1000.0 * np.arange(8), np.nan)
     return xr.Dataset(
         {
             "outcome": ("scenario", outcome),
-            "slipped": ("scenario", slipped),
-            "slipped_free": ("scenario", free),
-            "end_locked": ("scenario", locked),
-            "end_in_control": (("scenario", "sensor"), np.stack([control, thrown - 0], axis=1)),
+            "verdict": ("scenario", np.array(kinds)),
             "peak_force": (
                 ("scenario", "drive", "direction"),
                 np.stack([np.stack([0 * force, force], 1), np.stack([force, 0.5 * force], 1)], 1),
@@ -72,39 +62,20 @@ def test_each_throw_has_the_end_that_it_had() -> None:
     assert [STATES[state] for state in end_state(labels()).values] == ENDS
 
 
-def test_an_undetected_object_is_not_a_throw_without_one() -> None:
-    touched = labels().assign(object_touched=("scenario", np.array([1, 1, 1, -1, 0, 1, -1, 1])))
-    expected = ["undetected object", *ENDS[1:]]
-    assert [STATES[state] for state in end_state(touched).values] == expected
-    without = touched.assign(object_touched=("scenario", np.zeros(8, dtype=int)))
-    assert [STATES[state] for state in end_state(without).values] == ENDS
-
-
-def test_what_broke_and_left_nothing_is_no_undetected_object() -> None:
-    touched = labels().assign(object_touched=("scenario", np.array([1, 1, 1, -1, 0, 1, -1, 1])))
-    gone = touched.assign(object_trapped=("scenario", np.array([0, 1, 1, -1, 0, 1, -1, 1])))
-    assert [STATES[state] for state in end_state(gone).values] == ENDS
-
-
 def test_the_worst_of_a_cell_is_an_undetected_object() -> None:
     twice = xr.concat([labels(), labels()], "scenario")
-    touched = np.zeros(16, dtype=int)
-    touched[0] = 1
-    twice = twice.assign(object_touched=("scenario", touched))
-    twice["slipped_free"][8] = 1
+    twice["verdict"][0] = STATES.index("undetected object")
+    twice["verdict"][8] = STATES.index("detected by slip")
     assert STATES[int(sweep_map(twice)["state"][0, 0])] == "undetected object"
-
-
-def test_the_legend_separates_no_object_from_an_undetected_one() -> None:
-    one = labels()
-    one["end_in_control"][:] = 1
-    one = one.assign(object_touched=("scenario", np.array([0, 1, 1, -1, 1, 1, -1, 1])))
-    figure = plot_sweep_map(sweep_map(one))
+    figure = plot_sweep_map(sweep_map(twice))
     names = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert "locked, in control, no object trapped" in names
     assert "U  undetected object" in names
-    states = figure.axes[3]
-    assert "U" in [text.get_text() for text in states.texts]
+    assert "U" in [text.get_text() for text in figure.axes[3].texts]
+
+
+def test_a_sweep_without_verdicts_is_refused() -> None:
+    with pytest.raises(ResponseError, match="has no verdicts, it was made by an older version"):
+        end_state(labels().drop_vars("verdict"))
 
 
 def test_the_map_has_place_by_size_and_the_largest_drive() -> None:
@@ -120,10 +91,10 @@ def test_the_map_has_place_by_size_and_the_largest_drive() -> None:
 
 def test_a_cell_of_several_throws_shows_the_worst_end_and_the_middle_force() -> None:
     twice = xr.concat([labels(), labels()], "scenario")
-    twice["slipped"][8] = 1
+    twice["verdict"][8] = STATES.index("detected by slip")
     twice["object_force_peak"][8] = 100.0
     cells = sweep_map(twice)
-    assert STATES[int(cells["state"][0, 0])] == "slips on the object"
+    assert STATES[int(cells["state"][0, 0])] == "detected by slip"
     assert float(cells["object_force_peak"][0, 0]) == 50.0
     assert int(cells["throws"][0, 0]) == 2
 

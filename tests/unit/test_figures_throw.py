@@ -100,7 +100,7 @@ def test_a_comparison_is_drawn_behind(figure: Figure) -> None:
 
 
 def test_title_names_panel_object_and_outcome() -> None:
-    assert title_of(sb2_dataset()) == "sb2: 13 mm at sleeper 6, locked, object not detected"
+    assert title_of(sb2_dataset()) == "sb2: 13 mm at sleeper 6, undetected object"
     partial = sb2_dataset().assign_attrs(complete=False, outcome="not converged")
     assert title_of(partial).endswith("NOT COMPLETE (not converged)")
 

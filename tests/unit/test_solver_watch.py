@@ -31,7 +31,7 @@ def thrown(*, laws: Sequence[int] = (), stride: int = 0) -> History:
     def watch(mechanism: Mechanism) -> Watch:
         rows = np.zeros((0, mechanism.rows.shape[0]))
         nothing = SeenRows(rows, np.zeros((0, 0)), rows, np.zeros(0))
-        return Watch(list(laws), stride, ENDS, 0, lambda rails: nothing)
+        return Watch(list(laws), stride, ENDS, (), 0, lambda rails: nothing)
 
     solved = solve_placed(panel, objects, scheme=QUICK, watch=watch if stride else None)
     return solved.history
@@ -54,7 +54,7 @@ def test_forces_and_whole_instants_are_those_of_the_whole_history() -> None:
 def test_no_scheme_with_instants_between_its_steps_is_watched() -> None:
     scheme = Scheme.of("quick", output_interval=0.005)
     panel = load_panel("sb1")
-    watch = Watch([0], 1, (), 0, lambda rails: SeenRows(*[np.zeros((0, 0))] * 3, np.zeros(0)))
+    watch = Watch([0], 1, (), (), 0, lambda rails: SeenRows(*[np.zeros((0, 0))] * 3, np.zeros(0)))
     history = solve_placed(panel, (), scheme=scheme, watch=lambda mechanism: watch).history
     assert history.watched is None
     assert history.time[-1] == pytest.approx(panel.schedule.end)

@@ -133,7 +133,7 @@ def test_a_sweep_stores_what_a_dataset_of_the_throw_has(tmp_path: Path) -> None:
 def test_gaps_of_many_throws_are_split_as_those_of_each() -> None:
     panel = load_panel("uic60-760-1-15")
     time = np.linspace(0.0, panel.schedule.end, 30)
-    gaps = np.random.default_rng(4).random((3, 2 * len(panel.drive) + len(panel.sensor), 30))
+    gaps = np.random.default_rng(4).random((3, 2 * (len(panel.drive) + len(panel.sensor)), 30))
     together = split_gaps_of(panel, list(gaps), time, kind=np.float64)
     for number, own in enumerate(gaps):
         for found, alone in zip(together, split_gaps(panel, own, time), strict=True):

@@ -86,6 +86,7 @@ def test_lock_rules(gap: float, raw: bool) -> None:
     given = {
         "time": TIME,
         "slipping": slipping,
+        "drive_force": np.zeros((2, TIME.size)),
         "drive_gap": np.full((2, TIME.size), gap),
         "sensor_gap": None,
     }
@@ -120,6 +121,7 @@ def test_slip_or_gap_refuses_for_either(gaps: tuple[float, ...], slips: bool, he
         sb2_panel().with_overrides(rule),
         time=TIME,
         slipping=slipping,
+        drive_force=np.zeros(slipping.shape),
         drive_gap=np.tile(np.array(gaps)[:, np.newaxis], TIME.size),
         sensor_gap=None,
     )
@@ -131,6 +133,7 @@ def test_a_single_rail_that_is_open_is_not_judged_by_its_gap() -> None:
     panel = sb1_panel().with_overrides({"lock.rule": "raw gap"})
     time = np.array([1.5, 2.45])
     given = {"time": time, "drive_gap": np.full((2, 2), 0.1), "sensor_gap": None}
+    given["drive_force"] = np.zeros((2, 2))
     quiet, slipping = np.zeros((2, 2), dtype=bool), np.ones((2, 2), dtype=bool)
     assert control_states(panel, slipping=quiet, **given)["locked"][1].tolist() == [False, True]  # type: ignore[arg-type]
     assert not control_states(panel, slipping=slipping, **given)["locked"][1].any()  # type: ignore[arg-type]
@@ -143,6 +146,7 @@ def test_in_control_below_the_limit() -> None:
         sb2_panel(),
         time=TIME[:3],
         slipping=np.zeros((2, 3), dtype=bool),
+        drive_force=np.zeros((2, 3)),
         drive_gap=np.zeros((2, 3)),
         sensor_gap=np.array([[0.012, 0.014, np.nan], [0.0, 0.0, 0.0]]),
     )

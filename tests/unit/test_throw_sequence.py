@@ -9,8 +9,7 @@ from typer.testing import CliRunner
 
 from turnout.cli.main import app, main
 from turnout.core.errors import PanelError, ResponseError
-from turnout.metric.throw_table import throw_table
-from turnout.metric.verdict import verdict
+from turnout.metric.verdict import throw_table, verdict
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
 from turnout.solver.outcome import NotConverged

@@ -18,7 +18,7 @@ from turnout.figures.report.view import kind_of
 from turnout.figures.sweep import plot_sweep_map
 from turnout.figures.throw import plot_throw
 from turnout.figures.validation import plot_comparison, plot_error_map
-from turnout.metric.throw_table import throw_table
+from turnout.metric.verdict import throw_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -96,7 +96,7 @@ class Sweep:
         for name, item in labels.coords.items():
             if "input" in item.attrs:
                 rows.append((name, _span(item)))
-        if "end_locked" in labels:
+        if "verdict" in labels:
             state = end_state(labels).to_numpy()
             counts = {text: int((state == number).sum()) for number, text in enumerate(STATES)}
             rows += [(text, f"{count} throws") for text, count in counts.items() if count]

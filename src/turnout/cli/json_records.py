@@ -43,13 +43,13 @@ SI_UNIT, SI_SIZE = {"kN": "N", "A": "A"}, {"kN": 1e3, "A": 1.0}
 
 def run_record(dataset: "xr.Dataset") -> tuple[JsonRecord, dict[str, str]]:
     """Return a run: verdict, key figures, energies, and the units of its keys."""
+    from turnout.metric.checks import checks
     from turnout.metric.key_figure import key_figures
     from turnout.metric.summary import numerical_share, residual_share, start_difference
-    from turnout.metric.trapped import break_note
-    from turnout.metric.verdict import verdict
+    from turnout.metric.verdict import break_note, verdict
 
-    figures = key_figures(dataset) if dataset.sizes.get("time", 0) else []
-    judged, note = verdict(dataset), break_note(dataset)
+    figures, made = key_figures(dataset) if dataset.sizes.get("time", 0) else [], checks(dataset)
+    judged, note = verdict(dataset, made), break_note(dataset)
     attributes = dataset.attrs
     balanced = float(attributes.get("energy_scale", 0.0)) > 0 and "energy_residual" in dataset
     record = {
@@ -61,6 +61,7 @@ def run_record(dataset: "xr.Dataset") -> tuple[JsonRecord, dict[str, str]]:
         "outcome": attributes["outcome"],
         "outcome_message": attributes["outcome_message"],
         "verdict": {**asdict(judged), "meaning": judged.meaning},
+        "checks": [asdict(check) for check in made],
         **({"break_note": note} if note else {}),
         "figures": {item.key: item.value for item in figures},
         "labels": {item.key: item.label for item in figures},
@@ -305,7 +306,7 @@ def study_record(study: "Study", found: "Forecast | None", *, workers: int) -> J
 def map_record(labels: "xr.Dataset", cells: "xr.Dataset") -> tuple[JsonRecord, dict[str, str]]:
     """Return end states of a sweep and its map over two inputs."""
     from turnout.metric.sweep_map import STATES, end_state
-    from turnout.metric.trapped import break_note
+    from turnout.metric.verdict import break_note
 
     state, note = end_state(labels).to_numpy(), break_note(labels)
     quantities = [str(name) for name in cells.data_vars if name != "state"]

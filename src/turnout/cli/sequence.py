@@ -105,7 +105,7 @@ def run_sequence(
 
 def sequence_record(dataset: "xr.Dataset") -> tuple[dict[str, Any], dict[str, str]]:
     """Return a sequence of throws as a record, and the units of its keys."""
-    from turnout.metric.trapped import break_note
+    from turnout.metric.verdict import break_note
 
     attributes = dataset.attrs
     note = break_note(dataset)
@@ -130,7 +130,7 @@ def sequence_record(dataset: "xr.Dataset") -> tuple[dict[str, Any], dict[str, st
 
 def sequence_rows(dataset: "xr.Dataset") -> list[dict[str, Any]]:
     """Return a row for each throw: objects before and after it, forces, lock and control."""
-    from turnout.metric.throw_table import throw_table
+    from turnout.metric.verdict import throw_table
 
     return throw_table(dataset)
 
@@ -138,7 +138,7 @@ def sequence_rows(dataset: "xr.Dataset") -> list[dict[str, Any]]:
 def print_sequence(dataset: "xr.Dataset", written: Sequence[Path]) -> None:
     """Print a table of the throws, of many only some."""
     from turnout.cli.colour import coloured
-    from turnout.metric.trapped import break_note
+    from turnout.metric.verdict import break_note
 
     count = dataset.sizes["throw"]
     every = max(1, -(-count // MOST_ROWS))

@@ -1,6 +1,5 @@
 """The screen of `turnout panel show`: the plan in characters, values, and results of throws."""
 
-import math
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ import numpy as np
 from turnout.figures.report.values import assumption_lines, value_lines
 from turnout.mechanism.rest import resting_gap
 from turnout.panel.layout import extent, stands_at
+from turnout.panel.lock_rule import rules_text
 from turnout.panel.unusual import unusual_values
 
 if TYPE_CHECKING:
@@ -113,7 +113,7 @@ def _side(
     supports = blank()
     supports.put((item.x, "o") for item in panel.chair.values() if stands_at(item, name))
     supports.put((item.x, "#") for item in panel.fastening.values() if stands_at(item, name))
-    sensors = blank().put((s.x, key) for key, s in panel.sensor.items() if s.rail == name)
+    sensors = blank().put((s.x, key) for key, s in panel.sensor.items() if stands_at(s, name))
     return [
         ("stock rail", stock),
         ("stops, studs", against),
@@ -180,7 +180,7 @@ def panel_lines(
     yield ""
     yield from _margins(thrown)
     yield ""
-    yield from _flangeway(panel, thrown)
+    yield from _flangeway(thrown)
     yield ""
     yield from _pieces(panel, thrown)
     yield ""
@@ -234,7 +234,7 @@ def _closed_gap(panel: "LoadedPanel", thrown: CheckThrows | None) -> Iterator[st
         part = slice(first, first + GAPS_IN_A_LINE)
         yield f"  {'x [m]':<12}" + "".join(f"{place:{GAP_WIDTH}.2f}" for place in x[part])
         for name, gap in rails.items():
-            cells = "".join(f"{round(1e3 * value, 2) + 0.0:{GAP_WIDTH}.2f}" for value in gap[part])
+            cells = "".join(f"{_gap(value):>{GAP_WIDTH}}" for value in gap[part])
             yield f"  {name[:11]:<12}{cells}"
 
 
@@ -243,35 +243,29 @@ def _margins(thrown: CheckThrows | None) -> Iterator[str]:
     if thrown is None:
         yield f"  {NEEDS_THROW}"
         return
-    from turnout.metric.slip import margins
+    from turnout.metric.checks import checks, direction_of
 
     yield f"  {'drive':<8}{'direction':<12}{'largest':>10}{'slip level':>12}{'margin':>11}{'':>9}"
-    for item in margins(thrown.dataset):
+    for item in checks(thrown.dataset):
+        if item.kind != "slip" or not item.numbers:
+            continue
         note = "   near its slip level" if item.tight else ""
         yield (
-            f"  {item.drive:<8}{item.direction:<12}{item.largest / 1e3:7.2f} kN"
-            f"{item.limit / 1e3:9.2f} kN{_zero(item.force / 1e3):8.2f} kN"
+            f"  {item.drive:<8}{direction_of(item.movement):<12}{item.value / 1e3:7.2f} kN"
+            f"{item.limit / 1e3:9.2f} kN{_zero(item.margin / 1e3):8.2f} kN"
             f"{_zero(100 * item.share, 1):7.1f} %{note}"
         )
 
 
-def _flangeway(panel: "LoadedPanel", thrown: CheckThrows | None) -> Iterator[str]:
+def _flangeway(thrown: CheckThrows | None) -> Iterator[str]:
     yield "LEAST FLANGEWAY of the open rail"
     if thrown is None:
         yield f"  {NEEDS_THROW}"
         return
-    from turnout.metric.summary import format_required_flangeway
+    from turnout.metric.summary import flangeway_text
 
-    least = float(thrown.dataset["least_flangeway"])
-    if math.isnan(least):
-        yield "  not known: the rails need running_edge, head_width and fit_gap"
-        return
-    place = float(thrown.dataset["least_flangeway_x"])
-    text = f"  {1e3 * least:.2f} mm, rail {thrown.dataset['least_flangeway_rail'].values!s}"
-    text += f" at x = {place:g} m"
-    if panel.flangeway is not None:
-        text += f"; {format_required_flangeway(least, panel.flangeway.limit)}"
-    yield text
+    unknown = "not known: the rails need running_edge, head_width and fit_gap"
+    yield f"  {flangeway_text(thrown.dataset) or unknown}"
 
 
 def _pieces(panel: "LoadedPanel", thrown: CheckThrows | None) -> Iterator[str]:
@@ -293,7 +287,7 @@ def _pieces(panel: "LoadedPanel", thrown: CheckThrows | None) -> Iterator[str]:
         yield (
             f"  {piece.drive:<8}{answer:<18}{_zero(piece.drive_force / 1e3):9.2f} kN"
             f"{_zero(piece.piece_force / 1e3):12.2f} kN{piece.largest_force / 1e3:20.2f} kN"
-            f"{1e3 * piece.gap:9.2f} mm"
+            f"{_gap(piece.gap):>9}{' mm' if piece.gap >= 0 else ''}"
         )
     yield from (f"  {item.text}" for item in thrown.limits)
 
@@ -301,6 +295,11 @@ def _pieces(panel: "LoadedPanel", thrown: CheckThrows | None) -> Iterator[str]:
 def _zero(value: float, digits: int = 2) -> float:
     """Round, without a negative zero."""
     return round(value, digits) + 0.0
+
+
+def _gap(value: float) -> str:
+    """Return a gap in millimetres, one below zero as closed."""
+    return "closed" if value < 0.0 else f"{_zero(1e3 * value):.2f}"
 
 
 def _bushing_note(panel: "LoadedPanel") -> Iterator[str]:
@@ -318,10 +317,7 @@ def _bushing_note(panel: "LoadedPanel") -> Iterator[str]:
         for name, drive in panel.drive.items()
         if drive.extension is not None
     ]
-    text += ", ".join(parts) + (
-        ". The rule 'slip or gap' refuses lock where a drive slips or such a gap is at its limit, "
-        "'no slip' and 'raw gap' apply one of the two."
-    )
+    text += f"{', '.join(parts)}. Lock is refused: {rules_text()}."
     yield from textwrap.wrap(text, WIDTH)
 
 

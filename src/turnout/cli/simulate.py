@@ -352,7 +352,7 @@ def _print_summary(dataset: "xr.Dataset", written: list[Path]) -> None:
     if found.meaning:
         typer.echo(f"{'meaning':<16}{found.meaning}")
     for heading, text in summary(dataset):
-        fault = heading == "WARNING" or text.startswith(("NO,", "NOT ", "INACCURATE"))
+        fault = heading == "WARNING" or text.startswith(("NO ", "NO:", "NOT ", "INACCURATE"))
         typer.echo(f"{heading:<16}{coloured(text, 'bad') if fault else text}")
     for path in written:
         typer.echo(f"{'written':<16}{path} ({math.ceil(path.stat().st_size / 1000)} kB)")

@@ -34,7 +34,7 @@ def map_command(
     """Count the end states of a sweep, and draw forces, gaps and end states over two inputs."""
     check_outputs({"--out": out}, {"--out": FIGURES})
     from turnout.metric.sweep_map import STATES, end_state, sweep_map
-    from turnout.metric.trapped import break_note
+    from turnout.metric.verdict import break_note
     from turnout.study.sweep.read import read_labels
 
     labels = read_labels(folder)

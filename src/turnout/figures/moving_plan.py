@@ -60,8 +60,10 @@ def plan_record(panel: Panel) -> dict[str, Any]:
             for name, link in panel.link.items()
         ],
         "sensors": [
-            {"name": name, "x": sensor.x, "rail": sensor.rail}
+            {"name": name, "x": sensor.x, "rail": rail}
             for name, sensor in panel.sensor.items()
+            for rail in panel.rail
+            if stands_at(sensor, rail)
         ],
         "object_rail": panel.object_defaults.rail,
         "object_height": panel.object_defaults.height,

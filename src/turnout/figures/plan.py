@@ -263,7 +263,8 @@ def _sleepers(ax: "Axes", panel: Panel, span: tuple[float, float]) -> None:
 
 def _span(panel: Panel, lines: dict[str, RailLine]) -> tuple[float, float]:
     """Return the lateral bounds of the drawing [m]; drives and sensors need room beside it."""
-    beside = {item.rail for family in (panel.drive, panel.sensor) for item in family.values()}
+    beside = {drive.rail for drive in panel.drive.values()}
+    beside |= {name for name in lines for item in panel.sensor.values() if stands_at(item, name)}
     edges = [
         _base(line) + edge + line.side * (BEYOND if line.rail in beside else 0.5 * BEYOND)
         for line in lines.values()
@@ -338,7 +339,7 @@ def _stock_fastenings(ax: "Axes", panel: Panel, line: RailLine) -> None:
 
 def _sensors(ax: "Axes", panel: Panel, rail: str) -> None:
     for name, sensor in panel.sensor.items():
-        if sensor.rail != rail:
+        if not stands_at(sensor, rail):
             continue
         stock, _, _ = _at(panel, rail, sensor.x)
         side = 1.0 if panel.rail[rail].closes == "+y" else -1.0

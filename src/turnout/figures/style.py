@@ -10,8 +10,7 @@ import xarray as xr
 from turnout.core.errors import FileError
 from turnout.metric.slip import unfinished
 from turnout.metric.summary import format_overrides
-from turnout.metric.trapped import break_note
-from turnout.metric.verdict import verdict
+from turnout.metric.verdict import break_note, verdict
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -85,9 +84,12 @@ def title_of(dataset: xr.Dataset, compare: xr.Dataset | None = None) -> str:
     if not dataset.attrs.get("complete", True):
         parts.append(f"NOT COMPLETE ({dataset.attrs.get('outcome', 'ended early')})")
     elif "locked" in dataset and dataset.sizes.get("time", 0):
-        parts.append("locked" if dataset["locked"].values[-1] else "NOT locked")
+        judged = verdict(dataset)
+        state = "locked" if dataset["locked"].values[-1] else "not locked"
+        parts.append(
+            state if judged.kind == "not judged" else f"{judged.head[:1].lower()}{judged.head[1:]}"
+        )
         parts.extend(unfinished(dataset).values())
-        parts.extend(["object not detected"] if verdict(dataset).missed else [])
         if break_note(dataset):
             parts.append("verdict may depend on how an object breaks")
     text = ", ".join(parts)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from turnout.core.value_text import shown_unit
 from turnout.figures.style import COLOURS, GREY, put_title
 from turnout.metric.sensitivity import Effect, OutputEffects
-from turnout.metric.sweep_map import LOCKED, NOT_THROWN, STATES, UNDETECTED
+from turnout.metric.sweep_map import NOT_THROWN, STATES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,10 +20,20 @@ if TYPE_CHECKING:
 KILO, MILLI = 1e-3, 1e3
 # Safe for all colour vision; letters in the cells distinguish them in grey print.
 STATE_COLOURS = (
-    "#009E73", "#DDDDDD", "#56B4E9", "#F0E442", "#E69F00", "#CC79A7", "#D55E00", "#999999",
-    "#FFFFFF",
-)  # fmt: skip
-STATE_LETTERS = ("", "N", "L", "C", "S", "S!", "U", "?", "")
+    *(
+        "#009E73",
+        "#DDDDDD",
+        "#BBBBBB",
+        "#F0E442",
+        "#56B4E9",
+        "#E69F00",
+        "#F5C97A",
+        "#B8A0C8",
+        "#CC79A7",
+    ),
+    *("#D55E00", "#999999", "#FFFFFF"),
+)
+STATE_LETTERS = ("", "N", "B", "C", "L", "S", "O", "!", "L!", "U", "?", "")
 # A number is written into each cell up to so many columns.
 MOST_WRITTEN = 16
 TITLES = {
@@ -181,17 +191,10 @@ def _legend(cells: xr.Dataset) -> list[Any]:
             facecolor=STATE_COLOURS[state],
             edgecolor="0.7",
             hatch="///" if state == NOT_THROWN else None,
-            label=f"{STATE_LETTERS[state]}  {_name(state, found)}".strip(),
+            label=f"{STATE_LETTERS[state]}  {STATES[state]}".strip(),
         )
         for state in found
     ]
-
-
-def _name(state: int, found: Sequence[int]) -> str:
-    """Return the name of a state; beside undetected objects say that the others have none."""
-    if state == LOCKED and UNDETECTED in found:
-        return f"{STATES[LOCKED]}, no object trapped"
-    return STATES[state]
 
 
 # Main effects are drawn for the most influential inputs.

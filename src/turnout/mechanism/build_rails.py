@@ -56,7 +56,7 @@ def stations(panel: Panel, rail: str, objects: Sequence[PlacedObject]) -> Floats
     for item in panel.back_drive.values():
         if stands_on(item.rails, rail):
             places += [item.x, panel.drive[item.drive].x]
-    places += [s.x for s in panel.sensor.values() if s.rail == rail]
+    places += [s.x for s in panel.sensor.values() if s.rail in (None, rail)]
     places += [o.x for o in objects if o.rail == rail]
     return np.unique(np.round(places, 9))
 

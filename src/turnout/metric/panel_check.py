@@ -13,20 +13,24 @@ import xarray as xr
 from turnout.mechanism.drive_machines import blind_currents, weak_motors
 from turnout.mechanism.rail_sections import severed_steel
 from turnout.mechanism.rest import resting_slips
-from turnout.metric.slip import (
-    LEAST_SHARE,
-    STOPPED,
-    machine_throws,
-    margins,
-    periods,
-    unfinished,
+from turnout.metric.checks import (
+    FLANGEWAY,
+    SWITCHED_OFF,
+    Check,
+    checks,
+    direction_of,
+    unmet,
 )
+from turnout.metric.slip import LEAST_SHARE, STOPPED, machine_throws, periods, unfinished
 from turnout.metric.stability import FrictionStability, friction_stability
 from turnout.metric.summary import ends_inaccurate
 from turnout.metric.test_piece import PieceLimit
+from turnout.panel.lock_rule import SLIP
 from turnout.panel.model import Panel
 from turnout.panel.unusual import unusual_values
 
+OF_DRIVES = (SLIP.name, SWITCHED_OFF)
+"""Criteria of a lock that the check of the drive reports too."""
 # A chair that never bears more than this does not carry [N].
 LEAST_LOAD = 1.0
 
@@ -88,8 +92,9 @@ def concerns(dataset: xr.Dataset) -> list[Concern]:
         found.append(Concern(what, where, message, remedy))
     if not dataset.sizes.get("time", 0):
         return found
-    found += _not_arriving(dataset)
-    return [*found, *_near_slip(dataset), *_narrow_flangeway(dataset), *_idle_chairs(dataset)]
+    found, made = [*found, *_not_arriving(dataset)], checks(dataset)
+    found += [*_near_limits(dataset, made), *_narrow_flangeway(dataset, made)]
+    return [*found, *_idle_chairs(dataset)]
 
 
 def _last_time(dataset: xr.Dataset) -> float:
@@ -109,8 +114,7 @@ def _not_arriving(dataset: xr.Dataset) -> list[Concern]:
         found += [
             Concern(
                 what,
-                f"drive {item['drive']}, {item['machine']}, "
-                f"{'closing' if span.to == 'closed' else 'opening'}",
+                f"drive {item['drive']}, {item['machine']}, {direction_of(span)}",
                 f"{STOPPED[item['outcome']]}, {item['off'] - item['on']:.1f} s after its contactor",
                 remedy,
             )
@@ -120,40 +124,42 @@ def _not_arriving(dataset: xr.Dataset) -> list[Concern]:
     return found
 
 
-def _near_slip(dataset: xr.Dataset) -> list[Concern]:
+def _near_limits(dataset: xr.Dataset, made: list[Check]) -> list[Concern]:
+    """Return drives near their slip level and refused locks and sensors."""
     found = []
-    for margin in margins(dataset):
-        if not margin.tight:
-            continue
-        place = float(dataset["drive_x"].sel(drive=margin.drive))
-        left = f"{margin.force / 1e3:.2f} kN ({100 * margin.share:.1f} %)"
-        if margin.force <= 0:
-            left = "nothing"
-        found.append(
-            Concern(
-                "drive near its slip level",
-                f"drive {margin.drive} at x = {place:g} m, {margin.direction}",
-                f"{margin.largest / 1e3:.2f} kN of {margin.limit / 1e3:.2f} kN, {left} left, "
-                f"at least {100 * LEAST_SHARE:.0f} % wanted",
-                "less friction, another drive or a higher slip level; "
-                "a slip here is no trapped object",
+    for check in made:
+        if check.kind == "slip" and check.numbers and check.tight:
+            place = float(dataset["drive_x"].sel(drive=check.drive))
+            left = "nothing left" if check.margin <= 0 or not check.met else (
+                f"{check.left.partition(' ')[0]} kN ({100 * check.share:.1f} %) left"
+            )  # fmt: skip
+            found.append(
+                Concern(
+                    "drive near its slip level",
+                    f"drive {check.drive} at x = {place:g} m, {direction_of(check.movement)}",
+                    f"{check.numbers}, {left}, at least {100 * LEAST_SHARE:.0f} % wanted",
+                    "less friction, another drive or a higher slip level; "
+                    "a slip here is no trapped object",
+                )
             )
-        )
+        elif check in unmet(made, "lock", "control") and check.criterion not in OF_DRIVES:
+            what = "lock is refused" if check.kind == "lock" else "sensor out of control"
+            after = f", after the movement to {check.movement.to}" if check.movement else ""
+            remedy = "more over-travel at the nearest drive, or a higher limit"
+            found.append(Concern(what, f"{check.name}{after}", check.said or check.text, remedy))
     return found
 
 
-def _narrow_flangeway(dataset: xr.Dataset) -> list[Concern]:
-    limit = float(dataset.attrs.get("flangeway_limit", float("nan")))
-    if "least_flangeway" not in dataset or not float(dataset["least_flangeway"]) < limit:
-        return []
-    least, x = float(dataset["least_flangeway"]), float(dataset["least_flangeway_x"])
+def _narrow_flangeway(dataset: xr.Dataset, made: list[Check]) -> list[Concern]:
     return [
         Concern(
             "flangeway below its limit",
-            f"rail {dataset['least_flangeway_rail'].values!s} at x = {x:g} m",
-            f"{1e3 * least:.2f} mm, limit {1e3 * limit:g} mm",
+            f"rail {dataset['least_flangeway_rail'].values!s} at "
+            f"x = {float(dataset['least_flangeway_x']):g} m",
+            f"{check.numbers}, {check.left}",
             "more stroke or over-travel at the nearest drive, or a drive closer to the place",
         )
+        for check in unmet(made, FLANGEWAY)
     ]
 
 

@@ -2,6 +2,7 @@
 
 import json
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -173,6 +174,15 @@ def slips(dataset: "xr.Dataset") -> list[Slip]:
     """
     time = dataset["time"].values
     flags = dataset["drive_slipping"].transpose("drive", "time").values.astype(bool)
+    made = [
+        (
+            item["drive"],
+            item["on"],
+            math.nan if item["off"] is None else item["off"],
+            item["outcome"],
+        )
+        for item in machine_throws(dataset)
+    ]
     found = []
     for drive, flag in zip(dataset["drive"].values, flags, strict=True):
         onsets = time[flag & ~np.concatenate(([False], flag[:-1]))] if time.size else time
@@ -181,7 +191,7 @@ def slips(dataset: "xr.Dataset") -> list[Slip]:
             within = onsets[(onsets >= after) & (onsets < until)]
             if within.size:
                 begin = float(within[0])
-                stopped = _stopped(dataset, str(drive), begin)
+                stopped = switched_off_by(made, str(drive), begin)
                 found.append(Slip(str(drive), begin, span, stopped))
     return sorted(found, key=lambda slip: slip.time)
 
@@ -194,16 +204,27 @@ STOPPED = {
 """Outcomes of commands after which the end of a machine is not proved, in words."""
 
 
-def _stopped(dataset: "xr.Dataset", drive: str, time: float) -> str:
-    """Name the switch-off of the machine of a drive by a time [s], other than by its limit."""
-    own = [
-        item
-        for item in machine_throws(dataset)
-        if item["drive"] == drive and item["on"] <= time + TIME_TOLERANCE
-    ]
-    if not own or own[-1]["off"] is None or own[-1]["off"] > time + TIME_TOLERANCE:
-        return ""
-    return STOPPED.get(own[-1]["outcome"], "")
+def switched_off_by(made: Iterable[tuple[str, float, float, str]], drive: str, time: float) -> str:
+    """Name the switch-off of the machine of a drive by a time [s], other than by its limit.
+
+    Parameters
+    ----------
+    made : iterable of (str, float, float, str)
+        Drive, contactor closed, motor off [s] and outcome of each command, in the order of time.
+    drive : str
+        Name of the drive.
+    time : float
+        [s]
+
+    Examples
+    --------
+    >>> switched_off_by([("1", 0.3, 7.3, "time-out")], "1", 7.3)
+    'is switched off by its time-out before its end position'
+    >>> switched_off_by([("1", 0.3, 4.3, "limit")], "1", 7.3)
+    ''
+    """
+    own = [row for row in made if row[0] == drive and row[1] <= time + TIME_TOLERANCE]
+    return STOPPED.get(own[-1][3], "") if own and own[-1][2] <= time + TIME_TOLERANCE else ""
 
 
 def margins(dataset: "xr.Dataset") -> list[Margin]:

@@ -5,39 +5,25 @@ Residual and numerical dissipation are shares of the run's energy scale.
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from turnout.metric.channel_features import final_value
-from turnout.metric.slip import Margin, Slip, machine_throws, margins, slips, unfinished
+from turnout.metric.checks import (
+    SWITCHED_OFF,
+    Check,
+    checks,
+    direction_of,
+    format_force,
+    format_gap,
+    format_length,
+)
+from turnout.metric.slip import Margin, machine_throws, margins, movements, unfinished
 
 if TYPE_CHECKING:
     import xarray as xr
-
-
-def format_force(force: "xr.DataArray | float") -> str:
-    """Return a force [N] in kilonewtons.
-
-    Examples
-    --------
-    >>> format_force(4409.0), format_force(-0.4)
-    ('4.41 kN', '0.00 kN')
-    """
-    # Adding zero turns a negative zero into a plain one.
-    return f"{round(float(force) / 1e3, 2) + 0.0:.2f} kN"
-
-
-def format_length(length: "xr.DataArray | float") -> str:
-    """Return a length [m] in millimetres.
-
-    Examples
-    --------
-    >>> format_length(0.012971)
-    '12.97 mm'
-    """
-    return f"{round(float(length) * 1e3, 2) + 0.0:.2f} mm"
 
 
 def format_required_flangeway(least: float, required: float) -> str:
@@ -136,10 +122,11 @@ def summary(dataset: "xr.Dataset") -> list[tuple[str, str]]:
     if dataset.sizes.get("time", 0) == 0:
         return lines
     lines += [("start", text) for text in _start(dataset)]
-    lines += _state(dataset)
+    found = checks(dataset)
+    lines += _state(dataset, found)
     lines += _drives(dataset)
-    lines += [("slip", text) for text in _slips(dataset)]
-    lines += _flangeway(dataset)
+    lines += [("slip", text) for text in _slips(dataset, found)]
+    lines += [("least flangeway", text)] if (text := flangeway_text(dataset)) else []
     lines += _energy(dataset)
     lines.append(("scheme", str(dataset.attrs.get("scheme", "not stated"))))
     return _blank_repeated_headings(lines)
@@ -260,26 +247,27 @@ def _start(dataset: "xr.Dataset") -> list[str]:
     return [f"{text}{off} from the end of this cycle"]
 
 
-def _state(dataset: "xr.Dataset") -> list[tuple[str, str]]:
-    lines = []
-    if "locked" in dataset:
-        rule = dataset.attrs.get("lock_rule", "not stated")
-        answer = "yes" if final_value(dataset["locked"]) else "NO"
-        text = f"{answer}, at the end, by the rule '{rule}'"
-        lines.append(("locked", "; ".join([text, *unfinished(dataset).values()])))
-    if "in_control" in dataset and "sensor_gap" in dataset:
-        own = dataset[["in_control", "sensor_gap"]]
-        for name in dataset["sensor"].values:
-            sensor = own.sel(sensor=name)
-            answer = "yes" if final_value(sensor["in_control"]) else "NO"
-            gap, limit = final_value(sensor["sensor_gap"]), sensor["sensor_limit"]
-            lines.append(
-                (
-                    "in control",
-                    f"{name} {answer}: gap {format_length(gap)}, limit {format_length(limit)}",
-                )
-            )
-    return lines
+def _state(dataset: "xr.Dataset", found: Sequence[Check]) -> list[tuple[str, str]]:
+    """Return lock and sensors at the rest after each movement, those that are not met first."""
+    several, late = len(movements(dataset)) > 1, unfinished(dataset)
+    rule = f" by the rule '{dataset.attrs.get('lock_rule', 'not stated')}'"
+    lines: dict[tuple[str, str], list[str]] = {}
+    for check in sorted(found, key=lambda check: (check.kind != "lock", bool(check.met))):
+        if check.kind not in ("lock", "control"):
+            continue
+        sensor = check.name if check.kind == "control" else ""
+        texts = lines.setdefault(("in control" if sensor else "locked", sensor), [])
+        answer = {True: "yes", False: "NO", None: "NOT JUDGED"}[check.met]
+        when = f" after {direction_of(check.movement)}" if several and check.movement else ""
+        text = f"{answer}{when or ('' if sensor else ' at the end')}"
+        text += rule if not sensor and not texts else ""
+        why = late.get(check.movement, check.said) if check.movement else check.said
+        why = why.removeprefix(f"{sensor} ") if sensor else why
+        texts.append(f"{text}: {why}" if why else text)
+    return [
+        (heading, f"{sensor} {'; '.join(texts)}".strip())
+        for (heading, sensor), texts in lines.items()
+    ]
 
 
 def _drives(dataset: "xr.Dataset") -> list[tuple[str, str]]:
@@ -349,7 +337,7 @@ def _margin(margin: Margin) -> str:
 def _end_gap(drive: "xr.Dataset") -> str:
     if math.isnan(float(drive["end_gap"])):
         return "no gap known, as the rail has no stock rail"
-    return f"raw end gap {format_length(drive['end_gap'])}{_stretch(drive)}"
+    return f"raw end gap {format_gap(drive['end_gap'])}{_stretch(drive)}"
 
 
 def _stretch(drive: "xr.Dataset") -> str:
@@ -366,45 +354,44 @@ def _stretch(drive: "xr.Dataset") -> str:
     return f" (bushing stretch {format_length(stretch)})"
 
 
-def _slips(dataset: "xr.Dataset") -> list[str]:
+def _slips(dataset: "xr.Dataset", found: Sequence[Check]) -> list[str]:
     if "drive_slipping" not in dataset:
         return []
-    found = slips(dataset)
-    return [_slip(dataset, slip) for slip in found] if found else ["no drive slipped"]
+    slipped = [check for check in found if check.kind == "slip" and check.met is False]
+    return [slip_text(dataset, check) for check in slipped] or ["no drive slipped"]
 
 
-def _slip(dataset: "xr.Dataset", slip: Slip) -> str:
-    place = float(dataset["drive_x"].sel(drive=slip.drive))
-    text = f"drive {slip.drive} at x = {place:g} m"
-    if slip.stopped:
-        return f"{text} {slip.stopped}, at t = {slip.time:.3f} s"
-    text += f" from t = {slip.time:.3f} s"
-    if slip.movement is None:
+def slip_text(dataset: "xr.Dataset", check: Check) -> str:
+    """Return drive, place and time of a slip, and whether an object was touched before."""
+    text = f"drive {check.drive}"
+    if "drive_x" in dataset.coords:
+        text += f" at x = {float(dataset['drive_x'].sel(drive=check.drive)):g} m"
+    if check.criterion == SWITCHED_OFF:
+        return f"{text} {check.text.partition(check.drive)[2].strip()}"
+    text += f" from t = {check.time:.3f} s"
+    if check.movement is not None:
+        text += f", in the {direction_of(check.movement)} movement"
+    if "contact_time" not in dataset or dataset.attrs.get("foreign_objects", "[]") == "[]":
         return text
-    direction = "closing" if slip.movement.to == "closed" else "opening"
-    text += f", in the {direction} movement"
-    if _touched_before(dataset, slip.time):
-        return text + ", after an object was touched"
-    return text + ", without any object touched before"
+    touched = bool(dataset["contact_time"] <= check.time)  # a NaN is never before
+    return text + (
+        ", after an object was touched" if touched else ", without any object touched before"
+    )
 
 
-def _touched_before(dataset: "xr.Dataset", time: float) -> bool:
-    """Return True if a rail reached a foreign object before a time; a NaN is never before."""
-    return "contact_time" in dataset and bool(dataset["contact_time"] <= time)
-
-
-def _flangeway(dataset: "xr.Dataset") -> list[tuple[str, str]]:
+def flangeway_text(dataset: "xr.Dataset") -> str:
+    """Return the least flangeway with its place and requirement; empty if it is not known."""
     if "least_flangeway" not in dataset or math.isnan(float(dataset["least_flangeway"])):
-        return []
+        return ""
     text = (
         f"{format_length(dataset['least_flangeway'])} at "
         f"x = {float(dataset['least_flangeway_x']):g} m, "
         f"rail {str(dataset['least_flangeway_rail'].values)}"
     )
     limit = float(dataset.attrs.get("flangeway_limit", math.nan))
-    if not math.isnan(limit):
-        text += f"; {format_required_flangeway(float(dataset['least_flangeway']), limit)}"
-    return [("least flangeway", text)]
+    if math.isnan(limit):
+        return f"{text}; the panel gives no limit"
+    return f"{text}; {format_required_flangeway(float(dataset['least_flangeway']), limit)}"
 
 
 def _energy(dataset: "xr.Dataset") -> list[tuple[str, str]]:

@@ -5,21 +5,13 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.core.errors import ResponseError
+from turnout.metric.verdict import KINDS
 
-STATES = (
-    "locked, in control",
-    "not judged",
-    "not locked",
-    "not in control",
-    "slips on the object",
-    "slips without an object",
-    "undetected object",
-    "failed",
-    "not thrown",
-)
-"""How a throw ended, from good to bad; the last two say that there is no result."""
-LOCKED, NOT_JUDGED, NOT_LOCKED, NOT_IN_CONTROL, SLIPS, SLIPS_FREE, UNDETECTED = range(7)
-FAILED, NOT_THROWN = 7, 8
+STATES = (*KINDS, "failed", "not thrown")
+"""Outcomes of a throw: kinds of verdict from good to bad, then two without a result."""
+FAILED, NOT_THROWN = len(KINDS), len(KINDS) + 1
+UNDETECTED, NOT_JUDGED = KINDS.index("undetected object"), KINDS.index("not judged")
+SLIPS = (KINDS.index("detected by slip"), KINDS.index("detected by switch-off"))
 
 # Numbers that take more values than this are shown in classes of equal width.
 MOST_VALUES, CLASSES = 30, 12
@@ -32,46 +24,34 @@ def end_state(labels: xr.Dataset) -> xr.DataArray:
     Parameters
     ----------
     labels : xarray.Dataset
-        Of a sweep, with the dimension scenario: `outcome`, `slipped`, `slipped_free`, `end_locked`
-        and, where the panel has sensors, `end_in_control`; `object_trapped` separates an
-        undetected object from a throw without one. Sweeps that lack it were made before it was
-        stored: `object_touched` stands for it, and counts what broke and left nothing too.
+        Of a sweep, with the dimension scenario: `outcome` and `verdict`.
 
     Returns
     -------
     xarray.DataArray of int
-        A place in `STATES` for each scenario; of several that hold the worst. A slip counts as one
-        without an object when a drive slips before any object is touched. An undetected object
-        was touched and is still there, and yet the throw ends locked, in control and without slip.
-        A throw without slip is not judged where a machine still moves at its end.
+        A place in `STATES` for each scenario.
+
+    Raises
+    ------
+    ResponseError
+        For a sweep that was made before verdicts were stored.
 
     Examples
     --------
     >>> labels = xr.Dataset(
     ...     {
     ...         "outcome": ("scenario", ["complete", "complete", "skipped"]),
-    ...         "slipped": ("scenario", [0, 1, -1]),
-    ...         "slipped_free": ("scenario", [0, 0, -1]),
-    ...         "end_locked": ("scenario", [1, 0, -1]),
+    ...         "verdict": ("scenario", [0, 5, -1]),
     ...     }
     ... )
     >>> [STATES[state] for state in end_state(labels).values]
-    ['locked, in control', 'slips on the object', 'not thrown']
+    ['sound', 'detected by slip', 'not thrown']
     """
-    outcome = labels["outcome"].to_numpy().astype(str)
-    state = np.full(outcome.size, LOCKED)
-    locked = labels["end_locked"].to_numpy()
-    state[locked < 1] = NOT_LOCKED
-    if "end_in_control" in labels:
-        controlled = labels["end_in_control"].transpose("scenario", ...).to_numpy() > 0
-        state[~controlled.all(axis=1)] = NOT_IN_CONTROL
-    state[locked < 0] = NOT_JUDGED
-    state[labels["slipped"].to_numpy() > 0] = SLIPS
-    state[labels["slipped_free"].to_numpy() > 0] = SLIPS_FREE
-    trapped = trapped_objects(labels)
-    if trapped is not None:
-        state[trapped & (state == LOCKED)] = UNDETECTED
-    state[outcome != "complete"] = FAILED
+    if "verdict" not in labels:
+        message = "this sweep has no verdicts, it was made by an older version; throw it again"
+        raise ResponseError(message)
+    outcome, kind = labels["outcome"].to_numpy().astype(str), labels["verdict"].to_numpy()
+    state = np.where(outcome == "complete", kind, FAILED).astype(np.int64)
     state[outcome == "skipped"] = NOT_THROWN
     return xr.DataArray(state, dims="scenario", name="state", attrs={"states": list(STATES)})
 

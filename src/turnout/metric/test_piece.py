@@ -8,19 +8,16 @@ thick as the gap limit is thrown on, and the least size from which lock is refus
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from turnout.core.errors import PanelError
+from turnout.metric.checks import checks
 from turnout.metric.slip import last_instant_at, unfinished
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel
 from turnout.throw.save import Save
 from turnout.throw.simulate import simulate
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 RESOLUTION = 1e-4
 """Resolution of the least size [m]."""
@@ -43,7 +40,7 @@ class PieceResult:
     seen : bool
         Whether the panel does not lock, by its own rule.
     by : str
-        The part of the rule that refuses: "slip", "gap" or "slip and gap"; empty if none does.
+        The criterion of the lock rule that refuses first; empty if none does.
     drive_force, piece_force : float
         On the rail and on the piece once the movement is over [N].
     largest_force : float
@@ -82,7 +79,7 @@ class PieceLimit:
     size : float
         Its thickness, to `RESOLUTION` from above [m]; infinite where even the largest locks.
     by : str
-        The part of the rule that refuses: "slip", "gap" or "slip and gap".
+        The criterion of the lock rule that refuses first.
     largest : float
         The largest piece that was tried [m].
     fault : str
@@ -157,12 +154,15 @@ def check_piece(
         return PieceResult.without(drive, thickness, fault)
     held = dataset["object_force"].values > 0
     forces = np.abs(dataset["drive_force"].values[:, held])
-    end = last_instant_at(dataset, to="closed" if panel.rail[rail].closes == "+y" else "open")
+    to = "closed" if panel.rail[rail].closes == "+y" else "open"
+    end = last_instant_at(dataset, to=to)
+    made = [check for check in checks(dataset) if check.kind == "lock"]
+    lock = next(check for check in reversed(made) if check.movement and check.movement.to == to)
     return PieceResult(
         drive=drive,
         size=thickness,
-        seen=not bool(end["locked"]),
-        by="" if bool(end["locked"]) else _refused_by(panel, end),
+        seen=not lock.met,
+        by="" if lock.met else lock.criterion,
         drive_force=float(end["drive_force"].sel(drive=drive)),
         piece_force=float(end["object_force"]),
         largest_force=float(np.max(forces, initial=0.0)),
@@ -232,11 +232,3 @@ def _bisected(
         fault = "lock is refused without a piece, too"
         return PieceLimit(drive, math.nan, refused.by, largest, fault)
     return PieceLimit(drive, refuses * RESOLUTION, refused.by, largest)
-
-
-def _refused_by(panel: LoadedPanel, end: "xr.Dataset") -> str:
-    """Return the parts of the panel's lock rule that refuse at the end."""
-    limits = np.array(list(panel.gap_limits().values()))
-    slip = panel.lock.rule != "raw gap" and bool(end["drive_slipping"].any())
-    wide = panel.lock.rule != "no slip" and bool((end["drive_gap"].values >= limits).any())
-    return " and ".join(part for part, holds in (("slip", slip), ("gap", wide)) if holds)

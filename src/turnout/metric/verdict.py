@@ -1,62 +1,59 @@
-"""The verdict on a throw: one kind and one plain sentence, the same on every face."""
+"""The verdict on a throw: one kind and one plain sentence, from its checks and objects.
+
+Beside it what is trapped at the end, and the verdicts on the throws of a sequence as a table.
+"""
 
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
-from turnout.metric.channel_features import final_value
-from turnout.metric.slip import (
-    TIME_TOLERANCE,
-    Slip,
-    Span,
-    movements,
-    periods,
-    slips,
-    unfinished,
+from turnout.core.channels import BREAK_NOTE
+from turnout.metric.checks import (
+    FLANGEWAY,
+    SWITCHED_OFF,
+    Check,
+    checks,
+    direction_of,
+    format_force,
+    unmet,
 )
-from turnout.metric.summary import format_force
-from turnout.metric.trapped import break_note, is_trapped
-from turnout.metric.verdict_clauses import (
-    accepted_by,
-    narrow_flangeway,
-    nothing_left,
-    out_of_control,
-    sizes_left,
-    slip_words,
-    wide_gaps,
-)
+from turnout.metric.slip import TIME_TOLERANCE, Span, periods, unfinished
 
 if TYPE_CHECKING:
     import xarray as xr
 
 
 Kind = Literal[
-    "undetected object",
-    "detected by lock",
-    "detected by TKK",
-    "detected by slip",
-    "not locked",
-    "not sound",
     "sound",
-    "depends on how it breaks",
     "not judged",
+    "depends on how it breaks",
+    "detected by TKK",
+    "detected by lock",
+    "detected by slip",
+    "detected by switch-off",
+    "not sound",
+    "not locked",
+    "undetected object",
 ]
-KINDS: tuple[str, ...] = get_args(Kind)
-"""Every kind of verdict."""
+KINDS: tuple[Kind, ...] = get_args(Kind)
+"""Every kind of verdict, from good to bad."""
 
 # In words that need no knowledge of switches.
 MEANINGS: dict[Kind, str] = {
     "undetected object": "An object holds the rail open, yet all checks report a locked switch: "
     "trains could run over it.",
     "detected by slip": "An object is in the switch, and a drive that slips reports it.",
+    "detected by switch-off": "An object is in the switch, and a machine reports it: it is "
+    "switched off before its end position.",
     "detected by lock": "An object is in the switch, and the lock reports it: it is not closed.",
     "detected by TKK": "An object is in the switch, and a sensor reports it: a gap stays open.",
-    "not locked": "The switch does not report a closed end position, though no object keeps it.",
-    "not sound": "The switch closes and locks, but wheels have less room beside its open rail than "
-    "they need.",
+    "not locked": "The switch does not report a locked end position, though no object keeps it.",
+    "not sound": "The switch locks, but a drive slips, a sensor reports a gap, or wheels have less "
+    "room beside its open rail than they need; no object causes it.",
     "sound": "No object is trapped, and the switch closes and locks.",
     "depends on how it breaks": "An object breaks, or nearly does, and what the switch reports "
     "rests on it: a little more or less strength changes it.",
@@ -65,21 +62,14 @@ MEANINGS: dict[Kind, str] = {
 """Meaning of each kind for trains."""
 
 # What is named first where several things report an object.
-_ORDER: tuple[Kind, ...] = ("detected by slip", "detected by lock", "detected by TKK")
+_ORDER: tuple[Kind, ...] = (
+    *("detected by slip", "detected by switch-off", "detected by lock", "detected by TKK"),
+)
+_SIGNS: dict[str, Kind] = {"lock": "detected by lock", "control": "detected by TKK"}
 
 # Without one of these a run cannot be judged.
 _NEEDED = ("locked", "in_control", "drive_slipping")
 _NEEDED_WORDS = {"locked": "lock", "in_control": "control (TKK)", "drive_slipping": "slip"}
-
-
-# All that a verdict rests on; picking an instant of everything else would take most of its time.
-_JUDGED = (
-    *_NEEDED,
-    *("drive_force", "drive_gap", "sensor_gap"),
-    *("object_touched", "contact_time", "object_contact_time", "object_left", "object_size"),
-    *("least_flangeway", "least_flangeway_x", "least_flangeway_rail"),
-    *("throw_movements", "throw_machine_throws"),
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,15 +81,16 @@ class Verdict:
     kind : str
         An object is judged by the movements in which its own rail closes, from its first contact
         on. "undetected object": an object is trapped, and lock, control and drives accept the
-        movement. "detected by slip", "detected by lock", "detected by TKK": a drive slips, the
-        lock is refused, or a sensor reports a gap; the first of these that holds, the sentence
-        names the others. The rest is for a switch in which no object is touched, nothing is
-        left of one that is, or a drive slips before: "not locked", a drive slips, the lock is
-        refused, or a sensor reports a gap; "not sound", only the flangeway is below its limit;
-        "sound", every check is passed. "depends on how it breaks": throws in which objects break a
-        little sooner or later, or in mode waveform, end with other reports.
-        "not judged": the dataset lacks what the verdict rests on, an object does not fit, or a
-        drive has not arrived and no object is detected or missed by what has.
+        movement. "detected by slip", "... switch-off", "... lock", "... TKK": a drive slips, a
+        machine is switched off before its end position, the lock is refused, or a sensor reports a
+        gap; the first of these that holds, the sentence names the others. The rest is for a switch
+        in which no object is touched, nothing is left of one that is, or a drive slips before: "not
+        locked", the lock is refused after a movement; "not sound", another check is not met;
+        "sound", every check is met. "depends on how it breaks": throws in which objects break a
+        little sooner or later, or in mode waveform, end with other reports. "not judged": the
+        dataset lacks what the verdict rests on, an
+        object does not fit, or a drive has not arrived and no object is detected or missed by what
+        has.
     text : str
         One plain sentence with its numbers; where an object broke in a throw of a sequence a second
         one, that the verdict may depend on step and mode.
@@ -114,24 +105,26 @@ class Verdict:
         return MEANINGS[self.kind]
 
     @property
+    def head(self) -> str:
+        """The verdict in a few words: its kind, and the movement of a lock refused alone."""
+        return self.text.partition(": ")[0]
+
+    @property
     def missed(self) -> bool:
         """True if an object is trapped and nothing reports it."""
         return self.kind == "undetected object"
 
 
-def verdict(dataset: "xr.Dataset") -> Verdict:
-    """Judge a throw by the reports of lock, control and drives.
+def verdict(dataset: "xr.Dataset", found: Sequence[Check] | None = None) -> Verdict:
+    """Judge a throw by its checks.
 
     Parameters
     ----------
     dataset : xarray.Dataset
         A simulated run. Measurements, campaigns, runs that ended early and runs of which lock,
         control or slip was not kept come back as "not judged", with the reason.
-
-    Returns
-    -------
-    Verdict
-        States are those at the rest after each movement.
+    found : sequence of Check, optional
+        Its checks, where they are known already.
 
     Examples
     --------
@@ -139,18 +132,18 @@ def verdict(dataset: "xr.Dataset") -> Verdict:
     >>> verdict(xr.Dataset(attrs={"kind": "measurement"})).kind
     'not judged'
     """
-    lacking = _missing_channels(dataset)
+    lacking = _missing_channels(dataset) or _unplaced(dataset)
     if lacking:
         return Verdict("not judged", f"Not judged: {lacking}.")
-    unplaced = _unplaced(dataset)
-    if unplaced:
-        return Verdict("not judged", f"Not judged: {unplaced}.")
-    judged = dataset[[name for name in _JUDGED if name in dataset]]
-    found, note = _judged(judged, _cases(judged)), break_note(dataset)
+    found = checks(dataset) if found is None else found
+    late = list(unfinished(dataset).values())
+    cases = judge_objects(_trapped_items(dataset), found, periods(dataset))
+    kind = kind_of(cases, found, late=bool(late))
+    made, note = Verdict(kind, _sentence(kind, cases, found, late)), break_note(dataset)
     if "break_check" in dataset.attrs and note:
-        text = f"{note}; in this throw: {found.text[:1].lower()}{found.text[1:]}"
+        text = f"{note}; in this throw: {made.text[:1].lower()}{made.text[1:]}"
         return Verdict("depends on how it breaks", text)
-    return replace(found, text=f"{found.text} {note}.") if note else found
+    return replace(made, text=f"{made.text} {note}.") if note else made
 
 
 def _missing_channels(dataset: "xr.Dataset") -> str:
@@ -193,66 +186,30 @@ def _measured_slip(dataset: "xr.Dataset") -> str:
     return f"; the largest forces are {', '.join(found)}" if found else ""
 
 
-@dataclass(frozen=True, slots=True)
-class _Case:
-    """One object: times of its first touch and removal [s], and the reports of it.
-
-    `fate` says what became of it where nothing is left at the end, else it is empty; `left` is the
-    size that is left of it [m], NaN where all is. It is `open` where a movement that could report
-    it is not over.
-    """
-
-    what: str
-    contact: float
-    gone: float
-    signs: tuple[tuple[Kind, str], ...]
-    refused: bool
-    accepted: str
-    fate: str = ""
-    left: float = math.nan
-    open: bool = False
-
-    @property
-    def touched(self) -> bool:
-        """True if a rail reached it before it was taken out."""
-        return self.contact < self.gone
-
-    @property
-    def trapped(self) -> bool:
-        """True if it was touched and is still there at the end."""
-        return bool(is_trapped(self.contact, self.gone, self.left))
-
-
-def _objects(dataset: "xr.Dataset") -> list[dict[str, Any]]:
+def object_items(dataset: "xr.Dataset") -> list[dict[str, Any]]:
+    """Return the records of the foreign objects of a run."""
     items: list[dict[str, Any]] = json.loads(dataset.attrs.get("foreign_objects", "[]"))
     return items
 
 
-def _name(item: dict[str, Any]) -> str:
+def object_name(item: dict[str, Any]) -> str:
+    """Return size and place of an object."""
     return f"{1e3 * item['size']:g} mm at {item['place']}"
-
-
-def _as_met(dataset: "xr.Dataset", items: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return objects with the sizes that a throw of a sequence met; those gone keep their own."""
-    if "object_size" not in dataset or dataset["object_size"].size != len(items):
-        return items
-    sizes = [round(float(size), 4) for size in dataset["object_size"].values]  # to 0.1 mm
-    return [item | {"size": size or item["size"]} for item, size in zip(items, sizes, strict=True)]
 
 
 def _unplaced(dataset: "xr.Dataset") -> str:
     """Name the objects that had no room; empty if all had."""
-    items = _objects(dataset)
+    items = object_items(dataset)
     if not items or "object_placed" not in dataset or bool(dataset["object_placed"]):
         return ""
     most = [_largest_opening(dataset, item) for item in items]
     large = [
-        f"{_name(item)} (at most {1e3 * room:.1f} mm)"
+        f"{object_name(item)} (at most {1e3 * room:.1f} mm)"
         for item, room in zip(items, most, strict=True)
         if room < item["size"]
     ]
-    named = large or [_name(item) for item in items]
-    return f"{_join_words(named)} {'does' if len(named) == 1 else 'do'} not fit"
+    named = large or [object_name(item) for item in items]
+    return f"{' and '.join(named)} {'does' if len(named) == 1 else 'do'} not fit"
 
 
 def _largest_opening(dataset: "xr.Dataset", item: dict[str, Any]) -> float:
@@ -268,21 +225,95 @@ def _largest_opening(dataset: "xr.Dataset", item: dict[str, Any]) -> float:
     return max((float(np.interp(item["x"], places, row)) for row in gap), default=math.nan)
 
 
-def _cases(dataset: "xr.Dataset") -> list[_Case]:
-    """Judge every object by the movements in which its own rail closes."""
-    items = _as_met(dataset, _objects(dataset))
-    end = float(dataset["time"][-1])
-    cases = []
-    left, fates = sizes_left(dataset, len(items)), nothing_left(dataset, len(items))
-    contacts = _contacts(dataset, len(items))
-    for item, contact, size, fate in zip(items, contacts, left, fates, strict=True):
+@dataclass(frozen=True, slots=True)
+class TrappedItem:
+    """One object of a throw.
+
+    Attributes
+    ----------
+    contact, gone : float
+        First touch, NaN for never; removal, infinite for none by the end [s].
+    position : str
+        Position of the instrumented rail, "open" or "closed", in which the object's rail is closed.
+    left : float
+        Size that is left at the end [m]; NaN where all is.
+    name, fate : str
+        Size and place; what became of one of which nothing is left.
+    """
+
+    contact: float
+    gone: float
+    position: str
+    left: float = math.nan
+    name: str = ""
+    fate: str = ""
+
+    @property
+    def touched(self) -> bool:
+        """True if a rail reached it before it was taken out."""
+        return self.contact < self.gone
+
+    @property
+    def trapped(self) -> bool:
+        """True if it was touched and is still there at the end."""
+        return self.touched and math.isinf(self.gone) and not self.left <= 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class JudgedItem:
+    """An object and the checks that report it.
+
+    Attributes
+    ----------
+    item : TrappedItem
+        The object.
+    signs : tuple of Check
+        What reports it.
+    passed : tuple of Check
+        Lock and sensors that accept the last movement that could report it.
+    refused : bool
+        Whether a rest is refused after a slip before contact: the object's part is not known.
+    open : bool
+        Whether a movement that could report it is not over.
+    """
+
+    item: TrappedItem
+    signs: tuple[Check, ...]
+    passed: tuple[Check, ...]
+    refused: bool
+    open: bool
+
+
+def _trapped_items(dataset: "xr.Dataset") -> list[TrappedItem]:
+    """Return the objects of a run with their times and remaining sizes."""
+    items = object_items(dataset)
+    count, end = len(items), float(dataset["time"][-1])
+
+    def per_object(name: str, default: float) -> list[float]:
+        if name not in dataset or dataset[name].size != count:
+            return [default] * count
+        return [float(value) for value in dataset[name].values.reshape(-1)]
+
+    left, before = per_object("object_left", math.nan), per_object("object_size", math.inf)
+    found = []
+    for item, contact, size, start in zip(
+        items, _contacts(dataset, count), left, before, strict=True
+    ):
         taken = item.get("disappears")
-        gone = math.inf if taken is None or taken > end else float(taken)
         instrumented = dataset.attrs.get("instrumented_rail", item.get("rail"))
-        position = "closed" if item.get("rail") in (None, instrumented) else "open"
-        case = _case(dataset, _name(item), contact, gone, position)
-        cases.append(replace(case, fate=fate, left=size))
-    return cases
+        met = round(start, 4) if 0.0 < start < math.inf else item["size"]  # to 0.1 mm
+        fate = "broke and left nothing" if start > 0.0 else "was gone before"
+        found.append(
+            TrappedItem(
+                contact=contact,
+                gone=math.inf if taken is None or taken > end else float(taken),
+                position="closed" if item.get("rail") in (None, instrumented) else "open",
+                left=size,
+                name=object_name(item | {"size": met}),
+                fate=fate if size <= 0.0 else "",
+            )
+        )
+    return found
 
 
 def _contacts(dataset: "xr.Dataset", count: int) -> list[float]:
@@ -294,162 +325,279 @@ def _contacts(dataset: "xr.Dataset", count: int) -> list[float]:
     return [float(dataset.get("contact_time", -math.inf))] * count
 
 
-def _case(dataset: "xr.Dataset", what: str, contact: float, gone: float, position: str) -> _Case:
-    signs: list[tuple[Kind, str]] = []
-    refused, accepted, late = False, "", unfinished(dataset)
-    is_open = False
-    for span, until in periods(dataset):
+def judge_objects(
+    items: Sequence[TrappedItem],
+    found: Sequence[Check],
+    spans: Sequence[tuple[Span | None, float]],
+) -> list[JudgedItem]:
+    """Judge every object by the movements in which its own rail closes.
+
+    Parameters
+    ----------
+    items : sequence of TrappedItem
+        The objects.
+    found : sequence of Check
+        Checks of the throw.
+    spans : sequence of (Span, float)
+        Movements, each with the onset of the next one [s].
+    """
+    return [_judge_object(item, found, spans) for item in items]
+
+
+def _judge_object(
+    item: TrappedItem, found: Sequence[Check], spans: Sequence[tuple[Span | None, float]]
+) -> JudgedItem:
+    signs, passed = list[Check](), tuple[Check, ...]()
+    refused = is_open = False
+    for span, until in spans:
         start = -math.inf if span is None else span.start
-        if not (contact < min(gone, until) and start < gone):
+        if not (item.contact < min(item.gone, until) and start < item.gone):
             continue
-        if span is not None and span.to != position:
+        if span is not None and span.to != item.position:
             continue
-        is_open |= span in late
-        mine = [slip for slip in slips(dataset) if slip.movement == span and slip.time < gone]
-        rest = _at_rest(dataset, span, min(until, gone))
-        if any(slip.time < contact - TIME_TOLERANCE for slip in mine):
+        own = [check for check in found if check.movement == span and check.kind != FLANGEWAY]
+        is_open |= any(check.met is None for check in own)
+        slipped = [c for c in own if c.kind == "slip" and c.met is False and c.time < item.gone]
+        rest = _last_rest(own, item.gone)
+        if any(check.time < item.contact - TIME_TOLERANCE for check in slipped):
             # Whether the object adds to what failed before it was touched is not known.
-            refused |= rest is not None and bool(_signs(dataset, rest, [], span))
+            refused |= bool(unmet(rest))
             continue
-        last = math.isinf(until)
-        after = "" if last or span is None else f" after the movement to {span.to}"
-        found = _signs(dataset, rest, mine, span, after)
-        signs += [sign for sign in found if sign not in signs]
-        if rest is not None:
-            accepted = f"{accepted_by(rest, span)}{after}"
-    accepted = accepted or accepted_by(dataset, _last(dataset))
-    return _Case(what, contact, gone, tuple(signs), refused, accepted, open=is_open)
+        signs += [check for check in (*slipped, *unmet(rest)) if check not in signs]
+        passed = tuple(check for check in rest if check.met) or passed
+    return JudgedItem(item, tuple(signs), passed, refused, is_open)
 
 
-def _last(dataset: "xr.Dataset") -> Span | None:
-    spans = movements(dataset)
-    return spans[-1] if spans else None
+def _last_rest(own: Sequence[Check], before: float) -> list[Check]:
+    """Return lock and sensors at the last rest of a movement before a time [s]."""
+    rests = [c for c in own if c.kind in _SIGNS and c.time < before and c.met is not None]
+    last = max((check.time for check in rests), default=math.nan)
+    return [check for check in rests if check.time == last]
 
 
-def _at_rest(dataset: "xr.Dataset", span: Span | None, until: float) -> "xr.Dataset | None":
-    """Return the last instant before a time, or None if the movement is not over by then."""
-    time = dataset["time"].values
-    last = int((time < until - TIME_TOLERANCE).sum()) - 1
-    if last < 0 or (span is not None and time[last] < span.end - TIME_TOLERANCE):
-        return None
-    if span in unfinished(dataset):
-        return None
-    return dataset.isel(time=[last])
+def kind_of(cases: Sequence[JudgedItem], found: Sequence[Check], *, late: bool) -> Kind:
+    """Return the kind of verdict on judged objects and the checks of their throw.
 
-
-def _signs(
-    dataset: "xr.Dataset",
-    rest: "xr.Dataset | None",
-    slipped: list[Slip],
-    span: Span | None,
-    after: str = "",
-) -> list[tuple[Kind, str]]:
-    """Return the reports of an object in a movement and at its rest, in the order of the kinds."""
-    signs: list[tuple[Kind, str]] = []
-    if slipped:
-        signs.append(("detected by slip", "; ".join(slip_words(dataset, slip) for slip in slipped)))
-    if rest is None:
-        return signs
-    if not bool(final_value(rest["locked"])):
-        wide = wide_gaps(rest)
-        if wide or not slipped or after:
-            reason = f"the lock is refused{after}{': ' + wide if wide else ''}"
-            signs.append(("detected by lock", reason))
-    out = out_of_control(rest, span)
-    if out:
-        signs.append(("detected by TKK", f"{out}{after}"))
-    return signs
-
-
-def _judged(dataset: "xr.Dataset", cases: list[_Case]) -> Verdict:
-    caught = [case for case in cases if case.signs]
-    silent = [case for case in cases if case.trapped and not case.signs and not case.refused]
-    missed = [case for case in silent if not case.open]
-    late = list(unfinished(dataset).values())
-    if missed:
-        what = _join_words([case.what for case in missed])
-        stays = "stays" if len(missed) == 1 else "stay"
-        text = f"Undetected object: {what} {stays} in the switch and nothing reports it: "
-        text += f"the switch {missed[0].accepted}"
-        for case in caught:
-            text += f"; {case.what} is detected: {'; '.join(reason for _, reason in case.signs)}"
-        text += _gone_texts(cases)
-        faults = [] if caught else _faults(dataset)
-        text += f"; apart from the object, {'; '.join(faults)}" if faults else ""
-        return Verdict("undetected object", f"{'; '.join([text, *late])}.")
-    if caught:
-        signs = sorted(
-            {sign: None for case in caught for sign in case.signs},
-            key=lambda sign: _ORDER.index(sign[0]),
-        )
-        what = _join_words([f"{case.what}{_removal_text(case)}" for case in caught])
-        before = _faults(dataset, before=min(case.contact for case in caught))
-        reasons = "; ".join(reason for _, reason in signs)
-        reasons += f"; before contact, {'; '.join(before)}" if before else ""
-        text = f"D{signs[0][0][1:]}: {what}; {reasons}{_gone_texts(cases)}"
-        return Verdict(signs[0][0], f"{'; '.join([text, *late])}.")
+    Parameters
+    ----------
+    cases : sequence of JudgedItem
+        From `judge_objects`.
+    found : sequence of Check
+        Checks of the throw.
+    late : bool
+        Whether a movement is not over.
+    """
+    if _missed(cases):
+        return "undetected object"
+    signs = [_sign(check) for case in cases for check in case.signs]
+    if signs:
+        return min(signs, key=_ORDER.index)
     if late:
-        text = "; ".join([*late, *_faults(dataset)])
-        return Verdict("not judged", f"Not judged: {text}.")
-    return _switch_alone(dataset, cases)
+        return "not judged"
+    if unmet(found, "lock"):
+        return "not locked"
+    return "not sound" if unmet(found) else "sound"
 
 
-def _removal_text(case: _Case) -> str:
-    if math.isinf(case.gone):
-        return f", which {case.fate}" if case.fate else ""
-    return f", taken out at t = {case.gone:.2f} s"
+def _sign(check: Check) -> Kind:
+    """Return the kind of verdict that a check that is not met makes of an object."""
+    if check.kind == "slip":
+        return "detected by switch-off" if check.criterion == SWITCHED_OFF else "detected by slip"
+    return _SIGNS[check.kind]
 
 
-def _gone_texts(cases: list[_Case]) -> str:
-    """Name, beside other objects, those that have left nothing and were not detected."""
-    gone = [case for case in cases if case.touched and case.fate and not case.signs]
-    return "".join(f"; {case.what} {case.fate}" for case in gone)
-
-
-def _join_words(parts: list[str]) -> str:
-    return " and ".join(parts)
-
-
-def _switch_alone(dataset: "xr.Dataset", cases: list[_Case]) -> Verdict:
-    """Judge a switch in which no object is trapped, or none distinct from its own faults."""
-    reason = "; ".join(_untouched_text(case) for case in cases) or "no object"
-    faults = _faults(dataset)
-    narrow = narrow_flangeway(dataset)
-    accepted = accepted_by(dataset, _last(dataset))
-    if faults:
-        text = "; ".join([*faults, *narrow])
-        return Verdict("not locked", f"Not locked: {reason}, but {text}.")
-    if narrow:
-        text = f"Not sound: {reason}, and the switch {accepted}, but {narrow[0]}."
-        return Verdict("not sound", text)
-    return Verdict("sound", f"Sound: {reason}, and the switch {accepted}.")
-
-
-def _untouched_text(case: _Case) -> str:
-    """Return the reason for not basing a verdict on an object."""
-    if not math.isinf(case.gone):
-        return f"{case.what} was taken out at t = {case.gone:.2f} s"
-    if case.fate:
-        return f"{case.what} {case.fate}"
-    if not case.touched:
-        return f"{case.what} is never touched"
-    return f"{case.what} is touched only after a slip"
-
-
-def _faults(dataset: "xr.Dataset", *, before: float = math.inf) -> list[str]:
-    """Name the faults in any movement, its rest included; only those before a time [s]."""
-    faults = [
-        slip_words(dataset, slip) for slip in slips(dataset) if slip.time < before - TIME_TOLERANCE
+def _missed(cases: Sequence[JudgedItem]) -> list[JudgedItem]:
+    return [
+        case
+        for case in cases
+        if case.item.trapped and not (case.signs or case.refused or case.open)
     ]
-    for span, until in periods(dataset):
-        rest = _at_rest(dataset, span, until)
-        if rest is None or not float(rest["time"][-1]) < before:
-            continue
-        to = "the end" if span is None else f"the movement to {span.to}"
-        if not bool(final_value(rest["locked"])):
-            wide = wide_gaps(rest)
-            faults.append(f"the lock is refused after {to}{': ' + wide if wide else ''}")
-        out = out_of_control(rest, span)
-        if out and out not in faults:
-            faults.append(out)
-    return faults
+
+
+def _sentence(
+    kind: Kind, cases: Sequence[JudgedItem], found: Sequence[Check], late: Sequence[str]
+) -> str:
+    """Return a kind of verdict with its numbers as one sentence."""
+    head = f"{kind[0].upper()}{kind[1:]}"
+    faults = _texts(check for check in unmet(found) if check.kind != FLANGEWAY)
+    caught = [case for case in cases if case.signs]
+    if kind == "undetected object":
+        parts = [_missed_text(_missed(cases))]
+        parts += [
+            f"{case.item.name} is detected: {'; '.join(_texts(case.signs))}" for case in caught
+        ]
+        parts += _gone_texts(cases)
+        parts += ["apart from the object, " + "; ".join(faults)] if faults and not caught else []
+    elif caught:
+        first = min(case.item.contact for case in caught)
+        before = _texts(check for check in unmet(found) if check.time < first - TIME_TOLERANCE)
+        signs = [check for case in caught for check in case.signs]
+        signs.sort(key=lambda check: _ORDER.index(_sign(check)))
+        parts = [" and ".join(f"{case.item.name}{_removal_text(case.item)}" for case in caught)]
+        parts += _texts(signs)
+        parts += [f"before contact, {'; '.join(before)}"] if before else []
+        parts += _gone_texts(cases)
+    elif kind == "not judged":
+        return f"{head}: {'; '.join([*late, *faults])}."
+    else:
+        return f"{head}{_not_locked_after(found)}: {_alone_text(kind, cases, found)}."
+    return f"{head}: {'; '.join([*parts, *late])}."
+
+
+def _texts(found: "Sequence[Check] | Any") -> list[str]:
+    return list(dict.fromkeys(check.text for check in found))
+
+
+def _not_locked_after(found: Sequence[Check]) -> str:
+    """Name the movements of refused locks if a lock after another movement is not refused."""
+    locks = {check.movement: check.met for check in found if check.kind == "lock"}
+    refused = [span for span, met in locks.items() if met is False]
+    if not refused or len(refused) == len(locks):
+        return ""
+    return f" after {' and '.join(direction_of(span) for span in refused)}"
+
+
+def _missed_text(missed: Sequence[JudgedItem]) -> str:
+    what = " and ".join(case.item.name for case in missed)
+    stays = "stays" if len(missed) == 1 else "stay"
+    accepted = accepted_by(missed[0].passed)
+    return f"{what} {stays} in the switch and nothing reports it: the switch {accepted}"
+
+
+def accepted_by(passed: Sequence[Check]) -> str:
+    """Return lock and sensors that accept a movement, with their numbers."""
+    lock = next((check.text for check in passed if check.kind == "lock"), "locks")
+    sensors = [check for check in passed if check.kind == "control"]
+    if not sensors:
+        return lock
+    nearest = min(sensors, key=lambda check: check.share if check.numbers else math.inf)
+    return f"{lock} and is in control ({nearest.text})"
+
+
+def _removal_text(item: TrappedItem) -> str:
+    if math.isinf(item.gone):
+        return f", which {item.fate}" if item.fate else ""
+    return f", taken out at t = {item.gone:.2f} s"
+
+
+def _gone_texts(cases: Sequence[JudgedItem]) -> list[str]:
+    """Name, beside other objects, those that have left nothing and were not detected."""
+    gone = [case.item for case in cases if case.item.touched and case.item.fate and not case.signs]
+    return [f"{item.name} {item.fate}" for item in gone]
+
+
+def _alone_text(kind: Kind, cases: Sequence[JudgedItem], found: Sequence[Check]) -> str:
+    """Judge a switch in which no object is trapped, or none distinct from its own faults."""
+    reason = "; ".join(_untouched_text(case.item) for case in cases) or "no object"
+    lock = next((check for check in reversed(found) if check.kind == "lock"), None)
+    rest = [c for c in found if c.kind in _SIGNS and lock is not None and c.time == lock.time]
+    faults = _texts(unmet(found))
+    if kind == "sound":
+        return f"{reason}, and the switch {accepted_by(rest)}"
+    if kind == "not locked":
+        return f"{reason}, but {'; '.join(faults)}"
+    passed = [check for check in rest if check.met]
+    return f"{reason}, and the switch {accepted_by(passed)}, but {'; '.join(faults)}"
+
+
+def _untouched_text(item: TrappedItem) -> str:
+    """Return the reason for not basing a verdict on an object."""
+    if not math.isinf(item.gone):
+        return f"{item.name} was taken out at t = {item.gone:.2f} s"
+    if item.fate:
+        return f"{item.name} {item.fate}"
+    if not item.touched:
+        return f"{item.name} is never touched"
+    return f"{item.name} is touched only after a slip"
+
+
+def break_note(dataset: "xr.Dataset") -> str:
+    """Return the note beside a verdict that may rest on how objects broke; empty for none.
+
+    A single throw has one where the throws that it was compared with end otherwise. Sequences and
+    sweeps, which are not compared, have one where an object broke.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        A run, a sequence or a throw of one, or labels of a sweep that stores `object_broken`.
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> break_note(xr.Dataset({"object_broken": ("object", [3, 0])}))
+    'An object broke: where its strength is nearly met, the verdict may depend on step and mode'
+    >>> break_note(xr.Dataset({"object_broken": ("object", [0, 0])}))
+    ''
+    """
+    if "break_check" in dataset.attrs:
+        return str(dataset.attrs.get("break_note", ""))
+    if "scenario" in dataset.dims or "break_note" not in dataset.attrs:
+        broke = "object_broken" in dataset and bool((dataset["object_broken"] > 0).any())
+        return BREAK_NOTE if broke else ""
+    first = dataset.attrs.get("break_throw", 1)
+    if "throw" in dataset.dims:
+        return f"{BREAK_NOTE} (from throw {first} on)"
+    return BREAK_NOTE if int(dataset.coords.get("throw", first)) >= first else ""
+
+
+def throw_table(dataset: "xr.Dataset") -> list[dict[str, Any]]:
+    """Return a row for each throw of a sequence.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        From `simulate_sequence`, with what it keeps by default.
+
+    Returns
+    -------
+    list of dict
+        `throw`; `size` before and `left` after it of each object, `broken` in it [m];
+        `object_force_peak`, `drive_force_end` and least `force_margin` of each drive [N]; `locked`,
+        `in_control` of each sensor on the closed rail, and `state` in words, at the end; `verdict`,
+        its kind, which judges the movements before it too.
+    """
+    found = []
+    dataset = dataset.load()
+    for number in range(dataset.sizes["throw"]):
+        one = dataset.isel(throw=number)
+        made = checks(one)
+        end = max((check.time for check in made if check.kind == "lock"), default=math.nan)
+        last = [check for check in made if check.kind in _SIGNS and check.time == end]
+        row: dict[str, Any] = {
+            "throw": int(one["throw"]),
+            "size": _values(one, "object_size"),
+            "left": _values(one, "object_left"),
+            "broken": _values(one, "object_broken"),
+            "object_force_peak": float(one["object_force"].max()),
+            "drive_force_end": one["drive_force"].values[:, -1].tolist(),
+            "force_margin": np.nanmin(one["force_margin"].values, axis=1).tolist(),
+            "locked": bool(one["locked"].values[-1]),
+            "in_control": [bool(check.met) for check in last if check.kind == "control"],
+            "state": state_text(last),
+            "verdict": verdict(one, made).kind,
+        }
+        if "throw_temperature" in one:
+            row["temperature"] = float(one["throw_temperature"])
+        found.append(row)
+    return found
+
+
+def _values(one: "xr.Dataset", name: str) -> list[float]:
+    return np.nan_to_num(one[name].values).tolist() if name in one else []
+
+
+def state_text(rest: Sequence[Check]) -> str:
+    """Return the reports of lock and sensors at a rest, those that are not met if any.
+
+    Examples
+    --------
+    >>> lock = Check(kind="lock", name="switch", criterion="slip", met=False)
+    >>> state_text([lock]), state_text([replace(lock, met=True)])
+    ('not locked', 'locked')
+    """
+    if not rest:
+        return "not judged"
+    out = ["not locked" if c.kind == "lock" else f"{c.name} not in control" for c in unmet(rest)]
+    both = dict.fromkeys("locked" if check.kind == "lock" else "in control" for check in rest)
+    return ", ".join(out or both)

@@ -42,6 +42,7 @@ from turnout.panel.check_shape import (
 )
 from turnout.panel.foreign_object import from_record, object_faults
 from turnout.panel.library_members import MACHINES
+from turnout.panel.lock_rule import LOCK_RULES
 from turnout.panel.model import Panel
 from turnout.panel.place import SAME_PLACE
 from turnout.panel.records import Movement, ScaledSection
@@ -243,12 +244,13 @@ def _damping(draft: Draft) -> Iterator[Problem]:
 
 
 def _lock(draft: Draft) -> Iterator[Problem]:
-    if draft.records["lock"].rule != "raw gap":
+    rule = draft.records["lock"].rule
+    if not all(criterion.needs_stock_rail for criterion in LOCK_RULES[rule]):
         return
     for name, rail in draft.records["rail"].items():
         if not rail.has_stock_rail:
             text = f": rail '{name}' has no stock rail, so no gap; give it fit_gap, or \"no slip\""
-            yield Problem(("lock", "rule"), f' = "raw gap"{text}')
+            yield Problem(("lock", "rule"), f' = "{rule}"{text}')
 
 
 def _between_rails(draft: Draft) -> Iterator[Problem]:
@@ -343,7 +345,7 @@ def _standing(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Prob
 def _rails_exist(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:
     names = draft.names["rail"]
     if path[0] in ON_ONE_RAIL:
-        if record.rail not in names:
+        if record.rail is not None and record.rail not in names:
             yield Problem((*path, "rail"), unknown_name("rail", record.rail, names))
         return
     given = record.rails

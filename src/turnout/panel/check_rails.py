@@ -348,7 +348,7 @@ def unknown_name(what: str, name: object, names: Iterable[str]) -> str:
 def rails_of(family: str, record: Any, draft: Draft) -> list[str]:
     """Give the names of the rails that a record stands at."""
     if family in ON_ONE_RAIL:
-        return [record.rail]
+        return list(draft.names["rail"]) if record.rail is None else [record.rail]
     return list(draft.names["rail"]) if record.rails is None else list(record.rails)
 
 

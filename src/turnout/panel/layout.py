@@ -21,7 +21,7 @@ from turnout.panel.profile import (
     evaluate_profile,
     stock_rail_gap,
 )
-from turnout.panel.records import Drive, OnRails
+from turnout.panel.records import Drive, OnRails, Sensor
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -169,8 +169,10 @@ def _unit_shapes(knots: tuple[float, ...], held: float) -> Spline:
 SIDE = {"+y": 1.0, "-y": -1.0}
 
 
-def stands_at(item: OnRails, rail: str) -> bool:
-    """Return True if a chair, fastening, stop or stud belongs to a rail."""
+def stands_at(item: OnRails | Sensor, rail: str) -> bool:
+    """Return True if a chair, fastening, stop, stud or sensor belongs to a rail."""
+    if isinstance(item, Sensor):
+        return item.rail in (None, rail)
     return item.rails is None or rail in item.rails
 
 

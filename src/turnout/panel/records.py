@@ -4,7 +4,7 @@ Cross-sections have records of their own, `turnout.panel.section_records`.
 """
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 import scipy.sparse as sp
@@ -23,6 +23,12 @@ from turnout.core.quantity import (
     Time,
     TimeList,
 )
+from turnout.panel.lock_rule import DEFAULT_RULE, LOCK_RULES, rules_text
+
+if TYPE_CHECKING:
+    RuleName = str
+else:
+    RuleName = Literal[tuple(LOCK_RULES)]
 
 
 class Placed(Record):
@@ -361,9 +367,14 @@ class BackDrive(Linkage):
 
 
 class Sensor(Placed):
-    """Switch rail control contact (TKK): measures the gap to the stock rail."""
+    """Switch rail control contacts (TKK): a pair, one on each rail, or one on one rail.
 
-    rail: str = Field(description="the switch rail whose gap it measures")
+    Of a pair the contact on the rail that should be closed counts, as at a drive.
+    """
+
+    rail: str | None = Field(
+        None, description="the one switch rail whose gap it measures; default a pair, one on each"
+    )
     height: Length = Field(ge=-1, le=1, description="z at which the gap is taken [m]")
     limit: Length = Field(gt=0, description="not in control at this gap or more [m]")
 
@@ -375,11 +386,7 @@ class Sleeper(Placed):
 class Lock(Record):
     """Rule by which the drives confirm locking at the end of a movement."""
 
-    rule: Literal["slip or gap", "no slip", "raw gap"] = Field(
-        "slip or gap",
-        description="refused: 'slip or gap' where a drive is saturated or a gap at a drive is at "
-        "its limit or above; 'no slip' where a drive is saturated; 'raw gap' where a gap is",
-    )
+    rule: RuleName = Field(DEFAULT_RULE, description=f"refused: {rules_text()}")
     gap_limit: Length = Field(gt=0, description="gap at a drive from which lock is refused [m]")
 
 

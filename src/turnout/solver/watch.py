@@ -39,6 +39,8 @@ class Watch:
         these with energies.
     whole : sequence of float
         The first stored instants from these times on are stored whole, and the last one [s].
+    rests : sequence of float
+        The last stored instants before these times are seen too, as the last one of all is [s].
     count : int
         Number of rows that are to be seen.
     seen : callable
@@ -48,6 +50,7 @@ class Watch:
     laws: Sequence[int]
     stride: int
     whole: Sequence[float]
+    rests: Sequence[float]
     count: int
     seen: Callable[[CondensedRails], SeenRows]
 
@@ -68,8 +71,10 @@ class Watched:
         Of the instants that are kept.
     seen : ndarray, shape (n_kept, n_seen)
         Displacements every `stride` instants [m].
-    seen_last : ndarray, shape (1, n_seen)
-        At the last instant [m].
+    rests : ndarray of int, shape (n_rests,)
+        Numbers of the last instants before given times, and of the last one.
+    seen_rests : ndarray, shape (n_rests, n_seen)
+        Displacements at these [m].
     laws : sequence of int
         The watched laws.
     effort : ndarray, shape (n_watched, n)
@@ -82,7 +87,8 @@ class Watched:
     law_placed: Floats
     stride: int
     seen: Floats
-    seen_last: Floats
+    rests: Ints
+    seen_rests: Floats
     laws: Sequence[int]
     effort: Floats
 
@@ -94,7 +100,8 @@ class WatchPlan:
     `places` are those of `StepRecord`; of what is seen the instants that are wanted regularly come
     first. `whole_instants` and `balanced_instants` are the numbers of the instants that are stored
     whole, and with energies, as the last one is. `n_seen` instants are seen, `n_regular` of them
-    regularly; `whole_balanced` are the places of energies of whole instants.
+    regularly; `whole_balanced` are the places of energies of whole instants, `rests` the numbers of
+    the instants of `Watched.rests`.
     """
 
     watch: Watch
@@ -102,6 +109,7 @@ class WatchPlan:
     whole_instants: Ints
     balanced_instants: Ints
     whole_balanced: Ints
+    rests: Ints
     n_seen: int
     n_regular: int
 
@@ -128,7 +136,7 @@ def plan_watch(watch: Watch, interval: float, count: int) -> WatchPlan:
 
     Examples
     --------
-    >>> watch = Watch([0], 2, [0.3], 0, lambda rails: SeenRows(*[np.zeros((0, 0))] * 4))
+    >>> watch = Watch([0], 2, [0.3], [], 0, lambda rails: SeenRows(*[np.zeros((0, 0))] * 4))
     >>> plan = plan_watch(watch, 0.1, 7)
     >>> whole, seen, balanced = plan.places.T.tolist()
     >>> whole, seen
@@ -136,27 +144,40 @@ def plan_watch(watch: Watch, interval: float, count: int) -> WatchPlan:
     >>> balanced
     [0, -1, -1, 1, -1, -1, 2]
     """
-    return WatchPlan(watch, *_places(tuple(watch.whole), watch.stride, interval, count))
+    times = tuple(watch.whole), tuple(watch.rests)
+    return WatchPlan(watch, *_places(*times, watch.stride, interval, count))
 
 
 @lru_cache(maxsize=16)
 def _places(
-    wanted: tuple[float, ...], stride: int, interval: float, count: int
-) -> tuple[Ints, Ints, Ints, Ints, int, int]:
+    wanted: tuple[float, ...], rests: tuple[float, ...], stride: int, interval: float, count: int
+) -> tuple[Ints, Ints, Ints, Ints, Ints, int, int]:
     """Return all of a `WatchPlan` but what is wanted."""
     times = interval * np.arange(count, dtype=np.float64)
     first = np.searchsorted(times, np.array(wanted, dtype=np.float64) - TIME_TOLERANCE)
     whole = np.unique(np.append(first[first < count], count - 1))
-    regular = np.arange(0, count, stride)
-    seen = np.append(regular, np.setdiff1d(whole, regular))
+    regular, rest = np.arange(0, count, stride), rest_instants(times, rests)
+    seen = np.append(regular, np.setdiff1d(np.union1d(whole, rest), regular))
     balanced = np.union1d(np.arange(0, count, stride * BALANCE_EVERY), whole)
     places = np.full((count, 3), -1, dtype=np.int64)
     for column, chosen in enumerate((whole, seen, balanced)):
         places[chosen, column] = np.arange(chosen.size)
-    found = places, whole, balanced, places[whole, 2]
+    found = places, whole, balanced, places[whole, 2], rest
     for part in found:
         part.flags.writeable = False
     return *found, seen.size, regular.size
+
+
+def rest_instants(time: Floats, rests: Sequence[float]) -> Ints:
+    """Return the numbers of the last instants before some times, and of the last one.
+
+    Examples
+    --------
+    >>> rest_instants(np.array([0.0, 0.1, 0.2, 0.3]), [0.2]).tolist()
+    [1, 3]
+    """
+    before = np.searchsorted(time, np.array(rests, dtype=np.float64) - TIME_TOLERANCE) - 1
+    return np.append(np.maximum(before, 0), time.size - 1)
 
 
 # Throws that share rails and times share what their records hold before they begin. It is named by
@@ -217,7 +238,8 @@ def trim_watched(
         law_placed=law_placed,
         stride=plan.watch.stride,
         seen=record.seen[: plan.n_regular, :count],
-        seen_last=record.seen[plan.places[-1, 1] :][:1, :count],
+        rests=plan.rests,
+        seen_rests=record.seen[plan.places[plan.rests, 1], :count],
         laws=tuple(plan.watch.laws),
         effort=record.effort,
     )

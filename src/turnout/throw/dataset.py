@@ -224,6 +224,7 @@ def _states(
             panel,
             time=time,
             slipping=np.asarray(channels["drive_slipping"][1], dtype=np.bool_),
+            drive_force=values("drive_force"),
             drive_gap=values("drive_gap"),
             sensor_gap=values("sensor_gap") if "sensor_gap" in channels else None,
             moved=moved,
@@ -306,6 +307,9 @@ def _rules(panel: LoadedPanel, scheme: Scheme) -> Attributes:
         "flangeway_limit": panel.flangeway.limit if panel.flangeway else float("nan"),
         "instrumented_rail": panel.instrumented_rail,
         **({"loaded_by": panel.schedule.loaded_by} if prior_movement(panel) else {}),
+        "sensor_rails": json.dumps(
+            {name: item.rail for name, item in panel.sensor.items() if item.rail is not None}
+        ),
         "scheme": scheme.describe(),
         "mode": scheme.mode,
         "step": scheme.step,

@@ -127,7 +127,10 @@ def gap_rows(
 
 
 def gap_places(panel: Panel) -> list[GapPlace]:
-    """Return the places of the gaps of `split_gaps`: at drives on both rails, then at sensors."""
+    """Return the places of the gaps of `split_gaps`: at drives on both rails, so at sensors.
+
+    A sensor on one rail alone is there twice.
+    """
     named = [panel.sensor, panel.rail]
     # drives by their places: a study may vary what they are with each throw
     at = [(drive.x, drive.height) for drive in panel.drive.values()]
@@ -137,7 +140,11 @@ def gap_places(panel: Panel) -> list[GapPlace]:
         x = _frozen([drive.x for drive in panel.drive.values()])
         z = _frozen([drive.height for drive in panel.drive.values()])
         rails = [closed_rail(panel, position) for position in ("closed", "open")]
-        sensors = [(s.rail, _frozen([s.x]), _frozen([s.height])) for s in panel.sensor.values()]
+        sensors = [
+            (sensor.rail or rail, _frozen([sensor.x]), _frozen([sensor.height]))
+            for rail in rails
+            for sensor in panel.sensor.values()
+        ]
         kept = _places.put(key, ([*((rail, x, z) for rail in rails), *sensors], named))
     return kept[0]
 
@@ -145,9 +152,9 @@ def gap_places(panel: Panel) -> list[GapPlace]:
 def split_gaps(panel: Panel, gaps: Floats, time: Floats) -> tuple[Floats, Floats]:
     """Return gaps at drives and at sensors of open distances at the `gap_places` one by one.
 
-    The gap at a drive's rod is that of the rail that should be closed: the one which the present or
-    last movement closes, before the first movement the one that is closed where the schedule
-    starts. A panel with one rail has no choice.
+    The gap at a drive's rod, or at a pair of sensors, is that of the rail that should be closed:
+    the one which the present or last movement closes, before the first movement the one that is
+    closed where the schedule starts. A panel with one rail has no choice.
 
     Parameters
     ----------
@@ -189,17 +196,19 @@ def split_gaps_of(
     at_drives, at_sensors : ndarray, shapes (n, n_drives, n_times), (n, n_sensors, n_times)
         [m]
     """
-    count, spans = len(panel.drive), closed_spans(panel, time)
-    size = (len(throws), time.size)
-    at_drives = np.empty((size[0], count, size[1]), dtype=kind)
-    at_sensors = np.empty((size[0], len(throws[0]) - 2 * count, size[1]), dtype=kind)
-    for gaps, own_drives, own_sensors in zip(throws, at_drives, at_sensors, strict=True):
-        # at any instant one of the two is wanted closed
-        first, second = gaps[:count], gaps[count : 2 * count]
-        for begin, end, closed in spans:
-            own_drives[:, begin:end] = (first if closed else second)[:, begin:end]
-        own_sensors[...] = gaps[2 * count :]
-    return at_drives, at_sensors
+    spans = closed_spans(panel, time)
+
+    def of_closed(family: slice, count: int) -> NDArray[AnyFloat]:
+        found = np.empty((len(throws), count, time.size), dtype=kind)
+        for gaps, own in zip(throws, found, strict=True):
+            # at any instant one of the two is wanted closed
+            first, second = gaps[family][:count], gaps[family][count:]
+            for begin, end, closed in spans:
+                own[:, begin:end] = (first if closed else second)[:, begin:end]
+        return found
+
+    drives, sensors = len(panel.drive), len(panel.sensor)
+    return of_closed(slice(2 * drives), drives), of_closed(slice(2 * drives, None), sensors)
 
 
 def place_block(panel: Panel, motion: Motion) -> RowBlock:

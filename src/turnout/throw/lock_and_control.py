@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.mechanism.mechanism import LawIndex
+from turnout.panel.lock_rule import DriveStates, lock_holds
 from turnout.panel.model import Panel
 from turnout.solver.watch import TIME_TOLERANCE
 from turnout.throw.flangeway import MovementEnds, least_flangeways, movement_ends
@@ -96,17 +97,16 @@ def control_states(
     *,
     time: Floats,
     slipping: Flags,
+    drive_force: Floats,
     drive_gap: Floats,
     sensor_gap: Floats | None,
     moved: Sequence[DirectedMovement] | None = None,
-    limits: tuple[Floats, Floats] | None = None,
+    limits: tuple[Floats, Floats, Floats] | None = None,
 ) -> dict[str, Channel]:
     """Return `in_control` of every sensor and `locked` by the panel's rule.
 
-    Nothing is locked while a movement is under way, from its onset until the last marker rests.
-    "slip or gap" refuses where a drive slips or a gap at a drive is at its limit or above, "no
-    slip" and "raw gap" use one of the two. A single rail that should be open has no gap to be
-    judged: its drives hold it by not slipping.
+    Nothing is locked while a movement is under way, from its onset until the last marker rests; at
+    rest `turnout.panel.lock_rule` decides.
 
     Parameters
     ----------
@@ -116,6 +116,8 @@ def control_states(
         [s]
     slipping : ndarray of bool, shape (..., n_drives, n_times)
         Whether a drive is at its saturation force; like the others also of many throws.
+    drive_force : ndarray, shape (..., n_drives, n_times)
+        On the rail [N].
     drive_gap : ndarray, shape (..., n_drives, n_times)
         Raw gap at the rods [m].
     sensor_gap : ndarray, shape (..., n_sensors, n_times), optional
@@ -123,28 +125,29 @@ def control_states(
     moved : sequence of Throw, optional
         The movements as they were made; default those of the schedule.
     limits : tuple of ndarray, optional
-        Of gaps at drives and at sensors, shapes (..., n_drives) and (..., n_sensors); default those
-        of the panel [m].
+        Slip forces, gaps at drives and gaps at sensors from which they refuse, shapes
+        (..., n_drives) twice and (..., n_sensors); default those of the panel [N], [m], [m].
     """
-    at_drives, at_sensors = state_limits(panel) if limits is None else limits
-    held = ~np.logical_or.reduce(slipping, axis=-2)
-    if panel.lock.rule == "raw gap":
-        small = (drive_gap < at_drives[..., np.newaxis]).all(axis=-2)
-        held = np.where(rail_closes(panel, time), small, held)
-    elif panel.lock.rule == "slip or gap":
-        # a gap that is not known is never wide
-        wide = np.logical_or.reduce(drive_gap >= at_drives[..., np.newaxis], axis=-2)
-        held &= ~(wide & rail_closes(panel, time))
+    slip_limit, gap_limit, at_sensors = state_limits(panel) if limits is None else limits
+    drives = DriveStates(
+        slipping=slipping,
+        force=drive_force,
+        gap=drive_gap,
+        slip_limit=slip_limit,
+        gap_limit=gap_limit,
+    )
+    held = lock_holds(panel.lock.rule, drives, rail_closes(panel, time))
     states: dict[str, Channel] = {"locked": (("time",), held & at_rest(panel, time, moved))}
     if sensor_gap is not None:
         states["in_control"] = (("sensor", "time"), sensor_gap < at_sensors[..., np.newaxis])
     return states
 
 
-def state_limits(panel: Panel) -> tuple[Floats, Floats]:
-    """Return the gaps from which drives refuse lock, and sensors control [m]."""
+def state_limits(panel: Panel) -> tuple[Floats, Floats, Floats]:
+    """Return slip forces [N], and gaps from which drives refuse lock, and sensors control [m]."""
     at_sensors = [sensor.limit for sensor in panel.sensor.values()]
-    return np.array(list(panel.gap_limits().values())), np.array(at_sensors)
+    gaps = np.array(list(panel.gap_limits().values()))
+    return slip_forces(panel), gaps, np.array(at_sensors)
 
 
 def flangeway_ends(

@@ -15,12 +15,20 @@ from turnout.figures.sheet import MOST_POINTS, sheet_record
 from turnout.figures.style import rendered
 from turnout.figures.throw import plot_throw
 from turnout.measurement.formats.history import history_text
+from turnout.metric.checks import (
+    Check,
+    Lamp,
+    checks,
+    direction_of,
+    format_gap,
+    lamps,
+    meaning_of,
+    quantity_text,
+)
 from turnout.metric.finding import headline
 from turnout.metric.key_figure import KeyFigure, key_figures
-from turnout.metric.lamp import lamps
-from turnout.metric.limit_check import LimitCheck, limit_checks
 from turnout.metric.summary import summary
-from turnout.metric.verdict import verdict
+from turnout.metric.verdict import Verdict, verdict
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel
 from turnout.panel.model import Panel
@@ -122,8 +130,6 @@ def _trapped(request: RunRequest) -> ForeignObject | None:
     return ForeignObject(given.size, given.at, stiffness=given.stiffness, kind=given.kind)
 
 
-# Units of the screen, their size in SI and how many decimals are shown.
-SHOWN = {"N": ("kN", 1e3, 2), "m": ("mm", 1e-3, 2), "s": ("s", 1.0, 3)}
 PREVIEW_FRAMES, PREVIEW_POINTS = 61, 500
 
 
@@ -148,25 +154,28 @@ def throw_reply(panel: Panel, dataset: xr.Dataset, *, preview: bool = False) -> 
         raise SolverError(str(dataset.attrs["outcome_message"]))
     frames, points = (PREVIEW_FRAMES, PREVIEW_POINTS) if preview else (FRAMES, MOST_POINTS)
     motion = motion_record(panel, dataset, frames=frames)
+    made = checks(dataset)
+    judged = verdict(dataset, made)
     return {
         "complete": bool(dataset.attrs["complete"]),
         "message": "" if dataset.attrs["complete"] else str(dataset.attrs["outcome_message"]),
         "seconds": float(dataset.attrs["wall_time"]),
         "scheme": str(dataset.attrs["scheme"]),
         "objects": json.loads(dataset.attrs["foreign_objects"]),
-        "verdict": _verdict(dataset),
-        "limits": [_limit(item) for item in limit_checks(dataset)],
+        "verdict": _verdict(judged, dataset),
+        "checks": [_check(item, dataset, missed=judged.missed) for item in made],
         "summary": [list(line) for line in summary(dataset)],
-        "lamps": _lamps(dataset, motion["at"]),
+        "lamps": [
+            _lamp(item, dataset, missed=judged.missed) for item in lamps(dataset, motion["at"])
+        ],
         "figures": [_figure(item) for item in key_figures(dataset)],
         "sheet": sheet_record(throw_sheet(dataset, title=""), most=points),
         "motion": motion,
     }
 
 
-def _verdict(dataset: xr.Dataset) -> dict[str, Any]:
+def _verdict(found: Verdict, dataset: xr.Dataset) -> dict[str, Any]:
     """Return the verdict with the level of the report's headline; a preview is judged alike."""
-    found = verdict(dataset)
     told = headline(found, dataset)
     level = "look" if told is None else told.level
     return {
@@ -178,47 +187,62 @@ def _verdict(dataset: xr.Dataset) -> dict[str, Any]:
     }
 
 
-def _limit(item: LimitCheck) -> dict[str, Any]:
-    unit, factor, decimals = SHOWN[item.unit]
+def _state(item: Check, *, missed: bool) -> str:
+    """Return the state of a check; what accepts a trapped object is "missed", not "good"."""
+    if item.met is None:
+        return "rest"
+    return "bad" if not item.met else "missed" if missed else "good"
 
-    def number(value: float) -> str:
-        return f"{round(value / factor, decimals) + 0.0:.{decimals}f}"
 
-    between = "of" if item.side == "below" else "of min"
-    left = "left" if item.passed else "over" if item.side == "below" else "short"
+def _check(item: Check, dataset: xr.Dataset, *, missed: bool) -> dict[str, Any]:
+    after = "" if item.movement is None else direction_of(item.movement)
     return {
         "key": item.key,
-        "label": item.label,
-        "text": f"{number(item.value)} {between} {item.limit / factor:.4g} {unit}",
-        "margin": f"{number(abs(item.margin))} {left}",
-        "share": item.margin / item.limit,
-        "passed": item.passed,
-        "meaning": item.meaning,
+        "kind": item.kind,
+        "label": f"{item.label or item.name}{f', {after}' if after else ''}",
+        "text": item.numbers or item.text,
+        "margin": item.left,
+        "state": _state(item, missed=missed),
+        "meaning": meaning_of(item.kind, dataset),
     }
 
 
-def _lamps(dataset: xr.Dataset, at: list[int]) -> list[dict[str, Any]]:
-    return [
-        {
-            "kind": lamp.kind,
-            "name": lamp.name,
-            "on": lamp.on[at].tolist(),
-            "wanted": lamp.wanted,
-            "judged": lamp.judged[at].tolist(),
-            "words": list(lamp.words),
-            "rule": lamp.rule,
-        }
-        for lamp in lamps(dataset)
-    ]
+def _lamp(lamp: Lamp, dataset: xr.Dataset, *, missed: bool) -> dict[str, Any]:
+    """Return a lamp over the frames: state, word and number of each are those of its instant."""
+    several = len({check.movement for check in lamp.checks}) > 1
+    words = []
+    for lit, check in zip(lamp.on, lamp.checks, strict=True):
+        word = lamp.words[0 if lit else 1]
+        after = lamp.kind == "lock" and several and check.met is not None
+        after &= check.movement is not None
+        words.append(f"{word} after {direction_of(check.movement)}" if after else word)
+    return {
+        "kind": lamp.kind,
+        "name": lamp.name,
+        "title": f"{lamp.words[0]} when {lamp.rule}. {meaning_of(lamp.kind, dataset)}",
+        "words": words,
+        "states": [_state(check, missed=missed) for check in lamp.checks],
+        "numbers": [
+            f"{check.label} {check.numbers}".strip() if lamp.kind == "lock" else check.numbers
+            for check in lamp.checks
+        ],
+        "margins": [check.left for check in lamp.checks],
+    }
 
 
 def _figure(item: KeyFigure) -> dict[str, Any]:
-    unit, factor, decimals = SHOWN[item.unit]
     missing = math.isnan(item.value)
-    # Adding zero turns a negative zero into a plain one.
-    text = "-" if missing else f"{round(item.value / factor, decimals) + 0.0:.{decimals}f} {unit}"
+    text = quantity_text(item.value, item.unit, decimals=3 if item.unit == "s" else 2)
+    if item.unit == "m":
+        text = format_gap(item.value)
     value = None if missing else item.value
-    return {"key": item.key, "label": item.label, "value": value, "unit": item.unit, "text": text}
+    return {
+        "key": item.key,
+        "label": item.label,
+        "value": value,
+        "unit": item.unit,
+        "text": "-" if missing else text,
+    }
 
 
 FILES: Mapping[str, str] = {

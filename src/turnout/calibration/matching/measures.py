@@ -17,6 +17,7 @@ from turnout.metric.panel_check import concerns, flutter_concerns
 from turnout.metric.slip import last_instant_at, movements
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel
+from turnout.panel.lock_rule import LOCK_RULES, DriveStates
 from turnout.solver.watch import TIME_TOLERANCE
 
 if TYPE_CHECKING:
@@ -125,8 +126,15 @@ def sensor_gap(thrown: Thrown, sensor: str) -> float:
 
 
 def least_sensor_gap(thrown: Thrown, sensor: str) -> float:
-    """Return the least gap at a sensor at any time [m]: what is smaller there is never touched."""
-    return float(thrown.dataset["sensor_gap"].sel(sensor=sensor).min())
+    """Return the least gap at a sensor while the instrumented rail should be closed [m].
+
+    An object of a smaller size there is never touched.
+    """
+    gap = thrown.dataset["sensor_gap"].sel(sensor=sensor).to_numpy()
+    time, closed = thrown.dataset["time"].to_numpy(), np.ones(gap.size, dtype=np.bool_)
+    for span in movements(thrown.dataset):
+        closed[time >= span.start - TIME_TOLERANCE] = span.to == "closed"
+    return float(gap[closed].min())
 
 
 def slip_travels(panel: LoadedPanel, ds: "xr.Dataset", *, closing: bool) -> Floats:
@@ -141,7 +149,11 @@ def slip_travels(panel: LoadedPanel, ds: "xr.Dataset", *, closing: bool) -> Floa
     during = time >= start - TIME_TOLERANCE
     force = ds["drive_force"].transpose("drive", "time").to_numpy()[:, during]
     effort = force.max(axis=1) if closing else np.abs(force).max(axis=1)
-    excess = effort - ds["saturation_force"].to_numpy()
+    return _as_travel(panel, effort - ds["saturation_force"].to_numpy())
+
+
+def _as_travel(panel: LoadedPanel, excess: Floats) -> Floats:
+    """Return forces beyond a level [N] as travels of the drives' bushings [m]."""
     drives = list(panel.drive.values())
     soft = np.array([d.saturated_stiffness or d.stiffness for d in drives])
     stiff = np.array([drive.stiffness for drive in drives])
@@ -163,15 +175,23 @@ def slip_travel_anywhere(thrown: Thrown, drive: str) -> float:
 def lock_excess(thrown: Thrown, _: str) -> float:
     """Return by how much the closed switch misses its lock [m]; negative where it locks.
 
-    The largest of slip travels and of gaps at drives less their limits, by the rule of the panel.
+    The largest of what the criteria of the panel's rule measure at drives less their limits, forces
+    as travels of bushings.
     """
     panel, ds = thrown.panel, thrown.dataset
-    limits = np.array(list(panel.gap_limits().values()))
-    gaps = ds["end_gap"].to_numpy() - limits
-    at_end = ds.isel(time=slice(-2, None))
-    slips = slip_travels(panel, at_end, closing=False)
-    used = {"slip or gap": (gaps, slips), "no slip": (slips,), "raw gap": (gaps,)}
-    return float(np.nanmax(np.concatenate(used[panel.lock.rule])))
+    end = ds.isel(time=slice(-2, None)).transpose("drive", ..., "time")
+    drives = DriveStates(
+        slipping=end["drive_slipping"].to_numpy(),
+        force=end["drive_force"].to_numpy(),
+        gap=ds["end_gap"].to_numpy()[:, np.newaxis],
+        slip_limit=ds["saturation_force"].to_numpy(),
+        gap_limit=np.array(list(panel.gap_limits().values())),
+    )
+    found = []
+    for item in LOCK_RULES[panel.lock.rule]:
+        excess = item.value(drives).max(axis=-1) - item.limit(drives)
+        found.append(excess if item.unit == "m" else _as_travel(panel, excess))
+    return float(np.nanmax(found))
 
 
 def least_margin(thrown: Thrown, drive: str) -> float:
@@ -252,7 +272,7 @@ MEASURES: Mapping[str, Measure] = {
     "open gap": Measure(LENGTH, "gap at a drive at rest in the open position", "drive", open_gap),
     "sensor gap": Measure(LENGTH, "gap at a sensor at the end", "sensor", sensor_gap),
     "least sensor gap": Measure(
-        LENGTH, "least gap at a sensor at any time", "sensor", least_sensor_gap
+        LENGTH, "least gap at a sensor of the closing rail", "sensor", least_sensor_gap
     ),
     "slip travel": Measure(
         LENGTH, "bushing beyond its slip level on closing, negative before", "drive?", slip_travel

@@ -24,7 +24,7 @@ Floats = NDArray[np.float64]
 SAVE = Save(
     fields=(
         *("drive_force", "drive_displacement", "drive_gap", "end_gap", "sensor_gap"),
-        *("object_force", "chair_normal_force", "force_margin"),
+        *("object_force", "chair_normal_force", "force_margin", "drive_slipping"),
         *("least_flangeway", "least_flangeway_x", "least_flangeway_rail"),
     )
 )

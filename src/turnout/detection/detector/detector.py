@@ -174,7 +174,7 @@ class Detector:
 
     def _unusable(self, part: str, features: Floats) -> str:
         """Return why a throw cannot be judged by its features; empty where it can."""
-        if self._rest(part, features) == ZEROED:
+        if self._zeroed(part, features):
             return ZEROED
         view, layout = self.view(part), self.knowledge.layout
         own = features[view.features]
@@ -183,13 +183,13 @@ class Detector:
             return f"{lost} windows hold no samples" if lost else ""
         return wrong_features(own, view.usual[0], layout.drive[view.features], layout.drives)
 
-    def _rest(self, part: str, features: Floats) -> str:
-        """Return what is unusual in the forces at rest; machines at rest draw no current."""
+    def _zeroed(self, part: str, features: Floats) -> bool:
+        """Return True if forces were zeroed at rest; machines at rest draw no current."""
         if self.quantity != FORCE:
-            return ""
+            return False
         if part not in self._rests:
             self._rests[part] = ForcesAtRest(self.view(part), self.knowledge.layout)
-        return self._rests[part].fault(features)
+        return self._rests[part].zeroed(features)
 
     def judge_features(self, features: Floats, *, part: str = CYCLE) -> Verdict:
         """Judge one throw by its features, shape (n_features,) [N]."""

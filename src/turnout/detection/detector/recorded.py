@@ -398,7 +398,6 @@ def held_at_ends(time: Floats, force: Floats, begin: Floats, end: Floats) -> tup
 
 
 ZEROED = "forces are zeroed at rest; record them against the unloaded rods, without taring"
-UNLOADED = "the switch starts without the force that its last closing left"
 NEARLY_ZERO = 60.0
 """Mean force at rest below which a channel may have been zeroed there [N]."""
 CLEARLY_LOADED = 4.0
@@ -443,8 +442,8 @@ class ForcesAtRest:
             taken = np.array([usual[first & (drive == row)].mean() for row in rows])
             self._taken = taken[drive[last]]
 
-    def fault(self, features: Floats) -> str:
-        """Return `ZEROED`, `UNLOADED`, or nothing where the forces at rest are as they can be.
+    def zeroed(self, features: Floats) -> bool:
+        """Return True if a recorder was zeroed at rest, not for a start without load.
 
         Parameters
         ----------
@@ -455,13 +454,10 @@ class ForcesAtRest:
             bool(loaded) and all(abs(float(features[rows].mean())) < NEARLY_ZERO for rows in loaded)
             for loaded in self._loaded
         ]
-        if zero[-1]:
-            return ZEROED
-        if len(zero) > 1 and zero[0]:
-            off = features[self._last] - self._usual
-            shifted = np.abs(off + self._taken).sum() < np.abs(off).sum()
-            return ZEROED if shifted else UNLOADED
-        return ""
+        if zero[-1] or not zero[0]:
+            return zero[-1]
+        off = features[self._last] - self._usual
+        return bool(np.abs(off + self._taken).sum() < np.abs(off).sum())
 
 
 def part_of(throw: Recorded, layout: Layout) -> str:

@@ -21,17 +21,16 @@ from turnout.metric.sweep_map import (
     NOT_JUDGED,
     NOT_THROWN,
     SLIPS,
-    SLIPS_FREE,
     STATES,
     UNDETECTED,
     end_state,
     sweep_map,
     trapped_objects,
 )
-from turnout.metric.trapped import break_note
+from turnout.metric.verdict import break_note
 
 MAP_INPUTS = ("object.size", "object.at")
-NEEDED = ("outcome", "slipped", "slipped_free", "end_locked")
+NEEDED = ("outcome", "verdict")
 # Of each output the effects of so many inputs are drawn.
 MOST_EFFECT_PLOTS = 2
 
@@ -122,7 +121,7 @@ def sweep_findings(labels: xr.Dataset) -> list[Finding]:
         trapped = trapped_objects(labels)
         gone = 0 if trapped is None else int((touched & ~trapped).sum())
         detail = (
-            f"{count} of {of} throws that touch an object end locked and in control, without slip"
+            f"{count} of {of} throws that touch an object pass all checks with it in the switch"
             + (f"; in {gone} of them the object is gone at the end" if gone else "")
         )
         answer = f"{100 * count / of:.3g} % of touched objects" if of else "No object touched"
@@ -169,7 +168,7 @@ def _map_section(labels: xr.Dataset) -> Section:
     columns = [_level(cells["x"], at) for at in range(cells.sizes["x"])]
     rows = [_level(cells["y"], at) for at in range(cells.sizes["y"])]
     state = cells["state"].to_numpy()
-    framed = (state == SLIPS) | (state == SLIPS_FREE)
+    framed = np.isin(state, SLIPS)
     heats = [
         Heat(title, rows, columns, (factor * cells[name].to_numpy()).tolist(), framed.tolist())
         for name, (title, factor) in TITLES.items()

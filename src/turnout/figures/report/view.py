@@ -17,7 +17,7 @@ from turnout.figures.report.validation import validation_findings
 from turnout.figures.sheet import Sheet
 from turnout.figures.style import rendered, title_of
 from turnout.metric.finding import Finding, findings
-from turnout.metric.throw_table import throw_table
+from turnout.metric.verdict import throw_table
 
 # Colour and sign both carry the level, so that no reader depends on colour.
 SIGNS = {"good": ("✓", "#00875f"), "look": ("!", "#b36b00"), "bad": ("✗", "#c8322b")}

@@ -17,11 +17,11 @@ from turnout.measurement.chain.recorder import Recorder, clocked
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.load import LoadedPanel
 from turnout.solver.integration import History
-from turnout.solver.watch import Watch, Watched
+from turnout.solver.watch import Watch, Watched, rest_instants
 from turnout.study.study import Study
 from turnout.study.sweep.throw_group import GAPS, LAID_TOGETHER, ThrowSignals, single_precision
 from turnout.throw.dataset import response_channels
-from turnout.throw.drives import as_thrown, machine_signals, machine_slips, moved_throws
+from turnout.throw.drives import as_thrown, duties, machine_signals, machine_slips, moved_throws
 from turnout.throw.gaps import gaps_over_time, watched_gaps
 from turnout.throw.lock_and_control import flangeway_ends
 from turnout.throw.recovery import Motion, recover_motion
@@ -42,14 +42,19 @@ def watch_of(study: Study, panel: LoadedPanel) -> Callable[[Mechanism], Watch] |
     """Return the watch of a throw of a mechanism, or None if its whole history is needed."""
     if not {*study.output.channels} <= {*WATCHED}:
         return None
-    ends = [throw.end for throw in throws(panel)]
-    count = 2 * len(panel.drive) + len(panel.sensor)
+    ends, rests = [throw.end for throw in throws(panel)], _rests(panel)
+    count = 2 * (len(panel.drive) + len(panel.sensor))
 
     def watch(mechanism: Mechanism) -> Watch:
         laws, seen = watched_laws(panel, mechanism), watched_gaps(panel, mechanism)
-        return Watch(laws, output_stride(study), ends, count, seen)
+        return Watch(laws, output_stride(study), ends, rests, count, seen)
 
     return watch
+
+
+def _rests(panel: LoadedPanel) -> list[float]:
+    """Return the onsets of the movements that follow others, before which the switch rests [s]."""
+    return [throw.until for throw in throws(panel) if math.isfinite(throw.until)]
 
 
 def watched_laws(panel: LoadedPanel, mechanism: Mechanism) -> list[int]:
@@ -96,6 +101,10 @@ def extract_signals(
         recorder=recorder,
         kept=kept,
         moved=moved,
+        duties=duties(history),
+        object_rails=tuple(
+            {item.whole or item.name: item.rail for item in solved.objects}.values()
+        ),
     )
 
 
@@ -137,7 +146,8 @@ def _further_channels(
 def _watched_of(study: Study, panel: LoadedPanel, motion: Motion, mechanism: Mechanism) -> Watched:
     """Return the results of a watched throw from a whole history, gaps only if they are wanted."""
     history, laws = motion.history, watched_laws(panel, mechanism)
-    gaps, last = _recovered_gaps(study, panel, motion)
+    rests = rest_instants(history.time, _rests(panel))
+    gaps, resting = _recovered_gaps(study, panel, motion, rests)
     return Watched(
         time=history.time,
         inputs=history.inputs,
@@ -145,23 +155,23 @@ def _watched_of(study: Study, panel: LoadedPanel, motion: Motion, mechanism: Mec
         law_placed=history.law_placed,
         stride=output_stride(study),
         seen=gaps.T,
-        seen_last=last.T,
+        rests=rests,
+        seen_rests=resting.T,
         laws=laws,
         effort=history.forces(laws).T,
     )
 
 
-def _recovered_gaps(study: Study, panel: LoadedPanel, motion: Motion) -> tuple[Floats, Floats]:
-    """Return open distances at the instants that are kept, if wanted, and at the last instant."""
+def _recovered_gaps(
+    study: Study, panel: LoadedPanel, motion: Motion, rests: NDArray[np.int64]
+) -> tuple[Floats, Floats]:
+    """Return open distances at the instants that are kept, if wanted, and at those of rest."""
     stride, history = output_stride(study), motion.history
-    end = replace(motion, history=select_instants(history, slice(-1, None)))
+    resting = gaps_over_time(panel, replace(motion, history=select_instants(history, rests)))
     if not {*study.output.channels} & {*GAPS}:
-        last = gaps_over_time(panel, end)
-        return last[:, :0], last
+        return resting[:, :0], resting
     sparse = replace(motion, history=select_instants(history, slice(None, None, stride)))
-    gaps = gaps_over_time(panel, sparse)
-    evenly = (history.time.size - 1) % stride == 0
-    return gaps, gaps[:, -1:] if evenly else gaps_over_time(panel, end)
+    return gaps_over_time(panel, sparse), resting
 
 
 def select_instants(history: History, index: NDArray[np.int64] | slice) -> History:

@@ -4,12 +4,15 @@ They need every instant of a few channels, which are small; the history of a thr
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.metric.checks import FLANGEWAY, SWITCHED_OFF, Check
 from turnout.metric.features import FEATURES, run_features
-from turnout.metric.trapped import is_trapped
+from turnout.metric.slip import Span, switched_off_by
+from turnout.metric.verdict import KINDS, Kind, TrappedItem, judge_objects, kind_of
 from turnout.study.sweep.throw_group import AlikeThrows, ThrowSignals
 from turnout.throw.lock_and_control import (
     contact_labels,
@@ -31,6 +34,10 @@ LABELS = {
     "slipped_free": ("1", "whether a drive slipped before any object was touched"),
     "end_locked": ("1", "lock rule met at the end; -1 where a machine had not arrived"),
     "end_in_control": ("1", "sensor gap below its limit at the end"),
+    "verdict": (
+        "1",
+        "kind of verdict: " + ", ".join(f"{n} {kind}" for n, kind in enumerate(KINDS)),
+    ),
 }
 """Unit and meaning of the labels that only a sweep has."""
 
@@ -52,7 +59,9 @@ def compute_labels(throws: AlikeThrows) -> Values:
     found = _drive_features(throws) | object_labels(throws, touched)
     found |= _state_labels(throws) | contact
     found |= flangeway_labels([run.ends for run in throws.runs])
-    found["object_trapped"] = ((), _trapped(throws, found))
+    items = _items(throws, found)
+    found["object_trapped"] = ((), np.array([any(item.trapped for item in own) for own in items]))
+    found["verdict"] = ((), _verdicts(throws, found, items))
     for name in NOT_STORED:
         found.pop(name, None)
     for name in MACHINE_LABELS:
@@ -78,29 +87,37 @@ def _drive_features(throws: AlikeThrows) -> Values:
 
 
 def _state_labels(throws: AlikeThrows) -> Values:
-    """Return margins, and gaps and states at the end."""
-    first, (drive_gap, sensor_gap) = throws.runs[0], throws.end_gaps
+    """Return margins, and gaps and states at the end; `_locked` and `_in_control` at all rests."""
+    first, (drive_gap, sensor_gap) = throws.runs[0], throws.rest_gaps
     margins = force_margins(
         first.panel, time=throws.time, drive_force=throws.force, limits=throws.slip_limits
     )
     states = control_states(
         first.panel,
-        time=throws.time[-1:],
-        slipping=throws.slipping[..., -1:],
+        time=throws.time[throws.rests],
+        slipping=throws.slipping[..., throws.rests],
+        drive_force=throws.force[..., throws.rests],
         drive_gap=drive_gap,
         sensor_gap=sensor_gap if sensor_gap.size else None,
         moved=first.moved,
-        limits=throws.gap_limits,
+        limits=(throws.slip_limits, *throws.gap_limits),
     )
-    if any(item.unfinished or item.end > throws.time[-1] + 1e-9 for item in first.moved):
-        states["locked"] = (("time",), np.full((len(throws.runs), 1), UNKNOWN_LOGICAL, np.int8))
     found: Values = {
         "force_margin": (("drive", "direction"), margins),
         "end_gap": (("drive",), drive_gap[..., -1]),
     }
-    return found | {
-        f"end_{name}": (dims[:-1], values[..., -1]) for name, (dims, values) in states.items()
-    }
+    for name, (dims, values) in states.items():
+        found[f"end_{name}"] = (dims[:-1], values[..., -1])
+        found[f"rest_{name}"] = (dims, values)
+    if _late(throws)[-1]:
+        found["end_locked"] = ((), np.full(len(throws.runs), UNKNOWN_LOGICAL, np.int8))
+    return found
+
+
+def _late(throws: AlikeThrows) -> list[bool]:
+    """Return for each movement whether it is not over at its end; one value without movements."""
+    end, moved = throws.time[-1] + 1e-9, throws.runs[0].moved
+    return [item.unfinished or item.end > end for item in moved] or [False]
 
 
 def _contact_labels(throws: AlikeThrows) -> Values:
@@ -115,24 +132,147 @@ def _contact_labels(throws: AlikeThrows) -> Values:
     return contact_labels(first.index, touched, placed)
 
 
-def _trapped(throws: AlikeThrows, contact: Values) -> Flags:
-    """Return True for each throw with a touched object that is still there at the end."""
-    taken, left = np.array([_objects(run) for run in throws.runs]).swapaxes(0, 1)
-    taken = np.where(taken > throws.time[-1], np.inf, taken)
+def _items(throws: AlikeThrows, contact: Values) -> list[list[TrappedItem]]:
+    """Return the objects of each throw."""
+    touched = contact["contact_time"][1][:, np.newaxis]
     if "object_contact_time" in contact:
         touched = contact["object_contact_time"][1]
-    else:
-        touched = contact["contact_time"][1][:, np.newaxis]
-    return np.asarray(is_trapped(touched, taken, left).any(axis=-1))
+    return [
+        _items_of(run, own, float(throws.time[-1]))
+        for run, own in zip(throws.runs, touched.tolist(), strict=True)
+    ]
 
 
-def _objects(run: ThrowSignals) -> tuple[list[float], list[float]]:
-    """Return the end of each object [s], and the size that is left of it [m]."""
+def _items_of(run: ThrowSignals, contact: list[float], end: float) -> list[TrappedItem]:
+    if not run.object_rails:
+        return []
     taken = [float(run.disappears[own[0]]) for own in run.index.object_laws.values()]
     left = [math.nan] * len(taken)
     if "object_left" in run.labels:
         left = run.labels["object_left"][1].tolist()
-    return taken, left
+    return [
+        TrappedItem(
+            contact=first,
+            gone=math.inf if gone > end else gone,
+            position="closed" if rail == run.panel.instrumented_rail else "open",
+            left=size,
+        )
+        for first, gone, size, rail in zip(contact, taken, left, run.object_rails, strict=True)
+    ]
+
+
+def _verdicts(
+    throws: AlikeThrows, found: Values, items: Sequence[Sequence[TrappedItem]]
+) -> NDArray[np.int8]:
+    """Return the kind of verdict on each throw, by its place in `KINDS`.
+
+    The rests of a movement are those before the next one: of an object that is taken out at rest
+    lock and sensors are not asked before that.
+    """
+    late, narrow, spans = _late(throws), _narrow(throws, found).tolist(), _periods(throws)
+    locked = found.pop("rest_locked")[1].astype(bool)
+    refused = ~locked[:, np.newaxis]
+    if "rest_in_control" in found:
+        out = ~found.pop("rest_in_control")[1].astype(bool) & _asked(throws)
+        refused = np.concatenate([refused, out], axis=1)
+    refused[..., late] = True  # not judged
+    onsets = _slip_onsets(throws)
+    plain: Flags = np.asarray(~refused.any(axis=(1, 2)) & np.isnan(onsets).all(axis=(1, 2)))
+    made = np.empty(len(throws.runs), dtype=np.int8)
+    for number, own in enumerate(items):
+        kind: Kind = "not sound" if narrow[number] else "sound"
+        if plain[number]:
+            kind = "undetected object" if any(item.trapped for item in own) else kind
+        else:
+            checks = _slip_checks(throws, number, onsets[number])
+            checks += _rest_checks(throws, refused[number], late)
+            if narrow[number]:
+                checks.append(Check(kind=FLANGEWAY, name=FLANGEWAY, criterion=FLANGEWAY, met=False))
+            kind = kind_of(judge_objects(own, checks, spans), checks, late=any(late))
+        made[number] = KINDS.index(kind)
+    return made
+
+
+def _narrow(throws: AlikeThrows, found: Values) -> Flags:
+    """Return whether the least flangeway of each throw is below its limit."""
+    limits = [run.panel.flangeway.limit if run.panel.flangeway else math.nan for run in throws.runs]
+    return np.asarray(found["least_flangeway"][1] < np.array(limits))
+
+
+def _periods(throws: AlikeThrows) -> list[tuple[Span | None, float]]:
+    """Return each movement with the onset of the next one [s]."""
+    until = [item.until for item in throws.runs[0].moved]
+    return list(zip(throws.spans, until, strict=True)) or [(None, math.inf)]
+
+
+def _asked(throws: AlikeThrows) -> Flags:
+    """Return whether each sensor is on the rail that is closed at each rest."""
+    panel = throws.runs[0].panel
+    closed = np.array([span is None or span.to == "closed" for span, _ in _periods(throws)])
+    of_closed = [
+        closed | (sensor.rail is None and len(panel.rail) > 1)
+        if sensor.rail in (None, panel.instrumented_rail)
+        else ~closed
+        for sensor in panel.sensor.values()
+    ]
+    return np.array(of_closed, dtype=np.bool_).reshape(len(of_closed), closed.size)
+
+
+def _slip_onsets(throws: AlikeThrows) -> Floats:
+    """Return when each drive first slips in each movement, NaN for never.
+
+    Shape (n, n_drives, n_movements) [s].
+    """
+    spans, flags = _periods(throws), throws.slipping
+    onsets = np.full((*flags.shape[:2], len(spans)), np.nan)
+    some = flags.any(axis=(1, 2))
+    if not some.any():
+        return onsets
+    begins = flags[some]
+    begins[..., 1:] &= ~flags[some][..., :-1]
+    for rest, (span, until) in enumerate(spans):
+        onset = span.start if span is not None and rest else -math.inf
+        first, last = np.searchsorted(throws.time, (onset, until)).tolist()
+        within = begins[..., first:last]
+        if last > first:
+            at = throws.time[first + within.argmax(axis=-1)]
+            onsets[some, :, rest] = np.where(within.any(axis=-1), at, np.nan)
+    return onsets
+
+
+def _slip_checks(throws: AlikeThrows, number: int, onsets: Floats) -> list[Check]:
+    """Return the slips of one throw."""
+    run = throws.runs[number]
+    made = [(duty.drive, duty.on, duty.off, duty.outcome) for duty in run.duties]
+    return [
+        Check(
+            kind="slip",
+            name=drive,
+            criterion=SWITCHED_OFF if switched_off_by(made, drive, time) else "slip",
+            met=False,
+            time=time,
+            movement=span,
+        )
+        for drive, times in zip(run.panel.drive, onsets.tolist(), strict=True)
+        for time, (span, _) in zip(times, _periods(throws), strict=True)
+        if not math.isnan(time)
+    ]
+
+
+def _rest_checks(throws: AlikeThrows, refused: Flags, late: Sequence[bool]) -> list[Check]:
+    """Return the locks and sensors of one throw that are not met, or not judged."""
+    times = throws.time[throws.rests].tolist()
+    return [
+        Check(
+            kind="control" if row else "lock",
+            name=str(row),
+            criterion="",
+            met=None if late[rest] else False,
+            time=times[rest],
+            movement=_periods(throws)[rest][0],
+        )
+        for row, rest in zip(*(axis.tolist() for axis in np.nonzero(refused)), strict=True)
+    ]
 
 
 def object_labels(throws: AlikeThrows, contact: Floats) -> Values:

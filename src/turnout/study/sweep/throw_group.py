@@ -15,6 +15,7 @@ from turnout.mechanism.mechanism import LawIndex
 from turnout.metric.slip import Span
 from turnout.panel.load import LoadedPanel
 from turnout.panel.markers import marker_offsets
+from turnout.solver.duty import Duty
 from turnout.solver.watch import Watched
 from turnout.throw.flangeway import MovementEnds
 from turnout.throw.gaps import split_gaps_of
@@ -66,6 +67,10 @@ class ThrowSignals:
         Further histories at the rate of the study.
     moved : tuple of Throw
         The movements as they were made.
+    duties : tuple of Duty
+        What its machines did on their commands.
+    object_rails : tuple of str
+        The rail of each object.
     """
 
     panel: LoadedPanel
@@ -78,6 +83,8 @@ class ThrowSignals:
     recorder: Recorder
     kept: Variables
     moved: tuple[DirectedMovement, ...]
+    duties: tuple[Duty, ...] = ()
+    object_rails: tuple[str, ...] = ()
 
     @property
     def spans(self) -> tuple[Span, ...]:
@@ -109,8 +116,12 @@ class AlikeThrows:
         Forces on the objects: their dimensions, and values with throws first.
     drive_gap, sensor_gap : ndarray of float32, shape (n, n_drives, n_kept), (n, n_sensors, n_kept)
         At the rate of the study; without instants where that is not wanted [m].
-    end_gaps, gap_limits : tuple of ndarray, shapes (n, n_drives, 1) and (n, n_sensors, 1)
-        Gaps at drives and sensors at the end, and their limits without the last axis [m].
+    rests : ndarray of int, shape (n_rests,)
+        Numbers of the last instants before a next movement, and of the last one.
+    rest_gaps : tuple of ndarray, shapes (n, n_drives, n_rests) and (n, n_sensors, n_rests)
+        Gaps at drives and sensors at these [m].
+    gap_limits : tuple of ndarray, shapes (n, n_drives) and (n, n_sensors)
+        Their limits [m].
     """
 
     runs: Sequence[ThrowSignals]
@@ -124,7 +135,8 @@ class AlikeThrows:
     on_objects: Variables
     drive_gap: NDArray[np.float32]
     sensor_gap: NDArray[np.float32]
-    end_gaps: tuple[Floats, Floats]
+    rests: NDArray[np.int64]
+    rest_gaps: tuple[Floats, Floats]
     gap_limits: tuple[Floats, Floats]
 
 
@@ -167,8 +179,9 @@ def lay_together(runs: Sequence[ThrowSignals]) -> AlikeThrows:
         )
     kept = time[::stride][: runs[0].watched.seen.shape[0]]
     gaps = split_gaps_of(panel, [run.watched.seen.T for run in runs], kept, kind=np.float32)
-    ends = [run.watched.seen_last.T for run in runs]
-    end_gaps = split_gaps_of(panel, ends, time[-1:], kind=np.float64)
+    rests = runs[0].watched.rests
+    resting = [run.watched.seen_rests.T for run in runs]
+    rest_gaps = split_gaps_of(panel, resting, time[rests], kind=np.float64)
     limits = [state_limits(run.panel) for run in runs]
     return AlikeThrows(
         runs=runs,
@@ -182,8 +195,9 @@ def lay_together(runs: Sequence[ThrowSignals]) -> AlikeThrows:
         on_objects=object_channels(runs[0].index, on_objects),
         drive_gap=gaps[0],
         sensor_gap=gaps[1],
-        end_gaps=end_gaps,
-        gap_limits=(np.array([one for one, _ in limits]), np.array([one for _, one in limits])),
+        rests=rests,
+        rest_gaps=rest_gaps,
+        gap_limits=(np.array([row[1] for row in limits]), np.array([row[2] for row in limits])),
     )
 
 

@@ -51,7 +51,7 @@ function table() {
     row.append(cell("th", `${lamp.name}, at the end`, "row"));
     for (const { answer } of columns) {
       const own = answer.lamps.find((item) => item.kind === lamp.kind && item.name === lamp.name);
-      row.append(cell("td", own ? own.words[own.on.at(-1) ? 0 : 1] : "-"));
+      row.append(cell("td", own ? own.words.at(-1) : "-"));
     }
     rows.push(row);
   });

@@ -9,6 +9,7 @@ const byId = (id) => document.getElementById(id);
 const KINDS = {
   "undetected object": ["◆", "undetected", "missed"],
   "detected by slip": ["S", "detected by slip", "good"],
+  "detected by switch-off": ["O", "detected by switch-off", "good"],
   "detected by lock": ["L", "detected by lock", "good"],
   "detected by TKK": ["T", "detected by TKK", "good"],
   "not touched": ["·", "not touched", "rest"],

@@ -1,14 +1,7 @@
-// The verdict, then each state and value with its limit. States are of the shown instant, values of the throw.
+// The verdict, then each check. Lamps show state and number of the shown instant, the table the checks of the throw.
 import { on, state } from "./state.js";
 
-// The limit that belongs to a lamp: of several the one with the least left.
-function limitOf(lamp) {
-  const key = { control: `sensor_gap:${lamp.name}`, slip: `drive_force:${lamp.name.replace(/^drive /, "")}`, lock: "drive_gap:" }[lamp.kind];
-  const fits = state.answer.limits.filter((item) => lamp.kind === "lock" ? item.key.startsWith(key) : item.key === key);
-  return fits.sort((a, b) => a.share - b.share)[0];
-}
-
-function made({ kind, name, title, limit, long }) {
+function made({ kind, name, title }) {
   const box = document.createElement("div");
   box.className = "lamp";
   box.dataset.kind = kind;
@@ -17,34 +10,31 @@ function made({ kind, name, title, limit, long }) {
   const [light, text, value] = ["i", "span", "small"].map((tag) => document.createElement(tag));
   light.setAttribute("aria-hidden", "true");
   text.append(`${name[0].toUpperCase()}${name.slice(1)}: `, document.createElement("b"));
-  if (limit) {
-    const margin = document.createElement("b");
-    margin.textContent = limit.margin;
-    value.append(`${long ? `${limit.label} ` : ""}${limit.text}`, margin);
-    value.className = limit.passed ? "" : "over";
-  }
+  value.append(document.createElement("span"), document.createElement("b"));
   box.append(light, text, value);
   return box;
 }
 
-function boxes() {
-  const { lamps, limits } = state.answer;
-  const shown = lamps.map((lamp) => {
-    const limit = limitOf(lamp);
-    return made({ ...lamp, limit, long: lamp.kind === "lock", title: `${lamp.words[0]} when ${lamp.rule}.${limit ? ` ${limit.meaning}` : ""}` });
-  });
-  const own = limits.filter((item) => !/^(sensor_gap|drive_force|drive_gap):/.test(item.key));
-  shown.push(...own.map((limit) => {
-    const box = made({ kind: "limit", name: limit.label, limit, title: limit.meaning });
-    box.dataset.state = limit.passed ? passed() : "bad";
-    box.querySelector("b").textContent = limit.passed ? "wide enough" : "too narrow";
-    return box;
-  }));
-  document.getElementById("lamps").replaceChildren(...shown);
+// State, word and number of a lamp always change together.
+function show(box, { word, state: light, numbers, margin }) {
+  box.dataset.state = light;
+  box.querySelector("span b").textContent = word;
+  const value = box.querySelector("small");
+  value.className = light === "bad" ? "over" : "";
+  value.querySelector("span").textContent = numbers;
+  value.querySelector("b").textContent = margin;
 }
 
-// Green never means missed: what accepts a trapped object is not good.
-const passed = () => state.answer.verdict.missed ? "missed" : "good";
+function boxes() {
+  const { lamps, checks } = state.answer;
+  const shown = lamps.map(made);
+  for (const check of checks.filter((item) => item.kind === "flangeway")) {
+    const box = made({ kind: "limit", name: check.label, title: check.meaning });
+    show(box, { word: check.state === "bad" ? "too narrow" : "wide enough", state: check.state, numbers: check.text, margin: check.margin });
+    shown.push(box);
+  }
+  document.getElementById("lamps").replaceChildren(...shown);
+}
 
 function table() {
   const row = (cells, tag) => {
@@ -52,9 +42,9 @@ function table() {
     made.append(...cells.map((text) => Object.assign(document.createElement(tag), { textContent: text })));
     return made;
   };
-  const rows = state.answer.limits.map((item) => {
+  const rows = state.answer.checks.map((item) => {
     const made = row([item.label, item.text, item.margin, item.meaning], "td");
-    made.className = item.passed ? "" : "over";
+    made.className = item.state === "bad" ? "over" : "";
     return made;
   });
   document.getElementById("limits").replaceChildren(row(["Value", "Of its limit", "Margin", "Meaning"], "th"), ...rows);
@@ -82,11 +72,9 @@ export function startVerdict() {
     for (const [number, box] of [...document.getElementById("lamps").children].entries()) {
       const lamp = lamps[number];
       if (!lamp) break;
-      const lit = lamp.on[state.frame];
       // A moving or open switch need not be locked or in control; that is no fault.
-      const word = lit === lamp.wanted ? passed() : "bad";
-      box.dataset.state = lamp.judged[state.frame] ? word : "rest";
-      box.querySelector("b").textContent = lamp.words[lit ? 0 : 1];
+      const [word, light, numbers, margin] = [lamp.words, lamp.states, lamp.numbers, lamp.margins].map((values) => values[state.frame]);
+      show(box, { word, state: light, numbers, margin });
     }
   });
 }

@@ -1,0 +1,637 @@
+"""Checks of a throw: one ordered list that verdict, lamps, findings and commands read.
+
+A check is one question with its answer: whether a drive slips in a movement, whether the switch
+locks at the rest after it, whether a sensor is in control there, whether wheels have room. It has
+the value that decided beside its limit, of one instant and one criterion.
+"""
+
+import json
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.core.value_text import shown_unit
+from turnout.metric.slip import (
+    LEAST_SHARE,
+    TIME_TOLERANCE,
+    Slip,
+    Span,
+    movements,
+    periods,
+    slips,
+    unfinished,
+)
+from turnout.panel.lock_rule import LOCK_RULES, SLIP, DriveStates, LockCriterion, criteria_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Side = Literal["below", "at least"]
+
+SWITCHED_OFF = "switched off"
+"""Criterion of a machine that is switched off before its end position."""
+FLANGEWAY = "flangeway"
+
+
+def quantity_text(value: float, unit: str, *, decimals: int = 2) -> str:
+    """Return a force [N] in kilonewtons, a gap [m] in millimetres, a time [s] as it is.
+
+    Examples
+    --------
+    >>> quantity_text(4409.0, "N"), quantity_text(-0.4, "N"), quantity_text(0.012971, "m")
+    ('4.41 kN', '0.00 kN', '12.97 mm')
+    """
+    name, size = shown_unit(unit)
+    # Adding zero turns a negative zero into a plain one.
+    return f"{round(value / size, decimals) + 0.0:.{decimals}f} {name}"
+
+
+def format_force(force: "xr.DataArray | float") -> str:
+    """Return a force [N] in kilonewtons."""
+    return quantity_text(float(force), "N")
+
+
+def format_length(length: "xr.DataArray | float") -> str:
+    """Return a length [m] in millimetres."""
+    return quantity_text(float(length), "m")
+
+
+def format_gap(gap: "xr.DataArray | float") -> str:
+    """Return a gap [m] in millimetres; one below zero is closed.
+
+    Examples
+    --------
+    >>> format_gap(0.0052), format_gap(-2e-4)
+    ('5.20 mm', 'closed')
+    """
+    return "closed" if float(gap) < 0.0 else format_length(gap)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Check:
+    """One question about a throw, and the value that decided its answer.
+
+    Attributes
+    ----------
+    kind : str
+        "slip" of a drive in a movement, "lock" and "control" at the rest after it, "flangeway".
+    name : str
+        What it is about: "drive 1", "switch", "TKK1", "flangeway".
+    criterion : str
+        What decided: "slip", "gap" or another criterion of the lock rule, `SWITCHED_OFF`,
+        "flangeway"; empty where nothing did.
+    met : bool or None
+        Answer; None where it cannot be judged.
+    time : float
+        Instant that decided [s]; NaN where it is not known.
+    movement : Span or None
+        After or in which; None for the whole throw.
+    label : str
+        What the value is, such as "Drive 1 force".
+    value, limit : float
+        In SI; NaN where no number decided.
+    unit : str
+        SI unit, "m" or "N".
+    side : str
+        Whether the value must be "below" the limit or "at least" the limit.
+    drive : str
+        Name of the drive that decided; empty for none.
+    text : str
+        The answer as a clause of a sentence.
+    """
+
+    kind: str
+    name: str
+    criterion: str
+    met: bool | None
+    time: float = math.nan
+    movement: Span | None = None
+    label: str = ""
+    value: float = math.nan
+    limit: float = math.nan
+    unit: str = "m"
+    side: Side = "below"
+    drive: str = ""
+    text: str = ""
+
+    @property
+    def key(self) -> str:
+        """Short and stable name, such as "control:TKK1:return"."""
+        after = [] if self.movement is None else [self.movement.name]
+        return ":".join([self.kind, self.name, *after])
+
+    @property
+    def margin(self) -> float:
+        """Distance to the limit, negative beyond it."""
+        return self.limit - self.value if self.side == "below" else self.value - self.limit
+
+    @property
+    def share(self) -> float:
+        """Margin as a share of the limit [-]."""
+        return self.margin / self.limit
+
+    @property
+    def tight(self) -> bool:
+        """True if less than a tenth of the limit is left."""
+        return self.share < LEAST_SHARE
+
+    @property
+    def numbers(self) -> str:
+        """Value and limit, as in "6.43 of 6 kN"; empty if no number decided."""
+        if math.isnan(self.value + self.limit):
+            return ""
+        unit, size = shown_unit(self.unit)
+        if self.unit == "m" and self.value < 0.0:
+            return f"closed, limit {self.limit / size:.4g} {unit}"
+        between = "of" if self.side == "below" else "of min"
+        return f"{self.value / size + 0.0:.2f} {between} {self.limit / size:.4g} {unit}"
+
+    @property
+    def left(self) -> str:
+        """Margin in words, as in "0.43 over"; empty if it is not the answer."""
+        if not self.numbers or self.met is None or (self.margin > 0.0 and not self.met):
+            return ""
+        _, size = shown_unit(self.unit)
+        beyond = "over" if self.side == "below" else "short"
+        return f"{abs(self.margin) / size:.2f} {'left' if self.met else beyond}"
+
+    @property
+    def said(self) -> str:
+        """Label, value and limit, and by how much it is over; the label alone without numbers."""
+        over = f", {self.left}" if self.met is False and self.left else ""
+        return f"{self.label} {self.numbers}".rstrip() + over
+
+
+def direction_of(span: Span | None) -> str:
+    """Return "closing" or "opening", empty for no movement."""
+    return "" if span is None else "closing" if span.to == "closed" else "opening"
+
+
+class _Throw:
+    """Arrays of a run that checks and lamps look at, each taken from its dataset once."""
+
+    def __init__(self, dataset: "xr.Dataset") -> None:
+        self.dataset, self.attributes = dataset, dataset.attrs
+        self.time = dataset["time"].values
+        self.periods, self.late = periods(dataset), unfinished(dataset)
+        self.drives = [str(n) for n in dataset["drive"].values] if "drive" in dataset.coords else []
+        known = "in_control" in dataset and "sensor" in dataset.coords
+        self.sensors = [str(name) for name in dataset["sensor"].values] if known else []
+        self.in_control = self._rows("sensor", "in_control", len(self.sensors)).astype(bool)
+        self.locked = dataset["locked"].values.astype(bool) if "locked" in dataset else None
+        rule = str(self.attributes.get("lock_rule", ""))
+        self.criteria = LOCK_RULES.get(rule, ())
+        self.open_criteria = criteria_of(rule, closes=False) if self.criteria else ()
+        self.sensor_gap = self._rows("sensor", "sensor_gap", len(self.sensors))
+        self.slips = {(slip.drive, slip.movement): slip for slip in self._slips()}
+        self.states = states = self._states()
+        self.measured = {
+            item.name: (item.refuses(states), item.value(states), item.limit(states))
+            for item in dict.fromkeys((*self.criteria, *self.open_criteria))
+        }
+
+    def _slips(self) -> list[Slip]:
+        return slips(self.dataset) if "drive_slipping" in self.dataset else []
+
+    def _rows(self, dimension: str, name: str, count: int) -> Floats:
+        if name not in self.dataset:
+            return np.full((count, self.time.size), np.nan)
+        found: Floats = self.dataset[name].transpose(dimension, "time").values
+        return found
+
+    def _states(self) -> DriveStates:
+        dataset, count = self.dataset, len(self.drives)
+        usual = self.attributes.get("lock_gap_limit", math.nan)
+        own = json.loads(self.attributes.get("lock_gap_limits", "{}"))
+        slipping = np.zeros((count, self.time.size), dtype=np.bool_)
+        if "drive_slipping" in dataset:
+            slipping = dataset["drive_slipping"].transpose("drive", "time").values.astype(bool)
+        levels = np.full(count, np.nan)
+        if "saturation_force" in dataset.coords:
+            levels = np.broadcast_to(dataset["saturation_force"].values, count)
+        return DriveStates(
+            slipping=slipping,
+            force=self._rows("drive", "drive_force", count),
+            gap=self._rows("drive", "drive_gap", count),
+            slip_limit=levels,
+            gap_limit=np.array([float(own.get(name, usual)) for name in self.drives]),
+        )
+
+    def rest(self, span: Span | None, until: float) -> int | None:
+        """Return the last instant before a time, or None if the movement is not over by then."""
+        last = int((self.time < until - TIME_TOLERANCE).sum()) - 1
+        if last < 0 or span in self.late:
+            return None
+        if span is not None and self.time[last] < span.end - TIME_TOLERANCE:
+            return None
+        return last
+
+    def judges(self, sensor: str, to: str) -> bool:
+        """Return True if a sensor is on the rail that closes in a movement to a position."""
+        if "sensor_rails" not in self.attributes:  # of older files: all on the instrumented rail
+            return to == "closed"
+        rail = json.loads(self.attributes["sensor_rails"]).get(sensor)
+        instrumented = self.attributes.get("instrumented_rail")
+        return rail is None or (to == "closed") == (rail == instrumented)
+
+
+def checks(dataset: "xr.Dataset") -> list[Check]:
+    """Return the checks of a throw in order.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        A simulated run; what it has not kept is left out.
+
+    Returns
+    -------
+    list of Check
+        Movement by movement the slips of drives in the order of time, then lock and sensors at the
+        rest after it, where an object is taken out at rest also just before; then the flangeway.
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> run = xr.Dataset({"least_flangeway": 0.0607}, attrs={"flangeway_limit": 0.058})
+    >>> check = checks(run)[0]
+    >>> check.label, check.met, check.numbers, check.left
+    ('Flangeway', True, '60.70 of min 58 mm', '2.70 left')
+    """
+    if "time" not in dataset.dims or not dataset.sizes["time"]:
+        return list(_flangeway(dataset))
+    throw, found = _Throw(dataset), list[Check]()
+    for number, (span, until) in enumerate(throw.periods):
+        found += _slip_checks(throw, span, until, first=not number)
+        for instant in _rests(dataset, span, until):
+            found += _rest_checks(throw, span, instant)
+    return [*found, *_flangeway(dataset)]
+
+
+def _rests(dataset: "xr.Dataset", span: Span | None, until: float) -> list[float]:
+    """Return the ends of the rest after a movement: objects taken out, and the next onset [s]."""
+    items: list[dict[str, Any]] = json.loads(dataset.attrs.get("foreign_objects", "[]"))
+    after = -math.inf if span is None else span.end
+    taken = {item["disappears"] for item in items if item.get("disappears") is not None}
+    return [*sorted(time for time in taken if after < time < until), until]
+
+
+def _slip_checks(throw: _Throw, span: Span | None, until: float, *, first: bool) -> Iterator[Check]:
+    """Yield whether each drive slips in a movement: slips in the order of time, then the others."""
+    if "drive_slipping" not in throw.dataset:
+        return
+    onset = -math.inf if span is None else span.start - TIME_TOLERANCE
+    during = slice(*throw.time.searchsorted((onset, until - TIME_TOLERANCE)).tolist())
+    if during.start == during.stop and not first:
+        return
+    made = [
+        _slip_check(throw, number, throw.slips.get((name, span)), span, during)
+        for number, name in enumerate(throw.drives)
+    ]
+    slipped = [check for check in made if check.met is False]
+    yield from sorted(slipped, key=lambda check: check.time)
+    yield from (check for check in made if check.met is not False)
+
+
+def _slip_check(
+    throw: _Throw, drive: int, slip: Slip | None, span: Span | None, during: slice
+) -> Check:
+    name = throw.drives[drive]
+    force, limit = throw.states.force[drive], float(throw.states.slip_limit[drive])
+    common = Check(
+        kind="slip",
+        name=f"drive {name}",
+        criterion=SLIP.name,
+        met=True,
+        movement=span,
+        label=f"Drive {name} force",
+        limit=limit,
+        unit="N",
+        drive=name,
+    )
+    if slip is not None:
+        at = int(throw.time.searchsorted(slip.time))
+        return replace(
+            common,
+            criterion=SWITCHED_OFF if slip.stopped else SLIP.name,
+            met=False,
+            time=slip.time,
+            value=math.nan if slip.stopped else float(abs(force[at])),
+            text=_slip_text(slip, limit),
+        )
+    side = -1.0 if span is not None and span.to == "open" else 1.0
+    effort = np.maximum(side * force[during], 0.0) if span is not None else np.abs(force[during])
+    met = None if span in throw.late else True
+    if not effort.size or np.isnan(effort).all():
+        return replace(common, met=met)
+    most = int(np.nanargmax(effort))
+    return replace(common, met=met, time=float(throw.time[during][most]), value=float(effort[most]))
+
+
+def _slip_text(slip: Slip, limit: float) -> str:
+    """Name a drive that slips, its slip level and time, or its switch-off."""
+    if slip.stopped and slip.movement is not None:
+        what = f"{slip.stopped}, {direction_of(slip.movement)}"
+        return f"Drive {slip.drive} {what}, at t = {slip.time:.2f} s"
+    text = f"Drive {slip.drive} slips"
+    level = "" if math.isnan(limit) else f"at {format_force(limit)}"
+    if slip.movement is None:
+        return f"{text} {level}".rstrip()
+    if slip.time < slip.movement.start - TIME_TOLERANCE:
+        return f"{text} at rest{', ' if level else ''}{level}, before the first movement"
+    return f"{text} {level}".rstrip() + f", {direction_of(slip.movement)}"
+
+
+def _rest_checks(throw: _Throw, span: Span | None, until: float) -> Iterator[Check]:
+    """Yield lock and sensors at the rest after a movement."""
+    at = throw.rest(span, until)
+    unknown = throw.late.get(span, "") if span is not None else ""
+    if at is None and not unknown:
+        return
+    if throw.locked is not None:
+        late = Check(
+            kind="lock", name="switch", criterion="", met=None, movement=span, text=unknown
+        )
+        yield late if at is None else _lock_check(throw, at, span)
+    for number, name in enumerate(throw.sensors):
+        if not throw.judges(name, "closed" if span is None else span.to):
+            continue
+        met = None if at is None else bool(throw.in_control[number, at])
+        yield _control_check(throw, number, at, met, span)
+
+
+def _after(span: Span | None) -> str:
+    return "" if span is None else f" after the movement to {span.to}"
+
+
+def _control_check(
+    throw: _Throw, sensor: int, at: int | None, met: bool | None, span: Span | None
+) -> Check:
+    name = throw.sensors[sensor]
+    found = Check(
+        kind="control",
+        name=name,
+        criterion="gap",
+        met=met,
+        time=math.nan if at is None else float(throw.time[at]),
+        movement=span,
+        label=f"{name} gap",
+        value=math.nan if at is None else float(throw.sensor_gap[sensor, at]),
+        limit=float(throw.dataset["sensor_limit"].values[sensor]),
+    )
+    out = f"out of control{_after(span)}: {found.said}"
+    return replace(found, text=found.said if met else out)
+
+
+def _candidates(
+    throw: _Throw, at: int, span: Span | None, criteria: Sequence[LockCriterion], *, locked: bool
+) -> Iterator[list[Check]]:
+    """Yield for each criterion the drives at which it holds, or refuses, nearest limit first."""
+    for criterion in criteria:
+        refuses, values, limits = throw.measured[criterion.name]
+        found = [
+            Check(
+                kind="lock",
+                name="switch",
+                criterion=criterion.name,
+                met=locked,
+                time=float(throw.time[at]),
+                movement=span,
+                label=f"Drive {name} {criterion.quantity}",
+                value=float(values[n, at]),
+                limit=float(limits[n]),
+                unit=criterion.unit,
+                drive=name,
+            )
+            for n, name in enumerate(throw.drives)
+            if refuses[n, at] != locked and (not locked or values[n, at] < limits[n])
+        ]
+        yield sorted(found, key=lambda check: check.share)
+
+
+def _lock_check(throw: _Throw, at: int, span: Span | None) -> Check:
+    """Return whether the switch is locked at an instant, by the criterion that decides."""
+    locked = bool(throw.locked is not None and throw.locked[at])
+    ranked: list[list[Check]] = []
+    for rule in (throw.criteria, throw.open_criteria):
+        ranked = ranked or [g for g in _candidates(throw, at, span, rule, locked=locked) if g]
+    refused = f"the lock is refused{_after(span)}"
+    if not ranked:
+        text, time = "locks" if locked else refused, float(throw.time[at])
+        found = Check(kind="lock", name="switch", criterion="", met=locked, time=time, text=text)
+        return replace(found, movement=span)
+    nearest = [group[0] for group in ranked]
+    if locked:
+        first = min(nearest, key=lambda check: check.share)
+        return replace(first, text=f"locks ({', '.join(c.said for c in nearest)})")
+    first, text = nearest[0], f"{refused}: {' and '.join(check.said for check in ranked[0])}"
+    if first.criterion != SLIP.name:
+        return replace(first, text=text)
+    if _switched_off(throw, first.drive, span, at):
+        first = replace(first, criterion=SWITCHED_OFF, value=math.nan)
+    return replace(first, text=refused)  # the slip's own check says why
+
+
+def _switched_off(throw: _Throw, drive: str, span: Span | None, at: int) -> bool:
+    slip = throw.slips.get((drive, span))
+    return slip is not None and bool(slip.stopped) and slip.time <= throw.time[at] + TIME_TOLERANCE
+
+
+def _flangeway(dataset: "xr.Dataset") -> Iterator[Check]:
+    """Yield whether wheels have room, if the panel has a limit for it."""
+    limit = float(dataset.attrs.get("flangeway_limit", math.nan))
+    least = float(dataset["least_flangeway"]) if "least_flangeway" in dataset else math.nan
+    if math.isnan(limit + least):
+        return
+    where = ""
+    if "least_flangeway_x" in dataset and "least_flangeway_rail" in dataset:
+        rail, x = dataset["least_flangeway_rail"].values, float(dataset["least_flangeway_x"])
+        where = f" of rail {rail!s} at x = {x:g} m"
+    yield Check(
+        kind=FLANGEWAY,
+        name=FLANGEWAY,
+        criterion=FLANGEWAY,
+        met=least >= limit,
+        label="Flangeway",
+        value=least,
+        limit=limit,
+        side="at least",
+        text=f"the flangeway{where} is {format_length(least)}, limit {1e3 * limit:g} mm",
+    )
+
+
+def unmet(found: Iterable[Check], *kinds: str) -> list[Check]:
+    """Return the checks that are not met, of some kinds or of all."""
+    return [item for item in found if item.met is False and (not kinds or item.kind in kinds)]
+
+
+_MEANINGS = {
+    "slip": "Force of the drive on the rail; it slips at its limit.",
+    "lock": "Force or gap at the drive that decides.",
+    "control": "Gap at the sensor on the rail that is closed at rest; the sensor reports control "
+    "below its limit.",
+    FLANGEWAY: "Least distance between the open switch rail and its stock rail, which wheel "
+    "flanges pass; it must not be less than its limit.",
+}
+
+
+def meaning_of(kind: str, dataset: "xr.Dataset") -> str:
+    """Return the meaning of a kind of check in a sentence; of a lock with its rule."""
+    rule = f" Locked when {lock_rule_text(dataset)}." if kind == "lock" else ""
+    return f"{_MEANINGS[kind]}{rule}"
+
+
+def lock_rule_text(dataset: "xr.Dataset") -> str:
+    """Return when a run is locked, with the limits of its panel."""
+    rule = str(dataset.attrs.get("lock_rule", "not stated"))
+    if rule not in LOCK_RULES:
+        return f"the rule is {rule}"
+    parts = [item.holds.format(limit=_gap_limits(dataset)) for item in LOCK_RULES[rule]]
+    return ", ".join([*parts, "and no movement is under way"])
+
+
+def _gap_limits(dataset: "xr.Dataset") -> str:
+    """Return the gap limits of the drives: one, or each with its drive."""
+    own: dict[str, float] = json.loads(dataset.attrs.get("lock_gap_limits", "{}"))
+    limits = set(own.values()) or {float(dataset.attrs.get("lock_gap_limit", math.nan))}
+    if len(limits) == 1:
+        return f"{1e3 * limits.pop():g} mm"
+    return " and ".join(f"{1e3 * limit:g} mm at drive {name}" for name, limit in own.items())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lamp:
+    """One check at some instants.
+
+    Attributes
+    ----------
+    kind, name : str
+        As of `Check`.
+    on : list of bool
+        Whether the state holds: locked, in control, slipping.
+    checks : list of Check
+        The answer at each instant; not judged while the switch moves, a sensor also while its rail
+        should be open.
+    words : (str, str)
+        What the state is called when on and when off.
+    rule : str
+        When it is on.
+    """
+
+    kind: str
+    name: str
+    on: list[bool]
+    checks: list[Check]
+    words: tuple[str, str]
+    rule: str
+
+
+def lamps(dataset: "xr.Dataset", at: Sequence[int] | None = None) -> list[Lamp]:
+    """Return lock, each sensor and each drive as lamps, from the same rules as `checks`.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        A run with `locked`, `in_control` and `drive_slipping`, or some of them.
+    at : sequence of int, optional
+        Numbers of the instants; default all.
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> run = xr.Dataset({"locked": ("time", [True])}, {"time": [0.0]}, {"lock_rule": "no slip"})
+    >>> lamps(run)[0].rule
+    'no drive is at its saturation force, and no movement is under way'
+    """
+    throw, found = _Throw(dataset), list[Lamp]()
+    instants = range(throw.time.size) if at is None else [int(number) for number in at]
+    spans, rest = _span_at(dataset, throw.time), _at_rest(dataset, throw.time)
+    if throw.locked is not None:
+        made = [_lock_check(throw, n, spans[n]) for n in instants]
+        judged = [rest[n] and spans[n] not in throw.late for n in instants]
+        on = [bool(throw.locked[n]) for n in instants]
+        rule, words = lock_rule_text(dataset), ("locked", "not locked")
+        found.append(Lamp("lock", "switch", on, _judged(made, judged), words, rule))
+    for number, name in enumerate(throw.sensors):
+        on = [bool(throw.in_control[number, n]) for n in instants]
+        made = [
+            _control_check(throw, number, n, lit, spans[n])
+            for n, lit in zip(instants, on, strict=True)
+        ]
+        judged = [
+            bool(rest[n]) and throw.judges(name, _position(dataset, spans[n])) for n in instants
+        ]
+        rule = f"its gap is below {1e3 * float(dataset['sensor_limit'].values[number]):g} mm"
+        words = ("in control", "not in control")
+        found.append(Lamp("control", name, on, _judged(made, judged), words, rule))
+    if "drive_slipping" in dataset:
+        found += [
+            _drive_lamp(throw, number, instants, spans) for number in range(len(throw.drives))
+        ]
+    return found
+
+
+def _drive_lamp(
+    throw: _Throw, drive: int, instants: Sequence[int], spans: Sequence[Span | None]
+) -> Lamp:
+    name, machines = throw.drives[drive], json.loads(throw.attributes.get("machine_supplies", "{}"))
+    level = float(throw.states.slip_limit[drive])
+    rule, words = f"its force has reached {level / 1e3:.4g} kN", ("slips", "holds")
+    if name in machines:
+        rule = "its clutch slips, or it was switched off before its limit contact"
+        words = ("slips or is off", "holds")
+    made, on = [], [bool(throw.states.slipping[drive, n]) for n in instants]
+    for n, lit in zip(instants, on, strict=True):
+        off = lit and _switched_off(throw, name, spans[n], n)
+        value = float(abs(throw.states.force[drive, n]))
+        made.append(
+            Check(
+                kind="slip",
+                name=f"drive {name}",
+                criterion=SWITCHED_OFF if off else SLIP.name,
+                met=not lit,
+                time=float(throw.time[n]),
+                movement=spans[n],
+                label=f"Drive {name} force",
+                value=math.nan if off or (not lit and value >= level) else value,
+                limit=level,
+                unit="N",
+                drive=name,
+            )
+        )
+    return Lamp("slip", f"drive {name}", on, made, words, rule)
+
+
+def _judged(made: Sequence[Check], judged: Iterable[bool]) -> list[Check]:
+    return [
+        item if asked else replace(item, met=None) for item, asked in zip(made, judged, strict=True)
+    ]
+
+
+def _span_at(dataset: "xr.Dataset", time: Floats) -> list[Span | None]:
+    """Return the present or last movement at each instant; before the first one none."""
+    spans = movements(dataset)
+    onsets = np.array([span.start - TIME_TOLERANCE for span in spans])
+    numbers = np.searchsorted(onsets, time, side="right") - 1
+    return [spans[number] if number >= 0 else None for number in numbers]
+
+
+def _position(dataset: "xr.Dataset", span: Span | None) -> str:
+    """Return the target position of a movement, before the first one the start position."""
+    if span is not None:
+        return span.to
+    spans = movements(dataset)
+    return "closed" if not spans or spans[0].to == "open" else "open"
+
+
+def _at_rest(dataset: "xr.Dataset", time: Floats) -> Flags:
+    """Flag the instants at which no movement is under way."""
+    rest = np.ones(time.size, dtype=np.bool_)
+    for span in movements(dataset):
+        rest &= (time < span.start - TIME_TOLERANCE) | (time >= span.end - TIME_TOLERANCE)
+    return rest

@@ -1,0 +1,149 @@
+"""Checks of a throw: values against their limits, and lamps, which are checks at instants."""
+
+import json
+
+import numpy as np
+import pytest
+import xarray as xr
+from tests.unit.simulated import sb2_dataset
+
+from turnout.metric.checks import Check, checks, lamps
+from turnout.metric.key_figure import key_figures
+from turnout.metric.slip import margins
+
+
+def small(**attributes: object) -> xr.Dataset:
+    spans = [
+        {"name": "out", "to": "open", "start": 1.0, "end": 2.0},
+        {"name": "back", "to": "closed", "start": 3.0, "end": 4.0},
+    ]
+    return xr.Dataset(
+        {
+            "locked": ("time", [True, False, True, False, True]),
+            "in_control": (("sensor", "time"), [[True, False, False, False, True]]),
+            "drive_slipping": (("drive", "time"), [[False, False, False, True, True]]),
+            "sensor_gap": (("sensor", "time"), [[0.001, 0.05, 0.1, 0.05, 0.002]]),
+        },
+        {
+            "time": [0.5, 1.5, 2.5, 3.5, 4.0],
+            "sensor": ["TKK1"],
+            "sensor_limit": ("sensor", [0.013]),
+            "drive": ["1"],
+            "saturation_force": ("drive", [6000.0]),
+        },
+        {"movements": json.dumps(spans), "lock_rule": "no slip", **attributes},
+    )
+
+
+def test_each_lamp_has_its_rule() -> None:
+    assert [(lamp.kind, lamp.name, lamp.rule) for lamp in lamps(small())] == [
+        ("lock", "switch", "no drive is at its saturation force, and no movement is under way"),
+        ("control", "TKK1", "its gap is below 13 mm"),
+        ("slip", "drive 1", "its force has reached 6 kN"),
+    ]
+
+
+def test_the_rule_of_gaps_names_its_limit() -> None:
+    rule = lamps(small(lock_rule="raw gap", lock_gap_limit=0.005))[0].rule
+    assert rule == "the gap at every drive is below 5 mm, and no movement is under way"
+    limits = '{"1": 0.005, "2": 0.004}'
+    own = small(lock_rule="slip or gap", lock_gap_limit=0.005, lock_gap_limits=limits)
+    assert lamps(own)[0].rule == (
+        "no drive is at its saturation force, the gap at every drive is below 5 mm at drive 1 and "
+        "4 mm at drive 2, and no movement is under way"
+    )
+
+
+def test_a_moving_or_open_switch_is_not_judged() -> None:
+    judged = [[check.met is not None for check in lamp.checks] for lamp in lamps(small())]
+    lock, control, slip = judged
+    assert lock == [True, False, True, False, True]
+    assert control == [True, False, False, False, True]
+    assert all(slip)
+
+
+def test_lamps_of_a_run_are_its_channels() -> None:
+    run = sb2_dataset()
+    by_name = {lamp.name: lamp.on for lamp in lamps(run)}
+    np.testing.assert_array_equal(by_name["switch"], run["locked"].values)
+    np.testing.assert_array_equal(by_name["TKK1"], run["in_control"].sel(sensor="TKK1").values)
+
+
+def test_key_figures_are_those_of_the_run() -> None:
+    run = sb2_dataset()
+    found = {item.key: item for item in key_figures(run)}
+    assert found["end_force:2"].value == float(run["drive_force"].sel(drive="2")[-1])
+    assert found["object_peak"].value == float(run["object_force"].max())
+    assert found["sensor_gap:TKK1"].unit == "m"
+    assert found["contact_time"].value == pytest.approx(float(run["contact_time"]), rel=0)
+    alone = run.assign_attrs(foreign_objects="[]")
+    assert "object_peak" not in {item.key for item in key_figures(alone)}
+
+
+def test_state_and_number_of_a_lamp_are_of_one_instant() -> None:
+    """The drive slips at 6.43 kN, red with this number, and then holds with 1 kN."""
+    run = small(lock_rule="slip or gap", lock_gap_limit=0.005)
+    run["drive_force"] = (("drive", "time"), [[0.0, 0.0, 0.0, 6430.0, 1000.0]])
+    run["drive_gap"] = (("drive", "time"), [[0.0, 0.0, 0.0, 0.0, 0.00439]])
+    run["drive_slipping"][0, -1] = False
+    lock, _, slip = lamps(run, [3, 4])
+    assert [(check.met, check.numbers, check.left) for check in slip.checks] == [
+        (False, "6.43 of 6 kN", "0.43 over"),
+        (True, "1.00 of 6 kN", "5.00 left"),
+    ]
+    assert (lock.checks[1].criterion, lock.checks[1].said) == ("gap", "Drive 1 gap 4.39 of 5 mm")
+    run["locked"][-1], run["drive_slipping"][0, -1] = False, True
+    (refused,) = lamps(run, [4])[0].checks
+    assert (refused.met, refused.criterion) == (False, "slip"), (
+        "not the gap, which is below its limit"
+    )
+
+
+def test_each_limit_is_that_of_the_dataset() -> None:
+    run = sb2_dataset()
+    found = {item.key: item for item in checks(run)}
+    for name in run["sensor"].values:
+        check = found[f"control:{name}:return"]
+        assert check.value == float(run["sensor_gap"].sel(sensor=name)[-1])
+        assert check.limit == float(run["sensor_limit"].sel(sensor=name))
+        assert check.met == bool(run["in_control"].isel(time=-1).sel(sensor=name))
+    for item in margins(run):
+        span = "return" if item.direction == "closing" else "throw"
+        assert found[f"slip:drive {item.drive}:{span}"].margin == pytest.approx(
+            item.force, rel=1e-9
+        )
+
+
+def test_a_limit_itself_fails_for_a_gap_and_passes_for_the_flangeway() -> None:
+    run = xr.Dataset({"least_flangeway": 0.058}, attrs={"flangeway_limit": 0.058})
+    assert checks(run)[0].met
+    narrow = checks(run.assign(least_flangeway=0.05))[0]
+    assert (narrow.met, narrow.numbers, narrow.left) == (False, "50.00 of min 58 mm", "8.00 short")
+    at_limit = small(lock_rule="raw gap", lock_gap_limit=0.005)
+    at_limit["drive_gap"] = (("drive", "time"), [[0.0, 0.0, 0.0, 0.0, 0.005]])
+    at_limit["locked"][-1] = False
+    lock = [item for item in checks(at_limit) if item.kind == "lock"][-1]
+    assert (lock.criterion, lock.left) == ("gap", "0.00 over")
+
+
+def test_a_gap_below_zero_is_closed() -> None:
+    check = Check(kind="lock", name="switch", criterion="gap", met=True, value=-2e-4, limit=5e-3)
+    assert (check.numbers, check.margin) == ("closed, limit 5 mm", 5.2e-3)
+
+
+def test_gaps_of_drives_do_not_decide_where_the_lock_rule_ignores_them() -> None:
+    assert {item.criterion for item in checks(sb2_dataset()) if item.kind == "lock"} == {"slip"}
+
+
+def test_of_a_pair_the_contact_on_the_closed_rail_is_asked() -> None:
+    """The pair is asked after each movement, a contact after that in which its rail closes."""
+    asked = [item.key for item in checks(sb2_dataset()) if item.name == "TKK1"]
+    assert asked == ["control:TKK1:throw", "control:TKK1:return"]
+    alone = sb2_dataset().assign_attrs(sensor_rails='{"TKK1": "A", "TKK2": "B"}')
+    single = [item.key for item in checks(alone) if item.kind == "control"]
+    assert single == ["control:TKK2:throw", "control:TKK1:return"]
+
+
+def test_what_was_not_kept_is_left_out() -> None:
+    assert checks(xr.Dataset()) == []
+    assert checks(xr.Dataset({"least_flangeway": 0.06})) == []
