@@ -88,9 +88,8 @@ class Verdict:
         locked", the lock is refused after a movement; "not sound", another check is not met;
         "sound", every check is met. "depends on how it breaks": throws in which objects break a
         little sooner or later, or in mode waveform, end with other reports. "not judged": the
-        dataset lacks what the verdict rests on, an
-        object does not fit, or a drive has not arrived and no object is detected or missed by what
-        has.
+        dataset lacks what the verdict rests on, an object does not fit, or a drive has not arrived
+        and no object is detected or missed by what has.
     text : str
         One plain sentence with its numbers; where an object broke in a throw of a sequence a second
         one, that the verdict may depend on step and mode.
