@@ -10,7 +10,7 @@ from turnout.figures import Line, Row, Sheet, draw_sheet, shade_of
 
 KINDS = ("stone", "ice", "snow", "wood")
 panel = turnout.load_panel("uic60-760-1-15")
-lines, peaks = [], {}
+lines, peaks, rises = [], {}, {}
 for number, kind in enumerate(KINDS):
     trapped = turnout.ForeignObject("15 mm", at="drive 1", kind=kind)
     throw = turnout.simulate(panel, foreign_object=trapped)
@@ -22,7 +22,7 @@ for number, kind in enumerate(KINDS):
         Line(label=kind, x=15.0 - gap[closing], y=force[closing],
              colour=shade_of(number / 3), dash=number)
     )  # fmt: skip
-    peaks[kind] = float(force.max())
+    peaks[kind], rises[kind] = float(force.max()), float(np.diff(force)[force.argmax() - 1])
 
 sheet = Sheet(
     name="kinds",
@@ -33,5 +33,7 @@ sheet = Sheet(
 )
 draw_sheet(sheet).savefig("kinds.png", dpi=110)
 
-assert abs(peaks["stone"] - 4.5) < 1e-6, "a stone splits at 20 MPa of its size squared"
+# A stone splits at 20 MPa of its size squared, between two of the instants that are stored: the
+# last force before is below that by less than what the next instant would have added.
+assert 0.0 <= 4.5 - peaks["stone"] < rises["stone"] < 0.05
 assert peaks["wood"] > 5.0 > peaks["ice"]

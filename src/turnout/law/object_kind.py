@@ -193,9 +193,12 @@ class ObjectKind:
         Its values beyond place, size and stiffness of its contacts.
     remembers : bool
         Whether it dents or breaks.
-    breaks, breaks_late, breaks_again : bool
-        Whether it breaks at its strength; only beyond, so that each touch is near to it; into a
-        piece that breaks again, on a blow.
+    breaks : bool
+        Whether it breaks.
+    breaks_late : bool
+        Whether it yields at its strength and breaks after some more compression.
+    breaks_again : bool
+        Whether it leaves a piece that may break too, mostly on a blow.
     learned : bool
         Whether a detector learns it beside objects that stay as they are.
     growth : str
