@@ -11,7 +11,7 @@ from tests.unit.sweeps import here
 
 from turnout.calibration.load_study import load_study
 from turnout.figures.style import title_of
-from turnout.metric.checks import lamps
+from turnout.metric.checks import checks, lamps
 from turnout.metric.finding import findings
 from turnout.metric.panel_check import concerns
 from turnout.metric.slip import movements
@@ -105,9 +105,13 @@ def test_nothing_is_judged_by_a_movement_that_is_not_over() -> None:
         "look", "Not judged", "Drive 1 still moves at 8.5 s",
     )  # fmt: skip
     assert (second.level, second.answer) == ("look", "Not judged")
-    lock = lamps(run)[0]
-    assert not lock.on[-1]
-    assert lock.checks[-1].met is None
+    asked = [check.text for check in checks(run) if check.kind == "control"]
+    assert asked[-1] == "Drive 1 still moves at 8.5 s"
+    after = run.assign_coords(time=run["time"] + 2.0 * (run["time"] == run["time"][-1]))
+    for item in (run, after):  # also past the end of the movement as it was planned
+        lock, control = lamps(item)[:2]
+        assert not lock.on[-1]
+        assert (lock.checks[-1].met, control.checks[-1].met) == (None, None)
     assert "sound" not in said(run).lower()
     assert "the switch locks" not in said(run)
 
@@ -156,6 +160,9 @@ def test_a_stopped_machine_is_not_said_to_slip() -> None:
     text = verdict(run).text
     assert "Drive 1 is switched off by its time-out before its end position, opening" in text
     assert "slips" not in text
+    locked = next(item.detail for item in findings(run) if item.question == "Locked?")
+    assert "the lock is refused after the movement to open" in locked
+    assert "force;" not in f"{locked};"
     (opening, *_) = concerns(run)
     assert opening.text.startswith(
         "machine does not arrive: drive 1, jea73, opening: is switched off by its time-out before "

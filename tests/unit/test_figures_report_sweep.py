@@ -103,6 +103,8 @@ def test_what_decides_is_drawn_with_its_interval() -> None:
 def test_a_sweep_that_does_not_tell_how_throws_ended_is_refused() -> None:
     with pytest.raises(ResponseError, match="has no verdict"):
         sweep_page(labels().drop_vars("verdict"))
+    older = sweep_findings(labels().drop_vars("verdict"))
+    assert [item.question for item in older] == ["Not thrown yet"]
 
 
 def test_the_page_is_whole_and_names_no_address() -> None:

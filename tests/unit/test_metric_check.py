@@ -5,11 +5,12 @@ import json
 import numpy as np
 import pytest
 import xarray as xr
-from tests.unit.simulated import sb2_dataset
+from tests.unit.simulated import sb1_panel, sb2_dataset
 
 from turnout.metric.checks import Check, checks, lamps
 from turnout.metric.key_figure import key_figures
 from turnout.metric.slip import margins
+from turnout.throw.simulate import simulate
 
 
 def small(**attributes: object) -> xr.Dataset:
@@ -142,6 +143,33 @@ def test_of_a_pair_the_contact_on_the_closed_rail_is_asked() -> None:
     alone = sb2_dataset().assign_attrs(sensor_rails='{"TKK1": "A", "TKK2": "B"}')
     single = [item.key for item in checks(alone) if item.kind == "control"]
     assert single == ["control:TKK2:throw", "control:TKK1:return"]
+
+
+def test_a_sensor_that_names_no_rail_is_asked_on_the_only_one() -> None:
+    run = simulate(sb1_panel().with_overrides({"sensor.TKK1.rail": None}), mode="quick")
+    directions = {check.movement.to for check in checks(run) if check.kind == "control"}
+    assert directions == {"closed"}
+
+
+@pytest.mark.parametrize(("rails", "decided"), [("A", "slip"), ("AB", "gap")])
+def test_the_gap_of_a_single_open_rail_does_not_decide(rails: str, decided: str) -> None:
+    """At 2.5 s the drive slips with a gap of 120 mm."""
+    run = small(lock_rule="raw gap", lock_gap_limit=0.005).assign_coords(rail=list(rails))
+    run["drive_force"] = (("drive", "time"), [[0.0, 0.0, 6100.0, 0.0, 0.0]])
+    run["drive_gap"] = (("drive", "time"), [[0.0, 0.0, 0.12, 0.0, 0.0]])
+    run["locked"][2], run["drive_slipping"][0, 2] = False, True
+    found = {item.key: item for item in checks(run)}["lock:switch:out"]
+    assert (found.met, found.criterion) == (False, decided)
+
+
+def test_a_drive_of_which_no_margin_is_known_is_named_last() -> None:
+    run = small(lock_rule="slip or gap", lock_gap_limit=0.005).isel(drive=[0, 0])
+    run = run.assign_coords(drive=["1", "2"], saturation_force=("drive", [np.nan, 6000.0]))
+    run["drive_force"] = (("drive", "time"), np.full((2, 5), 6100.0))
+    run["drive_gap"] = (("drive", "time"), np.zeros((2, 5)))
+    run["locked"][-1] = False
+    found = {item.key: item for item in checks(run)}["lock:switch:back"]
+    assert (found.criterion, found.drive) == ("slip", "2")
 
 
 def test_what_was_not_kept_is_left_out() -> None:

@@ -37,6 +37,7 @@ rows = [
     ["10 mm", "sleeper 6", "spring", "7.6 s"],
     ["10 mm", "drive 1", "stone", "20 s"],
     ["18 mm", "sleeper 6", "spring", "20 s"],
+    ["113.5 mm", "sleeper 6", "spring", "20 s"],
 ]
 """
 
@@ -46,8 +47,8 @@ def test_an_object_that_is_gone_is_not_undetected(tmp_path: Path) -> None:
     study = load_study(study_file(tmp_path, text=STUDY))
     throw_study(study, tmp_path / "sweep", pool=here)
     labels = read_labels(tmp_path / "sweep")
-    assert labels["object_touched"].values.tolist() == [0, 1, 1, 1, 1]
-    assert labels["object_trapped"].values.tolist() == [0, 1, 0, 0, 1]
+    assert labels["object_touched"].values.tolist() == [0, 1, 1, 1, 1, 0]
+    assert labels["object_trapped"].values.tolist() == [0, 1, 0, 0, 1, 0]
     ends = [STATES[state] for state in end_state(labels).values]
     scenarios = [study.scenario(number) for number in range(study.count)]
     alone = [
@@ -56,7 +57,8 @@ def test_an_object_that_is_gone_is_not_undetected(tmp_path: Path) -> None:
         ).kind
         for item in scenarios
     ]
-    assert ends == alone == ["sound", "undetected object", "sound", "sound", "detected by TKK"]
+    expected = ["sound", "undetected object", "sound", "sound", "detected by TKK", "not judged"]
+    assert ends == alone == expected
     assert float(labels["end_locked"].min()) == pytest.approx(1.0)
 
 

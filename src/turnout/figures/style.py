@@ -90,7 +90,7 @@ def title_of(dataset: xr.Dataset, compare: xr.Dataset | None = None) -> str:
             state if judged.kind == "not judged" else f"{judged.head[:1].lower()}{judged.head[1:]}"
         )
         parts.extend(unfinished(dataset).values())
-        if break_note(dataset):
+        if break_note(dataset) and judged.kind != "depends on how it breaks":
             parts.append("verdict may depend on how an object breaks")
     text = ", ".join(parts)
     if compare is not None:

@@ -188,6 +188,7 @@ class _Throw:
         rule = str(self.attributes.get("lock_rule", ""))
         self.criteria = LOCK_RULES.get(rule, ())
         self.open_criteria = criteria_of(rule, closes=False) if self.criteria else ()
+        self.single_rail = "rail" in dataset.coords and dataset["rail"].size == 1
         self.sensor_gap = self._rows("sensor", "sensor_gap", len(self.sensors))
         self.slips = {(slip.drive, slip.movement): slip for slip in self._slips()}
         self.states = states = self._states()
@@ -361,8 +362,7 @@ def _rest_checks(throw: _Throw, span: Span | None, until: float) -> Iterator[Che
     for number, name in enumerate(throw.sensors):
         if not throw.judges(name, "closed" if span is None else span.to):
             continue
-        met = None if at is None else bool(throw.in_control[number, at])
-        yield _control_check(throw, number, at, met, span)
+        yield _control_check(throw, number, at, span, unknown=unknown)
 
 
 def _after(span: Span | None) -> str:
@@ -370,22 +370,30 @@ def _after(span: Span | None) -> str:
 
 
 def _control_check(
-    throw: _Throw, sensor: int, at: int | None, met: bool | None, span: Span | None
+    throw: _Throw, sensor: int, at: int | None, span: Span | None, *, unknown: str = ""
 ) -> Check:
+    """Return whether a sensor is in control at an instant; without one the reason for no answer."""
     name = throw.sensors[sensor]
     found = Check(
         kind="control",
         name=name,
         criterion="gap",
-        met=met,
+        met=None if at is None else bool(throw.in_control[sensor, at]),
         time=math.nan if at is None else float(throw.time[at]),
         movement=span,
         label=f"{name} gap",
         value=math.nan if at is None else float(throw.sensor_gap[sensor, at]),
         limit=float(throw.dataset["sensor_limit"].values[sensor]),
     )
+    if found.met is None:
+        return replace(found, text=unknown)
     out = f"out of control{_after(span)}: {found.said}"
-    return replace(found, text=found.said if met else out)
+    return replace(found, text=found.said if found.met else out)
+
+
+def _nearest_first(check: Check) -> tuple[bool, float]:
+    """Return the place of a check by its margin, last if that is not known."""
+    return math.isnan(check.share), check.share
 
 
 def _candidates(
@@ -411,15 +419,16 @@ def _candidates(
             for n, name in enumerate(throw.drives)
             if refuses[n, at] != locked and (not locked or values[n, at] < limits[n])
         ]
-        yield sorted(found, key=lambda check: check.share)
+        yield sorted(found, key=_nearest_first)
 
 
 def _lock_check(throw: _Throw, at: int, span: Span | None) -> Check:
     """Return whether the switch is locked at an instant, by the criterion that decides."""
     locked = bool(throw.locked is not None and throw.locked[at])
-    ranked: list[list[Check]] = []
-    for rule in (throw.criteria, throw.open_criteria):
-        ranked = ranked or [g for g in _candidates(throw, at, span, rule, locked=locked) if g]
+    rule = throw.criteria
+    if throw.single_rail and _position(throw.dataset, span) == "open":
+        rule = throw.open_criteria
+    ranked = [group for group in _candidates(throw, at, span, rule, locked=locked) if group]
     refused = f"the lock is refused{_after(span)}"
     if not ranked:
         text, time = "locks" if locked else refused, float(throw.time[at])
@@ -427,7 +436,7 @@ def _lock_check(throw: _Throw, at: int, span: Span | None) -> Check:
         return replace(found, movement=span)
     nearest = [group[0] for group in ranked]
     if locked:
-        first = min(nearest, key=lambda check: check.share)
+        first = min(nearest, key=_nearest_first)
         return replace(first, text=f"locks ({', '.join(c.said for c in nearest)})")
     first, text = nearest[0], f"{refused}: {' and '.join(check.said for check in ranked[0])}"
     if first.criterion != SLIP.name:
@@ -551,24 +560,22 @@ def lamps(dataset: "xr.Dataset", at: Sequence[int] | None = None) -> list[Lamp]:
     throw, found = _Throw(dataset), list[Lamp]()
     instants = range(throw.time.size) if at is None else [int(number) for number in at]
     spans, rest = _span_at(dataset, throw.time), _at_rest(dataset, throw.time)
+    judged = [bool(rest[n]) and spans[n] not in throw.late for n in instants]
     if throw.locked is not None:
         made = [_lock_check(throw, n, spans[n]) for n in instants]
-        judged = [rest[n] and spans[n] not in throw.late for n in instants]
         on = [bool(throw.locked[n]) for n in instants]
         rule, words = lock_rule_text(dataset), ("locked", "not locked")
         found.append(Lamp("lock", "switch", on, _judged(made, judged), words, rule))
     for number, name in enumerate(throw.sensors):
         on = [bool(throw.in_control[number, n]) for n in instants]
-        made = [
-            _control_check(throw, number, n, lit, spans[n])
-            for n, lit in zip(instants, on, strict=True)
-        ]
-        judged = [
-            bool(rest[n]) and throw.judges(name, _position(dataset, spans[n])) for n in instants
+        made = [_control_check(throw, number, n, spans[n]) for n in instants]
+        asked = [
+            known and throw.judges(name, _position(dataset, spans[n]))
+            for n, known in zip(instants, judged, strict=True)
         ]
         rule = f"its gap is below {1e3 * float(dataset['sensor_limit'].values[number]):g} mm"
         words = ("in control", "not in control")
-        found.append(Lamp("control", name, on, _judged(made, judged), words, rule))
+        found.append(Lamp("control", name, on, _judged(made, asked), words, rule))
     if "drive_slipping" in dataset:
         found += [
             _drive_lamp(throw, number, instants, spans) for number in range(len(throw.drives))

@@ -88,13 +88,15 @@ def findings(dataset: xr.Dataset) -> list[Finding]:
         reason = str(dataset.attrs.get("outcome_message", "it holds no instant"))
         return [Finding("bad", HEADLINE, "Nothing to judge", reason)]
     made = checks(dataset)
-    found = [*_complete(dataset), *_outcome(dataset, made), *_states(dataset, made)]
+    judged = verdict(dataset, made)
+    found = [*_complete(dataset), *_outcome(dataset, made, judged), *_states(dataset, made)]
     found += [*_slipped(dataset, made), *_nearest(made)]
     found += [*_object(dataset), *_flangeway(dataset, made)]
     warning = numerical_warning(dataset) if "energy_numerical" in dataset else None
     if warning is not None:
         found.append(Finding("look", "Can the numbers be trusted?", "With care", warning))
-    return _without_praise(found)
+    undetected = any(item.question == HEADLINE and item.answer == UNDETECTED for item in found)
+    return _without_praise(found) if judged.missed or undetected else found
 
 
 # What accepts a movement; not good while an object is trapped.
@@ -106,8 +108,6 @@ _ACCEPTS = (
 
 def _without_praise(found: list[Finding]) -> list[Finding]:
     """Take the good level from the checks that an undetected object has passed."""
-    if not any(item.question == HEADLINE and item.answer == UNDETECTED for item in found):
-        return found
     return [
         replace(item, level="look") if item.question in _ACCEPTS and item.level == "good" else item
         for item in found
@@ -123,11 +123,11 @@ def _complete(dataset: xr.Dataset) -> list[Finding]:
     return [Finding("bad", "Is the run whole?", "No", f"{message}; what follows holds until then")]
 
 
-def _outcome(dataset: xr.Dataset, made: Sequence[Check]) -> list[Finding]:
+def _outcome(dataset: xr.Dataset, made: Sequence[Check], judged: Verdict) -> list[Finding]:
     """Return the one sentence that matters: detection of a trapped object by the switch, or not."""
-    judged = headline(verdict(dataset, made), dataset)
-    if judged is not None:
-        return [judged]
+    told = headline(judged, dataset)
+    if told is not None:
+        return [told]
     found, note = _states_at_the_end(dataset, made), break_note(dataset)
     return [replace(item, detail=f"{item.detail}. {note}") for item in found] if note else found
 
@@ -198,8 +198,10 @@ def _states(dataset: xr.Dataset, made: Sequence[Check]) -> Iterator[Finding]:
             continue
         parts = [f"by the rule '{rule}'"] if rule and kind == "lock" else []
         for check in asked:
-            after = f"after {direction_of(check.movement)} " if check.movement else ""
-            text = check.text if check.met is None else check.said
+            # A refusal without numbers names its movement itself.
+            named = check.movement is None or (check.met is False and not check.numbers)
+            after = "" if named else f"after {direction_of(check.movement)} "
+            text = check.said if check.numbers else "" if check.met else check.text
             parts += [f"{after}{text}"] if text else []
         yield Finding(*_answer(asked, question), "; ".join(parts) or "at the end")
 

@@ -93,10 +93,13 @@ class Verdict:
     text : str
         One plain sentence with its numbers; where an object broke in a throw of a sequence a second
         one, that the verdict may depend on step and mode.
+    own : str or None
+        Kind of this throw alone where the verdict "depends on how it breaks"; otherwise None.
     """
 
     kind: Kind
     text: str
+    own: Kind | None = None
 
     @property
     def meaning(self) -> str:
@@ -110,8 +113,8 @@ class Verdict:
 
     @property
     def missed(self) -> bool:
-        """True if an object is trapped and nothing reports it."""
-        return self.kind == "undetected object"
+        """True if in this throw an object is trapped and nothing reports it."""
+        return "undetected object" in (self.kind, self.own)
 
 
 def verdict(dataset: "xr.Dataset", found: Sequence[Check] | None = None) -> Verdict:
@@ -141,7 +144,7 @@ def verdict(dataset: "xr.Dataset", found: Sequence[Check] | None = None) -> Verd
     made, note = Verdict(kind, _sentence(kind, cases, found, late)), break_note(dataset)
     if "break_check" in dataset.attrs and note:
         text = f"{note}; in this throw: {made.text[:1].lower()}{made.text[1:]}"
-        return Verdict("depends on how it breaks", text)
+        return Verdict("depends on how it breaks", text, own=kind)
     return replace(made, text=f"{made.text} {note}.") if note else made
 
 

@@ -109,8 +109,19 @@ def sweep_findings(labels: xr.Dataset) -> list[Finding]:
     Returns
     -------
     list of Finding
-        Shares are of the throws that came to their end.
+        Shares are of the throws that came to their end; none in a sweep without verdicts.
     """
+    found = _ended(labels) if "verdict" in labels else []
+    if note := break_note(labels):
+        found.append(Finding("look", "Can the numbers be trusted?", "With care", note))
+    missing = int(labels.attrs.get("missing", 0))
+    if missing:
+        found.append(Finding("look", "Not thrown yet", str(missing), "the sweep is not finished"))
+    return found
+
+
+def _ended(labels: xr.Dataset) -> list[Finding]:
+    """Return the share of each outcome."""
     state = end_state(labels).to_numpy()
     ended = state < FAILED
     found = []
@@ -135,11 +146,6 @@ def sweep_findings(labels: xr.Dataset) -> list[Finding]:
         detail = f"{count} of {whole} throws"
         share = f"{100 * count / whole:.3g} %"
         found.append(Finding(level, name.capitalize(), share, detail))
-    if note := break_note(labels):
-        found.append(Finding("look", "Can the numbers be trusted?", "With care", note))
-    missing = int(labels.attrs.get("missing", 0))
-    if missing:
-        found.append(Finding("look", "Not thrown yet", str(missing), "the sweep is not finished"))
     return found
 
 

@@ -179,9 +179,12 @@ def _verdicts(
     onsets = _slip_onsets(throws)
     plain: Flags = np.asarray(~refused.any(axis=(1, 2)) & np.isnan(onsets).all(axis=(1, 2)))
     made = np.empty(len(throws.runs), dtype=np.int8)
+    placed = found["object_placed"][1].tolist()
     for number, own in enumerate(items):
         kind: Kind = "not sound" if narrow[number] else "sound"
-        if plain[number]:
+        if own and not placed[number]:
+            kind = "not judged"
+        elif plain[number]:
             kind = "undetected object" if any(item.trapped for item in own) else kind
         else:
             checks = _slip_checks(throws, number, onsets[number])
