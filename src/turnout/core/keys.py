@@ -46,8 +46,8 @@ class Key:
         Path from the record or member to the value, without the number of an item.
     field : FieldInfo
         That it names.
-    item : int
-        Number from 1 of an item of a list; 0 for a whole value.
+    item : int, optional
+        Number from 1 of an item of a list, as it is written; None for a whole value.
     """
 
     path: Path
@@ -55,7 +55,7 @@ class Key:
     member: str
     below: Path
     field: FieldInfo
-    item: int = 0
+    item: int | None = None
 
     @property
     def name(self) -> str:
@@ -65,7 +65,7 @@ class Key:
     @property
     def whole(self) -> str:
         """The key of the whole list that it names an item of, or itself."""
-        return ".".join(self.path[:-1] if self.item else self.path)
+        return ".".join(self.path if self.item is None else self.path[:-1])
 
     @property
     def dimension(self) -> Dimension | None:
@@ -96,7 +96,7 @@ class Key:
             return dimension
         if forms & {str, typing.Literal} and float not in forms:
             return str
-        return next((kind for kind in (bool, float) if kind in forms), float if self.item else None)
+        return next((kind for kind in (bool, float) if kind in forms), None if self.item is None else float)
 
     @property
     def bounds(self) -> tuple[float, float]:
@@ -298,7 +298,8 @@ class Keys:
         family, member, below = self._split(path)
         if "" in path:
             return None
-        record, place, item = self.families.get(family, self.root), below, 0
+        record, place = self.families.get(family, self.root), below
+        item: int | None = None
         info: FieldInfo | None = None
         while place:
             info, place = record.model_fields.get(place[0]), place[1:]
@@ -310,7 +311,7 @@ class Keys:
                 break
             if place[0].isdigit() and inner is None:
                 is_item = len(place) == 1 and _is_list(info)
-                info, item = (info, int(place[0])) if is_item else (None, 0)
+                info, item = (info, int(place[0])) if is_item else (None, None)
                 break
             place = place[1:] if place[0].isdigit() else place
             if inner is None or not place:
@@ -318,7 +319,7 @@ class Keys:
             record = inner
         if info is None:
             return None
-        below = below[:-1] if item else below
+        below = below if item is None else below[:-1]
         return Key(path, family, member, below, info, item)
 
     def _split(self, path: Path) -> tuple[str, str, Path]:
@@ -374,7 +375,7 @@ class Keys:
         [('drive', '1', 'stiffness'), ('drive', '2', 'stiffness')]
         """
         key = self.find(name)
-        if key is None or key.item or key.path == (VERSION,):
+        if key is None or key.item is not None or key.path == (VERSION,):
             return []
         if not key.family:
             return [key.path]
@@ -412,8 +413,8 @@ class Keys:
                 raise LookupError(self.no_match(name, known))
             chosen = [key.member] if key.member else list(members)
             within = {f"{key.family}.{member}.": members[member] for member in chosen}
-        path = (*key.below, str(key.item - 1)) if key.item else key.below
-        end = ".".join((*key.below, str(key.item)) if key.item else key.below)
+        path = key.below if key.item is None else (*key.below, str(key.item - 1))
+        end = ".".join(key.below if key.item is None else (*key.below, str(key.item)))
         try:
             return {f"{start}{end}": _nested(record, path) for start, record in within.items()}
         except (KeyError, IndexError, AttributeError, ValueError):

@@ -119,7 +119,7 @@ def value_kind(panel: LoadedPanel, key: str, *, factor: bool = False) -> Dimensi
         return str
     found = PANEL_KEYS.find(key)
     kind = None
-    if found is not None and found.item:
+    if found is not None and found.item is not None:
         kind = None if factor else _kind_of_item(panel, found)
     elif found is not None and key != VERSION:  # a list is multiplied as a whole, but not set
         kind = (found.dimension if factor else None) if found.is_list else found.kind
@@ -134,7 +134,7 @@ def _kind_of_item(panel: LoadedPanel, key: Key) -> Dimension | type:
     """Return the kind of an item of a list; ValueError if the panel has no such list or item."""
     for full, items in panel.values_at(key.whole).items():
         known = items if isinstance(items, list | tuple) else ()
-        if not 1 <= key.item <= len(known):
+        if key.item is None or not 1 <= key.item <= len(known):
             has = f"has {len(known)} items" if known else "is not given"
             message = f"{full} {has}, so there is no item {key.item}; give the list under [set]"
             raise ValueError(message)
@@ -157,7 +157,7 @@ def set_items(panel: LoadedPanel, values: Mapping[str, Value]) -> dict[str, Any]
     found: dict[str, Any] = {}
     for name, value in values.items():
         key = PANEL_KEYS.find(name)
-        if key is None or not key.item:
+        if key is None or key.item is None:
             found[name] = value
             continue
         for full, items in panel.values_at(key.whole).items():
