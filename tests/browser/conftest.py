@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
 import pytest
+
 from tests.unit.campaigns import copied
 from tests.unit.served import served
 from tests.unit.simulated import sb2_panel
-
 from turnout.measurement.campaign.build_campaign import build_campaign_dataset
 from turnout.web.studio import Opened
 

@@ -4,10 +4,10 @@ import tempfile
 from pathlib import Path
 
 from playwright.sync_api import Browser, sync_playwright
-from tests.browser.conftest import ARGUMENTS, chromium, opened
-from tests.unit.served import served
 
 import turnout
+from tests.browser.conftest import ARGUMENTS, chromium, opened
+from tests.unit.served import served
 from turnout.figures.report.inputs import panel_of_result
 from turnout.figures.report.page import page_html
 from turnout.figures.report.run import run_page

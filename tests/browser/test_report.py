@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tests.unit.simulated import sb2_dataset
-
 from turnout.figures.report.page import Picture, page_html
 from turnout.figures.report.run import run_page, run_sheets
 

@@ -4,8 +4,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
-from tests.browser.conftest import Screen
 
+from tests.browser.conftest import Screen
 from turnout.law.object_kind import OBJECT_KINDS
 from turnout.panel.load import library_text
 

@@ -5,9 +5,9 @@ import shlex
 from pathlib import Path
 
 import pytest
+
 from tests.browser.conftest import Screen
 from tests.unit.simulated import sb2_dataset
-
 from turnout.core.toml import parse_toml
 from turnout.metric.checks import checks
 from turnout.metric.verdict import verdict

@@ -96,7 +96,8 @@ class Key:
             return dimension
         if forms & {str, typing.Literal} and float not in forms:
             return str
-        return next((kind for kind in (bool, float) if kind in forms), None if self.item is None else float)
+        single = None if self.item is None else float
+        return next((kind for kind in (bool, float) if kind in forms), single)
 
     @property
     def bounds(self) -> tuple[float, float]:
