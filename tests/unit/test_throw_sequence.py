@@ -2,6 +2,7 @@
 
 import json
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from typer.testing import CliRunner
 
 from turnout.cli.main import app, main
 from turnout.core.errors import PanelError, ResponseError
+from turnout.law.object_kind import Trapped
 from turnout.metric.verdict import throw_table, verdict
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
@@ -149,6 +151,14 @@ def test_what_only_dents_has_the_same_envelope_in_a_second_throw(kind: str) -> N
     assert taken[1] < 5e-3 * taken[0]
     left = made["object_left"].values[:, 0]
     assert left[1] == pytest.approx(left[0], abs=1e-5)
+
+
+@pytest.mark.parametrize("kind", ["ice", "snow"])
+def test_a_dent_that_is_taken_off_does_not_count_again(kind: str) -> None:
+    item = Trapped(kind=kind, size=0.02, stiffness=40e6, density=300.0, deepest=1e-3)
+    left = {"lost": 0.0, "deepest": 2e-3, "dent": 1e-3, "broke": False}
+    kept, changed = (item.of_kind.left(item, changes=each, **left) for each in (False, True))
+    assert (replace(item, **kept).deepest, replace(item, **changed).deepest) == (2e-3, 0.0)
 
 
 def test_ice_that_is_crushed_to_its_last_layer_is_met_again() -> None:

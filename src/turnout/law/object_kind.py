@@ -354,7 +354,7 @@ class Ice(ObjectKind):
     ) -> dict[str, float]:
         """Return its changes by a throw: crushed ice is gone."""
         if changes or broke:
-            return {"lost": lost + dent}
+            return {"lost": lost + dent, "deepest": 0.0}
         return {"lost": lost, "deepest": deepest}
 
 
@@ -397,7 +397,7 @@ class Snow(ObjectKind):
         del broke
         if changes:
             size = item.size - dent
-            return {"size": size, "density": item.density * item.size / size}
+            return {"size": size, "density": item.density * item.size / size, "deepest": 0.0}
         return {"lost": lost, "deepest": deepest}
 
     def grown(self, item: Trapped, change: float, fresh: float) -> dict[str, float]:
