@@ -112,7 +112,9 @@ def test_a_bad_file_costs_its_own_movement_only(tmp_path: Path) -> None:
     built = run("build", folder)
     assert built.exit_code == 0, built.output
     assert "excluded    sleeper-6_13mm_1:" in built.output
-    assert open_response(folder / "campaign.nc").sizes["movement"] == 8
+    kept = open_response(folder / "campaign.nc")
+    assert kept.sizes["movement"] == 8
+    assert "sleeper-6_13mm_1" in kept.attrs["excluded"]
     assert "sleeper-6_13mm_1" in refused("build", folder, "--strict")
     assert open_response(folder / "campaign.nc").sizes["movement"] == 8
 

@@ -179,4 +179,5 @@ def toy_evidence() -> tuple[View, Evidence]:
 
 if __name__ == "__main__":
     made = [asdict(item) for item in toy_training().calibrated]
-    CALIBRATED.write_text(json.dumps(made, indent=1) + "\n", encoding="utf-8")
+    lines = ",\n".join(map(json.dumps, made))
+    CALIBRATED.write_text(f"[\n{lines}\n]\n", encoding="utf-8")

@@ -161,26 +161,6 @@ def test_an_interrupted_build_keeps_what_it_has(tmp_path: Path) -> None:
     assert len(list((folder / ".turnout").glob("*.npz"))) == 4
 
 
-def test_a_bad_file_is_excluded_with_its_reason_and_loses_nothing(tmp_path: Path) -> None:
-    folder = copied(tmp_path)
-    (folder / "none_closing_2.csv").write_text("not a recording", encoding="utf-8")
-    campaign = build_campaign_dataset(folder)
-    assert campaign.dataset is not None
-    assert campaign.dataset.sizes["movement"] == 8
-    (excluded,) = campaign.excluded
-    assert excluded.run.name == "none_closing_2"
-    assert "none_closing_2.csv" in excluded.reasons[0]
-    assert "none_closing_2" in campaign.dataset.attrs["excluded"]
-    with pytest.raises(MeasurementError, match="none_closing_2"):
-        build_campaign_dataset(folder, strict=True)
-
-
-def test_a_missing_file_is_refused_with_the_nearest(tmp_path: Path) -> None:
-    folder = edited(copied(tmp_path), "none_closing_2.csv", "none-closing-2.csv")
-    with pytest.raises(MeasurementError, match="nearest is 'none_closing_2.csv'"):
-        build_campaign_dataset(folder)
-
-
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
