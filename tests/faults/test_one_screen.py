@@ -24,6 +24,8 @@ from turnout.throw.simulate import simulate
 from turnout.web.throw import throw_reply
 
 MACHINES = {"drive.1.machine": "jea73", "drive.2.machine": "jea73"}
+UNFINISHED = {"drive.1.machine": "jea73", "movement.return.start": 8.46}
+UNFINISHED |= {"movement.return.duration": 0.04, "movement.return.ramp": 0.01}
 WEAK = {"machine.jea73.supply.voltage": 55.0}
 DEFAULT = "uic60-760-1-15"
 STONE = ForeignObject("15 mm", "drive 1", kind="stone", strength="10 MPa", piece=0.0)
@@ -47,7 +49,7 @@ SCENARIOS: dict[str, Scenario] = {
     "weak machines": (DEFAULT, MACHINES | WEAK, None),
     "weak machines, object": (DEFAULT, MACHINES | WEAK, piece("13 mm", "sleeper 6")),
     "machine alone": ("60e1-300-1-9", {"drive.1.machine": "jea73"}, None),
-    "unfinished": (DEFAULT, MACHINES | {"schedule.end": 6.0}, None),
+    "unfinished": ("60e1-300-1-9", UNFINISHED, None),
     "test piece": (DEFAULT, {}, piece("5 mm", "drive 2")),
     "open rail at drive": (DEFAULT, {}, piece("13 mm", "drive 1", rail="curved")),
     "broken": (DEFAULT, {}, STONE),
