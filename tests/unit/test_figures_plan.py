@@ -121,8 +121,7 @@ def test_characters_stand_where_the_panel_says() -> None:
     panel = sb2_panel()
     lines = list(plan_lines(panel))
     assert max(map(len, lines)) <= HEADING + COLUMNS
-    sensors, other = [line for line in lines if line.startswith("TKK")]
-    assert sensors == other, "a pair stands on both rails"
+    (sensors,) = [line for line in lines if line.startswith("TKK")]
     column = sensors.index("TKK1") + 1 - HEADING
     assert column == pytest.approx(3.6 / 18.6 * (COLUMNS - 1), abs=1)
     chairs = [line for line in lines if line.startswith("chairs")]
