@@ -40,13 +40,16 @@ from dataclasses import replace
 try:
     from turnout.calibration.load_study import load_study
     from turnout.study.sweep.batch import LARGEST_BATCH, batch_variables, throw_batch
-    from turnout.study.sweep.worker import initialize_worker
-except ImportError:  # the parent says that this code is too old
-    sys.exit(1)
-try:
     from turnout.study.sweep.batch_bytes import file_bytes
-except ImportError:  # an older checkout
-    from turnout.study.sweep.batch import file_bytes
+    from turnout.study.sweep.worker import initialize_worker
+except ImportError:
+    try:  # an older checkout
+        from turnout.study.load_study import load_study
+        from turnout.sweep.batch import LARGEST_BATCH, batch_variables, throw_batch
+        from turnout.sweep.batch_file import file_bytes
+        from turnout.sweep.worker import initialize_worker
+    except ImportError:  # the parent says that this code is too old
+        sys.exit(1)
 signal.signal(signal.SIGINT, signal.SIG_IGN)  # as in a worker
 initialize_worker()
 study = load_study(sys.argv[1])

@@ -167,8 +167,7 @@ def screen(only_screen: Screen) -> Iterator[Screen]:
 
 
 @pytest.fixture(scope="session")
-def shots(pytestconfig: pytest.Config) -> Path:
-    """Return the folder that screenshots go to."""
-    folder = Path(pytestconfig.cache.mkdir("studio")) if pytestconfig.cache else Path("studio")
-    folder.mkdir(exist_ok=True)
-    return folder
+def shots(pytestconfig: pytest.Config, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder that screenshots go to: where pytest keeps things, if it may."""
+    cache: pytest.Cache | None = getattr(pytestconfig, "cache", None)
+    return cache.mkdir("studio") if cache else tmp_path_factory.mktemp("studio")
