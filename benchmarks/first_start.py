@@ -26,7 +26,8 @@ FIRST_STEP = f"""
 import os, sys
 from turnout.cli import watch
 from turnout.cli.main import main
-watch.ProgressBar.report = lambda *_: os._exit(0)
+bar = getattr(watch, "ProgressBar", None) or watch.Watch  # of an older checkout
+bar.report = lambda *_: os._exit(0)
 sys.argv = ["turnout", *{SIMULATE!r}]
 main()
 """
