@@ -238,8 +238,22 @@ class _Throw:
         if "sensor_rails" not in self.attributes:  # of older files: all on the instrumented rail
             return to == "closed"
         rail = json.loads(self.attributes["sensor_rails"]).get(sensor)
-        instrumented = self.attributes.get("instrumented_rail")
-        return rail is None or (to == "closed") == (rail == instrumented)
+        return sensor_judges(rail, to, instrumented=self.attributes.get("instrumented_rail"))
+
+
+def sensor_judges(rail: str | None, to: str, *, instrumented: str | None) -> bool:
+    """Return True if a sensor is on the rail that closes in a movement to a position.
+
+    Parameters
+    ----------
+    rail : str or None
+        Rail of the sensor; None for a pair of sensors, one on each rail.
+    to : str
+        "open" or "closed", of the instrumented rail.
+    instrumented : str or None
+        Name of that rail.
+    """
+    return rail is None or (to == "closed") == (rail == instrumented)
 
 
 def checks(dataset: "xr.Dataset") -> list[Check]:

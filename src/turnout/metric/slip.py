@@ -2,14 +2,20 @@
 
 import json
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
+
+from turnout.solver.duty import Duty
 
 if TYPE_CHECKING:
     import xarray as xr
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 LEAST_SHARE = 0.1
 TIME_TOLERANCE = 1e-9
@@ -91,6 +97,26 @@ def machine_throws(dataset: "xr.Dataset") -> list[dict[str, Any]]:
     return _records(dataset, "machine_throws")
 
 
+def duties(dataset: "xr.Dataset") -> list[Duty]:
+    """Return what machines did on their commands, whose times [s] a dataset does not keep."""
+
+    def known(value: float | None) -> float:
+        return math.nan if value is None else float(value)
+
+    return [
+        Duty(
+            drive=item["drive"],
+            to=item["to"],
+            command=math.nan,
+            on=item["on"],
+            off=known(item["off"]),
+            rest=known(item.get("rest", item["off"])),
+            outcome=item["outcome"],
+        )
+        for item in machine_throws(dataset)
+    ]
+
+
 def unfinished(dataset: "xr.Dataset") -> dict[Span, str]:
     """Say of each movement that is not over at its end which drives have not arrived.
 
@@ -109,11 +135,37 @@ def unfinished(dataset: "xr.Dataset") -> dict[Span, str]:
     """
     if not dataset.sizes.get("time", 0) or not dataset.attrs.get("complete", True):
         return {}
-    found, end = {}, float(dataset["time"][-1])
-    for span, until in periods(dataset):
+    machines = json.loads(dataset.attrs.get("machine_supplies", "{}"))
+    return late_movements(
+        periods(dataset), end=float(dataset["time"][-1]), made=duties(dataset), machines=machines
+    )
+
+
+def late_movements(
+    spans: Sequence[tuple[Span | None, float]],
+    *,
+    end: float,
+    made: Sequence[Duty],
+    machines: Iterable[str],
+) -> dict[Span, str]:
+    """Return the movements that are not over at their ends, with the reason.
+
+    Parameters
+    ----------
+    spans : sequence of (Span, float)
+        Movements, each with the onset of the next one [s].
+    end : float
+        Last instant of the run [s].
+    made : sequence of Duty
+        What the machines did.
+    machines : iterable of str
+        Names of the drives that are machines.
+    """
+    found, named = {}, list(machines)
+    for span, until in spans:
         if span is None:
             continue
-        last, text = math.isinf(until), _who_moves(dataset, span, min(until, end))
+        last, text = math.isinf(until), _who_moves(span, min(until, end), made, named)
         if not text and not (last and span.end > end + TIME_TOLERANCE):
             continue
         when = f"at {end:.4g} s" if last else f"when the next movement begins at {until:.4g} s"
@@ -121,19 +173,18 @@ def unfinished(dataset: "xr.Dataset") -> dict[Span, str]:
     return found
 
 
-def _who_moves(dataset: "xr.Dataset", span: Span, by: float) -> str:
+def _who_moves(span: Span, by: float, made: Sequence[Duty], machines: Sequence[str]) -> str:
     """Name the drives whose machines have not come to rest in a movement by a time [s]."""
     names: dict[str, list[str]] = {}
-    for drive in json.loads(dataset.attrs.get("machine_supplies", "{}")):
+    for drive in machines:
         own = [
             item
-            for item in machine_throws(dataset)
-            if (item["drive"], item["to"]) == (drive, span.to)
-            and span.start - TIME_TOLERANCE <= item["on"] < by
+            for item in made
+            if (item.drive, item.to) == (drive, span.to)
+            and span.start - TIME_TOLERANCE <= item.on < by
         ]
-        rest = own[0].get("rest", own[0]["off"]) if own else None
-        if rest is None or rest > by + TIME_TOLERANCE:
-            moves = bool(own) and own[0]["outcome"] in ("moving", "limit")
+        if not own or not own[0].rest <= by + TIME_TOLERANCE:
+            moves = bool(own) and own[0].outcome in ("moving", "limit")
             names.setdefault("still moves" if moves else "has not arrived", []).append(drive)
     return " and ".join(
         f"Drive {drive} {what}" for what, drives in names.items() for drive in drives
@@ -167,33 +218,52 @@ def last_instant_at(dataset: "xr.Dataset", *, to: str) -> "xr.Dataset":
 
 
 def slips(dataset: "xr.Dataset") -> list[Slip]:
-    """Return the first slip of each drive in each movement, in the order of time.
+    """Return the first slip of each drive in each movement, in the order of time."""
+    flags = dataset["drive_slipping"].transpose("drive", "time").values.astype(bool)
+    spans, made = periods(dataset), duties(dataset)
+    onsets = slip_onsets(dataset["time"].values, flags, spans)
+    found = [
+        Slip(str(drive), begin, span, switched_off_by(made, str(drive), begin))
+        for drive, row in zip(dataset["drive"].values, onsets.tolist(), strict=True)
+        for begin, (span, _) in zip(row, spans, strict=True)
+        if not math.isnan(begin)
+    ]
+    return sorted(found, key=lambda slip: slip.time)
+
+
+def slip_onsets(
+    time: Floats, slipping: Flags, spans: Sequence[tuple[Span | None, float]]
+) -> Floats:
+    """Return when each drive first slips in each movement, NaN for never.
 
     A drive that has slipped and still rests at its saturation force when the next movement begins
     does not begin again.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n_times,)
+        Rising [s].
+    slipping : ndarray of bool, shape (..., n_drives, n_times)
+        Also of many throws.
+    spans : sequence of (Span, float)
+        Movements, each with the onset of the next one [s]; a slip before the first is of it.
+
+    Returns
+    -------
+    ndarray, shape (..., n_drives, n_movements)
+        [s]
     """
-    time = dataset["time"].values
-    flags = dataset["drive_slipping"].transpose("drive", "time").values.astype(bool)
-    made = [
-        (
-            item["drive"],
-            item["on"],
-            math.nan if item["off"] is None else item["off"],
-            item["outcome"],
-        )
-        for item in machine_throws(dataset)
-    ]
-    found = []
-    for drive, flag in zip(dataset["drive"].values, flags, strict=True):
-        onsets = time[flag & ~np.concatenate(([False], flag[:-1]))] if time.size else time
-        for number, (span, until) in enumerate(periods(dataset)):
-            after = span.start if span is not None and number else -float("inf")
-            within = onsets[(onsets >= after) & (onsets < until)]
-            if within.size:
-                begin = float(within[0])
-                stopped = switched_off_by(made, str(drive), begin)
-                found.append(Slip(str(drive), begin, span, stopped))
-    return sorted(found, key=lambda slip: slip.time)
+    begins = slipping.copy()
+    begins[..., 1:] &= ~slipping[..., :-1]
+    onsets = np.full((*slipping.shape[:-1], len(spans)), np.nan)
+    for number, (span, until) in enumerate(spans):
+        onset = span.start if span is not None and number else -math.inf
+        first, last = np.searchsorted(time, (onset, until)).tolist()
+        within = begins[..., first:last]
+        if last > first:
+            at = time[first + within.argmax(axis=-1)]
+            onsets[..., number] = np.where(within.any(axis=-1), at, np.nan)
+    return onsets
 
 
 STOPPED = {
@@ -204,13 +274,13 @@ STOPPED = {
 """Outcomes of commands after which the end of a machine is not proved, in words."""
 
 
-def switched_off_by(made: Iterable[tuple[str, float, float, str]], drive: str, time: float) -> str:
+def switched_off_by(made: Iterable[Duty], drive: str, time: float) -> str:
     """Name the switch-off of the machine of a drive by a time [s], other than by its limit.
 
     Parameters
     ----------
-    made : iterable of (str, float, float, str)
-        Drive, contactor closed, motor off [s] and outcome of each command, in the order of time.
+    made : iterable of Duty
+        What machines did, in the order of time.
     drive : str
         Name of the drive.
     time : float
@@ -218,13 +288,14 @@ def switched_off_by(made: Iterable[tuple[str, float, float, str]], drive: str, t
 
     Examples
     --------
-    >>> switched_off_by([("1", 0.3, 7.3, "time-out")], "1", 7.3)
+    >>> made = Duty("1", "open", 0.2, 0.3, 7.3, 7.4, "time-out")
+    >>> switched_off_by([made], "1", 7.3)
     'is switched off by its time-out before its end position'
-    >>> switched_off_by([("1", 0.3, 4.3, "limit")], "1", 7.3)
+    >>> switched_off_by([Duty("1", "open", 0.2, 0.3, 7.3, 7.4, "limit")], "1", 7.3)
     ''
     """
-    own = [row for row in made if row[0] == drive and row[1] <= time + TIME_TOLERANCE]
-    return STOPPED.get(own[-1][3], "") if own and own[-1][2] <= time + TIME_TOLERANCE else ""
+    own = [duty for duty in made if duty.drive == drive and duty.on <= time + TIME_TOLERANCE]
+    return STOPPED.get(own[-1].outcome, "") if own and own[-1].off <= time + TIME_TOLERANCE else ""
 
 
 def margins(dataset: "xr.Dataset") -> list[Margin]:

@@ -48,7 +48,7 @@ from turnout.throw.recovery import (
     recover_motion,
     row_blocks_of,
 )
-from turnout.throw.route import DirectedMovement
+from turnout.throw.route import DirectedMovement, sensor_rails
 from turnout.throw.rows_over_time import WeightedRows, write_rows
 from turnout.throw.save import Save
 from turnout.throw.signals import (
@@ -307,7 +307,7 @@ def _rules(panel: LoadedPanel, scheme: Scheme) -> Attributes:
         "flangeway_limit": panel.flangeway.limit if panel.flangeway else float("nan"),
         "instrumented_rail": panel.instrumented_rail,
         **({"loaded_by": panel.schedule.loaded_by} if prior_movement(panel) else {}),
-        "sensor_rails": json.dumps(_sensor_rails(panel)),
+        "sensor_rails": json.dumps(sensor_rails(panel)),
         "scheme": scheme.describe(),
         "mode": scheme.mode,
         "step": scheme.step,
@@ -317,13 +317,6 @@ def _rules(panel: LoadedPanel, scheme: Scheme) -> Attributes:
         "force_tolerance": scheme.force_tolerance,
         "output_interval": scheme.output_interval,
     }
-
-
-def _sensor_rails(panel: Panel) -> dict[str, str]:
-    """Return the rail of each sensor that is not a pair."""
-    only = panel.instrumented_rail if len(panel.rail) == 1 else None
-    rails = {name: item.rail or only for name, item in panel.sensor.items()}
-    return {name: rail for name, rail in rails.items() if rail is not None}
 
 
 def _object_record(panel: Panel, item: PlacedObject) -> dict[str, object]:

@@ -98,6 +98,13 @@ def closed_spans(panel: Panel, time: Floats) -> list[tuple[int, int, bool]]:
     return [*found, (begin, time.size, closed)]
 
 
+def sensor_rails(panel: Panel) -> dict[str, str]:
+    """Return the rail of each sensor that is not a pair."""
+    only = panel.instrumented_rail if len(panel.rail) == 1 else None
+    rails = {name: item.rail or only for name, item in panel.sensor.items()}
+    return {name: rail for name, rail in rails.items() if rail is not None}
+
+
 def wanted_closed(panel: Panel, time: Floats) -> list[tuple[str, Flags]]:
     """Return rails with the instants at which the present or last movement wants each closed."""
     position = np.empty(time.size, dtype=np.bool_)

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.metric.checks import FLANGEWAY, SWITCHED_OFF, Check
+from turnout.metric.checks import FLANGEWAY, SWITCHED_OFF, Check, sensor_judges
 from turnout.metric.features import FEATURES, run_features
-from turnout.metric.slip import Span, switched_off_by
+from turnout.metric.slip import Span, late_movements, slip_onsets, switched_off_by
 from turnout.metric.verdict import KINDS, Kind, TrappedItem, judge_objects, kind_of
 from turnout.study.sweep.throw_group import AlikeThrows, ThrowSignals
 from turnout.throw.lock_and_control import (
@@ -20,6 +20,7 @@ from turnout.throw.lock_and_control import (
     flangeway_labels,
     force_margins,
 )
+from turnout.throw.route import sensor_rails
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -116,8 +117,11 @@ def _state_labels(throws: AlikeThrows) -> Values:
 
 def _late(throws: AlikeThrows) -> list[bool]:
     """Return for each movement whether it is not over at its end; one value without movements."""
-    end, moved = throws.time[-1] + 1e-9, throws.runs[0].moved
-    return [item.unfinished or item.end > end for item in moved] or [False]
+    first, spans = throws.runs[0], _periods(throws)
+    machines = [name for name, drive in first.panel.drive.items() if drive.machine is not None]
+    end = float(throws.time[-1])
+    late = late_movements(spans, end=end, made=first.duties, machines=machines)
+    return [span in late for span, _ in spans]
 
 
 def _contact_labels(throws: AlikeThrows) -> Values:
@@ -210,48 +214,36 @@ def _periods(throws: AlikeThrows) -> list[tuple[Span | None, float]]:
 
 def _asked(throws: AlikeThrows) -> Flags:
     """Return whether each sensor is on the rail that is closed at each rest."""
-    panel = throws.runs[0].panel
-    closed = np.array([span is None or span.to == "closed" for span, _ in _periods(throws)])
-    of_closed = [
-        closed | (sensor.rail is None and len(panel.rail) > 1)
-        if sensor.rail in (None, panel.instrumented_rail)
-        else ~closed
-        for sensor in panel.sensor.values()
+    panel, spans = throws.runs[0].panel, _periods(throws)
+    rails, instrumented = sensor_rails(panel), panel.instrumented_rail
+    asked = [
+        sensor_judges(
+            rails.get(name), "closed" if span is None else span.to, instrumented=instrumented
+        )
+        for name in panel.sensor
+        for span, _ in spans
     ]
-    return np.array(of_closed, dtype=np.bool_).reshape(len(of_closed), closed.size)
+    return np.array(asked, dtype=np.bool_).reshape(len(panel.sensor), len(spans))
 
 
 def _slip_onsets(throws: AlikeThrows) -> Floats:
-    """Return when each drive first slips in each movement, NaN for never.
-
-    Shape (n, n_drives, n_movements) [s].
-    """
+    """Return when each drive first slips in each movement, shape (n, n_drives, n_movements) [s]."""
     spans, flags = _periods(throws), throws.slipping
     onsets = np.full((*flags.shape[:2], len(spans)), np.nan)
     some = flags.any(axis=(1, 2))
-    if not some.any():
-        return onsets
-    begins = flags[some]
-    begins[..., 1:] &= ~flags[some][..., :-1]
-    for rest, (span, until) in enumerate(spans):
-        onset = span.start if span is not None and rest else -math.inf
-        first, last = np.searchsorted(throws.time, (onset, until)).tolist()
-        within = begins[..., first:last]
-        if last > first:
-            at = throws.time[first + within.argmax(axis=-1)]
-            onsets[some, :, rest] = np.where(within.any(axis=-1), at, np.nan)
+    if some.any():
+        onsets[some] = slip_onsets(throws.time, flags[some], spans)
     return onsets
 
 
 def _slip_checks(throws: AlikeThrows, number: int, onsets: Floats) -> list[Check]:
     """Return the slips of one throw."""
     run = throws.runs[number]
-    made = [(duty.drive, duty.on, duty.off, duty.outcome) for duty in run.duties]
     return [
         Check(
             kind="slip",
             name=drive,
-            criterion=SWITCHED_OFF if switched_off_by(made, drive, time) else "slip",
+            criterion=SWITCHED_OFF if switched_off_by(run.duties, drive, time) else "slip",
             met=False,
             time=time,
             movement=span,
