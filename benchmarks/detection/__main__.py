@@ -33,10 +33,9 @@ from benchmarks.detection.run_methods import (
     score_file,
 )
 from benchmarks.detection.tables import millimetres, write_table
-from turnout.cli.json_output import print_json
 from turnout.cli.main import BAD_INPUT
-from turnout.cli.options import INTERRUPTED
-from turnout.cli.sweep import cores
+from turnout.cli.output import INTERRUPTED, json_text
+from turnout.cli.watch import cores
 from turnout.core.errors import TurnoutError
 from turnout.core.threads import one_blas_thread
 from turnout.detection.conditions import SIMULATED
@@ -122,12 +121,8 @@ def run_command(given: argparse.Namespace) -> None:
         written += [write_table(folder, order, results), *draw(folder, wanted[0], results)]
         lines += [f"numbers         {digest}", f"origin          {SIMULATED}"]
     if given.json:
-        print_json(
-            "benchmarks.detection run",
-            {"origin": SIMULATED, **found},
-            units=SCORE_UNITS,
-            written=written,
-        )
+        record = {"origin": SIMULATED, **found}
+        print(json_text("benchmarks.detection run", record, units=SCORE_UNITS, written=written))
     else:
         print(*lines, *(f"wrote           {path}" for path in written), sep="\n")
 
@@ -172,7 +167,7 @@ def score_command(given: argparse.Namespace) -> None:
     score = score_file(given.verdicts, given.folder, conditions)
     if given.json:
         found = {"origin": SIMULATED, "score": score}
-        print_json("benchmarks.detection score", found, units=SCORE_UNITS)
+        print(json_text("benchmarks.detection score", found, units=SCORE_UNITS))
         return
     print(f"origin          {SIMULATED}")
     alarms = score["false_alarms"]

@@ -8,7 +8,7 @@ from tests.unit.sweeps import here, small_study, study_file
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
-from turnout.cli.sweep import progress_line
+from turnout.cli.watch import progress_line
 from turnout.core.errors import FileError, TurnoutError
 from turnout.study.sweep.read import read_labels
 from turnout.study.sweep.run import SweepProgress, throw_study

@@ -5,8 +5,6 @@ there is compared with itself and with the channels at the same instant, read as
 checks that wrote it.
 """
 
-import contextlib
-import io
 import math
 import re
 from collections.abc import Iterator
@@ -14,8 +12,9 @@ from typing import Any
 
 import pytest
 import xarray as xr
+from click import unstyle
 
-from turnout.cli.simulate import _print_summary
+from turnout.cli.simulate import summary_lines
 from turnout.figures.report.page import Page
 from turnout.figures.report.run import run_page
 from turnout.panel.foreign_object import ForeignObject
@@ -75,11 +74,8 @@ def thrown(name: str) -> tuple[dict[str, Any], Page, list[str], xr.Dataset]:
     library, changes, item = SCENARIOS[name]
     panel = load_panel(library).with_overrides(changes)
     dataset = simulate(panel, foreign_object=item, mode="quick", throw=False)
-    screen = io.StringIO()
-    with contextlib.redirect_stdout(screen):
-        _print_summary(dataset, [])
-    page = run_page(dataset, pictures=[])
-    return throw_reply(panel, dataset), page, screen.getvalue().splitlines(), dataset
+    page, lines = run_page(dataset, pictures=[]), list(map(unstyle, summary_lines(dataset)))
+    return throw_reply(panel, dataset), page, lines, dataset
 
 
 def beyond(text: str) -> list[bool]:

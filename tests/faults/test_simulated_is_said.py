@@ -14,9 +14,9 @@ from tests.unit.detector_toy import toy_detector
 from typer.testing import CliRunner
 
 from turnout.cli import detect
-from turnout.cli.json_output import json_text
 from turnout.cli.limit_output import write_map
 from turnout.cli.main import app
+from turnout.cli.output import Output, json_text
 from turnout.detection.limit.limit_map import limit_map
 from turnout.detection.reference import Conditions
 from turnout.figures.report.blind_zones import blind_zone_page
@@ -113,7 +113,7 @@ def test_training_says_so_above_its_thresholds() -> None:
 
 def test_the_limit_says_so_on_screen_and_page(capsys: pytest.CaptureFixture[str]) -> None:
     found = limit_map(toy_throws(), Conditions(), closing=0.8)
-    write_map(found, None, out=None, plot=None, as_json=False, quiet=False)
+    write_map(found, None, Output("limit"), out=None, plot=None)
     assert is_said(capsys.readouterr().out)
     html = page_html(blind_zone_page(found))
     assert is_said(html)

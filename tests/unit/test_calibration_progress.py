@@ -13,7 +13,7 @@ from turnout.calibration.stage_progress import (
     ProgressReporter,
     work_of_search,
 )
-from turnout.cli.calibrate import _ProgressLog
+from turnout.cli.calibrate import stage_line
 from turnout.panel.load import load_panel
 
 
@@ -63,12 +63,10 @@ def test_advice_counts_its_own_throws(monkeypatch: pytest.MonkeyPatch) -> None:
     assert stage.left(1100.0) == pytest.approx(0.1 * (work - 100))
 
 
-def test_time_left_is_not_said_of_the_first_throws(capsys: pytest.CaptureFixture[str]) -> None:
+def test_time_left_is_not_said_of_the_first_throws() -> None:
     """The first line was "1 throws, 0 s, less than 5 s left", of a fit that took minutes."""
-    log = _ProgressLog()
-    for made in (1, 40):
-        log._due = 0.0
-        log.report(
+    first, later = (
+        stage_line(
             CalibrationProgress(
                 stage="friction",
                 number=1,
@@ -79,7 +77,8 @@ def test_time_left_is_not_said_of_the_first_throws(capsys: pytest.CaptureFixture
                 left=80.0,
             )
         )
-    first, later = capsys.readouterr().err.splitlines()
+        for made in (1, 40)
+    )
     assert first == "stage friction (1 of 4): 1 throw, 3 s"
     assert later.endswith("40 throws, 3 s, about 80 s left")
 

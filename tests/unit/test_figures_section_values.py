@@ -39,4 +39,4 @@ def test_the_command_draws(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["panel", "sections", "sb2", "--plot", str(path)])
     assert result.exit_code == 0, result.output
     assert path.read_bytes().startswith(b"<?xml")
-    assert f"{path}: written" in result.stdout
+    assert f"{path} (" in result.stdout

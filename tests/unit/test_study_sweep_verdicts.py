@@ -131,7 +131,7 @@ def compared(folder: Path, group: str) -> list[tuple[str, str]]:
     )
     study = load_study(study_file(folder, text=text.replace("{", "{{").replace("}", "}}")))
     scenarios = [study.scenario(number) for number in range(study.count)]
-    found = []
+    found: list[tuple[str, str]] = []
     for row, scenario in zip(throw_scenarios(study, scenarios), scenarios, strict=True):
         changed = study.panel.with_overrides(dict(scenario.overrides))
         alone = simulate(

@@ -1,8 +1,6 @@
 """The command `turnout calibrate`: friction and drive values from a campaign, with uncertainty."""
 
 import re
-import sys
-import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -11,18 +9,20 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from turnout.cli.campaign import OutsideOption, opened_campaign
-from turnout.cli.json_output import JsonOption, print_json
 from turnout.cli.options import (
     DEFAULT_PANEL,
-    FINDINGS,
-    INTERRUPTED,
     QuietOption,
     SetOption,
+    StrictOption,
+    argument,
     check_outputs,
     made_folder,
     opened_panel,
+    option,
 )
-from turnout.core.value_text import count_text, value_text
+from turnout.cli.output import FINDINGS, JsonOption, Output, coloured, resumable
+from turnout.cli.watch import ProgressBar
+from turnout.core.value_text import count_text, duration_text, value_text
 from turnout.measurement.campaign.campaign_folder import throw_store
 
 if TYPE_CHECKING:
@@ -38,56 +38,37 @@ LEAST_LEFT, LEAST_THROWS = 5.0, 10
 
 
 def calibrate_command(
-    source: Annotated[
-        Path, typer.Argument(metavar="CAMPAIGN", help="Folder of a campaign, or its dataset (.nc).")
-    ],
-    panel: Annotated[
-        str, typer.Option("--panel", metavar="PANEL", help="Library panel or panel file.")
-    ] = DEFAULT_PANEL,
+    source: Annotated[Path, argument("CAMPAIGN", "Folder of a campaign, or its dataset (.nc).")],
+    panel: Annotated[str, option("--panel PANEL", "Library panel or panel file.")] = DEFAULT_PANEL,
     settings: SetOption = [],  # noqa: B006 - typer copies it
-    out: Annotated[
-        Path, typer.Option("-o", "--out", metavar="FILE.toml", help="Where the result goes.")
-    ] = Path("calibration.toml"),
-    free: Annotated[
-        list[str],
-        typer.Option("--free", metavar="KEY", help="Fit this key of the panel too. Repeat."),
-    ] = [],  # noqa: B006 - typer copies it
+    out: Annotated[Path, option("--out -o FILE.toml", "Where the result goes.")] = Path(
+        "calibration.toml"
+    ),
+    free: Annotated[list[str], option("--free KEY", "Fit this key of the panel too. Repeat.")] = [],  # noqa: B006 - typer copies it
     fix: Annotated[
-        list[str],
-        typer.Option("--fix", metavar="KEY", help="Keep the panel's value of this key. Repeat."),
+        list[str], option("--fix KEY", "Keep the panel's value of this key. Repeat.")
     ] = [],  # noqa: B006 - typer copies it
     exclude: Annotated[
-        list[str],
-        typer.Option("--exclude", metavar="MOVEMENT", help="Leave this movement out. Repeat."),
+        list[str], option("--exclude MOVEMENT", "Leave this movement out. Repeat.")
     ] = [],  # noqa: B006 - typer copies it
-    most: Annotated[
-        int,
-        typer.Option("--most", min=0, metavar="N", help="Movements of the last stage; 0: all."),
-    ] = 20,
+    most: Annotated[int, option("--most N", "Movements of the last stage; 0: all.", min=0)] = 20,
     figures: Annotated[
         Path | None,
-        typer.Option(
-            "--figures",
-            metavar="DIR",
-            help="Draw each sweep, intervals, correlations, and each movement as fitted.",
+        option(
+            "--figures DIR",
+            "Draw each sweep, intervals, correlations, and each movement as fitted.",
         ),
     ] = None,
     posterior: Annotated[
-        bool,
-        typer.Option("--posterior", help="Sample the posterior, with profile likelihoods."),
+        bool, option("--posterior", "Sample the posterior, with profile likelihoods.")
     ] = False,
     advise: Annotated[
         bool,
-        typer.Option(
-            "--advise", help="Print parameter correlations and the test that would separate them."
-        ),
+        option("--advise", "Print parameter correlations and the test that would separate them."),
     ] = False,
-    strict: Annotated[
-        bool,
-        typer.Option("--strict", help="Exit code 1 if the result is not trustworthy."),
-    ] = False,
+    strict: StrictOption = False,
     allow_outside: OutsideOption = False,
-    workers: Annotated[int, typer.Option("--workers", metavar="N", min=1, help="Processes.")] = 2,
+    workers: Annotated[int, option("--workers N", "Processes.", min=1)] = 2,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
@@ -106,88 +87,59 @@ def calibrate_command(
     plan = default_plan(loaded, free=free, fixed=fix, most=most)
     from turnout.calibration.evaluate import throw_processes
 
-    try:
-        # Processes load while the campaign is read.
-        with throw_processes(loaded, workers, throw_store(source)) as pool:
-            dataset = opened_campaign(
-                source, None, out=out, allow_outside=allow_outside, quiet=quiet
-            )
-            from turnout.calibration.calibrate import calibrate
+    kept = "throws so far are cached, run the same command to continue"
+    log = ProgressBar(quiet=quiet, every=SECONDS_BETWEEN_LINES)
+    # Processes load while the campaign is read.
+    with resumable(kept), throw_processes(loaded, workers, throw_store(source)) as pool:
+        dataset = opened_campaign(source, None, out=out, allow_outside=allow_outside, quiet=quiet)
+        from turnout.calibration.calibrate import calibrate
 
-            outcome = calibrate(
-                dataset,
-                loaded,
-                plan=plan,
-                exclude=exclude,
-                folder=throw_store(source),
-                workers=workers,
-                pool=pool,
-                posterior=posterior,
-                advise=advise,
-                report=None if quiet else _ProgressLog().report,
-            )
-    except KeyboardInterrupt:
-        typer.echo(
-            "turnout: interrupted; throws so far are cached, run the same command to continue",
-            err=True,
+        outcome = calibrate(
+            dataset,
+            loaded,
+            plan=plan,
+            exclude=exclude,
+            folder=throw_store(source),
+            workers=workers,
+            pool=pool,
+            posterior=posterior,
+            advise=advise,
+            report=None if quiet else lambda state: log.say(stage_line(state)),
         )
-        raise typer.Exit(INTERRUPTED) from None
     from turnout.calibration.fitted_file import save_signals, signals_path
 
     calibration = outcome.calibration
     calibration.save(out)
     signals = save_signals(outcome.final, calibration, out)
-    written = [out, signals_path(out)]
-    if not quiet and not as_json:
-        for line in result_lines(calibration):
-            typer.echo(line)
+    output = Output("calibrate", as_json=as_json, quiet=quiet)
+    output.show(*result_lines(calibration))
     if figures is not None:
-        silent = quiet or as_json
-        written += _draw(calibration, outcome.sweeps, signals, figures, quiet=silent)
+        _draw(output, calibration, outcome.sweeps, signals, figures)
+    output.wrote(out)
+    output.written.append(signals_path(out))
     if as_json:
         from turnout.cli.json_records import calibration_record
 
         record, units = calibration_record(calibration)
-        print_json("calibrate", record, units=units, written=written)
-    else:
-        _print_verdict(calibration, out, quiet=quiet)
+        output.json(record, units=units)
+    elif not quiet or calibration.distrust:
+        level, lines = "bad" if calibration.distrust else "good", trust_lines(calibration)
+        for line in lines:
+            typer.echo(coloured(line, level) if line.startswith("verdict") else line)
     if strict and calibration.distrust:
         raise typer.Exit(FINDINGS)
 
 
-def _print_verdict(calibration: "Calibration", out: Path, *, quiet: bool) -> None:
-    if not quiet:
-        typer.echo(f"{'written':<12}{out}")
-    from turnout.cli.colour import coloured
-
-    level = "bad" if calibration.distrust else "good"
-    for line in trust_lines(calibration):
-        if not quiet or calibration.distrust:
-            typer.echo(coloured(line, level) if line.startswith("verdict") else line)
-
-
-class _ProgressLog:
-    """Calibration progress as lines on stderr."""
-
-    def __init__(self) -> None:
-        self._due = time.monotonic() + SECONDS_BETWEEN_LINES
-
-    def report(self, state: "CalibrationProgress") -> None:
-        """Show stage, throws, misfit and time, if a line is due."""
-        now = time.monotonic()
-        if now < self._due:
-            return
-        self._due = now + SECONDS_BETWEEN_LINES
-        misfit = "" if state.misfit != state.misfit else f", misfit {state.misfit:.2f}"
-        throws = count_text(state.evaluations, "throw")
-        # What the first throws take says nothing of the others.
-        left = f", {_left(state.left)} left" if state.evaluations >= LEAST_THROWS else ""
-        print(
-            f"stage {state.stage} ({state.number} of {state.stages}): {throws}{misfit}, "
-            f"{state.seconds:.0f} s{left}",
-            file=sys.stderr,
-            flush=True,
-        )
+def stage_line(state: "CalibrationProgress") -> str:
+    """Return stage, throws, misfit and time of a calibration under way in one line."""
+    misfit = "" if state.misfit != state.misfit else f", misfit {state.misfit:.2f}"
+    throws = count_text(state.evaluations, "throw")
+    # What the first throws take says nothing of the others.
+    left = f", {_left(state.left)} left" if state.evaluations >= LEAST_THROWS else ""
+    return (
+        f"stage {state.stage} ({state.number} of {state.stages}): {throws}{misfit}, "
+        f"{state.seconds:.0f} s{left}"
+    )
 
 
 def _left(seconds: float) -> str:
@@ -196,11 +148,10 @@ def _left(seconds: float) -> str:
     Examples
     --------
     >>> _left(2.0), _left(42.0), _left(200.0)
-    ('less than 5 s', 'about 42 s', 'about 3 min')
+    ('less than 5 s', 'about 42 s', 'about 3.3 min')
     """
-    if seconds < LEAST_LEFT:
-        return f"less than {LEAST_LEFT:g} s"
-    return f"about {seconds:.0f} s" if seconds < 100.0 else f"about {seconds / 60.0:.0f} min"
+    less = seconds < LEAST_LEFT
+    return f"less than {LEAST_LEFT:g} s" if less else f"about {duration_text(seconds)}"
 
 
 def result_lines(calibration: "Calibration") -> list[str]:
@@ -259,15 +210,13 @@ def _posterior_lines(calibration: "Calibration") -> list[str]:
 
 
 def _draw(
+    output: Output,
     calibration: "Calibration",
     sweeps: "Sequence[GridSearch]",
     signals: "xr.Dataset",
     folder: Path,
-    *,
-    quiet: bool,
-) -> list[Path]:
+) -> None:
     """Draw grid searches, intervals, correlations and each movement as fitted."""
-    from turnout.cli.watch import ProgressBar
     from turnout.core.files import write_atomic
     from turnout.figures.calibration import plot_correlations, plot_fit, plot_sweep
     from turnout.figures.draw import draw_sheet
@@ -285,13 +234,10 @@ def _draw(
     for number, name in enumerate(signals["movement"].values, 1):
         plain = re.sub(r"[^\w.-]+", "-", str(name))
         made[f"fit-{number:02d}-{plain}"] = partial(plot_fit, signals, str(name))
-    written = []
-    with ProgressBar("drawing", compiling=False, quiet=quiet) as watch:
+    with ProgressBar("drawing", quiet=output.silent) as watch:
         for number, (name, draw) in enumerate(made.items(), 1):
             path = folder / f"{name}.png"
             write_atomic(path, rendered(draw(), ".png"))
-            written.append(path)
+            output.written.append(path)
             watch.report(number, len(made))
-    if not quiet:
-        typer.echo(f"{'written':<12}{folder} ({len(written)} figures)")
-    return written
+    output.show(f"{folder} ({count_text(len(made), 'figure')})", heading="written")

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from turnout.cli.json_output import JsonOption, print_json
-from turnout.cli.options import FINDINGS, INTERRUPTED, QuietOption, check_outputs, opened_panel
+from turnout.cli.options import FIGURES, QuietOption, argument, check_outputs, opened_panel, option
+from turnout.cli.output import FINDINGS, JsonOption, Output, note, refuse, resumable
 from turnout.cli.virtual_campaign import virtual_command
 
 if TYPE_CHECKING:
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from turnout.measurement.campaign.build_campaign import BuiltCampaign
     from turnout.panel.load import LoadedPanel
 
-FIGURES = (".png", ".pdf", ".svg")
 MOST_REMARKS = 20
 MOST_NAMES = 4
 
@@ -27,23 +26,14 @@ app = typer.Typer(
 )
 app.command("virtual", short_help="Make a campaign of simulated throws.")(virtual_command)
 
-FolderArgument = Annotated[
-    Path, typer.Argument(metavar="DIR", help="Folder with a run sheet and recordings.")
-]
+FolderArgument = Annotated[Path, argument("DIR", "Folder with a run sheet and recordings.")]
 ChannelsOption = Annotated[
-    str | None,
-    typer.Option(
-        "--channels", metavar="MAP", help="Channel map (.toml); default channels.toml in DIR."
-    ),
+    str | None, option("--channels MAP", "Channel map (.toml); default channels.toml in DIR.")
 ]
-StrictOption = Annotated[
-    bool, typer.Option("--strict", help="Exit code 2 if a movement must be excluded.")
-]
+StrictOption = Annotated[bool, option("--strict", "Exit code 2 if a movement must be excluded.")]
 OutsideOption = Annotated[
     bool,
-    typer.Option(
-        "--allow-outside", help="Read files that lie outside DIR, or that a recording refers to."
-    ),
+    option("--allow-outside", "Read files that lie outside DIR, or that a recording refers to."),
 ]
 
 
@@ -53,10 +43,9 @@ def campaign_check_command(
     channels: ChannelsOption = None,
     panel: Annotated[
         str | None,
-        typer.Option(
-            "--panel",
-            metavar="PANEL",
-            help="Switch that was measured: finds exchanged rods from objects at any place.",
+        option(
+            "--panel PANEL",
+            "Switch that was measured: finds exchanged rods from objects at any place.",
         ),
     ] = None,
     strict: StrictOption = False,
@@ -74,12 +63,12 @@ def campaign_check_command(
     )
     if loaded is not None:
         campaign = _with_panel(campaign, loaded)
+    output = Output("campaign check", as_json=as_json, quiet=quiet)
+    _show_campaign(output, campaign, remarks=True)
     if as_json:
         from turnout.cli.json_records import campaign_record
 
-        print_json("campaign check", campaign_record(campaign))
-    elif not quiet:
-        _print_campaign(campaign, remarks=True)
+        output.json(campaign_record(campaign))
     if campaign.dataset is None or _is_exchanged(campaign):
         raise typer.Exit(FINDINGS)
 
@@ -104,10 +93,7 @@ def _with_panel(campaign: "BuiltCampaign", panel: "LoadedPanel") -> "BuiltCampai
 @app.command("build", short_help="Build one dataset of all usable movements.")
 def build_command(
     folder: FolderArgument,
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", "-o", metavar="FILE.nc", help="Default campaign.nc in DIR."),
-    ] = None,
+    out: Annotated[Path | None, option("--out -o FILE.nc", "Default campaign.nc in DIR.")] = None,
     channels: ChannelsOption = None,
     strict: StrictOption = False,
     allow_outside: OutsideOption = False,
@@ -124,40 +110,25 @@ def build_command(
     campaign = built_campaign(
         folder, channels, strict=strict, allow_outside=allow_outside, quiet=quiet
     )
-    if not quiet and not as_json:
-        _print_campaign(campaign, remarks=False)
-    from turnout.throw.store import save_response
-
-    save_response(usable_dataset(campaign, folder), target)
+    output = Output("campaign build", as_json=as_json, quiet=quiet)
+    _show_campaign(output, campaign, remarks=False)
+    output.dataset(target, usable_dataset(campaign, folder))
     if as_json:
         from turnout.cli.json_records import campaign_record
 
-        print_json("campaign build", campaign_record(campaign), written=[target])
-    elif not quiet:
-        typer.echo(f"{'written':<12}{target} ({round(target.stat().st_size / 1e6)} MB)")
+        output.json(campaign_record(campaign))
 
 
 @app.command("plot", short_help="Draw channels by object size, or places against sizes.")
 def plot_command(
-    source: Annotated[
-        Path, typer.Argument(metavar="DIR", help="Folder of a campaign, or its dataset (.nc).")
-    ],
+    source: Annotated[Path, argument("DIR", "Folder of a campaign, or its dataset (.nc).")],
     place: Annotated[
         str | None,
-        typer.Option(
-            "--place",
-            metavar="PLACE",
-            help="Channels by size at a place; without it, the overview.",
-        ),
+        option("--place PLACE", "Channels by size at a place; without it, the overview."),
     ] = None,
-    direction: Annotated[
-        str, typer.Option("--direction", metavar="WAY", help="closing or opening.")
-    ] = "closing",
+    direction: Annotated[str, option("--direction WAY", "closing or opening.")] = "closing",
     out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", "-o", metavar="FILE", help="Figure (.png, .pdf, .svg); default campaign.png."
-        ),
+        Path | None, option("--out -o FILE", "Figure (.png, .pdf, .svg); default campaign.png.")
     ] = None,
     channels: ChannelsOption = None,
     allow_outside: OutsideOption = False,
@@ -167,36 +138,27 @@ def plot_command(
     target = out if out is not None else Path("campaign.png")
     check_outputs({"--out": target}, {"--out": FIGURES})
     if direction not in ("closing", "opening"):
-        from turnout.core.errors import FileError
-
-        message = f"--direction {direction}: must be closing or opening"
-        raise FileError(message)
+        refuse(f"--direction {direction}: must be closing or opening")
     place = None if place is None else _place(place)
     dataset = opened_campaign(
         source, channels, out=target, allow_outside=allow_outside, quiet=quiet
     )
-    from turnout.core.files import write_atomic
     from turnout.figures.campaign import plot_overview, plot_stacked
-    from turnout.figures.style import rendered
 
     if place is None:
         figure = plot_overview(dataset, direction=direction)
     else:
         figure = plot_stacked(dataset, place=place, direction=direction)
-    write_atomic(target, rendered(figure, target.suffix))
-    if not quiet:
-        typer.echo(f"{'written':<12}{target}")
+    Output("campaign plot", quiet=quiet).figure(target, lambda: figure)
 
 
 def _place(text: str) -> str:
-    from turnout.core.errors import FileError
     from turnout.measurement.campaign.run_sheet import normal_place
 
     try:
         return normal_place(text)
     except ValueError as error:
-        message = f"--place {text}: {error}"
-        raise FileError(message) from None
+        refuse(f"--place {text}: {error}")
 
 
 def built_campaign(
@@ -211,22 +173,18 @@ def built_campaign(
     from turnout.cli.watch import ProgressBar
     from turnout.measurement.campaign.build_campaign import build_campaign_dataset
 
-    try:
-        with ProgressBar(f"reading {folder.name or folder}", compiling=False, quiet=quiet) as watch:
-            return build_campaign_dataset(
-                folder,
-                channels=channels,
-                strict=strict,
-                allow_outside=allow_outside,
-                report=watch.report,
-            )
-    except KeyboardInterrupt:
-        typer.echo(
-            "turnout: interrupted; movements read so far are cached, "
-            "run the same command to continue",
-            err=True,
+    kept = "movements read so far are cached, run the same command to continue"
+    with (
+        resumable(kept),
+        ProgressBar(f"reading {folder.name or folder}", quiet=quiet) as watch,
+    ):
+        return build_campaign_dataset(
+            folder,
+            channels=channels,
+            strict=strict,
+            allow_outside=allow_outside,
+            report=watch.report,
         )
-        raise typer.Exit(INTERRUPTED) from None
 
 
 def opened_campaign(
@@ -257,17 +215,14 @@ def opened_campaign(
 
         dataset = open_response(source)
         if "movement" not in dataset.dims:
-            from turnout.core.errors import FileError
-
-            message = f"{source}: holds one run, not a campaign; `turnout simulate --plot` draws it"
-            raise FileError(message)
+            refuse(f"{source}: holds one run, not a campaign; `turnout simulate --plot` draws it")
         return dataset
     campaign = built_campaign(
         source, channels, strict=False, allow_outside=allow_outside, quiet=quiet
     )
     dataset = usable_dataset(campaign, source)
     for who, reasons in [] if quiet else reasons_to_exclude(campaign):
-        typer.echo(f"turnout: excluded {who}: {'; '.join(reasons)}", err=True)
+        note(f"excluded {who}: {'; '.join(reasons)}")
     return dataset
 
 
@@ -281,26 +236,23 @@ def usable_dataset(campaign: "BuiltCampaign", source: Path) -> "xr.Dataset":
     return campaign.dataset
 
 
-def _print_campaign(campaign: "BuiltCampaign", *, remarks: bool) -> None:
+def _show_campaign(output: Output, campaign: "BuiltCampaign", *, remarks: bool) -> None:
     """Print the movements, the excluded ones with reasons, and the remarks."""
     sheet = campaign.sheet
     usable = len(sheet.runs) - len(campaign.excluded)
-    typer.echo(f"{'campaign':<12}{sheet.title}{' (synthetic)' if sheet.synthetic else ''}")
+    output.show(f"{sheet.title}{' (synthetic)' if sheet.synthetic else ''}", heading="campaign")
     once = " once columns are exchanged" if _is_exchanged(campaign) else ""
-    typer.echo(f"{'movements':<12}{len(sheet.runs)} in the sheet, {usable} usable{once}")
-    if campaign.reused:
-        typer.echo(f"{'':<12}{campaign.reused} taken from the cache")
+    reused = [f"{campaign.reused} taken from the cache"] if campaign.reused else []
+    counts = f"{len(sheet.runs)} in the sheet, {usable} usable{once}"
+    output.rows("movements", [counts, *reused])
     if campaign.recorder:
-        typer.echo(f"{'recorder':<12}{campaign.recorder}; applied to simulated forces too")
+        output.show(f"{campaign.recorder}; applied to simulated forces too", heading="recorder")
     shown = campaign.remarks if remarks else campaign.remarks[:MOST_REMARKS]
-    for number, text in enumerate(shown):
-        typer.echo(f"{'remarks' if number == 0 else '':<12}{text}")
-    if len(shown) < len(campaign.remarks):
-        more = len(campaign.remarks) - len(shown)
-        typer.echo(f"{'':<12}and {more} more; `turnout campaign check` shows all")
+    more = len(campaign.remarks) - len(shown)
+    rest = [f"and {more} more; `turnout campaign check` shows all"] if more else []
+    output.rows("remarks", [*shown, *rest])
     for who, reasons in reasons_to_exclude(campaign):
-        for number, reason in enumerate(reasons):
-            typer.echo(f"{'excluded' if number == 0 else '':<12}{who}: {reason}")
+        output.rows("excluded", (f"{who}: {reason}" for reason in reasons))
 
 
 def reasons_to_exclude(campaign: "BuiltCampaign") -> list[tuple[str, tuple[str, ...]]]:

@@ -1,5 +1,6 @@
 """The commands `turnout detect ...`: train a detector, teach it a switch, judge throws."""
 
+from collections import Counter
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,25 +17,26 @@ from turnout.cli.detect_options import (
     verdict_units,
 )
 from turnout.cli.detect_watch import watch_command
-from turnout.cli.json_output import JsonOption, print_json
 from turnout.cli.options import (
-    INTERRUPTED,
     CalibrationOption,
     PanelArgument,
     QuietOption,
     SetOption,
+    StrictOption,
+    WorkersOption,
     check_outputs,
-    write_and_report,
+    given_panel,
+    option,
 )
+from turnout.cli.output import FINDINGS, JsonOption, Output, refuse, resumable
+from turnout.core.value_text import count_text
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from turnout.detection.detector.knowledge import Knowledge
     from turnout.detection.detector.throw_verdict import Verdict
-    from turnout.study.sweep.run import SweepProgress
 
-EXIT_NOT_SOUND = 1
 WORTH_SAYING = 1.2
 """Scatter of the throws of a switch from which on it is mentioned [-]."""
 app = typer.Typer(
@@ -50,71 +52,50 @@ def train_command(
     calibration: CalibrationOption = None,
     settings: SetOption = [],  # noqa: B006 - typer copies it
     study: Annotated[
-        Path | None,
-        typer.Option(
-            "--study", metavar="FILE.toml", help="Population in place of the reference case."
-        ),
+        Path | None, option("--study FILE.toml", "Population in place of the reference case.")
     ] = None,
     sound: Annotated[
-        int | None,
-        typer.Option("--sound", metavar="N", min=420, help="Sound throws; default 4000."),
+        int | None, option("--sound N", "Sound throws; default 4000.", min=420)
     ] = None,
     objects: Annotated[
         int | None,
-        typer.Option(
-            "--objects",
-            metavar="N",
+        option(
+            "--objects N",
+            "Throws with objects, the first 800 also as objects that yield, such as ice; default "
+            "3000.",
             min=200,
-            help="Throws with objects, the first 800 also as objects that yield, such as ice; "
-            "default 3000.",
         ),
     ] = None,
     defects: Annotated[
-        int | None,
-        typer.Option(
-            "--defects", metavar="N", min=40, help="Throws of each other cause; default 400."
-        ),
+        int | None, option("--defects N", "Throws of each other cause; default 400.", min=40)
     ] = None,
     switches: Annotated[
-        int | None,
-        typer.Option(
-            "--switches", metavar="N", min=10, help="Switches thrown 26 times; default 80."
-        ),
+        int | None, option("--switches N", "Switches thrown 26 times; default 80.", min=10)
     ] = None,
     channels: Annotated[
-        str,
-        typer.Option(
-            "--channels", metavar="KIND", help="What is judged: force, or current or power."
-        ),
+        str, option("--channels KIND", "What is judged: force, or current or power.")
     ] = "force",
     discrepancy: Annotated[
         float,
-        typer.Option(
-            "--discrepancy",
-            metavar="SHARE",
-            help="Assumed difference of model and switch, share of the peak force [-].",
+        option(
+            "--discrepancy SHARE",
+            "Assumed difference of model and switch, share of the peak force [-].",
         ),
     ] = 0.05,
     folder: Annotated[
-        Path,
-        typer.Option(
-            "--folder", metavar="DIR", help="Keeps the throws; run the same command to continue."
-        ),
+        Path, option("--folder DIR", "Keeps the throws; run the same command to continue.")
     ] = Path("detector-throws"),
-    out: Annotated[
-        Path, typer.Option("--out", "-o", metavar="FILE.detector", help="The detector.")
-    ] = Path("switch.detector"),
-    workers: Annotated[
-        int, typer.Option("--workers", metavar="N", min=0, help="Processes; default one a core.")
-    ] = 0,
+    out: Annotated[Path, option("--out -o FILE.detector", "The detector.")] = Path(
+        "switch.detector"
+    ),
+    workers: WorkersOption = 0,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Throw a population of switches with and without objects, and learn to distinguish them."""
     check_outputs({"--out": out}, {"--out": (".detector",)})
     from turnout.calibration.load_study import load_study
-    from turnout.cli.options import opened_panel
-    from turnout.cli.sweep import cores
+    from turnout.cli.watch import cores, watched_sweeps
     from turnout.detection.detector.allowances import Allowances
     from turnout.detection.detector.detector import Detector
     from turnout.detection.detector.train_detector import train_detector
@@ -122,10 +103,8 @@ def train_command(
 
     allowances = Allowances(discrepancy=discrepancy)
     counts = {"sound": sound, "objects": objects, "defects": defects, "switches": switches}
-    given = None
-    if panel is not None or calibration is not None or settings:
-        given = opened_panel(panel, settings, calibration)
-    try:
+    given, shown = given_panel(panel, settings, calibration), watched_sweeps(quiet=quiet)
+    with resumable(f"throws so far are in {folder}, run the same command to continue"):
         knowledge = train_detector(
             folder,
             panel=given,
@@ -134,29 +113,22 @@ def train_command(
             allowances=allowances,
             quantity=_quantity(channels),
             workers=workers or cores(),
-            watch=_watching(quiet=quiet),
+            watch=lambda name: shown(name, "throws: "),
             report=None if quiet else _calibrating,
         )
-    except KeyboardInterrupt:
-        text = f"interrupted; throws so far are in {folder}, run the same command to continue"
-        typer.echo(f"turnout: {text}", err=True)
-        raise typer.Exit(INTERRUPTED) from None
     Detector(knowledge).save(out)
+    output = Output("detect train", as_json=as_json, width=16)
+    output.show(*_training_lines(knowledge))
+    output.wrote(out)
     if as_json:
-        print_json("detect train", _described(knowledge), written=[out])
-        return
-    for line in _training_lines(knowledge):
-        typer.echo(line)
-    typer.echo(f"wrote           {out}")
+        output.json(_described(knowledge))
 
 
 def _quantity(channels: str) -> str:
-    from turnout.core.errors import FileError
     from turnout.detection.conditions import UNITS
 
     if channels not in UNITS:
-        message = f"--channels {channels}: allowed are {', '.join(UNITS)}"
-        raise FileError(message)
+        refuse(f"--channels {channels}: allowed are {', '.join(UNITS)}")
     return channels
 
 
@@ -190,26 +162,6 @@ def _training_lines(knowledge: "Knowledge") -> list[str]:
     return lines
 
 
-def _watching(*, quiet: bool) -> "Callable[[str], Callable[[SweepProgress], None]]":
-    from turnout.cli.sweep import SweepWatch
-
-    shown: list[SweepWatch] = []
-
-    def watch(name: str) -> "Callable[[SweepProgress], None]":
-        for before in shown:
-            before.__exit__()
-        shown[:] = [SweepWatch(f"throws: {name}", quiet=quiet).__enter__()]
-
-        def report(state: "SweepProgress") -> None:
-            shown[0].report(state)
-            if state.done == state.total:
-                shown[0].__exit__()
-
-        return report
-
-    return watch
-
-
 def _calibrating(what: str, done: int, total: int) -> None:
     if done == total or done % 20 == 0:
         typer.echo(f"{what}: {done} of {total} histories", err=True)
@@ -219,22 +171,18 @@ def _calibrating(what: str, done: int, total: int) -> None:
 def learn_command(
     detector: DetectorArgument,
     recordings: RecordingsArgument,
-    out: Annotated[
-        Path,
-        typer.Option("--out", "-o", metavar="FILE.detector", help="The detector of the switch."),
-    ],
+    out: Annotated[Path, option("--out -o FILE.detector", "The detector of the switch.")],
     channels: ChannelsOption = None,
     reset: Annotated[
-        bool, typer.Option("--reset", help="Forget what was learned, as after an adjustment.")
+        bool, option("--reset", "Forget what was learned, as after an adjustment.")
     ] = False,
     unchecked: Annotated[
-        bool, typer.Option("--unchecked", help="Learn throws that are not called sound, too.")
+        bool, option("--unchecked", "Learn throws that are not called sound, too.")
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Add sound throws of one switch to its detector; throws not called sound are left out."""
     check_outputs({"--out": out}, {"--out": (".detector",)})
-    from turnout.core.errors import FileError
     from turnout.detection.detector.another_switch import misfit_remark
     from turnout.detection.detector.detector import Detector
 
@@ -246,24 +194,20 @@ def learn_command(
     verdicts = found.learn(throws, check=not unchecked)
     if found.known.throws == before:
         remark = misfit_remark([item.status for item in verdicts], found.knowledge.about)
-        raise FileError(_nothing_learned(verdicts, out) + (f"; {remark}" if remark else ""))
+        refuse(_nothing_learned(verdicts, out) + (f"; {remark}" if remark else ""))
     found.save(out)
-    if as_json:
-        known = found.known
-        record = {"verdicts": [asdict(item) for item in verdicts], "throws": known.throws}
-        record["scatter"] = known.scatter
-        print_json("detect learn", record, units=verdict_units(found), written=[out])
-        return
-    for item in verdicts:
-        if item.status != "sound":
-            typer.echo(item.lines()[0])
-    typer.echo(f"{found.known.throws} sound throws known")
-    if found.known.scatter > WORTH_SAYING:
-        typer.echo(
-            f"they scatter more than is assumed (variance x {found.known.scatter:.1f}), which "
+    output, known = Output("detect learn", as_json=as_json), found.known
+    output.show(*(item.lines()[0] for item in verdicts if item.status != "sound"))
+    output.show(f"{known.throws} sound throws known")
+    if known.scatter > WORTH_SAYING:
+        output.show(
+            f"they scatter more than is assumed (variance x {known.scatter:.1f}), which "
             "limits allow for: small objects are harder to detect"
         )
-    typer.echo(f"wrote           {out}")
+    output.wrote(out)
+    if as_json:
+        record = {"verdicts": [asdict(item) for item in verdicts], "throws": known.throws}
+        output.json({**record, "scatter": known.scatter}, units=verdict_units(found))
 
 
 def _nothing_learned(verdicts: "Sequence[Verdict]", out: Path) -> str:
@@ -280,9 +224,7 @@ def detect_run_command(
     recordings: RecordingsArgument,
     channels: ChannelsOption = None,
     far: RateOption = 1e-3,
-    strict: Annotated[
-        bool, typer.Option("--strict", help="Exit code 1 where a throw is not called sound.")
-    ] = False,
+    strict: StrictOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Judge throws: object or none, its place and size, gaps without sensors, other causes."""
@@ -293,32 +235,28 @@ def detect_run_command(
     found = Detector.load(detector, false_alarm_rate=known_rate(far))
     verdicts = found.predict(read_recordings(recordings, channels, found))
     remark = misfit_remark([item.status for item in verdicts], found.knowledge.about)
+    output = Output("detect run", as_json=as_json)
+    output.show(*(line for item in verdicts for line in item.lines()))
+    output.show(_summary(verdicts), TRAINED, *([remark] if remark else []))
     if as_json:
         record = {"verdicts": [asdict(item) for item in verdicts], "remark": remark}
-        print_json("detect run", record, units=verdict_units(found))
-    else:
-        for item in verdicts:
-            typer.echo("\n".join(item.lines()))
-        typer.echo(f"{_summary(verdicts)}\n{TRAINED}")
-        if remark:
-            typer.echo(remark)
+        output.json(record, units=verdict_units(found))
     if strict and any(item.status != "sound" for item in verdicts):
-        raise typer.Exit(EXIT_NOT_SOUND)
+        raise typer.Exit(FINDINGS)
 
 
 def _summary(verdicts: "Sequence[Verdict]") -> str:
-    counts: dict[str, int] = {}
-    for item in verdicts:
-        counts[item.status] = counts.get(item.status, 0) + 1
-    throws = "1 throw" if len(verdicts) == 1 else f"{len(verdicts)} throws"
-    return f"{throws}: " + ", ".join(f"{n} {name}" for name, n in counts.items())
+    counts = Counter(item.status for item in verdicts)
+    return f"{count_text(len(verdicts), 'throw')}: " + ", ".join(
+        f"{n} {name}" for name, n in counts.items()
+    )
 
 
 @app.command("report", short_help="Write an HTML page about judged throws.")
 def detect_report_command(
     detector: DetectorArgument,
     recordings: RecordingsArgument,
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE.html", help="The page.")],
+    out: Annotated[Path, option("--out -o FILE.html", "The page.")],
     channels: ChannelsOption = None,
     far: RateOption = 1e-3,
 ) -> None:
@@ -336,7 +274,8 @@ def detect_report_command(
         "throws known": str(found.known.throws),
     }
     rows = [asdict(item) for item in verdicts]
-    write_and_report(out, page_html(detection_page(rows, about=about, quantity=found.quantity)))
+    page = detection_page(rows, about=about, quantity=found.quantity)
+    Output("detect report").write(out, page_html(page))
 
 
 app.command("watch", short_help="Judge recordings as they come into a folder.")(watch_command)

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from turnout.cli.options import argument, option
+from turnout.cli.output import note, refuse
 
 if TYPE_CHECKING:
     from turnout.detection.detector.detector import Detector
@@ -18,35 +19,27 @@ VERDICT_UNITS = {
     "peaks": "N",
 }
 
-DetectorArgument = Annotated[
-    Path, typer.Argument(metavar="FILE", help="Detector that `turnout detect train` wrote.")
-]
+DetectorArgument = Annotated[Path, argument("FILE", "Detector that `turnout detect train` wrote.")]
 RecordingsArgument = Annotated[
     list[Path],
-    typer.Argument(
-        metavar="RECORDINGS...",
-        help="Campaign folders, datasets (.nc), tables (.csv), or recordings with --channels.",
+    argument(
+        "RECORDINGS...",
+        "Campaign folders, datasets (.nc), tables (.csv), or recordings with --channels.",
     ),
 ]
 ChannelsOption = Annotated[
-    Path | None,
-    typer.Option("--channels", metavar="MAP.toml", help="Channel map of the recordings."),
+    Path | None, option("--channels MAP.toml", "Channel map of the recordings.")
 ]
-RateOption = Annotated[
-    float,
-    typer.Option("--far", metavar="RATE", help="False alarms a sound throw: 1e-3 or 1e-4."),
-]
+RateOption = Annotated[float, option("--far RATE", "False alarms a sound throw: 1e-3 or 1e-4.")]
 
 
 def known_rate(far: float) -> float:
     """Return a rate of false alarms for which thresholds are known."""
-    from turnout.core.errors import FileError
     from turnout.detection.alarm_threshold import RATES
 
     if far not in RATES:
         allowed = ", ".join(f"{rate:g}" for rate in RATES)
-        message = f"--far {far:g}: thresholds are known for {allowed}"
-        raise FileError(message)
+        refuse(f"--far {far:g}: thresholds are known for {allowed}")
     return far
 
 
@@ -57,7 +50,6 @@ def read_recordings(
 
     Where one names another panel than the detector's, a note goes to stderr.
     """
-    from turnout.core.errors import FileError
     from turnout.detection.detector.another_switch import panel_remark
     from turnout.detection.detector.reading import read_throws
 
@@ -65,10 +57,9 @@ def read_recordings(
     for path in recordings:
         throws = read_throws(path, channels=channels, quantity=detector.quantity)
         if not throws:
-            message = f"{path}: holds no closing movement; only these are judged"
-            raise FileError(message)
+            refuse(f"{path}: holds no closing movement; only these are judged")
         if remark := panel_remark(throws, detector.knowledge.about):
-            typer.echo(f"turnout: {path}: {remark}", err=True)
+            note(f"{path}: {remark}")
         found += throws
     return found
 

@@ -16,7 +16,8 @@ from turnout.cli.detect_options import (
     read_recordings,
     verdict_units,
 )
-from turnout.cli.json_output import json_text
+from turnout.cli.options import argument, option
+from turnout.cli.output import json_text, note, refuse
 
 if TYPE_CHECKING:
     from turnout.detection.detector.detector import Detector
@@ -27,25 +28,21 @@ SETTLED = 2.0
 
 def watch_command(
     detector: DetectorArgument,
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Where recordings arrive.")],
+    folder: Annotated[Path, argument("FOLDER", "Where recordings arrive.")],
     channels: ChannelsOption = None,
     far: RateOption = 1e-3,
-    every: Annotated[
-        float, typer.Option("--every", metavar="S", min=0.1, help="Seconds between looks.")
-    ] = 2.0,
-    once: Annotated[bool, typer.Option("--once", help="Judge what is there, then end.")] = False,
+    every: Annotated[float, option("--every S", "Seconds between looks.", min=0.1)] = 2.0,
+    once: Annotated[bool, option("--once", "Judge what is there, then end.")] = False,
     as_json: Annotated[
-        bool, typer.Option("--json", help="Print each verdict as one JSON object; see docs.")
+        bool, option("--json", "Print each verdict as one JSON object; see docs.")
     ] = False,
 ) -> None:
     """Judge each new file of a folder once, until interrupted; a bad file stops nothing."""
-    from turnout.core.errors import FileError
     from turnout.detection.detector.detector import Detector
 
     found = Detector.load(detector, false_alarm_rate=known_rate(far))
     if not folder.is_dir():
-        message = f"{folder}: no such folder; name the one that recordings come into"
-        raise FileError(message)
+        refuse(f"{folder}: no such folder; name the one that recordings come into")
     seen: dict[str, tuple[tuple[int, int], float]] = {}
     done: set[tuple[str, tuple[int, int]]] = set()
     away = False
@@ -55,8 +52,7 @@ def watch_command(
             files, away = _files(folder), False
         except OSError as error:  # such as a share that is not reached for a while
             if not away:
-                text = f"{folder}: cannot be read now ({error.strerror}); looking again"
-                typer.echo(f"turnout: {text}", err=True)
+                note(f"{folder}: cannot be read now ({error.strerror}); looking again")
             files, away = [], True
         for path, state in files:
             if seen.get(path.name, (None, 0.0))[0] != state:

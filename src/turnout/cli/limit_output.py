@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from turnout.cli.json_output import print_json
-from turnout.cli.options import write_and_report
+from turnout.cli.output import Output
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -31,28 +30,22 @@ BANDS = {
 
 
 def write_bands(
-    found: "xr.Dataset", *, out: Path | None, plot: Path | None, as_json: bool, quiet: bool
+    found: "xr.Dataset", output: Output, *, out: Path | None, plot: Path | None
 ) -> None:
     """Write files first, then print."""
     from turnout.detection.conditions import SIMULATED
     from turnout.detection.limit.bands import band_rows
 
-    still = quiet or as_json
-    if out is not None:
-        from turnout.throw.store import response_bytes
-
-        write_and_report(out, response_bytes(found), quiet=still)
+    output.dataset(out, found)
     if plot is not None:
         from turnout.figures.limit import plot_bands
-        from turnout.figures.style import rendered
 
-        write_and_report(plot, rendered(plot_bands(found), plot.suffix), quiet=still)
+        output.figure(plot, lambda: plot_bands(found))
     rows = band_rows(found)
-    if as_json:
+    if output.as_json:
         record = {"panels": found["panel"].to_numpy().tolist(), "bands": rows}
-        written = [path for path in (out, plot) if path is not None]
-        print_json("limit", record, units=LENGTHS | BANDS, written=written)
-    elif not quiet:
+        output.json(record, units=LENGTHS | BANDS)
+    elif not output.silent:
         typer.echo(
             f"a90 [mm] of the bound over {found.sizes['panel']} panels; in brackets the 95 % "
             f"interval over {found.attrs['states']} drawn states; {SIMULATED}\n"
@@ -72,11 +65,10 @@ def _with_ends(row: "Mapping[str, float | str | None]", name: str) -> str:
 def write_map(
     found: "xr.Dataset",
     advice: "tuple[xr.Dataset, Repeat] | None",
+    output: Output,
     *,
     out: Path | None,
     plot: Path | None,
-    as_json: bool,
-    quiet: bool,
 ) -> None:
     """Write files first, then print."""
     from turnout.detection.limit.end_positions import end_rows
@@ -84,17 +76,12 @@ def write_map(
     from turnout.detection.limit.limit_map import rows_of
     from turnout.detection.limit.what_if import gain_rows
 
-    still = quiet or as_json
-    if out is not None:
-        from turnout.throw.store import response_bytes
-
-        write_and_report(out, response_bytes(found), quiet=still)
+    output.dataset(out, found)
     if plot is not None:
         from turnout.figures.limit import plot_limit
-        from turnout.figures.style import rendered
 
-        write_and_report(plot, rendered(plot_limit(found), plot.suffix), quiet=still)
-    if as_json:
+        output.figure(plot, lambda: plot_limit(found))
+    if output.as_json:
         record = {
             "conditions": found.attrs,
             "places": rows_of(found),
@@ -103,9 +90,8 @@ def write_map(
             "measures": gain_rows(advice[0]) if advice else None,
             "second_throw": advice[1] if advice else None,
         }
-        written = [path for path in (out, plot) if path is not None]
-        print_json("limit", record, units=LENGTHS, written=written)
-    elif not quiet:
+        output.json(record, units=LENGTHS)
+    elif not output.silent:
         _print(found)
         if "known_pod" in found:
             _print_known(known_rows(found), draws=int(found.attrs["known_draws"]))

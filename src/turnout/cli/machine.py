@@ -5,17 +5,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from turnout.cli.json_output import JsonOption, print_json, print_library
 from turnout.cli.machine_fit import fit_command
 from turnout.cli.machine_monitor import monitor_command
-from turnout.cli.options import FIGURES, check_outputs, first_sentence
-from turnout.core.errors import FileError, SolverError
+from turnout.cli.options import FIGURES, argument, check_outputs, first_sentence, option
+from turnout.cli.output import INCOMPLETE, JsonOption, Output, note, print_library, refuse
+from turnout.core.errors import SolverError
 
 if TYPE_CHECKING:
     from turnout.machine.machine_file import LoadedMachines
     from turnout.machine.one_mass_throw import MachineThrow
 
-NOT_CONVERGED = 3
 FINAL_CURRENT_WINDOW = 0.1
 """Before the cut-off, over which last current and power are averaged [s]."""
 THROW_UNITS = {
@@ -30,16 +29,12 @@ app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
 )
-MachineArgument = Annotated[
-    str,
-    typer.Argument(metavar="MACHINE", help="Library machine, or path of a file (.toml)."),
-]
+MachineArgument = Annotated[str, argument("MACHINE", "Library machine, or path of a file (.toml).")]
 MachineSetOption = Annotated[
     list[str],
-    typer.Option(
-        "--set",
-        metavar="KEY=VALUE",
-        help="Change a value, with its unit: supply.voltage='176 V', rail.object_size='13 mm'. "
+    option(
+        "--set KEY=VALUE",
+        "Change a value, with its unit: supply.voltage='176 V', rail.object_size='13 mm'. "
         "Repeatable.",
     ),
 ]
@@ -59,7 +54,7 @@ def machine_show_command(
     machine: MachineArgument,
     settings: MachineSetOption = [],  # noqa: B006 - typer copies it
     toml: Annotated[
-        bool, typer.Option("--toml", help="Print the file of a library machine, as a template.")
+        bool, option("--toml", "Print the file of a library machine, as a template.")
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -68,32 +63,22 @@ def machine_show_command(
 
     if toml:
         if settings:
-            message = "--toml prints the file as the library has it; leave out --set, or --toml"
-            raise FileError(message)
+            refuse("--toml prints the file as the library has it; leave out --set, or --toml")
         typer.echo(machine_text(machine), nl=False)
         return
-    loaded = load_machines(machine)
-    if settings:
-        loaded = loaded.with_settings(settings)
+    loaded = load_machines(machine).with_settings(settings)
+    output = Output("machine show", as_json=as_json)
+    output.show(*machine_lines(loaded))
     if as_json:
-        print_json("machine show", machine_record(loaded))
-        return
-    for line in machine_lines(loaded):
-        typer.echo(line)
+        output.json(machine_record(loaded))
 
 
 @app.command("run", short_help="Simulate a machine throwing a one-mass rail.")
 def machine_run_command(
     machine: MachineArgument,
     settings: MachineSetOption = [],  # noqa: B006 - typer copies it
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", "-o", metavar="FILE.nc", help="Write the histories (netCDF)."),
-    ] = None,
-    plot: Annotated[
-        Path | None,
-        typer.Option("--plot", metavar="FILE", help="Draw them (.png, .pdf or .svg)."),
-    ] = None,
+    out: Annotated[Path | None, option("--out -o FILE.nc", "Write the histories (netCDF).")] = None,
+    plot: Annotated[Path | None, option("--plot FILE", "Draw them (.png, .pdf or .svg).")] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Simulate a machine throwing a one-mass rail: current, force, events, energy."""
@@ -103,28 +88,27 @@ def machine_run_command(
     from turnout.machine.one_mass_throw import throw_one_mass
     from turnout.throw.compilation import must_compile
 
-    loaded = load_machines(machine)
-    if settings:
-        loaded = loaded.with_settings(settings)
+    loaded = load_machines(machine).with_settings(settings)
     if must_compile(kernel):
-        typer.echo("turnout: compiling kernels, first run only (5 to 20 s)", err=True)
+        note("compiling kernels, first run only (5 to 20 s)")
     try:
         throw = throw_one_mass(loaded)
     except SolverError as error:
-        typer.echo(f"turnout: {error}", err=True)
-        raise typer.Exit(NOT_CONVERGED) from None
-    _write(throw, out, plot)
+        note(str(error))
+        raise typer.Exit(INCOMPLETE) from None
+    output = Output("machine run", as_json=as_json, width=16)
+    output.show(*throw_lines(throw), *_notes(loaded, throw))
+    if out is not None or plot is not None:
+        from turnout.figures.machine import plot_machine
+        from turnout.throw.machine import machine_dataset
+
+        dataset = machine_dataset(throw)
+        output.dataset(out, dataset)
+        output.figure(plot, lambda: plot_machine(dataset))
     if as_json:
-        written = [path for path in (out, plot) if path is not None]
-        print_json("machine run", throw_summary(throw), units=THROW_UNITS, written=written)
-    else:
-        for line in [*throw_lines(throw), *_notes(loaded, throw)]:
-            typer.echo(line)
-        for path in (out, plot):
-            if path is not None:
-                typer.echo(f"{path}: written")
+        output.json(throw_summary(throw), units=THROW_UNITS)
     if not throw.is_balanced:
-        raise typer.Exit(NOT_CONVERGED)
+        raise typer.Exit(INCOMPLETE)
 
 
 app.command("monitor", short_help="Sample a throw as a monitoring system in service stores it.")(
@@ -140,25 +124,6 @@ def machine_record(loaded: "LoadedMachines") -> dict[str, Any]:
         source = loaded.origin_text(key)
         rows.append({"key": key, "value": value, "unit": loaded.unit_of(key), "origin": source})
     return {"name": loaded.name, "description": loaded.description, "values": rows}
-
-
-def _write(throw: "MachineThrow", out: Path | None, plot: Path | None) -> None:
-    """Write the histories and the figure, to the given paths."""
-    if out is None and plot is None:
-        return
-    from turnout.throw.machine import machine_dataset
-
-    dataset = machine_dataset(throw)
-    if out is not None:
-        from turnout.throw.store import save_response
-
-        save_response(dataset, out)
-    if plot is not None:
-        from turnout.core.files import write_atomic
-        from turnout.figures.machine import plot_machine
-        from turnout.figures.style import rendered
-
-        write_atomic(plot, rendered(plot_machine(dataset), plot.suffix))
 
 
 def machine_lines(loaded: "LoadedMachines") -> list[str]:

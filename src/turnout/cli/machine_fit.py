@@ -5,11 +5,9 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from turnout.cli.campaign import OutsideOption, opened_campaign
-from turnout.cli.json_output import JsonOption, print_json
-from turnout.cli.options import QuietOption
+from turnout.cli.options import QuietOption, argument, option
+from turnout.cli.output import JsonOption, Output
 
 if TYPE_CHECKING:
     from turnout.calibration.current_fit import Estimate
@@ -25,42 +23,38 @@ FIT_UNITS = {
 }
 
 CampaignArgument = Annotated[
-    Path, typer.Argument(metavar="CAMPAIGN", help="Folder of a campaign, or its dataset (.nc).")
+    Path, argument("CAMPAIGN", "Folder of a campaign, or its dataset (.nc).")
 ]
 SeriesOption = Annotated[
     str | None,
-    typer.Option(
-        "--series-motor",
-        metavar="CURRENT",
-        help="The motors are series motors that saturate at this field current ('3 A'); 'none' "
+    option(
+        "--series-motor CURRENT",
+        "The motors are series motors that saturate at this field current ('3 A'); 'none' "
         "without saturation. Default permanent magnet or separate field.",
     ),
 ]
 IdleOption = Annotated[
     list[str],
-    typer.Option(
-        "--idle",
-        metavar="DRIVE=CURRENT",
-        help="Current with the rod taken off, such as 1='0.8 A'; for the two anchors below.",
+    option(
+        "--idle DRIVE=CURRENT",
+        "Current with the rod taken off, such as 1='0.8 A'; for the two anchors below.",
     ),
 ]
 GaugeOption = Annotated[
     list[str],
-    typer.Option(
-        "--clutch-force",
-        metavar="DRIVE=FORCE+-DEVIATION",
-        help="Anchor: force at which the clutch slips, by a gauge: 1='6.0 kN +- 0.2 kN'.",
+    option(
+        "--clutch-force DRIVE=FORCE+-DEVIATION",
+        "Anchor: force at which the clutch slips, by a gauge: 1='6.0 kN +- 0.2 kN'.",
     ),
 ]
 SisterOption = Annotated[
     list[str],
-    typer.Option(
-        "--sister",
-        metavar="DRIVE=RISE+-SPREAD",
-        help="Anchor: rise of the current of a machine of this type, and its spread from machine "
-        "to machine: 1='0.21 A/kN +- 0.02 A/kN'. Of series motors with the force up to which it "
-        "was taken, and the sister's idle current if it differs: "
-        "1='0.21 A/kN +- 0.02 A/kN to 4 kN from 0.9 A'.",
+    option(
+        "--sister DRIVE=RISE+-SPREAD",
+        "Anchor: rise of the current of a machine of this type, and its spread from machine to "
+        "machine: 1='0.21 A/kN +- 0.02 A/kN'. Of series motors with the force up to which it "
+        "was taken, and the sister's idle current if it differs: 1='0.21 A/kN +- 0.02 A/kN to "
+        "4 kN from 0.9 A'.",
     ),
 ]
 
@@ -110,11 +104,10 @@ def fit_command(
         gauges={n: Gauge(force=value, deviation=d) for n, (value, d) in gauges.items()},
         sisters={n: Sister(slope=v, spread=d, **ranges[n]) for n, (v, d) in sisters.items()},
     )
+    output = Output("machine fit", as_json=as_json)
+    output.show(*fit_lines(fit))
     if as_json:
-        print_json("machine fit", fit_record(fit), units=FIT_UNITS)
-        return
-    for line in fit_lines(fit):
-        typer.echo(line)
+        output.json(fit_record(fit), units=FIT_UNITS)
 
 
 def _saturation(text: str | None, problems: list[str]) -> float:

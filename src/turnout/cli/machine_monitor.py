@@ -3,35 +3,26 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from turnout.cli.options import QuietOption, argument, check_outputs, option
+from turnout.cli.output import JsonOption, Output
 
-from turnout.cli.json_output import JsonOption, print_json
-from turnout.cli.options import QuietOption, check_outputs
-
-RunArgument = Annotated[
-    Path, typer.Argument(metavar="RUN", help="Result of a throw whose drives are machines.")
-]
+RunArgument = Annotated[Path, argument("RUN", "Result of a throw whose drives are machines.")]
 TogetherOption = Annotated[
     list[str],
-    typer.Option(
-        "--together",
-        metavar="NAME=DRIVES",
-        help="One transformer around the leads of several drives: switch=1,2. Repeatable.",
+    option(
+        "--together NAME=DRIVES",
+        "One transformer around the leads of several drives: switch=1,2. Repeatable.",
     ),
 ]
 
 
 def monitor_command(
     run: RunArgument,
-    out: Annotated[
-        Path, typer.Option("--out", "-o", metavar="FILE", help="File to write (.csv, .mat or .h5).")
-    ],
-    rate: Annotated[
-        str, typer.Option("--rate", metavar="RATE", help="Values a second, usually 25 to 100 Hz.")
-    ] = "50 Hz",
+    out: Annotated[Path, option("--out -o FILE", "File to write (.csv, .mat or .h5).")],
+    rate: Annotated[str, option("--rate RATE", "Values a second, usually 25 to 100 Hz.")] = "50 Hz",
     together: TogetherOption = [],  # noqa: B006 - typer copies it
     current_step: Annotated[
-        str, typer.Option("--current-step", metavar="CURRENT", help="Resolution; '0 A' for none.")
+        str, option("--current-step CURRENT", "Resolution; '0 A' for none.")
     ] = "0.01 A",
     as_json: JsonOption = False,
     quiet: QuietOption = False,
@@ -53,17 +44,14 @@ def monitor_command(
     stored = monitored(open_response(run), chosen)
     recording = monitoring_recording(stored, source=f"monitoring of {run.name}, simulated")
     write_recording(recording, out)
+    output, size = Output("machine monitor", as_json=as_json, quiet=quiet), stored.sizes["time"]
+    output.show(f"{size} values at {chosen.rate:g} Hz", heading="sampled")
+    found = [
+        {"name": name, "unit": channel.unit, "largest": float(channel.values.max())}
+        for name, channel in recording.channels.items()
+    ]
+    output.rows("", (f"{row['name']}: at most {row['largest']:g} {row['unit']}" for row in found))
+    output.wrote(out)
     if as_json:
-        found = [
-            {"name": name, "unit": channel.unit, "largest": float(channel.values.max())}
-            for name, channel in recording.channels.items()
-        ]
-        record = {"rate": chosen.rate, "samples": stored.sizes["time"], "channels": found}
-        print_json("machine monitor", record, units={"rate": "1/s"}, written=[out])
-        return
-    if quiet:
-        return
-    typer.echo(f"{'sampled':<12}{stored.sizes['time']} values at {chosen.rate:g} Hz")
-    for name, channel in recording.channels.items():
-        typer.echo(f"{'':<12}{name}: at most {channel.values.max():g} {channel.unit}")
-    typer.echo(f"{'written':<12}{out}")
+        record = {"rate": chosen.rate, "samples": size, "channels": found}
+        output.json(record, units={"rate": "1/s"})

@@ -12,7 +12,8 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from turnout.cli.options import INTERRUPTED
+from turnout.cli.options import option
+from turnout.cli.output import INTERRUPTED, note
 from turnout.core.errors import TurnoutError
 from turnout.core.lean_imports import without_blas_threads, without_plugins
 
@@ -132,9 +133,7 @@ def _options(
     context: typer.Context,
     _version: Annotated[
         bool,
-        typer.Option(
-            "--version", callback=_show_version, is_eager=True, help="Show the version and exit."
-        ),
+        option("--version", "Show the version and exit.", callback=_show_version, is_eager=True),
     ] = False,
 ) -> None:
     """Simulate how a railway switch is thrown, with or without a trapped foreign object."""
@@ -154,10 +153,10 @@ def main() -> None:
         sys.exit(BAD_INPUT)
     except MemoryError:
         text = "memory ran out; give less (coarser elements, a shorter schedule, fewer values kept)"
-        typer.echo(f"turnout: {text}, or let it have more", err=True)
+        note(f"{text}, or let it have more")
         sys.exit(BAD_INPUT)
     except KeyboardInterrupt:
-        typer.echo("turnout: interrupted", err=True)
+        note("interrupted")
         sys.exit(INTERRUPTED)
     finally:
         # At the end of the process Python would look through all that was loaded.

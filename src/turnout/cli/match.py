@@ -1,20 +1,18 @@
 """The command `turnout panel match`: panels that meet facts, from ranges of unknown values."""
 
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
-from turnout.cli.json_output import JsonOption, print_json
 from turnout.cli.options import (
     FIGURES,
-    INTERRUPTED,
     FigureOption,
     QuietOption,
+    argument,
     check_outputs,
-    write_and_report,
+    option,
 )
+from turnout.cli.output import JsonOption, Output, resumable
+from turnout.cli.watch import ProgressBar
 from turnout.core.value_text import shown_unit
 
 if TYPE_CHECKING:
@@ -29,25 +27,15 @@ MOST_PAIR_PARAMETERS = 8
 
 
 def match_command(
-    facts: Annotated[
-        str, typer.Argument(metavar="FACTS", help="Facts file (.toml), or paper-facts.")
-    ],
+    facts: Annotated[str, argument("FACTS", "Facts file (.toml), or paper-facts.")],
     folder: Annotated[
-        Path,
-        typer.Option("--folder", metavar="DIR", help="Keeps the panels; run again to continue."),
+        Path, option("--folder DIR", "Keeps the panels; run again to continue.")
     ] = Path("matching"),
-    count: Annotated[
-        int, typer.Option("--count", metavar="N", min=10, help="Accepted panels wanted.")
-    ] = 200,
-    most: Annotated[
-        int, typer.Option("--most", metavar="N", min=100, help="Panels tried at most.")
-    ] = 4000,
-    choose: Annotated[
-        int, typer.Option("--choose", metavar="N", min=2, help="Panels written to --study.")
-    ] = 50,
+    count: Annotated[int, option("--count N", "Accepted panels wanted.", min=10)] = 200,
+    most: Annotated[int, option("--most N", "Panels tried at most.", min=100)] = 4000,
+    choose: Annotated[int, option("--choose N", "Panels written to --study.", min=2)] = 50,
     study: Annotated[
-        Path | None,
-        typer.Option("--study", metavar="FILE.toml", help="Write panels far apart as a study."),
+        Path | None, option("--study FILE.toml", "Write panels far apart as a study.")
     ] = None,
     plot: FigureOption = None,
     as_json: JsonOption = False,
@@ -64,55 +52,33 @@ def match_command(
     from turnout.calibration.matching.survey import survey
 
     read = load_facts(facts)
-    log = _Log(quiet=quiet)
-    try:
-        found = match_panel(read, folder, count=count, most=most, report=log.tried)
-        shown = survey(read, found.points, folder, report=log.surveyed)
-    except KeyboardInterrupt:
-        text = "turnout: interrupted; run the same command to continue"
-        typer.echo(text, err=True)
-        raise typer.Exit(INTERRUPTED) from None
-    _write(read, found, shown, study=study, choose=choose, plot=plot, quiet=quiet or as_json)
+    log = ProgressBar(quiet=quiet, every=SECONDS_BETWEEN_LINES)
+
+    def tried(state: "MatchProgress") -> None:
+        found = f"{state.tried} panels tried, {state.accepted} of {state.wanted} accepted"
+        log.say(f"turnout: wave {state.wave + 1}: {found}")
+
+    def surveyed(done: int, total: int) -> None:
+        log.say(f"turnout: measurements and answers: panel {done} of {total}")
+
+    with resumable("run the same command to continue"):
+        found = match_panel(read, folder, count=count, most=most, report=tried)
+        shown = survey(read, found.points, folder, report=surveyed)
+    output = Output("panel match", as_json=as_json, quiet=quiet)
+    output.show(*match_lines(found, shown))
+    _write(output, read, shown, study=study, choose=choose, plot=plot)
     if as_json:
-        written = [path for path in (study, plot) if path is not None]
-        print_json("panel match", match_record(found, shown), written=written)
-    elif not quiet:
-        for line in match_lines(found, shown):
-            typer.echo(line)
-
-
-class _Log:
-    """Shows the progress of a matching now and then on stderr."""
-
-    def __init__(self, *, quiet: bool) -> None:
-        self._quiet = quiet
-        self._due = time.monotonic() + 2.0
-
-    def tried(self, state: "MatchProgress") -> None:
-        self._say(
-            f"wave {state.wave + 1}: {state.tried} panels tried, {state.accepted} of "
-            f"{state.wanted} accepted"
-        )
-
-    def surveyed(self, done: int, total: int) -> None:
-        self._say(f"measurements and answers: panel {done} of {total}")
-
-    def _say(self, text: str) -> None:
-        now = time.monotonic()
-        if not self._quiet and now >= self._due:
-            self._due = now + SECONDS_BETWEEN_LINES
-            typer.echo(f"turnout: {text}", err=True)
+        output.json(match_record(found, shown))
 
 
 def _write(
+    output: Output,
     facts: "Facts",
-    found: "Matching",
     shown: "Survey",
     *,
     study: Path | None,
     choose: int,
     plot: Path | None,
-    quiet: bool,
 ) -> None:
     from turnout.calibration.matching.propose import farthest_points
 
@@ -120,11 +86,10 @@ def _write(
         from turnout.calibration.matching.ensemble import study_text
 
         chosen = shown.points[farthest_points(shown.points, choose)]
-        write_and_report(study, study_text(facts, chosen, name=study.stem), quiet=quiet)
+        output.write(study, study_text(facts, chosen, name=study.stem))
     if plot is not None and len(shown.points) > 2:
         from turnout.calibration.matching.remaining import ranges
         from turnout.figures.pairs import plot_pairs
-        from turnout.figures.style import rendered
 
         left = [item.left for item in ranges(facts, shown.points)]
         numbers = sorted(sorted(range(len(left)), key=left.__getitem__)[:MOST_PAIR_PARAMETERS])
@@ -135,8 +100,7 @@ def _write(
             values[name] = factor * item.value(shown.points[:, number])
             bounds[name] = (factor * item.minimum, factor * item.maximum)
         title = f"{facts.name}: {len(shown.points)} panels within the stated ranges"
-        figure = plot_pairs(values, bounds=bounds, title=title)
-        write_and_report(plot, rendered(figure, plot.suffix), quiet=quiet)
+        output.figure(plot, lambda: plot_pairs(values, bounds=bounds, title=title))
 
 
 def _axis(name: str, unit: str) -> tuple[str, float]:

@@ -4,9 +4,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
-from turnout.cli.json_output import JsonOption, print_json
 from turnout.cli.options import (
     FIGURES,
     CalibrationOption,
@@ -14,9 +11,9 @@ from turnout.cli.options import (
     SetOption,
     check_outputs,
     opened_panel,
-    write_and_report,
+    option,
 )
-from turnout.core.errors import FileError
+from turnout.cli.output import JsonOption, Output, refuse
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -33,77 +30,52 @@ def modes_command(
     panel: PanelArgument = None,
     settings: SetOption = [],  # noqa: B006 - typer copies it
     calibration: CalibrationOption = None,
-    count: Annotated[
-        int, typer.Option("--count", metavar="N", min=1, help="Modes of each system.")
-    ] = 6,
+    count: Annotated[int, option("--count N", "Modes of each system.", min=1)] = 6,
     out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", "-o", metavar="FILE.nc", help="Write frequencies and shapes (netCDF)."
-        ),
+        Path | None, option("--out -o FILE.nc", "Write frequencies and shapes (netCDF).")
     ] = None,
     plot: Annotated[
-        Path | None,
-        typer.Option(
-            "--plot", metavar="FILE", help="Draw the shapes of the panel (.png, .pdf or .svg)."
-        ),
+        Path | None, option("--plot FILE", "Draw the shapes of the panel (.png, .pdf or .svg).")
     ] = None,
     system: Annotated[
         str | None,
-        typer.Option(
-            "--system",
-            metavar="HEADING",
-            help="What --plot draws: a heading of the tables, such as 'stock rail curved'.",
+        option(
+            "--system HEADING",
+            "What --plot draws: a heading of the tables, such as 'stock rail curved'.",
         ),
     ] = None,
     reduction: Annotated[
-        bool,
-        typer.Option("--reduction", help="Also show the error of the reduction of each rail."),
+        bool, option("--reduction", "Also show the error of the reduction of each rail.")
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Show natural frequencies and modes of rails and panel, and their flutter stability."""
     check_outputs({"--out": out, "--plot": plot}, {"--out": (".nc",), "--plot": FIGURES})
     if system is not None and plot is None:
-        message = f"--system {system}: selects the modes of the figure; name its file with --plot"
-        raise FileError(message)
+        refuse(f"--system {system}: selects the modes of the figure; name its file with --plot")
     loaded = opened_panel(panel, settings, calibration)
 
     from turnout.metric.modes import modes
 
     dataset = modes(loaded, count=count)
-    figure = b""
+    output, figure = Output("panel modes", as_json=as_json), None
     if plot is not None:
         from turnout.figures.modes import plot_modes
-        from turnout.figures.style import rendered
 
-        figure = rendered(plot_modes(dataset, system=system), plot.suffix)
+        figure = plot_modes(dataset, system=system)
     if not as_json:
-        _print_modes(loaded, dataset, reduction=reduction)
-    if out is not None:
-        from turnout.throw.store import save_response
+        output.show(*mode_lines(dataset), *stability_lines(loaded))
+    if reduction and not as_json:
+        from turnout.metric.modes import reduction_texts
 
-        save_response(dataset, out)
-        if not as_json:
-            typer.echo(f"{out}: written")
-    if plot is not None:
-        write_and_report(plot, figure, quiet=as_json)
+        texts = reduction_texts(loaded).items()
+        output.show(*(f"\nreduction of rail {name}\n{text}" for name, text in texts))
+    output.dataset(out, dataset)
+    output.figure(plot, lambda: figure)
     if as_json:
         from turnout.cli.json_records import MODE_UNITS, mode_record
 
-        record = mode_record(dataset, loaded, FACTORS)
-        written = [path for path in (out, plot) if path is not None]
-        print_json("panel modes", record, units=MODE_UNITS, written=written)
-
-
-def _print_modes(panel: "LoadedPanel", dataset: "xr.Dataset", *, reduction: bool) -> None:
-    for line in (*mode_lines(dataset), *stability_lines(panel)):
-        typer.echo(line)
-    if reduction:
-        from turnout.metric.modes import reduction_texts
-
-        for name, text in reduction_texts(panel).items():
-            typer.echo(f"\nreduction of rail {name}\n{text}")
+        output.json(mode_record(dataset, loaded, FACTORS), units=MODE_UNITS)
 
 
 def mode_lines(dataset: "xr.Dataset") -> Iterator[str]:

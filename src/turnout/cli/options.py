@@ -1,9 +1,4 @@
-"""Options that several commands share, and output paths checked before a long run.
-
-Output paths are checked before a long run, so that no result is lost. The exit code that a
-throw ends a command with. Options that several commands share, and numbers with units from the
-command line.
-"""
+"""Options that several commands share, and output paths checked before a long run."""
 
 import os
 import tempfile
@@ -13,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
+from turnout.cli.output import INCOMPLETE, INTERRUPTED, note, refuse
 from turnout.core.errors import FileError, TurnoutError
 
 if TYPE_CHECKING:
@@ -84,50 +80,19 @@ def _refused(folder: Path) -> str | None:
         return f"no file can be made in {folder} ({error.strerror}); choose another folder"
 
 
-def write_and_report(path: Path, content: str | bytes, *, quiet: bool = False) -> None:
-    """Write a file, completely or not at all, and print its name unless quiet."""
-    import typer
-
-    from turnout.core.files import write_atomic
-
-    write_atomic(path, content)
-    if not quiet:
-        typer.echo(f"{path}: written")
-
-
-def print_schema(schema: dict[str, Any], out: Path | None) -> None:
-    """Show a JSON schema, or write it to a file."""
-    import json
-
-    import typer
-
-    text = json.dumps(schema, indent=2)
-    if out is None:
-        typer.echo(text)
-        return
-    write_and_report(out, text + "\n")
-
-
 def made_folder(option: str, folder: Path) -> Path:
     """Make a folder for files unless it exists; refuse a file, or a folder that has no parent."""
     from turnout.core.files import make_folder
 
     if not folder.parent.exists():
-        message = f"{option} {folder}: there is no folder {folder.parent}; create it first"
-        raise FileError(message)
+        refuse(f"{option} {folder}: there is no folder {folder.parent}; create it first")
     try:
         make_folder(folder)
     except FileError as error:
-        message = f"{option} {error}"
-        raise FileError(message) from None
+        refuse(f"{option} {error}")
     if not os.access(folder, os.W_OK):
-        message = f"{option} {folder}: is not writable; choose another or change its permissions"
-        raise FileError(message)
+        refuse(f"{option} {folder}: is not writable; choose another or change its permissions")
     return folder
-
-
-FINDINGS, INCOMPLETE, INTERRUPTED = 1, 3, 130
-"""Exit codes: findings with --strict, no convergence or an inaccurate throw, interrupted."""
 
 
 def end_code(dataset: "xr.Dataset") -> int:
@@ -141,13 +106,42 @@ A = TypeVar("A")
 B = TypeVar("B")
 C = TypeVar("C")
 
+
+def option(names: str, text: str, **more: Any) -> Any:
+    """Return an option of a command as its help shows it.
+
+    Parameters
+    ----------
+    names : str
+        Long name, short name and value, each if there is one: "--out -o FILE.nc".
+    text : str
+        Its help.
+    **more
+        As of `typer.Option`.
+
+    Examples
+    --------
+    >>> found = option("--out -o FILE.nc", "Write it.")
+    >>> found.metavar, found.help
+    ('FILE.nc', 'Write it.')
+    """
+    parts = names.split()
+    own = [part for part in parts if part.startswith("-")]
+    return typer.Option(*own, metavar=" ".join(parts[len(own) :]) or None, help=text, **more)
+
+
+def argument(metavar: str, text: str, **more: Any) -> Any:
+    """Return an argument of a command: its name in the help, and its help."""
+    return typer.Argument(metavar=metavar, help=text, **more)
+
+
 DEFAULT_PANEL = "uic60-760-1-15"
 
 PanelArgument = Annotated[
     str | None,
-    typer.Argument(
-        metavar="PANEL",
-        help="Library panel, path of a panel file (.toml), or case N of a study (STUDY:N). "
+    argument(
+        "PANEL",
+        "Library panel, path of a panel file (.toml), or case N of a study (STUDY:N). "
         "Default that of --calibration, or "
         f"{DEFAULT_PANEL}.",
         show_default=False,
@@ -155,37 +149,28 @@ PanelArgument = Annotated[
 ]
 PanelOption = Annotated[
     str | None,
-    typer.Option(
-        "--panel",
-        metavar="PANEL",
-        help=f"Library panel or panel file. Default that of --calibration, or {DEFAULT_PANEL}.",
+    option(
+        "--panel PANEL",
+        f"Library panel or panel file. Default that of --calibration, or {DEFAULT_PANEL}.",
         show_default=False,
     ),
 ]
 SetOption = Annotated[
     list[str],
-    typer.Option(
-        "--set",
-        metavar="KEY=VALUE",
-        help="Change a value of the panel, with its unit: drive.2.stiffness='81 kN/m'. Repeatable.",
+    option(
+        "--set KEY=VALUE",
+        "Change a value of the panel, with its unit: drive.2.stiffness='81 kN/m'. Repeatable.",
     ),
 ]
 CalibrationOption = Annotated[
     Path | None,
-    typer.Option(
-        "--calibration",
-        metavar="FILE",
-        help="Values from `turnout calibrate`; --set overrides them.",
-    ),
+    option("--calibration FILE", "Values from `turnout calibrate`; --set overrides them."),
 ]
-QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Show nothing but errors.")]
-DatasetOption = Annotated[
-    Path | None, typer.Option("--out", "-o", metavar="FILE.nc", help="Write the dataset (netCDF).")
-]
-FigureOption = Annotated[
-    Path | None,
-    typer.Option("--plot", metavar="FILE", help="Write a figure (.png, .pdf or .svg)."),
-]
+QuietOption = Annotated[bool, option("--quiet -q", "Show nothing but errors.")]
+DatasetOption = Annotated[Path | None, option("--out -o FILE.nc", "Write the dataset (netCDF).")]
+WorkersOption = Annotated[int, option("--workers N", "Processes; default one a core.", min=0)]
+StrictOption = Annotated[bool, option("--strict", "Exit code 1 if there are findings.")]
+FigureOption = Annotated[Path | None, option("--plot FILE", "Write a figure (.png, .pdf or .svg).")]
 
 
 def first_sentence(text: str) -> str:
@@ -217,19 +202,32 @@ def opened_panel(
     """
     from turnout.calibration.case import load_panel_or_case
 
-    if calibration is None:
-        panel = load_panel_or_case(name if name is not None else DEFAULT_PANEL)
-        return panel.with_settings(settings) if settings else panel
-    from turnout.calibration.requirements import check_provenance
-    from turnout.calibration.result import load_calibration
+    known = None
+    if calibration is not None:
+        from turnout.calibration.requirements import check_provenance
+        from turnout.calibration.result import load_calibration
 
-    known = load_calibration(calibration)
-    panel = load_panel_or_case(name) if name is not None else calibrated_panel(known, calibration)
+        known = load_calibration(calibration)
+    if known is not None and calibration is not None and name is None:
+        panel = calibrated_panel(known, calibration)
+    else:
+        panel = load_panel_or_case(name if name is not None else DEFAULT_PANEL)
     changed = panel.with_settings(settings) if settings else panel
+    if known is None:
+        return changed
     for text in check_provenance(known, panel, changed):
-        typer.echo(f"turnout: {calibration}: {text}", err=True)
+        note(f"{calibration}: {text}")
     found = known.apply(panel)
     return found.with_settings(settings) if settings else found
+
+
+def given_panel(
+    name: str | None, settings: list[str], calibration: Path | None
+) -> "LoadedPanel | None":
+    """Return the panel of a command line; None if it names neither panel nor changes."""
+    if name is None and calibration is None and not settings:
+        return None
+    return opened_panel(name, settings, calibration)
 
 
 def calibrated_panel(calibration: "Calibration", source: Path) -> "LoadedPanel":
@@ -237,8 +235,7 @@ def calibrated_panel(calibration: "Calibration", source: Path) -> "LoadedPanel":
     from turnout.panel.load import library_names, load_panel
 
     if calibration.panel not in library_names():
-        message = f"{source}: is of panel '{calibration.panel}'; name the file of that panel"
-        raise FileError(message)
+        refuse(f"{source}: is of panel '{calibration.panel}'; name the file of that panel")
     return load_panel(calibration.panel)
 
 

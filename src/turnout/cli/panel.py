@@ -5,24 +5,33 @@ from typing import Annotated
 
 import typer
 
-from turnout.cli.json_output import JsonOption, print_json, print_library
 from turnout.cli.match import match_command
 from turnout.cli.modes import modes_command
 from turnout.cli.options import (
     DEFAULT_PANEL,
     FIGURES,
-    FINDINGS,
     CalibrationOption,
     PanelArgument,
     SetOption,
+    StrictOption,
+    argument,
     check_outputs,
     end_code,
     first_sentence,
+    made_folder,
     opened_panel,
-    print_schema,
-    write_and_report,
+    option,
 )
-from turnout.core.errors import FileError
+from turnout.cli.output import (
+    FINDINGS,
+    JsonOption,
+    Output,
+    coloured,
+    note,
+    print_library,
+    print_schema,
+    refuse,
+)
 
 app = typer.Typer(
     help="Switch panels: list, show, new, check, match, sections, modes, export, schema.",
@@ -50,16 +59,12 @@ def panel_show_command(
     settings: SetOption = [],  # noqa: B006 - typer copies it
     calibration: CalibrationOption = None,
     plot: Annotated[
-        Path | None,
-        typer.Option("--plot", metavar="FILE", help="Draw the plan (.png, .pdf or .svg)."),
+        Path | None, option("--plot FILE", "Draw the plan (.png, .pdf or .svg).")
     ] = None,
     throw: Annotated[
-        bool,
-        typer.Option("--throw", help="Simulate throws for gaps, force margins and the test piece."),
+        bool, option("--throw", "Simulate throws for gaps, force margins and the test piece.")
     ] = False,
-    values: Annotated[
-        bool, typer.Option("--values", help="List every value with its origin.")
-    ] = False,
+    values: Annotated[bool, option("--values", "List every value with its origin.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Show a panel: plan, closed gap, force margins, test piece, assumptions."""
@@ -69,33 +74,26 @@ def panel_show_command(
 
     opened = opened_panel(panel, settings, calibration)
     found = check_throws(opened) if throw else None
+    output = Output("panel show", as_json=as_json)
     if not as_json:
-        for line in panel_lines(opened, case=case_of(panel), thrown=found, values=values):
-            typer.echo(line)
+        output.show(*panel_lines(opened, case=case_of(panel), thrown=found, values=values))
     if plot is not None:
         from turnout.figures.plan import plot_plan
-        from turnout.figures.style import rendered
 
-        figure = plot_plan(opened, dataset=found.dataset if found else None)
-        write_and_report(plot, rendered(figure, plot.suffix), quiet=as_json)
+        output.figure(plot, lambda: plot_plan(opened, dataset=found.dataset if found else None))
     if as_json:
         from turnout.cli.json_records import PANEL_UNITS, panel_record
 
-        written = [plot] if plot is not None else []
-        record = panel_record(opened, found)
-        print_json("panel show", record, units=PANEL_UNITS, written=written)
+        output.json(panel_record(opened, found), units=PANEL_UNITS)
     if found and (code := end_code(found.dataset)):
         raise typer.Exit(code)
 
 
 @app.command("new", short_help="Write a panel file to edit, with every key explained.")
 def new_command(
-    file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="Panel file to write (.toml); must not exist.")
-    ],
+    file: Annotated[Path, argument("FILE", "Panel file to write (.toml); must not exist.")],
     source: Annotated[
-        str,
-        typer.Option("--from", metavar="PANEL", help="Library panel or panel file to start from."),
+        str, option("--from PANEL", "Library panel or panel file to start from.")
     ] = DEFAULT_PANEL,
     as_json: JsonOption = False,
 ) -> None:
@@ -106,23 +104,19 @@ def new_command(
     """
     check_outputs({"FILE.toml": file}, {"FILE.toml": (".toml",)})
     if file.exists():
-        message = f"{file}: exists already, nothing was written; name another file"
-        raise FileError(message)
+        refuse(f"{file}: exists already, nothing was written; name another file")
     from turnout.panel.new_panel import new_panel_text
 
-    write_and_report(file, new_panel_text(source, target=file), quiet=as_json)
+    output = Output("panel new", as_json=as_json)
+    output.write(file, lambda: new_panel_text(source, target=file))
     if as_json:
-        print_json("panel new", {"panel": file.stem, "source": source}, written=[file])
+        output.json({"panel": file.stem, "source": source})
 
 
 @app.command("check", short_help="Check a panel file, and warn about small margins.")
 def panel_check_command(
     file: Annotated[
-        str,
-        typer.Argument(
-            metavar="FILE",
-            help="Panel file (.toml), library panel, or case N of a study (STUDY:N).",
-        ),
+        str, argument("FILE", "Panel file (.toml), library panel, or case N of a study (STUDY:N).")
     ],
     settings: SetOption = [],  # noqa: B006 - typer copies it
     calibration: CalibrationOption = None,
@@ -130,9 +124,7 @@ def panel_check_command(
         bool,
         typer.Option(help="Also simulate a throw and warn about small margins."),
     ] = True,
-    strict: Annotated[
-        bool, typer.Option("--strict", help="Exit code 1 if there are warnings.")
-    ] = False,
+    strict: StrictOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Check a panel file, report all errors, then simulate throws for margins and test pieces.
@@ -140,8 +132,8 @@ def panel_check_command(
     Exit code 3 if the throw does not converge or is inaccurate.
     """
     panel = opened_panel(file, settings, calibration)
-    if not as_json:
-        typer.echo(f"{file}: OK ({panel.name}, hash {panel.hash[:12]})")
+    output = Output("panel check", as_json=as_json)
+    output.show(f"{file}: OK ({panel.name}, hash {panel.hash[:12]})")
     from turnout.cli.show import least_pieces, thrown_alone
     from turnout.metric.panel_check import (
         concern_lines,
@@ -158,15 +150,10 @@ def panel_check_command(
     if as_json:
         from turnout.cli.json_records import CHECK_UNITS, check_record
 
-        record = check_record(file, panel, found, dataset, pieces)
-        print_json("panel check", record, units=CHECK_UNITS)
-    else:
-        from turnout.cli.colour import coloured
-
-        for line in concern_lines(panel, found) if throw or found else ():
-            typer.echo(coloured(line, "look" if found else "good"))
-        for line in piece_lines(pieces):
-            typer.echo(line)
+        output.json(check_record(file, panel, found, dataset, pieces), units=CHECK_UNITS)
+    lines = concern_lines(panel, found) if throw or found else ()
+    output.show(*(coloured(line, "look" if found else "good") for line in lines))
+    output.show(*piece_lines(pieces))
     if dataset is not None and (code := end_code(dataset)):
         raise typer.Exit(code)
     if found and strict:
@@ -178,69 +165,48 @@ def sections_command(
     panel: PanelArgument = None,
     settings: SetOption = [],  # noqa: B006 - typer copies it
     calibration: CalibrationOption = None,
-    plot: Annotated[
-        Path | None,
-        typer.Option("--plot", metavar="FILE", help="Draw them (.png, .pdf or .svg)."),
-    ] = None,
+    plot: Annotated[Path | None, option("--plot FILE", "Draw them (.png, .pdf or .svg).")] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Show the cross-sections along each rail."""
     check_outputs({"--plot": plot}, {"--plot": FIGURES})
-    from turnout.cli.sections import section_lines, section_record
+    from turnout.cli.sections import section_figure, section_lines, section_record
 
     opened = opened_panel(panel, settings, calibration)
+    output = Output("panel sections", as_json=as_json)
     if not as_json:
         from turnout.metric.panel_check import planing_concerns
 
-        for line in section_lines(opened):
-            typer.echo(line)
+        output.show(*section_lines(opened))
         for concern in planing_concerns(opened):
-            typer.echo(f"turnout: warning: {concern.text}", err=True)
-    if plot is not None:
-        from turnout.cli.sections import section_figure
-        from turnout.figures.style import rendered
-
-        figure = section_figure(opened, opened.instrumented_rail)
-        write_and_report(plot, rendered(figure, plot.suffix), quiet=as_json)
+            note(f"warning: {concern.text}")
+    output.figure(plot, lambda: section_figure(opened, opened.instrumented_rail))
     if as_json:
         record, units = section_record(opened)
-        written = [plot] if plot is not None else []
-        print_json("panel sections", record, units=units, written=written)
+        output.json(record, units=units)
 
 
 @app.command("export", short_help="Write the matrices of every rail (.mat).")
 def panel_export_command(
     panel: Annotated[
-        str,
-        typer.Argument(
-            metavar="PANEL",
-            help="Library panel, panel file (.toml), or case N of a study (STUDY:N).",
-        ),
+        str, argument("PANEL", "Library panel, panel file (.toml), or case N of a study (STUDY:N).")
     ],
-    out: Annotated[
-        Path,
-        typer.Option(
-            "--out", "-o", metavar="FOLDER", help="Folder for the files; created if missing."
-        ),
-    ],
+    out: Annotated[Path, option("--out -o FOLDER", "Folder for the files; created if missing.")],
     settings: SetOption = [],  # noqa: B006 - typer copies it
     calibration: CalibrationOption = None,
 ) -> None:
     """Write the full and reduced matrices of every rail for other programs (.mat)."""
-    from turnout.cli.options import made_folder
     from turnout.metric.export import export_matrices
 
     opened = opened_panel(panel, settings, calibration)
-    folder = made_folder("--out", out)
+    folder, output = made_folder("--out", out), Output("panel export")
     for name, content in export_matrices(opened).items():
-        write_and_report(folder / name, content)
+        output.write(folder / name, content)
 
 
 @app.command("schema")
 def panel_schema_command(
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", metavar="FILE.json", help="Write it to a file.")
-    ] = None,
+    out: Annotated[Path | None, option("--out -o FILE.json", "Write it to a file.")] = None,
 ) -> None:
     """Print the JSON schema of panel files, for editors."""
     check_outputs({"--out": out}, {"--out": (".json",)})

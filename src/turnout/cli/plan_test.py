@@ -5,15 +5,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from turnout.cli.json_output import JsonOption, print_json
 from turnout.cli.options import (
     CalibrationOption,
     PanelArgument,
     QuietOption,
     SetOption,
     check_outputs,
-    write_and_report,
+    given_panel,
+    option,
 )
+from turnout.cli.output import JsonOption, Output
 
 if TYPE_CHECKING:
     from turnout.detection.limit.day_plan import Candidates, Knowledge
@@ -25,32 +26,22 @@ def plan_test_command(
     panel: PanelArgument = None,
     calibration: CalibrationOption = None,
     settings: SetOption = [],  # noqa: B006 - typer copies it
-    throws: Annotated[
-        int, typer.Option("--throws", metavar="N", min=1, help="Throws of the day.")
-    ] = 60,
+    throws: Annotated[int, option("--throws N", "Throws of the day.", min=1)] = 60,
     discrepancy: Annotated[
-        float,
-        typer.Option(
-            "--discrepancy", metavar="SHARE", help="Of model and switch, share of the peak force."
-        ),
+        float, option("--discrepancy SHARE", "Of model and switch, share of the peak force.")
     ] = 0.05,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", metavar="FILE.csv", help="Write the plan.")
-    ] = None,
+    out: Annotated[Path | None, option("--out -o FILE.csv", "Write the plan.")] = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Plan a day of tests: objects, places and order that determine the switch and a90 best."""
     check_outputs({"--out": out}, {"--out": (".csv",)})
     from turnout.cli.limit import conditions_of_options
-    from turnout.cli.options import opened_panel
     from turnout.cli.watch import watched
     from turnout.detection.limit.day_plan import candidates, full_grid, known_after, ordered, plan
 
     conditions = conditions_of_options(discrepancy=discrepancy)
-    given = None
-    if panel is not None or calibration is not None or settings:
-        given = opened_panel(panel, settings, calibration)
+    given = given_panel(panel, settings, calibration)
     with watched("simulating the throws to choose from", quiet=quiet) as watch:
         found = candidates(given, conditions=conditions, report=watch.report)
     with watched("choosing throws", quiet=quiet) as watch:
@@ -62,14 +53,14 @@ def plan_test_command(
          "slips": bool(found.slips[row])}
         for number, row in enumerate(chosen, 1)
     ]  # fmt: skip
-    if out is not None:
-        lines = ["throw,place,size [mm],slips"]
-        lines += [
-            f"{row['throw']},{row['place']},{1e3 * float(str(row['size'])):g},"
-            f"{'yes' if row['slips'] else 'no'}"
-            for row in rows
-        ]
-        write_and_report(out, "\n".join(lines) + "\n", quiet=quiet or as_json)
+    output = Output("plan-test", as_json=as_json, quiet=quiet)
+    lines = ["throw,place,size [mm],slips"]
+    lines += [
+        f"{row['throw']},{row['place']},{1e3 * float(str(row['size'])):g},"
+        f"{'yes' if row['slips'] else 'no'}"
+        for row in rows
+    ]
+    output.write(out, "\n".join(lines) + "\n")
     if as_json:
         record = {
             "throws": len(chosen),
@@ -78,7 +69,7 @@ def plan_test_command(
             "parameters": _parameter_rows(found, known, of_grid),
             "places": _place_rows(known, of_grid),
         }
-        print_json("plan-test", record, units=LENGTHS, written=[out] if out else [])
+        output.json(record, units=LENGTHS)
         return
     _print(found, chosen, grid, known, of_grid)
 

@@ -1,18 +1,19 @@
 """The command `turnout pod`: probability of detection from the table of a test campaign."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from turnout.cli.json_output import JsonOption, print_json
 from turnout.cli.options import (
     FIGURES,
     FigureOption,
     QuietOption,
+    argument,
     check_outputs,
-    write_and_report,
+    option,
 )
+from turnout.cli.output import JsonOption, Output, refuse
 
 if TYPE_CHECKING:
     from turnout.detection.pod.pod_result import Pod
@@ -23,73 +24,49 @@ METRES = ("a50", "a90", "a90_95", "a90_95_profile", "required_size", "required_s
 
 
 def pod_command(
-    results: Annotated[
-        Path, typer.Argument(metavar="RESULTS", help="Table of the campaign (.csv), a row a throw.")
-    ],
+    results: Annotated[Path, argument("RESULTS", "Table of the campaign (.csv), a row a throw.")],
     threshold: Annotated[
         str | None,
-        typer.Option(
-            "--threshold",
-            metavar="VALUE",
-            help="Response from which an object is detected, as 250 or '250 N'; without it hits "
-            "and misses are used.",
+        option(
+            "--threshold VALUE",
+            "Response from which an object is detected, as 250 or '250 N'; without it hits and "
+            "misses are used.",
         ),
     ] = None,
     floor: Annotated[
-        str | None,
-        typer.Option(
-            "--floor", metavar="VALUE", help="Responses at or below this are only known to be so."
-        ),
+        str | None, option("--floor VALUE", "Responses at or below this are only known to be so.")
     ] = None,
     slip: Annotated[
-        str | None,
-        typer.Option(
-            "--slip", metavar="VALUE", help="Responses at or above this are only known to be so."
-        ),
+        str | None, option("--slip VALUE", "Responses at or above this are only known to be so.")
     ] = None,
-    size_scale: Annotated[
-        str, typer.Option("--size-scale", metavar="NAME", help="log or linear.")
-    ] = "log",
-    response_scale: Annotated[
-        str, typer.Option("--response-scale", metavar="NAME", help="log or linear.")
-    ] = "log",
-    link: Annotated[
-        str, typer.Option("--link", metavar="NAME", help="Of hits and misses: probit or logit.")
-    ] = "probit",
+    size_scale: Annotated[str, option("--size-scale NAME", "log or linear.")] = "log",
+    response_scale: Annotated[str, option("--response-scale NAME", "log or linear.")] = "log",
+    link: Annotated[str, option("--link NAME", "Of hits and misses: probit or logit.")] = "probit",
     pooled: Annotated[
-        bool, typer.Option("--pooled", help="Ignore that switches differ; too optimistic.")
+        bool, option("--pooled", "Ignore that switches differ; too optimistic.")
     ] = False,
     campaigns: Annotated[
         int,
-        typer.Option(
-            "--campaigns",
-            metavar="N",
-            help="Simulated campaigns that calibrate a90/95, 100 or more; 0 gives the plain "
-            "profile likelihood.",
+        option(
+            "--campaigns N",
+            "Simulated campaigns that calibrate a90/95, 100 or more; 0 gives the plain profile "
+            "likelihood.",
         ),
     ] = 400,
     out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", "-o", metavar="FILE", help="Write the result (.nc), or the curve (.csv)."
-        ),
+        Path | None, option("--out -o FILE", "Write the result (.nc), or the curve (.csv).")
     ] = None,
     plot: FigureOption = None,
     roc: Annotated[
         Path | None,
-        typer.Option(
-            "--roc",
-            metavar="FILE",
-            help="Draw detections against false alarms, with the bound of --limit at --at.",
+        option(
+            "--roc FILE", "Draw detections against false alarms, with the bound of --limit at --at."
         ),
     ] = None,
     limit: Annotated[
-        Path | None,
-        typer.Option("--limit", metavar="FILE.nc", help="Map of `turnout limit -o`, for --roc."),
+        Path | None, option("--limit FILE.nc", "Map of `turnout limit -o`, for --roc.")
     ] = None,
-    at: Annotated[
-        str, typer.Option("--at", metavar="PLACE", help="Where the objects were, for --roc.")
-    ] = "sleeper 6",
+    at: Annotated[str, option("--at PLACE", "Where the objects were, for --roc.")] = "sleeper 6",
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
@@ -116,17 +93,15 @@ def pod_command(
         drawn=campaigns,
     )
     found = estimate_pod(throws, model)
-    still = quiet or as_json
+    output = Output("pod", as_json=as_json, quiet=quiet)
     if out is not None:
-        write_and_report(out, _content(found, out.suffix.lower()), quiet=still)
+        output.write(out, _content(found, out.suffix.lower()))
     if plot is not None:
         from turnout.detection.pod.pod_result import pod_dataset
         from turnout.figures.pod import plot_pod
-        from turnout.figures.style import rendered
 
-        write_and_report(plot, rendered(plot_pod(pod_dataset(found)), plot.suffix), quiet=still)
-    if roc is not None:
-        write_and_report(roc, curves, quiet=still)
+        output.figure(plot, lambda: plot_pod(pod_dataset(found)))
+    output.figure(roc, lambda: curves)
     if as_json:
         record = key_figures(found) | {
             "notes": found.notes,
@@ -136,34 +111,27 @@ def pod_command(
                 "required_size_bound": found.size_bound,
             },
         }
-        written = [path for path in (out, plot, roc) if path is not None]
-        print_json("pod", record, units=dict.fromkeys(METRES, "m"), written=written)
+        output.json(record, units=dict.fromkeys(METRES, "m"))
     elif not quiet:
         _print(found)
 
 
-def _roc_figure(
-    throws: "TestThrows", path: Path | None, *, limit: Path | None, place: str
-) -> bytes:
-    """Return the figure of detections against false alarms; empty if it is not wanted."""
+def _roc_figure(throws: "TestThrows", path: Path | None, *, limit: Path | None, place: str) -> Any:
+    """Return the figure of detections against false alarms, if it is wanted."""
     if path is None:
-        return b""
-    from turnout.core.errors import FileError
+        return None
     from turnout.detection.pod.roc import campaign_roc
     from turnout.figures.roc import plot_roc
-    from turnout.figures.style import rendered
     from turnout.throw.store import open_response
 
     if limit is None:
-        message = "--roc: name the bound, a file of `turnout limit -o`, as --limit FILE.nc"
-        raise FileError(message)
+        refuse("--roc: name the bound, a file of `turnout limit -o`, as --limit FILE.nc")
     found = campaign_roc(throws, open_response(limit), place=place)
-    figure = plot_roc(
+    return plot_roc(
         false_alarms=found.false_alarms, detections=found.detections, intervals=found.intervals,
         sound=found.sound, rate=found.rate, bound=found.bound,
         title=f"{found.objects} objects at {place}, {found.sound} sound throws",
     )  # fmt: skip
-    return rendered(figure, path.suffix)
 
 
 def _responses(texts: dict[str, str | None], throws: "TestThrows") -> dict[str, float]:
@@ -172,13 +140,13 @@ def _responses(texts: dict[str, str | None], throws: "TestThrows") -> dict[str, 
     from turnout.detection.pod.pod_table import response_value
 
     found, faults = {}, []
-    for option, text in texts.items():
+    for name, text in texts.items():
         if text is None:
             continue
         try:
-            found[option] = response_value(text, throws=throws)
+            found[name] = response_value(text, throws=throws)
         except ValueError as error:
-            faults.append(f'{option} "{text}": {error}')
+            faults.append(f'{name} "{text}": {error}')
     if faults:
         raise StudyError(faults, source="options")
     return found

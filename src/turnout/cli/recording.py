@@ -1,14 +1,20 @@
 """The command `turnout import`: list the channels of a recording, or convert them."""
 
 import math
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
-from turnout.cli.json_output import JsonOption, print_json
-from turnout.cli.options import DatasetOption, FigureOption, check_outputs
+from turnout.cli.options import (
+    FIGURES,
+    DatasetOption,
+    FigureOption,
+    argument,
+    check_outputs,
+    option,
+)
+from turnout.cli.output import JsonOption, Output, refuse
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -16,7 +22,6 @@ if TYPE_CHECKING:
     from turnout.measurement.chain.channel_map import ChannelMap
     from turnout.measurement.recording import Recording
 
-FIGURES = (".png", ".pdf", ".svg")
 SPARK_WIDTH = 32
 # From low to high; the second where the screen cannot show the first.
 LEVELS, PLAIN_LEVELS = "▁▂▃▄▅▆▇█", "_.-:=+*#"
@@ -26,37 +31,30 @@ COLUMN = 24
 def import_command(
     file: Annotated[
         Path,
-        typer.Argument(
-            metavar="FILE",
-            help="Recording: Dewesoft, CSV or TXT, MATLAB, HDF5, MDF, TDMS or Parquet.",
-        ),
+        argument("FILE", "Recording: Dewesoft, CSV or TXT, MATLAB, HDF5, MDF, TDMS or Parquet."),
     ],
     channels: Annotated[
         str | None,
-        typer.Option(
-            "--channels",
-            metavar="MAP",
-            help="Channel map (.toml), or one of the library: two-rods. Without it the file is "
-            "listed and a map to edit is suggested.",
+        option(
+            "--channels MAP",
+            "Channel map (.toml), or one of the library: two-rods. Without it the file is listed "
+            "and a map to edit is suggested.",
         ),
     ] = None,
     out: DatasetOption = None,
     plot: FigureOption = None,
     suggest: Annotated[
-        Path | None,
-        typer.Option("--suggest", metavar="FILE.toml", help="Write the suggested map to a file."),
+        Path | None, option("--suggest FILE.toml", "Write the suggested map to a file.")
     ] = None,
     smooth: Annotated[
         str | None,
-        typer.Option(
-            "--smooth",
-            metavar="TIME",
-            help="Centred moving average, such as 0.1s; unfiltered channels are kept as well.",
+        option(
+            "--smooth TIME",
+            "Centred moving average, such as 0.1s; unfiltered channels are kept as well.",
         ),
     ] = None,
     allow_outside: Annotated[
-        bool,
-        typer.Option("--allow-outside", help="Also read other files that FILE refers to."),
+        bool, option("--allow-outside", "Also read other files that FILE refers to.")
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -76,17 +74,17 @@ def import_command(
     channel_map = load_channel_map(channels) if channels is not None else None
     kind = recognise_format(file).name
     recording = read_recording(file, allow_outside=allow_outside)
+    output = Output("import", as_json=as_json)
     if channel_map is None:
-        _list(recording, kind, plot=plot, suggest=suggest, as_json=as_json)
+        _list(recording, kind, output, plot=plot, suggest=suggest)
     else:
-        _convert(recording, channel_map, window, out=out, plot=plot, as_json=as_json)
+        _convert(recording, channel_map, window, output, out=out, plot=plot)
 
 
 def _checked(
     channels: str | None, *, out: Path | None, suggest: Path | None, smooth: str | None
 ) -> float | None:
     """Refuse conflicting options, all at once; return the filter window [s]."""
-    from turnout.core.errors import FileError
     from turnout.core.units import TIME, parse_quantity
 
     problems = []
@@ -108,47 +106,32 @@ def _checked(
         except ValueError as error:
             problems.append(f"--smooth {smooth}: {error}")
     if problems:
-        raise FileError("\n".join(problems))
+        refuse("\n".join(problems))
     return window
 
 
 def _list(
-    recording: "Recording",
-    kind: str,
-    *,
-    plot: Path | None,
-    suggest: Path | None,
-    as_json: bool,
+    recording: "Recording", kind: str, output: Output, *, plot: Path | None, suggest: Path | None
 ) -> None:
     from turnout.measurement.chain.skeleton import skeleton
 
-    for line in () if as_json else channel_lines(recording, kind):
-        typer.echo(line)
+    output.show(*channel_lines(recording, kind))
     if plot is not None:
-        from turnout.core.files import write_atomic
         from turnout.figures.recording import Trace, plot_columns
-        from turnout.figures.style import rendered
 
         traces = [Trace(c.name, c.unit, c.time, c.values) for c in recording.channels.values()]
         title = Path(recording.source).name
-        write_atomic(plot, rendered(plot_columns(traces, title=title), plot.suffix))
-        _written(plot, as_json=as_json)
-    if suggest is not None:
-        from turnout.core.files import write_atomic
-
-        write_atomic(suggest, skeleton(recording))
-        _written(suggest, as_json=as_json)
-    if as_json:
+        output.figure(plot, lambda: plot_columns(traces, title=title))
+    output.write(suggest, lambda: skeleton(recording))
+    if output.as_json:
         from turnout.cli.json_records import CHANNEL_UNITS, recording_record
 
-        record = recording_record(recording, kind, steps=SPARK_WIDTH)
-        written = [path for path in (plot, suggest) if path is not None]
-        print_json("import", record, units=CHANNEL_UNITS, written=written)
+        output.json(recording_record(recording, kind, steps=SPARK_WIDTH), units=CHANNEL_UNITS)
     elif suggest is not None:
-        typer.echo(f"next: edit it, then: turnout import FILE --channels {suggest} --out FILE.nc")
+        output.show(f"next: edit it, then: turnout import FILE --channels {suggest} --out FILE.nc")
     else:
-        typer.echo("\nA channel map to start from (--suggest FILE.toml writes it):\n")
-        typer.echo(_plain(skeleton(recording)))
+        output.show("\nA channel map to start from (--suggest FILE.toml writes it):\n")
+        output.show(_plain(skeleton(recording)))
 
 
 def channel_lines(recording: "Recording", kind: str) -> Iterator[str]:
@@ -180,10 +163,10 @@ def _convert(
     recording: "Recording",
     channel_map: "ChannelMap",
     window: float | None,
+    output: Output,
     *,
     out: Path | None,
     plot: Path | None,
-    as_json: bool,
 ) -> None:
     from turnout.measurement.chain.apply import apply_chain, mapped_channels
     from turnout.measurement.chain.condition import condition
@@ -191,27 +174,18 @@ def _convert(
     dataset = apply_chain(recording, channel_map)
     if window is not None:
         dataset = condition(dataset, window=window)
-    for line in () if as_json else mapped_summary(dataset, channel_map):
-        typer.echo(line)
-    if out is not None:
-        from turnout.throw.store import save_response
-
-        save_response(dataset, out)
-        _written(out, as_json=as_json)
+    output.show(*mapped_summary(dataset, channel_map))
+    output.dataset(out, dataset)
     if plot is not None:
-        from turnout.core.files import write_atomic
         from turnout.figures.recording import plot_measured
-        from turnout.figures.style import rendered
 
         title = Path(recording.source).name
-        write_atomic(plot, rendered(plot_measured(dataset, title=title), plot.suffix))
-        _written(plot, as_json=as_json)
-    if as_json:
+        output.figure(plot, lambda: plot_measured(dataset, title=title))
+    if output.as_json:
         from turnout.cli.json_records import CHANNEL_UNITS, quantity_record
 
         record = quantity_record(dataset, list(mapped_channels(dataset, channel_map)))
-        written = [path for path in (out, plot) if path is not None]
-        print_json("import", record, units={**CHANNEL_UNITS, "end": "s"}, written=written)
+        output.json(record, units={**CHANNEL_UNITS, "end": "s"})
 
 
 def mapped_summary(dataset: "xr.Dataset", channel_map: "ChannelMap") -> Iterator[str]:
@@ -239,15 +213,7 @@ def _problems(problems: tuple[str, ...]) -> Iterator[str]:
             yield _plain(f"  - {problem}")
 
 
-def _written(path: Path, *, as_json: bool) -> None:
-    if as_json:
-        return
-    typer.echo(f"written {path} ({math.ceil(path.stat().st_size / 1000)} kB)")
-
-
 def _can_show(text: str) -> bool:
-    import sys
-
     try:
         text.encode(sys.stdout.encoding or "ascii")
     except (UnicodeEncodeError, LookupError):
@@ -257,8 +223,6 @@ def _can_show(text: str) -> bool:
 
 def _plain(text: str) -> str:
     """Return text that the screen can show: names in files may hold anything."""
-    import sys
-
     encoding = sys.stdout.encoding or "ascii"
     shown = "".join(char if char.isprintable() or char == "\n" else "?" for char in text)
     return shown.encode(encoding, "replace").decode(encoding)

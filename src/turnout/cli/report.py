@@ -2,18 +2,18 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 from turnout.cli.campaign import ChannelsOption, built_campaign, reasons_to_exclude, usable_dataset
 from turnout.cli.options import (
     QuietOption,
+    argument,
     check_outputs,
     made_folder,
     opened_panel,
-    write_and_report,
+    option,
 )
+from turnout.cli.output import Output, refuse
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -29,27 +29,19 @@ VALIDATION = "validation.nc"
 def report_command(
     source: Annotated[
         Path,
-        typer.Argument(
-            metavar="SOURCE",
-            help="A run, a sequence of throws, a campaign, a validation or a map of "
-            "`turnout limit` (.nc), a calibration (.toml), "
-            "the folder of a campaign, a sweep or a validation.",
+        argument(
+            "SOURCE",
+            "A run, a sequence of throws, a campaign, a validation or a map of `turnout limit` "
+            "(.nc), a calibration (.toml), the folder of a campaign, a sweep or a validation.",
         ),
     ],
-    out: Annotated[
-        Path, typer.Option("--out", "-o", metavar="FILE.html", help="The report.")
-    ] = Path("report.html"),
+    out: Annotated[Path, option("--out -o FILE.html", "The report.")] = Path("report.html"),
     figures: Annotated[
-        Path | None,
-        typer.Option("--figures", metavar="DIR", help="Write each figure as PDF, PNG and SVG."),
+        Path | None, option("--figures DIR", "Write each figure as PDF, PNG and SVG.")
     ] = None,
     panel: Annotated[
         str | None,
-        typer.Option(
-            "--panel",
-            metavar="PANEL",
-            help="Panel file of a run, to list the origin of each value.",
-        ),
+        option("--panel PANEL", "Panel file of a run, to list the origin of each value."),
     ] = None,
     channels: ChannelsOption = None,
     quiet: QuietOption = False,
@@ -73,10 +65,7 @@ def report_command(
     if folder is not None:
         for name, content in {**_pictures(page), **files}.items():
             write_atomic(folder / name, content)
-    if quiet:
-        write_atomic(out, page_html(page))
-    else:
-        write_and_report(out, page_html(page))
+    Output("report", quiet=quiet).write(out, page_html(page))
 
 
 def _pictures(page: "Page") -> dict[str, bytes]:
@@ -141,11 +130,7 @@ def _calibration_page(
         if panel is not None:
             raise
     if panel is not None and used is not None and used.hash != calibration.panel_hash:
-        message = (
-            f"--panel {panel}: is not the panel of {source}, which is '{calibration.panel}' with "
-            "other values; name that one"
-        )
-        raise FileError(message)
+        _refuse_panel(panel, source, calibration.panel)
     page = calibration_page(
         calibration,
         panel=used,
@@ -191,11 +176,12 @@ def _run_page(dataset: "xr.Dataset", source: Path, panel: str | None) -> "Page":
     given = opened_panel(panel, []) if panel is not None else None
     used = panel_of_result(dataset.attrs, panel=given)
     if given is not None and used is None:
-        from turnout.core.errors import FileError
-
-        message = (
-            f"--panel {panel}: is not the panel of {source}, which is "
-            f"'{dataset.attrs.get('panel', 'not stated')}' with other values; name that one"
-        )
-        raise FileError(message)
+        _refuse_panel(str(panel), source, dataset.attrs.get("panel", "not stated"))
     return run_page(dataset, panel=used)
+
+
+def _refuse_panel(panel: str, source: Path, known: str) -> NoReturn:
+    refuse(
+        f"--panel {panel}: is not the panel of {source}, which is '{known}' with other values; "
+        "name that one"
+    )

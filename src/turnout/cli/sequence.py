@@ -1,11 +1,10 @@
 """Many throws of one switch by `turnout simulate --throws`: options, table and record."""
 
 import json
-from collections.abc import Sequence
-from pathlib import Path
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-import typer
+from turnout.cli.output import coloured, refuse
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -34,7 +33,7 @@ def read_drift(settings: Sequence[str]) -> "Drift":
     """
     from dataclasses import fields
 
-    from turnout.core.errors import FileError, ResponseError
+    from turnout.core.errors import ResponseError
     from turnout.core.problems import choices, nearest
     from turnout.throw.drift import Drift
 
@@ -63,7 +62,7 @@ def read_drift(settings: Sequence[str]) -> "Drift":
             return Drift(**found)
         except ResponseError as error:
             problems.append(str(error))
-    raise FileError("\n".join(problems))
+    refuse("\n".join(problems))
 
 
 def _number_or_text(key: str, value: str) -> int | float | str:
@@ -105,7 +104,7 @@ def run_sequence(
 
 def sequence_record(dataset: "xr.Dataset") -> tuple[dict[str, Any], dict[str, str]]:
     """Return a sequence of throws as a record, and the units of its keys."""
-    from turnout.metric.verdict import break_note
+    from turnout.metric.verdict import break_note, throw_table
 
     attributes = dataset.attrs
     note = break_note(dataset)
@@ -117,7 +116,7 @@ def sequence_record(dataset: "xr.Dataset") -> tuple[dict[str, Any], dict[str, st
         "complete": bool(attributes["complete"]),
         "outcome": attributes["outcome"],
         "outcome_message": attributes["outcome_message"],
-        "throws": sequence_rows(dataset),
+        "throws": throw_table(dataset),
         **({"break_note": note} if note else {}),
         "wall_time": attributes["wall_time"],
     }
@@ -128,36 +127,26 @@ def sequence_record(dataset: "xr.Dataset") -> tuple[dict[str, Any], dict[str, st
     return record, units
 
 
-def sequence_rows(dataset: "xr.Dataset") -> list[dict[str, Any]]:
-    """Return a row for each throw: objects before and after it, forces, lock and control."""
-    from turnout.metric.verdict import throw_table
-
-    return throw_table(dataset)
-
-
-def print_sequence(dataset: "xr.Dataset", written: Sequence[Path]) -> None:
-    """Print a table of the throws, of many only some."""
-    from turnout.cli.colour import coloured
-    from turnout.metric.verdict import break_note
+def sequence_lines(dataset: "xr.Dataset") -> Iterator[str]:
+    """Yield a table of the throws, of many only some."""
+    from turnout.metric.verdict import break_note, throw_table
 
     count = dataset.sizes["throw"]
     every = max(1, -(-count // MOST_ROWS))
     shown = [*range(0, count - 1, every), count - 1]
-    typer.echo(
+    yield (
         f"{'throw':>6} {'size':>10} {'left':>10} {'object':>9} {'drives':>14}  "
         f"{'verdict':<18}lock, control"
     )
-    for row in sequence_rows(dataset.isel(throw=shown)):
+    for row in throw_table(dataset.isel(throw=shown)):
         size = "+".join(f"{1e3 * value:.1f}" for value in row["size"]) or "-"
         left = "+".join(f"{1e3 * value:.1f}" for value in row["left"]) or "-"
         peak = 1e-3 * row["object_force_peak"]
         drives = "/".join(f"{1e-3 * value:.2f}" for value in row["drive_force_end"])
-        typer.echo(
+        yield (
             f"{row['throw']:>6} {size:>7} mm {left:>7} mm {peak:>6.2f} kN {drives:>11} kN  "
             f"{row['verdict']:<18}{row['state']}"
         )
-    typer.echo(f"{count} throws, {dataset.attrs['wall_time']:.1f} s")
+    yield f"{count} throws, {dataset.attrs['wall_time']:.1f} s"
     if note := break_note(dataset):
-        typer.echo(coloured(note, "look"))
-    for path in written:
-        typer.echo(f"{'written':<16}{path} ({-(-path.stat().st_size // 1000)} kB)")
+        yield coloured(note, "look")

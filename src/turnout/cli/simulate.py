@@ -3,7 +3,6 @@
 import contextlib
 import gc
 import importlib
-import math
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -12,10 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from turnout.cli.json_output import JsonOption, print_json
 from turnout.cli.options import (
     FIGURES,
-    INTERRUPTED,
     CalibrationOption,
     DatasetOption,
     FigureOption,
@@ -26,7 +23,9 @@ from turnout.cli.options import (
     collect_errors,
     end_code,
     opened_panel,
+    option,
 )
+from turnout.cli.output import INTERRUPTED, JsonOption, Output, coloured, note, refuse
 from turnout.core.lean_imports import import_scipy, without_packages
 
 if TYPE_CHECKING:
@@ -40,12 +39,10 @@ def simulate_command(
     panel: PanelArgument = None,
     objects: Annotated[
         list[str],
-        typer.Option(
-            "--object",
-            metavar="SIZE[ KIND]@PLACE[, KEY=VALUE]",
-            help="Foreign object, such as 13mm@sleeper6, '5 mm @ x = 3.6 m' or "
-            "'20mm ice@sleeper6, length=2m' (an unknown kind lists all). "
-            "Repeatable.",
+        option(
+            "--object SIZE[ KIND]@PLACE[, KEY=VALUE]",
+            "Foreign object, such as 13mm@sleeper6, '5 mm @ x = 3.6 m' or '20mm ice@sleeper6, "
+            "length=2m' (an unknown kind lists all). Repeatable.",
         ),
     ] = [],  # noqa: B006 - typer copies it
     settings: SetOption = [],  # noqa: B006 - typer copies it
@@ -54,67 +51,51 @@ def simulate_command(
     plot: FigureOption = None,
     overlay: Annotated[
         Path | None,
-        typer.Option(
-            "--overlay",
-            metavar="FILE.csv",
-            help="History of another program under the lines of --plot: "
-            "columns 'time [s]', 'drive_force:1 [kN]', ...",
+        option(
+            "--overlay FILE.csv",
+            "History of another program under the lines of --plot: columns 'time [s]', "
+            "'drive_force:1 [kN]', ...",
         ),
     ] = None,
     also: Annotated[
         list[str],
-        typer.Option(
-            "--also",
-            metavar="CHANNEL",
-            help="Also store this channel: fastening_force, fastening_moment.",
-        ),
+        option("--also CHANNEL", "Also store this channel: fastening_force, fastening_moment."),
     ] = [],  # noqa: B006 - typer copies it
     mode: Annotated[
         str | None,
-        typer.Option(
-            "--mode",
-            metavar="MODE",
-            help="waveform: impacts and single chairs; quick: drives, gaps and labels, several "
-            "times as fast; quasi-static: without inertia. Default waveform.",
+        option(
+            "--mode MODE",
+            "waveform: impacts and single chairs; quick: drives, gaps and labels, several times as "
+            "fast; quasi-static: without inertia. Default waveform.",
             show_default=False,
         ),
     ] = None,
-    step: Annotated[
-        str, typer.Option("--step", metavar="TIME", help="Time step instead of the mode's.")
-    ] = "",
+    step: Annotated[str, option("--step TIME", "Time step instead of the mode's.")] = "",
     cutoff: Annotated[
         str,
-        typer.Option(
-            "--cutoff",
-            metavar="FREQUENCY",
-            help="Inertia of vibration modes up to here, instead of the mode's.",
+        option(
+            "--cutoff FREQUENCY", "Inertia of vibration modes up to here, instead of the mode's."
         ),
     ] = "",
     every: Annotated[
         str,
-        typer.Option(
-            "--every",
-            metavar="TIME",
-            help="Time between stored instants; need not be a multiple of the step.",
-        ),
+        option("--every TIME", "Time between stored instants; need not be a multiple of the step."),
     ] = "",
     throws: Annotated[
         int | None,
-        typer.Option(
-            "--throws",
-            metavar="N",
-            min=1,
-            help="Throw N times; objects keep dents and what is left. --mode is then quick unless "
+        option(
+            "--throws N",
+            "Throw N times; objects keep dents and what is left. --mode is then quick unless "
             "given.",
+            min=1,
         ),
     ] = None,
     drifts: Annotated[
         list[str],
-        typer.Option(
-            "--drift",
-            metavar="KEY=VALUE",
-            help="What changes from throw to throw, such as ice_growth=0.3mm, "
-            "'temperature=-20 degC to 2 degC', friction=0.001. Repeatable.",
+        option(
+            "--drift KEY=VALUE",
+            "What changes from throw to throw, such as ice_growth=0.3mm, 'temperature=-20 degC to "
+            "2 degC', friction=0.001. Repeatable.",
         ),
     ] = [],  # noqa: B006 - typer copies it
     as_json: JsonOption = False,
@@ -122,6 +103,7 @@ def simulate_command(
 ) -> None:
     """Simulate a throw, with or without trapped objects, and show how it ended."""
     check_outputs({"--out": out, "--plot": plot}, {"--out": (".nc",), "--plot": FIGURES})
+    output = Output("simulate", as_json=as_json, quiet=quiet, width=16)
     if throws is not None or drifts:
         refused = {"--plot": plot, "--overlay": overlay, "--also": also or None}
         _simulate_throws(
@@ -132,8 +114,8 @@ def simulate_command(
             scheme=lambda: _scheme(mode or "quick", step=step, cutoff=cutoff, every=every),
             out=out,
             refused=[option for option, given in refused.items() if given is not None],
+            output=output,
             quiet=quiet,
-            as_json=as_json,
         )
         return
     theirs = _overlaid(overlay, plot)
@@ -149,20 +131,31 @@ def simulate_command(
                 quiet=quiet,
                 plots=plot is not None,
             )
-            written = _write(dataset, out=out, plot=plot, overlay=theirs)
+            figure = None
+            if plot is not None and dataset.sizes["time"] > 1:
+                from turnout.figures.throw import plot_throw
+
+                figure = plot_throw(dataset, overlay=theirs)
         except KeyboardInterrupt:
-            typer.echo("turnout: interrupted before there was anything to keep", err=True)
+            note("interrupted before there was anything to keep")
             raise typer.Exit(INTERRUPTED) from None
+        if not output.silent:
+            output.show(*summary_lines(dataset))
+        output.dataset(out, dataset)
+        output.figure(plot if figure else None, lambda: figure)
         if as_json:
             from turnout.cli.json_records import run_record
 
             record, units = run_record(dataset)
-            print_json("simulate", record, units=units, written=written)
-        elif not quiet:
-            _print_summary(dataset, written)
+            output.json(record, units=units)
     if failed:
-        typer.echo(f"turnout: {dataset.attrs['outcome_message']}", err=True)
-        raise typer.Exit(end_code(dataset))
+        _end(dataset)
+
+
+def _end(dataset: "xr.Dataset") -> None:
+    """Say why a run is not complete; end with its exit code."""
+    note(dataset.attrs["outcome_message"])
+    raise typer.Exit(end_code(dataset))
 
 
 def _simulate_throws(
@@ -174,39 +167,32 @@ def _simulate_throws(
     scheme: Callable[[], "Scheme"],
     out: Path | None,
     refused: list[str],
+    output: Output,
     quiet: bool,
-    as_json: bool,
 ) -> None:
     """Simulate throws in a row and show or write them; those until an interruption too."""
-    from turnout.cli.sequence import print_sequence, read_drift, run_sequence, sequence_record
-    from turnout.core.errors import FileError
+    from turnout.cli.sequence import read_drift, run_sequence, sequence_lines, sequence_record
     from turnout.panel.object_text import parse_objects
-    from turnout.throw.store import save_response
 
     if throws is None:
-        message = "--drift: changes from throw to throw; say how many with --throws"
-        raise FileError(message)
+        refuse("--drift: changes from throw to throw; say how many with --throws")
     if refused:
-        message = f"{', '.join(refused)}: shows one throw, --throws makes several; use --out"
-        raise FileError(message)
+        refuse(f"{', '.join(refused)}: shows one throw, --throws makes several; use --out")
     loaded, foreign, (chosen, drift, _) = collect_errors(
         panel,
         lambda: parse_objects(objects),
         lambda: collect_errors(scheme, lambda: read_drift(drifts), lambda: None),
     )
     dataset = run_sequence(loaded, foreign, throws=throws, drift=drift, scheme=chosen, quiet=quiet)
-    made = dataset.sizes["throw"] > 0
-    if made and out is not None:
-        save_response(dataset, out)
-    written = [out] if made and out is not None else []
-    if as_json and made:
-        record, units = sequence_record(dataset)
-        print_json("simulate", record, units=units, written=written)
-    elif made and not quiet:
-        print_sequence(dataset, written)
+    if dataset.sizes["throw"] > 0:
+        if not output.silent:
+            output.show(*sequence_lines(dataset))
+        output.dataset(out, dataset)
+        if output.as_json:
+            record, units = sequence_record(dataset)
+            output.json(record, units=units)
     if not dataset.attrs["complete"]:
-        typer.echo(f"turnout: {dataset.attrs['outcome_message']}", err=True)
-        raise typer.Exit(end_code(dataset))
+        _end(dataset)
 
 
 def preload(*, plots: bool) -> None:
@@ -282,10 +268,7 @@ def _overlaid(overlay: Path | None, plot: Path | None) -> "xr.Dataset | None":
     if overlay is None:
         return None
     if plot is None:
-        from turnout.core.errors import FileError
-
-        message = f"--overlay {overlay}: is drawn in the figure; name one with --plot"
-        raise FileError(message)
+        refuse(f"--overlay {overlay}: is drawn in the figure; name one with --plot")
     from turnout.measurement.formats.history import read_history
 
     return read_history(overlay)
@@ -293,13 +276,12 @@ def _overlaid(overlay: Path | None, plot: Path | None) -> "xr.Dataset | None":
 
 def _scheme(mode: str, *, step: str, cutoff: str, every: str) -> "Scheme":
     """Return the scheme of a mode, with given values instead of its own choices."""
-    from turnout.core.errors import FileError
     from turnout.core.scheme import Scheme
     from turnout.core.units import FREQUENCY, TIME, parse_quantity
 
     changes: dict[str, float] = {}
     problems = []
-    for key, option, text, dimension in (
+    for key, name, text, dimension in (
         ("step", "--step", step, TIME),
         ("cutoff_frequency", "--cutoff", cutoff, FREQUENCY),
         ("output_interval", "--every", every, TIME),
@@ -309,38 +291,14 @@ def _scheme(mode: str, *, step: str, cutoff: str, every: str) -> "Scheme":
         try:
             changes[key] = parse_quantity(text, dimension)
         except ValueError as error:
-            problems.append(f"{option} {text}: {error}")
+            problems.append(f"{name} {text}: {error}")
     if problems:
-        raise FileError("\n".join(problems))
+        refuse("\n".join(problems))
     return Scheme.of(mode, **changes)
 
 
-def _write(
-    dataset: "xr.Dataset", *, out: Path | None, plot: Path | None, overlay: "xr.Dataset | None"
-) -> list[Path]:
-    """Write the requested files once all of them are ready; return their paths."""
-    written = []
-    figure = b""
-    if plot is not None and dataset.sizes["time"] > 1:
-        from turnout.figures.style import rendered
-        from turnout.figures.throw import plot_throw
-
-        figure = rendered(plot_throw(dataset, overlay=overlay), plot.suffix)
-    if out is not None:
-        from turnout.throw.store import save_response
-
-        save_response(dataset, out)
-        written.append(out)
-    if plot is not None and figure:
-        from turnout.core.files import write_atomic
-
-        write_atomic(plot, figure)
-        written.append(plot)
-    return written
-
-
-def _print_summary(dataset: "xr.Dataset", written: list[Path]) -> None:
-    from turnout.cli.colour import coloured
+def summary_lines(dataset: "xr.Dataset") -> Iterator[str]:
+    """Yield the verdict on a throw, its meaning, and what happened in it."""
     from turnout.metric.finding import headline
     from turnout.metric.summary import summary
     from turnout.metric.verdict import verdict
@@ -348,14 +306,12 @@ def _print_summary(dataset: "xr.Dataset", written: list[Path]) -> None:
     found = verdict(dataset)
     judged = headline(found, dataset)
     level = "look" if judged is None else judged.level
-    typer.echo(f"{'verdict':<16}{coloured(found.text, level)}")
+    yield f"{'verdict':<16}{coloured(found.text, level)}"
     if found.meaning:
-        typer.echo(f"{'meaning':<16}{found.meaning}")
+        yield f"{'meaning':<16}{found.meaning}"
     for heading, text in summary(dataset):
         fault = heading == "WARNING" or text.startswith(("NO ", "NO:", "NOT ", "INACCURATE"))
-        typer.echo(f"{heading:<16}{coloured(text, 'bad') if fault else text}")
-    for path in written:
-        typer.echo(f"{'written':<16}{path} ({math.ceil(path.stat().st_size / 1000)} kB)")
+        yield f"{heading:<16}{coloured(text, 'bad') if fault else text}"
 
 
 @contextmanager

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from turnout.cli.options import (
-    INTERRUPTED,
     CalibrationOption,
     PanelOption,
     SetOption,
     opened_panel,
+    option,
 )
+from turnout.cli.output import INTERRUPTED, note
 
 if TYPE_CHECKING:
     from turnout.web.studio import Opened
@@ -23,14 +24,9 @@ def studio_command(
     settings: SetOption = [],  # noqa: B006 - typer copies it
     calibration: CalibrationOption = None,
     campaign: Annotated[
-        Path | None,
-        typer.Option(
-            "--campaign", metavar="DIR", help="Measured campaign to overlay on simulated throws."
-        ),
+        Path | None, option("--campaign DIR", "Measured campaign to overlay on simulated throws.")
     ] = None,
-    port: Annotated[
-        int, typer.Option("--port", metavar="N", min=0, max=65535, help="Default: a free port.")
-    ] = 0,
+    port: Annotated[int, option("--port N", "Default: a free port.", min=0, max=65535)] = 0,
     browser: Annotated[
         bool, typer.Option(help="Open the page in the browser; the address is printed in any case.")
     ] = True,
@@ -44,7 +40,7 @@ def studio_command(
     try:
         serve(Studio(loaded, opened), port=port, browser=browser, announce=typer.echo)
     except KeyboardInterrupt:
-        typer.echo("turnout: the studio has ended", err=True)
+        note("the studio has ended")
         raise typer.Exit(INTERRUPTED) from None
     finally:
         # Skips the final garbage collection over all libraries, which takes a second or more.

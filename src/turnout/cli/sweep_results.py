@@ -1,33 +1,29 @@
 """The commands `turnout sweep map` and `turnout sweep effects`: results of a sweep."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from turnout.cli.json_output import JsonOption, print_json
-from turnout.cli.options import FIGURES, FINDINGS, check_outputs, write_and_report
+from turnout.cli.options import FIGURES, argument, check_outputs, option
+from turnout.cli.output import FINDINGS, JsonOption, Output
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from turnout.metric.sensitivity import OutputEffects, SobolIndex
 
-FolderArgument = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a sweep.")]
-OutOption = Annotated[
-    Path | None,
-    typer.Option("--out", "-o", metavar="FILE", help="Write a figure (.png, .pdf or .svg)."),
-]
+FolderArgument = Annotated[Path, argument("DIR", "Folder of a sweep.")]
+OutOption = Annotated[Path | None, option("--out -o FILE", "Write a figure (.png, .pdf or .svg).")]
 
 
 def map_command(
     folder: FolderArgument,
     out: OutOption = None,
-    x: Annotated[str, typer.Option("--x", metavar="INPUT", help="Input across.")] = "object.size",
+    x: Annotated[str, option("--x INPUT", "Input across.")] = "object.size",
     y: Annotated[
-        str | None,
-        typer.Option("--y", metavar="INPUT", help="Input along; default object.at, or object.x."),
+        str | None, option("--y INPUT", "Input along; default object.at, or object.x.")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -41,35 +37,27 @@ def map_command(
     along = y or ("object.at" if "object.at" in labels.coords else "object.x")
     cells = sweep_map(labels, x=x, y=along)
     state = end_state(labels).to_numpy()
-    if not as_json:
-        _print_missing(labels)
-        for number, name in enumerate(STATES):
-            count = int((state == number).sum())
-            if count:
-                typer.echo(f"{count:>8}  {name}")
-        if note := break_note(labels):
-            typer.echo(note)
+    output = Output("sweep map", as_json=as_json)
+    counts = {name: int((state == number).sum()) for number, name in enumerate(STATES)}
+    output.show(*_missing(labels), *(f"{n:>8}  {name}" for name, n in counts.items() if n))
+    output.show(*filter(None, [break_note(labels)]))
     if out is not None:
-        from turnout.figures.style import rendered
         from turnout.figures.sweep import plot_sweep_map
 
-        write_and_report(out, rendered(plot_sweep_map(cells), out.suffix), quiet=as_json)
+        output.figure(out, lambda: plot_sweep_map(cells))
     if as_json:
         from turnout.cli.json_records import map_record
 
         record, units = map_record(labels, cells)
-        print_json("sweep map", record, units=units, written=[out] if out is not None else [])
+        output.json(record, units=units)
 
 
 def effects_command(
     folder: FolderArgument,
     out: OutOption = None,
-    feature: Annotated[
-        list[str],
-        typer.Option("--feature", metavar="NAME", help="Label or feature; repeatable."),
-    ] = [],  # noqa: B006 - typer copies it
+    feature: Annotated[list[str], option("--feature NAME", "Label or feature; repeatable.")] = [],  # noqa: B006 - typer copies it
     strict: Annotated[
-        bool, typer.Option("--strict", help="Exit code 1 if an output has no sensitivity.")
+        bool, option("--strict", "Exit code 1 if an output has no sensitivity.")
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -81,19 +69,16 @@ def effects_command(
     labels = read_labels(folder)
     found = sweep_effects(labels, names=tuple(feature) or None)
     notes = {item.output.name: UNKNOWN_INDICES for item in found if has_no_indices(item)}
-    if not as_json:
-        _print_all_effects(labels, found, notes)
+    output = Output("sweep effects", as_json=as_json)
+    output.show(*effect_lines(labels, found, notes))
     if out is not None:
-        from turnout.figures.style import rendered
         from turnout.figures.sweep import plot_sweep_effects
 
-        figure = plot_sweep_effects(found, title=str(labels.attrs["name"]))
-        write_and_report(out, rendered(figure, out.suffix), quiet=as_json)
+        output.figure(out, lambda: plot_sweep_effects(found, title=str(labels.attrs["name"])))
     if as_json:
         from turnout.cli.json_records import effects_record
 
-        record = effects_record(labels, found, notes=notes)
-        print_json("sweep effects", record, written=[out] if out is not None else [])
+        output.json(effects_record(labels, found, notes=notes))
     if strict and notes:
         raise typer.Exit(FINDINGS)
 
@@ -110,32 +95,32 @@ def has_no_indices(item: "OutputEffects") -> bool:
     return all(index.first != index.first for index in item.indices)
 
 
-def _print_all_effects(
+def effect_lines(
     labels: "xr.Dataset", found: "Sequence[OutputEffects]", notes: "Mapping[str, str]"
-) -> None:
-    _print_missing(labels)
+) -> Iterator[str]:
+    """Yield the inputs of each output by sensitivity, the strongest first."""
+    yield from _missing(labels)
     for item in found:
         if item.output.name not in notes:
-            _print_effects(item)
+            yield from _effects(item)
     for text in dict.fromkeys(notes.values()):
-        typer.echo(f"{', '.join(notes)}: {text}")
+        yield f"{', '.join(notes)}: {text}"
     skipped = int((labels["outcome"].astype(str) == "skipped").sum())
     if skipped:
-        typer.echo(
+        yield (
             f"note: {skipped} throws were skipped after a drive slipped, so means at large values "
             "cover only places without slip; remove the skip rule for a fair comparison"
         )
 
 
-def _print_missing(labels: "xr.Dataset") -> None:
+def _missing(labels: "xr.Dataset") -> Iterator[str]:
     missing = int(labels.attrs["missing"])
     if missing:
-        typer.echo(f"note: {missing} scenarios are missing; `turnout sweep run` continues")
+        yield f"note: {missing} scenarios are missing; `turnout sweep run` continues"
 
 
-def _print_effects(item: "OutputEffects") -> None:
-    """List inputs by sensitivity, the strongest first."""
-    typer.echo(item.output.name)
+def _effects(item: "OutputEffects") -> Iterator[str]:
+    yield item.output.name
     width = max(len(index.name) for index in item.indices) + 2
     for index in sorted(item.indices, key=_weight, reverse=True):
         text = f"{index.first:6.3f} ± {index.first_confidence:.3f} first"
@@ -143,7 +128,7 @@ def _print_effects(item: "OutputEffects") -> None:
             text = "unknown: each value occurs in one throw only"
         if index.total == index.total:
             text += f"   {index.total:6.3f} ± {index.total_confidence:.3f} total"
-        typer.echo(f"  {index.name:<{width}}{text}")
+        yield f"  {index.name:<{width}}{text}"
 
 
 def _weight(index: "SobolIndex") -> float:

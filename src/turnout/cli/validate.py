@@ -1,21 +1,21 @@
 """The command `turnout validate`: predict measured movements and judge the errors."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from turnout.cli.campaign import OutsideOption, opened_campaign
-from turnout.cli.json_output import JsonOption, print_json
 from turnout.cli.options import (
-    FINDINGS,
-    INTERRUPTED,
     SetOption,
+    StrictOption,
+    argument,
     calibrated_panel,
     made_folder,
     opened_panel,
-    write_and_report,
+    option,
 )
+from turnout.cli.output import FINDINGS, JsonOption, Output, coloured, note, refuse, resumable
 from turnout.measurement.campaign.campaign_folder import throw_store
 
 if TYPE_CHECKING:
@@ -28,45 +28,29 @@ if TYPE_CHECKING:
 
 PAGE, TABLE, DATASET = "validation.md", "movements.csv", "validation.nc"
 MAP, COMPARISON = "errors.png", "comparison.png"
+CACHED = "throws so far are cached, run the same command to continue"
 
 
 def validate_command(
-    source: Annotated[
-        Path, typer.Argument(metavar="CAMPAIGN", help="Folder of a campaign, or its dataset (.nc).")
-    ],
-    calibration: Annotated[
-        Path, typer.Option("--calibration", metavar="FILE", help="From `turnout calibrate`.")
-    ],
+    source: Annotated[Path, argument("CAMPAIGN", "Folder of a campaign, or its dataset (.nc).")],
+    calibration: Annotated[Path, option("--calibration FILE", "From `turnout calibrate`.")],
     out: Annotated[
-        Path | None,
-        typer.Option("-o", "--out", metavar="DIR", help="Write page, table, dataset and figures."),
+        Path | None, option("--out -o DIR", "Write page, table, dataset and figures.")
     ] = None,
-    panel: Annotated[
-        str | None,
-        typer.Option("--panel", metavar="PANEL", help="Default: the calibrated panel."),
-    ] = None,
+    panel: Annotated[str | None, option("--panel PANEL", "Default: the calibrated panel.")] = None,
     settings: SetOption = [],  # noqa: B006 - typer copies it
     place: Annotated[
         str | None,
-        typer.Option(
-            "--place",
-            metavar="PLACE",
-            help="Place whose movements are drawn; default the middle one.",
-        ),
+        option("--place PLACE", "Place whose movements are drawn; default the middle one."),
     ] = None,
     laws: Annotated[
-        str | None,
-        typer.Option(
-            "--drive-laws", metavar="DRIVE", help="Also compare drive laws for this drive."
-        ),
+        str | None, option("--drive-laws DRIVE", "Also compare drive laws for this drive.")
     ] = None,
     allow_outside: OutsideOption = False,
-    workers: Annotated[int, typer.Option("--workers", metavar="N", min=1, help="Processes.")] = 2,
-    strict: Annotated[
-        bool, typer.Option("--strict", help="Exit code 1 if the calibration is not valid.")
-    ] = False,
+    workers: Annotated[int, option("--workers N", "Processes.", min=1)] = 2,
+    strict: StrictOption = False,
     as_json: JsonOption = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show only the verdict.")] = False,
+    quiet: Annotated[bool, option("--quiet -q", "Show only the verdict.")] = False,
 ) -> None:
     """Predict every movement of a campaign and judge those not used in the fit."""
     from turnout.calibration.requirements import check_provenance
@@ -86,52 +70,44 @@ def validate_command(
 
         drive_laws(loaded, laws)
     for text in check_provenance(known, loaded):
-        typer.echo(f"turnout: {calibration}: {text}", err=True)
+        note(f"{calibration}: {text}")
     from turnout.calibration.validation.acceptance import judge
     from turnout.calibration.validation.verdict_text import acceptance_lines, notes
 
     found = _validated(source, dataset, loaded, known, workers=workers, quiet=quiet)
     verdict = judge(found)
-    for line in () if quiet or as_json else (*acceptance_lines(verdict), *notes(found)):
-        typer.echo(line)
-    files = [] if out is None else _write(out, found, verdict, place=place, quiet=as_json)
-    if not as_json:
-        from turnout.cli.colour import coloured
-
-        level = "good" if verdict.accepted else "bad" if verdict.reasons else "look"
-        typer.echo(coloured(verdict.text, level))
+    output = Output("validate", as_json=as_json)
+    if not (quiet or as_json):
+        output.show(*acceptance_lines(verdict), *notes(found))
+    if out is not None:
+        _write(output, out, found, verdict, place=place)
+    level = "good" if verdict.accepted else "bad" if verdict.reasons else "look"
+    output.show(coloured(verdict.text, level))
     compared = None
     if laws is not None:
+        from turnout.calibration.drive_law.compare import law_lines
+
         compared = _compared_laws(
             source, dataset, loaded, known, laws, workers=workers, quiet=quiet
         )
-    _print_laws(compared, as_json=as_json)
+        output.show(*law_lines(compared))
     if as_json:
         from turnout.cli.json_records import VALIDATION_UNITS, validation_record
 
-        record = validation_record(verdict, notes(found), compared)
-        print_json("validate", record, units=VALIDATION_UNITS, written=files)
+        output.json(validation_record(verdict, notes(found), compared), units=VALIDATION_UNITS)
     if strict and not verdict.accepted:
         raise typer.Exit(FINDINGS)
 
 
-def _print_laws(compared: "LawComparison | None", *, as_json: bool) -> None:
-    from turnout.calibration.drive_law.compare import law_lines
-
-    for line in () if compared is None or as_json else law_lines(compared):
-        typer.echo(line)
-
-
 def _check_place(dataset: "xr.Dataset", place: str) -> None:
     """Refuse a place without movements before anything is thrown."""
-    from turnout.core.errors import FileError
     from turnout.core.problems import choices
     from turnout.metric.campaign_statistics import object_places
 
     known = object_places(dataset)
     if place not in known:
-        message = f"--place: no closing movement with an object at '{place}'; there are "
-        raise FileError(message + choices(known))
+        near = choices(known)
+        refuse(f"--place: no closing movement with an object at '{place}'; there are {near}")
 
 
 def _validated(
@@ -147,18 +123,16 @@ def _validated(
     from turnout.calibration.validation.validate import validate
     from turnout.cli.watch import watched
 
-    try:
-        with (
-            watched(panel.name, quiet=quiet) as watch,
-            Evaluator(panel, folder=throw_store(source), workers=workers) as evaluator,
-        ):
+    with (
+        resumable(CACHED),
+        watched(panel.name, quiet=quiet) as watch,
+        Evaluator(panel, folder=throw_store(source), workers=workers) as evaluator,
+    ):
 
-            def report(stage: str, done: int, total: int) -> None:
-                watch.report(done, total, text=f"{panel.name}: {stage}")
+        def report(stage: str, done: int, total: int) -> None:
+            watch.report(done, total, text=f"{panel.name}: {stage}")
 
-            return validate(dataset, panel, known, evaluator=evaluator, report=report)
-    except KeyboardInterrupt:
-        _interrupted()
+        return validate(dataset, panel, known, evaluator=evaluator, report=report)
 
 
 def _compared_laws(
@@ -175,48 +149,32 @@ def _compared_laws(
     from turnout.calibration.evaluate import Evaluator
     from turnout.cli.watch import watched
 
-    try:
-        with (
-            watched(f"fitting laws of drive {drive}", quiet=quiet) as watch,
-            Evaluator(panel, folder=throw_store(source), workers=workers) as evaluator,
-        ):
-            return compare_laws(
-                dataset, panel, known, drive=drive, evaluator=evaluator, report=watch.report
-            )
-    except KeyboardInterrupt:
-        _interrupted()
-
-
-def _interrupted() -> NoReturn:
-    typer.echo(
-        "turnout: interrupted; throws so far are cached, run the same command to continue", err=True
-    )
-    raise typer.Exit(INTERRUPTED) from None
+    with (
+        resumable(CACHED),
+        watched(f"fitting laws of drive {drive}", quiet=quiet) as watch,
+        Evaluator(panel, folder=throw_store(source), workers=workers) as evaluator,
+    ):
+        return compare_laws(
+            dataset, panel, known, drive=drive, evaluator=evaluator, report=watch.report
+        )
 
 
 def _write(
-    out: Path, found: "xr.Dataset", verdict: "Acceptance", *, place: str | None, quiet: bool
-) -> list[Path]:
+    output: Output, out: Path, found: "xr.Dataset", verdict: "Acceptance", *, place: str | None
+) -> None:
     from turnout.calibration.validation.verdict_text import page_text, table_text
-    from turnout.figures.style import rendered
     from turnout.figures.validation import plot_comparison, plot_error_map
     from turnout.metric.campaign_statistics import object_places
-    from turnout.throw.store import save_response
 
-    figures = [MAP]
-    write_and_report(out / MAP, rendered(plot_error_map(found), ".png"), quiet=quiet)
+    output.figure(out / MAP, lambda: plot_error_map(found))
     places = object_places(found)
     if places:
         chosen = place if place is not None else _middle(places)
-        figure = plot_comparison(found, place=chosen)
-        write_and_report(out / COMPARISON, rendered(figure, ".png"), quiet=quiet)
-        figures.append(COMPARISON)
-    write_and_report(out / TABLE, table_text(found), quiet=quiet)
-    save_response(found, out / DATASET)
-    if not quiet:
-        typer.echo(f"{out / DATASET}: written")
-    write_and_report(out / PAGE, page_text(found, verdict, figures=figures), quiet=quiet)
-    return [out / name for name in (*figures, TABLE, DATASET, PAGE)]
+        output.figure(out / COMPARISON, lambda: plot_comparison(found, place=chosen))
+    figures = [path.name for path in output.written]
+    output.write(out / TABLE, table_text(found))
+    output.dataset(out / DATASET, found)
+    output.write(out / PAGE, page_text(found, verdict, figures=figures))
 
 
 def _middle(places: list[str]) -> str:

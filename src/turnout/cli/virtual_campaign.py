@@ -3,18 +3,16 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
-from turnout.cli.json_output import JsonOption, print_json
 from turnout.cli.machine_monitor import TogetherOption
 from turnout.cli.options import (
-    INTERRUPTED,
     CalibrationOption,
     PanelOption,
     QuietOption,
     SetOption,
     opened_panel,
+    option,
 )
+from turnout.cli.output import JsonOption, Output, note, refuse, resumable
 from turnout.core.value_text import count_text
 
 if TYPE_CHECKING:
@@ -24,90 +22,63 @@ if TYPE_CHECKING:
 
 
 def virtual_command(
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to fill.")],
+    out: Annotated[Path, option("--out -o DIR", "Folder to fill.")],
     panel: PanelOption = None,
     settings: SetOption = [],  # noqa: B006 - typer copies it
     calibration: CalibrationOption = None,
-    seed: Annotated[
-        int, typer.Option("--seed", metavar="N", min=0, help="Seed of the random numbers.")
-    ] = 0,
+    seed: Annotated[int, option("--seed N", "Seed of the random numbers.", min=0)] = 0,
     places: Annotated[
-        list[str],
-        typer.Option("--place", metavar="PLACE", help="Default all sleepers and drives. Repeat."),
+        list[str], option("--place PLACE", "Default all sleepers and drives. Repeat.")
     ] = [],  # noqa: B006 - typer copies it
     sizes: Annotated[
-        list[str],
-        typer.Option("--size", metavar="SIZE", help="Default 5 ... 31 mm, until slip. Repeat."),
+        list[str], option("--size SIZE", "Default 5 ... 31 mm, until slip. Repeat.")
     ] = [],  # noqa: B006 - typer copies it
     repeats: Annotated[
-        int,
-        typer.Option(
-            "--repeats", metavar="N", min=0, help="Throws without an object, each direction."
-        ),
+        int, option("--repeats N", "Throws without an object, each direction.", min=0)
     ] = 5,
     formats: Annotated[
-        list[str],
-        typer.Option(
-            "--format", metavar="FORMAT", help="csv, mat or h5, in turn by place. Repeat."
-        ),
+        list[str], option("--format FORMAT", "csv, mat or h5, in turn by place. Repeat.")
     ] = ["csv", "mat"],  # noqa: B006 - typer copies it
     worn_clutch: Annotated[
-        bool, typer.Option("--worn-clutch", help="Drive 2 slips above its level, and scatters.")
+        bool, option("--worn-clutch", "Drive 2 slips above its level, and scatters.")
     ] = False,
     soft_build_up: Annotated[
-        bool, typer.Option("--soft-build-up", help="Drive 2 builds up softly after contact.")
+        bool, option("--soft-build-up", "Drive 2 builds up softly after contact.")
     ] = False,
     finer: Annotated[
         bool,
-        typer.Option(
-            "--finer", help="Compute the true responses with a finer, different discretisation."
-        ),
+        option("--finer", "Compute the true responses with a finer, different discretisation."),
     ] = False,
     mistype: Annotated[
-        int,
-        typer.Option(
-            "--mistype",
-            metavar="N",
-            min=0,
-            help="Number of typing errors to put into the run sheet.",
-        ),
+        int, option("--mistype N", "Number of typing errors to put into the run sheet.", min=0)
     ] = 0,
     monitoring: Annotated[
         str | None,
-        typer.Option(
-            "--monitoring",
-            metavar="RATE",
-            help="Write currents and powers as a monitoring system stores them too, such as "
-            "'25 Hz': folder monitoring, a CSV file for each throw.",
+        option(
+            "--monitoring RATE",
+            "Write currents and powers as a monitoring system stores them too, such as '25 Hz': "
+            "folder monitoring, a CSV file for each throw.",
         ),
     ] = None,
     together: TogetherOption = [],  # noqa: B006 - typer copies it
     recorded_filter: Annotated[
         str | None,
-        typer.Option(
-            "--recorded-filter",
-            metavar="CORNER",
-            help="Low-pass of the recorder: '6 Hz' (Butterworth, two poles), or a table as in a "
-            "channel map.",
+        option(
+            "--recorded-filter CORNER",
+            "Low-pass of the recorder: '6 Hz' (Butterworth, two poles), or a table as in a channel "
+            "map.",
         ),
     ] = None,
     recorded_average: Annotated[
-        str | None,
-        typer.Option(
-            "--recorded-average", metavar="TIME", help="It averages over the time before a sample."
-        ),
+        str | None, option("--recorded-average TIME", "It averages over the time before a sample.")
     ] = None,
     recorded_rate: Annotated[
-        str | None,
-        typer.Option("--recorded-rate", metavar="RATE", help="It takes so few samples: '20 Hz'."),
+        str | None, option("--recorded-rate RATE", "It takes so few samples: '20 Hz'.")
     ] = None,
     hide_recorder: Annotated[
-        bool,
-        typer.Option(
-            "--hide-recorder", help="Leave filter, average and rate out of the channel map."
-        ),
+        bool, option("--hide-recorder", "Leave filter, average and rate out of the channel map.")
     ] = False,
-    workers: Annotated[int, typer.Option("--workers", metavar="N", min=1, help="Processes.")] = 2,
+    workers: Annotated[int, option("--workers N", "Processes.", min=1)] = 2,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
@@ -120,10 +91,7 @@ def virtual_command(
         average=recorded_average, low_pass=recorded_filter, rate=recorded_rate
     )
     if hide_recorder and not recorder:
-        from turnout.core.errors import FileError
-
-        message = "--hide-recorder: there is nothing to hide; give --recorded-average, for example"
-        raise FileError(message)
+        refuse("--hide-recorder: there is nothing to hide; give --recorded-average, for example")
     loaded = opened_panel(panel, settings, calibration)
     if finer:
         loaded = finer_panel(loaded)
@@ -146,13 +114,11 @@ def virtual_command(
 
 
 def _monitoring(rate: str | None, together: list[str]) -> "Monitoring | None":
-    from turnout.core.errors import FileError
     from turnout.measurement.chain.monitoring import monitoring_of
 
     if rate is None:
         if together:
-            message = "--together: is of a monitoring system; give its rate, --monitoring '25 Hz'"
-            raise FileError(message)
+            refuse("--together: is of a monitoring system; give its rate, --monitoring '25 Hz'")
         return None
     return monitoring_of(rate=rate, together=together)
 
@@ -166,28 +132,19 @@ def _make(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    from turnout.cli.watch import ProgressBar
+    from turnout.cli.watch import watched
     from turnout.core.scheme import Scheme
     from turnout.study.virtual.make_campaign import make_virtual_campaign
-    from turnout.throw.compilation import must_compile
 
-    text = f"throwing {panel.name}"
-    try:
-        with ProgressBar(text, compiling=must_compile(), quiet=quiet) as watch:
-            made = make_virtual_campaign(
-                panel, out, plan=plan, workers=workers, report=watch.report
-            )
-    except KeyboardInterrupt:
-        typer.echo(
-            f"turnout: interrupted; throws so far are in {out}, run the same command to continue",
-            err=True,
-        )
-        raise typer.Exit(INTERRUPTED) from None
+    kept = f"throws so far are in {out}, run the same command to continue"
+    with resumable(kept), watched(f"throwing {panel.name}", quiet=quiet) as watch:
+        made = make_virtual_campaign(panel, out, plan=plan, workers=workers, report=watch.report)
     for failure in made.failures:
-        typer.echo(f"turnout: {failure}; its series ends there", err=True)
+        note(f"{failure}; its series ends there")
     slips = sum(item.slipped for item in made.thrown)
     coarse = "a test of `turnout calibrate` needs throws made with --finer"
     remarks = [coarse] if plan.scheme == Scheme() else []
+    output = Output("campaign virtual", as_json=as_json, quiet=quiet)
     if as_json:
         record = {
             "panel": panel.name,
@@ -199,19 +156,16 @@ def _make(
             "failures": made.failures,
             "remarks": remarks,
         }
-        print_json("campaign virtual", record, written=[out])
-    elif not quiet:
-        movements = count_text(len(made.thrown), "movement")
-        typer.echo(f"{'thrown':<12}{movements}, {slips} of them with slip")
-        if made.oversized:
-            typer.echo(f"{'left out':<12}no room for {', '.join(made.oversized)}")
-        for mistake in made.mistakes:
-            typer.echo(f"{'mistyped':<12}{mistake}")
-        typer.echo(
-            f"{'written':<12}{out} (run sheet runs.csv, true values truth.nc; all synthetic)"
-        )
-        if plan.recorder:
-            stated = "as channels.toml states" if plan.recorder_stated else "not in channels.toml"
-            typer.echo(f"{'recorder':<12}{plan.recorder.text}; {stated}")
-        for remark in remarks:
-            typer.echo(f"{'remark':<12}{remark}")
+        output.written.append(out)
+        output.json(record)
+    movements = count_text(len(made.thrown), "movement")
+    output.show(f"{movements}, {slips} of them with slip", heading="thrown")
+    if made.oversized:
+        output.show(f"no room for {', '.join(made.oversized)}", heading="left out")
+    output.rows("mistyped", made.mistakes)
+    contents = "run sheet runs.csv, true values truth.nc; all synthetic"
+    output.show(f"{out} ({contents})", heading="written")
+    if plan.recorder:
+        stated = "as channels.toml states" if plan.recorder_stated else "not in channels.toml"
+        output.show(f"{plan.recorder.text}; {stated}", heading="recorder")
+    output.rows("remark", remarks)

@@ -1,14 +1,20 @@
 """Progress on stderr: a bar on a terminal, a plain line now and then elsewhere."""
 
 import functools
+import os
 import sys
 import threading
 import time
-from types import TracebackType
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING
+
+from turnout.core.value_text import duration_text
 
 if TYPE_CHECKING:
     from rich.progress import Progress
+
+    from turnout.study.sweep.run import SweepProgress
 
 FIRST_LINE_AFTER = 2.0
 SECONDS_BETWEEN_LINES = 5.0
@@ -39,34 +45,44 @@ class ProgressBar:
     Use as a context manager, and hand `report` to the run.
     """
 
-    def __init__(self, text: str, *, compiling: bool, quiet: bool) -> None:
-        self._text = text
+    def __init__(
+        self,
+        text: str = "",
+        *,
+        compiling: bool = False,
+        quiet: bool = False,
+        every: float = SECONDS_BETWEEN_LINES,
+    ) -> None:
+        self._text, self._quiet, self._every = text, quiet, every
         self._clock = _Clock() if compiling and not quiet else None
-        self._quiet = quiet
         self._bar: Progress | None = None
-        self._due = 0.0
+        self._due = time.monotonic() + FIRST_LINE_AFTER
 
     def __enter__(self) -> "ProgressBar":
         """Announce compilation at once, with the time so far."""
-        self._due = time.monotonic() + FIRST_LINE_AFTER
         if self._clock is not None:
             self._clock.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *given: object) -> None:
         """Take the bar off the screen."""
         if self._clock is not None:
             self._clock.stop()
         if self._bar is not None:
             self._bar.stop()
 
-    def report(self, done: int, total: int, *, text: str = "") -> None:
-        """Show that `done` of `total` steps are done; `text` names the stage that they are of."""
+    def report(self, done: int, total: int, *, text: str = "", said: str = "") -> None:
+        """Show that `done` of `total` steps are done.
+
+        Parameters
+        ----------
+        done, total : int
+            Steps.
+        text : str
+            Names the stage that they are of.
+        said : str
+            In place of the percentage.
+        """
         self._text = text or self._text
         if self._clock is not None:
             self._clock.stop()
@@ -74,20 +90,89 @@ class ProgressBar:
         if self._quiet or (self._bar is None and now < self._due):
             return
         if sys.stderr.isatty():
-            self._show_bar(done, total)
+            self._show_bar(done, total, said)
         elif now >= self._due:
-            self._due = now + SECONDS_BETWEEN_LINES
-            print(f"{self._text}: {100 * done / total:.0f} %", file=sys.stderr, flush=True)
+            self._line(f"{self._text}: {said or f'{100 * done / total:.0f} %'}", now)
 
-    def _show_bar(self, done: int, total: int) -> None:
+    def say(self, text: str) -> None:
+        """Print a line on what is done, if one is due."""
+        now = time.monotonic()
+        if not self._quiet and now >= self._due:
+            self._line(text, now)
+
+    def sweep(self, state: "SweepProgress") -> None:
+        """Show done, failed, rate and time left of many throws."""
+        self.report(state.done, state.total, said=progress_line(state))
+
+    def _line(self, text: str, now: float) -> None:
+        self._due = now + self._every
+        print(text, file=sys.stderr, flush=True)
+
+    def _show_bar(self, done: int, total: int, said: str) -> None:
         if self._bar is None:
             from rich.console import Console
-            from rich.progress import Progress
+            from rich.progress import BarColumn, Progress, TextColumn
 
-            self._bar = Progress(console=Console(stderr=True), transient=True)
+            columns = (
+                TextColumn("{task.description}"),
+                BarColumn(),
+                TextColumn("{task.fields[s]}"),
+            )
+            self._bar = Progress(
+                *(columns if said else Progress.get_default_columns()),
+                console=Console(stderr=True),
+                transient=True,
+            )
             self._bar.start()
-            self._bar.add_task(self._text, total=total)
-        self._bar.update(self._bar.task_ids[0], description=self._text, completed=done, total=total)
+            self._bar.add_task(self._text, total=total, s=said)
+        task = self._bar.task_ids[0]
+        self._bar.update(task, description=self._text, completed=done, total=total, s=said)
+
+
+def watched_sweeps(
+    texts: Mapping[str, str] = MappingProxyType({}), *, quiet: bool
+) -> "Callable[..., Callable[[SweepProgress], None]]":
+    """Return a maker of one watch per sweep; a finished one takes its bar off the screen.
+
+    Parameters
+    ----------
+    texts : mapping of str to str
+        Words for the names of sweeps.
+    quiet : bool
+        Whether nothing is shown.
+    """
+    shown: list[ProgressBar] = []
+
+    def watch(name: str, of: str = "") -> "Callable[[SweepProgress], None]":
+        for before in shown:
+            before.__exit__()
+        shown[:] = [watched(of + texts.get(name, name), quiet=quiet).__enter__()]
+
+        def report(state: "SweepProgress") -> None:
+            shown[0].sweep(state)
+            if state.done == state.total:
+                shown[0].__exit__()
+
+        return report
+
+    return watch
+
+
+def progress_line(state: "SweepProgress") -> str:
+    """Return the progress of a sweep in one line."""
+    text = f"{state.done} of {state.total} done"
+    if state.failed:
+        text += f", {state.failed} failed"
+    if state.rate:
+        text += f", {state.rate:.3g} a second, {duration_text(state.left)} left"
+    return text
+
+
+def cores() -> int:
+    """Return the number of cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 class _Clock:

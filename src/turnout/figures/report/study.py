@@ -76,34 +76,6 @@ def ends_of(law: Distribution) -> tuple[float, float, str]:
     return law.value(0.025), law.value(0.975), " (95 %)"
 
 
-def duration_text(seconds: float) -> str:
-    """Return a duration in readable units.
-
-    Examples
-    --------
-    >>> duration_text(14.2), duration_text(200), duration_text(5400)
-    ('14 s', '3.3 min', '1.5 h')
-    """
-    if seconds < 90:
-        return f"{seconds:.2g} s"
-    return f"{seconds / 60:.1f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
-
-
-def size_text(count: float) -> str:
-    """Show a number of bytes in the unit that leaves a readable number.
-
-    Examples
-    --------
-    >>> size_text(950), size_text(4.2e6)
-    ('950 B', '4.2 MB')
-    """
-    for unit in ("B", "kB", "MB", "GB"):
-        if count < 1000:
-            return f"{count:.3g} {unit}"
-        count /= 1000
-    return f"{count:.3g} TB"
-
-
 def _count(study: Study) -> str:
     design = study.design
     text = str(study.count)

@@ -1,0 +1,223 @@
+"""Results of commands: lines, files and the one JSON object of `--json`; notes on stderr."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+
+import typer
+
+from turnout.core.errors import FileError
+from turnout.core.value_text import size_text
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+JSON_VERSION = 1
+"""Raised when a documented key changes its meaning or disappears."""
+FINDINGS, INCOMPLETE, INTERRUPTED = 1, 3, 130
+"""Exit codes: findings with --strict, no convergence or an inaccurate throw, interrupted."""
+COLOURS = {"good": typer.colors.GREEN, "look": typer.colors.YELLOW, "bad": typer.colors.RED}
+
+JsonOption = Annotated[
+    bool, typer.Option("--json", help="Print the result as JSON, in SI units; see docs.")
+]
+
+
+class Output:
+    """Lines, files and JSON of one command.
+
+    Parameters
+    ----------
+    command : str
+        Such as "sweep map".
+    as_json : bool
+        Whether one JSON object takes the place of lines.
+    quiet : bool
+        Whether nothing is shown.
+    width : int
+        Column behind the headings of lines.
+    """
+
+    def __init__(
+        self, command: str, *, as_json: bool = False, quiet: bool = False, width: int = 12
+    ) -> None:
+        self.command, self.as_json, self.silent = command, as_json, quiet or as_json
+        self.width, self.written = width, list[Path]()
+
+    def show(self, *lines: str, heading: str = "") -> None:
+        """Print lines, the first one behind a heading if there is one."""
+        for text in () if self.silent else lines:
+            typer.echo(f"{heading:<{self.width}}{text}" if heading else text)
+
+    def rows(self, heading: str, texts: Iterable[str]) -> None:
+        """Print texts in the column behind a heading, which stands at the first."""
+        for number, text in enumerate(texts):
+            self.show(f"{heading if not number else '':<{self.width}}{text}")
+
+    def wrote(self, path: Path) -> None:
+        """Print the name and size of a file that was written."""
+        self.written.append(path)
+        self.show(f"{path} ({size_text(path.stat().st_size)})", heading="written")
+
+    def write(self, path: Path | None, content: str | bytes | Callable[[], str | bytes]) -> None:
+        """Write content, or what a function makes, completely or not at all, if there is a path."""
+        from turnout.core.files import write_atomic
+
+        if path is not None:
+            write_atomic(path, content() if callable(content) else content)
+            self.wrote(path)
+
+    def figure(self, path: Path | None, draw: Callable[[], Any]) -> None:
+        """Write a figure if a path is given."""
+        if path is not None:
+            from turnout.figures.style import rendered
+
+            self.write(path, lambda: rendered(draw(), path.suffix))
+
+    def dataset(self, path: Path | None, dataset: "xr.Dataset") -> None:
+        """Write a dataset if a path is given."""
+        if path is not None:
+            from turnout.throw.store import save_response
+
+            save_response(dataset, path)
+            self.wrote(path)
+
+    def json(self, record: Mapping[str, Any], *, units: Mapping[str, str] | None = None) -> None:
+        """Print the result as one JSON object; see `json_text`."""
+        typer.echo(json_text(self.command, record, units=units, written=self.written))
+
+
+def json_text(
+    command: str,
+    record: Mapping[str, Any],
+    *,
+    units: Mapping[str, str] | None = None,
+    written: Iterable[Path] = (),
+) -> str:
+    """Return a result as the text of one JSON object.
+
+    Parameters
+    ----------
+    command : str
+        Such as "sweep map".
+    record : mapping of str to object
+        Its keys; dataclasses and arrays become objects and lists, NaN and infinity null.
+    units : mapping of str to str, optional
+        SI unit of every key of `record`, at any depth, that has one.
+    written : iterable of Path
+        Files that the command wrote.
+
+    Examples
+    --------
+    >>> print(json_text("demo", {"size": float("nan")}, units={"size": "m"}))
+    {
+      "command": "demo",
+      "json_version": 1,
+      "size": null,
+      "units": {
+        "size": "m"
+      },
+      "written": []
+    }
+    """
+    import json
+
+    from turnout.core.json_files import to_plain
+
+    origin = origin_of(command)
+    whole = {
+        "command": command,
+        "json_version": JSON_VERSION,
+        **({"origin": origin} if origin else {}),
+        **record,
+        "units": dict(units or {}),
+        "written": [str(path) for path in written],
+    }
+    return json.dumps(to_plain(whole, nonfinite=lambda _: None), indent=2, allow_nan=False)
+
+
+def origin_of(command: str) -> str:
+    """Return the origin of the sizes and rates of a command on detection; empty for others.
+
+    Examples
+    --------
+    >>> origin_of("limit")
+    'all switches are simulated; no field recording was compared with these results'
+    """
+    from turnout.detection.conditions import CAMPAIGN, SIMULATED, TRAINED
+
+    if command in ("limit", "plan-test", "detect train"):
+        return SIMULATED
+    return TRAINED if command.startswith("detect ") else CAMPAIGN if command == "pod" else ""
+
+
+def coloured(text: str, level: str) -> str:
+    """Return a line with its head, up to the first colon, in the colour of a level.
+
+    Parameters
+    ----------
+    text : str
+        A line for `typer.echo`, which leaves colours out where the output is no terminal.
+    level : str
+        "good", "look" or "bad"; others get no colour.
+
+    Examples
+    --------
+    >>> coloured("Sound: no object", "fact")
+    'Sound: no object'
+    >>> coloured("Sound: no object", "good").endswith(": no object")
+    True
+    """
+    if level not in COLOURS:
+        return text
+    head, colon, rest = text.partition(":")
+    return typer.style(head, fg=COLOURS[level], bold=True) + colon + rest
+
+
+def note(text: str) -> None:
+    """Print a note on stderr."""
+    typer.echo(f"turnout: {text}", err=True)
+
+
+def refuse(text: str) -> NoReturn:
+    """Refuse a command line: one message, exit code 2."""
+    raise FileError(text)
+
+
+@contextmanager
+def resumable(text: str) -> Iterator[None]:
+    """End a command on Ctrl-C with a note on what is kept and how to continue."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        note(f"interrupted; {text}")
+        raise typer.Exit(INTERRUPTED) from None
+
+
+def print_schema(schema: dict[str, Any], out: Path | None) -> None:
+    """Show a JSON schema, or write it to a file."""
+    import json
+
+    text, output = json.dumps(schema, indent=2), Output("schema")
+    output.write(out, lambda: text + "\n")
+    output.show(*([] if out else [text]))
+
+
+def print_library(command: str, family: str, found: Mapping[str, str], *, as_json: bool) -> None:
+    """Print the names and descriptions of library members, such as panels.
+
+    Parameters
+    ----------
+    command, family : str
+        Such as "panel list" and "panels".
+    found : mapping of str to str
+        Description by name.
+    as_json : bool
+        Whether it is printed as JSON.
+    """
+    output = Output(command, as_json=as_json)
+    if as_json:
+        output.json({family: [{"name": name, "description": v} for name, v in found.items()]})
+    width = max(map(len, found)) + 2
+    output.show(*(f"{name:<{width}}{text}" for name, text in found.items()))
