@@ -15,16 +15,16 @@ from turnout.panel.profile import contact_height
 from turnout.throw.coordinates import dataset_coordinates, indexed
 from turnout.throw.gaps import gap_places, gap_rows
 from turnout.throw.output_weights import (
-    Recipe,
     RowBlock,
-    clear_recipes,
+    RowWeights,
+    clear_row_blocks,
     evenly_spaced,
     kept_row_blocks,
     merge_blocks,
     products_of,
     sums_of_columns,
 )
-from turnout.throw.recovery import histories_of, recover_motion, seen_by, seen_rows
+from turnout.throw.recovery import histories_of, recover_motion, row_terms, weighted_rows
 from turnout.throw.rows_over_time import Product, WeightedRows, rows_in_lines, write_rows
 from turnout.throw.save import Save
 from turnout.throw.simulate import Solved, simulate, solve
@@ -48,18 +48,18 @@ def test_stored_displacements_say_what_modes_and_forces_say(solved: Solved) -> N
         for rail in panel.rail:
             _, parts = gap_rows(panel, motion, rail, X, contact_height(panel, rail, X))
             for number, some in enumerate((parts[:1], parts)):
-                seen = seen_by(motion, some, with_stored=with_stored)
+                terms = row_terms(motion, some, with_stored=with_stored)
                 out = np.empty((X.size, solved.history.time.size))
-                write_rows([seen_rows(motion, seen, out)], histories_of(solved.history))
-                found[with_stored, rail, number] = out, seen
+                write_rows([weighted_rows(motion, terms, out)], histories_of(solved.history))
+                found[with_stored, rail, number] = out, terms
     for rail in panel.rail:
         for number in (0, 1):
-            (stored, seen), (recovered, _) = (found[w, rail, number] for w in (True, False))
+            (stored, terms), (recovered, _) = (found[w, rail, number] for w in (True, False))
             assert np.abs(recovered).max() > 0.05
             np.testing.assert_allclose(stored, recovered, rtol=0, atol=1e-13)
-            assert seen.stored is not None
-            assert seen.stored[0].any()
-            assert not seen.modes[0].any()
+            assert terms.stored is not None
+            assert terms.stored[0].any()
+            assert not terms.modes[0].any()
     # A stock rail between stops has no row of its own.
     assert found[True, next(iter(panel.rail)), 1][1].modes[-1].any()
 
@@ -259,8 +259,8 @@ def test_rows_of_other_instants_than_the_first_are_refused() -> None:
         write_rows(rows, {"g": np.zeros((3, 4))})
 
 
-def test_recipes_are_made_once_for_rails_that_throws_share(solved: Solved) -> None:
-    """Other friction leaves them as they are; channels are those of recipes made for each throw."""
+def test_weights_are_made_once_for_rails_that_throws_share(solved: Solved) -> None:
+    """Other friction leaves them as they are; channels are those of weights made for each throw."""
     panel = load_panel(DEFAULT).with_overrides({"chair.friction_coefficient": 0.2})
     kept = simulate(panel, foreign_object=ForeignObject(0.05, "sleeper 6"), mode="quick")
     made = list[int]()
@@ -275,15 +275,15 @@ def test_recipes_are_made_once_for_rails_that_throws_share(solved: Solved) -> No
     )
     assert kept_row_blocks((dict(shared),), ("once",), make)
     assert len(made) == 2
-    clear_recipes()
+    clear_row_blocks()
     again = simulate(panel, foreign_object=ForeignObject(0.05, "sleeper 6"), mode="quick")
     xr.testing.assert_identical(kept.drop_attrs(), again.drop_attrs())
 
 
 def test_merged_blocks_hold_what_they_hold_apart() -> None:
     weights, histories = np.array([[1.0, 0.0], [0.5, 2.0]]), {"g": np.arange(26.0).reshape(13, 2)}
-    one = RowBlock([(Recipe(tuple(products_of(weights, "g"))), 2)], {"one": (0, (2,))})
-    two = RowBlock([(Recipe(tuple(products_of(2.0 * weights, "g"))), 2)], {"two": (1, (1,))})
+    one = RowBlock([(RowWeights(tuple(products_of(weights, "g"))), 2)], {"one": (0, (2,))})
+    two = RowBlock([(RowWeights(tuple(products_of(2.0 * weights, "g"))), 2)], {"two": (1, (1,))})
     found = dict[str, Any]()
     for block in (one, two, merge_blocks([one, two])):
         arrays, rows = block.lay_out(13)
@@ -301,7 +301,7 @@ def test_rows_without_weights_are_what_they_start_with_and_others_are_left() -> 
     nothing = Product("g", np.arange(3), slice(0, 2), np.zeros((2, 3)))
     write_rows([WeightedRows([nothing], out, start=np.array([1.0, 2.0]))], {"g": np.ones((13, 3))})
     np.testing.assert_array_equal(out, np.broadcast_to([[1.0], [2.0]], out.shape))
-    write_rows([Recipe((), unknown=(1,)).into(left)], {"g": np.zeros((4, 9))})
+    write_rows([RowWeights((), unknown=(1,)).into(left)], {"g": np.zeros((4, 9))})
     np.testing.assert_array_equal(left, [[7.0] * 4, [np.nan] * 4])
 
 
@@ -321,7 +321,7 @@ def test_rows_of_which_nothing_is_known_are_nan_and_near_rows_are_like_others() 
     for near in (False, True):
         out = rows_in_lines(3, 70)
         out[:] = 0.0
-        write_rows([Recipe(products, near=near, unknown=(1,)).into(out)], {"g": history})
+        write_rows([RowWeights(products, near=near, unknown=(1,)).into(out)], {"g": history})
         found.append(out)
     np.testing.assert_array_equal(found[0], found[1])
     np.testing.assert_array_equal(found[0][[0, 2]], history[:, [8, 1]].T)

@@ -15,7 +15,7 @@ from turnout.panel.profile import contact_height
 from turnout.panel.records import StockRail
 from turnout.solver.condense import CondensedRails
 from turnout.solver.seen import SeenRows
-from turnout.throw.output_weights import Recipe, RowBlock
+from turnout.throw.output_weights import RowBlock, RowWeights
 from turnout.throw.recovery import (
     CondensedShapes,
     Motion,
@@ -25,8 +25,8 @@ from turnout.throw.recovery import (
     histories_of,
     lateral_rows,
     row_blocks_of,
-    seen_by,
-    seen_recipe,
+    row_terms,
+    row_weights,
     stack_terms,
 )
 from turnout.throw.route import closed_rail, closed_spans
@@ -85,17 +85,17 @@ def shape_block(panel: Panel, motion: Motion, x: Floats) -> RowBlock:
     RowBlock
         "lateral_displacement", positive in +y, and "gap" [m]; NaN beyond a rail.
     """
-    moved, open_distances = list[Recipe](), list[Recipe]()
+    moved, open_distances = list[RowWeights](), list[RowWeights]()
     for name, height in zip(panel.rail, _contact_heights(panel, x), strict=True):
         start, parts = gap_rows(panel, motion, name, x, height)
-        towards = seen_by(motion, parts[:1])
-        less = seen_by(motion, parts) if parts[1:] else towards
+        towards = row_terms(motion, parts[:1])
+        less = row_terms(motion, parts) if parts[1:] else towards
         minus = SIDE[panel.rail[name].closes] < 0
-        moved.append(seen_recipe(motion, towards, minus=minus))
-        open_distances.append(seen_recipe(motion, less, start=start, minus=True))
+        moved.append(row_weights(motion, towards, minus=minus))
+        open_distances.append(row_weights(motion, less, start=start, minus=True))
     shape = len(moved), x.size
     parts_of = {"lateral_displacement": (0, shape), "gap": (len(moved) * x.size, shape)}
-    return RowBlock([(recipe, x.size) for recipe in moved + open_distances], parts_of)
+    return RowBlock([(item, x.size) for item in moved + open_distances], parts_of)
 
 
 def gap_rows(
@@ -214,8 +214,8 @@ def split_gaps_of(
 def place_block(panel: Panel, motion: Motion) -> RowBlock:
     """Return the open distances at all `gap_places`, which `split_gaps` takes: "places" [m]."""
     start, less = _seen_together(panel, motion, gap_places(panel))
-    recipe = seen_recipe(motion, less, start=start, minus=True, near=True)
-    return RowBlock([(recipe, start.size)], {"places": (0, start.shape)})
+    weights = row_weights(motion, less, start=start, minus=True, near=True)
+    return RowBlock([(weights, start.size)], {"places": (0, start.shape)})
 
 
 def gaps_over_time(panel: Panel, motion: Motion) -> Floats:
@@ -258,12 +258,12 @@ def _seen_together(
         mine = [number for number, place in enumerate(places) if place[0] == rail]
         x, z = (np.concatenate([places[number][axis] for number in mine]) for axis in (1, 2))
         start, parts = gap_rows(panel, motion, rail, x, z)
-        seen, first = seen_by(motion, parts), 0
+        terms, first = row_terms(motion, parts), 0
         for number in mine:
             own = slice(first, first := first + places[number][1].size)
-            found[number] = start[own], seen.of(own)
+            found[number] = start[own], terms.of(own)
     ordered = [found[number] for number in range(len(places))]
-    together = stack_terms([seen for _, seen in ordered])
+    together = stack_terms([terms for _, terms in ordered])
     return np.concatenate([start for start, _ in ordered]), together
 
 

@@ -1,6 +1,6 @@
 """Rows over time as sums and products of the columns of histories.
 
-Throws of the same rails share recipes, which are made once (`turnout.throw.rows_over_time`
+Throws of the same rails share their weights, which are made once (`turnout.throw.rows_over_time`
 writes the rows).
 """
 
@@ -39,7 +39,7 @@ def evenly_spaced(places: Ints) -> slice | Ints:
     return slice(int(places[0]), int(places[-1]) + 1, step)
 
 
-class Recipe(NamedTuple):
+class RowWeights(NamedTuple):
     """Terms of rows, as in `WeightedRows`, without the array they are written to."""
 
     products: tuple[Product, ...]
@@ -60,21 +60,21 @@ class RowBlock(NamedTuple):
 
     Attributes
     ----------
-    recipes : sequence of (Recipe, int)
-        How they are made, and how many rows each recipe makes.
+    weights : sequence of (RowWeights, int)
+        Weights of the rows, and how many rows each of them makes.
     parts : mapping of str to (int, tuple of int)
         First row and shape of what they are named, without the axis of time.
     """
 
-    recipes: Sequence[tuple[Recipe, int]]
+    weights: Sequence[tuple[RowWeights, int]]
     parts: Mapping[str, tuple[int, tuple[int, ...]]]
 
     def lay_out(self, count: int) -> tuple[dict[str, Floats], list[WeightedRows]]:
         """Return arrays over `count` instants by name, and the rows to be written there."""
-        memory = rows_in_lines(sum([size for _, size in self.recipes]), count)
+        memory = rows_in_lines(sum([size for _, size in self.weights]), count)
         wanted, first = list[WeightedRows](), 0
-        for recipe, size in self.recipes:
-            wanted.append(recipe.into(memory[first : first + size]))
+        for item, size in self.weights:
+            wanted.append(item.into(memory[first : first + size]))
             first += size
         arrays = {
             name: memory[first : first + math.prod(shape)].reshape(*shape, count)
@@ -85,15 +85,16 @@ class RowBlock(NamedTuple):
 
 def merge_blocks(blocks: Sequence[RowBlock]) -> RowBlock:
     """Merge blocks into one with one piece of memory, which is freed once no part is in use."""
-    recipes, parts, first = list[tuple[Recipe, int]](), dict[str, tuple[int, tuple[int, ...]]](), 0
+    weights, first = list[tuple[RowWeights, int]](), 0
+    parts: dict[str, tuple[int, tuple[int, ...]]] = {}
     for block in blocks:
-        recipes += block.recipes
+        weights += block.weights
         parts |= {name: (first + row, shape) for name, (row, shape) in block.parts.items()}
-        first += sum(size for _, size in block.recipes)
-    return RowBlock(recipes, parts)
+        first += sum(size for _, size in block.weights)
+    return RowBlock(weights, parts)
 
 
-# What recipes depend on is named by identity, and kept beside them so that nothing else takes its
+# What weights depend on is named by identity, and kept beside them so that nothing else takes its
 # place.
 _blocks = LRUCache[tuple[tuple[RowBlock, ...], Sequence[object]]](16)
 
@@ -119,8 +120,8 @@ def kept_row_blocks(
     return kept[0]
 
 
-def clear_recipes() -> None:
-    """Forget all recipes, and the rails that they keep in memory."""
+def clear_row_blocks() -> None:
+    """Forget all weights, and the rails that they keep in memory."""
     _blocks.clear()
     clear_layouts()
 

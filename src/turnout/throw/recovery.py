@@ -25,8 +25,8 @@ from turnout.solver.condense import (
 )
 from turnout.solver.integration import History
 from turnout.throw.output_weights import (
-    Recipe,
     RowBlock,
+    RowWeights,
     evenly_spaced,
     kept_row_blocks,
     products_of,
@@ -69,12 +69,12 @@ class CondensedShapes:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion(CondensedShapes):
-    """All that shapes are recovered from.
+    """Inputs of the recovery of shapes, with the run.
 
     Attributes
     ----------
     history : History
-        The run.
+        Stored results of the run.
     """
 
     history: History
@@ -209,9 +209,9 @@ def row_motion(motion: Motion, parts: Parts, *, at: Ints | None = None) -> Float
     -------
     ndarray, shape (n_rows, n_times)
     """
-    seen = seen_by(motion, parts)
-    found = rows_in_lines(seen.load.size, (motion.history.time if at is None else at).size)
-    write_rows([seen_rows(motion, seen, found)], histories_of(motion.history, at))
+    terms = row_terms(motion, parts)
+    found = rows_in_lines(terms.load.size, (motion.history.time if at is None else at).size)
+    write_rows([weighted_rows(motion, terms, found)], histories_of(motion.history, at))
     return found
 
 
@@ -243,12 +243,12 @@ class RowTerms:
 
 
 # Rails without objects and rows are shared by many throws; named by identity and kept beside.
-_seen = LRUCache[tuple[RowTerms, Parts, object]](64)
+_terms = LRUCache[tuple[RowTerms, Parts, object]](64)
 _shares = LRUCache[tuple[Floats, Parts, object]](64)
 _of_stored = LRUCache[tuple[list[Product], object]](64)
 
 
-def seen_by(motion: CondensedShapes, parts: Parts, *, with_stored: bool = True) -> RowTerms:
+def row_terms(motion: CondensedShapes, parts: Parts, *, with_stored: bool = True) -> RowTerms:
     """Return rows of some rails in terms of the stored results of a run.
 
     `with_stored` says whether the run stores the displacements of all rows of its laws.
@@ -258,12 +258,12 @@ def seen_by(motion: CondensedShapes, parts: Parts, *, with_stored: bool = True) 
     n_rows = motion.rows.shape[0]
     of_parts = ((body.first, id(rows)) for body, rows in parts)
     key = (n_rows, with_stored, *map(id, core), *of_parts)
-    kept = _seen.get(key)
+    kept = _terms.get(key)
     if kept is None:
         stored, rest = _stored_share(motion, core, parts) if with_stored else (None, parts)
-        found = replace(_seen_without_objects(core, rest, n_rows=n_rows), stored=stored)
+        found = replace(_terms_without_objects(core, rest, n_rows=n_rows), stored=stored)
         if not any(rows.flags.writeable for _, rows in parts):
-            _seen.put(key, (found, rest, (core, parts)))
+            _terms.put(key, (found, rest, (core, parts)))
     else:
         found, rest, _ = kept
     return replace(found, shapes=_with_objects(blocks, rest, found.shapes))
@@ -293,7 +293,7 @@ def _stored_share(
     return weights, left
 
 
-def _seen_without_objects(blocks: Sequence[BlockModel], parts: Parts, *, n_rows: int) -> RowTerms:
+def _terms_without_objects(blocks: Sequence[BlockModel], parts: Parts, *, n_rows: int) -> RowTerms:
     """Return rows in terms of blocks to which nothing was added."""
     ends = np.cumsum([0, *(part.model.eigenvalues.size for part in blocks)])
     count = parts[0][1].shape[0]
@@ -324,41 +324,41 @@ def _with_objects(blocks: Sequence[BlockModel], parts: Parts, shapes: Floats) ->
     return found
 
 
-def stack_terms(seen: Sequence[RowTerms]) -> RowTerms:
+def stack_terms(terms: Sequence[RowTerms]) -> RowTerms:
     """Return several rows as one."""
-    stored = [item.stored for item in seen if item.stored is not None]
+    stored = [item.stored for item in terms if item.stored is not None]
     return RowTerms(
-        np.concatenate([item.modes for item in seen]),
-        np.concatenate([item.shapes for item in seen]),
-        np.concatenate([item.load for item in seen]),
+        np.concatenate([item.modes for item in terms]),
+        np.concatenate([item.shapes for item in terms]),
+        np.concatenate([item.load for item in terms]),
         np.concatenate(stored) if stored else None,
     )
 
 
-def seen_rows(motion: Motion, seen: RowTerms, out: Floats) -> WeightedRows:
-    """Return such rows for writing over time."""
-    return seen_recipe(motion, seen).into(out)
+def weighted_rows(motion: Motion, terms: RowTerms, out: Floats) -> WeightedRows:
+    """Return rows to be written over time."""
+    return row_weights(motion, terms).into(out)
 
 
-def seen_recipe(
+def row_weights(
     motion: Motion,
-    seen: RowTerms,
+    terms: RowTerms,
     *,
     start: Floats | None = None,
     minus: bool = False,
     near: bool = False,
-) -> Recipe:
-    """Return the recipe of such rows, on top of their `start`, shape (n_rows,)."""
-    products = list(_stored_products(seen.stored, seen.load.size))
-    left = np.flatnonzero(seen.modes.any(axis=1) | seen.shapes.any(axis=1))
+) -> RowWeights:
+    """Return the weights of rows, on top of their `start`, shape (n_rows,)."""
+    products = list(_stored_products(terms.stored, terms.load.size))
+    left = np.flatnonzero(terms.modes.any(axis=1) | terms.shapes.any(axis=1))
     if left.size:
         rows = evenly_spaced(left)
-        products += products_with(seen.modes[left], "q", rows=rows)
-        products += _force_products(motion, seen.shapes[left], rows)
-    begun = seen.load
+        products += products_with(terms.modes[left], "q", rows=rows)
+        products += _force_products(motion, terms.shapes[left], rows)
+    begun = terms.load
     if minus or start is not None:
-        begun = (0.0 if start is None else start) + (-seen.load if minus else seen.load)
-    return Recipe(tuple(products), begun if begun.any() else None, minus, near)
+        begun = (0.0 if start is None else start) + (-terms.load if minus else terms.load)
+    return RowWeights(tuple(products), begun if begun.any() else None, minus, near)
 
 
 def row_blocks_of(

@@ -195,7 +195,7 @@ def clear_layouts() -> None:
 def _layout(
     wanted: Sequence[WeightedRows], histories: Mapping[str, Floats], turned: Mapping[str, Floats]
 ) -> _Layout:
-    """Return the layout of rows for the kernel, made once for the recipes that throws share.
+    """Return the layout of rows for the kernel, made once for the weights that throws share.
 
     `turned` are the histories with a window at least.
     """

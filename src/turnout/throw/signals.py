@@ -40,7 +40,7 @@ from turnout.solver.energy import (
 )
 from turnout.solver.energy_rows import NUMERICAL, RESIDUAL, ROWS, STORED, write_energies
 from turnout.solver.integration import History
-from turnout.throw.output_weights import Recipe, RowBlock, sums_of_columns
+from turnout.throw.output_weights import RowBlock, RowWeights, sums_of_columns
 from turnout.throw.recovery import Motion, row_motion
 from turnout.throw.rows_over_time import Product
 
@@ -129,10 +129,10 @@ def force_block(panel: Panel, mechanism: Mechanism, *, objects: bool, links: boo
     of_objects = list(index.object.values()) if objects else []
     of_links = [index.link[name] for name in panel.link] if links else []
 
-    def sums(laws: Sequence[int], *, minus: bool) -> tuple[Recipe, int]:
+    def sums(laws: Sequence[int], *, minus: bool) -> tuple[RowWeights, int]:
         columns = np.array(laws, dtype=np.int64)[:, np.newaxis]
         products = sums_of_columns("law_force", columns, rows=np.arange(len(laws)))
-        return Recipe(tuple(products), minus=minus, near=True), len(laws)
+        return RowWeights(tuple(products), minus=minus, near=True), len(laws)
 
     parts = {"drive_force": (0, (len(drives),))}
     if objects:
@@ -201,7 +201,7 @@ def _sums_at(
     laws: Mapping[tuple[str, str], Sequence[int]],
     *,
     minus: bool = False,
-) -> Recipe:
+) -> RowWeights:
     """Return the sum of the forces of all laws at each place; of places without any it is NaN."""
     found: list[Product] = []
     for count in {len(own) for own in laws.values()}:
@@ -209,7 +209,7 @@ def _sums_at(
         columns = np.array([laws[places[n]] for n in rows], dtype=np.int64)
         found += sums_of_columns(history, columns, rows=np.array(rows))
     unknown = tuple(number for number, place in enumerate(places) if not laws.get(place))
-    return Recipe(tuple(found), minus=minus, unknown=unknown)
+    return RowWeights(tuple(found), minus=minus, unknown=unknown)
 
 
 def stop_block(panel: Panel, mechanism: Mechanism) -> RowBlock:
@@ -217,8 +217,8 @@ def stop_block(panel: Panel, mechanism: Mechanism) -> RowBlock:
     places = list(itertools.product(panel.rail, stop_names(panel)))
     laws = {place: (law,) for place, law in mechanism.index.stop.items()}
     shape = len(panel.rail), len(panel.stop) + len(panel.stud)
-    recipe = _sums_at("law_force", places, laws)
-    return RowBlock([(recipe, len(places))], {"stop_force": (0, shape)})
+    weights = _sums_at("law_force", places, laws)
+    return RowBlock([(weights, len(places))], {"stop_force": (0, shape)})
 
 
 def stop_names(panel: Panel) -> list[str]:

@@ -154,10 +154,10 @@ def release_memory() -> None:
     """Free memory that a next run would use again: histories, condensed rails."""
     from turnout.throw.dataset import clear_descriptions
     from turnout.throw.dataset_template import clear_datasets
-    from turnout.throw.output_weights import clear_recipes
+    from turnout.throw.output_weights import clear_row_blocks
 
     clear_memory()
-    clear_recipes()
+    clear_row_blocks()
     clear_datasets()
     clear_descriptions()
 
