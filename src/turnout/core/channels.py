@@ -23,7 +23,7 @@ along the track is none of them, as CF means a map's axis by X."""
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """One row of the table.
+    """A variable of datasets: name, dimensions, unit, sign.
 
     Attributes
     ----------
@@ -34,9 +34,9 @@ class Channel:
     units : str
         SI unit, "1" for what has none.
     long_name : str
-        What it is, fit for an axis.
+        Title for an axis.
     positive : str
-        What a positive value means; empty where there is nothing to choose.
+        Meaning of a positive value, such as "closing"; empty if no sign has to be chosen.
     kind : str
         "number", "count", "logical" or "text".
     """

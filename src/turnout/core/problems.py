@@ -10,7 +10,7 @@ _LONGEST = 60
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """One thing that is wrong: the key path, a sentence about it, the key that was meant if any."""
+    """A fault of a file: key path, a sentence about it, and the key that was meant, if any."""
 
     path: tuple[str, ...]
     text: str

@@ -61,7 +61,7 @@ DECIMALS = 4
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Line:
-    """One line, set of marks or set of bars.
+    """A curve, a set of marks or a set of bars.
 
     Attributes
     ----------
@@ -134,7 +134,7 @@ class Sheet:
     name : str
         For files and links, such as "chair-forces".
     title : str
-        What it shows.
+        Heading above the axes.
     caption : str
         How to read it, in a sentence or two.
     x_label : str

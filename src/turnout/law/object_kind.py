@@ -35,7 +35,7 @@ ICE_CYCLE, LEAST_CYCLE, ICE_CRUSHED = 0.1, 0.5e-3, 0.3
 """Depth of one cycle of crushing over the size [-] and at least [m], and the share of it in which
 ice is crushed before the rest flakes off [-]."""
 SNOW_EXPONENT, SNOW_POINTS = 4.5, 12
-"""Of the strength of snow over its density [-], and how many points of the curve are taken."""
+"""Exponent of the strength of snow over its density [-], and number of points of its curve."""
 WOOD_MODULUS, WOOD_PLATEAU, WOOD_DENSE = 0.4e9, (0.5, 2.0), (0.65, 10.0)
 """Across the grain: Young's modulus [Pa]; lasting strain and multiple of the strength at the
 beginning and the end of compacting its cells."""
@@ -180,7 +180,7 @@ class Trapped:
 
     @property
     def of_kind(self) -> "ObjectKind":
-        """How an object of its kind behaves."""
+        """Class of its kind, with force over compression and rest."""
         return OBJECT_KINDS[self.kind]
 
 
@@ -429,7 +429,7 @@ class Wood(ObjectKind):
 
 
 class Metal(ObjectKind):
-    """It yields and hardens, up to half of its size; a drive does not press that much."""
+    """Elastic, then it yields and hardens, up to half of its size, which no drive reaches."""
 
     parameters = MappingProxyType(
         {

@@ -233,7 +233,7 @@ class Support:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RailData:
-    """All that shapes one rail, free of any file format.
+    """Geometry, sections, supports and points of a rail, free of any file format.
 
     `axis_height`, one entry a node, is the height of the beams' reference line above the foot; the
     sections' heights are measured from it, those of points and supports from the foot. `damping`

@@ -162,7 +162,7 @@ class RestingForce:
 
 
 def resting_slips(panel: Panel) -> list[RestingForce]:
-    """Return the drives of a valid panel that slip at rest, which a study may have made so.
+    """Return the drives that slip at rest; values drawn by a study may bring a panel there.
 
     Examples
     --------

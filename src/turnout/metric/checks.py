@@ -82,10 +82,10 @@ class Check:
     kind : str
         "slip" of a drive in a movement, "lock" and "control" at the rest after it, "flangeway".
     name : str
-        What it is about: "drive 1", "switch", "TKK1", "flangeway".
+        Its subject: "drive 1", "switch", "TKK1", "flangeway".
     criterion : str
-        What decided: "slip", "gap" or another criterion of the lock rule, `SWITCHED_OFF`,
-        "flangeway"; empty where nothing did.
+        Deciding criterion: "slip", "gap" or another one of the lock rule, `SWITCHED_OFF`,
+        "flangeway"; empty for none.
     met : bool or None
         Answer; None where it cannot be judged.
     time : float
@@ -93,7 +93,7 @@ class Check:
     movement : Span or None
         After or in which; None for the whole throw.
     label : str
-        What the value is, such as "Drive 1 force".
+        Name of the value, such as "Drive 1 force".
     value, limit : float
         In SI; NaN where no number decided.
     unit : str

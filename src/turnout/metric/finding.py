@@ -43,7 +43,7 @@ Severity = Literal["good", "look", "bad", "fact"]
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One answer.
+    """A question about a throw, and its answer.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class Finding:
     detail : str
         Which, where, when, by what margin.
     meaning : str
-        What it means for trains, in a sentence without terms; of the headline alone.
+        Consequence for trains, in a sentence without terms; of the headline alone.
     """
 
     level: Severity

@@ -10,16 +10,16 @@ from turnout.metric.slip import margins
 
 @dataclass(frozen=True, slots=True)
 class KeyFigure:
-    """One number.
+    """A number that sums up a throw.
 
     Attributes
     ----------
     key : str
         Short and stable, such as "end_force:1".
     label : str
-        What it is.
+        Text beside the number, such as "end force, drive 1".
     value : float
-        In SI; NaN where there is none.
+        In SI; NaN for none.
     unit : str
         SI unit of the value; empty for shares and states.
     """

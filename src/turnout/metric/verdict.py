@@ -229,18 +229,19 @@ def _largest_opening(dataset: "xr.Dataset", item: dict[str, Any]) -> float:
 
 @dataclass(frozen=True, slots=True)
 class TrappedItem:
-    """One object of a throw.
+    """An object of a throw: when it was touched, and how much of it remains.
 
     Attributes
     ----------
     contact, gone : float
-        First touch, NaN for never; removal, infinite for none by the end [s].
+        Time of the first touch, NaN for never, and of its removal, infinite if it stays [s].
     position : str
         Position of the instrumented rail, "open" or "closed", in which the object's rail is closed.
     left : float
-        Size that is left at the end [m]; NaN where all is.
+        Remaining size at the end [m]; NaN for the whole object.
     name, fate : str
-        Size and place; what became of one of which nothing is left.
+        Size and place, such as "13 mm at sleeper 6"; fate of an object that is gone, such as "was
+        gone before".
     """
 
     contact: float

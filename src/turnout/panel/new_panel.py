@@ -39,7 +39,7 @@ class TableRows:
     path : tuple of str
         Of the table; empty for the top of the file. The members of a family are named "NAME".
     meaning : str
-        What it describes.
+        Comment above it in a new panel file.
     keys : tuple of Key
         Those that take a value; tables within it follow as tables of their own.
     """

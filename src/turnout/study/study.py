@@ -44,28 +44,28 @@ class Study:
     name, description : str
         Free texts that results are labelled with.
     panel : LoadedPanel
-        With what the study sets in every throw.
+        Base panel, with the values that the study sets in every throw.
     scheme : Scheme
         Step [s], cut-off [Hz] and tolerances of every throw.
     output : Output
-        What is kept.
+        Channels, times and features that are stored.
     seed : int
-        Of all that is left to chance.
+        Seed of all random draws.
     design : Design
-        Which values the variables take.
+        Values of the variables.
     variables : mapping of str to Variable
         By name, in the order of the design.
     fields : tuple of RandomField
         Values that scatter along the switch, drawn again in each state.
     law : TemperatureLaw, optional
-        What temperature does.
+        Effect of the temperature on the panel.
     rule : Rule, optional
-        What ends a chain.
+        Condition that ends a chain of throws, such as a slip.
     split : tuple of str
         Variables whose equal values stay together when data are split; without any it is the
         drawn state.
     remarks : tuple of str
-        What its author should check, such as a calibration of another panel.
+        Hints for its author, such as a calibration of another panel.
     """
 
     name: str

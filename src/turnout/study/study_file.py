@@ -10,7 +10,7 @@ Number = float | int | str
 
 
 class VariableRecord(Record):
-    """One thing that varies: over values, each in turn, or drawn from a distribution."""
+    """A quantity that varies: over values, each in turn, or drawn from a distribution."""
 
     key: str = Field(
         min_length=1, description="a key of the panel, of the object (object.size), or temperature"

@@ -54,16 +54,16 @@ CAUSE, _, _ = LABELS = tuple(f"{LABEL}{name}" for name in ("cause", "place", "si
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Variable:
-    """One thing that varies.
+    """A quantity that varies from throw to throw.
 
     Attributes
     ----------
     name : str
-        In the results.
+        Name in the results.
     key : str
-        What it changes.
+        Key that it sets: of the panel, of the object, or "temperature".
     kind : Dimension or type
-        What its values are: of a dimension, or float, str, bool.
+        Dimension of its values, or float, str, bool.
     factor : bool
         Whether it multiplies the panel's values instead of replacing them.
     """

@@ -26,14 +26,14 @@ DELAY = "Time by which this drive takes longer than the others in the last movem
 
 @dataclass(frozen=True, slots=True)
 class Control:
-    """One slider.
+    """A slider of the page: key, label, unit, range and step.
 
     Attributes
     ----------
     key : str
         Key of the panel, or "object.size", "object.x", "object.stiffness".
     label : str
-        What it is.
+        Text beside it.
     unit : str
         Unit of its numbers; empty for none.
     value, least, most, step : float

@@ -120,7 +120,7 @@ class Section:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Page:
-    """All of a page; the first finding is its headline."""
+    """Content of a report page; the first finding is its headline."""
 
     title: str
     subtitle: str
@@ -136,7 +136,7 @@ def page_html(page: Page) -> str:
     Parameters
     ----------
     page : Page
-        What it says.
+        Its content.
 
     Returns
     -------
