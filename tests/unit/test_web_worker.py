@@ -15,7 +15,7 @@ from tests.unit import answering
 
 from turnout.core.errors import FileError
 from turnout.web import process
-from turnout.web.question import PATIENCE, Question, Reply, Superseded, Task
+from turnout.web.question import STOPPABLE_AFTER, Question, Reply, Superseded, Task
 from turnout.web.worker import ClosedError, Worker
 
 Asking = Callable[[Worker], Coroutine[Any, Any, Any]]
@@ -139,7 +139,7 @@ def test_a_short_run_is_finished_although_something_newer_waits() -> None:
     question = Question(began=time.monotonic())
     question.overtaken.set()
     question.check(1, 2)
-    question.began -= 2 * PATIENCE
+    question.began -= 2 * STOPPABLE_AFTER
     with pytest.raises(KeyboardInterrupt):
         question.check(1, 2)
 

@@ -13,7 +13,7 @@ from turnout.calibration.requirements import unmeasured_drives
 from turnout.calibration.stages import spread
 from turnout.core.errors import MeasurementError
 from turnout.measurement.campaign.sheet_checks import (
-    UNTOLD,
+    UNCHECKABLE,
     RodCheck,
     rises,
     rises_most,
@@ -59,7 +59,7 @@ def refuse_exchanged_rods(
     if found.pair:
         source = str(dataset.attrs.get("title", "campaign"))
         raise MeasurementError(swap_remarks(found.pair), source=source)
-    return [] if found.checked else [UNTOLD]
+    return [] if found.checked else [UNCHECKABLE]
 
 
 def rod_warnings(

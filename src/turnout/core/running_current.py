@@ -23,7 +23,7 @@ NOISE_REACH = 8.0
 """Standard deviations of the standstill current that are still standstill."""
 RUNNING_SHARE, USUAL = 0.5, 0.25
 """A motor runs above this share of that quantile of the currents beyond the noise [-]."""
-BRIDGED = 0.5
+SHORTEST_PAUSE = 0.5
 """A current that stays below for less than this goes on, as when a load drives it back, unless it
 brakes in between [s]."""
 
@@ -98,7 +98,7 @@ def running_time(time: Floats, current: Floats) -> tuple[float, float]:
     if not starts.size:
         return np.nan, np.nan
     brakes = np.array([above[a:b].min() < -level for a, b in zip(ends, starts[1:], strict=False)])
-    apart = np.flatnonzero((starts[1:] - ends[:-1] >= BRIDGED * rate) | brakes.astype(bool))
+    apart = np.flatnonzero((starts[1:] - ends[:-1] >= SHORTEST_PAUSE * rate) | brakes.astype(bool))
     starts = starts[np.concatenate([[0], apart + 1])]
     ends = ends[np.concatenate([apart, [ends.size - 1]])]
     longest = int(np.argmax(ends - starts))

@@ -24,7 +24,7 @@ NEVER, SPLITS, CRUMBLES, BREAKS_AWAY = range(4)
 """Failure modes of an obstruction: none, it dents; into a piece; from its highest force to a lower
 one, at which it dents from then on; as a bond between two bodies."""
 
-LOCATED = 1e-3
+LARGEST_OVERRUN = 1e-3
 """Overrun of a failure that needs no shorter step, over the compression that reaches it [-]."""
 
 

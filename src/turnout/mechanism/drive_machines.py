@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 
 WITHOUT_TIME_OUT = 30.0
 """From its contactor on a schedule waits so long for a machine without a time-out [s]."""
-TO_STAND = 1.0
+GEAR_STOP_TIME = 1.0
 """In this time a gear comes to rest once its motor is off [s]."""
 
 
@@ -151,7 +151,7 @@ def schedule_waits(panel: Panel) -> tuple[Wait, ...]:
             for name, circuit in circuits.items()
         )
         rest = time - movement_end(panel, movement)
-        found.append(Wait(time, max(rest, 0.0), max(off + TO_STAND - time, 0.0)))
+        found.append(Wait(time, max(rest, 0.0), max(off + GEAR_STOP_TIME - time, 0.0)))
     return tuple(found)
 
 

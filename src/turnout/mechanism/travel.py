@@ -30,7 +30,7 @@ from turnout.panel.records import Drive
 Floats = NDArray[np.float64]
 UY, RX, PER_NODE = 1, 3, 6
 
-HOLDING = 1e9
+HOLDING_STIFFNESS = 1e9
 """Stiffness that keeps a foot on its chair, far above that of any chair [N/m]."""
 MOST_ROLL = 0.1
 """A rail that rolls more on its way is asked to stand at two positions at one place [rad]."""
@@ -118,7 +118,7 @@ def _moved(
     # What is held may be all that holds the rail, so it stiffens it; that changes no shape.
     fixed = np.concatenate((rows.feet, matrix))
     try:
-        factor = cho_factor(rail.stiffness + HOLDING * fixed.T @ fixed)
+        factor = cho_factor(rail.stiffness + HOLDING_STIFFNESS * fixed.T @ fixed)
         yielded = cho_solve(factor, matrix.T)
         moved: Floats = yielded @ np.linalg.solve(matrix @ yielded, wanted)
     except np.linalg.LinAlgError:

@@ -34,7 +34,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Complexes = NDArray[np.complex128]
 
-ITERATIONS, PATIENCE = 600, 40
+ITERATIONS, ALL_AT_ONCE = 600, 40
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -142,7 +142,7 @@ def steady_sliding(
             settled = True
             break
         # All at once is quick; one at a time breaks cycles in which laws undo each other.
-        step = changed if iteration < PATIENCE else changed[iteration % changed.size][None]
+        step = changed if iteration < ALL_AT_ONCE else changed[iteration % changed.size][None]
         segment[step] += np.sign(wanted[step] - segment[step])
     force: Floats = slope * g[laws.row] + constant
     return Sliding(segment, force, g, coupling, settled)

@@ -13,7 +13,7 @@ from turnout.law.kernel import law_argument, segment_for
 from turnout.law.obstruction import (
     BREAKS_AWAY,
     CRUMBLES,
-    LOCATED,
+    LARGEST_OVERRUN,
     NEVER,
     SPLITS,
     Obstructions,
@@ -89,7 +89,9 @@ def passes_failure(table: LawTable, state: State, obstructions: Obstructions) ->
         if state.present[law] == 0 or obstructions.breaks[row] == NEVER:
             continue
         e = law_argument(table, law, state.g, state.inputs)
-        if overrun(table, obstructions, row, e) > LOCATED * failure(table, obstructions, row):
+        if overrun(table, obstructions, row, e) > LARGEST_OVERRUN * failure(
+            table, obstructions, row
+        ):
             return True
     return False
 

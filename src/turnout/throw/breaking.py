@@ -27,7 +27,7 @@ SLOW_ERROR, BLOW_ERROR = 0.005, 0.05
 """Largest errors of the peak of an object's force in mode waveform, without and with a blow [-]."""
 COARSE_SLOW_ERROR, COARSE_BLOW_ERROR = 0.01, 0.25
 """The same with longer steps or a lower cut-off [-]."""
-CLOSE = 0.3e-3
+SAME_END_GAP = 0.3e-3
 """End gaps that differ by less are alike [m]."""
 COMPARED = Save(
     fields=(
@@ -126,7 +126,7 @@ def _variants(
 
 @dataclass(frozen=True, slots=True)
 class _End:
-    """What a verdict rests on, end gaps of the sensors by name [m], and how often objects broke."""
+    """End of a throw: states of the verdict, gaps of the sensors [m], breaks of each object."""
 
     state: tuple[bool, ...]
     gaps: dict[str, float]
@@ -155,6 +155,6 @@ def _note(found: list[_End], how: str) -> str:
     parts = [f"{span} break{'' if span == '1' else 's'}"]
     for name in found[0].gaps:
         gaps = [end.gaps[name] for end in found]
-        if max(gaps) - min(gaps) > CLOSE:
+        if max(gaps) - min(gaps) > SAME_END_GAP:
             parts.append(f"{name} {1e3 * min(gaps):.1f} to {1e3 * max(gaps):.1f} mm")
     return f"{DEPENDS[:1].upper()}{DEPENDS[1:]}: {how} {', '.join(parts)}"

@@ -20,7 +20,7 @@ MEMORY_LIMIT = 2_000_000_000
 """Of a reply, above the memory of an idle process [bytes]."""
 
 # A throw that has run longer than this is stopped by a newer request [s].
-PATIENCE = 0.5
+STOPPABLE_AFTER = 0.5
 # Between two reports of progress [s].
 REPORT_INTERVAL = 0.2
 
@@ -51,7 +51,7 @@ class Question:
 
     def check(self, _done: int = 0, _total: int = 0) -> None:
         """Stop a superseded run; pass this to `simulate` as its report."""
-        if self.overtaken.is_set() and time.monotonic() - self.began > PATIENCE:
+        if self.overtaken.is_set() and time.monotonic() - self.began > STOPPABLE_AFTER:
             raise KeyboardInterrupt
 
     def progress(self, done: int, total: int) -> None:
@@ -65,14 +65,14 @@ class Question:
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """One request, as it goes to a process.
+    """A request as it is sent to a process.
 
     Attributes
     ----------
     name : str
         Kind of task.
     content : bytes
-        What the page sent.
+        Body of the request.
     options : mapping of str to str
         From the address of the request.
     seconds : float
@@ -103,9 +103,9 @@ class Reply:
     Attributes
     ----------
     content : bytes
-        What the page gets.
+        Body of the reply.
     media_type : str
-        Of the content.
+        Media type of the content.
     status : int
         Status code of HTTP: 200, or 4xx and 5xx for refusals.
     kept : tuple of (str, bytes)

@@ -86,7 +86,7 @@ MOST_PANELS, MOST_RUNS, MOST_MEASURED, MOST_DETECTORS = 12, 3, 20, 2
 LARGEST_PANEL = 4_000_000
 # Thrown before the first reply: without over-travel, and with the loaded start that it brings,
 # which has kernels of its own.
-WARMING = ("sb1", "uic60-760-1-15")
+WARM_UP_PANELS = ("sb1", "uic60-760-1-15")
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +112,7 @@ class Opening:
 
     def __call__(self) -> Callable[[Task, Question], Reply]:
         """Load or compile the kernels, so that no reply waits for that."""
-        for name in WARMING:
+        for name in WARM_UP_PANELS:
             simulate(load_panel(name), scheme=Scheme.of("quick"), throw=False)
         return TaskHandler(self).answer
 

@@ -26,7 +26,7 @@ from turnout.web.question import MEMORY_LIMIT, Reply, Superseded, Task
 
 PROCESSES = 2
 # A request goes to the process used last, unless that is busy for longer than this [s].
-MOMENT = 0.5
+BUSY_LIMIT = 0.5
 MOST_WAITING = 200
 # Content of marks stored for replacement processes: number, and bytes in total.
 MOST_KEPT, MOST_KEPT_BYTES = 72, 100_000_000
@@ -197,7 +197,7 @@ class Worker:
             raise FileError(message)
         self._waiting.append(request)
         self._dispatch()
-        asyncio.get_running_loop().call_later(MOMENT, self._dispatch)
+        asyncio.get_running_loop().call_later(BUSY_LIMIT, self._dispatch)
         try:
             return await request.turn
         except asyncio.CancelledError:
@@ -234,12 +234,12 @@ class Worker:
         """
         if task.job:
             others = [process for process in self._idle if process is not self._last]
-            return others[0] if others else None if waited < 0.9 * MOMENT else self._idle[0]
+            return others[0] if others else None if waited < 0.9 * BUSY_LIMIT else self._idle[0]
         if self._last in self._idle:
             return self._last
         busy = self._last in self._processes and self._last is not None and self._last.alive
         # A timer may come a little early.
-        return None if busy and waited < 0.9 * MOMENT else self._idle[0]
+        return None if busy and waited < 0.9 * BUSY_LIMIT else self._idle[0]
 
     def _release(self, process: Process) -> None:
         self._idle.append(process)

@@ -298,7 +298,7 @@ UNCHECKED = (
     "at a drive, such as 'drive 1'; `turnout campaign check --panel PANEL` takes objects at other "
     "places too"
 )
-UNTOLD = (
+UNCHECKABLE = (
     "whether columns of rods are exchanged cannot be checked with these movements, as no object "
     "loads one rod clearly more than the others; measure one near each drive"
 )

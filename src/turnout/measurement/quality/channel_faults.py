@@ -38,16 +38,16 @@ KINDS = (
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """One thing that is wrong with a throw.
+    """A fault of a recorded throw.
 
     Attributes
     ----------
     kind : str
         One of `KINDS`.
     channel : str
-        Such as "drive_force 2"; empty where it concerns the whole throw.
+        Such as "drive_force 2"; empty for the whole throw.
     text : str
-        What was found, with the figure and its limit.
+        Description, with the figure and its limit.
     excludes : bool
         Whether the throw must not be used.
     """
@@ -148,7 +148,7 @@ CHANCE = 1e-4
 # A switch is thrown with some kilonewtons, and no object bears more than this [N].
 MOST_FORCE = 2e5
 # A tenth of the samples beyond it are no spikes.
-LASTING = 0.9
+SPIKE_QUANTILE = 0.9
 # So many equal samples from the start on are a rest without noise.
 LEAST_REST = 10
 
@@ -275,7 +275,9 @@ def quantisation_fault(name: str, values: Floats, *, key: str, limits: Limits) -
 
 def mostly_beyond(values: Floats, *, key: str) -> bool:
     """Return True if a force is too large for a rod for more than a moment, unlike spikes."""
-    return key != "drive_current" and float(np.quantile(np.abs(values), LASTING)) > MOST_FORCE
+    return (
+        key != "drive_current" and float(np.quantile(np.abs(values), SPIKE_QUANTILE)) > MOST_FORCE
+    )
 
 
 def in_words(value: float, unit: str) -> str:

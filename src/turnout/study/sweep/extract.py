@@ -19,7 +19,7 @@ from turnout.panel.load import LoadedPanel
 from turnout.solver.integration import History
 from turnout.solver.watch import Watch, Watched, rest_instants
 from turnout.study.study import Study
-from turnout.study.sweep.throw_group import GAPS, LAID_TOGETHER, ThrowSignals, single_precision
+from turnout.study.sweep.throw_group import GAPS, STACKED_CHANNELS, ThrowSignals, single_precision
 from turnout.throw.dataset import response_channels
 from turnout.throw.drives import as_thrown, duties, machine_signals, machine_slips, moved_throws
 from turnout.throw.gaps import gaps_over_time, watched_gaps
@@ -89,7 +89,7 @@ def extract_signals(
         of_machines = machine_signals(panel, history)
         labels |= {name: value for name, value in of_machines.items() if "time" not in value[0]}
         kept = _kept_of_machines(study, of_machines, history.time, recorder)
-        kept |= _further_channels(study, given, solved, known={*of_machines, *LAID_TOGETHER})
+        kept |= _further_channels(study, given, solved, known={*of_machines, *STACKED_CHANNELS})
     return ThrowSignals(
         panel=panel,
         index=mechanism.index,

@@ -36,7 +36,7 @@ Variables = dict[str, Channel]
 GAPS = ("drive_gap", "sensor_gap")
 OF_DRIVES = ("drive_force", "drive_displacement", "drive_slipping")
 OF_OBJECTS = ("object_force", "single_object_force")
-LAID_TOGETHER = (*OF_DRIVES, *OF_OBJECTS, *GAPS)
+STACKED_CHANNELS = (*OF_DRIVES, *OF_OBJECTS, *GAPS)
 """Channels that are made for many throws at once."""
 
 

@@ -35,7 +35,7 @@ FIELDS = (
 )
 POWERS = ("drive_power", "drive_apparent_power")
 # Rest and hold that the truth keeps around a throw, as a build of the campaign does [s].
-AROUND = 1.0
+KEPT_AROUND = 1.0
 POLL = 0.5
 
 
@@ -232,7 +232,7 @@ def _true_piece(true: xr.Dataset, case: Case) -> RecordedThrow:
     time = true["time"].values
     offs = [running_time(time, row)[1] for row in true["drive_current"].values]
     onset, end = float(true.attrs["onset"]), float(np.nanmax(offs))
-    kept = true.sel(time=slice(onset - AROUND, end + AROUND)).drop_attrs()
+    kept = true.sel(time=slice(onset - KEPT_AROUND, end + KEPT_AROUND)).drop_attrs()
     throw = _throw(onset=onset, end=end, direction=case.direction, count=kept.sizes["time"])
     return RecordedThrow(kept, throw, "", ())
 
