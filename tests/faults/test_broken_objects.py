@@ -1,6 +1,8 @@
 """A verdict that depends on how an object breaks says so, wherever it is shown."""
 
 import json
+import re
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any, cast
@@ -13,6 +15,7 @@ from typer.testing import CliRunner
 import turnout
 from turnout.calibration.load_study import load_study
 from turnout.cli.main import app
+from turnout.core.channels import KINDS_NOTE
 from turnout.core.scheme import Mode
 from turnout.figures.report.page import page_html
 from turnout.figures.report.run import run_page
@@ -20,10 +23,15 @@ from turnout.figures.report.sequence import sequence_page
 from turnout.figures.report.sweep import sweep_findings
 from turnout.figures.style import title_of
 from turnout.metric.finding import HEADLINE, findings
+from turnout.metric.key_figure import key_figures
+from turnout.metric.summary import summary
 from turnout.metric.verdict import verdict
 from turnout.panel.object_text import parse_object
+from turnout.solver.outcome import Code
 from turnout.study.sweep.read import read_labels
 from turnout.study.sweep.run import throw_study
+from turnout.throw.breaking import break_attributes
+from turnout.throw.simulate import solve
 from turnout.web.object_map import object_map
 from turnout.web.question import Question
 from turnout.web.request import MapRequest
@@ -86,10 +94,41 @@ def test_ice_that_just_fails_has_the_same_verdict_in_both_modes() -> None:
     for made in (thrown(), fine):
         found = verdict(made)
         assert found.kind == "depends on how it breaks"
-        assert "strength 0 to 1 breaks, TKK1 5." in found.text
-        assert "to 17." in found.text
+        assert re.search(
+            r'TKK" with no break \(TKK1 17\.\d mm\) or "und.* 1 break \(TKK1 5\.\d', found.text
+        )
         assert "; in this throw: undetected object: " in found.text
         assert "changes it" in found.meaning
+
+
+@pytest.mark.parametrize("mode", ["quick", "waveform"])
+def test_an_object_on_the_other_rail_is_compared_after_opening(mode: Mode) -> None:
+    item = parse_object(f"{ICE}, rail=curved, strength=9.22MPa")
+    found = verdict(turnout.simulate(panel(), foreign_object=item, mode=mode))
+    assert found.kind == "depends on how it breaks"
+    assert re.search(r"no break \(TKK1 after opening 16\.\d.* 1 break \(TKK1 after", found.text)
+
+
+def test_a_compared_throw_that_does_not_end_is_not_alike() -> None:
+    item, scheme = parse_object(f"{ICE}, strength=9.5MPa"), turnout.Scheme()
+    solved = solve(panel(), foreign_object=item, scheme=scheme)
+    thrown = solved.mechanism, solved.history
+    early = replace(solved.history.outcome, code=Code.NOT_CONVERGED)
+    stopped = solved.mechanism, replace(solved.history, outcome=early)
+    made = [
+        break_attributes(panel(), solved.objects, thrown, scheme, lambda *_, end=end: end)
+        for end in (thrown, stopped)
+    ]
+    assert made[0] == {"break_check": "alike with a little less and more strength"}
+    assert made[1]["break_note"].endswith(
+        'strength "undetected object" with 1 break or a run that does not come to its end'
+    )
+
+
+def test_gaps_that_rest_on_a_break_are_named_beside_the_same_verdict() -> None:
+    found = verdict(thrown("24.9mm ice@sleeper3, strength=6.15MPa, piece=0.7"))
+    assert found.kind == "detected by TKK"
+    assert re.search(r" no break \(TKK1 25\.\d.* 1 break \(TKK1 1[78]\.", found.text)
 
 
 @pytest.mark.parametrize("mode", ["quick", "waveform"])
@@ -150,7 +189,33 @@ def test_the_command_line_says_so() -> None:
 @pytest.mark.parametrize("lost", ["object_broken", "drive_slipping"])
 def test_what_was_not_kept_hides_nothing(lost: str) -> None:
     """Without slip there is no verdict, but lock and control at the end."""
-    assert "strength 0 to 1 breaks" in findings(thrown().drop_vars(lost))[0].detail
+    assert (
+        'strength "detected by TKK" with no break (TKK1 17.'
+        in findings(thrown().drop_vars(lost))[0].detail
+    )
+
+
+@pytest.mark.parametrize(
+    ("mode", "note"),
+    [
+        ("quick", "the peak of a blow is off by up to 22 %"),
+        ("waveform", "the peak of a blow is off by up to 4 %"),
+        ("quasi-static", "without blows, which mode quasi-static leaves out"),
+    ],
+)
+def test_a_peak_of_a_struck_object_is_shown_with_its_error(mode: Mode, note: str) -> None:
+    made = turnout.simulate(panel(), foreign_object=parse_object("13mm@sleeper6"), mode=mode)
+    assert made.attrs["object_peak_note"] == note
+    shown = [text for heading, text in summary(made)]
+    shown += [item.detail for item in findings(made)]
+    shown += [item.label for item in key_figures(made)]
+    assert sum(f" ({note})" in text for text in shown) == 3
+
+
+def test_peaks_of_throws_without_a_blow_have_no_note() -> None:
+    unstruck = turnout.simulate(panel(), mode="quick")
+    assert "object_peak_note" not in unstruck.attrs
+    assert "blow" not in str(summary(unstruck)) + str(key_figures(unstruck))
 
 
 def test_a_file_from_before_the_note_says_so() -> None:
@@ -169,20 +234,26 @@ def test_throws_after_a_break_say_so_and_those_before_do_not() -> None:
 
 def test_a_sequence_on_the_command_line_says_so() -> None:
     line = ("simulate", "--object", ICE, "--throws", "2")
+    assert "object: the peak of a blow is off by up to 22 %\n" in printed(*line)
     assert f"{UNCOMPARED} (from throw 1 on)\n" in printed(*line)
     assert json.loads(printed(*line, "--json"))["break_note"] == f"{UNCOMPARED} (from throw 1 on)"
 
 
 @pytest.mark.parametrize(("kind", "said"), [("ice", True), ("wood", False)])
-def test_a_sweep_that_stores_breaks_says_so(tmp_path: Path, kind: str, said: bool) -> None:
-    text = STUDY.replace("{kind}", kind)
+@pytest.mark.parametrize(
+    ("channels", "note"), [('["object_broken"]', UNCOMPARED), ("[]", KINDS_NOTE)]
+)
+def test_a_sweep_says_that_it_does_not_compare(
+    tmp_path: Path, kind: str, said: bool, channels: str, note: str
+) -> None:
+    text = STUDY.replace("{kind}", kind).replace('["object_broken"]', channels)
     throw_study(load_study(study_file(tmp_path, text=text)), tmp_path / "out", pool=here)
     labels = read_labels(tmp_path / "out")
     shown = [item.detail for item in sweep_findings(labels)]
     line = ("sweep", "map", str(tmp_path / "out"))
     record = cast("dict[str, Any]", json.loads(printed(*line, "--json")))
     assert (
-        UNCOMPARED in shown,
-        UNCOMPARED in printed(*line),
-        record.get("break_note") == UNCOMPARED,
+        note in shown,
+        note in printed(*line),
+        record.get("break_note") == note,
     ) == (said,) * 3

@@ -34,6 +34,10 @@ from turnout.throw.store import open_response
             ("--object", "20mm stone@drive1, strength=200MPa, stiffness=1kN/mm"),
             ("strength = 200 MPa", "it cannot break", "more stiffness"),
         ),
+        (
+            ("--object", "13mm ice@drive1, temperature=-40degC, stiffness=300kN/m"),
+            ("temperature = 233.15 K", "its strength is 25 MPa", "it cannot break", "less frost"),
+        ),
         (("--object", "13mm stone@drive1, strength=-1MPa"), ("strength = ", "must be ")),
         (("--object", "13mm stone@drive1, toughness=-1MPa"), ('no "toughness"',)),
         (("--step", "1"), ("--step 1", "write the unit")),

@@ -77,7 +77,9 @@ def test_a_simulated_throw_agrees_with_its_labels() -> None:
     reported = {item.question: item for item in findings(dataset)}
     assert (reported["Locked?"].answer == "Yes") == bool(dataset["locked"][-1])
     peak = float(dataset["object_force"].max()) / 1e3
-    assert reported["Force on the object"].detail.endswith(f"{peak:.2f} kN at most")
+    assert reported["Force on the object"].detail.endswith(
+        f"{peak:.2f} kN at most (the peak of a blow is off by up to 4 %)"
+    )
 
 
 def test_no_check_is_good_that_lets_an_object_pass() -> None:

@@ -74,3 +74,18 @@ def _end_gaps(item: ForeignObject, name: str) -> np.ndarray:
     assert int(made["object_broken"][0]) > 0
     gaps: np.ndarray = made["sensor_gap"].values[..., -1]
     return gaps
+
+
+def test_failures_within_short_steps_leave_the_energy_balanced() -> None:
+    """Accelerations of pieces of 4 us have so much rounding that the balance would not close."""
+    loose = {"chair.friction_coefficient": 0.10347364172798046}
+    loose |= {"chair.stick_stiffness": 10844055.852249647}
+    loose |= {"drive.1.saturation_force": 8135.454248667692}
+    loose |= {"drive.2.saturation_force": 7673.718676801847}
+    given = {"strength": 2819786.5702511305, "piece": 0.2870996769493882}
+    stone = ForeignObject(0.01686444823474995, "x = 2.831 m", rail="curved", kind="stone", **given)
+    panel = PANEL.with_overrides(loose)
+    scheme = SCHEMES["a quarter of the step"]
+    history = solve(panel, foreign_object=stone, scheme=scheme).history
+    assert history.obstructions.broken.tolist() == [3]
+    assert history.outcome.energy_residual < 2e-7 * history.outcome.energy_scale

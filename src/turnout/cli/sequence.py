@@ -118,6 +118,7 @@ def sequence_record(dataset: "xr.Dataset") -> tuple[dict[str, Any], dict[str, st
         "outcome_message": attributes["outcome_message"],
         "throws": throw_table(dataset),
         **({"break_note": note} if note else {}),
+        **({"object_peak_note": peak} if (peak := attributes.get("object_peak_note")) else {}),
         "wall_time": attributes["wall_time"],
     }
     units = {
@@ -148,5 +149,7 @@ def sequence_lines(dataset: "xr.Dataset") -> Iterator[str]:
             f"{row['verdict']:<18}{row['state']}"
         )
     yield f"{count} throws, {dataset.attrs['wall_time']:.1f} s"
+    if note := dataset.attrs.get("object_peak_note"):
+        yield f"object: {note}"
     if note := break_note(dataset):
         yield coloured(note, "look")

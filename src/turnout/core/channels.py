@@ -289,6 +289,11 @@ BREAK_NOTE = (
 )
 """Attribute `break_note` of sequences in which an object broke, with `break_throw`; of a single
 throw, which is compared with others, it says what differs, and `break_check` what was compared."""
+KINDS_NOTE = (
+    "Objects may break: throws of a sweep are not compared, and where a strength is nearly met the "
+    "verdict may depend on step and mode; `object_broken`, if stored, counts breaks"
+)
+"""Attribute `break_note` of sweeps with objects of such kinds that do not store `object_broken`."""
 
 
 def label(dataset: "xr.Dataset") -> "xr.Dataset":

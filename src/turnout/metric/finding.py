@@ -16,6 +16,7 @@ from turnout.metric.checks import (
     format_force,
     unmet,
 )
+from turnout.metric.key_figure import peak_note
 from turnout.metric.slip import unfinished
 from turnout.metric.summary import (
     ends_inaccurate,
@@ -239,7 +240,7 @@ def _object(dataset: xr.Dataset) -> list[Finding]:
     if "object_force" not in dataset:
         return [Finding("fact", "Force on the object", "not known", detail)]
     force = dataset["object_force"]
-    detail += f"; {format_force(force.max())} at most"
+    detail += f"; {format_force(force.max())} at most{peak_note(dataset)}"
     return [Finding("fact", "Force on the object", format_force(final_value(force)), detail)]
 
 

@@ -77,15 +77,29 @@ def key_figures(dataset: xr.Dataset) -> list[KeyFigure]:
 def _of_object(dataset: xr.Dataset) -> list[KeyFigure]:
     if "object_force" not in dataset or dataset.attrs.get("foreign_objects", "") == "[]":
         return []
-    force = dataset["object_force"]
+    force, note = dataset["object_force"], peak_note(dataset)
     found = [
         KeyFigure("object_end", "Object, end force", float(final_value(force)), "N"),
-        KeyFigure("object_peak", "Object, largest force", float(force.max()), "N"),
+        KeyFigure("object_peak", f"Object, largest force{note}", float(force.max()), "N"),
     ]
     if "contact_time" in dataset:
         when = float(dataset["contact_time"])
         found.append(KeyFigure("contact_time", "Object, first contact", when, "s"))
     return found
+
+
+def peak_note(dataset: xr.Dataset) -> str:
+    """Return by how much the largest force on an object may be off, in brackets after a space.
+
+    Empty where none was struck, and for datasets from before it was stated.
+
+    Examples
+    --------
+    >>> peak_note(xr.Dataset(attrs={"object_peak_note": "the peak of a blow is off by up to 4 %"}))
+    ' (the peak of a blow is off by up to 4 %)'
+    """
+    note = dataset.attrs.get("object_peak_note", "")
+    return f" ({note})" if note else ""
 
 
 def _of_flangeway(dataset: xr.Dataset) -> list[KeyFigure]:

@@ -20,6 +20,7 @@ from turnout.metric.checks import (
     format_gap,
     format_length,
 )
+from turnout.metric.key_figure import peak_note
 from turnout.metric.slip import Margin, machine_throws, margins, movements, unfinished
 
 if TYPE_CHECKING:
@@ -170,6 +171,7 @@ def _objects(dataset: "xr.Dataset") -> list[str]:
         peak = float(dataset["object_force"].max())
         end = final_value(dataset["object_force"])
         text += f"; force {format_force(end)} at the end, {format_force(peak)} at most"
+        text += peak_note(dataset)
     return [*placed, text, *_fates(dataset)]
 
 

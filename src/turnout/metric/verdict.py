@@ -145,6 +145,7 @@ def verdict(dataset: "xr.Dataset", found: Sequence[Check] | None = None) -> Verd
     if "break_check" in dataset.attrs and note:
         text = f"{note}; in this throw: {made.text[:1].lower()}{made.text[1:]}"
         return Verdict("depends on how it breaks", text, own=kind)
+    note = note or str(dataset.attrs.get("break_gaps", ""))
     return replace(made, text=f"{made.text} {note}.") if note else made
 
 
@@ -536,8 +537,9 @@ def break_note(dataset: "xr.Dataset") -> str:
     if "break_check" in dataset.attrs:
         return str(dataset.attrs.get("break_note", ""))
     if "scenario" in dataset.dims or "break_note" not in dataset.attrs:
-        broke = "object_broken" in dataset and bool((dataset["object_broken"] > 0).any())
-        return BREAK_NOTE if broke else ""
+        if "object_broken" not in dataset:
+            return str(dataset.attrs.get("break_note", ""))
+        return BREAK_NOTE if bool((dataset["object_broken"] > 0).any()) else ""
     first = dataset.attrs.get("break_throw", 1)
     if "throw" in dataset.dims:
         return f"{BREAK_NOTE} (from throw {first} on)"

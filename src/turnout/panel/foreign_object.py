@@ -320,22 +320,30 @@ def _examined(
 def break_faults(item: ForeignObject) -> list[tuple[str, str]]:
     """Find out whether an object that breaks is squeezed flat before it can.
 
-    Its compression where it fails, force over stiffness, must be less than its size. Ice whose
-    strength follows from its temperature is not examined.
+    Its compression where its force reaches the strength must be less than its size; of a long one
+    that of its parts.
     """
-    if not OBJECT_KINDS[item.kind].breaks:
+    of_kind = OBJECT_KINDS[item.kind]
+    if not of_kind.breaks:
         return []
     size, stiffness = float(item.size), float(item.stiffness or 0.0)
     given = filled_parameters(item.kind, item.parameters, size=size)
-    force = given["strength"] * (given["length"] * given["depth"] or size**2)
-    if force < stiffness * size:
+    given["length"] /= max(1, math.ceil(given["length"] / LONGEST_PART - 1e-9))
+    whole = Trapped(kind=item.kind, size=size, stiffness=stiffness, **given)  # type: ignore[arg-type]
+    curve, strength = of_kind.curve(whole), of_kind.strength(whole)
+    reach = float(curve.breakpoints[1])
+    if reach < size:
         return []
-    text = (
-        f" = {1e-6 * given['strength']:g} MPa: it cannot break, {1e-3 * force:.3g} kN would press "
-        f"its {1e3 * size:g} mm together by {1e3 * force / stiffness:.3g} mm (stiffness = "
-        f"{1e-3 * stiffness:g} kN/m); give less strength or more stiffness"
+    key, text, less = "strength", f" = {1e-6 * strength:g} MPa", "less strength"
+    if not whole.strength:
+        key, text = "temperature", f" = {whole.temperature:g} K: its strength is {text[3:]}"
+        less = "less frost, a strength of its own,"
+    text += (
+        f": it cannot break, {1e-3 * reach * curve.unloading:.3g} kN would press its "
+        f"{1e3 * size:g} mm together by {1e3 * reach:.3g} mm (stiffness = "
+        f"{1e-3 * stiffness:g} kN/m); give {less} or more stiffness"
     )
-    return [("strength", text)]
+    return [(key, text)]
 
 
 def _opening_faults(

@@ -77,6 +77,9 @@ MEASURE_EVERY = 400
 """Steps after which the residual of a solution is measured in any case."""
 PASSED = -1
 """Outcome of a step on whose way an obstruction fails."""
+SHORTEST_PIECE = 15e-6
+"""In which a failure is located [s]; the rounding of accelerations, which the energy residual
+shows, grows with one over the square of the length."""
 
 
 @compiled
@@ -139,7 +142,7 @@ def _try_step(
             refine(system, state, work)
             evaluate(table, state, work)
             state.drift[0] = DRIFTS
-    if code == CONVERGED and state.counters[LEVEL] < stepping.halvings:  # noqa: SIM102, as above
+    if code == CONVERGED and _can_locate(stepping, state.counters[LEVEL]):  # noqa: SIM102, as above
         if passes_failure(table, state, obstructions):
             code = PASSED
     if code == CONVERGED:
@@ -149,6 +152,12 @@ def _try_step(
     copy(work.g_start, state.g)
     restore_contact_set(system, table, state, work)
     return code
+
+
+@compiled
+def _can_locate(stepping: Stepping, level: int) -> bool:
+    """Return whether the pieces of a level may be halved to locate a failure."""
+    return level < stepping.halvings and stepping.step >= SHORTEST_PIECE * (2 << level)
 
 
 @compiled_part
@@ -175,8 +184,9 @@ def _advance(
     position, level, fails = 0, 0, False
     h, factors = stepping.step, nominal
     if has_just_broken(state, obstructions):
-        level = stepping.halvings
-        h = stepping.step / n_pieces
+        while _can_locate(stepping, level):
+            level += 1
+        h = stepping.step / (1 << level)
         factors = step_factors(stepping, h)
         switch_level(system, table, state, work, stepping, level)
     begin, end = work.inputs_start, work.inputs_end

@@ -3,12 +3,13 @@
 Whether an object fails rests on a peak of its force, which steps resolve only so well: the first
 failure mostly on a slow one, those of pieces on blows. A throw of mode quick is then made in mode
 waveform too, any other with strengths that are lower and higher by as much as the peak may be off.
-Where lock, control, slip or what is trapped differ, the verdict depends on how it breaks.
+Where verdicts differ, by what is reported in any movement, or another throw does not come to its
+end, the verdict depends on how it breaks. Where gaps alone do, they are named.
 """
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -17,25 +18,29 @@ from turnout.core.scheme import Scheme
 from turnout.mechanism.mechanism import Mechanism
 from turnout.mechanism.object_laws import named_obstructions
 from turnout.panel.foreign_object import PlacedObject
+from turnout.panel.model import Panel
 from turnout.solver.integration import History
+from turnout.solver.watch import TIME_TOLERANCE
+from turnout.throw.drives import as_thrown, moved_throws
+from turnout.throw.route import DirectedMovement, sensor_rails
 from turnout.throw.save import Save
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 SLOW_ERROR, BLOW_ERROR = 0.005, 0.05
 """Largest errors of the peak of an object's force in mode waveform, without and with a blow [-]."""
 COARSE_SLOW_ERROR, COARSE_BLOW_ERROR = 0.01, 0.25
 """The same with longer steps or a lower cut-off [-]."""
+BLOW_SHARE, COARSE_BLOW_SHARE = 4, 22
+"""Largest errors found of the peak of a blow, in mode waveform and quick [%]."""
 SAME_END_GAP = 0.3e-3
 """End gaps that differ by less are alike [m]."""
 COMPARED = Save(
     fields=(
-        *("locked", "in_control", "drive_slipping", "sensor_gap"),
+        *("locked", "in_control", "drive_slipping", "least_flangeway", "sensor_gap", "drive_gap"),
         *("object_left", "object_broken", "contact_time", "object_contact_time"),
     )
 )
-Throw = Callable[[tuple[PlacedObject, ...], Scheme], "tuple[xr.Dataset, bool]"]
+Thrown = tuple[Mechanism, History]
+Throw = Callable[[tuple[PlacedObject, ...], Scheme], Thrown]
 
 
 def is_coarse(scheme: Scheme) -> bool:
@@ -45,45 +50,63 @@ def is_coarse(scheme: Scheme) -> bool:
     return coarser or not scheme.inertia
 
 
+def peak_attributes(thrown: Thrown, scheme: Scheme) -> dict[str, str]:
+    """Return by how much the peak of a blow may be off, `object_peak_note`, if one was struck."""
+    mechanism, history = thrown
+    if np.isnan(history.law_first[list(mechanism.index.object.values())]).all():
+        return {}
+    if not scheme.inertia:
+        return {"object_peak_note": "without blows, which mode quasi-static leaves out"}
+    quick = Scheme.of("quick")
+    beyond = scheme.step > quick.step or scheme.cutoff_frequency < quick.cutoff_frequency
+    share = COARSE_BLOW_SHARE if is_coarse(scheme) else BLOW_SHARE
+    more = " or more" if beyond else ""
+    return {"object_peak_note": f"the peak of a blow is off by up to {share} %{more}"}
+
+
 def break_attributes(
+    panel: Panel,
     objects: tuple[PlacedObject, ...],
-    solved: tuple[Mechanism, History],
-    base: "Callable[[], xr.Dataset]",
+    thrown: Thrown,
     scheme: Scheme,
     throw: Throw,
 ) -> dict[str, str]:
-    """Return what a dataset says of breaks: `break_check`, and `break_note` if breaking decides.
+    """Return attributes on breaks: `break_check`, and `break_note` if breaking decides.
+
+    Where it decides gaps alone it is `break_gaps` in place of `break_note`.
 
     Parameters
     ----------
+    panel : Panel
+        What was thrown.
     objects : sequence of PlacedObject
         Of the throw.
-    solved : tuple of Mechanism and History
+    thrown : tuple of Mechanism and History
         The throw.
-    base : callable
-        Makes its dataset with the channels of `COMPARED`.
     scheme : Scheme
         Its numerical choices.
     throw : callable
-        Makes such a dataset for other objects and another scheme, and says whether it is complete.
+        Makes such a throw with other objects and another scheme.
     """
-    mechanism, history = solved
     coarse = is_coarse(scheme)
-    near = _is_near(mechanism, history, objects, COARSE_BLOW_ERROR if coarse else SLOW_ERROR)
-    first = _end_of(base()) if history.outcome.complete else None
-    if first is None or not (near or any(first.broken)):
+    near = _is_near(*thrown, objects, COARSE_BLOW_ERROR if coarse else SLOW_ERROR)
+    first = _end_of(panel, objects, thrown)
+    if not first.kind or not (near or any(first.broken)):
         return {}
     found = [first]
     for varied, other, alike in _variants(objects, scheme, broke=any(first.broken)):
-        dataset, complete = throw(varied, other)
-        end = _end_of(dataset) if complete else first
-        if not alike or np.array_equal(np.sign(end.broken), np.sign(first.broken)):
+        end = _end_of(panel, objects, throw(varied, other))
+        if not alike or not end.kind or end.broke == first.broke:
             found.append(end)
     how = "in mode waveform and " if coarse else ""
     how += "with a little less and more strength"
-    if all(end.state == first.state for end in found):
-        return {"break_check": f"alike {how}"}
-    return {"break_check": f"differs {how}", "break_note": _note(found, how)}
+    if any(end.kind != first.kind for end in found):
+        note = f"{DEPENDS[:1].upper()}{DEPENDS[1:]}: {how} {_outcomes(found)}"
+        return {"break_check": f"differs {how}", "break_note": note}
+    attributes = {"break_check": f"alike {how}"}
+    if _open_names(found):
+        attributes["break_gaps"] = f"{how[:1].upper()}{how[1:]} {_outcomes(found)}"
+    return attributes
 
 
 def _is_near(
@@ -126,35 +149,178 @@ def _variants(
 
 @dataclass(frozen=True, slots=True)
 class _End:
-    """End of a throw: states of the verdict, gaps of the sensors [m], breaks of each object."""
+    """Outcome of a throw.
 
-    state: tuple[bool, ...]
+    Attributes
+    ----------
+    kind : str
+        As the verdict on it, which objects and reports decide; empty without an end.
+    gaps : dict of str to float
+        Of the sensors that are asked at the rests, of drives where a panel has none [m].
+    broken : tuple of int
+        How often each object broke.
+    """
+
+    kind: str
     gaps: dict[str, float]
     broken: tuple[int, ...]
 
-
-def _end_of(dataset: "xr.Dataset") -> _End:
-    """Return how a throw ended."""
-    contact = dataset.get("object_contact_time", dataset["contact_time"]).values
-    touched = ~np.isnan(contact)
-    trapped = bool(np.any(touched & ~(dataset["object_left"].values <= 0.0)))
-    state = [trapped, bool(dataset["drive_slipping"].any()), bool(dataset["locked"].values[-1])]
-    gaps: dict[str, float] = {}
-    if "sensor_gap" in dataset:
-        state += dataset["in_control"].transpose(..., "time").values[..., -1].tolist()
-        last = dataset["sensor_gap"].transpose(..., "time").values[..., -1]
-        gaps = dict(zip(dataset["sensor"].values.tolist(), last.tolist(), strict=True))
-    return _End(tuple(state), gaps, tuple(dataset["object_broken"].values.tolist()))
+    @property
+    def broke(self) -> tuple[bool, ...]:
+        """Whether each object broke."""
+        return tuple(count > 0 for count in self.broken)
 
 
-def _note(found: list[_End], how: str) -> str:
-    """Return how the throws differ, in a sentence without its full stop."""
-    counts = [sum(end.broken) for end in found]
-    least, most = min(counts), max(counts)
-    span = f"{least} to {most}" if most > least else f"{most}"
-    parts = [f"{span} break{'' if span == '1' else 's'}"]
-    for name in found[0].gaps:
-        gaps = [end.gaps[name] for end in found]
-        if max(gaps) - min(gaps) > SAME_END_GAP:
-            parts.append(f"{name} {1e3 * min(gaps):.1f} to {1e3 * max(gaps):.1f} mm")
-    return f"{DEPENDS[:1].upper()}{DEPENDS[1:]}: {how} {', '.join(parts)}"
+def _end_of(panel: Panel, objects: Sequence[PlacedObject], thrown: Thrown) -> _End:
+    """Return the outcome of a throw."""
+    from turnout.throw.dataset import response_channels  # the solver needs none
+
+    mechanism, history = thrown
+    if not history.outcome.complete:
+        return _End("", {}, ())
+    channels = response_channels(panel, mechanism, history, save=COMPARED)
+    values: dict[str, Any] = {name: value for name, (_, value) in channels.items()}
+    moved = moved_throws(as_thrown(panel, history), history) or (AT_REST,)
+    movements = [
+        _Movement(item, panel, history, values, begin=item.start if at else -np.inf)
+        for at, item in enumerate(moved)
+    ]
+    gaps = dict[str, float]()
+    for each in movements:
+        after = "" if each is movements[-1] else f" after {each.movement.direction}"
+        for at in each.rests([item.disappears for item in objects]):
+            when = f"{after} at {history.time[at]:.2f} s" if at < each.last else after
+            gaps |= {f"{name}{when}": gap for name, gap in each.gaps(at).items()}
+    return _End(_kind(panel, objects, movements, values), gaps, tuple(values["object_broken"]))
+
+
+AT_REST = DirectedMovement("", "closed", -np.inf, -np.inf, np.inf)
+"""In place of the movements of a schedule that has none."""
+
+
+class _Movement:
+    """Reports of a switch in a movement and at its rest; of the first also before it."""
+
+    def __init__(
+        self,
+        movement: DirectedMovement,
+        panel: Panel,
+        history: History,
+        values: dict[str, Any],
+        *,
+        begin: float,
+    ) -> None:
+        self.movement, self.values, self.time = movement, values, history.time
+        self.last = self._before(movement.until)
+        self.late = movement.unfinished or movement.end > self.time[-1] + TIME_TOLERANCE
+        rails, to_closed = sensor_rails(panel), movement.to == "closed"
+        self.asked = [
+            (number, name)
+            for number, name in enumerate(panel.sensor)
+            if name not in rails or to_closed == (rails[name] == panel.instrumented_rail)
+        ]
+        self.drives = () if panel.sensor else tuple(panel.drive)
+        slipping = values["drive_slipping"]
+        begins = slipping.any(axis=0)
+        begins[1:] = (slipping[:, 1:] & ~slipping[:, :-1]).any(axis=0)
+        onsets = self.time[begins]
+        onsets = onsets[(onsets >= begin) & (onsets < movement.until)]
+        self.slip = float(onsets[0]) if onsets.size else np.inf
+        """First onset of a slip [s]."""
+
+    def _before(self, time: float) -> int:
+        """Return the number of the last instant before a time [s]."""
+        return int(self.time.searchsorted(time - TIME_TOLERANCE)) - 1
+
+    def rests(self, taken: Sequence[float]) -> list[int]:
+        """Return the instants that are judged: the last one, and before objects are taken out."""
+        if self.late:
+            return []
+        within = [time for time in taken if self.movement.end < time < self.movement.until]
+        return sorted({self.last, *(self._before(time) for time in within)})
+
+    def gaps(self, at: int) -> dict[str, float]:
+        """Return the gaps of `_End` at an instant [m]."""
+        found = {
+            f"Drive {name}": self.values["drive_gap"][n, at] for n, name in enumerate(self.drives)
+        }
+        found |= {name: self.values["sensor_gap"][n, at] for n, name in self.asked}
+        return {name: float(gap) for name, gap in found.items()}
+
+    def signs(self, gone: float = np.inf, *, slip: bool = True) -> list[str]:
+        """Return its reports until an object is gone [s], the first in order first."""
+        rests, values = self.rests([gone]), self.values
+        found = ["slip"] if slip and self.slip < gone else []
+        if rests and gone > self.movement.end:
+            at = rests[0]
+            found += [] if values["locked"][at] else ["lock"]
+            found += [] if all(values["in_control"][n, at] for n, _ in self.asked) else ["TKK"]
+        return found
+
+
+def _kind(
+    panel: Panel,
+    objects: Sequence[PlacedObject],
+    movements: Sequence[_Movement],
+    values: dict[str, Any],
+) -> str:
+    """Return the kind of the verdict on a throw."""
+    contacts = np.atleast_1d(values.get("object_contact_time", values["contact_time"])).tolist()
+    missed, found = False, list[str]()
+    for item, contact, left in zip(objects, contacts, values["object_left"].tolist(), strict=True):
+        to = "closed" if item.rail == panel.instrumented_rail else "open"
+        own, other = list[str](), False
+        for each in movements:
+            met = contact < min(item.disappears, each.movement.until)
+            if not met or each.movement.start >= item.disappears or each.movement.to != to:
+                continue
+            early = each.slip < contact - TIME_TOLERANCE
+            signs = each.signs(item.disappears, slip=not early)
+            own += [] if early else signs
+            other |= each.late or bool(early and signs)
+        stays = contact < item.disappears > each.time[-1] and not left <= 0.0
+        missed |= stays and not own and not other
+        found += own
+    if missed:
+        return "undetected object"
+    if found:
+        return f"detected by {min(found, key=('slip', 'lock', 'TKK').index)}"
+    if any(each.late for each in movements):
+        return "not judged"
+    found = [sign for each in movements for sign in each.signs()]
+    limit = panel.flangeway.limit if panel.flangeway else 0.0
+    narrow = bool(values["least_flangeway"] < limit)
+    return "not locked" if "lock" in found else "not sound" if found or narrow else "sound"
+
+
+def _open_names(found: Sequence[_End]) -> list[str]:
+    """Return the gaps that differ."""
+    ended = [end.gaps for end in found if end.kind]
+    names = [name for name in ended[0] if all(name in gaps for gaps in ended)]
+    return [name for name in names if np.ptp([gaps[name] for gaps in ended]) > SAME_END_GAP]
+
+
+def _outcomes(found: Sequence[_End]) -> str:
+    """Return the ends that differ: kind, breaks, and gaps that differ."""
+    names, groups = _open_names(found), dict[object, list[_End]]()
+    for end in sorted(found, key=lambda end: (not end.kind, sum(end.broken))):
+        groups.setdefault((end.kind, end.broke), []).append(end)
+    kinds = len({end.kind for end in found}) > 1
+    return " or ".join(_outcome(ends, names, kinds=kinds) for ends in groups.values())
+
+
+def _outcome(ends: Sequence[_End], gaps: Sequence[str], *, kinds: bool) -> str:
+    """Return one of the ends that differ."""
+    if not ends[0].kind:
+        return "a run that does not come to its end"
+    counts = [sum(end.broken) for end in ends]
+    text = f"{_span(counts, '.0f')} break{'' if set(counts) == {1} else 's'}"
+    parts = [f"{name} {_span([1e3 * end.gaps[name] for end in ends], '.1f')} mm" for name in gaps]
+    text = text if any(counts) else "no break"
+    text = f"{text} ({', '.join(parts)})" if parts else text
+    return f'"{ends[0].kind}" with {text}' if kinds else text
+
+
+def _span(values: Sequence[float], form: str) -> str:
+    least, most = f"{min(values):{form}}", f"{max(values):{form}}"
+    return least if least == most else f"{least} to {most}"

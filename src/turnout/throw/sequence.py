@@ -16,6 +16,7 @@ from turnout.mechanism.object_laws import dent_of, divided
 from turnout.panel.foreign_object import ForeignObject, PlacedObject, resolve_objects
 from turnout.panel.load import LoadedPanel
 from turnout.solver.outcome import Code, NotConverged, Outcome
+from turnout.throw.breaking import peak_attributes
 from turnout.throw.dataset import (
     coordinates_of,
     describe_run,
@@ -167,6 +168,7 @@ class _Series:
         first = "break_throw" not in self.attributes
         if first and has_broken(solved.mechanism, solved.history):
             self.attributes |= {"break_note": BREAK_NOTE, "break_throw": len(self.kept) + 1}
+        self.attributes |= peak_attributes((solved.mechanism, solved.history), self.scheme)
         self.coordinates.append(coordinates)
         self.kept.append({n: self._spread(v, present) for n, v in channels.items()})
         if (history := solved.history).machines is not None:

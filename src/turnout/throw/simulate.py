@@ -34,7 +34,7 @@ from turnout.solver.march import march_with_machines
 from turnout.solver.outcome import NotConverged
 from turnout.solver.start import PriorMotion
 from turnout.solver.watch import Watch
-from turnout.throw.breaking import COMPARED, break_attributes
+from turnout.throw.breaking import break_attributes, peak_attributes
 from turnout.throw.compilation import must_compile
 from turnout.throw.save import Save
 
@@ -134,7 +134,8 @@ def simulate_placed(
 
         dataset = response_dataset(panel, solved.mechanism, solved.history, save=save)
         taken = time.perf_counter() - began - solved.compile_time
-        breaks = _compare_breaks(panel, solved, scheme)
+        further = peak_attributes((solved.mechanism, solved.history), scheme)
+        further |= _compare_breaks(panel, solved, scheme)
     attributes = describe_run(
         panel,
         solved.mechanism,
@@ -144,7 +145,7 @@ def simulate_placed(
         wall_time=taken,
         solver_time=solved.solver_time,
     )
-    dataset.attrs.update(attributes | breaks)
+    dataset.attrs.update(attributes | further)
     if throw and not solved.history.outcome.complete:
         raise NotConverged(solved.history.outcome, partial=dataset)
     return dataset
@@ -347,21 +348,16 @@ def solve_planned(
 
 
 def _compare_breaks(panel: LoadedPanel, solved: Solved, scheme: Scheme) -> dict[str, str]:
-    """Return what a dataset says of breaks; throws without them are not compared."""
+    """Return attributes on breaks; throws without them are not compared."""
     if not any(item.of_kind.breaks for item in solved.objects):
         return {}
-    from turnout.throw.dataset import response_dataset
 
-    def kept(made: Solved) -> "xr.Dataset":
-        return response_dataset(panel, made.mechanism, made.history, save=COMPARED)
-
-    def throw(objects: tuple[PlacedObject, ...], other: Scheme) -> "tuple[xr.Dataset, bool]":
+    def throw(objects: tuple[PlacedObject, ...], other: Scheme) -> tuple[Mechanism, History]:
         made = solve_placed(panel, objects, scheme=other)
-        return kept(made), made.history.outcome.complete
+        return made.mechanism, made.history
 
-    return break_attributes(
-        solved.objects, (solved.mechanism, solved.history), lambda: kept(solved), scheme, throw
-    )
+    thrown = solved.mechanism, solved.history
+    return break_attributes(panel, solved.objects, thrown, scheme, throw)
 
 
 def compile_kernels(*, machines: bool = False) -> None:

@@ -103,7 +103,7 @@ def sequence_sheet(dataset: xr.Dataset, rows: Sequence[Mapping[str, Any]]) -> Sh
     return Sheet(
         name="throws",
         title="From throw to throw",
-        caption="",
+        caption=f"Object force: {note}." if (note := dataset.attrs.get("object_peak_note")) else "",
         x_label="Throw",
         rows=tuple(made) if throws.size > 1 else (),
     )

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from xarray.backends import BackendArray
 from xarray.core import indexing
 
+from turnout.core.channels import KINDS_NOTE
+from turnout.law.object_kind import OBJECT_KINDS
 from turnout.study.sweep.batch_index import BatchIndex, Column, label_arrays, read_index
 from turnout.study.sweep.verify import open_verified
 
@@ -75,7 +77,11 @@ def read_labels(folder: Path | str) -> xr.Dataset:
         name: xr.Variable(array.dims, array.values, array.attributes)
         for name, array in arrays.items()
     }
-    return _to_dataset(index, variables)
+    found = _to_dataset(index, variables)
+    kinds = set(found["object.kind"].values.tolist()) if "object.kind" in found.coords else set()
+    if any(OBJECT_KINDS[kind].breaks for kind in kinds & {*OBJECT_KINDS}):
+        found.attrs["break_note"] = KINDS_NOTE
+    return found
 
 
 def last_values(channel: xr.DataArray) -> NDArray[Any]:
