@@ -14,7 +14,7 @@ from tests.unit.detector_toy import toy_detector
 from typer.testing import CliRunner
 
 from turnout.cli import detect
-from turnout.cli.limit_output import write_map
+from turnout.cli.limit import write_map
 from turnout.cli.main import app
 from turnout.cli.output import Output, json_text
 from turnout.detection.limit.limit_map import limit_map

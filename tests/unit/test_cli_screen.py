@@ -11,7 +11,7 @@ import pytest
 from tests.unit.simulated import sb2_panel
 
 from turnout.cli.options import check_outputs
-from turnout.cli.sections import section_lines
+from turnout.cli.panel import section_lines
 from turnout.cli.show import CheckThrows, panel_lines
 from turnout.cli.watch import COMPILING, ProgressBar, watched
 from turnout.core.errors import FileError

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 from matplotlib.figure import Figure
 
-from turnout.cli.sections import section_figure
+from turnout.cli.panel import section_figure
 from turnout.figures.sections import ROWS
 from turnout.mechanism.rail_sections import section_outlines, station_columns
 from turnout.panel.load import load_panel

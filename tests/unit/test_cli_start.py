@@ -18,7 +18,7 @@ HEAVY = ("numba", "numpy", "xarray", "pandas", "pydantic", "matplotlib", "pint",
     [
         (["--version"], set(), set()),
         (["--help"], None, set()),
-        (["panel", "list", "--help"], {"panel", "match", "modes"}, {"pydantic"}),
+        (["panel", "list", "--help"], {"panel", "match"}, {"pydantic"}),
     ],
     ids=["version", "help", "panel list"],
 )
@@ -33,7 +33,7 @@ def test_one_command_loads_no_other_and_help_nothing_slow(
         "    main()\n"
         "except SystemExit:\n"
         "    pass\n"
-        "names = {place.partition(':')[0] for place, _ in COMMANDS.values()} | {'match', 'modes'}\n"
+        "names = {place.partition(':')[0] for place, _ in COMMANDS.values()} | {'match'}\n"
         "print(*(name for name in names if f'turnout.cli.{name}' in sys.modules))\n"
         f"print(*(name for name in {HEAVY!r} if name in sys.modules))\n"
     )

@@ -6,7 +6,7 @@ import numpy as np
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
-from turnout.cli.sections import COLUMNS
+from turnout.cli.panel import COLUMNS
 from turnout.figures.sections import ROWS, plot_section_values
 from turnout.mechanism.rail_sections import section_values
 from turnout.panel.load import load_panel

@@ -8,8 +8,9 @@ import xarray as xr
 from tests.unit.simulated import sb1_dataset, sb2_dataset
 from tests.unit.test_throw_simulate import interrupted
 
+from turnout.metric.checks import Check, checks, lamps
 from turnout.metric.finding import findings
-from turnout.metric.verdict import KINDS, verdict
+from turnout.metric.verdict import KINDS, accepted_by, verdict
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
 from turnout.throw.simulate import simulate
@@ -276,3 +277,29 @@ def test_throws_of_the_default_panel(
     found = verdict(simulate(panel, foreign_object=item, mode="quick"))
     assert found.kind == kind
     assert words in found.text
+
+
+def test_of_a_closed_gap_the_whole_limit_is_left() -> None:
+    """It said "5.25 left" of a limit of 5 mm."""
+    check = Check(kind="lock", name="switch", criterion="gap", met=True, value=-2.5e-4, limit=5e-3)
+    assert (check.numbers, check.left) == ("closed, limit 5 mm", "5.00 left")
+
+
+def test_checks_of_an_object_taken_out_at_rest_have_keys_of_their_own() -> None:
+    dataset = run_with()
+    item = json.loads(dataset.attrs["foreign_objects"])[0]
+    dataset.attrs["foreign_objects"] = json.dumps([item | {"disappears": 8.3}])
+    keys = [check.key for check in checks(dataset)]
+    assert len(set(keys)) == len(keys)
+    assert {"lock:switch:return:8.3", "lock:switch:return"} <= set(keys)
+
+
+def test_a_file_without_limits_of_sensors_is_judged() -> None:
+    """Files of older versions lack them."""
+    dataset = run_with(trapped=False).drop_vars("sensor_limit")
+    assert verdict(dataset).kind == "sound"
+    assert "below its limit" in [lamp.rule for lamp in lamps(dataset) if lamp.kind == "control"][0]
+
+
+def test_a_lock_that_is_asked_at_no_rest_is_not_said_to_lock() -> None:
+    assert accepted_by([]) == "is asked at no rest"

@@ -118,8 +118,6 @@ def calibrate_command(
     output.wrote(out)
     output.written.append(signals_path(out))
     if as_json:
-        from turnout.cli.json_records import calibration_record
-
         record, units = calibration_record(calibration)
         output.json(record, units=units)
     elif not quiet or calibration.distrust:
@@ -241,3 +239,15 @@ def _draw(
             output.written.append(path)
             watch.report(number, len(made))
     output.show(f"{folder} ({count_text(len(made), 'figure')})", heading="written")
+
+
+def calibration_record(calibration: "Calibration") -> tuple[dict[str, Any], dict[str, str]]:
+    """Return a calibration, and the unit of each parameter."""
+    names = (
+        *("panel", "panel_hash", "data", "movements", "parameters", "covariance", "stages"),
+        *("scatter", "posterior", "findings", "warnings", "causes", "fitted_causes", "sensors"),
+        *("chain", "effects"),
+    )
+    record = {name: getattr(calibration, name) for name in names}
+    record |= {"trustworthy": not calibration.distrust, "reasons": calibration.distrust}
+    return record, {item.name: item.unit for item in calibration.parameters}

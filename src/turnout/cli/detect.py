@@ -1,22 +1,15 @@
 """The commands `turnout detect ...`: train a detector, teach it a switch, judge throws."""
 
+import stat
+import time
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from turnout.cli.detect_options import (
-    ChannelsOption,
-    DetectorArgument,
-    RateOption,
-    RecordingsArgument,
-    known_rate,
-    read_recordings,
-    verdict_units,
-)
-from turnout.cli.detect_watch import watch_command
 from turnout.cli.options import (
     CalibrationOption,
     PanelArgument,
@@ -24,18 +17,80 @@ from turnout.cli.options import (
     SetOption,
     StrictOption,
     WorkersOption,
+    argument,
     check_outputs,
     given_panel,
     option,
 )
-from turnout.cli.output import FINDINGS, JsonOption, Output, refuse, resumable
+from turnout.cli.output import FINDINGS, JsonOption, Output, json_text, note, refuse, resumable
 from turnout.core.value_text import count_text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from turnout.detection.detector.detector import Detector
     from turnout.detection.detector.knowledge import Knowledge
+    from turnout.detection.detector.recorded import Recorded
     from turnout.detection.detector.throw_verdict import Verdict
+
+VERDICT_UNITS = {
+    **{"x": "m", "size": "m", "middle": "m", "low": "m", "high": "m", "limit": "m"},
+    **{"force": "N", "time": "s", "false_alarm_rate": "1", "log_ratio": "1", "threshold": "1"},
+    **{"odds": "1", "above": "1", "fit": "1", "friction": "1", "places": "1"},
+    **{"kinds": "1", "scatter": "1"},
+    "peaks": "N",
+}
+
+DetectorArgument = Annotated[Path, argument("FILE", "Detector that `turnout detect train` wrote.")]
+RecordingsArgument = Annotated[
+    list[Path],
+    argument(
+        "RECORDINGS...",
+        "Campaign folders, datasets (.nc), tables (.csv), or recordings with --channels.",
+    ),
+]
+ChannelsOption = Annotated[
+    Path | None, option("--channels MAP.toml", "Channel map of the recordings.")
+]
+RateOption = Annotated[float, option("--far RATE", "False alarms a sound throw: 1e-3 or 1e-4.")]
+
+
+def known_rate(far: float) -> float:
+    """Return a rate of false alarms for which thresholds are known."""
+    from turnout.detection.alarm_threshold import RATES
+
+    if far not in RATES:
+        allowed = ", ".join(f"{rate:g}" for rate in RATES)
+        refuse(f"--far {far:g}: thresholds are known for {allowed}")
+    return far
+
+
+def read_recordings(
+    recordings: "Sequence[Path]", channels: Path | None, detector: "Detector"
+) -> "list[Recorded]":
+    """Return the throws of recordings; FileError if one holds none.
+
+    Where one names another panel than the detector's, a note goes to stderr.
+    """
+    from turnout.detection.detector.another_switch import panel_remark
+    from turnout.detection.detector.reading import read_throws
+
+    found = []
+    for path in recordings:
+        throws = read_throws(path, channels=channels, quantity=detector.quantity)
+        if not throws:
+            refuse(f"{path}: holds no closing movement; only these are judged")
+        if remark := panel_remark(throws, detector.knowledge.about):
+            note(f"{path}: {remark}")
+        found += throws
+    return found
+
+
+def verdict_units(found: "Detector") -> dict[str, str]:
+    """Return units by key of verdicts."""
+    unit = found.knowledge.setting.unit
+    return {**VERDICT_UNITS, "force": unit, "peaks": unit}
+
 
 WORTH_SAYING = 1.2
 """Scatter of the throws of a switch from which on it is mentioned [-]."""
@@ -278,4 +333,77 @@ def detect_report_command(
     Output("detect report").write(out, page_html(page))
 
 
-app.command("watch", short_help="Judge recordings as they come into a folder.")(watch_command)
+SETTLED = 2.0
+"""A recording is read when it was seen unchanged for so long, whatever its date [s]."""
+
+
+@app.command("watch", short_help="Judge recordings as they come into a folder.")
+def watch_command(
+    detector: DetectorArgument,
+    folder: Annotated[Path, argument("FOLDER", "Where recordings arrive.")],
+    channels: ChannelsOption = None,
+    far: RateOption = 1e-3,
+    every: Annotated[float, option("--every S", "Seconds between looks.", min=0.1)] = 2.0,
+    once: Annotated[bool, option("--once", "Judge what is there, then end.")] = False,
+    as_json: Annotated[
+        bool, option("--json", "Print each verdict as one JSON object; see docs.")
+    ] = False,
+) -> None:
+    """Judge each new file of a folder once, until interrupted; a bad file stops nothing."""
+    from turnout.detection.detector.detector import Detector
+
+    found = Detector.load(detector, false_alarm_rate=known_rate(far))
+    if not folder.is_dir():
+        refuse(f"{folder}: no such folder; name the one that recordings come into")
+    seen: dict[str, tuple[tuple[int, int], float]] = {}
+    done: set[tuple[str, tuple[int, int]]] = set()
+    away = False
+    while True:
+        now = time.monotonic()
+        try:
+            files, away = _files(folder), False
+        except OSError as error:  # such as a share that is not reached for a while
+            if not away:
+                note(f"{folder}: cannot be read now ({error.strerror}); looking again")
+            files, away = [], True
+        for path, state in files:
+            if seen.get(path.name, (None, 0.0))[0] != state:
+                seen[path.name] = (state, now)
+            settled = once or now - seen[path.name][1] >= SETTLED
+            if settled and (path.name, state) not in done:
+                done.add((path.name, state))
+                _judge_file(found, path, channels, as_json=as_json)
+        if once:
+            return
+        time.sleep(every)
+
+
+def _files(folder: Path) -> list[tuple[Path, tuple[int, int]]]:
+    """Return files with their size and time of change; one that was moved away is left out."""
+    found = []
+    for path in sorted(folder.iterdir()):
+        try:
+            state = path.stat()
+        except OSError:
+            continue
+        if stat.S_ISREG(state.st_mode) and not path.name.startswith("."):
+            found.append((path, (state.st_size, state.st_mtime_ns)))
+    return found
+
+
+def _judge_file(found: "Detector", path: Path, channels: Path | None, *, as_json: bool) -> None:
+    from turnout.core.errors import TurnoutError
+    from turnout.detection.detector.throw_verdict import cannot_judge
+
+    try:
+        verdicts = found.predict(read_recordings([path], channels, found))
+    except (TurnoutError, OSError) as error:
+        verdicts = [cannot_judge(path.name, str(error))]
+    except Exception as error:  # noqa: BLE001 - whatever a file holds, the next ones are judged
+        verdicts = [cannot_judge(path.name, f"{type(error).__name__} while it was judged: {error}")]
+    for item in verdicts:
+        if as_json:
+            text = json_text("detect watch", {"verdict": asdict(item)}, units=verdict_units(found))
+            typer.echo(" ".join(text.split()))
+        else:
+            typer.echo("\n".join(item.lines()))

@@ -170,6 +170,13 @@ QuietOption = Annotated[bool, option("--quiet -q", "Show nothing but errors.")]
 DatasetOption = Annotated[Path | None, option("--out -o FILE.nc", "Write the dataset (netCDF).")]
 WorkersOption = Annotated[int, option("--workers N", "Processes; default one a core.", min=0)]
 StrictOption = Annotated[bool, option("--strict", "Exit code 1 if there are findings.")]
+TogetherOption = Annotated[
+    list[str],
+    option(
+        "--together NAME=DRIVES",
+        "One transformer around the leads of several drives: switch=1,2. Repeatable.",
+    ),
+]
 FigureOption = Annotated[Path | None, option("--plot FILE", "Write a figure (.png, .pdf or .svg).")]
 
 

@@ -1,12 +1,12 @@
 """The commands `turnout panel ...`."""
 
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from turnout.cli.match import match_command
-from turnout.cli.modes import modes_command
 from turnout.cli.options import (
     DEFAULT_PANEL,
     FIGURES,
@@ -33,15 +33,18 @@ from turnout.cli.output import (
     refuse,
 )
 
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+    import xarray as xr
+
+    from turnout.panel.load import LoadedPanel
+
 app = typer.Typer(
     help="Switch panels: list, show, new, check, match, sections, modes, export, schema.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
-app.command("modes", short_help="Show natural frequencies, modes and flutter stability.")(
-    modes_command
-)
-app.command("match", short_help="Collect panels whose throws meet facts.")(match_command)
 
 
 @app.command("list")
@@ -70,7 +73,7 @@ def panel_show_command(
     """Show a panel: plan, closed gap, force margins, test piece, assumptions."""
     check_outputs({"--plot": plot}, {"--plot": FIGURES})
     from turnout.calibration.case import case_of
-    from turnout.cli.show import check_throws, panel_lines
+    from turnout.cli.show import PANEL_UNITS, check_throws, panel_lines, panel_record
 
     opened = opened_panel(panel, settings, calibration)
     found = check_throws(opened) if throw else None
@@ -82,8 +85,6 @@ def panel_show_command(
 
         output.figure(plot, lambda: plot_plan(opened, dataset=found.dataset if found else None))
     if as_json:
-        from turnout.cli.json_records import PANEL_UNITS, panel_record
-
         output.json(panel_record(opened, found), units=PANEL_UNITS)
     if found and (code := end_code(found.dataset)):
         raise typer.Exit(code)
@@ -148,9 +149,20 @@ def panel_check_command(
     pieces = least_pieces(panel) if dataset is not None and dataset.attrs["complete"] else []
     found += piece_concerns(panel, pieces)
     if as_json:
-        from turnout.cli.json_records import CHECK_UNITS, check_record
-
-        output.json(check_record(file, panel, found, dataset, pieces), units=CHECK_UNITS)
+        output.json(
+            {
+                "file": file,
+                "panel": panel.name,
+                "panel_hash": panel.hash,
+                "warnings": found,
+                "thrown": dataset is not None,
+                "complete": None if dataset is None else bool(dataset.attrs["complete"]),
+                "outcome": None if dataset is None else dataset.attrs["outcome"],
+                "lock_rule": panel.lock.rule,
+                "test_pieces": pieces,
+            },
+            units={"size": "m", "largest": "m"},
+        )
     lines = concern_lines(panel, found) if throw or found else ()
     output.show(*(coloured(line, "look" if found else "good") for line in lines))
     output.show(*piece_lines(pieces))
@@ -158,6 +170,9 @@ def panel_check_command(
         raise typer.Exit(code)
     if found and strict:
         raise typer.Exit(FINDINGS)
+
+
+app.command("match", short_help="Collect panels whose throws meet facts.")(match_command)
 
 
 @app.command("sections")
@@ -170,7 +185,6 @@ def sections_command(
 ) -> None:
     """Show the cross-sections along each rail."""
     check_outputs({"--plot": plot}, {"--plot": FIGURES})
-    from turnout.cli.sections import section_figure, section_lines, section_record
 
     opened = opened_panel(panel, settings, calibration)
     output = Output("panel sections", as_json=as_json)
@@ -214,3 +228,296 @@ def panel_schema_command(
     from turnout.panel.schema import panel_schema
 
     print_schema(panel_schema(), out)
+
+
+HEADING = (
+    f"{'':>4}{'Hz':>9}{'damping':>10}{'lateral':>9}{'vertical':>9}{'torsion':>9}   largest motion"
+)
+FACTORS = (1.0, 1.25)
+
+
+@app.command("modes", short_help="Show natural frequencies, modes and flutter stability.")
+def modes_command(
+    panel: PanelArgument = None,
+    settings: SetOption = [],  # noqa: B006 - typer copies it
+    calibration: CalibrationOption = None,
+    count: Annotated[int, option("--count N", "Modes of each system.", min=1)] = 6,
+    out: Annotated[
+        Path | None, option("--out -o FILE.nc", "Write frequencies and shapes (netCDF).")
+    ] = None,
+    plot: Annotated[
+        Path | None, option("--plot FILE", "Draw the shapes of the panel (.png, .pdf or .svg).")
+    ] = None,
+    system: Annotated[
+        str | None,
+        option(
+            "--system HEADING",
+            "What --plot draws: a heading of the tables, such as 'stock rail curved'.",
+        ),
+    ] = None,
+    reduction: Annotated[
+        bool, option("--reduction", "Also show the error of the reduction of each rail.")
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Show natural frequencies and modes of rails and panel, and their flutter stability."""
+    check_outputs({"--out": out, "--plot": plot}, {"--out": (".nc",), "--plot": FIGURES})
+    if system is not None and plot is None:
+        refuse(f"--system {system}: selects the modes of the figure; name its file with --plot")
+    loaded = opened_panel(panel, settings, calibration)
+
+    from turnout.metric.modes import modes
+
+    dataset = modes(loaded, count=count)
+    output, figure = Output("panel modes", as_json=as_json), None
+    if plot is not None:
+        from turnout.figures.modes import plot_modes
+
+        figure = plot_modes(dataset, system=system)
+    if not as_json:
+        output.show(*mode_lines(dataset), *stability_lines(loaded))
+    if reduction and not as_json:
+        from turnout.metric.modes import reduction_texts
+
+        texts = reduction_texts(loaded).items()
+        output.show(*(f"\nreduction of rail {name}\n{text}" for name, text in texts))
+    output.dataset(out, dataset)
+    output.figure(plot, lambda: figure)
+    if as_json:
+        output.json(mode_record(dataset, loaded), units=MODE_UNITS)
+
+
+def mode_lines(dataset: "xr.Dataset") -> Iterator[str]:
+    """Yield the table of modes, one system after the other."""
+    systems = list(dict.fromkeys(dataset["system"].values.tolist()))
+    for system in systems:
+        yield str(system)
+        yield HEADING
+        chosen = dataset.isel(mode=dataset["system"].values == system)
+        for at in range(chosen.sizes["mode"]):
+            mode = chosen.isel(mode=at)
+            share = {
+                kind: 100.0 * float(mode["motion_share"].sel(motion=kind))
+                for kind in ("lateral", "vertical", "torsion")
+            }
+            damping = 100.0 * float(mode["damping_ratio"])
+            yield (
+                f"{int(mode['number']):>4}{float(mode['frequency']):>9.2f}"
+                + (f"{damping:>8.1f} %" if damping == damping else f"{'rigid':>10}")
+                + "".join(f"{value:>7.0f} %" for value in share.values())
+                + f"   {mode['largest_rail'].item()}, x = {float(mode['largest_x']):.2f} m"
+            )
+        yield ""
+
+
+def stability_lines(panel: "LoadedPanel") -> Iterator[str]:
+    """Yield the stability of steady sliding, at the panel's friction and at 1.25 times it."""
+    from turnout.metric.stability import friction_stability
+
+    if not panel.movement or not panel.chair:
+        return
+    for factor in FACTORS:
+        found = friction_stability(panel, friction_factor=factor)
+        yield f"{'stable' if found.stable else 'warning'}: {found}"
+    cutoff = panel.discretisation.superelement_cutoff
+    yield f"flutter near or above the cut-off of {cutoff:g} Hz cannot be seen"
+
+
+def section_figure(panel: "LoadedPanel", rail: str) -> Any:
+    """Draw the section of a switch rail along it.
+
+    Parameters
+    ----------
+    panel : LoadedPanel
+        Its rails have outlines or tabulated sections.
+    rail : str
+        Name of a switch rail.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The outline at each station with the stock rail beside it, the running edge, centroid and
+        shear centre; for a section that is a table, its properties along the rail.
+    """
+    from turnout.mechanism.rail_sections import rail_stations, section_values
+
+    section = panel.rail[rail].section
+    if section in panel.outline_section or section in panel.planed_section:
+        return _outlines(panel, rail)
+    from turnout.figures.sections import plot_section_values
+
+    x = rail_stations(panel, rail)
+    title = f"{panel.name}: section '{section}' of rail {rail}"
+    return plot_section_values(x, section_values(panel, rail, x), title=title)
+
+
+def _outlines(panel: "LoadedPanel", rail: str) -> Any:
+    from turnout.figures.sections import plot_section_outlines
+    from turnout.mechanism.rail_sections import in_panel_axes, section_outlines, station_columns
+
+    section = panel.rail[rail].section
+    pairs = section_outlines(panel, section)
+    beside = [stock for _, stock in pairs if stock is not None]
+    figure = plot_section_outlines(
+        [outline for outline, _ in pairs],
+        titles=_titles(panel, rail),
+        # In outlines y is positive away from the stock rail, in columns towards it.
+        properties=in_panel_axes(station_columns(panel, section), side=-1.0),
+        behind=beside if len(beside) == len(pairs) else (),
+    )
+    title = f"{panel.name}: section '{section}' of rail {rail}, y positive away from the stock rail"
+    figure.suptitle(title, x=0.01, ha="left")
+    return figure
+
+
+def _titles(panel: "LoadedPanel", rail: str) -> list[str]:
+    """Name each station by the offset of the running edges, and by its place along the rail."""
+    from turnout.panel.profile import running_edge_position
+
+    record = panel.rail[rail]
+    planed = panel.planed_section.get(record.section)
+    if planed is None:
+        return ["all along"]
+    titles = []
+    for offset in planed.running_edge_offset:
+        text = f"w = {1e3 * offset:g} mm"
+        if record.running_edge is not None:
+            x = running_edge_position(record.running_edge, offset)
+            text += f", x = {x:.2f} m" if x >= record.start else ", ahead of the toe"
+        titles.append(text)
+    return titles
+
+
+# Column of the section table: heading, size of its unit in SI, format.
+COLUMNS: dict[str, tuple[str, float, str]] = {
+    "area": ("A cm2", 1e-4, "8.2f"),
+    "second_moment_vertical": ("Iy cm4", 1e-8, "8.0f"),
+    "second_moment_lateral": ("Iz cm4", 1e-8, "8.0f"),
+    "product_moment": ("Iyz cm4", 1e-8, "8.0f"),
+    "torsion_constant": ("J cm4", 1e-8, "8.0f"),
+    "centroid_height": ("zc mm", 1e-3, "8.1f"),
+    "centroid_offset": ("yc mm", 1e-3, "8.1f"),
+    "shear_centre_height": ("zs mm", 1e-3, "8.1f"),
+    "shear_centre_offset": ("ys mm", 1e-3, "8.1f"),
+    "shear_factor_vertical": ("kz", 1.0, "8.2f"),
+    "shear_factor_lateral": ("ky", 1.0, "8.2f"),
+    "foot_edge_stock": ("foot mm", 1e-3, "8.1f"),
+    "foot_edge_track": ("to mm", 1e-3, "8.1f"),
+}
+
+
+SI_UNITS = {"cm2": "m^2", "cm4": "m^4", "mm": "m"}
+
+
+def section_lines(panel: "LoadedPanel") -> Iterator[str]:
+    """Yield the lines of `turnout panel sections`: a row per station, linear between them."""
+    shown: dict[tuple[str, ...], str] = {}
+    for heading, rows in _tables(panel):
+        rail, _, _ = heading.partition(",")
+        first = shown.setdefault(rows, rail)
+        if first == rail:
+            yield heading
+            yield from rows
+        else:
+            yield f"{heading}: as {first}"
+    yield (
+        "y positive towards the rail's own stock rail, for a stock rail away from its switch rail; "
+        "z from the foot; k: shear area over area"
+    )
+
+
+def section_record(panel: "LoadedPanel") -> "tuple[dict[str, Any], dict[str, str]]":
+    """Return section properties along each switch rail and of each stock rail, with SI units."""
+    from turnout.mechanism.rail_sections import rail_stations, section_values, station_columns
+
+    rails = {
+        name: {"section": rail.section, "x": x, **section_values(panel, name, x)}
+        for name, rail in panel.rail.items()
+        for x in [rail_stations(panel, name)]
+    }
+    stocks = {
+        name: {
+            "section": item.section,
+            **{key: v[0] for key, v in station_columns(panel, item.section).items()},
+        }
+        for name, item in panel.stock_rail.items()
+    }
+    units = {
+        "x": "m",
+        **{
+            key: SI_UNITS[heading.split()[-1]]
+            for key, (heading, _, _) in COLUMNS.items()
+            if heading.split()[-1] in SI_UNITS
+        },
+    }
+    return {"panel": panel.name, "rails": rails, "stock_rails": stocks}, units
+
+
+def _tables(panel: "LoadedPanel") -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Yield heading and rows for every switch rail, then for every flexible stock rail."""
+    from turnout.mechanism.rail_sections import rail_stations, section_values, station_columns
+
+    for name, rail in panel.rail.items():
+        x = rail_stations(panel, name)
+        rows = _rows(x, section_values(panel, name, x), density=panel.material.density)
+        yield f"rail {name}, section {rail.section}", rows
+    for name, stock in panel.stock_rail.items():
+        values = {key: column[:1] for key, column in station_columns(panel, stock.section).items()}
+        rows = _rows([stock.start], values, density=panel.material.density)
+        yield f"stock rail {name}, section {stock.section}, the same all along", rows
+
+
+def _rows(
+    x: "npt.ArrayLike", values: "dict[str, npt.NDArray[np.float64]]", *, density: float
+) -> tuple[str, ...]:
+    """Write the headings and a row a place."""
+    import numpy as np
+
+    columns = {key: column for key, column in COLUMNS.items() if key in values}
+    headings = [heading for heading, _, _ in columns.values()]
+    rows = [f"{'x m':>8}{'kg/m':>8}" + "".join(f"{heading:>8}" for heading in headings)]
+    for row, place in enumerate(np.asarray(x, dtype=float)):
+        cells = [
+            f"{values[column][row] / factor:{form}}"
+            for column, (_, factor, form) in columns.items()
+        ]
+        rows.append(f"{place:8.3f}{density * values['area'][row]:8.1f}" + "".join(cells))
+    return tuple(rows)
+
+
+MODE_UNITS = {"frequency": "Hz", "growth_rate": "1/s", "superelement_cutoff": "Hz"}
+MODE_UNITS |= {"largest_x": "m"}
+
+
+def mode_record(dataset: "xr.Dataset", panel: "LoadedPanel") -> dict[str, Any]:
+    """Return frequencies and motions of every mode, and the stability of sliding."""
+    from turnout.metric.stability import friction_stability
+
+    sliding = bool(panel.movement and panel.chair)
+    stability = [friction_stability(panel, friction_factor=item) for item in FACTORS if sliding]
+    return {
+        "modes": [
+            {
+                "system": str(mode["system"].item()),
+                "number": int(mode["number"]),
+                "frequency": float(mode["frequency"]),
+                "damping_ratio": float(mode["damping_ratio"]),
+                "motion_share": {
+                    str(kind): float(mode["motion_share"].sel(motion=kind))
+                    for kind in mode["motion"].values
+                },
+                "largest_rail": str(mode["largest_rail"].item()),
+                "largest_x": float(mode["largest_x"]),
+            }
+            for mode in (dataset.isel(mode=at) for at in range(dataset.sizes["mode"]))
+        ],
+        "stability": [
+            {
+                "friction_factor": item.friction_factor,
+                "stable": item.stable,
+                "worst": item.worst,
+                "superelement_cutoff": item.superelement_cutoff,
+            }
+            for item in stability
+        ],
+    }

@@ -2,9 +2,10 @@
 
 import math
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from turnout.cli.options import (
     FIGURES,
@@ -19,6 +20,7 @@ from turnout.cli.output import JsonOption, Output, refuse
 if TYPE_CHECKING:
     import xarray as xr
 
+    from turnout.measurement.chain.apply import MappedChannel
     from turnout.measurement.chain.channel_map import ChannelMap
     from turnout.measurement.recording import Recording
 
@@ -124,8 +126,6 @@ def _list(
         output.figure(plot, lambda: plot_columns(traces, title=title))
     output.write(suggest, lambda: skeleton(recording))
     if output.as_json:
-        from turnout.cli.json_records import CHANNEL_UNITS, recording_record
-
         output.json(recording_record(recording, kind, steps=SPARK_WIDTH), units=CHANNEL_UNITS)
     elif suggest is not None:
         output.show(f"next: edit it, then: turnout import FILE --channels {suggest} --out FILE.nc")
@@ -182,9 +182,7 @@ def _convert(
         title = Path(recording.source).name
         output.figure(plot, lambda: plot_measured(dataset, title=title))
     if output.as_json:
-        from turnout.cli.json_records import CHANNEL_UNITS, quantity_record
-
-        record = quantity_record(dataset, list(mapped_channels(dataset, channel_map)))
+        record = quantity_record(dataset, mapped_channels(dataset, channel_map))
         output.json(record, units={**CHANNEL_UNITS, "end": "s"})
 
 
@@ -226,3 +224,41 @@ def _plain(text: str) -> str:
     encoding = sys.stdout.encoding or "ascii"
     shown = "".join(char if char.isprintable() or char == "\n" else "?" for char in text)
     return shown.encode(encoding, "replace").decode(encoding)
+
+
+CHANNEL_UNITS = {"rate": "1/s", "start": "s", "duration": "s"}
+
+SI_UNIT, SI_SIZE = {"kN": "N", "A": "A"}, {"kN": 1e3, "A": 1.0}
+
+
+def recording_record(recording: "Recording", kind: str, *, steps: int) -> dict[str, Any]:
+    """Return the channels of a recording."""
+    from turnout.measurement.recording import overview
+
+    return {
+        "source": recording.source,
+        "format": kind,
+        "start_time": recording.start_time,
+        "channels": [overview(item, steps=steps) for item in recording.channels.values()],
+        "problems": recording.problems,
+    }
+
+
+def quantity_record(dataset: "xr.Dataset", rows: "Iterable[MappedChannel]") -> dict[str, Any]:
+    """Return the quantities of a recording, each with its unit."""
+    return {
+        "source": dataset.attrs["source"],
+        "start": float(dataset["time"][0]),
+        "end": float(dataset["time"][-1]),
+        "rate": 1.0 / float(dataset["time"][1] - dataset["time"][0]),
+        "quantities": [
+            {
+                **asdict(row),
+                "least": SI_SIZE[row.unit] * row.least,
+                "largest": SI_SIZE[row.unit] * row.largest,
+                "unit": SI_UNIT[row.unit],
+            }
+            for row in rows
+        ],
+        "problems": [text for text in str(dataset.attrs["problems"]).split("\n") if text],
+    }

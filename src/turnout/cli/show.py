@@ -3,11 +3,11 @@
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from turnout.figures.report.values import assumption_lines, value_lines
+from turnout.figures.report.values import assumption_lines, value_groups, value_lines
 from turnout.mechanism.rest import resting_gap
 from turnout.panel.layout import extent, stands_at
 from turnout.panel.lock_rule import rules_text
@@ -208,25 +208,36 @@ def places_of_gap(panel: "LoadedPanel") -> "np.ndarray":
     return np.unique(np.round(places, 9))
 
 
-def _closed_gap(panel: "LoadedPanel", thrown: CheckThrows | None) -> Iterator[str]:
-    rails = {}
-    x = places_of_gap(panel)
-    if thrown is None:
-        yield "CLOSED GAP [mm], estimated from the strokes within 3 mm; simulated with --throw"
-        for name in panel.rail:
-            gap = resting_gap(panel, name, x, closed=True)
-            if gap is not None:
-                rails[name] = gap
-    else:
-        from turnout.metric.slip import last_instant_at
+def closed_gaps(
+    panel: "LoadedPanel", thrown: CheckThrows | None
+) -> "tuple[np.ndarray, dict[str, np.ndarray]]":
+    """Return places [m], and the gap of each rail that has a stock rail when it lies closed [m].
 
-        yield "CLOSED GAP [mm] at contact height, simulated, each rail when it lies closed"
-        x = thrown.dataset["x"].values
-        for name, rail in panel.rail.items():
-            if not rail.has_stock_rail:
-                continue
-            closed = last_instant_at(thrown.dataset, to="closed" if rail.closes == "+y" else "open")
-            rails[name] = closed["gap"].sel(rail=name).values
+    Simulated if the panel was thrown; else estimated from the strokes within 3 mm.
+    """
+    if thrown is None:
+        x = places_of_gap(panel)
+        gaps = {name: resting_gap(panel, name, x, closed=True) for name in panel.rail}
+        return x, {name: gap for name, gap in gaps.items() if gap is not None}
+    if not thrown.dataset.sizes["time"]:
+        return np.empty(0), {}
+    from turnout.metric.slip import last_instant_at
+
+    ends = {
+        name: last_instant_at(thrown.dataset, to="closed" if rail.closes == "+y" else "open")
+        for name, rail in panel.rail.items()
+        if rail.has_stock_rail
+    }
+    return thrown.dataset["x"].values, {n: end["gap"].sel(rail=n).values for n, end in ends.items()}
+
+
+def _closed_gap(panel: "LoadedPanel", thrown: CheckThrows | None) -> Iterator[str]:
+    yield "CLOSED GAP [mm]" + (
+        ", estimated from the strokes within 3 mm; simulated with --throw"
+        if thrown is None
+        else " at contact height, simulated, each rail when it lies closed"
+    )
+    x, rails = closed_gaps(panel, thrown)
     if not rails:
         yield "no rail has a stock rail"
         return
@@ -363,3 +374,42 @@ def least_pieces(panel: "LoadedPanel", *, quiet: bool = False) -> "list[PieceLim
 def check_throws(panel: "LoadedPanel") -> CheckThrows:
     """Throw a panel without an object, then on test pieces."""
     return CheckThrows(thrown_alone(panel), thrown_on_pieces(panel), least_pieces(panel))
+
+
+PANEL_UNITS = {
+    **{"x": "m", "closed_gap": "m", "least_flangeway": "m", "least_flangeway_x": "m"},
+    **{"force": "N", "limit": "N", "size": "m", "largest": "m", "gap": "m"},
+    **{"drive_force": "N", "piece_force": "N", "largest_force": "N"},
+}
+
+
+def panel_record(panel: "LoadedPanel", thrown: CheckThrows | None = None) -> dict[str, Any]:
+    """Return a panel with every value and its origin, and the results of its throws."""
+    from turnout.metric.slip import margins
+
+    x, gaps = closed_gaps(panel, thrown)
+    record: dict[str, Any] = {
+        "panel": panel.name,
+        "panel_hash": panel.hash,
+        "description": " ".join(panel.description.split()),
+        "values": [
+            {"group": heading, "key": leaf.below, "value": leaf.text, "origin": leaf.origin}
+            for heading, leaves in value_groups(panel)
+            for leaf in leaves
+        ],
+        "x": x,
+        "closed_gap": gaps,
+        "throw": None,
+    }
+    if thrown is not None:
+        dataset, ended = thrown.dataset, bool(thrown.dataset.sizes["time"])
+        record["throw"] = {
+            "complete": bool(dataset.attrs["complete"]),
+            "outcome": dataset.attrs["outcome"],
+            "margins": margins(dataset) if ended else [],
+            "least_flangeway": float(dataset["least_flangeway"]) if ended else None,
+            "least_flangeway_x": float(dataset["least_flangeway_x"]) if ended else None,
+            "pieces": thrown.pieces,
+            "limits": thrown.limits,
+        }
+    return record

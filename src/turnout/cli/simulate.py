@@ -3,11 +3,13 @@
 import contextlib
 import gc
 import importlib
+import json
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -144,8 +146,6 @@ def simulate_command(
         output.dataset(out, dataset)
         output.figure(plot if figure else None, lambda: figure)
         if as_json:
-            from turnout.cli.json_records import run_record
-
             record, units = run_record(dataset)
             output.json(record, units=units)
     if failed:
@@ -299,17 +299,19 @@ def _scheme(mode: str, *, step: str, cutoff: str, every: str) -> "Scheme":
 
 def summary_lines(dataset: "xr.Dataset") -> Iterator[str]:
     """Yield the verdict on a throw, its meaning, and what happened in it."""
+    from turnout.metric.checks import checks
     from turnout.metric.finding import headline
     from turnout.metric.summary import summary
     from turnout.metric.verdict import verdict
 
-    found = verdict(dataset)
+    made = checks(dataset)
+    found = verdict(dataset, made)
     judged = headline(found, dataset)
     level = "look" if judged is None else judged.level
     yield f"{'verdict':<16}{coloured(found.text, level)}"
     if found.meaning:
         yield f"{'meaning':<16}{found.meaning}"
-    for heading, text in summary(dataset):
+    for heading, text in summary(dataset, made):
         fault = heading == "WARNING" or text.startswith(("NO ", "NO:", "NOT ", "INACCURATE"))
         yield f"{heading:<16}{coloured(text, 'bad') if fault else text}"
 
@@ -336,3 +338,40 @@ def without_collections() -> Iterator[None]:
     finally:
         if enabled:
             gc.enable()
+
+
+RUN_UNITS = {"energy_scale": "J", "wall_time": "s", "start_difference": "N"}
+
+
+def run_record(dataset: "xr.Dataset") -> tuple[dict[str, Any], dict[str, str]]:
+    """Return a run: verdict, key figures, energies, and the units of its keys."""
+    from turnout.metric.checks import checks
+    from turnout.metric.key_figure import key_figures
+    from turnout.metric.summary import numerical_share, residual_share, start_difference
+    from turnout.metric.verdict import break_note, verdict
+
+    figures, made = key_figures(dataset) if dataset.sizes.get("time", 0) else [], checks(dataset)
+    judged, note = verdict(dataset, made), break_note(dataset)
+    attributes = dataset.attrs
+    balanced = float(attributes.get("energy_scale", 0.0)) > 0 and "energy_residual" in dataset
+    record = {
+        "panel": attributes.get("panel"),
+        "panel_hash": attributes.get("panel_hash"),
+        "overrides": json.loads(attributes.get("overrides", "{}")),
+        "foreign_objects": json.loads(attributes.get("foreign_objects", "[]")),
+        "complete": bool(attributes["complete"]),
+        "outcome": attributes["outcome"],
+        "outcome_message": attributes["outcome_message"],
+        "verdict": {**asdict(judged), "meaning": judged.meaning},
+        "checks": made,
+        **({"break_note": note} if note else {}),
+        "figures": {item.key: item.value for item in figures},
+        "labels": {item.key: item.label for item in figures},
+        "energy_scale": attributes.get("energy_scale"),
+        "energy_residual_share": residual_share(dataset) if balanced else None,
+        "numerical_dissipation_share": numerical_share(dataset) if balanced else None,
+        "loaded_by": attributes.get("loaded_by"),
+        "start_difference": start_difference(dataset),
+        "wall_time": attributes.get("wall_time"),
+    }
+    return record, {**RUN_UNITS, **{item.key: item.unit for item in figures}}

@@ -2,14 +2,15 @@
 
 import shutil
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from turnout.cli.options import (
+    FIGURES,
     CalibrationOption,
     QuietOption,
     WorkersOption,
@@ -18,21 +19,32 @@ from turnout.cli.options import (
     first_sentence,
     option,
 )
-from turnout.cli.output import JsonOption, Output, note, print_schema, refuse, resumable
-from turnout.cli.sweep_results import FolderArgument, effects_command, map_command
+from turnout.cli.output import FINDINGS, JsonOption, Output, note, print_schema, refuse, resumable
 from turnout.cli.watch import cores, watched
 from turnout.core.lean_imports import import_scipy
 from turnout.core.value_text import count_text, duration_text, size_text
 
 if TYPE_CHECKING:
+    import xarray as xr
+
+    from turnout.metric.sensitivity import OutputEffects, SobolIndex
     from turnout.study.study import Study
     from turnout.study.sweep.cluster import Cluster
     from turnout.study.sweep.forecast import Forecast
+
+app = typer.Typer(
+    help="Many throws from one study file: list, show, plan, run, map, effects, export, schema.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+FolderArgument = Annotated[Path, argument("DIR", "Folder of a sweep.")]
+OutOption = Annotated[Path | None, option("--out -o FILE", "Write a figure (.png, .pdf or .svg).")]
 
 
 StudyArgument = Annotated[str, argument("STUDY", "Library study, or path of a study file (.toml).")]
 
 
+@app.command("plan", short_help="Show inputs, number of throws, run time and disk space.")
 def plan_command(
     study: StudyArgument,
     calibration: CalibrationOption = None,
@@ -51,8 +63,6 @@ def plan_command(
     busy = min(used, cores())
     found = _forecast(loaded, trials, quiet=quiet) if trials else None
     if as_json:
-        from turnout.cli.json_records import PLAN_UNITS, study_record
-
         record = study_record(loaded, found, workers=busy)
         free = shutil.disk_usage(Path.cwd()).free
         output.json({**record, "disk_free": free}, units=PLAN_UNITS)
@@ -95,6 +105,7 @@ def _forecast_lines(loaded: "Study", found: "Forecast", *, used: int, busy: int)
     yield from (line("trial", f"failed: {fault}") for fault in found.faults)
 
 
+@app.command("run", short_help="Run every scenario, or continue an interrupted run.")
 def sweep_run_command(
     study: StudyArgument,
     out: Annotated[
@@ -157,6 +168,122 @@ def sweep_run_command(
         )
 
 
+@app.command("map", short_help="Count end states, and draw maps over two inputs.")
+def map_command(
+    folder: FolderArgument,
+    out: OutOption = None,
+    x: Annotated[str, option("--x INPUT", "Input across.")] = "object.size",
+    y: Annotated[
+        str | None, option("--y INPUT", "Input along; default object.at, or object.x.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Count the end states of a sweep, and draw forces, gaps and end states over two inputs."""
+    check_outputs({"--out": out}, {"--out": FIGURES})
+    from turnout.metric.sweep_map import STATES, end_state, sweep_map
+    from turnout.metric.verdict import break_note
+    from turnout.study.sweep.read import read_labels
+
+    labels = read_labels(folder)
+    along = y or ("object.at" if "object.at" in labels.coords else "object.x")
+    cells = sweep_map(labels, x=x, y=along)
+    state = end_state(labels).to_numpy()
+    output = Output("sweep map", as_json=as_json)
+    counts = {name: int((state == number).sum()) for number, name in enumerate(STATES)}
+    output.show(*_missing(labels), *(f"{n:>8}  {name}" for name, n in counts.items() if n))
+    output.show(*filter(None, [break_note(labels)]))
+    if out is not None:
+        from turnout.figures.sweep import plot_sweep_map
+
+        output.figure(out, lambda: plot_sweep_map(cells))
+    if as_json:
+        record, units = map_record(labels, cells)
+        output.json(record, units=units)
+
+
+@app.command("effects", short_help="Show Sobol indices, and draw main effects.")
+def effects_command(
+    folder: FolderArgument,
+    out: OutOption = None,
+    feature: Annotated[list[str], option("--feature NAME", "Label or feature; repeatable.")] = [],  # noqa: B006 - typer copies it
+    strict: Annotated[
+        bool, option("--strict", "Exit code 1 if an output has no sensitivity.")
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Show the sensitivity of each output (Sobol indices), and draw main effects."""
+    check_outputs({"--out": out}, {"--out": FIGURES})
+    from turnout.study.sweep.effects import sweep_effects
+    from turnout.study.sweep.read import read_labels
+
+    labels = read_labels(folder)
+    found = sweep_effects(labels, names=tuple(feature) or None)
+    notes = {item.output.name: UNKNOWN_INDICES for item in found if has_no_indices(item)}
+    output = Output("sweep effects", as_json=as_json)
+    output.show(*effect_lines(labels, found, notes))
+    if out is not None:
+        from turnout.figures.sweep import plot_sweep_effects
+
+        output.figure(out, lambda: plot_sweep_effects(found, title=str(labels.attrs["name"])))
+    if as_json:
+        output.json(effects_record(labels, found, notes=notes))
+    if strict and notes:
+        raise typer.Exit(FINDINGS)
+
+
+# Said once for all outputs that it holds for.
+UNKNOWN_INDICES = (
+    "no sensitivity: each value of an input occurs in one throw only, so its effect cannot be "
+    "separated from chance; vary several inputs with random sampling, such as method = 'saltelli'"
+)
+
+
+def has_no_indices(item: "OutputEffects") -> bool:
+    """Return True if no first-order index of an output is known."""
+    return all(index.first != index.first for index in item.indices)
+
+
+def effect_lines(
+    labels: "xr.Dataset", found: "Sequence[OutputEffects]", notes: "Mapping[str, str]"
+) -> Iterator[str]:
+    """Yield the inputs of each output by sensitivity, the strongest first."""
+    yield from _missing(labels)
+    for item in found:
+        if item.output.name not in notes:
+            yield from _effects(item)
+    for text in dict.fromkeys(notes.values()):
+        yield f"{', '.join(notes)}: {text}"
+    skipped = int((labels["outcome"].astype(str) == "skipped").sum())
+    if skipped:
+        yield (
+            f"note: {skipped} throws were skipped after a drive slipped, so means at large values "
+            "cover only places without slip; remove the skip rule for a fair comparison"
+        )
+
+
+def _missing(labels: "xr.Dataset") -> Iterator[str]:
+    missing = int(labels.attrs["missing"])
+    if missing:
+        yield f"note: {missing} scenarios are missing; `turnout sweep run` continues"
+
+
+def _effects(item: "OutputEffects") -> Iterator[str]:
+    yield item.output.name
+    width = max(len(index.name) for index in item.indices) + 2
+    for index in sorted(item.indices, key=_weight, reverse=True):
+        text = f"{index.first:6.3f} ± {index.first_confidence:.3f} first"
+        if index.first != index.first:
+            text = "unknown: each value occurs in one throw only"
+        if index.total == index.total:
+            text += f"   {index.total:6.3f} ± {index.total_confidence:.3f} total"
+        yield f"  {index.name:<{width}}{text}"
+
+
+def _weight(index: "SobolIndex") -> float:
+    return index.total if index.total == index.total else index.first
+
+
+@app.command("export", short_help="Write a table with one row per scenario.")
 def sweep_export_command(
     folder: FolderArgument,
     parquet: Annotated[Path | None, option("--parquet FILE", "Table (.parquet).")] = None,
@@ -194,23 +321,6 @@ def _cluster(scheduler: str | None, slurm: Path | None) -> Iterator["Cluster | N
             yield cluster
 
 
-app = typer.Typer(
-    help="Many throws from one study file: list, show, plan, run, map, effects, export, schema.",
-    no_args_is_help=True,
-    rich_markup_mode=None,
-)
-
-app.command("plan", short_help="Show inputs, number of throws, run time and disk space.")(
-    plan_command
-)
-app.command("run", short_help="Run every scenario, or continue an interrupted run.")(
-    sweep_run_command
-)
-app.command("map", short_help="Count end states, and draw maps over two inputs.")(map_command)
-app.command("effects", short_help="Show Sobol indices, and draw main effects.")(effects_command)
-app.command("export", short_help="Write a table with one row per scenario.")(sweep_export_command)
-
-
 @app.command("list")
 def sweep_list_command(as_json: JsonOption = False) -> None:
     """List the library studies."""
@@ -246,3 +356,67 @@ def sweep_schema_command(
     from turnout.study.read_study import study_schema
 
     print_schema(study_schema(), out)
+
+
+PLAN_UNITS = {"throw_time": "s", "duration": "s", "disk": "byte", "disk_free": "byte"}
+
+
+def study_record(study: "Study", found: "Forecast | None", *, workers: int) -> dict[str, Any]:
+    """Return the size of a study and, after trial throws, its time and disk space."""
+    return {
+        "study": study.name,
+        "seed": study.seed,
+        "panel": study.panel.name,
+        "panel_hash": study.panel.hash,
+        "scenarios": study.count,
+        "inputs": [*study.variables, *(field.name for field in study.fields)],
+        "channels": study.output.channels,
+        "workers": workers,
+        "throw_time": found.throw_time if found else None,
+        "duration": found.duration(study.count, workers=workers) if found else None,
+        "disk": found.disk(study) if found else None,
+        "faults": found.faults if found else [],
+    }
+
+
+def map_record(labels: "xr.Dataset", cells: "xr.Dataset") -> tuple[dict[str, Any], dict[str, str]]:
+    """Return end states of a sweep and its map over two inputs."""
+    from turnout.metric.sweep_map import STATES, end_state
+    from turnout.metric.verdict import break_note
+
+    state, note = end_state(labels).to_numpy(), break_note(labels)
+    quantities = [str(name) for name in cells.data_vars if name != "state"]
+    units = {name: str(cells[name].attrs.get("units", "")) for name in (*quantities, "x", "y")}
+    record = {
+        "sweep": labels.attrs.get("name"),
+        "missing": int(labels.attrs["missing"]),
+        "states": {name: int((state == number).sum()) for number, name in enumerate(STATES)},
+        **({"break_note": note} if note else {}),
+        "x_input": cells.attrs["x_input"],
+        "y_input": cells.attrs["y_input"],
+        "x": cells["x"].values,
+        "y": cells["y"].values,
+        "state": [[STATES[item] for item in row] for row in cells["state"].values],
+        **{name: cells[name].values for name in quantities},
+    }
+    return record, {name: unit for name, unit in units.items() if unit not in ("", "1")}
+
+
+def effects_record(
+    labels: "xr.Dataset", found: "Sequence[OutputEffects]", *, notes: Mapping[str, str]
+) -> dict[str, Any]:
+    """Return Sobol indices and main effects of each output."""
+    return {
+        "sweep": labels.attrs.get("name"),
+        "missing": int(labels.attrs["missing"]),
+        "outputs": [
+            {
+                "name": item.output.name,
+                "unit": item.output.units,
+                "indices": item.indices,
+                "effects": item.effects,
+                "note": notes.get(item.output.name),
+            }
+            for item in found
+        ],
+    }

@@ -1,7 +1,9 @@
 """The command `turnout validate`: predict measured movements and judge the errors."""
 
+from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -92,8 +94,6 @@ def validate_command(
         )
         output.show(*law_lines(compared))
     if as_json:
-        from turnout.cli.json_records import VALIDATION_UNITS, validation_record
-
         output.json(validation_record(verdict, notes(found), compared), units=VALIDATION_UNITS)
     if strict and not verdict.accepted:
         raise typer.Exit(FINDINGS)
@@ -180,3 +180,25 @@ def _write(
 def _middle(places: list[str]) -> str:
     """Return the place of the published validation if it was thrown, else the middle one."""
     return "sleeper 6" if "sleeper 6" in places else places[len(places) // 2]
+
+
+VALIDATION_UNITS = {"rms": "N", "spread": "N", "contact": "s", "slope": "1", "peak": "N"}
+VALIDATION_UNITS |= {"plateau": "N", "nominal": "N"}
+
+
+def validation_record(
+    verdict: "Acceptance", remarks: Sequence[str], laws: "LawComparison | None" = None
+) -> dict[str, Any]:
+    """Return verdict, errors of each channel, and the comparison of drive laws."""
+    return {
+        "valid": verdict.accepted,
+        "text": verdict.text,
+        "reasons": verdict.reasons,
+        "judged": verdict.judged,
+        "used": verdict.used,
+        "cover": verdict.cover,
+        "power": verdict.power,
+        "channels": [{**asdict(part), "spreads": part.spreads} for part in verdict.channels],
+        "remarks": [*verdict.remarks, *remarks],
+        "drive_laws": laws,
+    }

@@ -104,6 +104,9 @@ class Check:
         Name of the drive that decided; empty for none.
     text : str
         The answer as a clause of a sentence.
+    rest : str
+        At which time a rest ended before the next movement, as an object was taken out [s];
+        empty for the last one.
     """
 
     kind: str
@@ -119,12 +122,13 @@ class Check:
     side: Side = "below"
     drive: str = ""
     text: str = ""
+    rest: str = ""
 
     @property
     def key(self) -> str:
-        """Short and stable name, such as "control:TKK1:return"."""
-        after = [] if self.movement is None else [self.movement.name]
-        return ":".join([self.kind, self.name, *after])
+        """Short and stable name of its own, such as "control:TKK1:return"."""
+        after = "" if self.movement is None else self.movement.name
+        return ":".join(filter(None, [self.kind, self.name, after, self.rest]))
 
     @property
     def margin(self) -> float:
@@ -154,12 +158,17 @@ class Check:
 
     @property
     def left(self) -> str:
-        """Margin in words, as in "0.43 over"; empty if it is not the answer."""
+        """Margin in words, as in "0.43 over"; empty if it is not the answer.
+
+        Of a closed gap the whole limit is left.
+        """
         if not self.numbers or self.met is None or (self.margin > 0.0 and not self.met):
             return ""
         _, size = shown_unit(self.unit)
         beyond = "over" if self.side == "below" else "short"
-        return f"{abs(self.margin) / size:.2f} {'left' if self.met else beyond}"
+        closed = self.unit == "m" and self.value < 0.0
+        distance = self.limit if closed else abs(self.margin)
+        return f"{distance / size:.2f} {'left' if self.met else beyond}"
 
     @property
     def said(self) -> str:
@@ -190,6 +199,8 @@ class _Throw:
         self.open_criteria = criteria_of(rule, closes=False) if self.criteria else ()
         self.single_rail = "rail" in dataset.coords and dataset["rail"].size == 1
         self.sensor_gap = self._rows("sensor", "sensor_gap", len(self.sensors))
+        limits = dataset["sensor_limit"].values if "sensor_limit" in dataset else math.nan
+        self.sensor_limit = np.broadcast_to(limits, len(self.sensors)).tolist()
         self.slips = {(slip.drive, slip.movement): slip for slip in self._slips()}
         self.states = states = self._states()
         self.measured = {
@@ -284,7 +295,8 @@ def checks(dataset: "xr.Dataset") -> list[Check]:
     for number, (span, until) in enumerate(throw.periods):
         found += _slip_checks(throw, span, until, first=not number)
         for instant in _rests(dataset, span, until):
-            found += _rest_checks(throw, span, instant)
+            rest = "" if instant == until else f"{instant:g}"
+            found += [replace(check, rest=rest) for check in _rest_checks(throw, span, instant)]
     return [*found, *_flangeway(dataset)]
 
 
@@ -397,7 +409,7 @@ def _control_check(
         movement=span,
         label=f"{name} gap",
         value=math.nan if at is None else float(throw.sensor_gap[sensor, at]),
-        limit=float(throw.dataset["sensor_limit"].values[sensor]),
+        limit=throw.sensor_limit[sensor],
     )
     if found.met is None:
         return replace(found, text=unknown)
@@ -587,7 +599,8 @@ def lamps(dataset: "xr.Dataset", at: Sequence[int] | None = None) -> list[Lamp]:
             known and throw.judges(name, _position(dataset, spans[n]))
             for n, known in zip(instants, judged, strict=True)
         ]
-        rule = f"its gap is below {1e3 * float(dataset['sensor_limit'].values[number]):g} mm"
+        limit = throw.sensor_limit[number]
+        rule = f"its gap is below {'its limit' if math.isnan(limit) else f'{1e3 * limit:g} mm'}"
         words = ("in control", "not in control")
         found.append(Lamp("control", name, on, _judged(made, asked), words, rule))
     if "drive_slipping" in dataset:

@@ -105,13 +105,15 @@ def _share(dataset: "xr.Dataset", name: str) -> float:
     return float(abs(dataset[name]).max()) / scale
 
 
-def summary(dataset: "xr.Dataset") -> list[tuple[str, str]]:
+def summary(dataset: "xr.Dataset", found: Sequence[Check] | None = None) -> list[tuple[str, str]]:
     """Return heading and text of each line that a reader should see after a run.
 
     Parameters
     ----------
     dataset : xarray.Dataset
         A simulated run, complete or partial; what its dataset has not kept is left out.
+    found : sequence of Check, optional
+        Its checks, where they are known already.
 
     Returns
     -------
@@ -123,7 +125,7 @@ def summary(dataset: "xr.Dataset") -> list[tuple[str, str]]:
     if dataset.sizes.get("time", 0) == 0:
         return lines
     lines += [("start", text) for text in _start(dataset)]
-    found = checks(dataset)
+    found = checks(dataset) if found is None else found
     lines += _state(dataset, found)
     lines += _drives(dataset)
     lines += [("slip", text) for text in _slips(dataset, found)]

@@ -470,12 +470,11 @@ def _missed_text(missed: Sequence[JudgedItem]) -> str:
 
 def accepted_by(passed: Sequence[Check]) -> str:
     """Return lock and sensors that accept a movement, with their numbers."""
-    lock = next((check.text for check in passed if check.kind == "lock"), "locks")
-    sensors = [check for check in passed if check.kind == "control"]
-    if not sensors:
-        return lock
-    nearest = min(sensors, key=lambda check: check.share if check.numbers else math.inf)
-    return f"{lock} and is in control ({nearest.text})"
+    parts = [check.text for check in passed if check.kind == "lock"]
+    if sensors := [check for check in passed if check.kind == "control"]:
+        nearest = min(sensors, key=lambda check: check.share if check.numbers else math.inf)
+        parts.append(f"is in control ({nearest.text})")
+    return " and ".join(parts) or "is asked at no rest"
 
 
 def _removal_text(item: TrappedItem) -> str:

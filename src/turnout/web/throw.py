@@ -164,7 +164,7 @@ def throw_reply(panel: Panel, dataset: xr.Dataset, *, preview: bool = False) -> 
         "objects": json.loads(dataset.attrs["foreign_objects"]),
         "verdict": _verdict(judged, dataset),
         "checks": [_check(item, dataset, missed=judged.missed) for item in made],
-        "summary": [list(line) for line in summary(dataset)],
+        "summary": [list(line) for line in summary(dataset, made)],
         "lamps": [
             _lamp(item, dataset, missed=judged.missed) for item in lamps(dataset, motion["at"])
         ],
