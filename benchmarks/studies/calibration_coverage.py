@@ -10,10 +10,6 @@ and cross-talk of the force channels are wrong by draws from what the intervals 
 (`Uncertainty`): common to a campaign, and sensitivity from movement to movement. The joint stage
 of the default calibration starts 5 % or so from the truth. A campaign is fixed by its index; a job
 that was stopped goes on. `report` writes into docs/evidence/calibration.md.
-
-Beside the intervals, every eighth record has their widths as they would be at the same fit without
-the discrepancy that movements share and without gains as unknowns, with a measuring chain that is
-known (gains, zeros and clock, as the former likelihood had it), and with known gains alone.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,16 +23,11 @@ from benchmarks.page import EVIDENCE, put_section
 from benchmarks.studies.resumable import Record, command_line
 from turnout.calibration.calibrate import calibrate
 from turnout.calibration.candidate_causes import FRICTION
-from turnout.calibration.comparison import Comparison, Uncertainty
-from turnout.calibration.covariance import spread_of
-from turnout.calibration.fit import Fit, reestimate_noise
-from turnout.calibration.misfit import framed, jacobian
-from turnout.calibration.noise import measured_noise
+from turnout.calibration.comparison import Uncertainty
 from turnout.calibration.stages import CalibrationPlan as Stages
 from turnout.calibration.stages import default_plan
 from turnout.core.errors import TurnoutError
 from turnout.core.scheme import Scheme
-from turnout.core.threads import one_blas_thread
 from turnout.measurement.campaign.build_campaign import stack_movements
 from turnout.measurement.campaign.find_throws import FoundThrow
 from turnout.measurement.campaign.recorded_throw import RecordedThrow
@@ -173,10 +164,6 @@ CASES = (
 # Standard deviation of the truth from the library, and of the start from the truth, as shares.
 TRUTH, START = 0.15, 0.05
 LEAST, MOST, GOAL = 0.90, 0.98, 0.95
-# Widths are compared in one of so many campaigns.
-EVERY = 8
-# Uncertainty of all gains before they were unknowns of the fit [-].
-FORMER_GAIN = 1e-3
 PAGE = EVIDENCE / "calibration.md"
 
 
@@ -204,8 +191,7 @@ def result_of(index: int) -> Record:
     joint = Stages(parameters=parameters, stages=plan.stages[-1:])
     record: Record = {"index": index, "truth": truth}
     try:
-        outcome = calibrate(campaign(twin), panel, plan=joint)
-        found = outcome.calibration
+        found = calibrate(campaign(twin), panel, plan=joint).calibration
     except TurnoutError as error:
         return record | {"failure": str(error)}
     return record | {
@@ -214,57 +200,9 @@ def result_of(index: int) -> Record:
         "deviations": {item.name: item.deviation for item in found.parameters},
         "intervals": {item.name: list(item.interval) for item in found.parameters},
         "states": {item.name: item.state for item in found.parameters},
-        "widths": widths(outcome.final) if index % EVERY == 0 else {},
         "distrust": list(found.distrust),
         "causes": list(found.fitted_causes),
     }
-
-
-def widths(final: Fit) -> dict[str, dict[str, float]]:
-    """Return standard deviations of all values at a fit, by what is taken to be known.
-
-    "former" and "former, gains 1 %" are those without a shared discrepancy, gains in quadrature as
-    they were and 1 %; "gains known" are the present ones with gains that are exact, "chain known"
-    those with zeros and clock that are exact too.
-    """
-    now = final.misfit.comparison
-    noise = measured_noise(final.misfit.movements)
-
-    def plain(gain: float) -> Comparison:
-        known = replace(now.uncertainty, common_gain=gain, scale=0.0)
-        return replace(
-            now, noise=noise, gains={}, common_zero=0.0, clock=0.0, uncertainty=known,
-            discrepancy={},
-        )  # fmt: skip
-
-    exact = replace(now, noise=noise, gains=dict.fromkeys(now.gains, 0.0), discrepancy={})
-    cases = {
-        "former": plain(FORMER_GAIN),
-        "former, gains 1 %": plain(Uncertainty().common_gain),
-        "gains known": exact,
-        "chain known": replace(exact, common_zero=0.0, clock=0.0),
-    }
-    with one_blas_thread():
-        return _deviations(final, cases)
-
-
-def _deviations(final: Fit, cases: dict[str, Comparison]) -> dict[str, dict[str, float]]:
-    names = [item.name for item in final.parameters]
-    found = {"now": dict(zip(names, spread_of(final).deviations, strict=True))}
-    for name, comparison in cases.items():
-        first = replace(final.misfit, comparison=comparison)
-        before = replace(final, misfit=first, frame=framed(final.local, first))
-        misfit = reestimate_noise(before, first)
-        frame = framed(final.local, misfit)
-        there = replace(
-            final,
-            misfit=misfit,
-            frame=frame,
-            residuals=misfit.residuals_of(final.local.simulated, frame),
-            jacobian=jacobian(final.local, frame, names),
-        )
-        found[name] = dict(zip(names, spread_of(there).deviations, strict=True))
-    return found
 
 
 def mixing(rng: np.random.Generator, *, channels: int) -> list[NDArray[np.float64]]:
@@ -328,36 +266,6 @@ def section(records: list[Record]) -> list[str]:
             f"| `{name}` | {held} | {count} | {100 * share:.1f} ± {100 * doubt:.1f} % | "
             f"{spread:.2f} | {100 * bare:.1f} % |"
         )
-    return [*lines, *width_lines(records)]
-
-
-def width_lines(records: list[Record]) -> list[str]:
-    """Return the table of widths against those of the likelihood before."""
-    known = [record for record in records if record.get("widths")]
-    if not known:
-        return []
-    lines = [
-        "",
-        f"Standard deviations of {len(known)} of these campaigns against those of the former "
-        "likelihood (no shared discrepancy, gains known to 0.1 % and added in quadrature), median "
-        "and largest ratio; the quadrature sum is that of the former one and of 1 % of the value:",
-        "",
-        "| parameter | gains, zeros, clock known | gains known, zeros to 10 N, clock to 0.1 % | "
-        "gains known to 1 % | against the quadrature sum with 1 % |",
-        "|---|---|---|---|---|",
-    ]
-    for name in known[0]["truth"]:
-        cells = []
-        gain_1 = Uncertainty().common_gain
-        cases = (("chain known", 0.0), ("gains known", 0.0), ("now", 0.0), ("now", gain_1))
-        for case, gain in cases:
-            ratios = [
-                r["widths"][case][name]
-                / np.hypot(r["widths"]["former"][name], gain * abs(r["values"][name]))
-                for r in known
-            ]
-            cells.append(f"{np.median(ratios):.2f}, {max(ratios):.2f}")
-        lines.append(f"| `{name}` | {' | '.join(cells)} |")
     return lines
 
 
