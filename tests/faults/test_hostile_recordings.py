@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from tests.attack.recordings import OWN_LIMIT, judged, sound_files
+from benchmarks.studies.attack.recordings import OWN_LIMIT, judged, sound_files
 from tests.faults.hostile_recordings import HOSTILE
 
 from turnout.core.errors import FileError

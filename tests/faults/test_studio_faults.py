@@ -10,7 +10,7 @@ from urllib.parse import quote
 import h5py
 import numpy as np
 import pytest
-from tests.attack.studio import mark_of, threw
+from benchmarks.studies.attack.studio import mark_of, threw
 from tests.unit.campaigns import copied
 from tests.unit.served import Client, served
 from tests.unit.simulated import sb2_panel

@@ -9,7 +9,7 @@ import time
 from collections.abc import Iterator
 
 import pytest
-from tests.attack.studio import Started, mark_of, started, threw
+from benchmarks.studies.attack.studio import Started, mark_of, started, threw
 from tests.unit.served import Client
 from tests.unit.test_web_worker import gone
 

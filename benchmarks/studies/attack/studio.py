@@ -18,10 +18,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tests.attack.requests import KINDS, Request, hostile_request
 from tests.unit.campaigns import copied
 from tests.unit.served import Client, Reply
 
+from benchmarks.studies.attack.requests import KINDS, Request, hostile_request
 from turnout.web.question import CHECK_TIME_LIMIT, TIME_LIMIT
 
 # For a machine that does other things too [s].

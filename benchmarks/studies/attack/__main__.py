@@ -1,7 +1,5 @@
 """Hostile input in numbers: ``python -m benchmarks.studies.attack``, or some of its parts.
 
-The parts are in `tests/attack`.
-
 Each attempt has a number and follows from it and the seed alone. What is done stands in a journal
 in the folder, a line an attempt: a job that was killed, or whose time was up, continues
 from the last line.
@@ -41,10 +39,10 @@ class Part:
 
 
 PARTS = {
-    "panels": Part("tests.attack.panels", 1000),
-    "recordings": Part("tests.attack.recordings", 500),
-    "sweeps": Part("tests.attack.sweeps", 2200),
-    "studio": Part("tests.attack.studio", 2000),
+    "panels": Part("benchmarks.studies.attack.panels", 1000),
+    "recordings": Part("benchmarks.studies.attack.recordings", 500),
+    "sweeps": Part("benchmarks.studies.attack.sweeps", 2200),
+    "studio": Part("benchmarks.studies.attack.studio", 2000),
 }
 
 

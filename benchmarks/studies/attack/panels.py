@@ -19,11 +19,11 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from tests.attack.forked import Ended, run_limited
-from tests.attack.requests import NUMBERS, ODD, UNITS
 from tests.verification.robustness_checks import BOOKS, MAY_LACK, OF_STOCK_RAIL
 from tests.verification.robustness_panels import small_panel
 
+from benchmarks.studies.attack.forked import Ended, run_limited
+from benchmarks.studies.attack.requests import NUMBERS, ODD, UNITS
 from turnout.cli.main import main
 from turnout.cli.simulate import preload
 from turnout.core.scheme import Scheme

@@ -22,10 +22,10 @@ from pathlib import Path
 from typing import Any
 
 import xarray as xr
-from tests.attack.forked import forked
 from tests.faults.sweep_process import finished, started, wait_for_batches, workers_of
 from tests.unit.sweeps import batch_names, here, small_study, study_file
 
+from benchmarks.studies.attack.forked import forked
 from turnout.core.errors import FileError
 from turnout.study.study import Study
 from turnout.study.sweep.folder import BATCHES, IDENTITY

@@ -19,9 +19,9 @@ from typing import Any
 import h5py
 import numpy as np
 from scipy.io import savemat
-from tests.attack.requests import NUMBERS, ODD
 from tests.faults.hostile_recordings import HOSTILE, ROD, mat73
 
+from benchmarks.studies.attack.requests import NUMBERS, ODD
 from turnout.core.errors import FileError
 from turnout.measurement.chain.skeleton import skeleton
 from turnout.measurement.formats import isolated

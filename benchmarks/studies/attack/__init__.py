@@ -1,0 +1,1 @@
+"""Hostile input of four parts: panels, recordings, sweeps, requests of the studio."""
