@@ -34,7 +34,7 @@ class RailOutline:
     running_edge : float
         Lateral position of the running edge in that frame [m].
     planing : mapping
-        The file's table on how the rail is planed, lengths in metres; empty if it is not.
+        Table `planing` of the file, lengths in metres; empty for a rail that is not planed.
     """
 
     name: str

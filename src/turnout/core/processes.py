@@ -101,7 +101,7 @@ class Tasks(Generic[T]):
     Parameters
     ----------
     pool : Executor
-        Where they are done.
+        Processes that do them.
 
     Attributes
     ----------

@@ -157,7 +157,7 @@ def late_movements(
     end : float
         Last instant of the run [s].
     made : sequence of Duty
-        What the machines did.
+        Switching of the machines, and their arrivals.
     machines : iterable of str
         Names of the drives that are machines.
     """

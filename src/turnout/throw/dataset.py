@@ -405,9 +405,9 @@ def channel_rows(
     Parameters
     ----------
     panel, mechanism, motion
-        What was thrown, and how it moved.
+        Panel that was thrown, its mechanism and its motion.
     save : Save
-        What is kept.
+        Channels that are kept.
 
     Returns
     -------

@@ -75,7 +75,7 @@ def closed_rail(panel: Panel, position: str) -> str:
 
 
 def open_rail(panel: Panel, position: str) -> str | None:
-    """Return the rail that should be open then; None for a panel with a single closed rail."""
+    """Return the rail that should be open in a position; None if the only rail is closed."""
     closed = closed_rail(panel, position)
     others = [name for name in panel.rail if name != closed]
     if others:

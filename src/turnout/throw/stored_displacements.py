@@ -147,14 +147,13 @@ def stored_weights(
     Parameters
     ----------
     stored : StoredRows
-        What a run stores.
+        Rows of which a run stores the displacements.
     places : ndarray of int, shape (n,)
         Coordinates of the wanted displacement.
     values : ndarray, shape (n,)
-        What it takes of each.
+        Their coefficients.
     within : tuple of int, optional
-        First coordinate and number of those of one rail: what the weights come to elsewhere does
-        not count.
+        First coordinate and number of those of one rail; the sum elsewhere does not count.
 
     Returns
     -------
