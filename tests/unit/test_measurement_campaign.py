@@ -144,7 +144,7 @@ def test_what_several_recordings_say_is_said_once(tmp_path: Path) -> None:
         cells, before = lines[200].split(","), lines[199].split(",")
         lines[200] = ",".join([before[0], *cells[1:]])
         path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    said = [text for text in build_campaign_dataset(folder).remarks if "too coarsely" in text]
+    said = [text for text in build_campaign_dataset(folder).remarks if "times repeat" in text]
     assert len(said) == 1
     assert "none_closing_1 and 1 more: channels 'Rod 1'" in said[0]
 

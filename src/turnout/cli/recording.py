@@ -33,7 +33,11 @@ COLUMN = 24
 def import_command(
     file: Annotated[
         Path,
-        argument("FILE", "Recording: Dewesoft, CSV or TXT, MATLAB, HDF5, MDF, TDMS or Parquet."),
+        argument(
+            "FILE",
+            "Recording: text, workbook, JSON, Dewesoft, MATLAB, HDF5, MDF, TDMS, Parquet, LabVIEW, "
+            "COMTRADE or UFF.",
+        ),
     ],
     channels: Annotated[
         str | None,
@@ -55,6 +59,9 @@ def import_command(
             "Centred moving average, such as 0.1s; unfiltered channels are kept as well.",
         ),
     ] = None,
+    throw: Annotated[
+        str | None, option("--throw NUMBER", "Which throw of several in one table.")
+    ] = None,
     allow_outside: Annotated[
         bool, option("--allow-outside", "Also read other files that FILE refers to.")
     ] = False,
@@ -75,7 +82,7 @@ def import_command(
             refuse_to_write_outside(target, file.parent)
     channel_map = load_channel_map(channels) if channels is not None else None
     kind = recognise_format(file).name
-    recording = read_recording(file, allow_outside=allow_outside)
+    recording = read_recording(file, allow_outside=allow_outside, throw=throw)
     output = Output("import", as_json=as_json)
     if channel_map is None:
         _list(recording, kind, output, plot=plot, suggest=suggest)

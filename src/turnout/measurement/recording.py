@@ -11,6 +11,8 @@ from turnout.core.problems import choices, nearest
 
 # A hole in a time column is filled with NaN as long as the channel grows by no more than this.
 MOST_GROWTH = 3.0
+# Share of times that repeat, as some recorders write a row twice; more tell no rate.
+MOST_REPEATED = 0.01
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -147,8 +149,9 @@ def time_grid(time: NDArray[np.float64]) -> TimeGrid:
     # In all but the shortest channels a missing sample puts some time half a step off.
     if away <= 0.45:
         return TimeGrid(start, step, number)
-    if np.any(steps == 0) and away <= 2.0 * float(np.max(steps)) / step:
-        remark = "time is rounded too coarsely to see whether samples are missing"
+    repeated = int(np.count_nonzero(steps == 0))
+    if repeated and away <= 2.0:
+        remark = f"{repeated} of its times repeat; whether samples are missing there is not known"
         return TimeGrid(start, step, number, remark)
     typical = float(np.median(steps))
     regular = steps[np.abs(steps - typical) <= 0.5 * typical]
@@ -228,6 +231,19 @@ def _check_rising(time: NDArray[np.float64]) -> None:
     if time[-1] <= time[0] or np.any(steps < 0):
         at = int(np.argmin(steps)) + 1
         message = f"time must rise; it goes from {time[at - 1]:.6g} to {time[at]:.6g} s"
+        raise ValueError(message)
+    repeated = steps == 0
+    if np.count_nonzero(repeated) > MOST_REPEATED * time.size:
+        message = (
+            f"{np.count_nonzero(repeated)} of its {time.size} times repeat, the first is "
+            f"{time[np.argmax(repeated)]:.6g} s: coarser than the samples, they tell no rate; "
+            "state the sample rate, or export times with more digits"
+        )
+        raise ValueError(message)
+    if not 1e-12 * (time.size - 1) < time[-1] - time[0] < np.inf:
+        message = (
+            f"its times rise by {(time[-1] - time[0]) / (time.size - 1):.3g} s, no sample rate"
+        )
         raise ValueError(message)
 
 

@@ -2,69 +2,44 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.errors import FileError
 from turnout.core.problems import choices
+from turnout.measurement.formats.clock import DAY
 from turnout.measurement.formats.extent import MOST_CHANNELS
+from turnout.measurement.formats.time_axis import iso_time
 from turnout.measurement.recording import RecordedChannel, Recording, TimeGrid, on_grid, time_grid
 
-# Taken for a unit in round brackets; square brackets always hold one.
-_ELECTRIC = ("V", "mV", "µV", "uV", "V/V", "mV/V", "µV/V", "uV/V", "A", "mA", "Ohm", "Ω", "W", "kW")
-_MECHANIC = (
-    "N",
-    "kN",
-    "MN",
-    "Nm",
-    "kNm",
-    "bar",
-    "Pa",
-    "kPa",
-    "MPa",
-    "GPa",
-    "J",
-    "g",
-    "kg",
-    "N/mm2",
-)
-_STRAIN = ("um/m", "µm/m", "μm/m", "ue", "µe", "με", "µε", "m/m", "mm/m")
-_MOTION = (
-    "m",
-    "mm",
-    "cm",
-    "um",
-    "µm",
-    "m/s",
-    "m/s2",
-    "m/s^2",
-    "m/s²",
-    "km/h",
-    "kph",
-    "rpm",
-    "1/min",
-)
-_OTHER = ("s", "ms", "us", "µs", "min", "h", "Hz", "kHz", "°C", "degC", "K", "deg", "°", "rad", "%")
-UNIT_TEXTS = frozenset((*_ELECTRIC, *_MECHANIC, *_STRAIN, *_MOTION, *_OTHER, "-", "1"))
-SECONDS = {
-    "": 1.0,
-    "s": 1.0,
-    "sec": 1.0,
-    "ms": 1e-3,
-    "us": 1e-6,
-    "µs": 1e-6,
-    "min": 60.0,
-    "h": 3600.0,
+# Taken for a unit in round brackets, in a row of units, or behind a name; square brackets always
+# hold one.
+_UNITS = """
+V mV kV µV uV V/V mV/V µV/V uV/V A mA kA Ohm Ω W kW MW mW VA kVA var F H Hz kHz MHz dB
+N kN MN daN Nm kNm mNm N·m N*m kN·m bar mbar Pa hPa kPa MPa GPa J kJ Wh kWh g kg t
+N/mm2 N/mm² N/m kN/m um/m µm/m μm/m ue µe με µε m/m mm/m µStrain uStrain m mm cm um µm km
+m/s mm/s m/s2 m/s^2 m/s² km/h kph rpm 1/min U/min s ms us µs ns min h °C degC °F K deg
+° rad rad/s °/s mrad % ‰ - 1 l/min kW/h S/s 1/s
+"""
+UNIT_TEXTS = frozenset(_UNITS.split())
+UNIT_WORDS = {
+    **dict.fromkeys(("volt", "volts"), "V"),
+    **dict.fromkeys(("amp", "amps", "ampere", "amperes"), "A"),
+    **dict.fromkeys(("watt", "watts"), "W"),
+    **dict.fromkeys(("newton", "newtons"), "N"),
+    **dict.fromkeys(("second", "seconds", "sec", "sekunden"), "s"),
+    **dict.fromkeys(("millisecond", "milliseconds", "msec"), "ms"),
+    **dict.fromkeys(("celsius", "deg c", "°c", "gradc"), "°C"),
+    **dict.fromkeys(("none", "unknown", "n/a", "dimensionless"), ""),
 }
+# Instruments write these numbers for an overload and for a value that is none [SCPI].
+_OVERLOAD = (9.89e37, 9.92e37)
+_LARGEST_RATE, _LEAST_RATE, _LATEST_START, _LARGEST_RATIO = 1e7, 0.1, 1e6, 1e4
+_BEHIND = re.compile(r"(.*?\S)(\s/\s|\s+in\s+|,\s*|\s+)(\S+)")
+_NO_UNIT_BEHIND = frozenset(("-", "1", "%", "min", "deg", "rad"))
 _NAME_AND_UNIT = re.compile(r"(.*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))\s*\Z", re.DOTALL)
-_TIME_NAME = re.compile(
-    r"(data\d+_)?(relative |elapsed )?(time|zeit|tid|temps|tiempo|t)(_s)?", re.I
-)
-RATE_NAME = re.compile(
-    r"(data\d+_)?(sample|sampling|scan)?[ _]?(rate|frequency|freq)|(data\d+_)?fs|abtastrate", re.I
-)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,6 +58,10 @@ class FileColumn:
         Samples a second [1/s], where it gives that instead.
     start : float
         Time of the first sample where it gives the rate [s].
+    begin : float or None
+        Moment from which `time` or `start` count [s]; channels may have begun at different ones.
+    remark : str
+        What was made of its times.
     """
 
     name: str
@@ -92,6 +71,8 @@ class FileColumn:
     time: NDArray[np.float64] | None = None
     rate: float | None = None
     start: float = 0.0
+    begin: float | None = None
+    remark: str = ""
 
 
 def split_unit(text: str) -> tuple[str, str]:
@@ -101,15 +82,33 @@ def split_unit(text: str) -> tuple[str, str]:
     --------
     >>> split_unit("Rod 1 (mV/V)"), split_unit("force (left)"), split_unit("AI 3 [-]")
     (('Rod 1', 'mV/V'), ('force (left)', ''), ('AI 3', ''))
+    >>> split_unit("t / ms"), split_unit("I in A"), split_unit("Rod 1")
+    (('t', 'ms'), ('I', 'A'), ('Rod 1', ''))
     """
     text = text.strip()
     match = _NAME_AND_UNIT.fullmatch(text)
-    if match is None or not match[1]:
+    if match is not None and match[1]:
+        unit = (match[2] if match[2] is not None else match[3]).strip()
+        if match[2] is not None or not unit or is_unit(unit):
+            return match[1], tidy_unit(unit)
+    match = _BEHIND.fullmatch(text)
+    # "Rod A" is a name, "I in A" and "Force kN" end in a unit.
+    if match is None or not is_unit(match[3]) or match[3] in _NO_UNIT_BEHIND:
         return text, ""
-    unit = (match[2] if match[2] is not None else match[3]).strip()
-    if match[2] is None and unit and unit not in UNIT_TEXTS:
-        return text, ""
-    return match[1], tidy_unit(unit)
+    parted = bool(match[2].strip()) or len(match[3]) > 1
+    return (match[1], tidy_unit(match[3])) if parted else (text, "")
+
+
+def is_unit(text: str) -> bool:
+    """Return True if a text alone is taken for a unit.
+
+    Examples
+    --------
+    >>> is_unit("mV/V"), is_unit("Volts"), is_unit("Rod")
+    (True, True, False)
+    """
+    text = text.strip().strip("[]()").strip()
+    return text in UNIT_TEXTS or text.lower() in UNIT_WORDS
 
 
 def tidy_unit(unit: str) -> str:
@@ -117,31 +116,14 @@ def tidy_unit(unit: str) -> str:
 
     Examples
     --------
-    >>> tidy_unit("µm/m"), tidy_unit(" [mV/V] "), tidy_unit("-")
-    ('um/m', 'mV/V', '')
+    >>> tidy_unit("µm/m"), tidy_unit(" [mV/V] "), tidy_unit("-"), tidy_unit("Volts")
+    ('um/m', 'mV/V', '', 'V')
     """
     text = unit.strip().strip("[]()").strip().replace("µ", "u").replace("μ", "u")
-    return {"-": "", "ue": "um/m", "uε": "um/m", "uStrain": "um/m"}.get(text, text)
-
-
-def is_time_name(name: str) -> bool:
-    """Return True if a column of this name holds the time.
-
-    Examples
-    --------
-    >>> is_time_name("Time (s)"), is_time_name("t"), is_time_name("Throw time")
-    (True, True, False)
-    """
-    return _TIME_NAME.fullmatch(split_unit(name)[0].strip()) is not None
-
-
-def seconds_of(unit: str) -> float:
-    """Return the seconds in the unit of a time column; ValueError when it is none."""
-    factor = SECONDS.get(tidy_unit(unit))
-    if factor is None:
-        message = f"'{unit}' is no unit of time; needs one of {', '.join(filter(None, SECONDS))}"
-        raise ValueError(message)
-    return factor
+    text = UNIT_WORDS.get(text.lower(), text)
+    return {"-": "", "ue": "um/m", "uε": "um/m", "uStrain": "um/m", "U/min": "1/min"}.get(
+        text, text
+    )
 
 
 def assemble_recording(
@@ -179,35 +161,78 @@ def assemble_recording(
         message = f"{source}: holds {len(columns)} channels, at most {MOST_CHANNELS} are read"
         raise FileError(message + "; export fewer")
     taken: dict[str, int] = {}
+    origin = min((c.begin for c in columns if c.begin is not None), default=0.0)
     for column in columns:
         name = _free(column.name.strip() or f"channel {len(channels) + 1}", channels, taken)
         try:
-            channel, problem = _evened(column, name, grids, remedy)
+            channel, remarks = _evened(column, name, grids, remedy, origin)
         except ValueError as error:
             left_out.setdefault(str(error), []).append(name)
             continue
         channels[name] = channel
-        if problem:
-            mended.setdefault(problem, []).append(name)
+        for remark in filter(None, remarks):
+            mended.setdefault(remark, []).append(name)
     found = [
         *problems,
         *(f"{_named(names)}: {problem}" for problem, names in mended.items()),
         *(_left_out(reason, names) for reason, names in left_out.items()),
+        *implausible_times(list(channels.values())),
     ]
     if not channels:
         reasons = "; ".join(found) or "there are no numbers in it"
         message = f"{source}: no channel can be read: {reasons}"
         raise FileError(message)
-    return Recording(channels, source, start_time, tuple(found))
+    return Recording(channels, source, start_time or iso_time(origin), tuple(found))
+
+
+def implausible_times(channels: Sequence[RecordedChannel]) -> list[str]:
+    """Return a note for each kind of time that a recording of a switch is unlikely to have.
+
+    Examples
+    --------
+    >>> implausible_times([RecordedChannel("a", "V", np.zeros(3), rate=2e7)])
+    ["check the time: the rate of channel 'a' is 2e+07 Hz"]
+    """
+    kinds: dict[str, tuple[str, list[str]]] = {}
+    for item in channels:
+        length = item.values.size / item.rate
+        for kind, wrong, text in (
+            ("rate", not _LEAST_RATE <= item.rate <= _LARGEST_RATE, f"{item.rate:.4g} Hz"),
+            ("start", abs(item.start) > _LATEST_START, f"{item.start:.6g} s"),
+            ("length", length > DAY, f"{length:.6g} s"),
+        ):
+            if wrong:
+                kinds.setdefault(kind, (text, []))[1].append(item.name)
+    notes = [
+        f"check the time: the {kind} of {_named(names)} is {text}"
+        for kind, (text, names) in kinds.items()
+    ]
+    rates = [item.rate for item in channels]
+    if rates and max(rates) > _LARGEST_RATIO * min(rates):
+        least, most = min(channels, key=_rate_of), max(channels, key=_rate_of)
+        notes.append(
+            f"check the time: '{most.name}' has {most.rate:.4g} samples per second, "
+            f"'{least.name}' {least.rate:.4g}"
+        )
+    return notes
+
+
+def _rate_of(channel: RecordedChannel) -> float:
+    return channel.rate
 
 
 def _evened(
-    column: FileColumn, name: str, grids: dict[int, TimeGrid | ValueError], remedy: str
-) -> tuple[RecordedChannel, str]:
-    values = np.ascontiguousarray(column.values, dtype=np.float64)
+    column: FileColumn,
+    name: str,
+    grids: dict[int, TimeGrid | ValueError],
+    remedy: str,
+    origin: float,
+) -> tuple[RecordedChannel, tuple[str, ...]]:
+    values, remark = _without_overload(np.ascontiguousarray(column.values, dtype=np.float64))
     if not values.size:
         message = "it is empty: no sample was recorded"
         raise ValueError(message)
+    later = column.begin - origin if column.begin is not None else 0.0
     if column.time is None:
         if column.rate is None or not (np.isfinite(column.rate) and column.rate > 0):
             message = f"neither times nor a sample rate are known{remedy and '; ' + remedy}"
@@ -215,10 +240,9 @@ def _evened(
         if not np.isfinite(column.start):
             message = "the time of its first sample is no number"
             raise ValueError(message)
-        channel = RecordedChannel(
-            name, column.unit, values, column.rate, column.start, column.description
-        )
-        return channel, ""
+        start = column.start + later
+        channel = RecordedChannel(name, column.unit, values, column.rate, start, column.description)
+        return channel, (remark, column.remark)
     if column.time.size != values.size:
         message = f"has {values.size} samples and {column.time.size} times"
         raise ValueError(message)
@@ -232,7 +256,22 @@ def _evened(
     grid = grids[key]
     if isinstance(grid, ValueError):
         raise grid
-    return on_grid(grid, name, values, unit=column.unit, description=column.description)
+    channel, mended = on_grid(grid, name, values, unit=column.unit, description=column.description)
+    if later:
+        channel = replace(channel, start=channel.start + later)
+    return channel, (mended, remark, column.remark)
+
+
+def _without_overload(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], str]:
+    """Return samples with NaN for infinite ones and those that instruments write for none."""
+    with np.errstate(invalid="ignore"):
+        size = np.abs(values)
+        wrong = np.isinf(values) | ((size > _OVERLOAD[0]) & (size < _OVERLOAD[1]))
+    count = int(np.count_nonzero(wrong))
+    if not count:
+        return values, ""
+    what = "sample is" if count == 1 else "samples are"
+    return np.where(wrong, np.nan, values), f"{count} {what} overload, taken as missing"
 
 
 def _left_out(reason: str, names: Sequence[str]) -> str:

@@ -1,5 +1,7 @@
 """Read recordings of any known format, and write them in formats that other programs read."""
 
+import re
+import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
@@ -9,14 +11,35 @@ from typing import Any
 
 from turnout.core.errors import FileError
 from turnout.core.files import require_regular_file, write_atomic
+from turnout.measurement.formats.comtrade import is_comtrade, read_comtrade
 from turnout.measurement.formats.hdf5 import hdf5_bytes
 from turnout.measurement.formats.isolated import read_isolated
+from turnout.measurement.formats.lvm import MARK as LVM_MARK
+from turnout.measurement.formats.lvm import read_lvm
 from turnout.measurement.formats.mat import mat_bytes
 from turnout.measurement.formats.text_table import csv_bytes, read_text
 from turnout.measurement.recording import Recording
 
 SNIFFED_BYTES = 600
 _HDF5_MARK = b"\x89HDF\r\n\x1a\n"
+_ARCHIVE, _OLD_OFFICE = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
+# Formats that are not read, by their first bytes, and the way out.
+FOREIGN = (
+    (b"|CF,", "an imc FAMOS file; export it as ASCII or MDF"),
+    (b"|CG,", "an imc FAMOS file; export it as ASCII or MDF"),
+    (b"DIAEXTENDED", "a DIAdem file; export it as TDMS or CSV"),
+    (b"DIADEM", "a DIAdem file; export it as TDMS or CSV"),
+    (b"<?xml", "an XML file; export it as CSV, TDMS or MDF"),
+    (b"RIFF", "a sound or video file; export it as CSV with its sample rate"),
+    (b"\x1f\x8b", "compressed (gzip); unpack it"),
+    (b"BZh", "compressed (bzip2); unpack it"),
+    (b"7z\xbc\xaf", "a 7-Zip archive; unpack it"),
+    (b"Rar!", "a RAR archive; unpack it"),
+    (b"%PDF", "a PDF; export the table as CSV"),
+    (b"\x93NUMPY", "a NumPy array; save it as CSV or HDF5 with its sample rate"),
+    (b"SQLite format 3", "a database; export its table as CSV"),
+    (b"{\\rtf", "a formatted text (RTF); save it as plain text"),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +53,7 @@ class FileFormat:
     suffixes : tuple of str
         What its files end in; used only where the content is ambiguous.
     recognise : callable
-        Whether the first bytes are of this format.
+        Whether a file, given its first bytes, is of this format.
     reader : str
         Module of `turnout.measurement.formats` and function that read it in a process of its own;
         empty for text, whose memory grows with the file only.
@@ -40,19 +63,41 @@ class FileFormat:
         Extra of turnout that brings these packages.
     refers : bool
         Whether such a file can take samples from others.
+    tables : bool
+        Whether it holds tables, in which there may be several throws.
     """
 
     name: str
     suffixes: tuple[str, ...]
-    recognise: Callable[[bytes], bool]
+    recognise: Callable[[bytes, Path], bool]
     reader: str = ""
     packages: tuple[str, ...] = ()
     extra: str = ""
     refers: bool = False
+    tables: bool = False
 
 
-def _begins(*marks: bytes) -> Callable[[bytes], bool]:
-    return lambda head: head.startswith(marks)
+def _begins(*marks: bytes) -> Callable[[bytes, Path], bool]:
+    return lambda head, path: head.startswith(marks)
+
+
+def _matches(pattern: bytes) -> Callable[[bytes, Path], bool]:
+    compiled = re.compile(pattern, re.IGNORECASE)
+    return lambda head, path: compiled.match(head) is not None
+
+
+def _is_workbook(head: bytes, path: Path) -> bool:
+    """Return True for a workbook of Excel before 2007, or an archive that holds one."""
+    if head.startswith(_OLD_OFFICE):
+        return True
+    if not head.startswith(_ARCHIVE):
+        return False
+    try:
+        with zipfile.ZipFile(path) as archive:
+            names = archive.namelist()
+    except (zipfile.BadZipFile, OSError, ValueError):
+        return path.suffix.lower() in (".xlsx", ".xlsm", ".ods")
+    return any(name.startswith("xl/") or name == "content.xml" for name in names)
 
 
 FORMATS = (
@@ -88,24 +133,69 @@ FORMATS = (
     FileFormat(
         "HDF5",
         (".h5", ".hdf5", ".hdf", ".nc"),
-        lambda head: _HDF5_MARK in head,
-        "hdf5:read_hdf5",
+        lambda head, path: _HDF5_MARK in head,
+        "mat:read_hdf5_or_mat73",
         refers=True,
     ),
-    FileFormat("text", (".csv", ".txt", ".tsv", ".asc", ".dat"), lambda head: False),
+    FileFormat(
+        "workbook",
+        (".xlsx", ".xlsm", ".xls", ".ods"),
+        _is_workbook,
+        "sheets:read_workbook",
+        ("python_calamine",),
+        "sheets",
+        tables=True,
+    ),
+    FileFormat(
+        "HTML",
+        (".html", ".htm"),
+        _matches(rb"\s*(\xef\xbb\xbf)?\s*<(!doctype html|html|table|meta|head|body)\b"),
+        "sheets:read_html",
+        tables=True,
+    ),
+    FileFormat(
+        "JSON",
+        (".json", ".jsonl", ".ndjson"),
+        _matches(rb'(\xef\xbb\xbf)?\s*(\{\s*"|\[\s*[\[{])'),
+        "json_table:read_json",
+        tables=True,
+    ),
+    FileFormat(
+        "UFF",
+        (".uff", ".unv"),
+        _matches(rb" *-1 *\r?\n *\d+"),
+        "optional_formats:read_uff",
+        ("pyuff",),
+        "daq",
+    ),
+    FileFormat("COMTRADE", (), lambda head, path: is_comtrade(path, head), ""),
+    FileFormat("LabVIEW", (), _begins(LVM_MARK), ""),
+    FileFormat(
+        "text", (".csv", ".txt", ".tsv", ".asc", ".dat"), lambda head, path: False, tables=True
+    ),
 )
+_DIRECT: dict[str, Callable[..., Recording]] = {
+    "COMTRADE": read_comtrade,
+    "LabVIEW": read_lvm,
+    "text": read_text,
+}
+"""Readers of texts, whose memory grows with the file only."""
 
 
-def read_recording(path: Path | str, *, allow_outside: bool = False) -> Recording:
+def read_recording(
+    path: Path | str, *, allow_outside: bool = False, throw: str | None = None
+) -> Recording:
     r"""Read the channels of a file; the format follows from its content, then its name.
 
     Parameters
     ----------
     path : path-like
-        Text (CSV, TXT), MATLAB, HDF5; Dewesoft, MDF and TDMS with the extra ``daq``; Parquet with
-        the extra ``parquet``.
+        Text (CSV, TXT), JSON, HTML, LabVIEW (.lvm), COMTRADE, MATLAB, HDF5; Dewesoft, MDF, TDMS and
+        UFF with the extra ``daq``; workbooks with ``sheets``; Parquet with ``parquet``.
     allow_outside : bool
         Whether a file may take samples from other files, as HDF5 can.
+    throw : str, optional
+        Which throw of several in one table.
 
     Returns
     -------
@@ -128,19 +218,26 @@ def read_recording(path: Path | str, *, allow_outside: bool = False) -> Recordin
     """
     path = Path(path)
     try:
-        return _read(path, recognise_format(path), allow_outside=allow_outside)
+        return _read(path, recognise_format(path), allow_outside=allow_outside, throw=throw)
     except FileError as error:
         # What a message quotes from a damaged file may hold anything.
         text = "".join(char if char.isprintable() else " " for char in str(error))
         raise FileError(text) from None
 
 
-def _read(path: Path, kind: FileFormat, *, allow_outside: bool) -> Recording:
+def _read(path: Path, kind: FileFormat, *, allow_outside: bool, throw: str | None) -> Recording:
+    options: dict[str, object] = {}
+    if throw is not None:
+        if not kind.tables:
+            message = f"{path}: a {kind.name} file holds one throw; leave out the choice '{throw}'"
+            raise FileError(message)
+        options["throw"] = throw
     if not kind.reader:
-        return read_text(path)
+        return _DIRECT[kind.name](path, **options)
     for package in kind.packages:
         require(package, extra=kind.extra, purpose=f"{path}: {kind.name} files", load=False)
-    options = {"allow_outside": allow_outside} if kind.refers else {}
+    if kind.refers:
+        options["allow_outside"] = allow_outside
     return read_isolated(
         path,
         reader=f"turnout.measurement.formats.{kind.reader}",
@@ -153,12 +250,13 @@ def _read(path: Path, kind: FileFormat, *, allow_outside: bool) -> Recording:
 def recognise_format(path: Path) -> FileFormat:
     """Return the format of a file; FileError when it cannot be read at all."""
     head = _head(path)
-    if head.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
-        message = f"{path}: is an Excel workbook or another archive; save the sheet as CSV"
-        raise FileError(message)
     for item in FORMATS:
-        if item.recognise(head):
+        if item.recognise(head, path):
             return item
+    for mark, way_out in (*FOREIGN, (_ARCHIVE, "an archive; unpack it")):
+        if head.startswith(mark):
+            message = f"{path}: is {way_out}"
+            raise FileError(message)
     suffix = path.suffix.lower()
     by_name = next((item for item in FORMATS if suffix in item.suffixes), FORMATS[-1])
     if by_name.name != "text" and _is_text(head):

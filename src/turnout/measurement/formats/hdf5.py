@@ -17,14 +17,16 @@ from numpy.typing import NDArray
 
 from turnout.core.errors import FileError
 from turnout.core.problems import choices
-from turnout.measurement.formats.assemble import (
-    RATE_NAME,
-    FileColumn,
-    assemble_recording,
-    tidy_unit,
-)
+from turnout.measurement.formats.assemble import FileColumn, assemble_recording, tidy_unit
+from turnout.measurement.formats.channel_table import Table, TableColumn, table_columns
+from turnout.measurement.formats.clock import is_time_name, is_time_unit
 from turnout.measurement.formats.extent import MOST_CHANNELS, Declared
-from turnout.measurement.formats.named_arrays import NAME_LISTS, NO_TIME, columns_of_arrays
+from turnout.measurement.formats.named_arrays import (
+    NAME_LISTS,
+    NO_TIME,
+    columns_of_arrays,
+    stated_clock,
+)
 from turnout.measurement.recording import Recording
 
 LARGEST_DEPTH = 50
@@ -118,14 +120,15 @@ class Content:
 
 
 UNITS = ("unit", "units", "unit_string")
-STEPS = ("dt", "sample_interval", "wf_increment")
-STARTS = ("start", "wf_start_offset")
 DESCRIPTIONS = ("description", "long_name", "comment")
 START_TIMES = ("start_time", "start_store_time", "date")
 
 
 def read_hdf5(path: Path, *, allow_outside: bool = False) -> Recording:
     """Read an HDF5 file: numeric datasets, with their rates in attributes or times beside them.
+
+    A rate may be an attribute of the dataset, of a group around it or of the file. Values packed
+    with scale_factor and add_offset are unpacked; a compound dataset is a table.
 
     Parameters
     ----------
@@ -139,53 +142,118 @@ def read_hdf5(path: Path, *, allow_outside: bool = False) -> Recording:
     FileError
         When it holds no channel, refers to other files or declares too much.
     """
-    arrays: dict[str, NDArray[Any]] = {}
-    units: dict[str, str] = {}
-    texts: dict[str, list[str]] = {}
-    own: list[FileColumn] = []
-    empty: list[str] = []
+    with h5py.File(path, "r") as file:
+        found = _Found(Content(path, file, allow_outside=allow_outside), str(path))
+        try:
+            for name, item in found.content.datasets():
+                found.take(name, item)
+            found.take_groups(file)
+            attributes = _attributes(file)
+            columns, problems = columns_of_arrays(found.arrays, found.texts, found.units)
+        except ValueError as error:
+            message = f"{path}: {error}"
+            raise FileError(message) from None
+    return assemble_recording(
+        [*found.columns, *columns],
+        source=str(path),
+        start_time=_first(attributes, START_TIMES) or None,
+        problems=[*found.content.problems, *found.problems, *problems, *_empty(found.empty)],
+        remedy=NO_TIME,
+    )
 
-    def visit(name: str, item: h5py.Dataset) -> None:
-        if item.dtype.kind in "OS" and name.rsplit("/", 1)[-1].lower() in (*NAME_LISTS, "units"):
-            texts[name.replace("/", ".")] = [_text(value) for value in np.ravel(content.read(item))]
+
+class _Found:
+    """What the datasets of a file hold, as they are met."""
+
+    def __init__(self, content: Content, source: str) -> None:
+        self.content, self.source = content, source
+        self.arrays: dict[str, NDArray[Any]] = {}
+        self.units: dict[str, str] = {}
+        self.texts: dict[str, list[str]] = {}
+        self.columns: list[FileColumn] = []
+        self.empty: list[str] = []
+        self.problems: list[str] = []
+
+    def take(self, name: str, item: h5py.Dataset) -> None:
+        """Take a dataset by what it holds."""
+        last = name.rsplit("/", 1)[-1]
+        if item.dtype.kind in "OS" and (last.lower() in (*NAME_LISTS, "units") or item.size == 1):
+            self.texts[name.replace("/", ".")] = [
+                _text(value) for value in np.ravel(self.content.read(item))
+            ]
+        if item.dtype.names:
+            self._take_table(name, item)
         if item.dtype.kind not in "biuf" or item.ndim > 2:
             return
         if not item.size:
-            empty.append(name)
+            self.empty.append(name)
             return
-        attributes = {key.lower(): value for key, value in item.attrs.items()}
-        rate = _rate(attributes)
-        if rate is None or item.ndim > 1:
-            arrays[name], units[name] = content.read(item), _first(attributes, UNITS)
+        attributes = _attributes(item)
+        clock = stated_clock(attributes)
+        rate, unit = clock.rate(), _first(attributes, UNITS)
+        values = _unpacked(self.content.read(item), attributes)
+        since = " since " in unit or (is_time_unit(unit) and is_time_name(last))
+        if rate is None or item.ndim > 1 or since:
+            if rate is not None:
+                self.arrays[f"{name}/sample_rate"] = np.array(rate[0])
+            self.arrays[name], self.units[name] = values, unit
             return
-        start = _first(attributes, STARTS)
-        own.append(
-            FileColumn(
-                _first(attributes, ("name",)) or name,
-                content.read(item),
-                tidy_unit(_first(attributes, UNITS)),
-                _first(attributes, DESCRIPTIONS),
-                rate=rate,
-                start=float(start) if start else 0.0,
-            )
+        shown, described = _first(attributes, ("name",)) or name, _first(attributes, DESCRIPTIONS)
+        values = values.reshape(-1)
+        self.columns.append(
+            FileColumn(shown, values, tidy_unit(unit), described, rate=rate[0], start=clock.start)
         )
 
-    with h5py.File(path, "r") as file:
-        content = Content(path, file, allow_outside=allow_outside)
-        for name, item in content.datasets():
-            visit(name, item)
-        attributes = {key.lower(): value for key, value in file.attrs.items()}
-    rate = _rate(attributes)
-    if rate is not None:
-        arrays["sample_rate"] = np.array(rate)
-    columns, problems = columns_of_arrays(arrays, texts, units)
-    return assemble_recording(
-        [*own, *columns],
-        source=str(path),
-        start_time=_first(attributes, START_TIMES) or None,
-        problems=[*content.problems, *problems, *_empty(empty)],
-        remedy=NO_TIME,
+    def _take_table(self, name: str, item: h5py.Dataset) -> None:
+        cells = self.content.read(item)
+        units = {key: _text(value) for key, value in _attributes(item).items()}
+        columns = [
+            TableColumn(field, _cells(cells[field]), units.get(f"{field.lower()}_unit", ""))
+            for field in cells.dtype.names
+            if cells[field].ndim == 1
+        ]
+        table = Table(columns, stated_clock(_attributes(item)), f"{self.source}: '{name}'")
+        self.columns += table_columns(table)
+        self.problems += table.problems
+
+    def take_groups(self, file: h5py.File) -> None:
+        """Take the rates that the file and its groups state for all they hold."""
+        folders = {"": file}
+        for name in [*self.arrays, *self.units]:
+            parts = name.split("/")[:-1]
+            for count in range(1, len(parts) + 1):
+                folders["/".join(parts[:count]) + "/"] = file["/".join(parts[:count])]
+        for folder, group in folders.items():
+            rate = stated_clock(_attributes(group)).rate()
+            if rate is not None and f"{folder}sample_rate" not in self.arrays:
+                self.arrays[f"{folder}sample_rate"] = np.array(rate[0])
+
+
+def _attributes(item: h5py.HLObject) -> dict[str, Any]:
+    return {key.lower(): value for key, value in item.attrs.items()}
+
+
+def _cells(column: NDArray[Any]) -> NDArray[Any]:
+    if column.dtype.kind in "biufmM":
+        return column
+    return np.array([_text(cell) for cell in column], dtype=object)
+
+
+def _unpacked(held: Any, attributes: dict[str, Any]) -> NDArray[Any]:
+    """Return values that CF packs (scale_factor, add_offset), NaN where one is missing."""
+    values: NDArray[Any] = np.asarray(held)
+    missing = np.zeros(values.shape, dtype=bool)
+    for key in ("_fillvalue", "missing_value"):
+        if key in attributes and values.dtype.kind in "iuf":
+            missing |= values == np.ravel(attributes[key])[0]
+    scale, offset = (
+        float(np.ravel(attributes.get(key, default))[0])
+        for key, default in (("scale_factor", 1.0), ("add_offset", 0.0))
     )
+    if scale == 1.0 and offset == 0.0 and not missing.any():
+        return values
+    scaled: NDArray[Any] = np.where(missing, np.nan, values * scale + offset)
+    return scaled
 
 
 def hdf5_bytes(recording: Recording) -> bytes:
@@ -228,16 +296,3 @@ def _text(value: Any) -> str:
     if isinstance(value, np.ndarray):
         value = value.reshape(-1)[0] if value.size else ""
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
-
-
-def _rate(attributes: dict[str, Any]) -> float | None:
-    """Return a sample rate from attributes that hold it or its inverse."""
-    try:
-        for key, value in attributes.items():
-            if RATE_NAME.fullmatch(key):
-                return float(np.ravel(value)[0])
-            if key in STEPS:
-                return 1.0 / float(np.ravel(value)[0])
-    except (ValueError, TypeError, IndexError, ZeroDivisionError):
-        return None
-    return None

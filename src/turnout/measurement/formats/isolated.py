@@ -1,8 +1,7 @@
 """Read recordings in a process of their own, with limits of memory and time.
 
 The process is started at the first file and kept for the next ones, so that a campaign pays for
-its start once. After a file that it refuses, crashes on or is too slow with it is ended, as damage
-may linger in it.
+its start once. After a file on which it crashes, runs out of memory or is too slow it is ended.
 """
 
 import atexit
@@ -20,7 +19,7 @@ import numpy as np
 
 from turnout.core.errors import FileError
 from turnout.measurement.formats.extent import most_memory, most_seconds
-from turnout.measurement.formats.reader_process import ARRAYS, FAULT
+from turnout.measurement.formats.reader_process import ARRAYS, EXHAUSTED, FAULT
 from turnout.measurement.recording import RecordedChannel, Recording
 
 # To load the packages of a reader: their own time, whatever the file [s].
@@ -136,7 +135,7 @@ def read_isolated(
         late = keep = False
         try:
             reply, late = process.ask(request)
-            keep = bool(reply) and FAULT not in reply
+            keep = bool(reply) and EXHAUSTED not in reply
         finally:
             if not keep:
                 _kept.clear()

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.io import loadmat, savemat
 
+from turnout.core.errors import FileError
 from turnout.measurement.formats.assemble import FileColumn, assemble_recording
-from turnout.measurement.formats.hdf5 import Content
+from turnout.measurement.formats.hdf5 import Content, read_hdf5
 from turnout.measurement.formats.mat_check import check_mat5
 from turnout.measurement.formats.named_arrays import NO_TIME, columns_of_arrays
 from turnout.measurement.recording import Recording
@@ -63,6 +64,30 @@ def read_mat73(path: Path, *, allow_outside: bool = False) -> Recording:
     return _recording(found, path)
 
 
+def read_hdf5_or_mat73(path: Path, *, allow_outside: bool = False) -> Recording:
+    """Read an HDF5 file, or a MATLAB file of version 7.3 whose head was lost.
+
+    Parameters
+    ----------
+    path : Path
+        HDF5 file.
+    allow_outside : bool
+        Whether it may take samples from other files.
+
+    Raises
+    ------
+    FileError
+        When it holds no channel, refers to other files or declares too much.
+    """
+    with h5py.File(path, "r") as file:
+        items = (
+            file.get(key) for key in file if isinstance(file.get(key, getlink=True), h5py.HardLink)
+        )
+        is_matlab = any("MATLAB_class" in item.attrs for item in items if item is not None)
+    read = read_mat73 if is_matlab else read_hdf5
+    return read(path, allow_outside=allow_outside)
+
+
 def mat_bytes(recording: Recording) -> bytes:
     """Return a recording as the content of a MATLAB file of version 5.
 
@@ -100,7 +125,11 @@ def _recording(content: Mapping[str, Any], path: Path) -> Recording:
     if f"{_PREFIX}variables" in texts and f"{_PREFIX}rates" in arrays:
         columns, problems = _own_variable(arrays, texts), list[str]()
     else:
-        columns, problems = columns_of_arrays(arrays, texts)
+        try:
+            columns, problems = columns_of_arrays(arrays, texts)
+        except ValueError as error:
+            message = f"{path}: {error}"
+            raise FileError(message) from None
     return assemble_recording(
         columns,
         source=str(path),
@@ -137,13 +166,30 @@ def _own_variable(
 def _flat(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
     """Yield the variables of a file by dotted names; structures are opened."""
     for name, value in content.items():
-        if isinstance(value, Mapping):
-            yield from _flat(value, f"{prefix}{name}.")
-        elif hasattr(value, "_fieldnames"):
-            fields = {field: getattr(value, field) for field in value._fieldnames}
+        fields = _fields(value)
+        if fields is not None and "values" in fields and isinstance(fields.get("label"), str):
+            # A signal of Simulink's "Structure With Time".
+            yield fields["label"] or f"{prefix}{name}", fields["values"]
+        elif fields is not None:
             yield from _flat(fields, f"{prefix}{name}.")
+        elif isinstance(value, np.ndarray) and value.dtype.kind == "O" and _are_structures(value):
+            inner = {f"{name} {n}": item for n, item in enumerate(value.ravel(), start=1)}
+            yield from _flat(inner, prefix)
         else:
             yield f"{prefix}{name}", value
+
+
+def _fields(value: Any) -> Mapping[str, Any] | None:
+    """Return the fields of a structure; None if it is none."""
+    if isinstance(value, Mapping):
+        return value
+    if hasattr(value, "_fieldnames"):
+        return {field: getattr(value, field) for field in value._fieldnames}
+    return None
+
+
+def _are_structures(values: NDArray[Any]) -> bool:
+    return bool(values.size) and all(_fields(item) is not None for item in values.ravel())
 
 
 def _is_texts(value: object) -> bool:

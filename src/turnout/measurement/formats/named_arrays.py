@@ -7,14 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.measurement.formats.assemble import (
-    RATE_NAME,
-    FileColumn,
-    is_time_name,
-    seconds_of,
-    split_unit,
-    tidy_unit,
-)
+from turnout.measurement.formats.assemble import FileColumn, split_unit, tidy_unit
+from turnout.measurement.formats.clock import StatedClock, is_time_name
+from turnout.measurement.formats.time_axis import TimeAxis, numeric_axis
 
 NO_TIME = "add an array 'time' [s] of the same length or a number 'sample_rate' [1/s]"
 # Data1_Rod_1 has its times in Data1_time_Rod_1: the way of DewesoftX.
@@ -57,51 +52,101 @@ def columns_of_arrays(
     >>> columns[0].name, columns[0].time
     ('rod', array([0.   , 0.001, 0.002]))
     """
-    units = units or {}
+    units, problems = units or {}, list[str]()
     flat = {name: _vector(array) for name, array in arrays.items()}
-    rate = next(
-        (float(v[0]) for k, v in flat.items() if v is not None and v.size == 1 and _is_rate(k)),
-        None,
+    stated = _stated_clocks(
+        {k: v[0] for k, v in flat.items() if v is not None and v.size == 1}
+        | {k: v[0] for k, v in texts.items() if len(v) == 1}
     )
-    times: dict[str, NDArray[np.float64]] = {}
-    problems: list[str] = []
+    times: dict[str, TimeAxis] = {}
     for name, vector in flat.items():
         if vector is not None and vector.size > 1 and _is_time(name):
             try:
-                unit = units.get(name, "") or split_unit(name)[1]
-                times[name] = vector.astype(np.float64) * seconds_of(unit)
+                bare, unit = split_unit(_last(name))
+                unit = units.get(name, "") or unit
+                times[name] = numeric_axis(vector.astype(np.float64), name=bare, unit=unit)
             except ValueError as error:
-                problems.append(f"array '{name}': {error}; it is left out")
+                problems.append(f"array '{name}' is not used as time: {error}")
     columns: list[FileColumn] = []
     for name, array in arrays.items():
-        vector = flat[name]
-        if name in times or (vector is not None and vector.size == 1):
+        vector, clock = flat[name], _clock_of(name, stated)
+        if _is_time(name) or (vector is not None and vector.size == 1):
             continue
         if not array.size:
             problems.append(f"array '{name}' is empty: no sample recorded")
             continue
         if vector is not None:
-            shown, time = _named(name), _time_of(name, vector.size, times)
+            shown, axis = _named(name), _time_of(name, vector.size, times)
             unit = units.get(name, "") or split_unit(name)[1]
-            columns.append(FileColumn(shown, vector, tidy_unit(unit), time=time, rate=rate))
+            columns.append(_timed(shown, vector, tidy_unit(unit), axis, clock))
         elif array.ndim == 2 and min(array.shape) <= MOST_COLUMNS:
-            columns += _of_matrix(name, array, texts, times, rate)
+            columns += _of_matrix(name, array, texts, times, clock)
         else:
             problems.append(f"array '{name}' has the shape {array.shape} and is no channel")
     return columns, problems
+
+
+def stated_clock(values: Mapping[str, Any]) -> StatedClock:
+    """Return the clock that names and their single values state.
+
+    Examples
+    --------
+    >>> stated_clock({"bearing.sr": 97656.0, "bearing.rate": 25.0}).rate()
+    (97656.0,)
+    """
+    stated = StatedClock()
+    for name, value in values.items():
+        inner = np.ravel(value)
+        for item in inner[:1].tolist():
+            stated.read(_last(name), [item.decode() if isinstance(item, bytes) else item])
+    return stated
+
+
+def _stated_clocks(values: Mapping[str, Any]) -> dict[str, StatedClock]:
+    """Return the clock that is stated in each folder of the file."""
+    folders: dict[str, dict[str, Any]] = {}
+    for name, value in values.items():
+        folders.setdefault(_folder(name), {})[name] = value
+    clocks = {folder: stated_clock(inner) for folder, inner in folders.items()}
+    return {folder: clock for folder, clock in clocks.items() if clock.rate() is not None}
+
+
+def _clock_of(name: str, stated: Mapping[str, StatedClock]) -> StatedClock | None:
+    """Return the clock of the nearest folder around a name, or the only one in the file."""
+    around = [folder for folder in stated if name.startswith(folder)]
+    if around:
+        return stated[max(around, key=len)]
+    return next(iter(stated.values())) if len(stated) == 1 else None
+
+
+def _folder(name: str) -> str:
+    match = re.match(r".*[./]", name)
+    return match[0] if match else ""
+
+
+def _timed(
+    name: str, values: NDArray[Any], unit: str, axis: TimeAxis | None, clock: StatedClock | None
+) -> FileColumn:
+    if axis is not None:
+        time, begin = axis.seconds, axis.begin
+        return FileColumn(name, values, unit, time=time, begin=begin, remark=axis.remark)
+    rate = clock.rate() if clock is not None else None
+    if clock is None or rate is None:
+        return FileColumn(name, values, unit)
+    return FileColumn(name, values, unit, rate=rate[0], start=clock.start)
 
 
 def _vector(array: NDArray[Any]) -> NDArray[Any] | None:
     return array.reshape(-1) if array.size == max((*array.shape, 1)) else None
 
 
-def _is_rate(name: str) -> bool:
-    return RATE_NAME.fullmatch(name.rsplit(".", 1)[-1].rsplit("/", 1)[-1]) is not None
+def _last(name: str) -> str:
+    return name.rsplit(".", 1)[-1].rsplit("/", 1)[-1]
 
 
 def _is_time(name: str) -> bool:
-    last = name.rsplit(".", 1)[-1].rsplit("/", 1)[-1]
-    return is_time_name(last) or re.match(r"Data\d+_time_", last) is not None
+    last = _last(name)
+    return is_time_name(split_unit(last)[0]) or re.match(r"Data\d+_time_", last) is not None
 
 
 def _named(name: str) -> str:
@@ -109,26 +154,24 @@ def _named(name: str) -> str:
     return match[2] if match else split_unit(name)[0]
 
 
-def _time_of(
-    name: str, size: int, times: Mapping[str, NDArray[np.float64]]
-) -> NDArray[np.float64] | None:
+def _time_of(name: str, size: int, times: Mapping[str, TimeAxis]) -> TimeAxis | None:
     match = _DEWESOFT.fullmatch(name)
     if match and f"{match[1]}time_{match[2]}" in times:
         return times[f"{match[1]}time_{match[2]}"]
-    # A time beside the array goes before one elsewhere in the file.
-    folder = re.split(r"[./](?=[^./]*\Z)", name)[0] if re.search(r"[./]", name) else ""
-    fitting = [key for key, time in times.items() if time.size == size and "_time_" not in key]
-    beside = [key for key in fitting if folder and key.startswith(folder)]
-    chosen = beside or fitting
-    return times[chosen[0]] if chosen else None
+    # A time in the nearest folder around the array goes before the only one in the file.
+    fitting = [k for k, t in times.items() if t.seconds.size == size and "_time_" not in k]
+    around = [key for key in fitting if name.startswith(_folder(key))]
+    if around:
+        return times[max(around, key=lambda key: len(_folder(key)))]
+    return times[fitting[0]] if len(fitting) == 1 else None
 
 
 def _of_matrix(
     name: str,
     array: NDArray[Any],
     texts: Mapping[str, Sequence[str]],
-    times: Mapping[str, NDArray[np.float64]],
-    rate: float | None,
+    times: Mapping[str, TimeAxis],
+    clock: StatedClock | None,
 ) -> list[FileColumn]:
     table = array if array.shape[0] >= array.shape[1] else array.T
     count = table.shape[1]
@@ -136,15 +179,15 @@ def _of_matrix(
     units = _list(texts, UNIT_LISTS, count) or [""] * count
     time = _time_of(name, table.shape[0], times)
     first = 0
-    if time is None and is_time_name(names[0]):
-        time, first = np.ascontiguousarray(table[:, 0], dtype=np.float64), 1
+    if time is None and is_time_name(split_unit(names[0])[0]):
+        bare, unit = split_unit(names[0])
+        given = np.ascontiguousarray(table[:, 0], dtype=np.float64)
+        time, first = numeric_axis(given, name=bare, unit=units[0] or unit), 1
     columns = []
     for number in range(first, count):
         shown, unit = split_unit(names[number])
         values = np.ascontiguousarray(table[:, number], dtype=np.float64)
-        columns.append(
-            FileColumn(shown, values, tidy_unit(units[number] or unit), time=time, rate=rate)
-        )
+        columns.append(_timed(shown, values, tidy_unit(units[number] or unit), time, clock))
     return columns
 
 

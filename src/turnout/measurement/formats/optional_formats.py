@@ -2,23 +2,29 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from logging import LogRecord
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from turnout.core.errors import FileError
 from turnout.measurement.formats.assemble import (
-    RATE_NAME,
     FileColumn,
     assemble_recording,
-    is_time_name,
-    seconds_of,
     split_unit,
     tidy_unit,
 )
+from turnout.measurement.formats.channel_table import (
+    Table,
+    TableColumn,
+    table_columns,
+    table_recording,
+)
+from turnout.measurement.formats.clock import StatedClock
 from turnout.measurement.formats.extent import Declared
+from turnout.measurement.formats.named_arrays import stated_clock
+from turnout.measurement.formats.time_axis import moments_axis
 from turnout.measurement.recording import Recording
 
 SYNCHRONOUS = 0
@@ -94,7 +100,7 @@ def read_mdf(path: Path) -> Recording:
                     continue
                 try:
                     if time is None:
-                        time = np.asarray(opened.get_master(number), dtype=np.float64)
+                        time = _mdf_times(opened, group, number, master)
                     columns.append(_mdf_column(opened, channel.name, (number, place), time))
                 except MemoryError:
                     raise
@@ -104,10 +110,26 @@ def read_mdf(path: Path) -> Recording:
     return assemble_recording(columns, source=str(path), start_time=start_time, problems=problems)
 
 
+SYNCHRONISED_BY = {2: "an angle", 3: "a distance", 4: "an index"}
+
+
+def _mdf_times(opened: Any, group: Any, number: int, master: int | None) -> Any:
+    """Return the times of a group; ValueError when its master channel is no time."""
+    if master is None:
+        message = "its group has no channel of times"
+        raise ValueError(message)
+    channel = group.channels[master]
+    kind = SYNCHRONISED_BY.get(int(getattr(channel, "sync_type", 1)))
+    if kind is not None:
+        message = f"its group is recorded over {kind} ('{channel.name}'), not over time"
+        raise ValueError(message)
+    return np.asarray(opened.get_master(number), dtype=np.float64)
+
+
 def _mdf_column(opened: Any, name: str, place: tuple[int, int], time: Any) -> FileColumn:
     at = {"group": place[0], "index": place[1]}
     # Without the times, which the group shares and each channel would bring again.
-    samples, invalid = opened.get(**at, samples_only=True)
+    samples, invalid = opened.get(**at, samples_only=True, ignore_invalidation_bits=True)
     samples = np.asarray(samples)
     if samples.dtype.kind not in "biuf" or samples.ndim != 1:
         message = "it holds no single numbers"
@@ -135,31 +157,67 @@ def read_tdms(path: Path) -> Recording:
 
     columns: list[FileColumn] = []
     problems: list[str] = []
-    start_time = None
     with _log_as_problems(log, problems), nptdms.TdmsFile.open(path) as file:
         groups = file.groups()
         declared = Declared(path)
         for group in groups:
             declared.add(sum(len(channel) for channel in group.channels()))
         for group in groups:
-            times = [item[:] for item in group.channels() if is_time_name(item.name)]
-            for channel in group.channels():
-                name = f"{group.name}/{channel.name}" if len(groups) > 1 else channel.name
-                if is_time_name(channel.name):
-                    continue
-                values = channel[:]
-                if np.asarray(values).dtype.kind not in "biuf":
-                    problems.append(f"channel '{name}' is left out: it holds no numbers")
-                    continue
-                columns.append(_tdms_column(name, channel.properties, np.asarray(values), times))
-                start_time = start_time or channel.properties.get("wf_start_time")
+            prefix = f"{group.name}/" if len(groups) > 1 else ""
+            columns += _tdms_group(group, prefix, {**file.properties}, problems, str(path))
     return assemble_recording(
         columns,
         source=str(path),
-        start_time=str(start_time) if start_time is not None else None,
         problems=problems,
         remedy=NO_TDMS_TIME,
     )
+
+
+def _tdms_group(
+    group: Any, prefix: str, properties: dict[str, Any], problems: list[str], source: str
+) -> list[FileColumn]:
+    """Return the channels of a group: with a clock of their own, or of a table with times."""
+    columns: list[FileColumn] = []
+    tables: dict[int, list[TableColumn]] = {}
+    for channel in group.channels():
+        own, values = channel.properties, np.asarray(channel[:])
+        name = f"{prefix}{channel.name}"
+        if values.dtype.kind not in "biufM":
+            problems.append(f"channel '{name}' is left out: it holds no numbers")
+            continue
+        unit = tidy_unit(str(own.get("unit_string", own.get("NI_UnitDescription", ""))))
+        described = (unit, str(own.get("description", "")))
+        clock = _tdms_clock({k: v for k, v in own.items() if k not in _TDMS_TEXTS})
+        rate = clock.rate()
+        if rate is None or values.dtype.kind == "M":
+            bare, inner = split_unit(channel.name)
+            column = TableColumn(bare, values, unit or inner, described[1])
+            tables.setdefault(values.size, []).append(column)
+            continue
+        begin = (
+            moments_axis(np.array([own["wf_start_time"]], "M8[us]")).begin if _dated(own) else None
+        )
+        columns.append(
+            FileColumn(name, values, *described, rate=rate[0], start=clock.start, begin=begin)
+        )
+    stated = {**properties, **group.properties}
+    for inner_columns in tables.values():
+        table = Table(inner_columns, _tdms_clock(stated), source, remedy=NO_TDMS_TIME)
+        columns += [replace(c, name=f"{prefix}{c.name}") for c in table_columns(table)]
+        problems += table.problems
+    return columns
+
+
+_TDMS_TEXTS = ("wf_start_time", "description", "unit_string", "NI_ChannelName")
+
+
+def _dated(properties: Any) -> bool:
+    return isinstance(properties.get("wf_start_time"), np.datetime64)
+
+
+def _tdms_clock(properties: dict[str, Any]) -> StatedClock:
+    """Return the clock in properties; an increment of 0 is none."""
+    return stated_clock({k: v for k, v in properties.items() if k != "wf_increment" or v})
 
 
 @contextmanager
@@ -178,19 +236,40 @@ def _log_as_problems(log: Any, problems: list[str]) -> Iterator[None]:
         handler.removeFilter(keep)
 
 
-def _tdms_column(name: str, properties: Any, values: Any, times: list[Any]) -> FileColumn:
-    step = properties.get("wf_increment")
-    own = float(step) if step else 0.0
-    time = next((item for item in times if len(item) == len(values)), None)
-    return FileColumn(
-        name,
-        values,
-        tidy_unit(str(properties.get("unit_string", properties.get("NI_UnitDescription", "")))),
-        str(properties.get("description", "")),
-        time=None if own > 0 or time is None else np.asarray(time, dtype=np.float64),
-        rate=1.0 / own if own > 0 else None,
-        start=float(properties.get("wf_start_offset", 0.0)),
-    )
+TIME_RESPONSE, OVER_TIME = (0, 1), 17
+
+
+def read_uff(path: Path) -> Recording:
+    """Read the time histories (data set 58) of a universal file; the others become problems.
+
+    Raises
+    ------
+    FileError
+        When it holds none.
+    """
+    import pyuff
+
+    columns: list[FileColumn] = []
+    problems: list[str] = []
+    sets = pyuff.UFF(str(path)).read_sets()
+    for number, item in enumerate(sets if isinstance(sets, list) else [sets], start=1):
+        if item.get("type") != 58:
+            continue
+        name = str(item.get("id1", "")).strip()
+        name = name if name not in ("", "NONE") else f"record {number}"
+        over_time = item.get("abscissa_spec_data_type") in (OVER_TIME, 0)
+        if (
+            item.get("func_type") not in TIME_RESPONSE
+            or not over_time
+            or np.iscomplexobj(item["data"])
+        ):
+            problems.append(f"channel '{name}' is left out: it is no time history")
+            continue
+        unit = tidy_unit(str(item.get("ordinate_axis_units_lab", "")).strip())
+        unit = "" if unit.upper() == "NONE" else unit
+        time = np.asarray(item["x"], dtype=np.float64)
+        columns.append(FileColumn(name, np.asarray(item["data"]), unit, time=time))
+    return assemble_recording(columns, source=str(path), problems=problems)
 
 
 NO_PARQUET_TIME = "give a column 'time' [s], or 'sample_rate' among the metadata of the table"
@@ -211,59 +290,24 @@ def read_parquet(path: Path) -> Recording:
 
     file = pq.ParquetFile(path)
     Declared(path).add(file.metadata.num_rows * file.metadata.num_columns)
-    table = file.read()
-    time, rate, start_time = None, _rate(table), _text_of(table.schema.metadata, "start_time")
-    numbers: list[tuple[Any, Any]] = []
-    problems: list[str] = []
-    for field, column in zip(table.schema, table.columns, strict=True):
-        values = column.to_numpy()
-        if is_time_name(field.name) and time is None:
-            time, first = _seconds(path, field, values)
-            start_time = start_time or first
-        elif values.dtype.kind in "biuf":
-            numbers.append((field, values))
-        else:
-            problems.append(f"column '{field.name}' is left out: it holds no numbers")
+    held = file.read()
     columns = []
-    for field, values in numbers:
-        name, unit = split_unit(field.name)
-        columns.append(
-            FileColumn(
-                name,
-                values,
-                tidy_unit(_text_of(field.metadata, "unit") or unit),
-                _text_of(field.metadata, "description") or "",
-                time=time,
-                rate=rate,
-            )
-        )
-    return assemble_recording(
-        columns, source=str(path), start_time=start_time, problems=problems, remedy=NO_PARQUET_TIME
+    for field, column in zip(held.schema, held.columns, strict=True):
+        name, unit = split_unit("" if field.name.startswith("__index_level_") else field.name)
+        unit = tidy_unit(_text_of(field.metadata, "unit") or unit)
+        description = _text_of(field.metadata, "description") or ""
+        columns.append(TableColumn(name, column.to_numpy(), unit, description))
+    # pandas puts its index behind the columns.
+    columns.sort(key=lambda column: bool(column.name))
+    stated = stated_clock(
+        {
+            k.decode(errors="replace"): v
+            for k, v in (held.schema.metadata or {}).items()
+            if len(v) < 100
+        }
     )
-
-
-def _seconds(path: Path, field: Any, values: Any) -> tuple[Any, str | None]:
-    """Return a time column in seconds, and the moment of its first row if it holds one."""
-    if values.dtype.kind == "M":
-        return (values - values[0]) / np.timedelta64(1, "s"), str(values[0])
-    if values.dtype.kind == "m":
-        return values / np.timedelta64(1, "s"), None
-    try:
-        unit = _text_of(field.metadata, "unit") or split_unit(field.name)[1]
-        return values.astype(np.float64) * seconds_of(unit), None
-    except (ValueError, TypeError) as error:
-        message = f"{path}: column '{field.name}': {error}"
-        raise FileError(message) from None
-
-
-def _rate(table: Any) -> float | None:
-    for key, value in (table.schema.metadata or {}).items():
-        if RATE_NAME.fullmatch(key.decode(errors="replace")):
-            try:
-                return float(value)
-            except ValueError:
-                return None
-    return None
+    table = Table(columns, stated, str(path), remedy=NO_PARQUET_TIME)
+    return table_recording(table)
 
 
 def _text_of(metadata: Any, key: str) -> str | None:

@@ -21,6 +21,8 @@ from turnout.measurement.recording import Recording
 
 ARRAYS = "arrays.npz"
 FAULT = "fault"
+EXHAUSTED = "exhausted"
+"""Whether the process is to be ended, as a file took all that it may take."""
 
 
 def read_requested(request: dict[str, Any]) -> dict[str, Any]:
@@ -41,9 +43,11 @@ def read_requested(request: dict[str, Any]) -> dict[str, Any]:
     except MemoryError:
         megabytes = int(request["memory"]) // 1_000_000
         message = f"{path}: takes more than {megabytes} MB to read, too much for a file of its size"
-        return {FAULT: f"{message}; export it again, in shorter recordings or uncompressed"}
+        message += "; export it again, in shorter recordings or uncompressed"
+        return {FAULT: message, EXHAUSTED: True}
     except RecursionError:
-        return {FAULT: f"{path}: what it holds is nested too deeply; save it again"}
+        message = f"{path}: what it holds is nested too deeply; save it again"
+        return {FAULT: message, EXHAUSTED: True}
     except Exception as error:  # a damaged file makes a reader raise whatever its parts raise
         reason = " ".join(str(getattr(error, "message", "") or error).split())[:80]
         message = f"{path}: is no {kind} file, or a damaged one ({reason}); save it again"

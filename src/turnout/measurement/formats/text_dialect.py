@@ -2,29 +2,28 @@
 
 import codecs
 import csv
-import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from turnout.core.errors import FileError
-from turnout.measurement.formats.assemble import RATE_NAME, UNIT_TEXTS, split_unit, tidy_unit
+from turnout.measurement.formats.heading import Heading, read_heading
+from turnout.measurement.formats.numbers import LIST, PLAIN, is_missing, is_number, plain_sign
+from turnout.measurement.formats.time_axis import is_date, is_stamp
 
 # So much of a file is read to recognise its layout [bytes].
 SAMPLE_SIZE = 200_000
-DECIMAL_MARKS = {"\t": ".,", ";": ".,", ",": ".", "|": ".,", " ": ".,"}
+MOST_ROWS = 400
+"""Rows of numbers that are looked at to find the layout."""
+DECIMAL_MARKS = {"\t": ".,", ";": ".,", ",": ".,", "|": ".,", " ": ".,"}
 """Decimal marks by separator, in the order of preference if several would do."""
-EMPTY = frozenset(("", "nan", "na", "n/a", "null", "-nan", "inf", "-inf"))
 _BOMS = (
     (codecs.BOM_UTF8, "utf-8-sig"),
     (codecs.BOM_UTF16_LE, "utf-16"),
     (codecs.BOM_UTF16_BE, "utf-16"),
 )
-_NUMBER = {
-    ".": re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"),
-    ",": re.compile(r"[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d+)?"),
-}
-CLOCK = re.compile(r"(\d{4}-\d\d-\d\d[T ])?\d\d:\d\d:\d\d([.,]\d+)?(Z|[+-]\d\d(:?\d\d)?)?")
-_LEADING_NUMBER = re.compile(r"\s*(\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?)\s*([a-zA-Z/]*)")
+# A number only with marks between thousands is weaker evidence than one without.
+_GROUPED_WEIGHT = 0.9
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,28 +36,24 @@ class TextLayout:
         As for a reader of separated values; the separator " " is any white space.
     first_row : int
         Number of lines before the first row of numbers.
-    names, units : tuple of str
-        One text a column; empty where the file has none.
-    named : bool
-        Whether the file names its columns.
-    clock : bool
-        Whether the first column holds times of day.
-    rate : float or None
-        Sample rate given in the heading [1/s].
-    start_time : str or None
-        Start given in the heading.
+    width : int
+        Columns of the table.
+    heading : Heading
+        Names, units and clock above the numbers.
     """
 
     encoding: str
     separator: str
     decimal: str
     first_row: int
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    named: bool
-    clock: bool
-    rate: float | None
-    start_time: str | None
+    width: int
+    heading: Heading
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Name of each column; a number if the file has none."""
+        given = [*self.heading.names, *[""] * self.width][: self.width]
+        return tuple(name or f"column {place}" for place, name in enumerate(given, start=1))
 
 
 def encoding_of(sample: bytes) -> str:
@@ -80,7 +75,8 @@ def encoding_of(sample: bytes) -> str:
     try:
         codecs.getincrementaldecoder("utf-8")().decode(sample)
     except UnicodeDecodeError:
-        return "latin-1"
+        # Windows writes a minus, a dash or an apostrophe where Latin-1 has controls.
+        return "cp1252" if any(0x80 <= byte < 0xA0 for byte in sample) else "latin-1"
     return "utf-8"
 
 
@@ -102,8 +98,8 @@ def text_layout(sample: bytes, *, source: str) -> TextLayout:
     Examples
     --------
     >>> layout = text_layout(b"Time (s);Rod 1 (mV/V)\n0,000;0,1\n0,001;0,2\n", source="a.csv")
-    >>> layout.separator, layout.decimal, layout.first_row, layout.names, layout.units
-    (';', ',', 1, ('Time', 'Rod 1'), ('s', 'mV/V'))
+    >>> layout.separator, layout.decimal, layout.first_row, layout.names, layout.heading.units
+    (';', ',', 1, ('Time', 'Rod 1'), ['s', 'mV/V'])
     """
     encoding = encoding_of(sample)
     text = codecs.getincrementaldecoder(encoding)("replace").decode(sample)
@@ -115,7 +111,7 @@ def text_layout(sample: bytes, *, source: str) -> TextLayout:
     if len(sample) >= SAMPLE_SIZE and len(lines) > 1:
         lines = lines[:-1]
     try:
-        best, first_row = _best(lines)
+        best = _best(lines[:MOST_ROWS]) or _best(lines)
     except csv.Error as error:
         message = f"{source}: is no table of numbers ({error})"
         raise FileError(message) from None
@@ -124,43 +120,57 @@ def text_layout(sample: bytes, *, source: str) -> TextLayout:
         shown = "".join(char if char.isprintable() else " " for char in first)
         message = f"{source}: there are no rows of numbers in it (it begins with: {shown})"
         raise FileError(message)
-    separator, decimal = best
-    row = _cells(lines[first_row], separator)
-    heading = [_cells(line, separator) for line in lines[:first_row]]
-    names, units = _heading(heading, len(row))
-    rate, start_time = _preamble(lines[:first_row])
-    return TextLayout(
-        encoding=encoding,
-        separator=separator,
-        decimal=decimal,
-        first_row=first_row,
-        names=names or tuple(f"column {number}" for number in range(1, len(row) + 1)),
-        units=units or ("",) * len(row),
-        named=bool(names),
-        clock=CLOCK.fullmatch(row[0]) is not None,
-        rate=rate,
-        start_time=start_time,
-    )
+    separator, decimal, first_row, width = best
+    above = [_heading_cells(line, separator) for line in lines[:first_row]]
+    below = [_cells(line, separator) for line in lines[first_row : first_row + MOST_ROWS]]
+    shows = any(decimal in cell and not is_stamp(cell) for cells in below for cell in cells)
+    first_empty = not any(cells[0] for cells in below if cells)
+    try:
+        heading = read_heading(
+            above, width, decimal=decimal if shows else None, first_empty=first_empty
+        )
+    except ValueError as error:
+        message = f"{source}: {error}"
+        raise FileError(message) from None
+    return TextLayout(encoding, separator, decimal, first_row, width, heading)
 
 
-def _best(lines: Sequence[str]) -> tuple[tuple[str, str] | None, int]:
-    """Return the separator and decimal mark that read most rows as numbers, and the first row."""
-    best, best_score, best_row = None, (0, 0), 0
+def _heading_cells(line: str, separator: str) -> list[str]:
+    """Return the cells of a line above the table; one statement, such as "Rate: 1,000 Hz", is one.
+
+    A separator may stand within the statement.
+    """
+    cells = _cells(line, separator)
+    if cells and separator == " " and (":" in line or "=" in line):
+        return [line.strip()]
+    first = cells[0] if cells else ""
+    return [line.strip()] if ":" in first[:-1] and not first.startswith('"') else cells
+
+
+def _best(lines: Sequence[str]) -> tuple[str, str, int, int] | None:
+    """Return separator, decimal mark, first row and width of the reading that explains most."""
+    best, best_score = None, (0.0, 0)
     for separator, marks in DECIMAL_MARKS.items():
         rows = [_cells(line, separator) for line in lines]
         for decimal in marks:
-            widths = [_width(cells, decimal) for cells in rows]
-            counted = [width for width in widths if width]
-            if not counted:
+            shares = [_share(cells, decimal) for cells in rows]
+            widths = Counter(len(c) for c, share in zip(rows, shares, strict=True) if share >= 0.5)
+            if not widths:
                 continue
-            width = max(set(counted), key=counted.count)
-            row = widths.index(width)
+            width = max(widths, key=lambda key: (widths[key], key))
+            row = _first_row(rows, shares, width, decimal)
             heading = [cells for cells in rows[:row] if cells]
-            fits = not heading or len(heading[-1]) == width
-            score = (counted.count(width) * (2 if fits else 1), width)
+            last = heading[-1] if heading else []
+            while last and not last[-1]:
+                last = last[:-1]
+            near = width > 2 and abs(len(last) - width) == 1
+            fits = 3 if not heading or len(last) == width else 2 if near else 1
+            fits = 1 if heading and shares[row - 1] >= 0.5 else fits
+            total = sum(s * s for c, s in zip(rows, shares, strict=True) if len(c) == width)
+            score = (round(total * fits, 6), width)
             if score > best_score:
-                best, best_score, best_row = (separator, decimal), score, row
-    return best, best_row
+                best, best_score = (separator, decimal, row, width), score
+    return best
 
 
 def _cells(line: str, separator: str) -> list[str]:
@@ -168,62 +178,43 @@ def _cells(line: str, separator: str) -> list[str]:
         return line.split()
     if not line.strip():
         return []
-    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
+    return [
+        cell.strip()
+        for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))
+    ]
 
 
-def _width(cells: Sequence[str], decimal: str) -> int:
-    """Return the number of cells when all are numbers or empty, else 0."""
-    if not cells or not any(cells):
-        return 0
-    number = _NUMBER[decimal]
-    for place, cell in enumerate(cells):
-        if number.fullmatch(cell) or (place and cell.lower() in EMPTY):
-            continue
-        if place == 0 and CLOCK.fullmatch(cell) and len(cells) > 1:
-            continue
-        return 0
-    return len(cells)
-
-
-def _heading(rows: Sequence[list[str]], width: int) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Find names and units above the numbers: names with units, or a row of each."""
-    wide = [row for row in rows if len(row) == width and any(row) and not row[0].startswith("sep=")]
-    if not wide:
-        return (), ()
-    wide = [[row[0].lstrip("#% "), *row[1:]] for row in wide]
-    last = wide[-1]
-    if len(wide) > 1 and _are_units(last):
-        names = [split_unit(text)[0] for text in wide[-2]]
-        return tuple(names), tuple(tidy_unit(text) for text in last)
-    pairs = [split_unit(text) for text in last]
-    return tuple(name for name, _ in pairs), tuple(unit for _, unit in pairs)
-
-
-def _are_units(cells: Sequence[str]) -> bool:
-    bare = [cell for cell in cells if cell]
-    return bool(bare) and all(
-        cell in UNIT_TEXTS or (cell[0] + cell[-1] in ("()", "[]")) for cell in bare
+def _share(cells: Sequence[str], decimal: str) -> float:
+    """Return the share of the filled cells that are numbers, times or known gaps."""
+    filled = [cell for cell in cells if cell]
+    found = [_weight(cell, decimal) for cell in filled]
+    if not filled or not any(found):
+        return 0.0
+    gaps = sum(
+        1 for cell, weight in zip(filled, found, strict=True) if not weight and is_missing(cell)
     )
+    return (sum(found) + gaps) / len(filled)
 
 
-def _preamble(lines: Sequence[str]) -> tuple[float | None, str | None]:
-    """Find "Sample rate: 1000 Hz" and "Start time: ..." among the lines above the numbers."""
-    rate = start_time = None
-    for line in lines:
-        parts = re.split(r"[:=\t;,]", line, maxsplit=1)
-        if len(parts) < 2:
-            continue
-        value = parts[1].strip(' \t:;,"')
-        key, unit = split_unit(parts[0].strip(' \t"#%'))
-        if RATE_NAME.fullmatch(key):
-            match = _LEADING_NUMBER.match(value)
-            factor = (
-                {"": 1.0, "hz": 1.0, "s/s": 1.0, "khz": 1e3}.get(unit.lower() or match[2].lower())
-                if match
-                else None
-            )
-            if match and factor:
-                rate = float(match[1].replace(",", ".")) * factor
-        elif key.lower() in ("start time", "start", "startzeit", "recording start", "date"):
-            start_time = value or None
-    return rate, start_time
+def _weight(cell: str, decimal: str) -> float:
+    if PLAIN[decimal].fullmatch(plain_sign(cell)[:80]):
+        return 1.0
+    if is_stamp(cell) or is_date(cell) or LIST.fullmatch(cell):
+        return 1.0
+    return _GROUPED_WEIGHT if is_number(cell, decimal) else 0.0
+
+
+def _first_row(
+    rows: Sequence[Sequence[str]], shares: Sequence[float], width: int, decimal: str
+) -> int:
+    """Return the first row of the table: the first as wide whose first filled cell is a value."""
+    fitting = [n for n, cells in enumerate(rows) if len(cells) == width and shares[n] >= 0.5]
+    kinds = rows[fitting[len(fitting) // 2]]
+    first = next((place for place, cell in enumerate(kinds) if _weight(cell, decimal)), 0)
+    for number in fitting:
+        cells = rows[number]
+        if first == 1 and cells[0] and not kinds[0] and number != fitting[-1]:
+            continue  # a label above an empty first column
+        if _weight(cells[first], decimal) or number == fitting[-1]:
+            return number
+    return fitting[0]

@@ -1,138 +1,143 @@
-"""Text files of numbers: DewesoftX exports, MATLAB, Excel (CSV, TXT)."""
+"""Text files of numbers: DewesoftX exports, loggers, oscilloscopes, MATLAB, Excel (CSV, TXT)."""
 
+import io
 import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from pandas.errors import ParserError, ParserWarning
 
 from turnout.core.errors import FileError, MeasurementError
 from turnout.core.problems import choices
-from turnout.measurement.formats.assemble import (
-    FileColumn,
-    assemble_recording,
-    is_time_name,
-    seconds_of,
-)
+from turnout.measurement.formats.channel_table import Table, TableColumn, table_recording
+from turnout.measurement.formats.clock import StatedClock
 from turnout.measurement.formats.extent import MOST_CHANNELS
-from turnout.measurement.formats.text_dialect import EMPTY, SAMPLE_SIZE, TextLayout, text_layout
+from turnout.measurement.formats.numbers import EMPTY, is_number
+from turnout.measurement.formats.text_dialect import SAMPLE_SIZE, TextLayout, text_layout
+from turnout.measurement.formats.time_axis import is_date, is_stamp
 from turnout.measurement.recording import Recording
 
 NO_TIME = "give a column 'Time (s)' or a line 'Sample rate: 1000 Hz' above the numbers"
-ROWS_AT_ONCE = 20_000
+MOST_FOOTER = 40
+"""Rows below a table that may be statistics of it; and rows beside it that may be a heading."""
 
 
-def read_text(path: Path) -> Recording:
+@dataclass(frozen=True, slots=True)
+class TextFile:
+    """A text in a file, or made of another format.
+
+    Attributes
+    ----------
+    source : str
+        The file, for messages.
+    open : callable
+        Open its bytes for reading.
+    """
+
+    source: str
+    open: Callable[[], BinaryIO]
+
+
+def read_text(path: Path, *, throw: str | None = None) -> Recording:
     """Read a text file of numbers, whatever its separators, decimal marks and headings.
 
-    Empty cells are missing samples (NaN). A last line that was cut off is left out.
+    Empty cells and overloads are missing samples (NaN). A last line that was cut off is left out,
+    and so are statistics below the table.
+
+    Parameters
+    ----------
+    path : Path
+        Text file.
+    throw : str, optional
+        Which throw of several in one table.
 
     Raises
     ------
     FileError
         Naming line and column of what is no number.
     """
-    with path.open("rb") as file:
-        layout = text_layout(file.read(SAMPLE_SIZE), source=str(path))
-    if len(layout.names) > MOST_CHANNELS:
-        message = f"{path}: holds {len(layout.names)} columns, at most {MOST_CHANNELS} are read"
+    text = TextFile(str(path), lambda: path.open("rb"))
+    return table_recording(text_table(text), throw=throw)
+
+
+def text_table(text: TextFile) -> Table:
+    """Return the table in a text.
+
+    Raises
+    ------
+    FileError
+        When there is none, or its rows differ in width.
+    """
+    with text.open() as file:
+        layout = text_layout(file.read(SAMPLE_SIZE), source=text.source)
+    if layout.width > MOST_CHANNELS:
+        message = f"{text.source}: holds {layout.width} columns, at most {MOST_CHANNELS} are read"
         raise FileError(message + "; export fewer")
-    table, problems = _table(path, layout)
-    time, columns = _timed(table, layout, path)
-    rate = layout.rate
-    if time is None and rate is None and _may_be_time(table[0], layout):
-        time, columns = table[0], columns[1:]
-    made = [
-        FileColumn(
-            layout.names[number],
-            values,
-            unit=layout.units[number],
-            time=time,
-            rate=None if time is not None else rate,
-        )
-        for number, values in columns
+    frame, problems = _table(text, layout)
+    stated = layout.heading.stated
+    frame = _without_side_heading(frame, stated, layout)
+    names = [*layout.heading.names, *[""] * layout.width]
+    units = [*layout.heading.units, *[""] * layout.width]
+    columns = [
+        TableColumn(names[place], frame[place].to_numpy(), units[place])
+        for place in frame.columns
+        if place not in layout.heading.empty
     ]
-    for column in made:
-        empty = int(np.count_nonzero(np.isnan(column.values)))
-        if empty:
-            cells = "cell is" if empty == 1 else "cells are"
-            problems.append(f"channel '{column.name}': {empty} {cells} empty, taken as missing")
-    return assemble_recording(
-        made,
-        source=str(path),
-        start_time=layout.start_time,
-        problems=problems,
+    return Table(
+        columns,
+        stated,
+        text.source,
+        decimal=layout.decimal,
+        named=any(layout.heading.names),
+        line_of=lambda row: _line_of(text, layout, row),
         remedy=NO_TIME,
+        problems=problems,
     )
 
 
-Numbered = list[tuple[int, NDArray[np.float64]]]
-
-
-def _timed(
-    table: list[NDArray[np.float64]], layout: TextLayout, path: Path
-) -> tuple[NDArray[np.float64] | None, Numbered]:
-    """Return the time column [s] and the others, each with its number."""
-    numbered = list(enumerate(table))
-    if layout.clock:
-        return table[0], numbered[1:]
-    for number, name in enumerate(layout.names):
-        if not is_time_name(name):
-            continue
-        try:
-            factor = seconds_of(layout.units[number])
-        except ValueError as error:
-            message = f"{path}: column '{name}': {error}"
-            raise FileError(message) from None
-        time = table[number] if factor == 1.0 else table[number] * factor
-        return time, [item for item in numbered if item[0] != number]
-    return None, numbered
-
-
-def _may_be_time(values: NDArray[np.float64], layout: TextLayout) -> bool:
-    """Return True if the first of several columns rises evenly; only asked if none is named."""
-    if layout.named or len(layout.names) < 2 or values.size < 3:
-        return False
-    steps = np.diff(values)
-    return bool(np.all(steps > 0) and np.ptp(steps) <= 0.5 * float(np.mean(steps)))
-
-
-def _table(path: Path, layout: TextLayout) -> tuple[list[NDArray[np.float64]], list[str]]:
-    """Return the columns of numbers, and remarks on repairs."""
+def _table(text: TextFile, layout: TextLayout) -> tuple[Any, list[str]]:
+    """Return the cells, columns of numbers as such, and remarks on repairs."""
+    problems: list[str] = []
+    rows: int | None = None
     try:
-        frame = _frame(path, layout, dtype=None if layout.clock else np.float64)
+        try:
+            frame = _frame(text, layout)
+        except ParserError as error:
+            rows = _footer_begins(text, layout, error)
+            if rows is None:
+                raise
+            frame = _frame(text, layout, nrows=rows)
+            problems.append("lines below the table are left out")
     except (ValueError, OverflowError, ParserWarning) as error:
-        raise FileError(_fault(path, layout, error)) from None
-    if layout.clock:
-        frame[0] = _clock_seconds(frame[0], path)
-        if any(kind.kind not in "fiu" for kind in frame.dtypes):
-            raise FileError(_fault(path, layout, ValueError("text among numbers")))
+        raise FileError(_fault(text, layout, error)) from None
+    frame = _without_footer(frame, layout, problems, text.source)
     # An empty line at the end is none; a row without its last cells was cut off.
-    problems = []
-    if len(frame) > 1 and _is_cut_off(path, layout) and pd.isna(frame.iloc[-1, -1]):
+    cut = len(frame) > 1 and rows is None and pd.isna(frame.iloc[-1, -1])
+    if cut and frame.iloc[:-1, -1].notna().any() and _is_cut_off(text, layout):
         frame = frame.iloc[:-1]
         problems.append("the last line is cut off and left out")
-    return [frame[name].to_numpy(dtype=np.float64) for name in frame.columns], problems
+    return frame, problems
 
 
-def _frame(path: Path, layout: TextLayout, *, dtype: object, **options: object) -> Any:
+def _frame(text: TextFile, layout: TextLayout, **options: object) -> Any:
     separator = r"\s+" if layout.separator == " " else layout.separator
     given: dict[str, object] = {
         "sep": separator,
         "decimal": layout.decimal,
         "header": None,
-        "names": range(len(layout.names)),
+        "names": range(layout.width),
         "index_col": False,
         "skiprows": layout.first_row,
         "skip_blank_lines": True,
         "encoding": layout.encoding,
-        "dtype": dtype,
-        "na_values": sorted(EMPTY - {"", "inf", "-inf"}),
+        "na_values": sorted(EMPTY - {""}),
         "skipinitialspace": True,
         "engine": "c",
+        "low_memory": False,
         # Whatever its name: only text is read here.
         "compression": None,
         **options,
@@ -140,90 +145,125 @@ def _frame(path: Path, layout: TextLayout, *, dtype: object, **options: object) 
     with warnings.catch_warnings():
         # Rows longer than the heading would lose their last cells with no more than a warning.
         warnings.simplefilter("error", ParserWarning)
-        return pd.read_csv(path, **given)  # type: ignore[call-overload]
+        with text.open() as file:
+            frame = pd.read_csv(file, **given)  # type: ignore[call-overload]
+    for name in frame.columns:
+        kind = frame[name].dtype
+        if kind.kind == "b" or not isinstance(kind, np.dtype):
+            frame[name] = frame[name].astype(object).where(frame[name].notna(), "")
+        elif kind.kind == "O":
+            frame[name] = frame[name].where(frame[name].notna(), "").astype(str)
+    return frame
 
 
-def _is_cut_off(path: Path, layout: TextLayout) -> bool:
+def _value(cell: object, decimal: str) -> bool:
+    if isinstance(cell, str):
+        return is_number(cell, decimal) or is_stamp(cell) or is_date(cell)
+    return bool(cell == cell)
+
+
+def _without_footer(frame: Any, layout: TextLayout, problems: list[str], source: str) -> Any:
+    """Leave out rows of statistics below the numbers; refuse a second table there."""
+    texts = [name for name in frame.columns if frame[name].dtype == object]
+    if not texts or not len(frame):
+        return frame
+    probes = [frame.iloc[len(frame) * part // 8] for part in range(1, 8, 2)]
+    leading = next(
+        (n for n in frame.columns if sum(_value(row[n], layout.decimal) for row in probes) > 1),
+        None,
+    )
+    if leading not in texts:
+        return frame
+    cells = [str(cell).strip() for cell in frame[leading]]
+    names = [name.strip() for name in layout.heading.names if name]
+    for row, cell in enumerate(cells):
+        if names and cell and row and cell.split(" (")[0].split(" [")[0] == names[0]:
+            message = (
+                f"{source}: a second table begins at line {layout.first_row + 1 + row}, below the "
+                "first; save each in a file of its own"
+            )
+            raise FileError(message)
+    count = len(frame)
+    while count and cells[count - 1][:1].isalpha() and not _value(cells[count - 1], layout.decimal):
+        count -= 1
+    if 0 < len(frame) - count <= MOST_FOOTER and count > 1:
+        left = "line below the table is" if len(frame) - count == 1 else "lines below it are"
+        problems.append(f"{len(frame) - count} {left} left out: '{cells[count][:40]}'")
+        frame = frame.iloc[:count].copy()
+        for name in texts:
+            plain = pd.to_numeric(frame[name], errors="coerce")
+            if layout.decimal == "." and plain.notna().sum() == (frame[name] != "").sum():
+                frame[name] = plain
+    return frame
+
+
+def _footer_begins(text: TextFile, layout: TextLayout, error: Exception) -> int | None:
+    """Return the rows of numbers above a line that is too wide, if it begins with a text."""
+    said = str(error)
+    if "Expected" not in said or " line " not in said:
+        return None
+    line = int(said.split(" line ")[1].split(",")[0])
+    with text.open() as raw, io.TextIOWrapper(raw, layout.encoding, "replace") as file:
+        lines = [row for number, row in enumerate(file) if number >= line - 1][: MOST_FOOTER + 1]
+    first = lines[0].strip().strip('"') if lines else ""
+    if not first[:1].isalpha() or len(lines) > MOST_FOOTER or is_stamp(first.split()[0]):
+        return None
+    return line - 1 - layout.first_row
+
+
+def _without_side_heading(frame: Any, stated: StatedClock, layout: TextLayout) -> Any:
+    """Read a heading that stands in the first columns beside the first rows of numbers."""
+    beside = []
+    for name in frame.columns[:-1]:
+        filled = np.flatnonzero((frame[name].notna() & (frame[name].astype(str) != "")).to_numpy())
+        short = len(filled) and filled[-1] < min(MOST_FOOTER, len(frame) - 1)
+        if len(filled) and not short:
+            break
+        beside.append(name)
+    if not beside or frame[beside[0]].dtype != object or len(beside) < 2:
+        return frame
+    for row in frame[beside].head(MOST_FOOTER).astype(str).itertuples(index=False):
+        values = [cell for cell in row[1:] if cell and cell != "nan"]
+        if values:
+            try:
+                stated.read(str(row[0]), values, decimal=layout.decimal)
+            except ValueError as error:
+                raise FileError(str(error)) from None
+    return frame.drop(columns=beside)
+
+
+def _line_of(text: TextFile, layout: TextLayout, row: int) -> str:
+    """Return the line of a row; empty lines between them are no rows."""
+    with text.open() as raw, io.TextIOWrapper(raw, layout.encoding, "replace") as file:
+        for number, line in enumerate(file):
+            if number >= layout.first_row and line.strip():
+                row -= 1
+            if row < 0:
+                return f"line {number + 1}"
+    return "a line"
+
+
+def _is_cut_off(text: TextFile, layout: TextLayout) -> bool:
     """Return True if the file ends without a line end."""
     size = 2 if layout.encoding.startswith("utf-16") else 1
-    with path.open("rb") as file:
+    with text.open() as file:
         file.seek(0, 2)
         file.seek(max(file.tell() - size, 0))
         return file.read(size).strip(b"\0") not in (b"\n", b"\r")
 
 
-DATE_LENGTH = 8
-"""Within which a date has a hyphen; in a time of day one stands before its zone only."""
-
-
-def _clock_seconds(cells: "pd.Series[str]", path: Path) -> NDArray[np.float64]:
-    """Return times of day or dates with times, also of time zones, as seconds from the first."""
-    texts = cells.astype(str).str.replace(",", ".")
-    dated = "-" in str(texts.iloc[0])[:DATE_LENGTH]
-    moments = pd.to_datetime(
-        texts if dated else "2000-01-01 " + texts, format="ISO8601", errors="coerce", utc=True
-    )
-    if moments.isna().any():
-        at = int(moments.isna().to_numpy().argmax())
-        message = f"{path}: row {at + 1} of the numbers: '{cells.iloc[at]}' is no time"
-        raise FileError(message)
-    seconds = (moments - moments.iloc[0]).dt.total_seconds().to_numpy(dtype=np.float64)
-    if not dated:
-        # Past midnight the time of day starts again.
-        seconds = seconds + 86400.0 * np.cumsum(np.concatenate(([0], np.diff(seconds) < -43200.0)))
-    return seconds.astype(np.float64)
-
-
-def _fault(path: Path, layout: TextLayout, error: Exception) -> str:
-    """Return the first departure from rows of numbers: read again, a block at a time, as text."""
-    text = str(error)
-    if "Expected" in text and "saw" in text:
-        return f"{path}: {text.split('C error:')[-1].strip()}; give every row the same columns"
+def _fault(text: TextFile, layout: TextLayout, error: Exception) -> str:
+    """Return why a file is no table of numbers."""
+    said, source = str(error), text.source
+    if "Expected" in said and "saw" in said:
+        return f"{source}: {said.split('C error:')[-1].strip()}; give every row the same columns"
     if isinstance(error, ParserWarning):
-        count = len(layout.names)
-        return f"{path}: rows have more than {count} columns; give every row the same columns"
-    if "EOF inside string" in text:
-        return f"{path}: a quotation mark among the numbers is never closed; take it out"
+        return f"{source}: rows have more than {layout.width} columns; give all the same columns"
+    if "EOF inside string" in said:
+        return f"{source}: a quotation mark among the numbers is never closed; take it out"
     if isinstance(error, UnicodeDecodeError):
-        return f"{path}: is no {layout.encoding} text (byte {error.start}); save it as UTF-8"
-    try:
-        found = _first_text(path, layout)
-    except (ParserError, ParserWarning, ValueError):
-        found = ""
-    return f"{path}: {found or f'cannot be read as numbers ({text})'}"
-
-
-def _first_text(path: Path, layout: TextLayout) -> str:
-    """Return line and column of the first cell that is no number; empty if all are numbers."""
-    row = layout.first_row
-    # A point is no number's where the decimal mark is a comma.
-    marks = {ord(","): ".", ord("."): "x"} if layout.decimal == "," else {}
-    blocks: Any = _frame(
-        path,
-        layout,
-        dtype=str,
-        chunksize=ROWS_AT_ONCE,
-        keep_default_na=False,
-        na_values=[],
-        skip_blank_lines=False,
-        na_filter=False,
-    )
-    with blocks:
-        for block in blocks:
-            for name in block.columns[1 if layout.clock else 0 :]:
-                cells = block[name].astype(str).str.strip()
-                plain = cells.str.translate(marks)
-                wrong = pd.to_numeric(plain, errors="coerce").isna() & ~cells.str.lower().isin(
-                    EMPTY
-                )
-                if wrong.any():
-                    at = int(wrong.to_numpy().argmax())
-                    return (
-                        f"line {row + at + 1}, column '{layout.names[name]}': "
-                        f"'{cells.iloc[at][:40]}' is not a number"
-                    )
-            row += len(block)
-    return ""
+        return f"{source}: is no {layout.encoding} text (byte {error.start}); save it as UTF-8"
+    return f"{source}: cannot be read as numbers ({said[:200]})"
 
 
 def csv_bytes(recording: Recording) -> bytes:

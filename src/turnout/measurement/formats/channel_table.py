@@ -1,0 +1,563 @@
+"""Tables: the columns that are times, indices, numbers of throws or texts, and the channels left.
+
+Text files, workbooks, JSON, Parquet and tables within binary files all come here, so that each
+column goes with the nearest column of times to its left, an index is never taken for a time, and
+several throws in one table never become one channel.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.core.errors import FileError
+from turnout.core.problems import choices
+from turnout.measurement.formats.assemble import FileColumn, assemble_recording
+from turnout.measurement.formats.clock import (
+    StatedClock,
+    is_abscissa_name,
+    is_index_name,
+    is_signal_name,
+    is_throw_name,
+    is_time_name,
+    is_time_unit,
+    squeezed,
+)
+from turnout.measurement.formats.numbers import LIST, numbers
+from turnout.measurement.formats.time_axis import (
+    TimeAxis,
+    counts,
+    is_date,
+    is_stamp,
+    moments_axis,
+    numeric_axis,
+    stamps_axis,
+)
+from turnout.measurement.recording import Recording, time_grid
+
+Floats = NDArray[np.float64]
+
+# A column with fewer numbers than this share is one of texts, else its texts are errors.
+_LEAST_NUMBERS = 0.1
+_LARGEST_DEPARTURE = 0.01
+_MOST_SIGNALS = 256
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TableColumn:
+    """One column of a table as a file holds it.
+
+    Attributes
+    ----------
+    name, unit, description : str
+        As the file writes them.
+    cells : ndarray, shape (n,)
+        Numbers, dates (datetime64, timedelta64), or objects that are texts or lists of numbers.
+    """
+
+    name: str
+    cells: NDArray[np.generic]
+    unit: str = ""
+    description: str = ""
+
+
+def _row_number(row: int) -> str:
+    return f"row {row + 1}"
+
+
+@dataclass(slots=True)
+class Table:
+    """The columns of a table: numbers, times, texts and curves.
+
+    Attributes
+    ----------
+    columns : list of TableColumn
+        In the order of the file.
+    stated : StatedClock
+        Stated beside them.
+    source : str
+        The file, for messages.
+    decimal : str
+        Decimal mark in its texts.
+    named : bool
+        Whether the file names its columns.
+    line_of : callable
+        Name of the line that holds a row.
+    remedy : str
+        What to do where the time is unknown.
+    values : dict of int to ndarray
+        Columns of numbers by their place.
+    axes : dict of int to TimeAxis
+        Columns of times by their place; a date and its time of day make one.
+    texts, curves : dict
+        Columns of texts, and of lists of numbers in their cells.
+    overloads : dict of int to int
+        How many cells of a column hold no number but an overload.
+    problems : list of str
+        Remarks on the columns.
+    """
+
+    columns: list[TableColumn]
+    stated: StatedClock
+    source: str
+    decimal: str = "."
+    named: bool = True
+    line_of: Callable[[int], str] = _row_number
+    remedy: str = ""
+    values: dict[int, Floats] = field(default_factory=dict)
+    axes: dict[int, TimeAxis] = field(default_factory=dict)
+    texts: dict[int, list[str]] = field(default_factory=dict)
+    curves: dict[int, list[Floats]] = field(default_factory=dict)
+    overloads: dict[int, int] = field(default_factory=dict)
+    problems: list[str] = field(default_factory=list)
+
+
+def table_recording(table: Table, *, throw: str | None = None) -> Recording:
+    """Return the recording in a table.
+
+    Parameters
+    ----------
+    table : Table
+        Its columns and what is stated beside them.
+    throw : str, optional
+        Which throw of several in one table.
+
+    Raises
+    ------
+    FileError
+        When it holds several throws and none is chosen, or no channel; naming what is wrong.
+    """
+    columns = table_columns(table, throw=throw)
+    return assemble_recording(
+        columns,
+        source=table.source,
+        start_time=table.stated.start_time,
+        problems=table.problems,
+        remedy=table.remedy,
+    )
+
+
+def table_columns(table: Table, *, throw: str | None = None) -> list[FileColumn]:
+    """Return the channels of a table with their times; remarks are added to its problems.
+
+    Parameters
+    ----------
+    table : Table
+        Its columns and what is stated beside them.
+    throw : str, optional
+        Which throw of several in one table.
+
+    Raises
+    ------
+    FileError
+        When it holds several throws and none is chosen, or a time is none.
+    """
+    try:
+        _sort_columns(table)
+        _name_axes(table)
+        return _channel_columns(_one_throw(table, throw))
+    except ValueError as error:
+        message = f"{table.source}: {error}"
+        raise FileError(message) from None
+
+
+def _label(table: Table, place: int) -> str:
+    return table.columns[place].name or f"column {place + 1}"
+
+
+def _sort_columns(table: Table) -> None:
+    """Sort columns of numbers, stamps, lists and texts."""
+    dates: dict[int, list[str]] = {}
+    for place, column in enumerate(table.columns):
+        cells = column.cells
+        if cells.dtype.kind in "biuf":
+            table.values[place] = cells.astype(np.float64)
+        elif cells.dtype.kind in "mM":
+            table.axes[place] = moments_axis(cells)
+        elif any(isinstance(cell, list | tuple | np.ndarray) for cell in cells[:3]):
+            table.curves[place] = [np.asarray(cell, dtype=np.float64).ravel() for cell in cells]
+        else:
+            _sort_texts(table, place, ["" if c is None else str(c) for c in cells], dates)
+    _join_dates(table, dates)
+    for place in list(table.values):
+        values = table.values[place]
+        if not table.columns[place].name and values.size and np.isnan(values).all():
+            del table.values[place]
+
+
+def _sort_texts(table: Table, place: int, texts: list[str], dates: dict[int, list[str]]) -> None:
+    name = _label(table, place)
+    filled = [text for text in texts if text.strip() and text.strip().lower() != "nan"]
+    if not filled:
+        table.values[place] = np.full(len(texts), np.nan)
+        return
+    sample = filled[:: max(1, len(filled) // 50)]
+    dated = sum(map(is_date, sample)) > 0.9 * len(sample)
+    if dated or sum(map(is_stamp, sample)) > 0.9 * len(sample):
+        dates[place] = texts
+        return
+    values, wrong, overload = numbers(texts, table.decimal)
+    count = len(filled) - len(wrong)
+    if wrong and all(LIST.fullmatch(text) for text in filled):
+        table.curves[place] = [_list(text, table.decimal) for text in texts]
+    elif wrong and count < _LEAST_NUMBERS * len(filled) or not np.isfinite(values).any():
+        table.texts[place] = texts
+    elif wrong:
+        text = texts[wrong[0]].strip()[:40]
+        message = f"{table.line_of(wrong[0])}, column '{name}': '{text}' is not a number"
+        raise ValueError(message)
+    else:
+        table.values[place] = values
+        if overload:
+            number = sum(text.strip() in overload for text in texts)
+            table.overloads[place] = number
+            what = "cell is" if number == 1 else "cells are"
+            shown = choices(sorted(overload))
+            table.problems.append(
+                f"channel '{name}': {number} {what} overload ({shown}), taken as missing"
+            )
+
+
+def _list(text: str, decimal: str) -> Floats:
+    inner = text.strip().strip("[](){}").strip()
+    mark = ";" if ";" in inner else "," if "," in inner and decimal != "," else None
+    parts = [part for part in inner.split(mark) if part.strip()]
+    values, wrong, _ = numbers(parts, decimal)
+    if wrong:
+        message = f"'{parts[wrong[0]][:40]}' in a list is not a number"
+        raise ValueError(message)
+    return values
+
+
+def _join_dates(table: Table, dates: dict[int, list[str]]) -> None:
+    """Make axes of stamps; a date alone goes with the time of day beside it."""
+    alone = {place for place, texts in dates.items() if is_date(next(filter(str.strip, texts)))}
+    clocks = [place for place in dates if place not in alone]
+    for place in clocks:
+        texts = dates[place]
+        beside = next((p for p in (place - 1, place + 1) if p in alone), None)
+        if beside is not None and not any(c.isdigit() and "-" in t for t in texts[:1] for c in t):
+            texts = [f"{day} {text}" for day, text in zip(dates[beside], texts, strict=True)]
+            alone.discard(beside)
+        used = _filled(texts)
+        axis = stamps_axis(texts[:used])
+        following = table.columns[place + 1 : place + 2]
+        if following and squeezed(following[0].name) in (
+            "ms",
+            "millisecond",
+            "milliseconds",
+            "msec",
+        ):
+            thousandths = table.values.pop(place + 1, np.zeros(0))[:used]
+            if thousandths.size == used and np.all(axis.seconds == np.rint(axis.seconds)):
+                seconds = axis.seconds + thousandths / 1e3
+                first = float(thousandths[0]) / 1e3
+                begin = None if axis.begin is None else axis.begin + first
+                axis = replace(axis, seconds=seconds - first, begin=begin)
+        table.axes[place] = axis
+    for place in alone:
+        table.texts[place] = dates[place]
+
+
+def _filled(texts: Sequence[str]) -> int:
+    """Return the number of cells up to the last that is filled."""
+    count = len(texts)
+    while count and (not texts[count - 1].strip() or texts[count - 1].strip().lower() == "nan"):
+        count -= 1
+    return count
+
+
+def _name_axes(table: Table) -> None:
+    """Find the columns of numbers that are times."""
+    rate = table.stated.rate()
+    for place in sorted(table.values):
+        column, values = table.columns[place], table.values[place]
+        given = values[: _count(values)]
+        named, letter = is_time_name(column.name), len(squeezed(column.name)) == 1
+        if not named and not (is_abscissa_name(column.name) and is_time_unit(column.unit)):
+            continue
+        if letter and column.unit and not is_time_unit(column.unit):
+            continue
+        if letter and not is_time_unit(column.unit) and not _may_be_time(given, rate, column.name):
+            continue
+        if rate is not None and not is_time_unit(column.unit) and _counts_throws(given):
+            continue  # an index beside a rate
+        try:
+            axis = numeric_axis(given, name=column.name, unit=column.unit)
+        except ValueError as error:
+            message = f"column '{column.name}': {error}"
+            raise ValueError(message) from None
+        table.axes[place] = axis
+        del table.values[place]
+    if not table.axes and not table.named and 0 in table.values and len(table.columns) > 1:
+        first = table.values[0]
+        fits = rate is None or _may_be_time(first, rate, "")
+        if first.size > 2 and _even(first) and not counts(first) and fits:
+            table.axes[0] = TimeAxis(table.values.pop(0))
+
+
+def _count(values: Floats) -> int:
+    there = np.flatnonzero(np.isfinite(values))
+    return int(there[-1]) + 1 if there.size else 0
+
+
+def _even(values: Floats) -> bool:
+    steps = np.diff(values)
+    return bool(steps.size and np.all(steps > 0) and np.ptp(steps) <= 0.5 * float(np.mean(steps)))
+
+
+def _may_be_time(values: Floats, rate: tuple[float, ...] | None, name: str) -> bool:
+    """Return True if a column called t or T, without a unit, holds the time."""
+    if rate is None:
+        return name.strip() == "t" or _even(values)
+    steps = np.diff(values)
+    typical = float(np.median(steps)) if steps.size else 0.0
+    return abs(typical * rate[0] - 1.0) < _LARGEST_DEPARTURE
+
+
+def _restarts(values: Floats) -> NDArray[np.intp]:
+    """Return the places at which times or an index start again."""
+    steps = np.diff(values)
+    rising = steps[steps > 0]
+    near = float(values[0]) + (0.5 * float(np.median(rising)) if rising.size else 0.0)
+    with np.errstate(invalid="ignore"):
+        return np.flatnonzero((steps < 0) & (values[1:] < near)) + 1
+
+
+def _counts_throws(values: Floats) -> bool:
+    """Return True if whole numbers count, from one or from several beginnings."""
+    if values.size < 2 or not np.isfinite(values).all():
+        return False
+    parts = np.split(values, _restarts(values))
+    return all(part.size < 2 or counts(part) for part in parts)
+
+
+def _one_throw(table: Table, throw: str | None) -> Table:
+    """Return the table of one throw; ValueError when there are several and none is chosen."""
+    parts, by = _throws(table)
+    if len(parts) < 2:
+        if throw is not None and throw not in parts:
+            message = f"there is one throw in it; leave out the choice of throw '{throw}'"
+            raise ValueError(message)
+        return table
+    if throw is None or throw not in parts:
+        unknown = f"no throw '{throw}'; " if throw is not None else ""
+        message = (
+            f"{unknown}there are {len(parts)} throws in one table ({by}): {choices(parts)}; choose "
+            f"one with --throw {next(iter(parts))} (in Python throw=), or save a file per throw"
+        )
+        raise ValueError(message)
+    rows = parts[throw]
+    cut = replace(
+        table,
+        values={place: values[rows] for place, values in table.values.items()},
+        axes={place: _axis_part(axis, rows) for place, axis in table.axes.items()},
+        texts={place: [texts[row] for row in rows] for place, texts in table.texts.items()},
+        curves={place: [items[row] for row in rows] for place, items in table.curves.items()},
+    )
+    table.problems.append(f"throw '{throw}', one of {len(parts)} in the table")
+    for place in [p for p in cut.values if is_throw_name(_label(table, p))]:
+        del cut.values[place]
+    return cut
+
+
+def _axis_part(axis: TimeAxis, rows: NDArray[np.intp]) -> TimeAxis:
+    seconds = axis.seconds[rows[rows < axis.seconds.size]]
+    if axis.begin is None or not seconds.size:
+        return replace(axis, seconds=seconds)
+    return replace(axis, seconds=seconds - seconds[0], begin=axis.begin + float(seconds[0]))
+
+
+def _throws(table: Table) -> tuple[dict[str, NDArray[np.intp]], str]:
+    """Return the rows of each throw by its label, and the column that tells them apart."""
+    size = max((len(column.cells) for column in table.columns), default=0)
+    labels: dict[int, list[str]] = {
+        place: [f"{value:g}" for value in values]
+        for place, values in table.values.items()
+        if is_throw_name(table.columns[place].name)
+    }
+    labels |= {p: t for p, t in table.texts.items() if is_throw_name(table.columns[p].name)}
+    curves = bool(table.curves) and size > 1
+    for place, cells in labels.items():
+        starts = [0, *(i for i in range(1, len(cells)) if cells[i] != cells[i - 1])]
+        names = [cells[i] for i in starts]
+        if len(set(names)) == len(names) > 1 and (curves or len(names) <= len(cells) / 2):
+            edges = [*starts, len(cells)]
+            rows = {n: np.arange(a, b) for n, a, b in zip(names, edges, edges[1:], strict=False)}
+            return rows, f"column '{_label(table, place)}'"
+    if curves:
+        place = next(iter(table.curves))
+        rows = {f"{row + 1}": np.array([row]) for row in range(size)}
+        return rows, f"a curve in each cell of column '{_label(table, place)}'"
+    indices = {p: v for p, v in table.values.items() if is_index_name(table.columns[p].name)}
+    times = {place: axis.seconds for place, axis in table.axes.items()}
+    for place, values in [*times.items(), *indices.items()]:
+        again = _restarts(values) if values.size > 2 else np.zeros(0, np.intp)
+        if not again.size or (place in indices and not _counts_throws(values)):
+            continue
+        if _signal_column(table) is not None:
+            return {}, ""
+        edges = [0, *again.tolist(), values.size]
+        parts = zip(edges, edges[1:], strict=False)
+        rows = {f"{n}": np.arange(a, b) for n, (a, b) in enumerate(parts, start=1)}
+        return rows, f"'{_label(table, place)}' starts again"
+    return {}, ""
+
+
+def _signal_column(table: Table) -> int | None:
+    """Return the column of a long table that says which signal a row holds."""
+    for place, texts in table.texts.items():
+        kinds = len(set(texts))
+        if is_signal_name(table.columns[place].name) and 1 < kinds <= min(
+            _MOST_SIGNALS, len(texts) / 2
+        ):
+            return place
+    return None
+
+
+def _channel_columns(table: Table) -> list[FileColumn]:
+    """Return the channels of one throw with their times."""
+    columns = _long_columns(table) or [*_curve_columns(table), *_wide_columns(table)]
+    for place in sorted(table.texts):
+        table.problems.append(f"column '{_label(table, place)}' is left out: it holds no numbers")
+    for shown in table.stated.doubtful if table.stated.rate() is None else ():
+        table.problems.append(f"'{shown}' is not taken for the sample rate")
+    return columns
+
+
+def _curve_columns(table: Table) -> list[FileColumn]:
+    rate = table.stated.rate()
+    times = [p for p in table.curves if is_time_name(table.columns[p].name)]
+    time = table.curves[times[0]][0] if times else None
+    found = []
+    for place, curves in table.curves.items():
+        if place in times:
+            continue
+        column = table.columns[place]
+        found.append(
+            FileColumn(
+                _label(table, place),
+                np.concatenate(curves),
+                column.unit,
+                column.description,
+                time=time,
+                rate=rate[0] if rate and time is None else None,
+                start=table.stated.start,
+            )
+        )
+    return found
+
+
+def _long_columns(table: Table) -> list[FileColumn]:
+    """Return the channels of a table with a signal and a value a row; none if it is not one."""
+    by = _signal_column(table)
+    if by is None or len(table.axes) != 1:
+        return []
+    (axis,) = table.axes.values()
+    values = [p for p in table.values if not is_index_name(table.columns[p].name)]
+    if len(values) != 1 or np.all(np.diff(axis.seconds) > 0):
+        return []
+    signals = np.array(table.texts.pop(by))
+    units = next((t for p, t in table.texts.items() if squeezed(_label(table, p)) == "unit"), None)
+    found = []
+    for signal in dict.fromkeys(signals.tolist()):
+        rows = np.flatnonzero(signals == signal)
+        unit = units[rows[0]] if units else table.columns[values[0]].unit
+        samples, times = table.values[values[0]][rows], axis.seconds[rows]
+        found.append(FileColumn(signal, samples, unit, time=times, begin=axis.begin))
+    return found
+
+
+def _wide_columns(table: Table) -> list[FileColumn]:
+    rate = table.stated.rate()
+    axes = {p: _usable(table, p, axis, rate) for p, axis in sorted(table.axes.items())}
+    channels = _channels(table)
+    if rate is not None and len(rate) > 1 and len(rate) != len(channels):
+        message = f"{len(rate)} sample rates are stated for {len(channels)} columns; state one each"
+        raise ValueError(message)
+    found = []
+    for number, place in enumerate(channels):
+        column, values = table.columns[place], table.values[place]
+        left = [p for p in axes if p < place] or list(axes)[:1]
+        axis = axes[left[-1]] if left else None
+        several = len(axes) > 1 or (rate is not None and len(set(rate)) > 1)
+        if several:
+            values = values[: _count(values)]
+        name = column.name or f"column {place + 1}"
+        if axis is None:
+            own = None if rate is None else rate[number if len(rate) > 1 else 0]
+            begin, start, time, remark = None, table.stated.start, None, ""
+            if left:
+                begin, remark = table.axes[left[-1]].begin, "its times only tell its start"
+        else:
+            own, start, begin, remark = None, 0.0, axis.begin, axis.remark
+            values = _to_length(values, axis.seconds.size)
+            time = axis.seconds
+        empty = int(np.count_nonzero(np.isnan(values))) - table.overloads.get(place, 0)
+        if empty > 0:
+            cells = "cell is" if empty == 1 else "cells are"
+            table.problems.append(f"channel '{name}': {empty} {cells} empty, taken as missing")
+        described = (name, values, column.unit, column.description)
+        found.append(
+            FileColumn(*described, time=time, rate=own, start=start, begin=begin, remark=remark)
+        )
+    return found
+
+
+def _to_length(values: Floats, size: int) -> Floats:
+    """Return as many values as there are times; cells behind them must be empty."""
+    if values.size > size and not np.isnan(values[size:]).all():
+        message = f"a column has samples behind the last of its {size} times; fill the times"
+        raise ValueError(message)
+    return np.concatenate((values[:size], np.full(max(size - values.size, 0), np.nan)))
+
+
+def _channels(table: Table) -> list[int]:
+    """Return the places of the channels; indices and numbers of one throw are left out."""
+    found = []
+    for place in sorted(table.values):
+        name, values = table.columns[place].name, table.values[place]
+        headless = not table.named and place == 0 and counts(values) and len(table.values) > 1
+        if headless or (table.named and is_index_name(name) and _counts_throws(values)):
+            shown = f"column '{_label(table, place)}'"
+            table.problems.append(f"{shown} is left out: it counts samples and is no time")
+        elif is_throw_name(name) and values.size and np.all(values == values[0]):
+            table.problems.append(f"column '{name}' is left out: it numbers the throw")
+        else:
+            found.append(place)
+    return found
+
+
+def _usable(
+    table: Table, place: int, axis: TimeAxis, rate: tuple[float, ...] | None
+) -> TimeAxis | None:
+    """Return an axis; None when it is too coarse and a rate is stated beside it."""
+    name = _label(table, place)
+    try:
+        if table.columns[place].cells.dtype.kind == "O":
+            _check_whole_seconds(axis.seconds)
+        grid = time_grid(axis.seconds)
+    except ValueError as error:
+        if rate is None:
+            message = f"column '{name}': {error}"
+            raise ValueError(message) from None
+        table.problems.append(f"column '{name}' is not used, the stated rate is: {error}")
+        return None
+    if rate is not None and abs(rate[0] * grid.step - 1.0) > _LARGEST_DEPARTURE:
+        table.problems.append(
+            f"check the time: column '{name}' has {1 / grid.step:.6g} samples per second, the file "
+            f"states {rate[0]:.6g}"
+        )
+    return axis
+
+
+def _check_whole_seconds(seconds: Floats) -> None:
+    """Refuse stamps in whole seconds that do not come evenly."""
+    steps = np.diff(seconds)
+    if np.all(steps == np.rint(steps)) and np.unique(steps).size > 1 and np.all(steps >= 0):
+        message = (
+            "its times are in whole seconds, coarser than the samples, and tell no rate; state the "
+            "sample rate, or export times with more digits"
+        )
+        raise ValueError(message)

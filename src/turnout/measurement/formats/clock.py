@@ -1,0 +1,314 @@
+"""Words of clocks: names of times, indices and throws; rates and intervals in words; their units.
+
+Every format states its clock in one of four ways: a column of times, a column of time stamps, a
+rate, or an interval. The words for them and their units are here, once for all formats.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+DAY, HOUR = 86_400.0, 3_600.0
+_UNIT_WORDS = {
+    1.0: ("", "s", "sec", "secs", "second", "seconds", "sekunde", "sekunden", "sek"),
+    1e-3: ("ms", "msec", "millisecond", "milliseconds", "millisekunden"),
+    1e-6: ("us", "µs", "μs", "usec", "microsecond", "microseconds"),
+    1e-9: ("ns", "nsec", "nanosecond", "nanoseconds"),
+    1e-12: ("ps",),
+    60.0: ("min", "minute", "minutes", "minuten"),
+    HOUR: ("h", "hr", "hrs", "hour", "hours", "std", "stunden"),
+    DAY: ("d", "day", "days", "tage"),
+}
+SECONDS = {word: factor for factor, words in _UNIT_WORDS.items() for word in words}
+_HERTZ_WORDS = {
+    1.0: ("hz", "s/s", "sa/s", "sps", "samples/s", "samples/sec", "1/s", "s-1", "s^-1", "hertz"),
+    1e3: ("khz", "ks/s", "ksa/s", "ksps"),
+    1e6: ("mhz", "msa/s", "msps"),
+}
+HERTZ = {word: factor for factor, words in _HERTZ_WORDS.items() for word in words}
+_SUFFIX = r"(?:_?(?P<unit>s|sec|ms|us|ns|min|hz|khz))?"
+_SOURCES = (
+    "sample|sampling|samp|scan|acquisition|acq|logging|log|logger|recording|record|recorded|"
+    "measuring|measurement|data|daq|adc|digitizer|wf|wave|nominal|effective"
+)
+_RATE = re.compile(
+    rf"(?:data\d+)?(?:(?:{_SOURCES})s?(?:rate|frequency|freq|frq|frequenz)|fs|sr|sps|"
+    r"abtastrate|abtastfrequenz|messrate|samplespersec(?:ond)?|samples/s(?:ec)?|"
+    r"samplingsfrekvens|samplingshastighet|frequencedechantillonnage|frecuenciademuestreo)"
+    rf"{_SUFFIX}"
+)
+_STEP = re.compile(
+    rf"(?:data\d+)?(?:(?:{_SOURCES}|time|horizontal|horz|x|h|t)"
+    r"(?:interval|period|increment|incr|inc|step|resolution|spacing)|interval|increment|"
+    r"dt|delta[tx]|δt|ts|tsamp(?:le)?|sample?time|samplingtime|timeper(?:sample|point)|"
+    r"abtastintervall|abtastzeit|abtastperiode|messintervall|zeitschritt|zeitintervall|"
+    rf"zeitinkrement|samplingsintervall){_SUFFIX}"
+)
+_WEAK_RATE = re.compile(rf"rate{_SUFFIX}")
+_NO_RATE = re.compile(r"(?:mains|line|net|supply|netz)?(?:frequency|freq|frequenz|frekvens)(?:hz)?")
+_START = re.compile(rf"(?:x0|t0|tstart|start|starts|xzero|xorigin|hoffset|wfstartoffset){_SUFFIX}")
+_BEGIN = re.compile(
+    r"(?:wf|recording|measurement|record|trigger)?(?:start|begin)?(?:store)?"
+    r"(?:date(?:time)?|time|datum|zeit|timestamp)|start|startzeit|startdatum|beginn|"
+    r"recordingstart|messbeginn|starttidpunkt|uhrzeit"
+)
+_SECONDS_TEXT = re.compile(r"[+\-]?[\d.,]+(?:[eE][+\-]?\d+)?\s*[a-zµ]{0,3}")
+_MOMENT = re.compile(r"\W*(?:\d{1,4}[-./:]\d|\d{1,2}[. ]|[A-Za-zä]{3,9}\.? \d{1,2},|\d{8})")
+_TIME = re.compile(
+    r"(?:data\d+)?(?:relative|elapsed|rel|utc|local|unix|epoch|system|sample)?"
+    r"(?:time|times|zeit|tid|temps|tiempo|tempo|t|timestamp|timestamps|zeitstempel|tidsst[aä]mpel|"
+    r"datetime|date&time|dateandtime|date/time|datumzeit|datumuhrzeit|datum/zeit|datum/uhrzeit|"
+    r"uhrzeit|tidpunkt|xvalue|timeaxis|zeitachse|epoch|posix|posixtime)"
+    r"(?:\d*-?(?:default|standard|messrate).*)?(?P<unit>sec|ms|us|ns|s)?"
+)
+_ABSCISSA = re.compile(r"x|xaxis|xwerte?|abscissa|second|seconds|sekunden")
+_INDEX = re.compile(
+    r"(?:sample|scan|point|record|row|data|mess)?(?:index|idx|no|nr|number|num|nummer|count|punkt)|"
+    r"n|i|k|x|rn|#|sample|samples|scan|point|points|record|row|line|zeile|sequence|seq|counter|t|"
+    r"time|indexlevel0|unnamed:0"
+)
+_THROW = re.compile(
+    r"(?:throw|move|movement|run|umlauf|umstellung|stellvorgang|operation|event|cycle|curve|shot|"
+    r"omläggning|switching|test|segment|record|trace)(?:_?(?:no|nr|id|number|num|index|idx))?"
+)
+_LONG = re.compile(r"signal|channel|variable|parameter|tag|sensor|kanal|quantity|name|key|series")
+_THOUSANDS = re.compile(r"[1-9]\d{0,2}(?:[.,]\d{3})+")
+_STATED = re.compile(
+    r"\s*([+\-−–]?\d[\d.,'’\u00a0\u202f\u2009]*(?:[eEdD][+-]?\d+)?)\s*([a-zA-Zµμ/°^\-]*[0-9]?)"
+)
+
+
+def squeezed(text: str) -> str:
+    """Return a name without case, blanks, underscores and quotes: "Sample_Rate" -> "samplerate"."""
+    return re.sub(r"[\s_.'\"()\[\]:]+", "", text.strip().lstrip("#% ")).lower().strip("=")
+
+
+def is_time_name(name: str) -> bool:
+    """Return True if a column of this name, without its unit, holds the time.
+
+    Examples
+    --------
+    >>> [is_time_name(name) for name in ("Time", "t", "time_ms", "Zeitstempel", "Throw time")]
+    [True, True, True, True, False]
+    """
+    return _TIME.fullmatch(squeezed(name)) is not None
+
+
+def unit_in_name(name: str) -> str:
+    """Return the unit of time at the end of a name: "time_ms" -> "ms"; empty if there is none."""
+    match = _TIME.fullmatch(squeezed(name))
+    return (match["unit"] or "") if match and not squeezed(name).endswith("times") else ""
+
+
+def is_abscissa_name(name: str) -> bool:
+    """Return True if a column of this name is the time as soon as its unit is one of time."""
+    return _ABSCISSA.fullmatch(squeezed(name).replace("-", "")) is not None
+
+
+def is_index_name(name: str) -> bool:
+    """Return True if a column of this name may count samples."""
+    return not name or _INDEX.fullmatch(squeezed(name).replace("-", "")) is not None
+
+
+def is_throw_name(name: str) -> bool:
+    """Return True if a column of this name numbers throws."""
+    return _THROW.fullmatch(squeezed(name)) is not None
+
+
+def is_signal_name(name: str) -> bool:
+    """Return True if a column of this name says which signal a row belongs to."""
+    return _LONG.fullmatch(squeezed(name)) is not None
+
+
+def seconds_of(unit: str) -> float:
+    """Return the seconds in a unit of time; ValueError when it is none.
+
+    Examples
+    --------
+    >>> seconds_of("ms"), seconds_of("")
+    (0.001, 1.0)
+    """
+    factor = SECONDS.get(unit.strip().strip("[]()").lower())
+    if factor is None:
+        message = f"'{unit}' is no unit of time; needs one of s, ms, us, ns, min, h, d"
+        raise ValueError(message)
+    return factor
+
+
+def is_time_unit(unit: str) -> bool:
+    """Return True for a unit of time; none is not one."""
+    return bool(unit) and unit.lower() in SECONDS
+
+
+def stated_number(text: str, decimal: str | None = ".") -> tuple[float, str] | None:
+    """Return the number and unit that a text begins with; None if it begins with none.
+
+    Parameters
+    ----------
+    text : str
+        Such as "1.000 Hz".
+    decimal : str or None
+        Decimal mark of the file; None if it has shown none.
+
+    Raises
+    ------
+    ValueError
+        When the mark may part thousands as well as decimals.
+
+    Examples
+    --------
+    >>> stated_number("1.000 Hz", ","), stated_number("40 ms"), stated_number("2,5 kHz")
+    ((1000.0, 'Hz'), (40.0, 'ms'), (2.5, 'kHz'))
+    """
+    match = _STATED.match(text)
+    if match is None:
+        return None
+    digits = re.sub(r"['’\u00a0\u202f\u2009]", "", match[1]).rstrip(".,")
+    digits = digits.replace("−", "-").replace("–", "-").replace("D", "e").replace("d", "e")
+    marks = {mark for mark in ".," if mark in digits}
+    if len(marks) == 2:
+        last = max(digits.rfind("."), digits.rfind(","))
+        decimal = digits[last]
+    elif _THOUSANDS.fullmatch(digits):
+        if decimal is None and digits.count(next(iter(marks))) == 1:
+            message = f"'{text.strip()}' may be a thousand or a decimal; write it without its mark"
+            raise ValueError(message)
+        decimal = decimal or ("," if "." in marks else ".")
+    elif marks:
+        (decimal,) = marks
+    if decimal:
+        digits = digits.replace("," if decimal == "." else ".", "").replace(decimal, ".")
+    try:
+        return float(digits), match[2]
+    except ValueError:
+        return None
+
+
+@dataclass(slots=True)
+class StatedClock:
+    """Rates, starts and dates that a file states in words.
+
+    Attributes
+    ----------
+    rates : list of (str, tuple of float)
+        What states it, and the rates [1/s]: one, or one a column.
+    weak : list of (str, tuple of float)
+        The same under a name that may mean something else ("rate").
+    start : float
+        Time of the first sample [s].
+    moments : list of str
+        Date and time of the start, in parts.
+    doubtful : list of str
+        Texts that look like a rate and are none, such as the frequency of the mains.
+    """
+
+    rates: list[tuple[str, tuple[float, ...]]] = field(default_factory=list)
+    weak: list[tuple[str, tuple[float, ...]]] = field(default_factory=list)
+    start: float = 0.0
+    moments: list[str] = field(default_factory=list)
+    doubtful: list[str] = field(default_factory=list)
+
+    def read(
+        self, key: str, values: Sequence[object], *, unit: str = "", decimal: str | None = "."
+    ) -> bool:
+        """Take what a key and its values state; return False if they state nothing of the clock.
+
+        Raises
+        ------
+        ValueError
+            When they state a rate or an interval that is none.
+        """
+        name = squeezed(key.rsplit("/", 1)[-1] if "samples/" not in key.lower() else key)
+        name = name.replace("-", "")
+        for pattern, kind in ((_RATE, "rate"), (_STEP, "step"), (_WEAK_RATE, "weak")):
+            match = pattern.fullmatch(name)
+            if match is None:
+                continue
+            shown = f"{key.strip()}: {', '.join(str(value).strip() for value in values)}"[:60]
+            found = _rates(values, unit or match["unit"] or "", kind, decimal, shown)
+            if found:
+                (self.weak if kind == "weak" else self.rates).append((shown, found))
+                return True
+            return False
+        text = " ".join(str(value).strip() for value in values).strip()
+        if _NO_RATE.fullmatch(name) and stated_number(text) is not None:
+            self.doubtful.append(f"{key.strip()}: {text}"[:60])
+            return True
+        if match := _START.fullmatch(name):
+            kept = list(dict.fromkeys(str(value).strip() for value in values))
+            plain = all(_SECONDS_TEXT.fullmatch(v) and v.count(".") < 2 for v in kept)
+            number = stated_number(kept[0], decimal) if plain else None
+            if len(kept) > 1 and plain:
+                message = f"'{key.strip()}: {text[:40]}': the columns start at different times; "
+                raise ValueError(message + "export a column of times for each")
+            if number is not None:
+                self.start = number[0] * SECONDS.get((number[1] or match["unit"] or "").lower(), 1)
+                return True
+        if _BEGIN.fullmatch(name) and _MOMENT.match(text):
+            self.moments.append(text)
+            return True
+        return False
+
+    def rate(self) -> tuple[float, ...] | None:
+        """Return the rates [1/s], one or one a column; None if none is stated.
+
+        Raises
+        ------
+        ValueError
+            When two statements contradict each other.
+        """
+        for group in (self.rates, self.weak):
+            if not group:
+                continue
+            shown, first = max(group, key=lambda item: len(item[1]))
+            for other, rates in group:
+                same = rates[:1] * len(first) if len(rates) == 1 else rates
+                if len(same) != len(first) or any(
+                    abs(a - b) > 1e-3 * a for a, b in zip(first, same, strict=True)
+                ):
+                    message = f"two clocks are stated: '{shown}' and '{other}'; leave one"
+                    raise ValueError(message)
+            return first
+        return None
+
+    @property
+    def start_time(self) -> str | None:
+        """Date and time of the start as the file writes them; None if it does not."""
+        return " ".join(dict.fromkeys(self.moments)) or None
+
+
+def _rates(
+    values: Sequence[object], unit: str, kind: str, decimal: str | None, shown: str
+) -> tuple[float, ...]:
+    """Return rates [1/s] from stated rates or intervals; empty if there are no numbers."""
+    texts = [str(value).strip() for value in values if str(value).strip()]
+    if len(texts) > 1 and not _STATED.match(texts[-1]):  # 2.5e-3, "s"
+        unit, texts = texts[-1] if _unit_of_clock(texts[-1]) else unit, texts[:-1]
+    found = []
+    for text in texts:
+        number = stated_number(text, decimal)
+        if number is None:
+            return ()
+        own = (number[1] or unit).strip("[]()").lower()
+        if own in HERTZ or (own == "" and kind != "step"):
+            rate = number[0] * HERTZ.get(own, 1.0)
+        elif own in SECONDS:
+            step = number[0] * SECONDS[own]
+            rate = 1.0 / step if step else np.inf
+        elif kind == "weak":
+            return ()
+        else:
+            message = f"'{shown}' has no unit of a rate or a time; write '1000 Hz' or '1 ms'"
+            raise ValueError(message)
+        if not (np.isfinite(rate) and rate > 0):
+            message = f"'{shown}' is no rate; it must be more than 0 and finite"
+            raise ValueError(message)
+        # 1 / 0.001 is not 1000: a rate within rounding of a whole one is that.
+        found.append(float(round(rate)) if abs(rate - round(rate)) < 1e-9 * rate else rate)
+    return tuple(found)
+
+
+def _unit_of_clock(text: str) -> bool:
+    return text.lower() in HERTZ or text.lower() in SECONDS

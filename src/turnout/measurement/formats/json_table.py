@@ -1,0 +1,203 @@
+"""JSON: tables by rows or by columns, lists of channels, JSON lines."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.core.errors import FileError
+from turnout.measurement.formats.assemble import (
+    FileColumn,
+    assemble_recording,
+    split_unit,
+    tidy_unit,
+)
+from turnout.measurement.formats.channel_table import Table, TableColumn, table_recording
+from turnout.measurement.formats.clock import StatedClock, is_time_name, squeezed
+from turnout.measurement.formats.extent import Declared
+from turnout.measurement.formats.text_dialect import encoding_of
+from turnout.measurement.formats.time_axis import numeric_axis
+from turnout.measurement.recording import Recording
+
+NO_TIME = "give a column 'Time (s)' or a key 'sample_rate' [1/s]"
+_VALUES = ("values", "data", "samples", "y", "ydata")
+_NAMES = ("name", "label", "channel", "signal", "id")
+_UNITS = ("unit", "units")
+_LARGEST_DEPTH = 5
+
+
+def read_json(path: Path, *, throw: str | None = None) -> Recording:
+    """Read a table in JSON: a list of rows, lists by name, channels with their samples.
+
+    Parameters
+    ----------
+    path : Path
+        JSON, or one row in JSON a line.
+    throw : str, optional
+        Which throw of several in one table.
+
+    Raises
+    ------
+    FileError
+        When it holds no table, or it is no JSON.
+    """
+    content = path.read_bytes()
+    text = content.decode(encoding_of(content), errors="replace")
+    Declared(path).add(text.count(","))
+    try:
+        held = json.loads(text)
+    except json.JSONDecodeError as error:
+        held = _lines(text, path, error)
+    stated = StatedClock()
+    try:
+        return _recording(path, held, stated, throw)
+    except ValueError as error:
+        message = f"{path}: {error}"
+        raise FileError(message) from None
+
+
+def _lines(text: str, path: Path, error: json.JSONDecodeError) -> list[Any]:
+    """Return the rows of JSON lines."""
+    lines = [line for line in text.splitlines() if line.strip()]
+    try:
+        return [json.loads(line) for line in lines] if len(lines) > 1 else _none(path, error)
+    except json.JSONDecodeError:
+        return _none(path, error)
+
+
+def _none(path: Path, error: json.JSONDecodeError) -> list[Any]:
+    message = f"{path}: is no JSON (line {error.lineno}: {error.msg}); export it again"
+    raise FileError(message)
+
+
+def _recording(path: Path, held: Any, stated: StatedClock, throw: str | None) -> Recording:
+    units: dict[str, str] = {}
+    for _ in range(_LARGEST_DEPTH):
+        table = _columns(held)
+        if isinstance(held, Mapping):
+            _facts(held, stated, units)
+        if table is not None:
+            break
+        inner = (
+            [v for v in held.values() if isinstance(v, Mapping | list) and v]
+            if isinstance(held, Mapping)
+            else []
+        )
+        inner = [v for v in inner if _columns(v) is not None or _tables_in(v)]
+        if len(inner) != 1:
+            message = "holds no table, or more than one; export one list of rows or of channels"
+            raise ValueError(message)
+        (held,) = inner
+    else:
+        message = f"its table is nested deeper than {_LARGEST_DEPTH}"
+        raise ValueError(message)
+    if isinstance(held, list) and (channels := _channels(held, stated)):
+        start_time = stated.start_time
+        return assemble_recording(channels, source=str(path), start_time=start_time, remedy=NO_TIME)
+    columns = []
+    for name, cells in table.items():
+        bare, unit = split_unit(name)
+        columns.append(TableColumn(bare, cells, tidy_unit(units.get(name, "")) or unit))
+    return table_recording(Table(columns, stated, str(path), remedy=NO_TIME), throw=throw)
+
+
+def _tables_in(held: Any) -> bool:
+    return isinstance(held, Mapping) and any(_columns(v) is not None for v in held.values())
+
+
+def _facts(held: Mapping[str, Any], stated: StatedClock, units: dict[str, str]) -> None:
+    """Read the clock and units in single values, also those of an object without lists."""
+    for key, value in held.items():
+        if squeezed(key) in _UNITS and isinstance(value, Mapping):
+            units |= {str(name): str(unit) for name, unit in value.items()}
+        elif isinstance(value, Mapping) and not any(
+            isinstance(inner, Mapping | list) for inner in value.values()
+        ):
+            _facts(value, stated, units)
+        elif isinstance(value, str | int | float) and not isinstance(value, bool):
+            stated.read(str(key), [value])
+
+
+def _columns(held: Any) -> dict[str, NDArray[Any]] | None:
+    """Return the columns of a table in one of its shapes; None if it is none."""
+    if isinstance(held, list):
+        if held and all(isinstance(row, Mapping) for row in held):
+            keys = list(dict.fromkeys(str(key) for row in held for key in row))
+            return {key: _cells([row.get(key) for row in held]) for key in keys}
+        if len(held) > 1 and all(isinstance(row, list) for row in held):
+            if not all(isinstance(cell, str) for cell in held[0]):
+                return None
+            return _by_rows(held[0], held[1:])
+        return None
+    if not isinstance(held, Mapping):
+        return None
+    names, rows = held.get("columns"), held.get("data")
+    if isinstance(names, list) and isinstance(rows, list):
+        return _by_rows(names, rows)
+    lists = {str(k): v for k, v in held.items() if isinstance(v, list) and len(v) > 1}
+    flat = {k: v for k, v in lists.items() if not any(isinstance(c, Mapping) for c in v)}
+    if flat and len({len(v) for v in flat.values()}) == 1:
+        return {key: _cells(values) for key, values in flat.items()}
+    inner = [value for value in held.values() if isinstance(value, Mapping) and len(value) > 1]
+    if 1 < len(inner) == len(held) and len({tuple(value) for value in inner}) == 1:
+        cells = [cell for value in inner for cell in value.values()]
+        if not any(isinstance(cell, Mapping | list | str) for cell in cells):
+            return {str(name): _cells(list(value.values())) for name, value in held.items()}
+    return None
+
+
+def _by_rows(names: Sequence[Any], rows: Sequence[Any]) -> dict[str, NDArray[Any]] | None:
+    if not all(isinstance(row, list) and len(row) == len(names) for row in rows):
+        return None
+    return {str(name): _cells([row[n] for row in rows]) for n, name in enumerate(names)}
+
+
+def _cells(values: list[Any]) -> NDArray[Any]:
+    """Return numbers as such, with NaN for null; other cells as objects."""
+    if all(value is None or type(value) in (int, float) for value in values):
+        return np.array([np.nan if v is None else float(v) for v in values])
+    cells = np.empty(len(values), dtype=object)
+    for place, value in enumerate(values):
+        cells[place] = (
+            [np.nan if v is None else v for v in value] if isinstance(value, list) else value
+        )
+    return cells
+
+
+def _channels(held: list[Any], stated: StatedClock) -> list[FileColumn]:
+    """Return channels that each have their name, clock and samples; none if it is no such list."""
+    found: list[FileColumn] = []
+    rate = stated.rate()
+    for item in held:
+        keys = {squeezed(str(key)): key for key in item}
+        values = next((item[keys[k]] for k in _VALUES if k in keys), None)
+        name = next((str(item[keys[k]]) for k in _NAMES if k in keys), None)
+        if name is None or not isinstance(values, list):
+            return []
+        own = StatedClock()
+        for key, value in item.items():
+            if isinstance(value, str | int | float):
+                own.read(str(key), [value])
+        own_rate = own.rate() or rate
+        bare, unit = split_unit(name)
+        unit = next((str(item[keys[k]]) for k in _UNITS if k in keys), unit)
+        times = next(
+            (item[k] for k in item if is_time_name(str(k)) and isinstance(item[k], list)), None
+        )
+        axis = None if times is None else numeric_axis(np.array(times, dtype=np.float64))
+        found.append(
+            FileColumn(
+                bare,
+                np.array([np.nan if v is None else v for v in values], dtype=np.float64),
+                tidy_unit(unit),
+                time=None if axis is None else axis.seconds,
+                begin=None if axis is None else axis.begin,
+                rate=own_rate[0] if own_rate else None,
+                start=own.start,
+            )
+        )
+    distinct = len({column.name for column in found}) == len(found)
+    return found if distinct else []

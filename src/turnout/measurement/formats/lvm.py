@@ -1,0 +1,92 @@
+"""LabVIEW measurement files (.lvm): a heading per segment, columns of one, several or no times."""
+
+from pathlib import Path
+
+import numpy as np
+
+from turnout.core.errors import FileError
+from turnout.measurement.formats.assemble import split_unit, tidy_unit
+from turnout.measurement.formats.channel_table import Table, TableColumn, table_recording
+from turnout.measurement.formats.clock import StatedClock
+from turnout.measurement.formats.numbers import numbers
+from turnout.measurement.formats.text_dialect import encoding_of
+from turnout.measurement.recording import Recording
+
+MARK = b"LabVIEW Measurement"
+_END = "***End_of_Header***"
+_SEPARATORS = {"tab": "\t", "comma": ",", "semicolon": ";"}
+
+
+def read_lvm(path: Path) -> Recording:
+    """Read a LabVIEW measurement file.
+
+    Raises
+    ------
+    FileError
+        When it holds several segments, or numbers cannot be read.
+    """
+    content = path.read_bytes()
+    lines = content.decode(encoding_of(content), errors="replace").splitlines()
+    ends = [number for number, line in enumerate(lines) if line.strip().startswith(_END)]
+    if len(ends) != 2:
+        reason = "no table of numbers" if len(ends) < 2 else f"{len(ends) - 1} segments"
+        message = f"{path}: has {reason}; save each segment in a file of its own"
+        raise FileError(message)
+    # Up to the end of the first heading every separator is possible.
+    facts = dict(_pair(line) for line in lines[: ends[0]] if line.strip())
+    separator = _SEPARATORS.get(facts.get("separator", "tab").lower(), "\t")
+    decimal = facts.get("decimal_separator", ".")[:1] or "."
+    rows = [line.split(separator) for line in lines[ends[0] + 1 : ends[1]]]
+    own = {row[0].strip().lower(): row[1:] for row in rows if row[0].strip()}
+    body = [line.split(separator) for line in lines[ends[1] + 1 :] if line.strip()]
+    names = [name.strip() for name in body[0]] if body else []
+    if "Comment" in names:
+        names = names[: names.index("Comment")]
+    count = int(own.get("channels", ["1"])[0] or 1)
+    # Per channel a value in each column of samples; times take a column each or none.
+    places = [n for n, name in enumerate(names) if name.lower() != "x_value"]
+    by_channel = {key: _of_channels(values, count) for key, values in own.items()}
+    with_times = facts.get("x_columns", "One").lower() != "no"
+    stated = StatedClock()
+    if not with_times:
+        stated.rates.append(
+            ("Delta_X", tuple(1.0 / step for step in _steps(by_channel, decimal, path)))
+        )
+        stated.start = float((numbers(by_channel.get("x0", ["0"]), decimal)[0])[0])
+    stated.moments = [" ".join(facts[key] for key in ("date", "time") if key in facts)]
+    units = by_channel.get("y_unit_label", [])
+    columns = []
+    for place, name in enumerate(names):
+        if place not in places and not with_times:
+            continue
+        cells = [row[place] if place < len(row) else "" for row in body[1:]]
+        bare, unit = split_unit(name)
+        if place in places:
+            number = places.index(place)
+            unit = tidy_unit(units[number]) if number < len(units) and units[number] else unit
+        else:
+            bare, unit = "Time", "s"
+        columns.append(TableColumn(bare, np.array(cells, dtype=object), unit))
+    return table_recording(Table(columns, stated, str(path), decimal=decimal))
+
+
+def _pair(line: str) -> tuple[str, str]:
+    for separator in _SEPARATORS.values():
+        key, found, value = line.partition(separator)
+        if found:
+            return key.strip().lower(), value.strip()
+    return line.strip().lower(), ""
+
+
+def _of_channels(values: list[str], count: int) -> list[str]:
+    """Return the filled values of a heading, which may stand in the columns of the times too."""
+    filled = [value.strip() for value in values if value.strip()]
+    return filled[:count] if len(filled) >= count else filled
+
+
+def _steps(by_channel: dict[str, list[str]], decimal: str, path: Path) -> list[float]:
+    steps = numbers(by_channel.get("delta_x", []), decimal)[0]
+    if not steps.size or not np.all(steps > 0):
+        message = f"{path}: has neither times nor Delta_X; export it with X columns"
+        raise FileError(message)
+    return [float(step) for step in steps]

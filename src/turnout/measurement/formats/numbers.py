@@ -1,0 +1,110 @@
+"""Numbers as people and instruments write them: signs, decimal marks, thousands, overload."""
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+EMPTY = frozenset(("", "nan", "na", "n/a", "null", "-nan", "none", "#n/a", "#nv", "nil"))
+"""Cells without a sample, in small letters."""
+_OVERLOAD = re.compile(
+    r"[*#+_xX]{2,}|-{2,}|[+\-<>]?(?:ovl|ovr|ovrld|over|overload|overld|overflow|overrange|"
+    r"ofl|ol|o\.l\.?|o/l|under|underflow|underrange|inf|infinity|infinite|∞|invalid|inval|err|"
+    r"error|bad|sat|saturated|clip|clipped|burnout|open|no ?data|no ?value|missing|"
+    r"#wert!?|#value!?|#div/0!?|#ref!?)[+\-!]?",
+    re.IGNORECASE,
+)
+LIST = re.compile(
+    r"\s*[\[({]?\s*[-+]?[\d.][^,;\s]*(?:\s*[,;\s]\s*[-+]?[\d.][^,;\s]*){3,}[\])}]?\s*"
+)
+"""A curve in a cell."""
+_MINUS = str.maketrans({"−": "-", "–": "-", "‒": "-", "﹣": "-", "－": "-", "＋": "+"})
+_BLANKS = "\u00a0\u202f\u2009 "
+_LONGEST = 60
+"""Characters of a number; what is longer is none."""
+
+
+def number_pattern(decimal: str, *, thousands: bool) -> re.Pattern[str]:
+    """Return the pattern of a number with a decimal mark, and marks between thousands if allowed.
+
+    Examples
+    --------
+    >>> [bool(number_pattern(",", thousands=True).fullmatch(text)) for text in ("1.234,5", "3.5")]
+    [True, False]
+    """
+    point, other = re.escape(decimal), re.escape("," if decimal == "." else ".")
+    group = rf"[{other}{_BLANKS}'’]"
+    grouped = rf"[1-9]\d{{0,2}}(?P<mark>{group})\d{{3}}(?:(?P=mark)\d{{3}})*(?:{point}\d*)?|"
+    return re.compile(
+        rf"[+\-]?\s?(?:{grouped if thousands else ''}\d+(?:{point}\d*)?|{point}\d+)"
+        r"(?:\s?[eEdD][+\-]?\d{1,5})?"
+    )
+
+
+PLAIN = {mark: number_pattern(mark, thousands=False) for mark in ".,"}
+GROUPED = {mark: number_pattern(mark, thousands=True) for mark in ".,"}
+_MARKS = {
+    mark: str.maketrans({key: None for key in f"{_BLANKS}'’{other}"} | {"D": "e", "d": "e"})
+    for mark, other in ((".", ","), (",", "."))
+}
+
+
+def plain_sign(text: str) -> str:
+    """Return a text without blanks around it, and with the plain signs of a number."""
+    return text.strip(" \t\u00a0\u202f\u2009").translate(_MINUS)
+
+
+def is_number(text: str, decimal: str, *, thousands: bool = True) -> bool:
+    """Return True if a text is a number."""
+    if len(text) > _LONGEST:
+        return False
+    pattern = (GROUPED if thousands else PLAIN)[decimal]
+    return pattern.fullmatch(plain_sign(text)) is not None
+
+
+def is_missing(text: str) -> bool:
+    """Return True for a text in place of a sample: missing, or an overload."""
+    text = text.strip()
+    return text.lower() in EMPTY or (len(text) < 16 and _OVERLOAD.fullmatch(text) is not None)
+
+
+def numbers(texts: Sequence[str], decimal: str) -> tuple[NDArray[np.float64], list[int], set[str]]:
+    """Return texts as numbers.
+
+    Parameters
+    ----------
+    texts : sequence of str
+        Cells of a column.
+    decimal : str
+        Its decimal mark.
+
+    Returns
+    -------
+    values : ndarray, shape (n,)
+        NaN for an empty cell, an overload and a text.
+    wrong : list of int
+        Places of the texts that are none of these.
+    overload : set of str
+        Overloads as the file writes them.
+
+    Examples
+    --------
+    >>> numbers(["\u22120,5", "1.234,5", "OVL", "", "x"], ",")
+    (array([-5.0000e-01,  1.2345e+03,         nan,         nan,         nan]), [4], {'OVL'})
+    """
+    pattern, marks = GROUPED[decimal], _MARKS[decimal]
+    values = np.full(len(texts), np.nan)
+    wrong: list[int] = []
+    overload: set[str] = set()
+    for place, text in enumerate(texts):
+        plain = plain_sign(text)
+        if len(plain) <= _LONGEST and pattern.fullmatch(plain):
+            values[place] = float(plain.translate(marks).replace(",", "."))
+        elif plain.lower() in EMPTY:
+            continue
+        elif is_missing(text):
+            overload.add(text.strip())
+        else:
+            wrong.append(place)
+    return values, wrong, overload

@@ -1,0 +1,149 @@
+"""Workbooks (.xlsx, .xls, .ods) and HTML tables: their cells as a text table."""
+
+import datetime
+import io
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from html.parser import HTMLParser
+from pathlib import Path
+
+from turnout.core.errors import FileError
+from turnout.core.problems import choices
+from turnout.measurement.formats.channel_table import table_recording
+from turnout.measurement.formats.extent import Declared
+from turnout.measurement.formats.text_dialect import encoding_of
+from turnout.measurement.formats.text_table import TextFile, text_table
+from turnout.measurement.recording import Recording
+
+Rows = Iterable[Sequence[object]]
+
+
+def read_workbook(path: Path, *, throw: str | None = None) -> Recording:
+    """Read the sheets of a workbook that hold numbers.
+
+    Parameters
+    ----------
+    path : Path
+        Workbook of Excel or LibreOffice.
+    throw : str, optional
+        Which throw of several in one table.
+
+    Raises
+    ------
+    FileError
+        When no sheet can be read, with the reason of each.
+    """
+    import python_calamine
+
+    declared = Declared(path)
+    sheets: dict[str, Rows] = {}
+    with python_calamine.CalamineWorkbook.from_path(str(path)) as book:
+        for name in book.sheet_names:
+            sheet = book.get_sheet_by_name(name)
+            declared.add(sheet.total_height * sheet.total_width)
+            sheets[name] = sheet.to_python(skip_empty_area=False)
+    return _of_sheets(path, sheets, throw)
+
+
+def read_html(path: Path, *, throw: str | None = None) -> Recording:
+    """Read the tables of an HTML file, as monitoring servers write them under the name .xls.
+
+    Parameters
+    ----------
+    path : Path
+        HTML file.
+    throw : str, optional
+        Which throw of several in one table.
+
+    Raises
+    ------
+    FileError
+        When no table can be read, with the reason of each.
+    """
+    content = path.read_bytes()
+    parser = _Tables()
+    parser.feed(content.decode(encoding_of(content), errors="replace"))
+    sheets = {f"table {n}": rows for n, rows in enumerate(parser.tables, start=1)}
+    return _of_sheets(path, sheets, throw)
+
+
+class _Tables(HTMLParser):
+    """Cells of the tables of an HTML text."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.tables: list[list[list[str]]] = []
+        self._inside = False
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag == "table":
+            self.tables.append([])
+        elif tag == "tr" and self.tables:
+            self.tables[-1].append([])
+        elif tag in ("td", "th") and self.tables and self.tables[-1]:
+            self.tables[-1][-1].append("")
+            self._inside = True
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag in ("td", "th"):
+            self._inside = False
+
+    def handle_data(self, data: str) -> None:
+        if self._inside:
+            self.tables[-1][-1][-1] += data
+
+
+def _of_sheets(path: Path, sheets: Mapping[str, Rows], throw: str | None) -> Recording:
+    """Return the recording of all sheets with numbers; several give their names to channels."""
+    found: dict[str, Recording] = {}
+    reasons: list[str] = []
+    for name, rows in sheets.items():
+        content = _text(rows).encode()
+        if not content.strip():
+            continue
+        text = TextFile(f"{path}, sheet '{name}'", partial(io.BytesIO, content))
+        try:
+            found[name] = table_recording(text_table(text), throw=throw)
+        except FileError as error:
+            reasons.append(str(error))
+    if not found:
+        message = "; ".join(reasons) or f"{path}: its sheets are empty"
+        raise FileError(message)
+    throws = [reason for reason in reasons if "throws in one table" in reason]
+    if throws:
+        raise FileError(throws[0])
+    if len(found) == 1:
+        ((_, only),) = found.items()
+        return replace(only, source=str(path))
+    channels = {
+        f"{name}/{item.name}": replace(item, name=f"{name}/{item.name}")
+        for name, recording in found.items()
+        for item in recording.channels.values()
+    }
+    starts = {recording.start_time for recording in found.values()}
+    problems = [text for recording in found.values() for text in recording.problems]
+    if len(starts) > 1:
+        problems.append(f"check the time: the sheets {choices(found)} start at different times")
+    return Recording(channels, str(path), next(iter(starts)), tuple(problems))
+
+
+def _text(rows: Rows) -> str:
+    """Return rows as lines with tabs; their empty last cells are left out."""
+    lines = []
+    for row in rows:
+        cells = [_cell(cell) for cell in row]
+        lines.append("\t".join(cells))
+    width = max((len(line.rstrip("\t").split("\t")) for line in lines), default=0)
+    return "".join("\t".join(line.split("\t")[:width]) + "\n" for line in lines if line.strip())
+
+
+def _cell(cell: object) -> str:
+    if isinstance(cell, datetime.datetime):
+        return cell.isoformat(sep=" ")
+    if isinstance(cell, datetime.timedelta):
+        return f"{cell.total_seconds() / 86_400:.12g}"
+    if isinstance(cell, float):
+        return repr(int(cell)) if cell.is_integer() and abs(cell) < 1e15 else repr(cell)
+    text = "" if cell is None else str(cell)
+    return f'"{text}"' if "\t" in text else " ".join(text.replace('"', "").split())

@@ -1,0 +1,366 @@
+"""Time columns as seconds: numbers with or without a unit, dates, time stamps of any layout.
+
+A column of numbers may hold seconds, other units, Unix time, MATLAB's or Excel's days, or an index
+that is no time. Stamps may lack their date, part the second by a point, a comma or a colon, pass
+midnight, or come from the hour that summer time repeats. What could be read in two ways is refused.
+"""
+
+import datetime
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from turnout.measurement.formats.clock import DAY, HOUR, seconds_of, unit_in_name
+
+Floats = NDArray[np.float64]
+
+# Unix time of 2000 to 2100 [s]; the same instants in days of MATLAB, Julius Caesar and Excel.
+_UNIX = (946_684_800.0, 4_102_444_800.0)
+_DAYS = ((730_486.0, 767_011.0, 719_529.0), (2_451_544.0, 2_488_070.0, 2_440_587.5),
+         (36_526.0, 73_051.0, 25_569.0))  # fmt: skip
+# Steps that are days: as seconds they would be above 50 kHz.
+_LARGEST_DAY_STEP = 2e-5
+_MONTHS = {
+    name: number
+    for number, names in enumerate(
+        (
+            *("jan januar januari january", "feb februar februari february"),
+            *("mar mär märz mrz mars march", "apr april", "mai may maj", "jun juni june"),
+            *("jul juli july", "aug august augusti", "sep sept september"),
+            *("okt oct oktober october", "nov november", "dez dec dezember december"),
+        ),
+        1,
+    )
+    for name in names.split()
+}
+_DATE = re.compile(
+    r"(?P<y1>\d{4})(?P<s1>[-/.])(?P<m1>\d{1,2})(?P=s1)(?P<d1>\d{1,2})(?!\d)|"
+    r"(?P<a>\d{1,2})(?P<s2>[-/.])(?P<b>\d{1,2})(?P=s2)(?P<y2>\d{4}|\d\d)(?![\d.,]\d|\d)|"
+    r"(?P<d3>\d{1,2})[-. ]{1,2}(?P<m3>[A-Za-zäÄ]{3,9})[-., ]{1,2}(?P<y3>\d{4})|"
+    r"(?P<m4>[A-Za-zäÄ]{3,9})[. ]{1,2}(?P<d4>\d{1,2}),? (?P<y4>\d{4})|"
+    r"(?P<y5>(?:19|20)\d\d)(?P<m5>[01]\d)(?P<d5>[0-3]\d)(?=[T _]|\Z)"
+)
+_CLOCK = re.compile(
+    r"(?:(?P<h1>\d{1,2}):(?P<n1>\d\d):(?P<c1>\d\d)(?:[.,:](?P<f1>\d{1,18}))?|"
+    r"(?P<n2>\d{1,3}):(?P<c2>\d\d)[.,](?P<f2>\d{1,18})|(?P<h3>\d{1,2}):(?P<n3>\d\d)|"
+    r"(?P<h4>\d{1,2})\.(?P<n4>\d\d)\.(?P<c4>\d\d)(?:[.,](?P<f4>\d{1,18}))?|"
+    r"(?P<h5>\d\d)(?P<n5>\d\d)(?P<c5>\d\d)(?:[.,](?P<f5>\d{1,18}))?)"
+    r"(?:\s*(?P<half>[AaPp])\.?[Mm]\.?)?"
+    r"\s?(?P<zone>Z|UTC|GMT|CET|CEST|MEZ|MESZ|[+-]\d\d:?(?:\d\d)?)?"
+)
+_ISO = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d([.,]\d+)?(Z|[+-]\d\d(:?\d\d)?)?")
+_ZONES = {"CET": HOUR, "MEZ": HOUR, "CEST": 2 * HOUR, "MESZ": 2 * HOUR}
+_LONGEST = 48
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TimeAxis:
+    """Times of the samples of a column.
+
+    Attributes
+    ----------
+    seconds : ndarray, shape (n,)
+        Time of each sample [s]; from the first one where `begin` is known.
+    begin : float or None
+        Moment of the first sample [s] since 1970, or since midnight without a date.
+    remark : str
+        What was made of the column; empty where nothing had to be.
+    """
+
+    seconds: Floats
+    begin: float | None = None
+    remark: str = ""
+
+    @property
+    def start_time(self) -> str | None:
+        """Date and time of the first sample in ISO 8601; None without a date."""
+        return iso_time(self.begin)
+
+
+def iso_time(begin: float | None) -> str | None:
+    """Return a moment [s] since 1970 in ISO 8601; None if it is none or has no date.
+
+    Examples
+    --------
+    >>> iso_time(1764317640.25), iso_time(29640.0)
+    ('2025-11-28T08:14:00.250000', None)
+    """
+    if begin is None or not _UNIX[0] <= begin <= _UNIX[1]:
+        return None
+    moment = datetime.datetime(1970, 1, 1) + datetime.timedelta(microseconds=round(begin * 1e6))
+    return moment.isoformat()
+
+
+def numeric_axis(values: Floats, *, name: str = "", unit: str = "") -> TimeAxis:
+    """Return a column of numbers as times.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        As the file holds them.
+    name, unit : str
+        Of the column; the unit may also end its name ("time_ms").
+
+    Raises
+    ------
+    ValueError
+        When the unit is none of time, or without one the numbers count and may be an index.
+
+    Examples
+    --------
+    >>> numeric_axis(np.array([0.0, 40.0, 80.0]), name="time_ms").seconds
+    array([0.  , 0.04, 0.08])
+    >>> numeric_axis(1.7e12 + np.array([0.0, 40.0])).start_time
+    '2023-11-14T22:13:20'
+    """
+    values = np.asarray(values, dtype=np.float64)
+    unit, _, origin = unit.partition(" since ")
+    given = unit or unit_in_name(name)
+    factor = seconds_of(given)
+    if origin and values.size and np.isfinite(values[0]):
+        zero = stamps_axis([origin]).begin or 0.0
+        begin = zero + float(values[0]) * factor
+        return replace(_from_first(values, factor, begin, ""), remark="")
+    if values.size < 2 or not np.isfinite(values).all():
+        return TimeAxis(values if factor == 1.0 else values * factor)
+    first, step = float(values[0]), float(np.median(np.diff(values)))
+    for scale in (factor,) if given else (1.0, 1e-3, 1e-6, 1e-9):
+        if _UNIX[0] <= first * scale <= _UNIX[1]:
+            return _from_first(values, scale, first * scale, "Unix time")
+    if not given or factor == DAY:
+        for least, most, zero in _DAYS:
+            if least <= first <= most and 0 < step < _LARGEST_DAY_STEP:
+                return _from_first(values, DAY, (first - zero) * DAY, "days")
+    if not given and counts(values):
+        message = (
+            f"'{name or 'time'}' counts {first:.6g}, {values[1]:.6g}, ... without a unit and may "
+            "be an index; write its unit behind the name, 'Time (ms)', or state the sample rate"
+        )
+        raise ValueError(message)
+    return TimeAxis(values if factor == 1.0 else values * factor)
+
+
+def counts(values: Floats) -> bool:
+    """Return True if whole numbers rise by the same whole step.
+
+    Examples
+    --------
+    >>> counts(np.arange(5.0)), counts(np.arange(5) / 10)
+    (True, False)
+    """
+    steps = np.diff(values)
+    return bool(
+        steps.size
+        and np.all(np.isfinite(values))
+        and steps[0] >= 1
+        and np.all(steps == steps[0])
+        and np.all(values == np.rint(values))
+    )
+
+
+def _from_first(values: Floats, scale: float, begin: float, kind: str) -> TimeAxis:
+    """Return times from the first of large numbers, whose last digits are rounded."""
+    seconds = (values - values[0]) * scale
+    # Days are often written with nine digits behind the mark.
+    quantum = max(2.0 * float(np.spacing(abs(values[-1]))), 1e-9 * (scale == DAY)) * scale
+    length, number = float(seconds[-1]), np.arange(values.size)
+    if length > 0:
+        for digits in range(1, 7):
+            rate = float(f"{number[-1] / length:.{digits - 1}e}")
+            if np.all(np.abs(seconds - number / rate) <= quantum):
+                seconds = number / rate
+                break
+    return TimeAxis(seconds, begin, f"its times are {kind}")
+
+
+def moments_axis(values: NDArray[Any]) -> TimeAxis:
+    """Return numpy's dates (datetime64) or durations (timedelta64) as times."""
+    if np.any(np.isnat(values)):
+        message = f"the time of sample {int(np.argmax(np.isnat(values))) + 1} is missing"
+        raise ValueError(message)
+    if values.dtype.kind == "m":
+        return TimeAxis(values / np.timedelta64(1, "s"))
+    if not values.size:
+        return TimeAxis(np.zeros(0))
+    zero = np.datetime64(values[0], "ns") - np.datetime64(0, "ns")
+    begin = float(zero / np.timedelta64(1, "s"))
+    seconds = (values - values[0]) / np.timedelta64(1, "s")
+    return TimeAxis(seconds.astype(np.float64), begin)
+
+
+def is_date(text: str) -> bool:
+    """Return True if a text is a date without a time of day."""
+    text = text.strip()
+    return len(text) <= _LONGEST and _DATE.fullmatch(text) is not None
+
+
+def is_stamp(text: str) -> bool:
+    """Return True if a text is a time of day, with or without a date.
+
+    Examples
+    --------
+    >>> [is_stamp(text) for text in ("28.11.2026 08:14:00,5", "8.14.59,500", "14:59.5", "0.5")]
+    [True, True, True, False]
+    """
+    text = text.strip()
+    if len(text) > _LONGEST or not text[:1].strip("+-"):
+        return False
+    date = _DATE.match(text)
+    rest = text[date.end() :].strip(" T,;_") if date else text
+    match = _CLOCK.fullmatch(rest) if rest else None
+    return match is not None and (bool(date) or match["h5"] is None)
+
+
+def stamps_axis(texts: Sequence[str]) -> TimeAxis:
+    """Return time stamps as times.
+
+    Parameters
+    ----------
+    texts : sequence of str
+        One a sample, all with a date or all without.
+
+    Raises
+    ------
+    ValueError
+        Naming the first that is no time, and what may be read in two ways.
+
+    Examples
+    --------
+    >>> stamps_axis(["28.11.2026 08:14:00,000", "28.11.2026 08:14:00,040"]).seconds
+    array([0.  , 0.04])
+    >>> stamps_axis(["59:59.9", "00:00.0"]).seconds
+    array([0. , 0.1])
+    """
+    texts = [text.strip() for text in texts]
+    if texts and _ISO.fullmatch(texts[0]) and _ISO.fullmatch(texts[-1]):
+        try:
+            column = pd.Series(texts).str.replace(",", ".")
+            moments = pd.to_datetime(column, format="ISO8601", utc=True).dt.tz_localize(None)
+        except ValueError:
+            pass
+        else:
+            axis = moments_axis(moments.to_numpy())
+            return _unwrapped(axis.seconds, axis.begin, zoned=_zoned(texts[0]), wrap=DAY)
+    rows = [_parts(text, number) for number, text in enumerate(texts, start=1)]
+    month_first = _month_first(rows)
+    days = _days(rows, month_first, texts)
+    clocks = [clock for _, clock in rows]
+    if any(clock["h3"] and not date for date, clock in rows):
+        message = f"'{texts[0]}' may be hours and minutes or minutes and seconds; write 08:14:00"
+        raise ValueError(message)
+    seconds = np.array([_second_of_day(clock) for clock in clocks])
+    begin = days[0] * DAY + float(seconds[0])
+    seconds = (seconds - seconds[0]) + DAY * (days - days[0])
+    zoned = any(clock["zone"] for clock in clocks)
+    return _unwrapped(seconds, begin, zoned=zoned, wrap=HOUR if clocks[0]["n2"] else DAY)
+
+
+def _zoned(text: str) -> bool:
+    return text.endswith("Z") or text[10:].count("+") + text[10:].count("-") > 0
+
+
+_Row = tuple[dict[str, str | None], dict[str, str | None]]
+
+
+def _parts(text: str, number: int) -> _Row:
+    """Return the parts of the date and of the time of day."""
+    date = _DATE.match(text) if len(text) <= _LONGEST else None
+    rest = text[date.end() :].strip(" T,;_") if date else text
+    clock = _CLOCK.fullmatch(rest or "000000") if len(rest) <= _LONGEST else None
+    if clock is None:
+        message = f"row {number} of the numbers: '{text[:40]}' is no time"
+        raise ValueError(message)
+    return (date.groupdict() if date else {}), clock.groupdict()
+
+
+def _month_first(rows: Sequence[_Row]) -> bool:
+    """Return True if dates such as 11/28/2026 name the month first."""
+    open_dates = {
+        (date["a"], date["b"], date["y2"])
+        for date, _ in rows
+        if date and date["a"] and date["s2"] != "."
+    }
+    if not open_dates:
+        return False
+    if any(int(b or 0) > 12 for _, b, _ in open_dates):
+        return True
+    first, second, year = next(iter(open_dates))
+    if any(int(a or 0) > 12 and len(y or "") == 4 for a, _, y in open_dates):
+        return False
+    if any(clock["half"] for _, clock in rows):
+        return True
+    if all(a == b and len(y or "") == 4 for a, b, y in open_dates):
+        return False
+    message = (
+        f"the date {first}/{second}/{year} may name its day or its month first; "
+        "write dates as 2026-11-28"
+    )
+    raise ValueError(message)
+
+
+def _days(rows: Sequence[_Row], month_first: bool, texts: Sequence[str]) -> Floats:
+    """Return the day of each row since 1970; 0 without a date."""
+    known: dict[tuple[str | None, ...], int] = {}
+    days = []
+    for number, (date, _) in enumerate(rows):
+        key = tuple(date.values())
+        if key and key not in known:
+            try:
+                known[key] = _date(date, month_first).toordinal() - 719_163
+            except (ValueError, KeyError):
+                message = f"row {number + 1} of the numbers: '{texts[number]}' is no date"
+                raise ValueError(message) from None
+        days.append(known[key] if key else 0)
+    return np.array(days, dtype=np.float64)
+
+
+def _date(date: dict[str, str | None], month_first: bool) -> datetime.date:
+    year = next(int(v) for k, v in date.items() if k[0] == "y" and v)
+    year += 2000 if year < 70 else 1900 if year < 100 else 0
+    if date["a"] and date["b"]:
+        day, month = int(date["a"]), int(date["b"])
+        return datetime.date(year, day, month) if month_first else datetime.date(year, month, day)
+    day = next(int(v) for k, v in date.items() if k[0] == "d" and v)
+    word = next(v for k, v in date.items() if k[0] == "m" and v)
+    return datetime.date(year, int(word) if word.isdigit() else _MONTHS[word.lower()], day)
+
+
+def _second_of_day(clock: dict[str, str | None]) -> float:
+    hours, minutes, seconds, fraction = (
+        next((v for k, v in clock.items() if k[0] == letter and len(k) == 2 and v), "0")
+        for letter in "hncf"
+    )
+    hour = int(hours)
+    if clock["half"]:
+        hour = hour % 12 + (12 if clock["half"] in "Pp" else 0)
+    offset = 0.0
+    zone = clock["zone"]
+    if zone and zone[0] in "+-":
+        digits = zone[1:].replace(":", "").ljust(4, "0")
+        offset = (HOUR * int(digits[:2]) + 60.0 * int(digits[2:])) * (1 if zone[0] == "+" else -1)
+    elif zone:
+        offset = _ZONES.get(zone, 0.0)
+    whole = HOUR * hour + 60.0 * int(minutes) + int(seconds) - offset
+    return whole + int(fraction) / 10.0 ** len(fraction)
+
+
+def _unwrapped(seconds: Floats, begin: float | None, *, zoned: bool, wrap: float) -> TimeAxis:
+    """Go on past midnight (or the full hour), and through the hour that summer time repeats."""
+    steps = np.diff(seconds)
+    if not steps.size or steps.min() >= 0:
+        return TimeAxis(seconds, begin)
+    rising = steps[steps > 0]
+    typical = float(np.median(rising)) if rising.size else 1.0
+    again = np.zeros(steps.size)
+    again[(steps < -wrap / 2) & (steps >= -wrap)] = wrap
+    twice = (steps >= -HOUR - 1e-6) & (steps <= 2 * typical - HOUR) & (again == 0)
+    remark = ""
+    if not zoned and twice.any():
+        again[twice] = HOUR
+        remark = "its clock goes back by an hour, taken as the end of summer time"
+    return TimeAxis(seconds + np.concatenate(([0.0], np.cumsum(again))), begin, remark)

@@ -1,0 +1,325 @@
+"""Recordings of many loggers, oscilloscopes, programs and languages, as small texts.
+
+Each holds the same 40 samples, or refuses for the reason given. A row says what must come out: the
+rate and start of each channel, or words of the message.
+"""
+
+from collections.abc import Callable
+from datetime import datetime, timedelta
+
+import numpy as np
+
+COUNT = 40
+FORCE = np.round(np.sin(np.arange(COUNT) / 3.0) * 2.0 - 0.613, 3)
+CURRENT = np.round(2.4 + 4.0 * np.exp(-np.arange(COUNT) / 4.0), 3)
+BEGIN = datetime(2026, 11, 28, 8, 14, 0)
+
+Read = dict[str, tuple[float, float]]
+"""Rate [1/s] and start [s] by channel; "Force" and "Current" hold the samples above."""
+Kind = tuple[str, str, Read | tuple[str, ...]]
+BOTH: Read = {"Force": (25.0, 0.0), "Current": (25.0, 0.0)}
+STEP = 0.04
+
+
+def rows(
+    separator: str = ",",
+    *,
+    time: Callable[[int], str] | None = None,
+    number: Callable[[float], str] = lambda value: f"{value:.3f}",
+    end: str = "",
+    count: int = COUNT,
+) -> str:
+    """Return the samples as lines, behind a time or an index if one is given."""
+    lines = []
+    for place in range(count):
+        cells = [] if time is None else [time(place)]
+        cells += [number(FORCE[place]), number(CURRENT[place])]
+        lines.append(separator.join(cells) + end + "\n")
+    return "".join(lines)
+
+
+def german(value: float) -> str:
+    return f"{value:.3f}".replace(".", ",")
+
+
+def moment(pattern: str, *, digits: int = 3, step: float = STEP, begin: datetime = BEGIN):
+    """Return a function that writes time stamps; %f stands for the digits of the second."""
+
+    def written(place: int) -> str:
+        at = begin + timedelta(seconds=place * step)
+        text = at.strftime(pattern.replace("%f", "\x01"))
+        return text.replace("\x01", f"{at.microsecond:06d}"[:digits])
+
+    return written
+
+
+def seconds(place: int) -> str:
+    return f"{place * STEP:.2f}"
+
+
+def milliseconds(place: int) -> str:
+    return f"{place * 40}"
+
+
+HEAD = "Time (s),Force [kN],Current [A]\n"
+VALUES = "Force [kN],Current [A]\n"
+
+
+def stated(line: str, **options: object) -> str:
+    return f"{line}\n{VALUES}{rows(**options)}"
+
+
+def stamped(pattern: str, name: str = "Time", **options: object) -> str:
+    return f"{name},Force [kN],Current [A]\n{rows(time=moment(pattern, **options))}"
+
+
+RATES: list[Kind] = [
+    (f"rate: {line}", stated(line), BOTH)
+    for line in (
+        "Sample rate: 25 Hz",
+        "Sampling frequency = 25.0 Hz",
+        "SampleRate,25",
+        "sr: 25",
+        "Fs=25",
+        "Sampling rate [Hz]: 25",
+        "Sample rate (kHz): 0.025",
+        "Scan rate;25 S/s",
+        "Samples per second: 25",
+        "Acquisition rate\t25 Hz",
+        "Abtastfrequenz: 25 Hz",
+        "Samplingsfrekvens: 25 Hz",
+        "Sample interval: 40 ms",
+        "Sampling Interval,40ms",
+        "Abtastintervall;40 ms",
+        "interval_ms: 40",
+        '"INTERVAL", 4.000E-02',
+        "HResolution: 4.0E-02 s",
+        "dt = 0.04",
+        "Sampling period: 40000 us",
+        "Time step [ms]: 40",
+        "# sample_rate: 25 Hz",
+        "Logging interval: 0.04 s",
+        "Sample time: 0.04 s",
+        '"Sample Interval",4.000000e-02,s',
+    )
+] + [
+    ("rate: thousands", stated("Sample rate: 1,000 Hz"), dict.fromkeys(BOTH, (1000.0, 0.0))),
+    (
+        "rate: German thousands",
+        f"Abtastrate: 2.500 Hz\nForce [kN];Current [A]\n{rows(';', number=german)}",
+        dict.fromkeys(BOTH, (2500.0, 0.0)),
+    ),
+    (
+        "rate: Swiss thousands",
+        stated("Sample rate: 10'000 Hz"),
+        dict.fromkeys(BOTH, (10_000.0, 0.0)),
+    ),
+    (
+        "rate: one per column",
+        "Sample rate,25,5\nForce [kN],Current [A]\n"
+        + "".join(f"{f},{CURRENT[n] if n < 8 else ''}\n" for n, f in enumerate(FORCE)),
+        {"Force": (25.0, 0.0), "Current": (5.0, 0.0)},
+    ),
+    ("rate: mains", stated("Frequency: 50 Hz"), ("not taken for the sample rate", "neither")),
+    ("rate: twice", stated("Sample rate: 25 Hz\nSample interval: 4 ms"), ("two clocks",)),
+    ("rate: zero", stated("Sample rate: 0 Hz"), ("is no rate",)),
+    ("rate: ambiguous", "Sample rate: 1.000 Hz\nA (V),B (V)\n1,2\n3,4\n5,6\n", ("a thousand",)),
+    ("rate: none", VALUES + rows(), ("neither times nor a sample rate",)),
+    ("rate: in kilograms", stated("Sample interval: 4 kg"), ("no unit of a rate or a time",)),
+]
+
+TIMES: list[Kind] = [
+    *(
+        (f"time: {name}", f"{name},Force [kN],Current [A]\n{rows(time=time)}", BOTH)
+        for name, time in (
+            ("Time (s)", seconds),
+            ("time_ms", milliseconds),
+            ("t [ms]", milliseconds),
+            ("t / s", seconds),
+            ("Time (sec)", seconds),
+            ("Time in ms", milliseconds),
+            ("timestamp", seconds),
+            ("Zeit", seconds),
+            ("tid_s", seconds),
+            ("Elapsed Time (s)", seconds),
+            ("x [s]", seconds),
+            ("X_Value", seconds),
+            ("Time 1 - default sample rate", seconds),
+            ("t (us)", lambda n: f"{n * 40000}"),
+            ("Unix time", lambda n: f"{1_795_853_640 + n * STEP:.3f}"),
+            ("epoch_ms", lambda n: f"{1_795_853_640_000 + n * 40}"),
+            ("timestamp (us)", lambda n: f"{1_795_853_640_000_000 + n * 40_000}"),
+            ("timestamp", lambda n: f"{1_795_853_640_000_000_000 + n * 40_000_000}"),
+            ("time", lambda n: f"{739_949.343 + n * STEP / 86_400:.9f}"),
+            ("Time", lambda n: f"{46_354.343 + n * STEP / 86_400:.12f}"),
+        )
+    ),
+    ("time: index", "Time,Force,Current\n" + rows(time=str), ("counts 0, 1", "index")),
+    ("time: index headless", rows(time=str), ("counts samples and is no time",)),
+    ("time: tens headless", rows(time=milliseconds), ("counts samples and is no time",)),
+    ("time: index and rate", "Rate: 25 Hz\nindex,Force [kN],Current [A]\n" + rows(time=str), BOTH),
+    ("time: t counts beside a rate",
+     "Rate: 25 Hz\nt,Force [kN],Current [A]\n" + rows(time=str), BOTH),
+    ("time: headless", rows(time=seconds), {"column 2": (25.0, 0.0), "column 3": (25.0, 0.0)}),
+    ("time: no time unit", "Time (kg),Force\n0,1\n1,2\n", ("no unit of time",)),
+    ("time: repeats", HEAD + rows(time=lambda n: f"{n // 5 * 0.2:.1f}"), ("times repeat",)),
+    ("time: falls", HEAD + rows(time=lambda n: f"{5 + (n if n != 9 else 7) * STEP:.2f}"),
+     ("time must rise",)),
+    ("time: tiny", HEAD + rows(time=lambda n: f"{n}e-320"), ("no sample rate",)),
+    ("time: 5000 digits", HEAD + rows(time=lambda n: "1" * 5000 if n == 3 else seconds(n)),
+     ("the time of sample 4 is no number",)),
+    ("time: two columns",
+     "Time (s),Force [kN],Time (s),Current [A]\n" + "".join(
+         f"{n * STEP:.2f},{FORCE[n]},{f'{n * 0.2:.1f},{CURRENT[n]}' if n < 8 else ','}\n"
+         for n in range(COUNT)),
+     {"Force": (25.0, 0.0), "Current": (5.0, 0.0)}),
+    ("time: two starts",
+     "Time (s),Force [kN],Time (s),Current [A]\n" + "".join(
+         f"{n * STEP:.2f},{FORCE[n]},{n * STEP + 1.5:.2f},{CURRENT[n]}\n" for n in range(COUNT)),
+     {"Force": (25.0, 0.0), "Current": (25.0, 1.5)}),
+]  # fmt: skip
+
+STAMPS: list[Kind] = [
+    *(
+        (f"stamps: {pattern}", stamped(pattern), BOTH)
+        for pattern in (
+            "%Y-%m-%d %H:%M:%S.%f",
+            "%Y-%m-%dT%H:%M:%S.%fZ",
+            "%Y-%m-%dT%H:%M:%S.%f+01:00",
+            "%Y/%m/%d %H:%M:%S.%f",
+            "%d.%m.%Y %H:%M:%S.%f",
+            "%d/%m/%Y %H:%M:%S.%f",
+            "%m/%d/%Y %I:%M:%S.%f %p",
+            "%m-%d-%Y %H:%M:%S.%f",
+            "%d-%b-%Y %H:%M:%S.%f",
+            "%Y%m%d %H%M%S.%f",
+            "%H:%M:%S.%f",
+            "%H:%M:%S:%f",
+            "%M:%S.%f",
+            "%I:%M:%S.%f %p",
+        )
+    ),
+    ("stamps: microseconds", stamped("%H:%M:%S.%f", digits=6), BOTH),
+    ("stamps: dots",
+     f"Zeit;Force [kN];Current [A]\n{rows(';', time=moment('%H.%M.%S,%f'), number=german)}", BOTH),
+    ("stamps: German",
+     "Zeitstempel;Force [kN];Current [A]\n"
+     + rows(";", time=moment("%d.%m.%Y %H:%M:%S,%f"), number=german), BOTH),
+    ("stamps: midnight", stamped("%H:%M:%S.%f", begin=datetime(2026, 11, 28, 23, 59, 59)), BOTH),
+    ("stamps: full hour", stamped("%M:%S.%f", begin=datetime(2026, 11, 28, 8, 59, 59)), BOTH),
+    ("stamps: hour twice",
+     "Time,Force [kN],Current [A]\n" + rows(time=lambda n: moment(
+         "%Y-%m-%d %H:%M:%S.%f", begin=datetime(2026, 10, 25, 1 + (n < 25), 59, 59))(n)), BOTH),
+    ("stamps: date beside",
+     "Date,Time,Force [kN],Current [A]\n" + rows(time=moment("%d.%m.%Y,%H:%M:%S.%f")), BOTH),
+    ("stamps: date behind",
+     "Time,Date,Force [kN],Current [A]\n" + rows(time=moment("%H:%M:%S.%f,%Y-%m-%d")), BOTH),
+    ("stamps: milliseconds beside",
+     "Date&Time,ms,Force [kN],Current [A]\n" + rows(time=moment("%Y/%m/%d %H:%M:%S,%f")), BOTH),
+    ("stamps: whole seconds", stamped("%Y-%m-%d %H:%M:%S"), ("tell no rate",)),
+    ("stamps: whole seconds and a rate",
+     "Sample rate: 25 Hz\n" + stamped("%Y-%m-%d %H:%M:%S"), BOTH),
+    ("stamps: ambiguous", stamped("%m/%d/%Y %H:%M:%S.%f", begin=datetime(2026, 3, 4, 8)),
+     ("its day or its month first",)),
+    ("stamps: hours or minutes", stamped("%H:%M", step=60.0), ("hours and minutes or",)),
+    ("stamps: not all", stamped("%H:%M:%S.%f").replace("08:14:00.400", "soon"), ("'soon' is no",)),
+]  # fmt: skip
+
+NUMBERS: list[Kind] = [
+    ("numbers: minus sign",
+     "Tid (s);Force (kN);Current (A)\n"
+     + rows(";", time=lambda n: german(n * STEP), number=lambda v: german(v).replace("-", "−")),
+     BOTH),
+    ("numbers: dash",
+     HEAD + rows(time=seconds, number=lambda v: f"{v:.3f}".replace("-", "–")), BOTH),
+    ("numbers: quoted",
+     '"Zeit (s)","Force (kN)","Current (A)"\n' + rows(
+         time=lambda n: f'"{german(n * STEP)}"', number=lambda v: f'"{german(v)}"'), BOTH),
+    ("numbers: Fortran", HEAD + rows(time=seconds, number=lambda v: f"{v:.6E}".replace("E", "D")),
+     BOTH),
+    ("numbers: trailing separator",
+     "Time (s);Force (kN);Current (A)\n" + rows(";", time=seconds, end=";"), BOTH),
+    ("numbers: bars", "Time (s)|Force (kN)|Current (A)\n" + rows("|", time=seconds), BOTH),
+    ("numbers: blanks", "t Force Current\n" + rows("   ", time=seconds), BOTH),
+    ("numbers: unknown unit row",
+     "Time;Force;Current\ns;kN;furlong\n" + rows(";", time=seconds), BOTH),
+    ("numbers: units in words", "Time,Force,Current\nsecond,Newtons,Amps\n" + rows(time=seconds),
+     BOTH),
+    ("numbers: first row unreadable",
+     HEAD + "zero,0.5,0.7\n" + rows(time=seconds), ("line 2", "'zero'")),
+    ("numbers: text among them",
+     HEAD + rows(time=seconds).replace("2.400\n", "2.4x0\n", 1).replace("6.400", "6..4"),
+     ("line 2", "column 'Current'", "'6..4'")),
+    ("numbers: text column",
+     "Time (s),Force (kN),State,Current (A)\n" + "".join(
+         f"{n * STEP:.2f},{FORCE[n]},{'MOVING' if n > 3 else 'IDLE'},{CURRENT[n]}\n"
+         for n in range(COUNT)), BOTH),
+    ("numbers: T is a torque", "Rate: 25 Hz\nForce,T\n" + "".join(
+        f"{FORCE[n]},{1 + n / 10:.1f}\n" for n in range(COUNT)),
+     {"Force": (25.0, 0.0), "T": (25.0, 0.0)}),
+    ("numbers: T is a temperature", "Time (s),Force,T [°C]\n" + "".join(
+        f"{n * STEP:.2f},{FORCE[n]},{1 + n / 10:.1f}\n" for n in range(COUNT)),
+     {"Force": (25.0, 0.0), "T": (25.0, 0.0)}),
+]  # fmt: skip
+
+LOGGERS: list[Kind] = [
+    ("PicoScope", "Time,Force,Current\n(ms),(kN),(A)\n\n" + rows(time=milliseconds), BOTH),
+    ("Rigol",
+     f"X,Force,Current,Start,Increment,\nSequence,Volt,Volt,0.0,{STEP},\n"
+     + rows(time=str, end=",,,"), BOTH),
+    ("Keysight", "x-axis,1,2\nsecond,Volt,Volt\n" + rows(time=lambda n: f"{n * STEP:+.5E}"),
+     {"1": (25.0, 0.0), "2": (25.0, 0.0)}),
+    ("Tektronix",
+     "Model,MSO54\nLabel,,\nHorizontal Units,s\nSample Interval,4e-2\nRecord Length,40\n"
+     "Vertical Units,kN,A\n,,\nTIME,Force,Current\n" + rows(time=seconds), BOTH),
+    ("Tektronix, older", "".join(
+        f"{head},{n * STEP:.5f},{FORCE[n]}\n" for n, head in enumerate(
+            ["Record Length,40,Points", "Sample Interval,4.0e-02,s", "Trigger Point,0,Samples",
+             *[",,"] * (COUNT - 3)])), {"column 2": (25.0, 0.0)}),
+    ("Campbell",
+     '"TOA5","SITE","CR6"\n"TIMESTAMP","RECORD","Force","Current"\n"TS","RN","kN","A"\n'
+     '"","","Smp","Smp"\n' + rows(time=lambda n: f'"{moment("%Y-%m-%d %H:%M:%S.%f")(n)}",{n}'),
+     BOTH),
+    ("catman", "Time  1 - default sample rate\tForce\tCurrent\ns\tkN\tA\nSG bridge\tMX840\tMX411\n"
+     + rows("\t", time=seconds), BOTH),
+    ("HIOKI",
+     '"COMMENT",""\n"NUM_SIGS", 3\n"INTERVAL", 4.0E-02\n"VERT_UNITS", "S", "kN", "A"\n'
+     '"SIGNAL", "TIME", "Force", "Current"\n"DATA"\n' + rows(", ", time=seconds), BOTH),
+    ("Yokogawa",
+     '"Model Name","DL850"\n"TraceName","Force","Current"\n"BlockSize",40,40\n"VUnit","kN","A"\n'
+     '"HResolution",4.0e-02,4.0e-02\n"HOffset",0.0,0.0\n"HUnit","s","s"\n'
+     + "".join(f",{FORCE[n]},{CURRENT[n]}\n" for n in range(COUNT)), BOTH),
+    ("Graphtec",
+     "Vendor,Graphtec Corporation\nSampling interval,40ms\nNumber,Date&Time,ms,Force,Current\n"
+     "NO.,Time,ms,kN,A\n" + rows(time=lambda n: f"{n + 1},{moment('%Y/%m/%d %H:%M:%S,%f')(n)}"),
+     BOTH),
+    ("footer", HEAD + rows(time=seconds) + "Mean,0.1,2.5\nMax,1.4,6.4\n", BOTH),
+    ("second table", HEAD + rows(time=seconds) + "\n" + HEAD + rows(time=seconds),
+     ("a second table begins at line",)),
+    ("LabVIEW, no times",
+     "LabVIEW Measurement\t\nSeparator\tTab\nDecimal_Separator\t.\nX_Columns\tNo\n"
+     "***End_of_Header***\t\n\t\nChannels\t2\t\nY_Unit_Label\tkN\tA\nX0\t0.0\t0.0\n"
+     "Delta_X\t0.04\t0.04\n***End_of_Header***\t\t\nForce\tCurrent\tComment\n" + rows("\t"), BOTH),
+]  # fmt: skip
+
+THROWS: list[Kind] = [
+    ("throws: number",
+     "throw,Time (s),Force,Current\n" + "".join(
+         rows(time=lambda n, k=k: f"{k},{seconds(n)}", count=20) for k in (1, 2)),
+     ("2 throws in one table (column 'throw')",)),
+    ("throws: time starts again", HEAD + rows(time=seconds, count=20) * 2,
+     ("2 throws in one table ('Time' starts again)",)),
+    ("throws: index starts again",
+     "Rate: 25 Hz\nindex,Force,Current\n" + rows(time=str, count=20) * 2,
+     ("2 throws in one table ('index' starts again)",)),
+    ("throws: curve in a cell",
+     "id;direction;power\n" + "".join(
+         f"{k};N;{','.join(f'{v:.1f}' for v in CURRENT)}\n" for k in (1, 2, 3)),
+     ("3 throws in one table",)),
+    ("throws: long table",
+     "time,signal,value\n" + "".join(
+         f"{n * STEP:.2f},{name},{values[n]}\n" for n in range(COUNT)
+         for name, values in (("Force", FORCE), ("Current", CURRENT))), BOTH),
+]  # fmt: skip
+
+TEXTS: list[Kind] = [*RATES, *TIMES, *STAMPS, *NUMBERS, *LOGGERS, *THROWS]

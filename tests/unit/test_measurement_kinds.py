@@ -1,0 +1,47 @@
+"""Recordings of many loggers and programs: the right samples at the right times, or the reason."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.unit.recording_kinds import COUNT, CURRENT, FORCE, TEXTS, Read
+
+from turnout.core.errors import FileError
+from turnout.measurement.formats.file_format import read_recording
+
+SAMPLES = {"Force": FORCE, "Current": CURRENT, "1": FORCE, "2": CURRENT, "column 3": CURRENT}
+
+
+def check(path: Path, expected: Read | tuple[str, ...]) -> None:
+    """Compare rates, starts and samples with what was written, or the message with its words."""
+    if isinstance(expected, tuple):
+        with pytest.raises(FileError) as caught:
+            read_recording(path)
+        text = str(caught.value)
+        assert len(text.splitlines()) == 1
+        assert len(text) < 1000
+        for word in (path.name, *expected):
+            assert word in text
+        return
+    recording = read_recording(path)
+    assert list(recording.channels) == list(expected), recording.problems
+    for name, (rate, start) in expected.items():
+        channel = recording.channel(name)
+        assert channel.rate == pytest.approx(rate, rel=1e-6)
+        assert channel.start == pytest.approx(start, abs=1e-6)
+        samples = SAMPLES.get(name)
+        if samples is None:
+            assert channel.values.size == COUNT
+        else:
+            np.testing.assert_allclose(channel.values, samples[: channel.values.size], rtol=1e-12)
+            assert channel.values.size in (COUNT, COUNT // 5)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [pytest.param(text, expected, id=name) for name, text, expected in TEXTS],
+)
+def test_texts(tmp_path: Path, text: str, expected: Read | tuple[str, ...]) -> None:
+    path = tmp_path / ("throw.lvm" if text.startswith("LabVIEW") else "throw.csv")
+    path.write_text(text, encoding="utf-8")
+    check(path, expected)
