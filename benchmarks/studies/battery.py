@@ -1,4 +1,4 @@
-"""The rungs of the battery: what each is compared with, its checks and its figure.
+"""The rungs of the battery: reference, checks and figure of each.
 
 Every check is made by functions that tests call; the tests assert what the page shows.
 """
@@ -30,7 +30,7 @@ from turnout.beam.assembly import point_row
 
 @dataclass(frozen=True)
 class Rung:
-    """One rung: name of its figure, what the page says, checks, figure."""
+    """A rung: name of its figure, text of the page, checks, figure."""
 
     name: str
     title: str

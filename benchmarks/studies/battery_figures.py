@@ -1,4 +1,4 @@
-"""Figures of the battery: what turnout finds as lines, closed forms as dots."""
+"""Figures of the battery: results of turnout as lines, closed forms as dots."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -43,7 +43,7 @@ def new_figure(columns: int, *, rows: int = 1) -> tuple[Figure, list[Axes]]:
 
 
 def labelled(ax: Axes, title: str, x: str, y: str, *, legend: str = "") -> None:
-    """Name axes; a legend stands where it is asked to."""
+    """Name axes, with a legend at a place of choice."""
     ax.set_title(title, fontsize=9)
     ax.set_xlabel(x, fontsize=8)
     ax.set_ylabel(y, fontsize=8)
@@ -61,7 +61,7 @@ def compared(
 
 
 def slope(ax: Axes, x: Floats, y: float, order: float) -> None:
-    """Draw what an order looks like, through `y` at the first place."""
+    """Draw the slope of an order, through `y` at the first place."""
     x = np.asarray(x, dtype=float)
     line = y * (x / x[0]) ** order
     ax.plot(x, line, color="0.6", linewidth=0.9, linestyle="--", zorder=1)
@@ -78,7 +78,7 @@ def slope(ax: Axes, x: Floats, y: float, order: float) -> None:
 
 
 def plain_ticks(ax: Axes, places: Floats, form: str = "g") -> None:
-    """Label a logarithmic axis where there are samples."""
+    """Label a logarithmic axis at the samples."""
     ax.set_xscale("log")
     ax.set_yscale("log")
     ax.set_xticks(places, [format(place, form) for place in places])
@@ -221,7 +221,7 @@ def laws() -> Figure:
 
 
 def impacts() -> Figure:
-    """Draw forces on the stop and what restitution lacks of 1."""
+    """Draw forces on the stop and the deviation of restitution from 1."""
     figure, (left, middle, right) = new_figure(3)
     mode, rod = impact.single_mode(), impact.rod().impact
     near = np.abs(mode.time - 0.5) < 0.8

@@ -68,7 +68,7 @@ count = 3
 
 
 def turnout(*words: str) -> None:
-    """Run the program, and stop where it fails."""
+    """Run the program, and stop if it fails."""
     command = [sys.executable, "-m", "turnout", *words]
     done = subprocess.run(command, check=False, capture_output=True, text=True)
     if done.returncode:
@@ -96,7 +96,7 @@ def digest_of_table(path: Path) -> str:
 
 
 def numbers_of(tree: Any) -> Any:
-    """Return what of a document are numbers, by their keys; texts may name files and times."""
+    """Return the numbers of a document by their keys; texts may name files and times."""
     if isinstance(tree, dict):
         kept = {key: numbers_of(value) for key, value in sorted(tree.items())}
         return {key: value for key, value in kept.items() if value not in (None, {}, [])}

@@ -95,7 +95,7 @@ def drawn_object(panel: LoadedPanel, random: np.random.Generator) -> ForeignObje
 
 
 def thrown(panel: LoadedPanel, objects: list[ForeignObject], scheme: Scheme) -> Record:
-    """Throw once; return verdict, gaps at the rests that are judged [m], breaks, what is said."""
+    """Throw once; return verdict, gaps at the rests that are judged [m], breaks, note."""
     dataset = simulate(panel, foreign_object=objects, scheme=scheme)
     found = checks(dataset)
     judged, said = verdict(dataset, found), dataset.attrs

@@ -65,7 +65,7 @@ def short_sb1() -> LoadedPanel:
 
 @dataclass(frozen=True, kw_only=True)
 class Twin:
-    """What a campaign is made of.
+    """Ingredients of a campaign.
 
     Attributes
     ----------

@@ -132,7 +132,7 @@ def section(records: list[Record]) -> list[str]:
 
 
 def main() -> None:
-    """Do what the command line says."""
+    """Run the command."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("command", choices=("make", "run", "report"))
     parser.add_argument("folder", type=Path)

@@ -143,7 +143,7 @@ def main() -> None:
 
 
 def detector_file(throws: Throws, setting: Setting, folder: Path) -> tuple[Path, str]:
-    """Return the detector, trained where none of these sources is there, and the digest of these.
+    """Return the detector, trained unless one of these sources is kept, and the digest of these.
 
     Verdicts and figures are kept under that digest, so that none outlives its detector.
     """
@@ -164,7 +164,7 @@ def _progress(what: str, done: int, total: int) -> None:
 
 
 def figures_of(knowledge: Knowledge, throws: Throws, kept: Path) -> dict[str, Callable[[], object]]:
-    """Return what computes each figure, by name; each throws what it needs."""
+    """Return the function that computes each figure, by name, with the throws that it needs."""
 
     def alone() -> dict[str, ThrowSet]:
         return alone_of(throws.sets("test"))
@@ -304,7 +304,7 @@ FINE_RATE = 250.0
 
 
 def besides(layout: Layout, kernel: Callable[[Floats], Floats]) -> Floats:
-    """Return the covariance of features of what the samples of each drive hold besides [N^2]."""
+    """Return the covariance of features due to further errors of each drive's samples [N^2]."""
     time, means = means_on(layout, rate=FINE_RATE)
     one = means @ kernel(np.abs(time[:, np.newaxis] - time)) @ means.T
     return np.asarray(np.kron(np.eye(len(layout.drives)), one))
@@ -313,7 +313,7 @@ def besides(layout: Layout, kernel: Callable[[Floats], Floats]) -> Floats:
 def robustness(
     knowledge: Knowledge, sound: ThrowSet, objects: ThrowSet, *, draws: int = 2
 ) -> dict[str, dict[str, float]]:
-    """Return false alarms without a history at 1/1,000, and what is seen of objects.
+    """Return false alarms without a history at 1/1,000, and the share of objects seen.
 
     Parameters
     ----------
@@ -346,7 +346,7 @@ def robustness(
 
 
 def errors_of_case(knowledge: Knowledge, name: str, *seed: int) -> Errors:
-    """Return what draws the errors of one of `CASES` or `KERNELS`."""
+    """Return a source of the errors of one of `CASES` or `KERNELS`."""
     usual: Allowances = knowledge.setting.allowances
     drawn = knowledge.errors(replace(usual, **CASES.get(name, {})))  # type: ignore[arg-type]
     if name in KERNELS:
@@ -364,7 +364,7 @@ def robustness_known(
     switches: int = 10,
     draws: int = 10,
 ) -> dict[str, dict[str, float]]:
-    """Return what is said after a history whose throws have these errors too.
+    """Return verdicts after a history whose throws have these errors too.
 
     Parameters
     ----------

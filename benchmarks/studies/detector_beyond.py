@@ -1,4 +1,4 @@
-"""Throws beyond what a detector knows, of another speed or start: ``... .detector_beyond DIR``.
+"""Throws beyond the training of a detector: another speed or start: ``... .detector_beyond DIR``.
 
     python -m benchmarks.studies.detector_beyond DIR --detector FILE.detector
 
@@ -51,7 +51,7 @@ def main() -> None:
 
 
 def plan_of(name: str) -> tuple[Plan, list[str]]:
-    """Return the throws of a case, sound and then with the object, and what each is called."""
+    """Return the throws of a case, sound and then with the object, and the label of each."""
     study = reference_study()
     if name == "unloaded":
         study = replace(study, panel=load_panel("uic60-760-1-15", overrides=FREE))

@@ -1,4 +1,4 @@
-"""How much of what is missing any detector could win: a known place, and known dry chairs.
+"""Gain that is left to any detector: by a known place, and by known dry chairs.
 
     python -m benchmarks.studies.detector_bounds DIR --seed 650000 --switches 40
 
@@ -176,7 +176,7 @@ def _judged(sets: Mapping[str, ThrowSet]) -> dict[str, ThrowSet]:
 
 
 def said_alone(knowledge: Knowledge, sets: Mapping[str, ThrowSet]) -> dict[str, Said]:
-    """Return what is said of throws without a history; of all sound throws of the switches."""
+    """Return verdicts on throws without a history, all sound throws of the switches included."""
     view, errors = make_view(knowledge), drawn_errors(knowledge, SEED)
     calibrated = knowledge.calibration(part=CYCLE, history=0)
     assert calibrated is not None
@@ -193,7 +193,7 @@ def said_alone(knowledge: Knowledge, sets: Mapping[str, ThrowSet]) -> dict[str, 
 
 
 def said_known(knowledge: Knowledge, sets: Mapping[str, ThrowSet]) -> dict[str, Said]:
-    """Return what is said of throws after a history of 20."""
+    """Return verdicts on throws after a history of 20."""
     population, sound = make_view(knowledge), sets[HISTORY]
     calibrated = knowledge.calibration(part=CYCLE, history=KNOWN)
     assert calibrated is not None
@@ -223,7 +223,7 @@ MORE_SOUND = 8
 def place_table(
     knowledge: Knowledge, said: Mapping[str, Said], calibrated: Calibrated
 ) -> list[str]:
-    """Return a90 by place three times, and what the place and the threshold cost."""
+    """Return a90 by place three times, and the cost of place and threshold."""
     sound, objects = said[SOUND], said[OBJECT]
     places = knowledge.setting.places
     x = np.array(list(places.values()))

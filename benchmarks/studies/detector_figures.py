@@ -30,7 +30,7 @@ LIMIT_RESAMPLES = 1000
 
 @dataclass(slots=True)
 class Judged:
-    """Verdicts, each with what is true of its throw."""
+    """Verdicts, each with the truth of its throw."""
 
     kind: list[str] = field(default_factory=list)
     switch: list[int] = field(default_factory=list)
@@ -52,7 +52,7 @@ class Judged:
     def add(
         self, kind: str, throws: ThrowSet, verdicts: Sequence[Verdict], *, change: Floats
     ) -> None:
-        """Take up verdicts on throws of a kind, with what it changed of each (`changes_of`)."""
+        """Add verdicts on throws of a kind, with the changes of each (`changes_of`)."""
         for number, verdict in enumerate(verdicts):
             self.kind.append(kind)
             self.switch.append(int(throws.switch[number]))
@@ -71,7 +71,7 @@ class Judged:
         return found
 
     def extend(self, record: Mapping[str, list[Any]]) -> None:
-        """Take up what `record` returned."""
+        """Add the verdicts of a `record`."""
         for name in self.__slots__:
             values = record[name]
             if name == "gaps":
@@ -98,7 +98,7 @@ def measured_by_switch(throws: ThrowSet, errors: Errors) -> Floats:
 
 
 def alone_of(sets: Mapping[str, ThrowSet], *, known: int = 20) -> dict[str, ThrowSet]:
-    """Return what is judged after a history by its kind, to be judged without one."""
+    """Return throws that are judged after a history, by kind, to be judged without one."""
     sound = sets[HISTORY]
     first = int(np.bincount(sound.switch).max())
     found = {SOUND: sound.of(sound.row % first >= known)}
@@ -112,7 +112,7 @@ def alone_of(sets: Mapping[str, ThrowSet], *, known: int = 20) -> dict[str, Thro
 def of_each_switch(
     switches: NDArray[np.intp], folder: Path, work: Callable[[int], Mapping[str, list[Any]]]
 ) -> list[dict[str, list[Any]]]:
-    """Return what is found of each switch, kept in a folder so that a stopped run goes on."""
+    """Return the results of each switch, kept in a folder so that a stopped run goes on."""
     folder.mkdir(parents=True, exist_ok=True)
     found = []
     for done, switch in enumerate(switches.tolist(), 1):
@@ -297,7 +297,7 @@ def changes_of(throws: ThrowSet, sound: ThrowSet, knowledge: Knowledge) -> Float
 
 
 def drawn_errors(knowledge: Knowledge, *seed: int) -> Errors:
-    """Return what draws the errors of measured throws, as large as the detector assumes."""
+    """Return a source of errors of measured throws, as large as the detector assumes."""
     rng = np.random.default_rng([*seed, 12])
     return Errors(knowledge.errors(), part=knowledge.layout.part, rng=rng)
 
@@ -552,7 +552,7 @@ def cause_figures(judged: Judged, kinds: Sequence[str], *, least: float = 0.0) -
 
 
 def name_of(verdict: Verdict) -> str:
-    """Return what a verdict calls a throw: its cause, "object", "sound" or "unknown deviation"."""
+    """Return the name of a verdict: its cause, "object", "sound" or "unknown deviation"."""
     if verdict.status != "other cause":
         return verdict.status
     return verdict.cause

@@ -1,4 +1,4 @@
-"""What thresholds after a history are where folds learn from switches with one, and where not.
+"""Thresholds after a history, with folds that learn from switches with one, and without.
 
     python -m benchmarks.studies.detector_folds DIR
 

@@ -96,7 +96,7 @@ def rates_known(
 def known_place_a90(
     knowledge: Knowledge, sound: ThrowSet, objects: ThrowSet, *, rate: float = 1e-3, draws: int = 8
 ) -> dict[str, float]:
-    """Return a90 of the same ratio where the place is known [m]: what not knowing it costs.
+    """Return a90 of the same ratio for a known place [m], to show the cost of not knowing it.
 
     Object at that place against a sound switch, its threshold taken from the sound throws that are
     judged.
@@ -247,7 +247,7 @@ def soft_shares(
 def year_rates(
     knowledge: Knowledge, year: ThrowSet, folder: Path, *, known: int = 20, again: int = 17
 ) -> list[dict[str, float]]:
-    """Return false alarms in each month; every month ends with learning what was called sound."""
+    """Return false alarms in each month; at its end, throws called sound are learned."""
     population = make_view(knowledge)
     calibrated = knowledge.calibration(part=CYCLE, history=known)
     assert calibrated is not None
@@ -288,7 +288,7 @@ def price_of(
     *,
     discrepancy: float,
 ) -> dict[str, dict[str, object]]:
-    """Return what a detector that assumes a larger discrepancy loses and wins, without a history.
+    """Return losses and gains of a detector that assumes a larger discrepancy, without a history.
 
     a90 at every place [m] and false alarms of test throws whose discrepancy is the drawn one, and
     of such whose discrepancy is that large; of the detector as it is, and of one that assumes it.
@@ -412,7 +412,7 @@ def verdict_times(
 
 
 def _times(judge: Callable[[Any], object], throws: Sequence[Any]) -> dict[str, float]:
-    """Return what processor time judging single throws takes [s], and the load of the machine."""
+    """Return the processor time of judging single throws [s], and the load of the machine."""
     times = []
     with one_blas_thread():
         for throw in [throws[0], *throws]:

@@ -67,7 +67,7 @@ SEED = 34
 
 
 def main() -> None:
-    """Throw what is missing, judge and print."""
+    """Make the missing throws, judge and print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path, help="that of benchmarks.studies.detector")
     parser.add_argument("--seed", type=int, default=JUDGED_SEED, help="of the switches judged")
@@ -318,7 +318,7 @@ def by_row(ratios: Ratios, kind: str, throws: ThrowSet, uses: int) -> Floats:
 
 
 def price(judge: Judge, train: Mapping[str, ThrowSet]) -> dict[str, Any]:
-    """Return what a detector that assumes 8 % loses and wins with 20 throws known."""
+    """Return losses and gains of a detector that assumes 8 %, with 20 throws known."""
     setting = judge.knowledge.setting
     drawn, larger = setting.allowances, replace(setting.allowances, discrepancy=LARGER)
     robust = knowledge_of_sets(

@@ -52,7 +52,7 @@ def main() -> None:
 def judged_causes(
     study: Study, learned: Mapping[str, ThrowSet], judged: Mapping[str, ThrowSet], quantity: str
 ) -> dict[str, "Counter[str]"]:
-    """Return what throws of each cause are called, by a detector of a quantity."""
+    """Return verdicts on throws of each cause, by a detector of a quantity."""
     knowledge = knowledge_of_sets(
         of_quantity(learned, quantity), one_setting(study, quantity), draws=8, histories=()
     )

@@ -1,4 +1,4 @@
-"""What a detector sees of machines by force, current, power or all.
+"""Detection with machines by force, current, power or all.
 
 Tables of docs/evidence/detection-results.md.
 
@@ -120,7 +120,7 @@ def _trained(
     path: Path,
     histories: tuple[int, ...],
 ) -> Knowledge:
-    """Return what was learned by a quantity, with thresholds without and with histories."""
+    """Return the detector of a quantity, with thresholds without and with histories."""
     setting = joined_setting(study) if quantity == ALL else one_setting(study, quantity)
     if quantity != ALL and path.exists():
         return Detector.load(path).knowledge
@@ -279,7 +279,7 @@ def of_quantity(sets: Mapping[str, ThrowSet], quantity: str) -> dict[str, ThrowS
 
 
 def _selection(quantity: str, layout: Layout) -> Floats:
-    """Return what takes the features of a quantity from those of all signals in equal windows."""
+    """Return the matrix that selects a quantity of the features of all signals in equal windows."""
     size = layout.size
     if quantity != ALL:
         first = QUANTITIES.index(quantity) * size

@@ -230,7 +230,7 @@ def wandering(size: int, step: float, rng: np.random.Generator, rows: int) -> Fl
 def unmarked_figures(
     knowledge: Knowledge, forces: Sequence[dict[str, np.ndarray]]
 ) -> dict[str, object]:
-    """Return what is judged, false alarms and objects called, without and with a history."""
+    """Return judged throws, false alarms and objects called, without and with a history."""
     rng = np.random.default_rng(53)
     found: dict[str, list[tuple[str, bool]]] = {}
     errors: list[float] = []

@@ -313,7 +313,7 @@ def ice_figures(detector: Detector, ice: Arrays, folder: Path) -> list[dict[str,
 
 
 def _first(size: Floats, which: NDArray[np.bool_]) -> float | None:
-    """Return the first size for which something holds [m]; None where it never does."""
+    """Return the first size for which a condition holds [m]; None if it never does."""
     return float(size[np.argmax(which)]) if which.any() else None
 
 

@@ -1,4 +1,4 @@
-"""Tables of docs/evidence/detection-results.md from what the detector's figures left in a folder.
+"""Tables of docs/evidence/detection-results.md from the figures of a detector in a folder.
 
     python -m benchmarks.studies.detector_page DIR --seed 550000
 
@@ -121,7 +121,7 @@ def distinct(item: Mapping[str, float]) -> str:
 
 
 def a90_cells(found: Mapping[str, Sequence[float]]) -> list[str]:
-    """Return a90 by place [mm]; where no object was missed it is no larger than the smallest.
+    """Return a90 by place [mm]; if no object was missed it is at most the smallest size.
 
     Examples
     --------
@@ -158,7 +158,7 @@ def excess(found: Figures, bound: Sequence[float]) -> tuple[float, float]:
 
 
 def goal_table(said: Figures) -> list[str]:
-    """Return the goal of each figure beside what was found."""
+    """Return the goal of each figure beside its value."""
     alone, known = said["alone"], said["known"]
     lines = ["| goal | found | met |", "|---|---|---|"]
 
@@ -356,7 +356,7 @@ def histories_table(said: Figures) -> list[str]:
 
 
 def soft_table(said: Figures) -> list[str]:
-    """Return what is called of objects of each kind, and a90 by place; "-" beyond all sizes."""
+    """Return the share of called objects of each kind, and a90 by place; "-" beyond all sizes."""
     lines = [f"| | {' | '.join(SOFT_KINDS)} |", "|---|" + "--|" * len(SOFT_KINDS)]
     for known in (0, 20):
         own = [said["soft"][f"{kind}, {known} known"] for kind in SOFT_KINDS]
@@ -370,7 +370,7 @@ def soft_table(said: Figures) -> list[str]:
 
 
 def price_table(said: Figures) -> list[str]:
-    """Return what a larger assumed discrepancy costs with a history."""
+    """Return the cost of a larger assumed discrepancy with a history."""
     lines = [
         "| with 20 throws known | false alarms | a90 at sleeper 6 | median of places |",
         "|---|---|---|---|",
@@ -385,7 +385,7 @@ def price_table(said: Figures) -> list[str]:
 
 
 def robustness_table(said: Figures) -> list[str]:
-    """Return alarms and objects seen where errors are not the assumed ones."""
+    """Return alarms and objects seen with errors that are not the assumed ones."""
     lines = ["| test throws | alarms | objects seen | a90 at sleeper 6 |", "|---|---|---|---|"]
     for name, item in said["robustness"].items():
         lines.append(
@@ -396,7 +396,7 @@ def robustness_table(said: Figures) -> list[str]:
 
 
 def robustness_known_table(said: Figures) -> list[str]:
-    """Return what is said after a history whose throws have other errors too."""
+    """Return verdicts after a history whose throws have other errors too."""
     lines = [
         "| throws, known and judged | alarms | unknown | objects seen | scatter |",
         "|---|---|---|---|---|",

@@ -209,7 +209,7 @@ class Sizes:
 
     @property
     def test(self) -> Counts:
-        """For judging: other switches, each thrown 20 times before what is judged."""
+        """Counts for judging: other switches, each thrown 20 times before the judged throws."""
         return Counts(
             sound=0, objects=0, defects=0, switches=self.switches, repeats=23, judged=3,
             objects_each=9,
@@ -358,7 +358,7 @@ def _kept(path: Path, plan: Plan) -> Arrays | None:
 
 
 def show(name: str) -> "Watch":
-    """Return what prints how far a sweep is."""
+    """Return a report that prints the progress of a sweep."""
     return Watch(name)
 
 
@@ -375,7 +375,7 @@ class Watch:
         self._name, self._next = name, 0.0
 
     def __call__(self, state: SweepProgress) -> None:
-        """Print what is done."""
+        """Print the progress at each tenth."""
         if state.done >= self._next * state.total or state.done == state.total:
             self._next = np.floor(10.0 * state.done / state.total + 1.0) / 10.0
             print(f"{self._name}: {state.done} of {state.total}", flush=True)

@@ -1,4 +1,4 @@
-"""What the preload that a switch starts with adds to detection: ``... .detector_start DIR``.
+"""Gain in detection by the preload that a switch starts with: ``... .detector_start DIR``.
 
     python -m benchmarks.studies.detector_start DIR
 
@@ -100,7 +100,7 @@ def figures(folder: Path) -> dict[str, dict[str, Any]]:
 def _compared(
     judged: Mapping[str, "Start"], places: Mapping[str, float], *, equal: bool
 ) -> dict[str, Any]:
-    """Return what two starts show at thresholds of one kind."""
+    """Return a90 of two starts at thresholds of one kind."""
     limits = {
         name: float(np.quantile(item.sound, 1.0 - RATE)) if equal else item.threshold
         for name, item in judged.items()
@@ -136,7 +136,7 @@ def _a90_of(size: Floats, seen: Seen, rows: NDArray[np.intp]) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Start:
-    """What a detector says of throws that start alike.
+    """Verdicts of a detector on throws that start alike.
 
     Attributes
     ----------

@@ -77,7 +77,7 @@ def main() -> None:
 
 
 def panel_of(number: int, rng: Rng) -> LoadedPanel:
-    """Return a switch that differs from the default panel in what is fixed for a switch."""
+    """Return a switch that differs from the default panel in values that a switch keeps."""
     base = load_panel(PANEL)
     free = float(rng.uniform(0.245, 0.295))
     gaps = np.array(base.rail["straight"].fit_gap.value)
@@ -132,7 +132,7 @@ class Friction:
 
 
 def thrown_switch(number: int, seed: int) -> tuple[list[Thrown], list[dict[str, Any]], LoadedPanel]:
-    """Return all throws of a switch with what is true of each."""
+    """Return all throws of a switch with the truth of each."""
     rng = np.random.default_rng([seed, number])
     panel = panel_of(number, rng)
     switch = switch_of(panel)
@@ -162,7 +162,7 @@ def thrown_switch(number: int, seed: int) -> tuple[list[Thrown], list[dict[str, 
 
 
 def _write_switch(folder: Path, number: int, seed: int, *, adrift: bool) -> None:
-    """Write the two campaigns of a switch; what is true of it comes last."""
+    """Write the two campaigns of a switch, and its truth last."""
     truth = folder / "truth.json"
     if truth.exists():
         return
@@ -197,7 +197,7 @@ def _write_sheet(folder: Path, labels: Sequence[Mapping[str, Any]], turns: range
 def _recording(
     thrown: Thrown, *, rate: float, unit: str, fixed: Floats, adrift: bool, rng: Rng
 ) -> str:
-    """Return a recording as text: rest, opening, rest, closing, rest, and what measuring adds."""
+    """Return a recording as text: rest, opening, rest, closing, rest, with errors of measuring."""
     lead, more = float(rng.uniform(0.5, 2.0)), float(rng.uniform(0.0, 2.0))
     at = np.arange(0.0, thrown.time[-1] + lead + more, 1.0 / rate)
     own = np.where(at - lead < 4.2, at - lead, np.maximum(at - lead - more, 4.2))
@@ -225,7 +225,7 @@ def _channels(unit: str) -> str:
 
 
 def turnout(*words: object) -> str:
-    """Run a command and return what it prints."""
+    """Run a command and return its output."""
     command = [sys.executable, "-m", "turnout", *map(str, words)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
@@ -235,7 +235,7 @@ def turnout(*words: object) -> str:
 
 
 def judged(folder: Path, detector: Path) -> dict[str, Any]:
-    """Return what `turnout detect` says of all switches, without and with their known throws."""
+    """Return verdicts of `turnout detect` on all switches, without and with their known throws."""
     made = hashlib.sha256(detector.read_bytes()).hexdigest()[:8]
     rows: dict[str, list[dict[str, Any]]] = {"first": [], "0": [], str(KNOWN): []}
     for number in range(SWITCHES):
@@ -252,7 +252,7 @@ def judged(folder: Path, detector: Path) -> dict[str, Any]:
 
 
 def _said_of(place: Path, detector: Path, number: int) -> dict[str, list[dict[str, Any]]]:
-    """Return what is said of the throws of a switch, without and with its first ones known."""
+    """Return verdicts on the throws of a switch, without and with its first ones known."""
     labels = json.loads((place / "truth.json").read_text())
     own = place / "own.detector"
     first = _verdicts("detect", "learn", detector, place / "known", "-o", own, "--json")
@@ -280,7 +280,7 @@ def _matched(
 
 
 def _alarms(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return false alarms of throws without an object, by switch, and what was not judged."""
+    """Return false alarms of throws without an object, by switch, and throws not judged."""
     numbers = sorted({row["switch"] for row in rows})
     own = [
         np.array([row["status"] == "object" for row in rows if row["switch"] == number])

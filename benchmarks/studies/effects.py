@@ -1,4 +1,4 @@
-"""What each refinement of the default panel is worth, switched off (or on) in turn.
+"""Effect of each refinement of the default panel, switched off (or on) in turn.
 
 Drives and positions free of force are those of an independent study (`STUDIED`), so that what it
 found can stand beside.
@@ -36,7 +36,7 @@ Columns = dict[str, np.ndarray]
 
 @dataclass(frozen=True)
 class Variant:
-    """A panel, and what is said of it."""
+    """A panel, and its description."""
 
     name: str
     panel: LoadedPanel
@@ -130,7 +130,7 @@ def run(panel: LoadedPanel, size: float | None, *, scheme: Scheme | None = None)
 
 
 def figures(ds: xr.Dataset) -> Figures:
-    """Return what the table shows of a throw."""
+    """Return the numbers of a throw that the table shows."""
     normal = ds["chair_normal_force"][:, :, -1].to_numpy()
     first, second = ds["drive_force"][:, -1].to_numpy()
     return Figures(

@@ -91,13 +91,13 @@ def result_of(case: Hard, folder: Path, *, truth: Values, throws: Path) -> dict[
 
 
 def _named(text: str) -> str:
-    """Return what is said of a recording with what it names first, as causes have it."""
+    """Return a remark on a recording with its subject first, as causes have it."""
     name = next((name for name in ("swapped channels", "dead channel") if name in text), "")
     return text if not name or text.startswith(f"{name}:") else f"{name}: {text}"
 
 
 def _is_right(case: Hard, causes: list[str]) -> bool:
-    """Return whether the cause is among those that are named, of its drive where it has one."""
+    """Return True if the cause is among those that are named, with its drive if it has one."""
     return any(
         text.split(":")[0] == case.cause and (not case.drive or f"drive {case.drive}" in text)
         for text in causes
@@ -105,7 +105,7 @@ def _is_right(case: Hard, causes: list[str]) -> bool:
 
 
 def table(results: dict[str, dict[str, Any]], *, seed: int) -> list[str]:
-    """Return the table of all cases, and what they come to."""
+    """Return the table of all cases, and their sums."""
     further = " --further" if set(results) <= set(FURTHER) else ""
     lines = [
         f"14 recordings each, panel `sb1`, seed {seed}; written by `python -m "
@@ -143,7 +143,7 @@ def _cell(value: dict[str, Any] | None) -> str:
 
 
 def _kept_result(name: str, out: Path, *, seed: int) -> dict[str, Any]:
-    """Make and calibrate a case, or read what was found before."""
+    """Make and calibrate a case, or read its kept result."""
     case, folder = ALL[name], out / f"{name}-{seed}"
     made, done = out / f"{name}-{seed}.json", out / f"{name}-{seed}-result.json"
     if done.exists():

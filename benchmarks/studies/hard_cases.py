@@ -1,4 +1,4 @@
-"""Cases of `benchmarks.studies.hard_campaigns`: what differs from the model, how it is recorded."""
+"""Cases of `benchmarks.studies.hard_campaigns`: differences from the model and its recording."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -63,7 +63,7 @@ NOTE = "synthetic: hard campaign of benchmarks.studies.hard_campaigns, not measu
 
 @dataclass(frozen=True, kw_only=True)
 class Hard:
-    """One case: what differs, the truth of the parameters, and the cause that is to be named.
+    """A case: changes of the switch, the truth of the parameters, and the cause to be named.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What inertia does in a throw: the two integrators side by side on the default panel.
+"""Effect of inertia in a throw: the two integrators side by side on the default panel.
 
     python -m benchmarks.studies.inertia
 

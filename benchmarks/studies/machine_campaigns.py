@@ -80,7 +80,7 @@ def fit_of(panel: LoadedPanel, seed: int, cross_talk: float) -> MachineFit:
 
 
 def result_of(index: int) -> Record:
-    """Make and fit one campaign; return what was true, found and stated."""
+    """Make and fit one campaign; return true, fitted and stated values."""
     rng = np.random.default_rng([SEED, index])
     panel, seed = drawn_panel(rng), int(rng.integers(2**31))
     try:

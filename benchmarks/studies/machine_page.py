@@ -1,4 +1,4 @@
-"""Write the results on docs/evidence/machines.md: every figure comes from what the tests call.
+"""Write the results on docs/evidence/machines.md, by functions that the tests call.
 
     python -m benchmarks.studies.machine_page
 

@@ -1,4 +1,4 @@
-"""What another machine would answer: the library's throws again with other instructions.
+"""Results of another machine: the library's throws again with other instructions.
 
     python -m benchmarks.studies.other_machine
 
@@ -42,7 +42,7 @@ def playable() -> bool:
 
 
 def throws() -> dict[str, np.ndarray]:
-    """Return the channels of the library's throws, with 13 mm at sleeper 6 where there is one."""
+    """Return the channels of the library's throws, with 13 mm at sleeper 6 if there is one."""
     found = {}
     for name in PANELS:
         panel = load_panel(name)

@@ -1,4 +1,4 @@
-"""The planed 60E1A1 computed here, beside what an independent program has for it.
+"""The planed 60E1A1 computed here, beside values of an independent program.
 
 `python -m benchmarks.studies.planed_rail` writes docs/figures/sections.txt and sections.png.
 """
@@ -45,13 +45,13 @@ def reference() -> dict[str, np.ndarray]:
 
 
 def cuts(*, least_thickness: float | None = None) -> list[PlanedOutline]:
-    """Cut the rail where the reference does."""
+    """Cut the rail at the places of the reference."""
     offsets = reference()["running_edge_offset"]
     return planed_rail("60E1A1", running_edge_offsets=offsets, least_thickness=least_thickness)
 
 
 def columns_of(analysis: SectionAnalysis) -> dict[str, np.ndarray]:
-    """Return what was computed under the reference's names."""
+    """Return computed values under the reference's names."""
     found = analysis.properties
     arm = found.shear_centre_y - found.centroid_y
     return {name: getattr(found, name, arm) for name, _ in COLUMNS}

@@ -124,7 +124,7 @@ def answers_table(answers: Iterable[Sum], values: Any) -> str:
 
 
 def kept(path: Path) -> dict[str, Any]:
-    """Return what a folder knows of its panels, by their number."""
+    """Return the results of a folder's panels by their number."""
     return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
 
 
@@ -136,7 +136,7 @@ def visible(facts: Facts, point: Any, friction: float) -> float:
 
 
 def further(folder: Path, facts: Facts, points: Any, *, checked: int) -> list[dict[str, Any]]:
-    """Throw what a matching does not: sizes at other frictions, and the whole check."""
+    """Make throws that a matching does not: sizes at other frictions, and the whole check."""
     path = folder / "further.json"
     known = kept(path)
     for number, point in enumerate(points):
@@ -152,7 +152,7 @@ def further(folder: Path, facts: Facts, points: Any, *, checked: int) -> list[di
 
 
 def whole_check(number: int) -> dict[str, Any]:
-    """Return what `turnout panel check` warns of in a case of the library study, and growth rates.
+    """Return warnings of `turnout panel check` on a case of the library study, and growth rates.
 
     As `turnout.metric.panel_check.panel_concerns`, but with the growth rate of the worst mode at
     the panel's friction and at `FRICTION_RESERVE` times it also where all modes decay [1/s].
@@ -185,7 +185,7 @@ def check_table(rows: list[dict[str, Any]]) -> str:
 
 
 def growth_table(facts: Facts, values: Any, rows: list[dict[str, Any]]) -> str:
-    """Return sizes seen by friction, apart where the rail stands off at 0.4 and where not."""
+    """Return sizes seen by friction, apart for rails that stand off at 0.4 and others."""
     names = [item.name for item in facts.answers]
     middle = values[:, names.index("f: smallest visible object at sleeper 6")]
     gap = values[:, names.index("f: open at Drive 2, friction 0.4")]
@@ -242,7 +242,7 @@ def main() -> None:
 
 
 def say(found: Matching, rows: list[dict[str, Any]]) -> None:
-    """Print what the page's words are about: cost, and warnings of the panels that were checked."""
+    """Print numbers for the page's text: cost, and warnings of the panels that were checked."""
     seconds = sum(item.seconds for item in found.tried)
     throws = sum(item.throws for item in found.tried)
     print(f"{len(found.points)} of {len(found.tried)}, {throws} throws, {seconds:.0f} s")

@@ -30,7 +30,7 @@ Fault = Callable[[xr.Dataset, np.random.Generator], xr.Dataset]
 
 @dataclass(frozen=True)
 class Level:
-    """One severity of a fault; `clear` where every throw should be seen."""
+    """One severity of a fault; `clear` if every throw should be seen."""
 
     text: str
     apply: Fault
@@ -47,7 +47,7 @@ class Sweep:
 
 
 def judged(dataset: xr.Dataset, *, direction: str = "closing") -> ThrowQuality | None:
-    """Judge the first throw as a build does; None where there is none."""
+    """Judge the first throw as a build does; None if there is none."""
     throws = find_throws(dataset)
     if not throws:
         return None
@@ -122,7 +122,7 @@ def reversed_(channel: str) -> Fault:
 
 
 def paced(factor: float) -> Fault:
-    """Let a throw run at another pace, as it does where the rate is stated wrongly."""
+    """Let a throw run at another pace, as if the rate were stated wrongly."""
 
     def apply(dataset: xr.Dataset, rng: np.random.Generator) -> xr.Dataset:
         time = dataset["time"].values

@@ -1,4 +1,4 @@
-"""Numbered pieces of a long job, each a line of a file: what was killed goes on where it was."""
+"""Numbered pieces of a long job, each a line of a file: a killed job continues."""
 
 import argparse
 import json
@@ -29,7 +29,7 @@ def read_records(folder: Path) -> list[Record]:
 def run_missing(
     make: Callable[[list[int]], Iterable[Record]], count: int, *, folder: Path
 ) -> list[Record]:
-    """Do what is missing of `count` pieces, and return all results.
+    """Do the missing ones of `count` pieces, and return all results.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def run_missing(
 def run_numbered(
     job: Callable[[int], Record], count: int, *, folder: Path, workers: int
 ) -> list[Record]:
-    """Do what is missing of `count` pieces in processes, and return all results.
+    """Do the missing ones of `count` pieces in processes, and return all results.
 
     `job` is a function of a module, as worker processes load it.
     """

@@ -50,7 +50,7 @@ JOB = "job.json"
 
 
 def result_of(index: int) -> Record:
-    """Run one scenario; return what the report needs."""
+    """Run one scenario; return a record for the report."""
     faulthandler.dump_traceback_later(ENDLESS, exit=True)
     scenario = numbered_scenario(index)
     began = time.perf_counter()
@@ -99,7 +99,7 @@ def is_defect(record: Record) -> bool:
 
 
 def run_job(count: int, *, folder: Path, workers: int) -> list[Record]:
-    """Run what is missing of the first `count` scenarios; return all their results.
+    """Run the missing ones of the first `count` scenarios; return all their results.
 
     Raises
     ------
@@ -183,7 +183,7 @@ def _begin_worker() -> None:
 
 
 def show(scenario: Scenario) -> str:
-    """Return a scenario and what is wrong with it, to be repeated elsewhere."""
+    """Return a scenario and its faults, to be repeated elsewhere."""
     run = run_scenario(scenario)
     parts = [f"panel: {scenario.source}", f"overrides: {scenario.overrides}"]
     parts += [f"object: {item}" for item in scenario.objects]
@@ -222,7 +222,7 @@ def seconds_deaf(scenario: Scenario, *, after: float) -> float:
 
 
 def interrupt_or_wait(number: int, frame: FrameType | None) -> None:
-    """Send what Ctrl-C sends, but in a millisecond where a finaliser may be running."""
+    """Send the signal of Ctrl-C, a millisecond later while a finaliser may be running."""
     inner = frame
     while inner is not None:
         if inner.f_code.co_name == "__del__" or inner.f_globals.get("__name__") in WEAK:

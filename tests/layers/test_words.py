@@ -8,9 +8,11 @@ from benchmarks.census import CLAUSES, clause_shares, summaries
 from tests.layers.test_layers import SRC, TO_BE_REWRITTEN
 
 ROOMS = sorted(path.name for path in SRC.iterdir() if any(path.glob("*.py")))
+ROOT = SRC.parents[1]
+FOLDERS = {room: SRC / room for room in ROOMS} | {"benchmarks": ROOT / "benchmarks"}
 MOST = 2
-"""Per cent of the summaries of a room that may have a "what" or "where" clause."""
-MOST_UNTIL_REWRITTEN = {"calibration": 32, "detection": 30, "machine": 25, "solver": 19}
+"""Per cent of the summaries of a folder that may have a "what" or "where" clause."""
+MOST_UNTIL_REWRITTEN = {"calibration": 31, "detection": 30, "machine": 22, "solver": 18}
 """The same of rooms whose texts are to be rewritten: only to be lowered."""
 
 FACES = ("api", "cli", "figures", "web")
@@ -29,23 +31,23 @@ SAME_MEANING = {
 """Modules that several packages have, and the one meaning of their name."""
 
 
-def summaries_with_a_clause(room: str) -> str:
-    """Return the summaries of a room that have a clause, a line for each."""
+def summaries_with_a_clause(folder: Path) -> str:
+    """Return the summaries of a folder that have a clause, a line for each."""
     found = [
-        f"{path.relative_to(SRC)}:{line}: {text}"
-        for path in sorted((SRC / room).rglob("*.py"))
+        f"{path.relative_to(ROOT)}:{line}: {text}"
+        for path in sorted(folder.rglob("*.py"))
         for line, text in summaries(path)
         if any(clause.search(text) for clause in CLAUSES.values())
     ]
     return "\n".join(found)
 
 
-@pytest.mark.parametrize("room", ROOMS)
-def test_summaries_are_noun_phrases_or_imperatives(room: str) -> None:
-    share = 100 * clause_shares(SRC / room)["any"]
-    most = MOST_UNTIL_REWRITTEN.get(room, MOST)
+@pytest.mark.parametrize("name", FOLDERS)
+def test_summaries_are_noun_phrases_or_imperatives(name: str) -> None:
+    share = 100 * clause_shares(FOLDERS[name])["any"]
+    most = MOST_UNTIL_REWRITTEN.get(name, MOST)
     text = f"{share:.1f} % of the summaries have a clause, at most {most} % may:"
-    assert share <= most, f"{text}\n{summaries_with_a_clause(room)}"
+    assert share <= most, f"{text}\n{summaries_with_a_clause(FOLDERS[name])}"
 
 
 def test_only_rooms_to_be_rewritten_may_have_more_clauses() -> None:

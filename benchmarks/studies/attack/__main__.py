@@ -66,7 +66,7 @@ def run(part: str, *, seed: int, count: int, out: Path, minutes: float) -> list[
 
 
 def table(records: list[Record]) -> list[str]:
-    """Return how many attempts of each kind ended how, and what they took at most."""
+    """Return a table: attempts and outcomes of each kind, longest time and largest memory."""
     lines = [
         "| kind | tried | refused | stopped | answered | faults | longest | largest memory |",
         "|---|---|---|---|---|---|---|---|",
@@ -91,7 +91,7 @@ def section(found: dict[str, list[Record]], seed: int) -> list[str]:
 
 
 def main() -> int:
-    """Run the requested parts, or all; 1 where there is a fault."""
+    """Run the requested parts, or all; return 1 for any fault."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}")
     parser.add_argument("--seed", type=int, default=1)

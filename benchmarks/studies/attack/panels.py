@@ -61,7 +61,7 @@ class Chosen:
 
 @contextmanager
 def attacking(seed: int) -> Iterator[Callable[[int], Record]]:
-    """Give what throws a panel by its number; what the program loads is loaded before."""
+    """Provide a function that throws a panel by its number, with the program loaded before."""
     compile_kernels()
     simulate(load_panel("sb1"), scheme=Scheme.of("quick"))
     preload(plots=False)
@@ -107,7 +107,7 @@ def _program(words: list[str]) -> None:
 
 
 def _fault(ended: Ended, out: Path | None) -> str:
-    """Return what is wrong with how the program ended; empty for nothing."""
+    """Return the fault in how the program ended; empty for none."""
     if ended.late:
         return f"takes longer than {MOST_SECONDS:g} s"
     said = ended.out + ended.err
@@ -130,7 +130,7 @@ def _fault(ended: Ended, out: Path | None) -> str:
 
 
 def _fault_of_run(path: Path, *, complete: bool) -> str:
-    """Return what is wrong with the dataset of a run."""
+    """Return the fault of the dataset of a run; empty for none."""
     run = open_response(path)
     if bool(run.attrs["complete"]) != complete:
         return f"complete = {run.attrs['complete']} does not go with the exit code"

@@ -84,7 +84,7 @@ def _of_extras(folder: Path) -> dict[str, Path]:
 
 @contextmanager
 def attacking(seed: int) -> Iterator[Callable[[int], Record]]:
-    """Give what reads a hostile recording by its number."""
+    """Provide a function that reads a hostile recording by its number."""
     resource.setrlimit(resource.RLIMIT_DATA, (OWN_LIMIT, OWN_LIMIT))
     warnings.simplefilter("error")
     with tempfile.TemporaryDirectory(prefix="attack on recordings ") as name:
@@ -114,7 +114,7 @@ def attacking(seed: int) -> Iterator[Callable[[int], Record]]:
 
 
 def mutated(content: bytes, source: random.Random, *, text: bool) -> tuple[bytes, str]:
-    """Return a file's content with something done to it, and what that is."""
+    """Return a file's content with drawn changes, and the names of these."""
     ways = [_bits, _cut, _doubled, _filled, _sizes, *([_cells] * 4 if text else [])]
     chosen = source.sample(ways, source.choice((1, 1, 1, 2)))
     for way in chosen:
@@ -168,13 +168,13 @@ def _cells(content: bytes, source: random.Random) -> bytes:
 
 
 def _place(content: bytes | bytearray, source: random.Random) -> int:
-    """Return a place, half the time in the first 2 kB, where formats say what they hold."""
+    """Return a place, half the time in the first 2 kB, which describe the rest of most formats."""
     near = min(len(content), 2048)
     return source.randrange(max(1, source.choice((near, len(content)))))
 
 
 def judged(path: Path, what: str) -> Record:
-    """Read a recording; return how that ended, and what it took in all processes."""
+    """Read a recording; return the outcome, and time and memory of all processes."""
     for item in isolated._kept:
         _drop_memory(item.process.pid)
     _drop_memory("self")
@@ -211,7 +211,7 @@ def _ended_readers() -> float:
 
 
 def _processor_time() -> float:
-    """Return what this process and all readers have used [s]."""
+    """Return the processor time of this process and all readers [s]."""
     used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     running = 0.0
     for item in isolated._kept:

@@ -54,7 +54,7 @@ class Request:
     number: int = 0
 
     def described(self) -> str:
-        """Return what it is, short enough for a line."""
+        """Return address and content, short enough for a line."""
         return f"{self.path[:150]} {(self.raw or self.body or b'')[:200]!r}"
 
     def sent(self) -> str:

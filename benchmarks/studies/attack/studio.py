@@ -46,7 +46,7 @@ class Started:
         return [pid for pid in self.processes()[1:] if b"spawn_main" in _command(pid)]
 
     def memory(self) -> float:
-        """Return the memory of all processes, what they share counted once [MB]."""
+        """Return the memory of all processes, shared pages counted once [MB]."""
         return sum(map(_memory, self.processes()))
 
 
@@ -72,7 +72,7 @@ def started(*arguments: str) -> Iterator[Started]:
 
 
 def mark_of(client: Client) -> str:
-    """Return by what the studio knows the panel that it was started with."""
+    """Return the mark of the panel that the studio was started with."""
     return str(client.ask("/api/start").json["panel"]["mark"])
 
 
@@ -84,7 +84,7 @@ def threw(client: Client, mark: str, *, size: float) -> Reply:
 
 @contextmanager
 def attacking(seed: int) -> Iterator[Callable[[int], dict[str, Any]]]:
-    """Start a studio with a campaign and give what attacks it; started again where it ends."""
+    """Start a studio with a campaign, again if it ends; provide a function that attacks it."""
     with tempfile.TemporaryDirectory() as folder:
         secret = Path(folder) / "secret.csv"
         secret.write_text(SECRET + "\n", encoding="utf-8")
@@ -149,7 +149,7 @@ def _judged(studio: Started, request: Request, mark: str, folder: str) -> dict[s
 
 
 def _not_alive(studio: Started, mark: str, request: Request) -> str:
-    """Return what is wrong with the studio after a request; a throw is asked after every tenth."""
+    """Return the fault of the studio after a request; a throw is asked after every tenth."""
     try:
         if studio.client.ask("/api/start").status != 200:
             return "the studio does not answer any more"

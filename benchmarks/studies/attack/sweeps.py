@@ -1,4 +1,4 @@
-"""Sweeps that are killed at seeded instants, and bits flipped in what they have written.
+"""Sweeps that are killed at seeded instants, and bits flipped in their files.
 
 A kill comes at an instant within a batch, at an operation on a file of the folder, or to the whole
 program or one of its workers. The same run afterwards must bring every scenario, in the bytes of a
@@ -66,7 +66,7 @@ class Attacked:
         assert not list((folder / BATCHES).glob(".*")), "leftovers"
 
     def check_part(self, folder: Path) -> None:
-        """Find in a killed sweep what the whole one has, or one message that says what to do."""
+        """Find the results of the whole sweep in a killed one, or one message with the remedy."""
         try:
             found = read_labels(folder)
         except FileError as error:
@@ -80,7 +80,7 @@ class Attacked:
 
 @contextmanager
 def attacking(seed: int) -> Iterator[Callable[[int], Record]]:
-    """Give what makes an attempt on a sweep by its number."""
+    """Provide a function that makes an attempt on a sweep by its number."""
     initialize_worker()
     with tempfile.TemporaryDirectory(prefix="attack on sweeps ") as folder:
         attacked = Attacked(Path(folder))
