@@ -127,6 +127,18 @@ def test_a_limit_itself_fails_for_a_gap_and_passes_for_the_flangeway() -> None:
     assert (lock.criterion, lock.left) == ("gap", "0.00 over")
 
 
+def test_gauge_names_its_place_and_passes_at_its_limit() -> None:
+    run = xr.Dataset(
+        {"least_gauge": 1.4268, "least_gauge_place": "sleeper 6"}, attrs={"gauge_limit": 1.427}
+    )
+    (narrow,) = checks(run)
+    assert (narrow.met, narrow.key, narrow.left) == (False, "gauge:gauge", "0.20 short")
+    assert narrow.text == "the closed rail narrows the gauge to 1426.8 mm at sleeper 6 (limit 1427)"
+    (wide,) = checks(run.assign(least_gauge=1.427))
+    assert (wide.met, wide.text) == (True, "the gauge is 1427.0 mm at sleeper 6 (limit 1427)")
+    assert checks(run.drop_attrs()) == []
+
+
 def test_a_gap_below_zero_is_closed() -> None:
     check = Check(kind="lock", name="switch", criterion="gap", met=True, value=-2e-4, limit=5e-3)
     assert (check.numbers, check.margin) == ("closed, limit 5 mm", 5.2e-3)

@@ -197,6 +197,18 @@ def test_a_slip_at_rest_before_the_first_movement_is_reported_as_such() -> None:
     assert "Drive 2 slips at rest, at 6.00 kN, before the first movement" in found.text
 
 
+def test_a_narrow_gauge_is_not_sound_and_is_stated_with_an_undetected_object() -> None:
+    narrow = {"least_gauge": 1.42, "least_gauge_place": "sleeper 6"}
+    alone, missed = (
+        verdict(run_with(trapped=trapped).assign(narrow).assign_attrs(gauge_limit=1.427))
+        for trapped in (False, True)
+    )
+    text = "the closed rail narrows the gauge to 1420.0 mm at sleeper 6 (limit 1427)"
+    assert (alone.kind, missed.kind) == ("not sound", "undetected object")
+    assert text in alone.text
+    assert text in missed.text
+
+
 def test_a_flangeway_below_its_limit_is_not_sound() -> None:
     found = verdict(run_with(trapped=False, flangeway=0.01086))
     assert found.kind == "not sound"

@@ -149,9 +149,10 @@ def test_panels_survive_pickling_with_all_they_know(name: str) -> None:
 
 @pytest.mark.parametrize("name", DIFFERENT)
 def test_the_hash_is_that_of_the_panel_written_as_a_whole(name: str) -> None:
-    """With machines, cycles before the start and an edge that meets no other: nothing left out."""
+    """With machines, cycles before the start, an edge that meets no other and data of the gauge."""
     own: dict[str, object] = {f"drive.{key}.machine": "jea73" for key in load_panel(name).drive}
     own |= {"schedule.loaded": True, "schedule.loaded_by": "cycles"}
+    own |= {"gauge.nominal": 1.435, "gauge.height": 0.12, "rail.gauge_widening": 0.001}
     own |= {"rail.running_edge.tangent_offset": 0.001} if name != "sb1" else {}
     panel = load_panel(name).with_overrides(own)
     left_out = {"movement": {"__all__": {"table_file"}}, "rail": {"__all__": {"matrices"}}}

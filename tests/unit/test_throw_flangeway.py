@@ -1,20 +1,25 @@
-"""The flangeway at one instant is that of all coordinates of the rails."""
+"""Flangeway and gauge at one instant are those of all coordinates of the rails."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from turnout.core.scheme import Scheme
+from turnout.mechanism.travel import unloaded_gap
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
 from turnout.panel.model import Panel
 from turnout.panel.profile import contact_height, running_edge_distance
-from turnout.throw.flangeway import LeastFlangeway, least_flangeways, movement_ends
+from turnout.throw.flangeway import LeastDistance, least_distances, movement_ends
 from turnout.throw.gaps import gap_rows
+from turnout.throw.lock_and_control import DISTANCES
 from turnout.throw.recovery import Motion, recover_motion
-from turnout.throw.route import DirectedMovement, open_rail, throws
+from turnout.throw.route import DirectedMovement, closed_rail, open_rail, throws
 from turnout.throw.simulate import solve
+
+Floats = NDArray[np.float64]
 
 
 @pytest.mark.parametrize("name", ["uic60-760-1-15", "60e1-300-1-9", "sb2"])
@@ -51,17 +56,36 @@ def test_flangeway_of_any_motion_and_any_forces(name: str, at: str) -> None:
         found = flangeway_of(panel, motion, [(throw, instant)])
         assert found.width == pytest.approx(wanted.min(), rel=1e-9, abs=1e-12)
         assert found[1:] == (x[wanted.argmin()], rail)
+        if panel.gauge is not None:
+            gauge, rail = gauge_of_coordinates(panel, motion, throw.to, u)
+            (least,) = least_distances(
+                [movement_ends(panel, motion, [(throw, instant)], of=DISTANCES)]
+            )
+            assert least["gauge"].width == pytest.approx(gauge.min(), rel=1e-9, abs=1e-12)
+            assert least["gauge"][1:] == (motion.rails[rail].x[gauge.argmin()], rail)
         ends.append((throw, instant))
         single.append(found)
     assert flangeway_of(panel, motion, ends) == min(single)
     assert flangeway_of(panel, motion, [*ends, ends[0]]) == min(single)
 
 
+def gauge_of_coordinates(panel: Panel, motion: Motion, to: str, u: Floats) -> tuple[Floats, str]:
+    """Return the gauge at the nodes of the closed rail, and its name."""
+    assert panel.gauge is not None
+    rail = closed_rail(panel, to)
+    body, side = motion.rails[rail], 1.0 if panel.rail[rail].closes == "+y" else -1.0
+    way = body.recovery @ u[body.first : body.first + body.count]
+    gap = unloaded_gap(panel, motion.shapes[rail], rail, body.x)
+    assert gap is not None
+    edge = side * (way[1::6] - panel.gauge.height * way[3::6])
+    return panel.gauge.nominal - gap + edge, rail
+
+
 def flangeway_of(
     panel: Panel, motion: Motion, ends: list[tuple[DirectedMovement, int]]
-) -> LeastFlangeway:
-    (found,) = least_flangeways([movement_ends(panel, motion, ends)])
-    return found
+) -> LeastDistance:
+    (found,) = least_distances([movement_ends(panel, motion, ends, of=DISTANCES)])
+    return found["flangeway"]
 
 
 def test_flangeways_of_many_runs_are_those_of_each() -> None:
@@ -74,8 +98,9 @@ def test_flangeways_of_many_runs_are_those_of_each() -> None:
             motion = recover_motion(solved.mechanism, solved.history)
             time = solved.history.time
             ends = [(throw, int(time.searchsorted(throw.end))) for throw in throws(panel)]
-            runs.append(movement_ends(panel, motion, ends))
-    apart = [least_flangeways([run])[0] for run in runs]
-    assert len({run.width for run in apart if run.rail}) == 6
-    assert [run.rail for run in apart].count("") == 3
-    np.testing.assert_equal(least_flangeways(runs), apart)
+            runs.append(movement_ends(panel, motion, ends, of=DISTANCES))
+    apart = [least_distances([run])[0] for run in runs]
+    assert len({run["flangeway"].width for run in apart if run}) == 6
+    assert len({run["gauge"].width for run in apart if run}) == 6
+    assert apart.count({}) == 3
+    np.testing.assert_equal(least_distances(runs), apart)

@@ -107,6 +107,7 @@ CHANNELS: Mapping[str, Channel] = _table(
         "state of the machine: 0 off, 1 on, 2 on and slipping, 3 off and locked, -1 no machine",
         kind="count",
     ),
+    Channel("gauge", ("x", "time"), "m", "track gauge beside the rail to be closed", "wide"),
     Channel("object_force", ("time",), "N", "force on the foreign object", "compression"),
     Channel(
         "single_object_force",
@@ -229,6 +230,10 @@ CHANNELS: Mapping[str, Channel] = _table(
     Channel("least_flangeway", (), "m", "least flangeway at the end of a movement", "open"),
     Channel("least_flangeway_x", (), "m", "place of the least flangeway", "towards the heel"),
     Channel("least_flangeway_rail", (), "1", "rail of the least flangeway", kind="text"),
+    Channel("least_gauge", (), "m", "least track gauge at the end of a movement", "wide"),
+    Channel("least_gauge_x", (), "m", "place of the least gauge", "towards the heel"),
+    Channel("least_gauge_rail", (), "1", "closed rail of the least gauge", kind="text"),
+    Channel("least_gauge_place", (), "1", "name of the place of the least gauge", kind="text"),
 )
 
 # A campaign has these in place of one direction, and "movement" before the dimensions of channels.
@@ -278,8 +283,10 @@ OF_MACHINES = frozenset(
 # Made where machines have a three-phase motor.
 OF_THREE_PHASE = frozenset({"drive_apparent_power"})
 # Made on request only.
-ON_REQUEST = frozenset({"fastening_force", "fastening_moment"})
-OPTIONAL = MEASURED | OF_MACHINES | OF_THREE_PHASE | ON_REQUEST
+ON_REQUEST = frozenset({"fastening_force", "fastening_moment", "gauge"})
+# Made where the panel has data of its gauge.
+OF_GAUGE = frozenset({"least_gauge", "least_gauge_x", "least_gauge_rail", "least_gauge_place"})
+OPTIONAL = MEASURED | OF_MACHINES | OF_THREE_PHASE | ON_REQUEST | OF_GAUGE
 OPTIONAL |= {"single_object_force", "object_contact_time", "object_left", "object_broken"}
 
 DEPENDS = "depends on how it breaks"

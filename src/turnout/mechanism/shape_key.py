@@ -15,7 +15,8 @@ from turnout.panel.records import Chair, Drive, Rail
 
 _NO_SHAPE = frozenset(
     ("schema_version", "name", "description", "instrumented_rail", "schedule", "movement")
-    + ("object_defaults", "object", "lock", "flangeway", "chair", "drive", "machine", "rail")
+    + ("object_defaults", "object", "lock", "flangeway", "gauge", "chair", "drive")
+    + ("machine", "rail")
 )
 _LAW_ALONE: dict[type[Record], frozenset[str]] = {
     Chair: frozenset(
@@ -28,7 +29,10 @@ _LAW_ALONE: dict[type[Record], frozenset[str]] = {
         ("stiffness", "saturation_force", "saturated_stiffness", "extension", "force", "machine")
         + ("over_travel_open", "over_travel_closed", "gap_limit")
     ),
-    Rail: frozenset(("stress_free", "fit_gap", "stock_rail_gap", "running_edge", "head_width")),
+    Rail: frozenset(
+        ("stress_free", "fit_gap", "stock_rail_gap", "running_edge", "head_width")
+        + ("gauge_widening",)
+    ),
 }
 """Fields that end up in laws, markers or gaps, of which neither rows nor matrices depend."""
 LAWS_ALONE = frozenset(

@@ -36,7 +36,9 @@ Side = Literal["below", "at least"]
 
 SWITCHED_OFF = "switched off"
 """Criterion of a machine that is switched off before its end position."""
-FLANGEWAY = "flangeway"
+FLANGEWAY, GAUGE = "flangeway", "gauge"
+OF_WHEELS = (FLANGEWAY, GAUGE)
+"""Kinds of checks on the room that passing wheels have; they report no object."""
 
 
 def quantity_text(value: float, unit: str, *, decimals: int = 2) -> str:
@@ -80,12 +82,13 @@ class Check:
     Attributes
     ----------
     kind : str
-        "slip" of a drive in a movement, "lock" and "control" at the rest after it, "flangeway".
+        "slip" of a drive in a movement, "lock" and "control" at the rest after it, "flangeway",
+        "gauge".
     name : str
-        Its subject: "drive 1", "switch", "TKK1", "flangeway".
+        Its subject: "drive 1", "switch", "TKK1", "flangeway", "gauge".
     criterion : str
         Deciding criterion: "slip", "gap" or another one of the lock rule, `SWITCHED_OFF`,
-        "flangeway"; empty for none.
+        "flangeway", "gauge"; empty for none.
     met : bool or None
         Answer; None where it cannot be judged.
     time : float
@@ -279,7 +282,8 @@ def checks(dataset: "xr.Dataset") -> list[Check]:
     -------
     list of Check
         Movement by movement the slips of drives in the order of time, then lock and sensors at the
-        rest after it, where an object is taken out at rest also just before; then the flangeway.
+        rest after it, where an object is taken out at rest also just before; then flangeway and
+        gauge.
 
     Examples
     --------
@@ -290,14 +294,14 @@ def checks(dataset: "xr.Dataset") -> list[Check]:
     ('Flangeway', True, '60.70 of min 58 mm', '2.70 left')
     """
     if "time" not in dataset.dims or not dataset.sizes["time"]:
-        return list(_flangeway(dataset))
+        return [*_flangeway(dataset), *_gauge(dataset)]
     throw, found = _Throw(dataset), list[Check]()
     for number, (span, until) in enumerate(throw.periods):
         found += _slip_checks(throw, span, until, first=not number)
         for instant in _rests(dataset, span, until):
             rest = "" if instant == until else f"{instant:g}"
             found += [replace(check, rest=rest) for check in _rest_checks(throw, span, instant)]
-    return [*found, *_flangeway(dataset)]
+    return [*found, *_flangeway(dataset), *_gauge(dataset)]
 
 
 def _rests(dataset: "xr.Dataset", span: Span | None, until: float) -> list[float]:
@@ -500,6 +504,27 @@ def _flangeway(dataset: "xr.Dataset") -> Iterator[Check]:
     )
 
 
+def _gauge(dataset: "xr.Dataset") -> Iterator[Check]:
+    """Yield whether the gauge beside the closed rails is wide enough, if there is a limit."""
+    limit = float(dataset.attrs.get("gauge_limit", math.nan))
+    least = float(dataset["least_gauge"]) if "least_gauge" in dataset else math.nan
+    if math.isnan(limit + least):
+        return
+    what = "the gauge is" if least >= limit else "the closed rail narrows the gauge to"
+    where = f" at {dataset['least_gauge_place'].values!s}" if "least_gauge_place" in dataset else ""
+    yield Check(
+        kind=GAUGE,
+        name=GAUGE,
+        criterion=GAUGE,
+        met=least >= limit,
+        label="Gauge",
+        value=least,
+        limit=limit,
+        side="at least",
+        text=f"{what} {1e3 * least:.1f} mm{where} (limit {1e3 * limit:g})",
+    )
+
+
 def unmet(found: Iterable[Check], *kinds: str) -> list[Check]:
     """Return the checks that are not met, of some kinds or of all."""
     return [item for item in found if item.met is False and (not kinds or item.kind in kinds)]
@@ -510,6 +535,8 @@ _MEANINGS = {
     "lock": "Force or gap at the drive that decides.",
     "control": "Gap at the sensor on the rail that is closed at rest; the sensor reports control "
     "below its limit.",
+    GAUGE: "Least distance between the running edges of a route, beside its closed switch rail; it "
+    "must not be less than its limit.",
     FLANGEWAY: "Least distance between the open switch rail and its stock rail, which wheel "
     "flanges pass; it must not be less than its limit.",
 }

@@ -9,6 +9,7 @@ import xarray as xr
 from turnout.metric.channel_features import final_value
 from turnout.metric.checks import (
     FLANGEWAY,
+    GAUGE,
     SWITCHED_OFF,
     Check,
     checks,
@@ -21,6 +22,7 @@ from turnout.metric.slip import unfinished
 from turnout.metric.summary import (
     ends_inaccurate,
     flangeway_text,
+    gauge_text,
     numerical_warning,
     slip_text,
 )
@@ -92,7 +94,7 @@ def findings(dataset: xr.Dataset) -> list[Finding]:
     judged = verdict(dataset, made)
     found = [*_complete(dataset), *_outcome(dataset, made, judged), *_states(dataset, made)]
     found += [*_slipped(dataset, made), *_nearest(made)]
-    found += [*_object(dataset), *_flangeway(dataset, made)]
+    found += [*_object(dataset), *_of_wheels(dataset, made)]
     warning = numerical_warning(dataset) if "energy_numerical" in dataset else None
     if warning is not None:
         found.append(Finding("look", "Can the numbers be trusted?", "With care", warning))
@@ -103,7 +105,7 @@ def findings(dataset: xr.Dataset) -> list[Finding]:
 # What accepts a movement; not good while an object is trapped.
 _ACCEPTS = (
     *("Locked?", "In control?", "Did a drive slip?"),
-    *("Least margin to slip", "Least flangeway"),
+    *("Least margin to slip", "Least flangeway", "Least gauge"),
 )
 
 
@@ -244,11 +246,12 @@ def _object(dataset: xr.Dataset) -> list[Finding]:
     return [Finding("fact", "Force on the object", format_force(final_value(force)), detail)]
 
 
-def _flangeway(dataset: xr.Dataset, made: Sequence[Check]) -> list[Finding]:
-    text = flangeway_text(dataset)
-    if not text:
-        return []
-    met = [check.met for check in made if check.kind == FLANGEWAY]
-    level: Severity = "fact" if not met else "good" if met[0] else "look"
-    answer, _, detail = text.partition(" at ")
-    return [Finding(level, "Least flangeway", answer, f"at {detail}")]
+def _of_wheels(dataset: xr.Dataset, made: Sequence[Check]) -> Iterator[Finding]:
+    """Yield the room that passing wheels have."""
+    texts = ((FLANGEWAY, flangeway_text(dataset)), (GAUGE, gauge_text(dataset)))
+    for kind, text in texts:
+        met = [check.met for check in made if check.kind == kind]
+        level: Severity = "fact" if not met else "good" if met[0] else "look"
+        answer, _, detail = text.partition(" at ")
+        if text:
+            yield Finding(level, f"Least {kind}", answer, f"at {detail}")

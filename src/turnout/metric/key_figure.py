@@ -31,7 +31,7 @@ class KeyFigure:
 
 
 def key_figures(dataset: xr.Dataset) -> list[KeyFigure]:
-    """Return the numbers of a run: forces and gaps at the end, margins, object, flangeway.
+    """Return the numbers of a run: forces and gaps at the end, margins, object, room for wheels.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def key_figures(dataset: xr.Dataset) -> list[KeyFigure]:
         for name in dataset["sensor"].values:
             gap = float(final_value(dataset["sensor_gap"].sel(sensor=name)))
             found.append(KeyFigure(f"sensor_gap:{name}", f"{name}, end gap", gap, "m"))
-    return found + _of_object(dataset) + _of_flangeway(dataset)
+    return found + _of_object(dataset) + _of_wheels(dataset)
 
 
 def _of_object(dataset: xr.Dataset) -> list[KeyFigure]:
@@ -102,7 +102,9 @@ def peak_note(dataset: xr.Dataset) -> str:
     return f" ({note})" if note else ""
 
 
-def _of_flangeway(dataset: xr.Dataset) -> list[KeyFigure]:
-    if "least_flangeway" not in dataset:
-        return []
-    return [KeyFigure("flangeway", "Least flangeway", float(dataset["least_flangeway"]), "m")]
+def _of_wheels(dataset: xr.Dataset) -> list[KeyFigure]:
+    return [
+        KeyFigure(name, f"Least {name}", float(dataset[f"least_{name}"]), "m")
+        for name in ("flangeway", "gauge")
+        if f"least_{name}" in dataset
+    ]

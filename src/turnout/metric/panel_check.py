@@ -15,6 +15,7 @@ from turnout.mechanism.rail_sections import severed_steel
 from turnout.mechanism.rest import resting_slips
 from turnout.metric.checks import (
     FLANGEWAY,
+    GAUGE,
     SWITCHED_OFF,
     Check,
     checks,
@@ -94,6 +95,7 @@ def concerns(dataset: xr.Dataset) -> list[Concern]:
         return found
     found, made = [*found, *_not_arriving(dataset)], checks(dataset)
     found += [*_near_limits(dataset, made), *_narrow_flangeway(dataset, made)]
+    found += _narrow_gauge(made)
     return [*found, *_idle_chairs(dataset)]
 
 
@@ -160,6 +162,18 @@ def _narrow_flangeway(dataset: xr.Dataset, made: list[Check]) -> list[Concern]:
             "more stroke or over-travel at the nearest drive, or a drive closer to the place",
         )
         for check in unmet(made, FLANGEWAY)
+    ]
+
+
+def _narrow_gauge(made: list[Check]) -> list[Concern]:
+    return [
+        Concern(
+            "gauge below its limit",
+            check.text.partition(" at ")[2].partition(" (")[0],
+            f"{check.numbers}, {check.left}",
+            "a smaller fit gap, a stop or a drive nearer to the place, or fit_gap_is_design",
+        )
+        for check in unmet(made, GAUGE)
     ]
 
 

@@ -27,12 +27,12 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-def format_required_flangeway(least: float, required: float) -> str:
-    """Return the requirement on a flangeway, and a remark if the least one [m] is too narrow.
+def format_required(least: float, required: float) -> str:
+    """Return the requirement on a distance, and a remark if the least one [m] is too narrow.
 
     Examples
     --------
-    >>> format_required_flangeway(0.0565, 0.058)
+    >>> format_required(0.0565, 0.058)
     'TOO NARROW: at least 58 mm required'
     """
     requirement = f"at least {1e3 * required:g} mm required"
@@ -130,6 +130,7 @@ def summary(dataset: "xr.Dataset", found: Sequence[Check] | None = None) -> list
     lines += _drives(dataset)
     lines += [("slip", text) for text in _slips(dataset, found)]
     lines += [("least flangeway", text)] if (text := flangeway_text(dataset)) else []
+    lines += [("least gauge", text)] if (text := gauge_text(dataset)) else []
     lines += _energy(dataset)
     lines.append(("scheme", str(dataset.attrs.get("scheme", "not stated"))))
     return _blank_repeated_headings(lines)
@@ -395,7 +396,18 @@ def flangeway_text(dataset: "xr.Dataset") -> str:
     limit = float(dataset.attrs.get("flangeway_limit", math.nan))
     if math.isnan(limit):
         return f"{text}; the panel gives no limit"
-    return f"{text}; {format_required_flangeway(float(dataset['least_flangeway']), limit)}"
+    return f"{text}; {format_required(float(dataset['least_flangeway']), limit)}"
+
+
+def gauge_text(dataset: "xr.Dataset") -> str:
+    """Return the least gauge with its place and requirement; empty if it is not known."""
+    least = float(dataset["least_gauge"]) if "least_gauge" in dataset else math.nan
+    if math.isnan(least):
+        return ""
+    place, rail = (str(dataset[f"least_gauge_{name}"].values) for name in ("place", "rail"))
+    limit = float(dataset.attrs.get("gauge_limit", math.nan))
+    required = "the panel gives no limit" if math.isnan(limit) else format_required(least, limit)
+    return f"{1e3 * least:.1f} mm at {place}, rail {rail}; {required}"
 
 
 def _energy(dataset: "xr.Dataset") -> list[tuple[str, str]]:

@@ -13,7 +13,8 @@ import numpy as np
 
 from turnout.core.channels import BREAK_NOTE
 from turnout.metric.checks import (
-    FLANGEWAY,
+    GAUGE,
+    OF_WHEELS,
     SWITCHED_OFF,
     Check,
     checks,
@@ -52,8 +53,9 @@ MEANINGS: dict[Kind, str] = {
     "detected by lock": "An object is in the switch, and the lock reports it: it is not closed.",
     "detected by TKK": "An object is in the switch, and a sensor reports it: a gap stays open.",
     "not locked": "The switch does not report a locked end position, though no object keeps it.",
-    "not sound": "The switch locks, but a drive slips, a sensor reports a gap, or wheels have less "
-    "room beside its open rail than they need; no object causes it.",
+    "not sound": "The switch locks, but a drive slips, a sensor reports a gap, wheels have less "
+    "room beside its open rail than they need, or its closed rail narrows the gauge; no object "
+    "causes it.",
     "sound": "No object is trapped, and the switch closes and locks.",
     "depends on how it breaks": "An object breaks, or nearly does, and what the switch reports "
     "rests on it: a little more or less strength changes it.",
@@ -359,7 +361,7 @@ def _judge_object(
             continue
         if span is not None and span.to != item.position:
             continue
-        own = [check for check in found if check.movement == span and check.kind != FLANGEWAY]
+        own = [check for check in found if check.movement == span and check.kind not in OF_WHEELS]
         is_open |= any(check.met is None for check in own)
         slipped = [c for c in own if c.kind == "slip" and c.met is False and c.time < item.gone]
         rest = _last_rest(own, item.gone)
@@ -423,10 +425,10 @@ def _sentence(
 ) -> str:
     """Return a kind of verdict with its numbers as one sentence."""
     head = f"{kind[0].upper()}{kind[1:]}"
-    faults = _texts(check for check in unmet(found) if check.kind != FLANGEWAY)
+    faults = _texts(check for check in unmet(found) if check.kind not in OF_WHEELS)
     caught = [case for case in cases if case.signs]
     if kind == "undetected object":
-        parts = [_missed_text(_missed(cases))]
+        parts = [_missed_text(_missed(cases)), *_texts(unmet(found, GAUGE))]
         parts += [
             f"{case.item.name} is detected: {'; '.join(_texts(case.signs))}" for case in caught
         ]

@@ -43,11 +43,11 @@ def rising_fault(values: Sequence[float], *, unit: str) -> str:
     return ""
 
 
-def check_profile(path: Path, profile: float | Profile) -> Iterator[Problem]:
-    """Check the table, or the constant, of a stock rail gap."""
+def check_profile(path: Path, profile: float | Profile, *, what: str = "gap") -> Iterator[Problem]:
+    """Check the table, or the constant, of a gap or another length along a rail."""
     if not isinstance(profile, Profile):
         if profile < 0:
-            yield Problem(path, f" = {profile:g} m: a gap must be at least 0")
+            yield Problem(path, f" = {profile:g} m: a {what} must be at least 0")
         return
     if len(profile.x) != len(profile.value):
         text = f": has {len(profile.value)} entries, x has {len(profile.x)}"
@@ -57,7 +57,7 @@ def check_profile(path: Path, profile: float | Profile) -> Iterator[Problem]:
         yield Problem((*path, "x"), f": {fault}")
     if min(profile.value) < 0:
         yield Problem(
-            (*path, "value"), f": a gap must be at least 0, least {min(profile.value):g} m"
+            (*path, "value"), f": a {what} must be at least 0, least {min(profile.value):g} m"
         )
 
 

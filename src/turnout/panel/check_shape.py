@@ -18,7 +18,9 @@ MOST_CONTRADICTION = 0.5e-3
 
 
 def check_shape(draft: Draft, path: tuple[str, str], rail: Any) -> Iterator[Problem]:
-    """Check the input of a rail's shape, and a typed one against the strokes."""
+    """Check the input of a rail's shape and gauge, and a typed shape against the strokes."""
+    if rail.gauge_widening is not None:
+        yield from check_profile((*path, "gauge_widening"), rail.gauge_widening, what="widening")
     if rail.fit_gap is not None and rail.stock_rail_gap is not None:
         text = ": not beside stock_rail_gap, which types the shape that fit_gap has computed"
         yield Problem((*path, "fit_gap"), text)

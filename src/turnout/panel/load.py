@@ -178,7 +178,11 @@ class LoadedPanel(Panel):
                     del drive["machine"]
             if values["schedule"]["loaded_by"] == "return":  # and one without cycles before it
                 del values["schedule"]["loaded_by"]
+            if values["gauge"] is None:  # and one without data of its gauge
+                del values["gauge"]
             for rail in values["rail"].values():  # and one that touches, before edges could meet
+                if rail["gauge_widening"] is None:
+                    del rail["gauge_widening"]
                 edge = rail["running_edge"]
                 if edge is not None and not edge["tangent_offset"]:
                     del edge["tangent_offset"]

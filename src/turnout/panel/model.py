@@ -63,6 +63,26 @@ class Flangeway(Record):
     limit: Length = Field(gt=0, description="least allowed distance [m]")
 
 
+class TrackGauge(Record):
+    """Track gauge beside a closed switch rail: design, and the narrowing that is allowed."""
+
+    nominal: Length = Field(gt=0, description="nominal gauge [m]")
+    height: Length = Field(
+        ge=-1,
+        le=1,
+        description="z at which it is taken on the switch rail: 14 mm below the running surface, "
+        "from the foot [m]",
+    )
+    fit_gap_is_design: bool = Field(
+        False,
+        description="whether the fit gap is meant, so that a rail which leaves it has the design "
+        "gauge; an assumed one narrows the gauge",
+    )
+    limit: Length | None = Field(
+        None, gt=0, description="greatest allowed narrowing below the nominal gauge [m]"
+    )
+
+
 class Discretisation(Record):
     """Resolution of the rail model."""
 
@@ -110,6 +130,14 @@ class Panel(Record):
     object: dict[str, PanelObject] = {}
     lock: Lock
     flangeway: Flangeway | None = None
+    gauge: TrackGauge | None = None
+
+    @property
+    def gauge_limit(self) -> float | None:
+        """Least gauge that is allowed [m]; None without a limit."""
+        if self.gauge is None or self.gauge.limit is None:
+            return None
+        return round(self.gauge.nominal - self.gauge.limit, 9)
 
     def gap_limits(self) -> dict[str, float]:
         """Return the gap from which each drive refuses lock [m]."""

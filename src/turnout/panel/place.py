@@ -12,6 +12,7 @@ from turnout.core.units import LENGTH, parse_quantity
 SAME_PLACE = 1e-6
 """Positions nearer to each other than this are one place [m]."""
 PLACE_FAMILIES = ("sleeper", "drive", "sensor", "chair", "stud", "stop", "link", "fastening")
+_FIELD_NAMES = ("sleeper", "drive", "sensor")
 _NAMED = re.compile("|".join(PLACE_FAMILIES), re.IGNORECASE)
 # May stand between family and name.
 _BETWEEN = "-_:#. "
@@ -27,6 +28,23 @@ class Place:
     x: float
     family: str = ""
     name: str = ""
+
+
+def place_name(panel: Any, x: float) -> str:
+    """Return the name of the part of a panel at a place, as it is called in the field.
+
+    Parameters
+    ----------
+    panel : Panel
+        With its sleepers, drives and sensors.
+    x : float
+        From the toe [m].
+    """
+    for family in _FIELD_NAMES:
+        for name, member in getattr(panel, family).items():
+            if abs(member.x - x) < SAME_PLACE:
+                return f"{family} {name}"
+    return f"x = {x:g} m"
 
 
 def find_place(families: Mapping[str, Mapping[str, Any]], at: str) -> Place:

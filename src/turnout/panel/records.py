@@ -210,6 +210,9 @@ class Rail(ScaledSection):
     head_width: Length | None = Field(
         None, gt=0, description="full head width: w beyond it adds to the flangeway [m]"
     )
+    gauge_widening: Gap | None = Field(
+        None, description="design gauge of its route less the nominal gauge, where it is closed [m]"
+    )
 
     @property
     def has_stock_rail(self) -> bool:

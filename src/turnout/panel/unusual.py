@@ -76,6 +76,9 @@ USUAL: Mapping[str, tuple[float, float]] = {
     "object.stiffness": (1e3, 1e10),
     "lock.gap_limit": (1e-4, 0.05),
     "flangeway.limit": (0.01, 0.2),
+    "gauge.nominal": (0.5, 2.0),
+    "gauge.height": _HEIGHT,
+    "gauge.limit": (1e-3, 0.05),
 }
 """Least and largest usual value by key, in SI; a family's key holds for each of its members."""
 

@@ -18,7 +18,7 @@ from turnout.panel.foreign_object import PlacedObject
 from turnout.panel.load import LoadedPanel
 from turnout.panel.markers import prior_movement
 from turnout.panel.model import Panel
-from turnout.panel.records import Placed
+from turnout.panel.place import place_name
 from turnout.solver.integration import History
 from turnout.throw.coordinates import dataset_coordinates, dimensions_of, output_stations
 from turnout.throw.dataset_template import labelled_dataset
@@ -33,16 +33,16 @@ from turnout.throw.drives import (
     moved_throws,
 )
 from turnout.throw.gaps import place_block, shape_block, split_gaps
+from turnout.throw.gauge import gauge_channel
 from turnout.throw.lock_and_control import (
     contact_labels,
     control_states,
-    flangeway_ends,
-    flangeway_labels,
+    distance_ends,
+    distance_labels,
     force_margins,
 )
 from turnout.throw.output_weights import RowBlock, merge_blocks
 from turnout.throw.recovery import (
-    PLACE_TOLERANCE,
     Motion,
     histories_of,
     recover_motion,
@@ -148,9 +148,11 @@ def response_channels(
         channels |= fastening_signals(panel, motion)
     if "places" in arrays:
         channels |= _gaps(panel, arrays["places"], history.time)
-    if save.keeps(*FLANGEWAYS):
-        of_run = flangeway_labels([flangeway_ends(panel, motion, moved)])
+    if save.keeps(*LEAST_DISTANCES):
+        of_run = distance_labels([distance_ends(panel, motion, moved)], panel)
         channels |= {name: (dims, values[0, ...]) for name, (dims, values) in of_run.items()}
+    if panel.gauge is not None and save.keeps("gauge"):
+        channels["gauge"] = gauge_channel(panel, motion, output_stations(panel, mechanism, save))
     objects = list(mechanism.index.object.values())
     first, placed = history.law_first[objects], history.law_placed[objects]
     channels |= contact_labels(mechanism.index, first, placed)
@@ -305,6 +307,7 @@ def _rules(panel: LoadedPanel, scheme: Scheme) -> Attributes:
         "lock_gap_limit": panel.lock.gap_limit,
         "lock_gap_limits": json.dumps(panel.gap_limits()),
         "flangeway_limit": panel.flangeway.limit if panel.flangeway else float("nan"),
+        **_gauge_rules(panel),
         "instrumented_rail": panel.instrumented_rail,
         **({"loaded_by": panel.schedule.loaded_by} if prior_movement(panel) else {}),
         "sensor_rails": json.dumps(sensor_rails(panel)),
@@ -319,13 +322,22 @@ def _rules(panel: LoadedPanel, scheme: Scheme) -> Attributes:
     }
 
 
+def _gauge_rules(panel: Panel) -> Attributes:
+    """Return the nominal gauge and the least one allowed [m], NaN without a limit."""
+    if panel.gauge is None:
+        return {}
+    limit = panel.gauge_limit
+    least = float("nan") if limit is None else limit
+    return {"gauge_nominal": panel.gauge.nominal, "gauge_limit": least}
+
+
 def _object_record(panel: Panel, item: PlacedObject) -> dict[str, object]:
     times = {"appears": item.appears, "disappears": item.disappears}
     return {
         "name": item.name,
         "size": item.size,
         "x": item.x,
-        "place": _place_name(panel, item.x),
+        "place": place_name(panel, item.x),
         "rail": item.rail,
         "height": item.height,
         "stiffness": item.stiffness,
@@ -339,20 +351,6 @@ def _kind_record(item: PlacedObject) -> dict[str, object]:
     if not item.of_kind.remembers:
         return {}
     return {"kind": item.kind} | {name: getattr(item, name) for name in item.of_kind.parameters}
-
-
-def _place_name(panel: Panel, x: float) -> str:
-    """Return the name of the part at a place, as it is called in the field."""
-    families: dict[str, Mapping[str, Placed]] = {
-        "sleeper": panel.sleeper,
-        "drive": panel.drive,
-        "sensor": panel.sensor,
-    }
-    for family, members in families.items():
-        for name, member in members.items():
-            if abs(member.x - x) < PLACE_TOLERANCE:
-                return f"{family} {name}"
-    return f"x = {x:g} m"
 
 
 @lru_cache(maxsize=MOST_DESCRIBED)
@@ -394,7 +392,10 @@ OBJECTS = ("object_force", "single_object_force")
 SHAPES = ("gap", "lateral_displacement")
 DRIVE_GAPS = ("drive_gap", "end_gap", "locked")
 SENSOR_GAPS = ("sensor_gap", "in_control")
-FLANGEWAYS = ("least_flangeway", "least_flangeway_x", "least_flangeway_rail")
+LEAST_DISTANCES = (
+    *("least_flangeway", "least_flangeway_x", "least_flangeway_rail"),
+    *("least_gauge", "least_gauge_x", "least_gauge_rail", "least_gauge_place"),
+)
 
 
 def channel_rows(

@@ -1,12 +1,13 @@
-"""The flangeway behind a switch rail that is open at the end of a movement.
+"""Distances along a rail at the ends of movements, such as the flangeway of the open rail.
 
-It is the gap at the nodes of the rail, and behind the planing also by how much the running edges
-lie further apart than a full head is wide. At such an instant few rows bear a force, since no stop
-presses an open rail. Only their columns are read, a tenth of the matrices.
+The flangeway is the gap at the nodes of the rail, and behind the planing also by how much the
+running edges lie further apart than a full head is wide. At such an instant few rows bear a force,
+since no stop presses an open rail. Only their columns are read, a tenth of the matrices. The gauge
+beside the closed rail is another such distance, `turnout.throw.gauge`.
 """
 
 import operator
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
@@ -22,8 +23,8 @@ from turnout.mechanism.mechanism import RailBody
 from turnout.panel.model import Panel
 from turnout.panel.profile import contact_height, running_edge_distance
 from turnout.solver.condense import BlockModel, CondensedRails
-from turnout.throw.gaps import bodies_at_gap, gap_rows, stock_gap
-from turnout.throw.recovery import Motion, block_of, multiply_by_block
+from turnout.throw.gaps import bodies_at_gap, gap_rows
+from turnout.throw.recovery import Motion, Parts, block_of, multiply_by_block
 from turnout.throw.route import DirectedMovement, open_rail
 
 Floats = NDArray[np.float64]
@@ -36,8 +37,29 @@ _Bounds = Sequence[Sequence[_Bound]]
 """Of several rails, each with its stock rails."""
 
 
-class _Flangeways(NamedTuple):
-    """Parts from which the flangeways at the nodes of some rails are computed.
+@dataclass(frozen=True, slots=True)
+class EndDistance:
+    """A distance at each node of a rail at the end of a movement.
+
+    Attributes
+    ----------
+    name : str
+        Its own name.
+    rail : callable
+        From a panel and the position after a movement to the rail, or None where the panel does
+        not say what the distance takes.
+    along : callable
+        From panel, motion, rail and places, shape (n,), to the distance of the unloaded rails [m],
+        shape (n,), and the rows by which coordinates of rails lessen it.
+    """
+
+    name: str
+    rail: Callable[[Panel, str], str | None]
+    along: Callable[[Panel, Motion, str, Floats], tuple[Floats, Parts]]
+
+
+class _Distances(NamedTuple):
+    """Parts from which the distances at the nodes of some rails are computed.
 
     Attributes
     ----------
@@ -52,7 +74,7 @@ class _Flangeways(NamedTuple):
 
 
 class _AddedEnds(NamedTuple):
-    """Decrease of the flangeway of a rail by forces at ends that objects added.
+    """Decrease of the distance of a rail by forces at ends that objects added.
 
     `rows` are theirs in the mechanism, `columns` hold displacements for unit forces, shape
     (n_points, n_added) [m/N].
@@ -64,42 +86,42 @@ class _AddedEnds(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _OpenRails:
-    """Flangeways of the rails that movements leave open, in the parts they are computed from.
+class _KnownRails:
+    """Distances along the rails that movements leave, in the parts they are computed from.
 
-    `names` and `x` are those of the rails and of their nodes; `opened` is the number of the rail
-    that is open after a movement to a position. Where objects stand is in `added` and `slope`, the
-    stiffness at each row that the linear system holds.
+    `of`, `names` and `x` are the name of each distance, its rail and the nodes of this; `after` are
+    the numbers of those that count after a movement to a position. Where objects stand is in
+    `added` and `slope`, the stiffness at each row that the linear system holds.
     """
 
+    of: tuple[str, ...]
     names: tuple[str, ...]
     x: tuple[Floats, ...]
-    opened: Mapping[str, int]
-    flangeways: _Flangeways
+    after: Mapping[str, list[int]]
+    distances: _Distances
     added: tuple[_AddedEnds, ...]
     slope: Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MovementEnds:
-    """Data for the flangeways at the ends of the movements of a run.
+    """Data for distances at the ends of the movements of a run.
 
     Attributes
     ----------
-    known : _OpenRails
+    known : _KnownRails
         What throws of the same rails share.
     rails : list of int
-        Number of the open rail at each end.
-    modal, law_force, friction_force : ndarray, shapes (n_ends, n_modes), (n_ends, n_laws) and
-        (n_ends, n_frictions)
-        Modal coordinates, forces of laws and frictions [N].
-    force : ndarray, shape (n_ends, n_rows)
+        Number of each distance with its rail, one after the other.
+    modal, law_force, friction_force : ndarray, shapes (n, n_modes), (n, n_laws), (n, n_frictions)
+        Modal coordinates, forces of laws and frictions [N] at its end of a movement.
+    force : ndarray, shape (n, n_rows)
         What the linear system holds at each row [N].
     law_row, friction_row : ndarray of int, shapes (n_laws,), (n_frictions,)
         Rows of laws and frictions.
     """
 
-    known: _OpenRails
+    known: _KnownRails
     rails: list[int]
     modal: Floats
     law_force: Floats
@@ -109,52 +131,59 @@ class MovementEnds:
     friction_row: Ints
 
 
-class LeastFlangeway(NamedTuple):
-    """A flangeway [m], its place [m] and its rail; NaN and an empty name if none is known."""
+class LeastDistance(NamedTuple):
+    """A distance [m], its place [m] and its rail; NaN and an empty name if none is known."""
 
     width: float
     x: float
     rail: str
 
 
-_UNKNOWN = LeastFlangeway(np.nan, np.nan, "")
+UNKNOWN = LeastDistance(np.nan, np.nan, "")
+"""Where the panel does not say what a distance takes."""
 
 # Rails are shared by many throws. They are named by identity, and kept beside so that nothing else
 # takes their place.
-_flangeways = LRUCache[tuple[_Flangeways, _Bounds, list[object]]](32)
+_distances = LRUCache[tuple[_Distances, _Bounds, list[object]]](32)
 # Condensed rails are so where objects stand in the same places.
-_open_rails: WeakKeyDictionary[CondensedRails, tuple[_OpenRails | None, list[object]]] = (
+_known: WeakKeyDictionary[CondensedRails, tuple[_KnownRails | None, list[object]]] = (
     WeakKeyDictionary()
 )
 
 
 def movement_ends(
-    panel: Panel, motion: Motion, ends: Sequence[tuple[DirectedMovement, int]]
+    panel: Panel,
+    motion: Motion,
+    ends: Sequence[tuple[DirectedMovement, int]],
+    *,
+    of: Sequence[EndDistance],
 ) -> MovementEnds | None:
-    """Return the data for the flangeways after some movements.
+    """Return the data for distances after some movements.
 
     Parameters
     ----------
     panel, motion
         Panel and run.
-    ends : sequence of (Throw, int)
+    ends : sequence of (DirectedMovement, int)
         Movements, and the index of the instant at which each is over.
+    of : sequence of EndDistance
+        The distances, such as `FLANGEWAY`; the same ones for all throws of the same rails.
 
     Returns
     -------
     MovementEnds or None
-        None where the panel does not say what the flangeways of its open rails take.
+        None where the panel does not say what they take.
     """
-    known, history = _known_rails(panel, motion), motion.history
+    known, history = _known_rails(panel, motion, of), motion.history
     if known is None:
         return None
-    opened = [(known.opened[throw.to], at) for throw, at in ends if throw.to in known.opened]
-    if not opened:
+    found = [(number, at) for throw, at in ends for number in known.after[throw.to]]
+    if not found:
         return None
-    instants = np.array([at for _, at in opened])
+    instants = np.array([at for _, at in found])
     return MovementEnds(
         known=known,
-        rails=[rail for rail, _ in opened],
+        rails=[rail for rail, _ in found],
         modal=history.q[instants],
         law_force=history.law_force[instants],
         friction_force=history.friction_force[instants],
@@ -164,37 +193,38 @@ def movement_ends(
     )
 
 
-def least_flangeways(runs: Sequence[MovementEnds | None]) -> list[LeastFlangeway]:
-    """Return the least flangeway after the movements of each of some runs.
+def least_distances(runs: Sequence[MovementEnds | None]) -> list[dict[str, LeastDistance]]:
+    """Return the least of each distance after the movements of each of some runs, by its name.
 
     Parameters
     ----------
     runs : sequence of MovementEnds or None
         From `movement_ends`; those of the same rails take one call of a kernel.
     """
-    found, alike = [_UNKNOWN] * len(runs), dict[tuple[int, ...], list[int]]()
+    found = [dict[str, LeastDistance]() for _ in runs]
+    alike = dict[tuple[int, ...], list[int]]()
     for number, run in enumerate(runs):
         if run is not None:
             arrays = (run.modal, run.law_force, run.friction_force, run.force)
-            key = (id(run.known.flangeways), *[array.shape[1] for array in arrays])
+            key = (id(run.known.distances), *[array.shape[1] for array in arrays])
             alike.setdefault(key, []).append(number)
     for numbers in alike.values():
         together = _least_of_alike([run for number in numbers if (run := runs[number])])
-        for number, flangeway in zip(numbers, together, strict=True):
-            found[number] = flangeway
+        for number, least in zip(numbers, together, strict=True):
+            found[number] = least
     return found
 
 
-def _least_of_alike(runs: Sequence[MovementEnds]) -> list[LeastFlangeway]:
-    """Return the least flangeways of runs of the same rails, with laws of the same number."""
-    flangeways = runs[0].known.flangeways
+def _least_of_alike(runs: Sequence[MovementEnds]) -> list[dict[str, LeastDistance]]:
+    """Return the least distances of runs of the same rails, with laws of the same number."""
+    known = runs[0].known.distances
     rails = np.array([rail for run in runs for rail in run.rails])
-    distances = empty_in_lines(rails.size, flangeways.start.shape[1])
-    distances[:] = flangeways.start[rails]
+    distances = empty_in_lines(rails.size, known.start.shape[1])
+    distances[:] = known.start[rails]
     force = np.concatenate([run.force for run in runs])
     lessen_distances(
         distances,
-        flangeways.columns,
+        known.columns,
         rails,
         np.repeat(np.arange(len(runs)), [len(run.rails) for run in runs]),
         np.concatenate([run.modal for run in runs]),
@@ -204,16 +234,23 @@ def _least_of_alike(runs: Sequence[MovementEnds]) -> list[LeastFlangeway]:
         np.concatenate([run.friction_force for run in runs]),
         force,
     )
-    found, first = list[LeastFlangeway](), 0
+    found, first = list[dict[str, LeastDistance]](), 0
     for run in runs:
         own = slice(first, first := first + len(run.rails))
         along = distances[own]
         for added in run.known.added:
             _subtract_added_ends(along, run.rails, added, force[own])
-        end, place = divmod(int(along.argmin()), along.shape[1])
-        rail = run.rails[end]
-        width, x = float(along[end, place]), float(run.known.x[rail][place])
-        found.append(LeastFlangeway(width, x, run.known.names[rail]))
+        found.append(_least_by_name(run, along))
+    return found
+
+
+def _least_by_name(run: MovementEnds, along: Floats) -> dict[str, LeastDistance]:
+    """Return the least of each distance of a run, of which `along` has a row each."""
+    found, known = dict[str, LeastDistance](), run.known
+    for rail, at, row in zip(run.rails, along.argmin(axis=1).tolist(), along, strict=True):
+        name, width = known.of[rail], float(row[at])
+        if name not in found or width < found[name].width:
+            found[name] = LeastDistance(width, float(known.x[rail][at]), known.names[rail])
     return found
 
 
@@ -228,37 +265,42 @@ def _subtract_added_ends(
                 along[end, : added.columns.shape[0]] -= added.columns @ own
 
 
-def _known_rails(panel: Panel, motion: Motion) -> _OpenRails | None:
-    """Return the open rails of a panel for its flangeways, found once for throws that share it.
+def _known_rails(panel: Panel, motion: Motion, of: Sequence[EndDistance]) -> _KnownRails | None:
+    """Return the rails of a panel for some distances, found once for throws that share them.
 
-    None where the panel does not say what they take.
+    None where the panel does not say what these take.
     """
     families = (panel.rail, panel.stock_rail, panel.stop, panel.stud, panel.object_defaults)
-    named: list[object] = [panel.instrumented_rail, motion.shapes, *families]
-    kept = _open_rails.get(motion.condensed)
+    named: list[object] = [panel.instrumented_rail, panel.gauge, motion.shapes, *families]
+    kept = _known.get(motion.condensed)
     if kept is not None and all(map(operator.is_, kept[1], named)):
         return kept[0]
-    made = _make_open_rails(panel, motion)
-    _open_rails[motion.condensed] = made, named
+    made = _make_known_rails(panel, motion, of)
+    _known[motion.condensed] = made, named
     return made
 
 
-def _make_open_rails(panel: Panel, motion: Motion) -> _OpenRails | None:
-    opened: dict[str, int] = {}
-    names: list[str] = []
-    for position in ("open", "closed"):
-        name = open_rail(panel, position)
-        if name is not None and _head_width(panel, name) is not None:
-            opened[position] = names.index(name) if name in names else len(names)
-            names += [name] if name not in names else []
-    if not names:
+def _make_known_rails(
+    panel: Panel, motion: Motion, of: Sequence[EndDistance]
+) -> _KnownRails | None:
+    after = dict[str, list[int]](open=[], closed=[])
+    found: list[tuple[EndDistance, str]] = []
+    for distance in of:
+        for position, numbers in after.items():
+            name = distance.rail(panel, position)
+            if name is not None:
+                one = (distance, name)
+                numbers.append(found.index(one) if one in found else len(found))
+                found += [one] if one not in found else []
+    if not found:
         return None
-    flangeways, bounds = _flangeways_of(panel, motion, names)
-    return _OpenRails(
-        names=tuple(names),
-        x=tuple(motion.rails[name].x for name in names),
-        opened=opened,
-        flangeways=flangeways,
+    distances, bounds = _distances_of(panel, motion, found)
+    return _KnownRails(
+        of=tuple(distance.name for distance, _ in found),
+        names=tuple(name for _, name in found),
+        x=tuple(motion.rails[name].x for _, name in found),
+        after=after,
+        distances=distances,
         added=tuple(_added_ends(motion, bounds)),
         slope=motion.slope,
     )
@@ -282,20 +324,39 @@ def _head_width(panel: Panel, name: str) -> float | None:
     return rail.head_width if known else None
 
 
-def _flangeways_of(
-    panel: Panel, motion: Motion, names: Sequence[str]
-) -> tuple[_Flangeways, _Bounds]:
-    """Return flangeways and bounds of some rails, found once for all their throws."""
-    named: list[object] = [panel.stop, panel.stud, panel.object_defaults]
-    for name in names:
+def _opened_rail(panel: Panel, position: str) -> str | None:
+    """Return the rail that wheel flanges pass, if the panel has the inputs of its flangeway."""
+    name = open_rail(panel, position)
+    return None if name is None or _head_width(panel, name) is None else name
+
+
+def _flangeway_along(panel: Panel, motion: Motion, name: str, x: Floats) -> tuple[Floats, Parts]:
+    """Return the flangeway of unloaded rails, and the rows that lessen it."""
+    start, parts = gap_rows(panel, motion, name, x, contact_height(panel, name, x))
+    edge, width = panel.rail[name].running_edge, _head_width(panel, name)
+    if edge is not None and width is not None:
+        start = start + np.maximum(running_edge_distance(edge, x) - width, 0.0)
+    return start, parts
+
+
+FLANGEWAY = EndDistance("flangeway", _opened_rail, _flangeway_along)
+"""Free distance between the open rail and its stock rail."""
+
+
+def _distances_of(
+    panel: Panel, motion: Motion, wanted: Sequence[tuple[EndDistance, str]]
+) -> tuple[_Distances, _Bounds]:
+    """Return distances and bounds of some rails, found once for all their throws."""
+    named: list[object] = [panel.gauge, panel.stop, panel.stud, panel.object_defaults]
+    for _, name in wanted:
         faced, bodies = bodies_at_gap(panel, motion, name)
         named += [panel.rail[name], motion.shapes.get(name), *faced, *_blocks(motion, bodies)]
         for body in bodies:
             named += [body.recovery, body.x]
-    key = tuple(map(id, named))
-    kept = _flangeways.get(key)
+    key = (*(distance.name for distance, _ in wanted), *map(id, named))
+    kept = _distances.get(key)
     if kept is None:
-        kept = _flangeways.put(key, (*_build(panel, motion, names), named))
+        kept = _distances.put(key, (*_build(panel, motion, wanted), named))
     return kept[:2]
 
 
@@ -306,40 +367,36 @@ def _blocks(motion: Motion, bodies: Sequence[RailBody]) -> list[BlockModel]:
     return [part.before or part for part in own]
 
 
-def _build(panel: Panel, motion: Motion, names: Sequence[str]) -> tuple[_Flangeways, _Bounds]:
-    width = whole_lines(max(motion.rails[name].x.size for name in names))
-    starts, of_modes, of_rows = np.full((len(names), width), np.inf), [], []
-    bounds = [_bounds(panel, motion, name) for name in names]
-    for name, own, to in zip(names, bounds, starts, strict=True):
-        start, modes, rows = _rail_columns(panel, motion, name, own)
+def _build(
+    panel: Panel, motion: Motion, wanted: Sequence[tuple[EndDistance, str]]
+) -> tuple[_Distances, _Bounds]:
+    width = whole_lines(max(motion.rails[name].x.size for _, name in wanted))
+    starts, of_modes, of_rows = np.full((len(wanted), width), np.inf), [], []
+    bounds = list[list[_Bound]]()
+    for (distance, name), to in zip(wanted, starts, strict=True):
+        start, parts = distance.along(panel, motion, name, motion.rails[name].x)
+        bounds.append([_bound(motion, body, rows) for body, rows in parts])
+        start, modes, rows = _rail_columns(motion, start, bounds[-1])
         to[: start.size] = start
         of_modes.append(modes)
         of_rows.append(rows)
     first_mode, mode, columns_of_mode = _pad_columns(of_modes, width)
     first_row, row, columns_of_row = _pad_columns(of_rows, width)
     columns = DistanceColumns(first_mode, first_row, mode, row, columns_of_mode, columns_of_row)
-    return _Flangeways(starts, shared_record(columns)), bounds
+    return _Distances(starts, shared_record(columns)), bounds
 
 
-def _bounds(panel: Panel, motion: Motion, name: str) -> list[_Bound]:
-    """Return the bounds of the flangeway of a rail."""
-    x, found = motion.rails[name].x, list[_Bound]()
-    _, parts = gap_rows(panel, motion, name, x, contact_height(panel, name, x))
-    for body, rows in parts:
-        number, first = block_of(motion.condensed.parts, body)
-        found.append((number, slice(first, first + body.count), rows))
-    return found
+def _bound(motion: Motion, body: RailBody, rows: Floats) -> _Bound:
+    """Return block, coordinates and rows of a rail that bounds a distance."""
+    number, first = block_of(motion.condensed.parts, body)
+    return number, slice(first, first + body.count), rows
 
 
 def _rail_columns(
-    panel: Panel, motion: Motion, name: str, bounds: Sequence[_Bound]
+    motion: Motion, start: Floats, bounds: Sequence[_Bound]
 ) -> tuple[Floats, _Columns, _Columns]:
-    """Return start, columns of modes and columns of rows of the flangeway of a rail."""
-    rail, x, blocks = panel.rail[name], motion.rails[name].x, motion.condensed.parts
-    start = stock_gap(panel, motion, name, x)
-    width = _head_width(panel, name)
-    if rail.running_edge is not None and width is not None:
-        start = start + np.maximum(running_edge_distance(rail.running_edge, x) - width, 0.0)
+    """Return start, columns of modes and columns of rows of the distance along a rail."""
+    blocks = motion.condensed.parts
     ends = np.cumsum([0, *(part.model.eigenvalues.size for part in blocks)])
     modes, rows = list[_Columns](), list[_Columns]()
     for number, own, weights in bounds:
@@ -366,8 +423,8 @@ def _pad_columns(columns: Sequence[_Columns], width: int) -> tuple[Ints, Ints, F
     return first, np.concatenate([numbers for numbers, _ in columns]), found
 
 
-def compile_flangeways() -> None:
-    """Compile or load the kernel of flangeways."""
+def compile_distances() -> None:
+    """Compile or load the kernel of distances at the ends of movements."""
     none, one = np.zeros(0, dtype=np.int64), np.zeros(1, dtype=np.int64)
     nothing, no_rows = np.zeros((1, 0)), np.zeros((1, 0), dtype=np.int64)
     ends = np.zeros(2, dtype=np.int64)

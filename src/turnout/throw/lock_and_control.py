@@ -1,4 +1,4 @@
-"""Lock, control and other single states of a run: contact, margins, least flangeway."""
+"""Lock, control and other single states of a run: contact, margins, least flangeway and gauge."""
 
 from collections.abc import Sequence
 
@@ -8,8 +8,16 @@ from numpy.typing import NDArray
 from turnout.mechanism.mechanism import LawIndex
 from turnout.panel.lock_rule import DriveStates, lock_holds
 from turnout.panel.model import Panel
+from turnout.panel.place import place_name
 from turnout.solver.watch import TIME_TOLERANCE
-from turnout.throw.flangeway import MovementEnds, least_flangeways, movement_ends
+from turnout.throw.flangeway import (
+    FLANGEWAY,
+    UNKNOWN,
+    MovementEnds,
+    least_distances,
+    movement_ends,
+)
+from turnout.throw.gauge import GAUGE
 from turnout.throw.recovery import Motion
 from turnout.throw.route import DirectedMovement, at_rest, rail_closes, throws
 from turnout.throw.signals import Channel, object_rows, slip_forces
@@ -18,6 +26,8 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 DIRECTIONS = ("opening", "closing")
+DISTANCES = (FLANGEWAY, GAUGE)
+"""Distances whose least values at the ends of movements are labels of a run."""
 
 
 def contact_labels(index: LawIndex, first: Floats, placed: Floats) -> dict[str, Channel]:
@@ -150,37 +160,45 @@ def state_limits(panel: Panel) -> tuple[Floats, Floats, Floats]:
     return slip_forces(panel), gaps, np.array(at_sensors)
 
 
-def flangeway_ends(
+def distance_ends(
     panel: Panel, motion: Motion, moved: Sequence[DirectedMovement]
 ) -> MovementEnds | None:
-    """Return the data for the flangeways at the ends of the movements as they were made."""
-    time = motion.history.time
-    ends = [(throw, _end_index(throw, time)) for throw in moved]
-    return movement_ends(panel, motion, [(throw, at) for throw, at in ends if at is not None])
+    """Return the data for flangeway and gauge at the ends of the movements as they were made."""
+    ends = _end_instants(moved, motion.history.time)
+    return movement_ends(panel, motion, ends, of=DISTANCES)
 
 
-def flangeway_labels(runs: Sequence[MovementEnds | None]) -> dict[str, Channel]:
-    """Return the least flangeway at the end of any movement, its place and its rail, for some runs.
+def distance_labels(runs: Sequence[MovementEnds | None], panel: Panel) -> dict[str, Channel]:
+    """Return least flangeway and least gauge at the end of any movement, for some runs.
 
     Parameters
     ----------
     runs : sequence of MovementEnds or None
-        From `flangeway_ends`.
+        From `distance_ends`.
+    panel : Panel
+        Of one of them; where it has no data of the gauge, that is left out.
 
     Returns
     -------
     dict of str to (dims, ndarray)
-        Runs first; the dimensions are those of one run. Flangeways and places in [m].
+        Each with its place and its rail. Runs first; the dimensions are those of one run.
+        Distances and places in [m].
     """
-    width, x, rail = zip(*least_flangeways(runs), strict=True)
-    return {
-        "least_flangeway": ((), np.array(width)),
-        "least_flangeway_x": ((), np.array(x)),
-        "least_flangeway_rail": ((), np.array(rail)),
-    }
+    least, found = least_distances(runs), dict[str, Channel]()
+    for name in [of.name for of in DISTANCES if of is FLANGEWAY or panel.gauge is not None]:
+        width, x, rail = zip(*[run.get(name, UNKNOWN) for run in least], strict=True)
+        found[f"least_{name}"] = ((), np.array(width))
+        found[f"least_{name}_x"] = ((), np.array(x))
+        found[f"least_{name}_rail"] = ((), np.array(rail))
+    if panel.gauge is not None:
+        places = [place_name(panel, at) if at == at else "" for at in x]
+        found["least_gauge_place"] = ((), np.array(places))
+    return found
 
 
-def _end_index(throw: DirectedMovement, time: Floats) -> int | None:
-    """Return the first stored instant at or after the end of a movement, or None without one."""
-    at = int(time.searchsorted(throw.end - TIME_TOLERANCE))
-    return at if at < time.size else None
+def _end_instants(
+    moved: Sequence[DirectedMovement], time: Floats
+) -> list[tuple[DirectedMovement, int]]:
+    """Return movements that end within a run, each with its first stored instant at or after."""
+    ends = time.searchsorted([throw.end - TIME_TOLERANCE for throw in moved]).tolist()
+    return [(throw, at) for throw, at in zip(moved, ends, strict=True) if at < time.size]

@@ -39,6 +39,7 @@ KEPT = Save(
         *("drive_gap", "sensor_gap", "locked", "in_control", "end_gap", "force_margin"),
         *("object_touched", "object_placed", "contact_time", "object_left", "object_broken"),
         *("least_flangeway", "least_flangeway_x", "least_flangeway_rail"),
+        *("least_gauge", "least_gauge_x", "least_gauge_rail", "least_gauge_place"),
         *("energy_object_dissipated", "energy_residual", "throw_time", "drive_current"),
     )
 )

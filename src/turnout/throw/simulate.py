@@ -368,7 +368,7 @@ def compile_kernels(*, machines: bool = False) -> None:
     machines : bool
         Whether the kernels for drives that are machines are wanted.
     """
-    from turnout.throw.flangeway import compile_flangeways
+    from turnout.throw.flangeway import compile_distances
     from turnout.throw.output_weights import sums_of_columns
     from turnout.throw.rows_over_time import WeightedRows, write_rows
     from turnout.throw.signals import energy_channels
@@ -391,7 +391,7 @@ def compile_kernels(*, machines: bool = False) -> None:
     products = sums_of_columns("g", one[:, np.newaxis], rows=one)
     write_rows([WeightedRows(products, np.zeros((1, 1)))], {"g": np.zeros((1, 1))})
     energy_channels(np.zeros((1, STORED)), np.zeros((1, LEDGER)))
-    compile_flangeways()
+    compile_distances()
 
 
 _motions = LRUCache[tuple[Floats, tuple[object, ...]]](8)

@@ -23,7 +23,7 @@ from turnout.study.sweep.throw_group import GAPS, STACKED_CHANNELS, ThrowSignals
 from turnout.throw.dataset import response_channels
 from turnout.throw.drives import as_thrown, duties, machine_signals, machine_slips, moved_throws
 from turnout.throw.gaps import gaps_over_time, watched_gaps
-from turnout.throw.lock_and_control import flangeway_ends
+from turnout.throw.lock_and_control import distance_ends
 from turnout.throw.recovery import Motion, recover_motion
 from turnout.throw.route import throws
 from turnout.throw.save import Save
@@ -96,7 +96,7 @@ def extract_signals(
         disappears=mechanism.laws.disappears,
         watched=watched,
         labels=labels,
-        ends=flangeway_ends(panel, motion, moved),
+        ends=distance_ends(panel, motion, moved),
         clutches=_clutches(panel, history),
         recorder=recorder,
         kept=kept,

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.metric.checks import FLANGEWAY, SWITCHED_OFF, Check, sensor_judges
+from turnout.metric.checks import OF_WHEELS, SWITCHED_OFF, Check, sensor_judges
 from turnout.metric.features import FEATURES, run_features
 from turnout.metric.slip import Span, late_movements, slip_onsets, switched_off_by
 from turnout.metric.verdict import KINDS, Kind, TrappedItem, judge_objects, kind_of
@@ -17,7 +17,7 @@ from turnout.study.sweep.throw_group import AlikeThrows, ThrowSignals
 from turnout.throw.lock_and_control import (
     contact_labels,
     control_states,
-    flangeway_labels,
+    distance_labels,
     force_margins,
 )
 from turnout.throw.route import sensor_rails
@@ -46,7 +46,9 @@ LABELS = {
 }
 """Unit and meaning of the labels that only a sweep has."""
 
-NOT_STORED = ("object_contact_time", "least_flangeway_rail")
+NOT_STORED = (
+    *("object_contact_time", "least_flangeway_rail", "least_gauge_rail", "least_gauge_place"),
+)
 """Labels that sweeps leave out."""
 
 UNKNOWN_LOGICAL = -1
@@ -63,7 +65,7 @@ def compute_labels(throws: AlikeThrows) -> Values:
     touched = np.asarray(contact["contact_time"][1], dtype=np.float64)
     found = _drive_features(throws) | object_labels(throws, touched)
     found |= _state_labels(throws) | contact
-    found |= flangeway_labels([run.ends for run in throws.runs])
+    found |= distance_labels([run.ends for run in throws.runs], throws.runs[0].panel)
     items = _items(throws, found)
     found["object_trapped"] = ((), np.array([any(item.trapped for item in own) for own in items]))
     found["verdict"] = ((), _verdicts(throws, found, items))
@@ -198,16 +200,22 @@ def _verdicts(
             checks = _slip_checks(throws, number, onsets[number])
             checks += _rest_checks(throws, refused[number], late)
             if narrow[number]:
-                checks.append(Check(kind=FLANGEWAY, name=FLANGEWAY, criterion=FLANGEWAY, met=False))
+                room = OF_WHEELS[0]
+                checks.append(Check(kind=room, name=room, criterion=room, met=False))
             kind = kind_of(judge_objects(own, checks, spans), checks, late=any(late))
         made[number] = KINDS.index(kind)
     return made
 
 
 def _narrow(throws: AlikeThrows, found: Values) -> Flags:
-    """Return whether the least flangeway of each throw is below its limit."""
-    limits = [run.panel.flangeway.limit if run.panel.flangeway else math.nan for run in throws.runs]
-    return np.asarray(found["least_flangeway"][1] < np.array(limits))
+    """Return whether the least flangeway or gauge of each throw is below its limit."""
+    panels = [run.panel for run in throws.runs]
+    limits = [panel.flangeway.limit if panel.flangeway else math.nan for panel in panels]
+    narrow = np.asarray(found["least_flangeway"][1] < np.array(limits))
+    if "least_gauge" in found:
+        least = [math.nan if (limit := panel.gauge_limit) is None else limit for panel in panels]
+        narrow |= found["least_gauge"][1] < np.array(least)
+    return narrow
 
 
 def _periods(throws: AlikeThrows) -> list[tuple[Span | None, float]]:

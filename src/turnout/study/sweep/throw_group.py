@@ -58,7 +58,7 @@ class ThrowSignals:
     labels : dict
         What is left of objects, and labels of machines.
     ends : MovementEnds, optional
-        What the flangeways at the ends of the movements follow from.
+        What flangeway and gauge at the ends of the movements follow from.
     clutches : tuple of list and ndarray, optional
         The drives that are machines, and when their clutches slip, shape (n_machines, n_times).
     recorder : Recorder

@@ -28,7 +28,7 @@ function show(box, { word, state: light, numbers, margin }) {
 function boxes() {
   const { lamps, checks } = state.answer;
   const shown = lamps.map(made);
-  for (const check of checks.filter((item) => item.kind === "flangeway")) {
+  for (const check of checks.filter((item) => ["flangeway", "gauge"].includes(item.kind))) {
     const box = made({ kind: "limit", name: check.label, title: check.meaning });
     show(box, { word: check.state === "bad" ? "too narrow" : "wide enough", state: check.state, numbers: check.text, margin: check.margin });
     shown.push(box);
