@@ -107,7 +107,7 @@ def test_the_report_of_judged_throws_says_so(folder: Path, tmp_path: Path) -> No
 def test_training_says_so_above_its_thresholds() -> None:
     about = {"panel": "own", "throws": {"sound": 600}}
     knowledge = replace(toy_detector().knowledge, about=about)
-    text = "\n".join(detect._training_lines(knowledge))  # noqa: SLF001
+    text = "\n".join(detect.training_lines(knowledge))
     assert is_said(text.partition("thresholds")[0])
 
 

@@ -16,7 +16,7 @@ from turnout.mechanism.build import build_mechanism
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel, load_panel
 from turnout.solver.integration import History, integrate
-from turnout.throw.simulate import Solved, _prior_motion, simulate, solve
+from turnout.throw.simulate import Solved, prior_motion, simulate, solve
 
 Floats = NDArray[np.float64]
 MACHINES = {"drive.1.machine": "jea73", "drive.2.machine": "jea73-drive2"}
@@ -84,7 +84,7 @@ def fed_back(solved: Solved) -> tuple[Floats, Floats]:
     def inputs(instants: Floats) -> Floats:
         return np.array([np.interp(instants, given.time, row) for row in given.inputs.T])
 
-    end, prior = float(given.time[-1]), _prior_motion(panel)
+    end, prior = float(given.time[-1]), prior_motion(panel)
     again = integrate(marker, Scheme.of("waveform"), inputs=inputs, end=end, prior=prior)
     laws = [solved.mechanism.index.drive[name] for name in panel.drive]
     return given.law_force[:, laws], again.law_force[:, laws]

@@ -92,7 +92,7 @@ def verdict_units(found: "Detector") -> dict[str, str]:
     return {**VERDICT_UNITS, "force": unit, "peaks": unit}
 
 
-WORTH_SAYING = 1.2
+LARGEST_USUAL_SCATTER = 1.2
 """Scatter of the throws of a switch from which on it is mentioned [-]."""
 app = typer.Typer(
     help="Detect trapped objects from drive forces: train, learn a switch, judge throws.",
@@ -173,7 +173,7 @@ def train_command(
         )
     Detector(knowledge).save(out)
     output = Output("detect train", as_json=as_json, width=16)
-    output.show(*_training_lines(knowledge))
+    output.show(*training_lines(knowledge))
     output.wrote(out)
     if as_json:
         output.json(_described(knowledge))
@@ -200,7 +200,8 @@ def _described(knowledge: "Knowledge") -> dict[str, Any]:
     }
 
 
-def _training_lines(knowledge: "Knowledge") -> list[str]:
+def training_lines(knowledge: "Knowledge") -> list[str]:
+    """Return panel, throws, origin and thresholds of a trained detector as lines."""
     from turnout.detection.conditions import SIMULATED
 
     about = knowledge.about
@@ -254,7 +255,7 @@ def learn_command(
     output, known = Output("detect learn", as_json=as_json), found.known
     output.show(*(item.lines()[0] for item in verdicts if item.status != "sound"))
     output.show(f"{known.throws} sound throws known")
-    if known.scatter > WORTH_SAYING:
+    if known.scatter > LARGEST_USUAL_SCATTER:
         output.show(
             f"they scatter more than is assumed (variance x {known.scatter:.1f}), which "
             "limits allow for: small objects are harder to detect"

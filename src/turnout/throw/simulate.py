@@ -315,7 +315,7 @@ def plan_throw(
         scheme,
         inputs=lambda instants: _markers(panel, instants),
         end=panel.schedule.end,
-        prior=_prior_motion(panel),
+        prior=prior_motion(panel),
         watch=None if watch is None else watch(mechanism),
         waits=schedule_waits(panel),
     )
@@ -385,7 +385,7 @@ def compile_kernels(*, machines: bool = False) -> None:
         Scheme(),
         inputs=lambda instants: _markers(panel, instants),
         end=panel.schedule.end,
-        prior=_prior_motion(panel),
+        prior=prior_motion(panel),
     )
     one = np.zeros(1, dtype=np.int64)
     products = sums_of_columns("g", one[:, np.newaxis], rows=one)
@@ -403,7 +403,7 @@ def _markers(panel: LoadedPanel, instants: Floats) -> Floats:
     return _shared_motion(panel, instants, None, made)
 
 
-def _prior_motion(panel: LoadedPanel) -> PriorMotion | None:
+def prior_motion(panel: LoadedPanel) -> PriorMotion | None:
     """Return the motion that a loaded start follows; None for any other start."""
     movement, cycles = prior_movement(panel), panel.schedule.loaded_by == "cycles"
     if movement is None:
