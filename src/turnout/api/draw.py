@@ -14,7 +14,7 @@ from turnout.figures.draw import draw_sheet
 from turnout.figures.modes import plot_modes
 from turnout.figures.recording import plot_measured
 from turnout.figures.report.sequence import sequence_sheet
-from turnout.figures.report.view import kind_of
+from turnout.figures.report.view import dataset_kind
 from turnout.figures.sweep import plot_sweep_map
 from turnout.figures.throw import plot_throw
 from turnout.figures.validation import plot_comparison, plot_error_map
@@ -34,7 +34,7 @@ def draw(dataset: xr.Dataset, **options: Any) -> "Figure":
     **options
         Of the function that draws it.
     """
-    kind = kind_of(dataset)
+    kind = dataset_kind(dataset)
     if kind == "sweep":
         return plot_sweep_map(cells_of(dataset, **options))
     if kind == "modes":

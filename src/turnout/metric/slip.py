@@ -97,8 +97,8 @@ def machine_throws(dataset: "xr.Dataset") -> list[dict[str, Any]]:
     return _records(dataset, "machine_throws")
 
 
-def duties(dataset: "xr.Dataset") -> list[Duty]:
-    """Return what machines did on their commands, whose times [s] a dataset does not keep."""
+def kept_duties(dataset: "xr.Dataset") -> list[Duty]:
+    """Return the movements of machines that a dataset keeps, without the times of commands [s]."""
 
     def known(value: float | None) -> float:
         return math.nan if value is None else float(value)
@@ -137,7 +137,10 @@ def unfinished(dataset: "xr.Dataset") -> dict[Span, str]:
         return {}
     machines = json.loads(dataset.attrs.get("machine_supplies", "{}"))
     return late_movements(
-        periods(dataset), end=float(dataset["time"][-1]), made=duties(dataset), machines=machines
+        periods(dataset),
+        end=float(dataset["time"][-1]),
+        made=kept_duties(dataset),
+        machines=machines,
     )
 
 
@@ -220,7 +223,7 @@ def last_instant_at(dataset: "xr.Dataset", *, to: str) -> "xr.Dataset":
 def slips(dataset: "xr.Dataset") -> list[Slip]:
     """Return the first slip of each drive in each movement, in the order of time."""
     flags = dataset["drive_slipping"].transpose("drive", "time").values.astype(bool)
-    spans, made = periods(dataset), duties(dataset)
+    spans, made = periods(dataset), kept_duties(dataset)
     onsets = slip_onsets(dataset["time"].values, flags, spans)
     found = [
         Slip(str(drive), begin, span, switched_off_by(made, str(drive), begin))

@@ -55,7 +55,7 @@ class View:
         )
 
     def _title(self) -> str:
-        attributes, kind = self.dataset.attrs, kind_of(self.dataset)
+        attributes, kind = self.dataset.attrs, dataset_kind(self.dataset)
         if kind == "sweep":
             return f"{attributes.get('name', 'sweep')}: {self.dataset.sizes['scenario']} scenarios"
         if kind in ("campaign", "validation"):
@@ -66,7 +66,7 @@ class View:
         return title_of(self.dataset)
 
     def _findings(self) -> list[Finding]:
-        kind = kind_of(self.dataset)
+        kind = dataset_kind(self.dataset)
         if kind == "sweep":
             return sweep_findings(self.dataset)
         if kind == "validation":
@@ -90,10 +90,10 @@ class View:
 
     def _sheet(self) -> Sheet | None:
         """Return a run over time, a sequence over its throws; others have too many lines."""
-        if kind_of(self.dataset) == "sequence":
+        if dataset_kind(self.dataset) == "sequence":
             course = sequence_sheet(self.dataset, throw_table(self.dataset))
             return course if course.rows else None
-        one = kind_of(self.dataset) in ("run", "recording")
+        one = dataset_kind(self.dataset) in ("run", "recording")
         if not one or self.dataset.sizes.get("time", 0) < 2:
             return None
         sheet = throw_sheet(self.dataset)
@@ -124,12 +124,12 @@ def view(dataset: xr.Dataset) -> View:
     return View(dataset)
 
 
-def kind_of(dataset: xr.Dataset) -> str:
+def dataset_kind(dataset: xr.Dataset) -> str:
     """Return the kind of a dataset: "run", "recording", "campaign", "sweep" and so on.
 
     Examples
     --------
-    >>> kind_of(xr.Dataset({"drive_force": (("movement", "time"), [[0.0]])}))
+    >>> dataset_kind(xr.Dataset({"drive_force": (("movement", "time"), [[0.0]])}))
     'campaign'
     """
     if "scenario" in dataset.dims:
