@@ -92,6 +92,15 @@ def test_what_is_refused(overrides: dict[str, object], words: tuple[str, ...]) -
         assert word in str(caught.value)
 
 
+def test_all_values_that_do_not_go_together_are_named_at_once() -> None:
+    """It named the first one only."""
+    wrong = {"circuit.holding": "brake", "supply.phase_lost_at": 1.0}
+    with pytest.raises(MachineError) as caught:
+        load_machines("sb3").with_overrides(wrong)
+    for words in ("needs motor.brake_torque", "is of induction motors"):
+        assert words in str(caught.value)
+
+
 def test_units_are_asked_for_in_texts() -> None:
     with pytest.raises(MachineError, match="write the unit"):
         load_machines("sb3").with_settings(["motor.voltage=176"])

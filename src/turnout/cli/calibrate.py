@@ -4,7 +4,7 @@ import re
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -13,7 +13,6 @@ from turnout.cli.options import (
     DEFAULT_PANEL,
     QuietOption,
     SetOption,
-    StrictOption,
     argument,
     check_outputs,
     made_folder,
@@ -38,37 +37,28 @@ LEAST_LEFT, LEAST_THROWS = 5.0, 10
 
 
 def calibrate_command(
-    source: Annotated[Path, argument("CAMPAIGN", "Folder of a campaign, or its dataset (.nc).")],
-    panel: Annotated[str, option("--panel PANEL", "Library panel or panel file.")] = DEFAULT_PANEL,
+    source: Path = argument("CAMPAIGN", "Folder of a campaign, or its dataset (.nc)."),
+    panel: str = option("--panel PANEL", "Library panel or panel file.", default=DEFAULT_PANEL),
     settings: SetOption = [],  # noqa: B006 - typer copies it
-    out: Annotated[Path, option("--out -o FILE.toml", "Where the result goes.")] = Path(
-        "calibration.toml"
+    out: Path = option(
+        "--out -o FILE.toml", "Where the result goes.", default=Path("calibration.toml")
     ),
-    free: Annotated[list[str], option("--free KEY", "Fit this key of the panel too. Repeat.")] = [],  # noqa: B006 - typer copies it
-    fix: Annotated[
-        list[str], option("--fix KEY", "Keep the panel's value of this key. Repeat.")
-    ] = [],  # noqa: B006 - typer copies it
-    exclude: Annotated[
-        list[str], option("--exclude MOVEMENT", "Leave this movement out. Repeat.")
-    ] = [],  # noqa: B006 - typer copies it
-    most: Annotated[int, option("--most N", "Movements of the last stage; 0: all.", min=0)] = 20,
-    figures: Annotated[
-        Path | None,
-        option(
-            "--figures DIR",
-            "Draw each sweep, intervals, correlations, and each movement as fitted.",
-        ),
-    ] = None,
-    posterior: Annotated[
-        bool, option("--posterior", "Sample the posterior, with profile likelihoods.")
-    ] = False,
-    advise: Annotated[
-        bool,
-        option("--advise", "Print parameter correlations and the test that would separate them."),
-    ] = False,
-    strict: StrictOption = False,
+    free: list[str] = option("--free KEY", "Fit this key of the panel too. Repeat.", default=[]),
+    fix: list[str] = option("--fix KEY", "Keep the panel's value of this key. Repeat.", default=[]),
+    exclude: list[str] = option(
+        "--exclude MOVEMENT", "Leave this movement out. Repeat.", default=[]
+    ),
+    most: int = option("--most N", "Movements of the last stage; 0: all.", default=20, min=0),
+    figures: Path | None = option(
+        "--figures DIR", "Draw each sweep, intervals, correlations, and each movement as fitted."
+    ),
+    posterior: bool = option("--posterior", "Sample the posterior, with profile likelihoods."),
+    advise: bool = option(
+        "--advise", "Print parameter correlations and the test that would separate them."
+    ),
+    strict: bool = option("--strict", "Exit code 1 if the result is not trustworthy."),
     allow_outside: OutsideOption = False,
-    workers: Annotated[int, option("--workers N", "Processes.", min=1)] = 2,
+    workers: int = option("--workers N", "Processes.", default=2, min=1),
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:

@@ -40,12 +40,19 @@ app = typer.Typer(
 
 FolderArgument = Annotated[Path, argument("DIR", "Folder with a run sheet and recordings.")]
 ChannelsOption = Annotated[
-    str | None, option("--channels MAP", "Channel map (.toml); default channels.toml in DIR.")
+    str | None,
+    option("--channels MAP", "Channel map (.toml); default channels.toml in DIR.", default=...),
 ]
-StrictOption = Annotated[bool, option("--strict", "Exit code 2 if a movement must be excluded.")]
+StrictOption = Annotated[
+    bool, option("--strict", "Exit code 2 if a movement must be excluded.", default=...)
+]
 OutsideOption = Annotated[
     bool,
-    option("--allow-outside", "Read files that lie outside DIR, or that a recording refers to."),
+    option(
+        "--allow-outside",
+        "Read files that lie outside DIR, or that a recording refers to.",
+        default=...,
+    ),
 ]
 
 
@@ -53,13 +60,9 @@ OutsideOption = Annotated[
 def campaign_check_command(
     folder: FolderArgument,
     channels: ChannelsOption = None,
-    panel: Annotated[
-        str | None,
-        option(
-            "--panel PANEL",
-            "Switch that was measured: finds exchanged rods from objects at any place.",
-        ),
-    ] = None,
+    panel: str | None = option(
+        "--panel PANEL", "Switch that was measured: finds exchanged rods from objects at any place."
+    ),
     strict: StrictOption = False,
     allow_outside: OutsideOption = False,
     as_json: JsonOption = False,
@@ -103,7 +106,7 @@ def _with_panel(campaign: "BuiltCampaign", panel: "LoadedPanel") -> "BuiltCampai
 @app.command("build", short_help="Build one dataset of all usable movements.")
 def build_command(
     folder: FolderArgument,
-    out: Annotated[Path | None, option("--out -o FILE.nc", "Default campaign.nc in DIR.")] = None,
+    out: Path | None = option("--out -o FILE.nc", "Default campaign.nc in DIR."),
     channels: ChannelsOption = None,
     strict: StrictOption = False,
     allow_outside: OutsideOption = False,
@@ -129,15 +132,12 @@ def build_command(
 
 @app.command("plot", short_help="Draw channels by object size, or places against sizes.")
 def plot_command(
-    source: Annotated[Path, argument("DIR", "Folder of a campaign, or its dataset (.nc).")],
-    place: Annotated[
-        str | None,
-        option("--place PLACE", "Channels by size at a place; without it, the overview."),
-    ] = None,
-    direction: Annotated[str, option("--direction WAY", "closing or opening.")] = "closing",
-    out: Annotated[
-        Path | None, option("--out -o FILE", "Figure (.png, .pdf, .svg); default campaign.png.")
-    ] = None,
+    source: Path = argument("DIR", "Folder of a campaign, or its dataset (.nc)."),
+    place: str | None = option(
+        "--place PLACE", "Channels by size at a place; without it, the overview."
+    ),
+    direction: str = option("--direction WAY", "closing or opening.", default="closing"),
+    out: Path | None = option("--out -o FILE", "Figure (.png, .pdf, .svg); default campaign.png."),
     channels: ChannelsOption = None,
     allow_outside: OutsideOption = False,
     quiet: QuietOption = False,
@@ -280,63 +280,50 @@ def reasons_to_exclude(campaign: "BuiltCampaign") -> list[tuple[str, tuple[str, 
 
 @app.command("virtual", short_help="Make a campaign of simulated throws.")
 def virtual_command(
-    out: Annotated[Path, option("--out -o DIR", "Folder to fill.")],
+    out: Path = option("--out -o DIR", "Folder to fill.", default=...),
     panel: PanelOption = None,
     settings: SetOption = [],  # noqa: B006 - typer copies it
     calibration: CalibrationOption = None,
-    seed: Annotated[int, option("--seed N", "Seed of the random numbers.", min=0)] = 0,
-    places: Annotated[
-        list[str], option("--place PLACE", "Default all sleepers and drives. Repeat.")
-    ] = [],  # noqa: B006 - typer copies it
-    sizes: Annotated[
-        list[str], option("--size SIZE", "Default 5 ... 31 mm, until slip. Repeat.")
-    ] = [],  # noqa: B006 - typer copies it
-    repeats: Annotated[
-        int, option("--repeats N", "Throws without an object, each direction.", min=0)
-    ] = 5,
-    formats: Annotated[
-        list[str], option("--format FORMAT", "csv, mat or h5, in turn by place. Repeat.")
-    ] = ["csv", "mat"],  # noqa: B006 - typer copies it
-    worn_clutch: Annotated[
-        bool, option("--worn-clutch", "Drive 2 slips above its level, and scatters.")
-    ] = False,
-    soft_build_up: Annotated[
-        bool, option("--soft-build-up", "Drive 2 builds up softly after contact.")
-    ] = False,
-    finer: Annotated[
-        bool,
-        option("--finer", "Compute the true responses with a finer, different discretisation."),
-    ] = False,
-    mistype: Annotated[
-        int, option("--mistype N", "Number of typing errors to put into the run sheet.", min=0)
-    ] = 0,
-    monitoring: Annotated[
-        str | None,
-        option(
-            "--monitoring RATE",
-            "Write currents and powers as a monitoring system stores them too, such as '25 Hz': "
-            "folder monitoring, a CSV file for each throw.",
-        ),
-    ] = None,
+    seed: int = option("--seed N", "Seed of the random numbers.", default=0, min=0),
+    places: list[str] = option(
+        "--place PLACE", "Default all sleepers and drives. Repeat.", default=[]
+    ),
+    sizes: list[str] = option(
+        "--size SIZE", "Default 5 ... 31 mm, until slip. Repeat.", default=[]
+    ),
+    repeats: int = option(
+        "--repeats N", "Throws without an object, each direction.", default=5, min=0
+    ),
+    formats: list[str] = option(
+        "--format FORMAT", "csv, mat or h5, in turn by place. Repeat.", default=["csv", "mat"]
+    ),
+    worn_clutch: bool = option("--worn-clutch", "Drive 2 slips above its level, and scatters."),
+    soft_build_up: bool = option("--soft-build-up", "Drive 2 builds up softly after contact."),
+    finer: bool = option(
+        "--finer", "Compute the true responses with a finer, different discretisation."
+    ),
+    mistype: int = option(
+        "--mistype N", "Number of typing errors to put into the run sheet.", default=0, min=0
+    ),
+    monitoring: str | None = option(
+        "--monitoring RATE",
+        "Write currents and powers as a monitoring system stores them too, such as '25 Hz': "
+        "folder monitoring, a CSV file for each throw.",
+    ),
     together: TogetherOption = [],  # noqa: B006 - typer copies it
-    recorded_filter: Annotated[
-        str | None,
-        option(
-            "--recorded-filter CORNER",
-            "Low-pass of the recorder: '6 Hz' (Butterworth, two poles), or a table as in a channel "
-            "map.",
-        ),
-    ] = None,
-    recorded_average: Annotated[
-        str | None, option("--recorded-average TIME", "It averages over the time before a sample.")
-    ] = None,
-    recorded_rate: Annotated[
-        str | None, option("--recorded-rate RATE", "It takes so few samples: '20 Hz'.")
-    ] = None,
-    hide_recorder: Annotated[
-        bool, option("--hide-recorder", "Leave filter, average and rate out of the channel map.")
-    ] = False,
-    workers: Annotated[int, option("--workers N", "Processes.", min=1)] = 2,
+    recorded_filter: str | None = option(
+        "--recorded-filter CORNER",
+        "Low-pass of the recorder: '6 Hz' (Butterworth, two poles), or a table as in a channel "
+        "map.",
+    ),
+    recorded_average: str | None = option(
+        "--recorded-average TIME", "It averages over the time before a sample."
+    ),
+    recorded_rate: str | None = option("--recorded-rate RATE", "It takes so few samples: '20 Hz'."),
+    hide_recorder: bool = option(
+        "--hide-recorder", "Leave filter, average and rate out of the channel map."
+    ),
+    workers: int = option("--workers N", "Processes.", default=2, min=1),
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:

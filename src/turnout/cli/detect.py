@@ -15,7 +15,6 @@ from turnout.cli.options import (
     PanelArgument,
     QuietOption,
     SetOption,
-    StrictOption,
     WorkersOption,
     argument,
     check_outputs,
@@ -50,9 +49,11 @@ RecordingsArgument = Annotated[
     ),
 ]
 ChannelsOption = Annotated[
-    Path | None, option("--channels MAP.toml", "Channel map of the recordings.")
+    Path | None, option("--channels MAP.toml", "Channel map of the recordings.", default=...)
 ]
-RateOption = Annotated[float, option("--far RATE", "False alarms a sound throw: 1e-3 or 1e-4.")]
+RateOption = Annotated[
+    float, option("--far RATE", "False alarms a sound throw: 1e-3 or 1e-4.", default=...)
+]
 
 
 def known_rate(far: float) -> float:
@@ -106,43 +107,29 @@ def train_command(
     panel: PanelArgument = None,
     calibration: CalibrationOption = None,
     settings: SetOption = [],  # noqa: B006 - typer copies it
-    study: Annotated[
-        Path | None, option("--study FILE.toml", "Population in place of the reference case.")
-    ] = None,
-    sound: Annotated[
-        int | None, option("--sound N", "Sound throws; default 4000.", min=420)
-    ] = None,
-    objects: Annotated[
-        int | None,
-        option(
-            "--objects N",
-            "Throws with objects, the first 800 also as objects that yield, such as ice; default "
-            "3000.",
-            min=200,
-        ),
-    ] = None,
-    defects: Annotated[
-        int | None, option("--defects N", "Throws of each other cause; default 400.", min=40)
-    ] = None,
-    switches: Annotated[
-        int | None, option("--switches N", "Switches thrown 26 times; default 80.", min=10)
-    ] = None,
-    channels: Annotated[
-        str, option("--channels KIND", "What is judged: force, or current or power.")
-    ] = "force",
-    discrepancy: Annotated[
-        float,
-        option(
-            "--discrepancy SHARE",
-            "Assumed difference of model and switch, share of the peak force [-].",
-        ),
-    ] = 0.05,
-    folder: Annotated[
-        Path, option("--folder DIR", "Keeps the throws; run the same command to continue.")
-    ] = Path("detector-throws"),
-    out: Annotated[Path, option("--out -o FILE.detector", "The detector.")] = Path(
-        "switch.detector"
+    study: Path | None = option("--study FILE.toml", "Population in place of the reference case."),
+    sound: int | None = option("--sound N", "Sound throws; default 4000.", min=420),
+    objects: int | None = option(
+        "--objects N",
+        "Throws with objects, the first 800 also as objects that yield, such as ice; default 3000.",
+        min=200,
     ),
+    defects: int | None = option("--defects N", "Throws of each other cause; default 400.", min=40),
+    switches: int | None = option("--switches N", "Switches thrown 26 times; default 80.", min=10),
+    channels: str = option(
+        "--channels KIND", "What is judged: force, or current or power.", default="force"
+    ),
+    discrepancy: float = option(
+        "--discrepancy SHARE",
+        "Assumed difference of model and switch, share of the peak force [-].",
+        default=0.05,
+    ),
+    folder: Path = option(
+        "--folder DIR",
+        "Keeps the throws; run the same command to continue.",
+        default=Path("detector-throws"),
+    ),
+    out: Path = option("--out -o FILE.detector", "The detector.", default=Path("switch.detector")),
     workers: WorkersOption = 0,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
@@ -227,14 +214,10 @@ def _calibrating(what: str, done: int, total: int) -> None:
 def learn_command(
     detector: DetectorArgument,
     recordings: RecordingsArgument,
-    out: Annotated[Path, option("--out -o FILE.detector", "The detector of the switch.")],
+    out: Path = option("--out -o FILE.detector", "The detector of the switch.", default=...),
     channels: ChannelsOption = None,
-    reset: Annotated[
-        bool, option("--reset", "Forget what was learned, as after an adjustment.")
-    ] = False,
-    unchecked: Annotated[
-        bool, option("--unchecked", "Learn throws that are not called sound, too.")
-    ] = False,
+    reset: bool = option("--reset", "Forget what was learned, as after an adjustment."),
+    unchecked: bool = option("--unchecked", "Learn throws that are not called sound, too."),
     as_json: JsonOption = False,
 ) -> None:
     """Add sound throws of one switch to its detector; throws not called sound are left out."""
@@ -280,7 +263,7 @@ def detect_run_command(
     recordings: RecordingsArgument,
     channels: ChannelsOption = None,
     far: RateOption = 1e-3,
-    strict: StrictOption = False,
+    strict: bool = option("--strict", "Exit code 1 where a throw is not called sound."),
     as_json: JsonOption = False,
 ) -> None:
     """Judge throws: object or none, its place and size, gaps without sensors, other causes."""
@@ -312,7 +295,7 @@ def _summary(verdicts: "Sequence[Verdict]") -> str:
 def detect_report_command(
     detector: DetectorArgument,
     recordings: RecordingsArgument,
-    out: Annotated[Path, option("--out -o FILE.html", "The page.")],
+    out: Path = option("--out -o FILE.html", "The page.", default=...),
     channels: ChannelsOption = None,
     far: RateOption = 1e-3,
 ) -> None:
@@ -341,14 +324,12 @@ SETTLED = 2.0
 @app.command("watch", short_help="Judge recordings as they come into a folder.")
 def watch_command(
     detector: DetectorArgument,
-    folder: Annotated[Path, argument("FOLDER", "Where recordings arrive.")],
+    folder: Path = argument("FOLDER", "Where recordings arrive."),
     channels: ChannelsOption = None,
     far: RateOption = 1e-3,
-    every: Annotated[float, option("--every S", "Seconds between looks.", min=0.1)] = 2.0,
-    once: Annotated[bool, option("--once", "Judge what is there, then end.")] = False,
-    as_json: Annotated[
-        bool, option("--json", "Print each verdict as one JSON object; see docs.")
-    ] = False,
+    every: float = option("--every S", "Seconds between looks.", default=2.0, min=0.1),
+    once: bool = option("--once", "Judge what is there, then end."),
+    as_json: bool = option("--json", "Print each verdict as one JSON object; see docs."),
 ) -> None:
     """Judge each new file of a folder once, until interrupted; a bad file stops nothing."""
     from turnout.detection.detector.detector import Detector

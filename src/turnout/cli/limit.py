@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -47,78 +47,62 @@ def limit_command(
     panel: PanelArgument = None,
     calibration: CalibrationOption = None,
     settings: SetOption = [],  # noqa: B006 - typer copies it
-    channels: Annotated[
-        str,
-        option("--channels NAME", "force, current, power (of drives that are machines) or all."),
-    ] = "force",
-    discrepancy: Annotated[
-        float, option("--discrepancy SHARE", "Of model and switch, share of the peak force [-].")
-    ] = 0.05,
-    machine_discrepancy: Annotated[
-        float,
-        option(
-            "--machine-discrepancy SHARE",
-            "Of current and power for a given force, share of their peak [-].",
-        ),
-    ] = 0.02,
-    far: Annotated[float, option("--far RATE", "False-alarm rate, alarms a sound throw.")] = 1e-3,
-    history: Annotated[int, option("--history N", "Sound throws known of the switch.")] = 0,
-    kernel: Annotated[
-        str, option("--kernel NAME", "Of the discrepancy: exponential or 'matern 3/2'.")
-    ] = "exponential",
-    states: Annotated[
-        int, option("--states N", "States thrown with objects at each place.", min=10)
-    ] = 200,
-    sound: Annotated[int, option("--sound N", "Sound throws of the population.", min=100)] = 1500,
-    rate: Annotated[float, option("--rate HZ", "Samples a second of the recorder.")] = 125.0,
-    quick: Annotated[
-        bool,
-        option(
-            "--quick", "Estimate within minutes: at most 400 sound throws, two sizes at each place."
-        ),
-    ] = False,
-    panels: Annotated[
-        str | None,
-        option(
-            "--panels STUDY|DIR",
-            "Bands over panels instead: those of a folder, or the scenarios of a study.",
-        ),
-    ] = None,
-    most: Annotated[
-        int | None, option("--most N", "Of --panels: so many of them, evenly chosen.", min=1)
-    ] = None,
-    over_travel: Annotated[
-        bool, option("--over-travel", "Bands over a closing over-travel of 0 to 5 mm instead.")
-    ] = False,
-    kind: Annotated[
-        str, option("--kind NAME", "Of the objects, such as ice; an unknown one lists all.")
-    ] = "spring",
-    known_place: Annotated[
-        bool,
-        option(
-            "--known-place",
-            "Add the bound of a detector that knows the place, but not size and state.",
-        ),
-    ] = False,
-    ends: Annotated[
-        bool, option("--ends", "Add the end position: which gaps at sensors and drives show.")
-    ] = False,
-    what_if: Annotated[
-        list[str] | None,
-        option(
-            "--what-if MEASURE",
-            "Add what a measure gains: 'second throw', 'history 20', 'discrepancy 3 %', 'rate 1000 "
-            "Hz', 'friction 0.2', 'closing force', 'position sensor at 3.6 m', 'contact sensor at "
-            "3.6 m', 'force sensor at 3.6 m', 'drive at 3.6 m'. Repeatable.",
-        ),
-    ] = None,
-    advise: Annotated[
-        bool, option("--advise", "Rank all these measures; sensors and drive where a90 is largest.")
-    ] = False,
-    folder: Annotated[
-        Path, option("--folder DIR", "Keeps the throws; run the same command to continue.")
-    ] = Path("limit-throws"),
-    out: Annotated[Path | None, option("--out -o FILE.nc", "Write the map (netCDF).")] = None,
+    channels: str = option(
+        "--channels NAME",
+        "force, current, power (of drives that are machines) or all.",
+        default="force",
+    ),
+    discrepancy: float = option(
+        "--discrepancy SHARE", "Of model and switch, share of the peak force [-].", default=0.05
+    ),
+    machine_discrepancy: float = option(
+        "--machine-discrepancy SHARE",
+        "Of current and power for a given force, share of their peak [-].",
+        default=0.02,
+    ),
+    far: float = option("--far RATE", "False-alarm rate, alarms a sound throw.", default=1e-3),
+    history: int = option("--history N", "Sound throws known of the switch.", default=0),
+    kernel: str = option(
+        "--kernel NAME", "Of the discrepancy: exponential or 'matern 3/2'.", default="exponential"
+    ),
+    states: int = option(
+        "--states N", "States thrown with objects at each place.", default=200, min=10
+    ),
+    sound: int = option("--sound N", "Sound throws of the population.", default=1500, min=100),
+    rate: float = option("--rate HZ", "Samples a second of the recorder.", default=125.0),
+    quick: bool = option(
+        "--quick", "Estimate within minutes: at most 400 sound throws, two sizes at each place."
+    ),
+    panels: str | None = option(
+        "--panels STUDY|DIR",
+        "Bands over panels instead: those of a folder, or the scenarios of a study.",
+    ),
+    most: int | None = option("--most N", "Of --panels: so many of them, evenly chosen.", min=1),
+    over_travel: bool = option(
+        "--over-travel", "Bands over a closing over-travel of 0 to 5 mm instead."
+    ),
+    kind: str = option(
+        "--kind NAME", "Of the objects, such as ice; an unknown one lists all.", default="spring"
+    ),
+    known_place: bool = option(
+        "--known-place", "Add the bound of a detector that knows the place, but not size and state."
+    ),
+    ends: bool = option("--ends", "Add the end position: which gaps at sensors and drives show."),
+    what_if: list[str] | None = option(
+        "--what-if MEASURE",
+        "Add what a measure gains: 'second throw', 'history 20', 'discrepancy 3 %', 'rate 1000 "
+        "Hz', 'friction 0.2', 'closing force', 'position sensor at 3.6 m', 'contact sensor at "
+        "3.6 m', 'force sensor at 3.6 m', 'drive at 3.6 m'. Repeatable.",
+    ),
+    advise: bool = option(
+        "--advise", "Rank all these measures; sensors and drive where a90 is largest."
+    ),
+    folder: Path = option(
+        "--folder DIR",
+        "Keeps the throws; run the same command to continue.",
+        default=Path("limit-throws"),
+    ),
+    out: Path | None = option("--out -o FILE.nc", "Write the map (netCDF)."),
     plot: FigureOption = None,
     as_json: JsonOption = False,
     workers: WorkersOption = 0,

@@ -49,6 +49,7 @@ MachineSetOption = Annotated[
         "--set KEY=VALUE",
         "Change a value, with its unit: supply.voltage='176 V', rail.object_size='13 mm'. "
         "Repeatable.",
+        default=...,
     ),
 ]
 
@@ -66,9 +67,7 @@ def machine_list_command(as_json: JsonOption = False) -> None:
 def machine_show_command(
     machine: MachineArgument,
     settings: MachineSetOption = [],  # noqa: B006 - typer copies it
-    toml: Annotated[
-        bool, option("--toml", "Print the file of a library machine, as a template.")
-    ] = False,
+    toml: bool = option("--toml", "Print the file of a library machine, as a template."),
     as_json: JsonOption = False,
 ) -> None:
     """Show every value of a machine with its origin, and its steady operating points."""
@@ -90,8 +89,8 @@ def machine_show_command(
 def machine_run_command(
     machine: MachineArgument,
     settings: MachineSetOption = [],  # noqa: B006 - typer copies it
-    out: Annotated[Path | None, option("--out -o FILE.nc", "Write the histories (netCDF).")] = None,
-    plot: Annotated[Path | None, option("--plot FILE", "Draw them (.png, .pdf or .svg).")] = None,
+    out: Path | None = option("--out -o FILE.nc", "Write the histories (netCDF)."),
+    plot: Path | None = option("--plot FILE", "Draw them (.png, .pdf or .svg)."),
     as_json: JsonOption = False,
 ) -> None:
     """Simulate a machine throwing a one-mass rail: current, force, events, energy."""
@@ -266,12 +265,12 @@ RunArgument = Annotated[Path, argument("RUN", "Result of a throw whose drives ar
 @app.command("monitor", short_help="Sample a throw as a monitoring system in service stores it.")
 def monitor_command(
     run: RunArgument,
-    out: Annotated[Path, option("--out -o FILE", "File to write (.csv, .mat or .h5).")],
-    rate: Annotated[str, option("--rate RATE", "Values a second, usually 25 to 100 Hz.")] = "50 Hz",
+    out: Path = option("--out -o FILE", "File to write (.csv, .mat or .h5).", default=...),
+    rate: str = option("--rate RATE", "Values a second, usually 25 to 100 Hz.", default="50 Hz"),
     together: TogetherOption = [],  # noqa: B006 - typer copies it
-    current_step: Annotated[
-        str, option("--current-step CURRENT", "Resolution; '0 A' for none.")
-    ] = "0.01 A",
+    current_step: str = option(
+        "--current-step CURRENT", "Resolution; '0 A' for none.", default="0.01 A"
+    ),
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
@@ -321,6 +320,7 @@ SeriesOption = Annotated[
         "--series-motor CURRENT",
         "The motors are series motors that saturate at this field current ('3 A'); 'none' "
         "without saturation. Default permanent magnet or separate field.",
+        default=...,
     ),
 ]
 IdleOption = Annotated[
@@ -328,6 +328,7 @@ IdleOption = Annotated[
     option(
         "--idle DRIVE=CURRENT",
         "Current with the rod taken off, such as 1='0.8 A'; for the two anchors below.",
+        default=...,
     ),
 ]
 GaugeOption = Annotated[
@@ -335,6 +336,7 @@ GaugeOption = Annotated[
     option(
         "--clutch-force DRIVE=FORCE+-DEVIATION",
         "Anchor: force at which the clutch slips, by a gauge: 1='6.0 kN +- 0.2 kN'.",
+        default=...,
     ),
 ]
 SisterOption = Annotated[
@@ -345,6 +347,7 @@ SisterOption = Annotated[
         "machine: 1='0.21 A/kN +- 0.02 A/kN'. Of series motors with the force up to which it "
         "was taken, and the sister's idle current if it differs: 1='0.21 A/kN +- 0.02 A/kN to "
         "4 kN from 0.9 A'.",
+        default=...,
     ),
 ]
 

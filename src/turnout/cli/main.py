@@ -7,7 +7,7 @@ import re
 import sys
 from collections.abc import Iterator, Mapping
 from importlib import import_module
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 from typer.core import TyperCommand, TyperGroup
@@ -131,10 +131,9 @@ def _show_version(wanted: bool) -> None:
 @app.callback()
 def _options(
     context: typer.Context,
-    _version: Annotated[
-        bool,
-        option("--version", "Show the version and exit.", callback=_show_version, is_eager=True),
-    ] = False,
+    _version: bool = option(
+        "--version", "Show the version and exit.", callback=_show_version, is_eager=True
+    ),
 ) -> None:
     """Simulate how a railway switch is thrown, with or without a trapped foreign object."""
     if os.environ.get("NO_COLOR"):

@@ -1,7 +1,7 @@
 """The command `turnout panel match`: panels that meet facts, from ranges of unknown values."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 from turnout.cli.options import (
     FIGURES,
@@ -27,16 +27,14 @@ MOST_PAIR_PARAMETERS = 8
 
 
 def match_command(
-    facts: Annotated[str, argument("FACTS", "Facts file (.toml), or paper-facts.")],
-    folder: Annotated[
-        Path, option("--folder DIR", "Keeps the panels; run again to continue.")
-    ] = Path("matching"),
-    count: Annotated[int, option("--count N", "Accepted panels wanted.", min=10)] = 200,
-    most: Annotated[int, option("--most N", "Panels tried at most.", min=100)] = 4000,
-    choose: Annotated[int, option("--choose N", "Panels written to --study.", min=2)] = 50,
-    study: Annotated[
-        Path | None, option("--study FILE.toml", "Write panels far apart as a study.")
-    ] = None,
+    facts: str = argument("FACTS", "Facts file (.toml), or paper-facts."),
+    folder: Path = option(
+        "--folder DIR", "Keeps the panels; run again to continue.", default=Path("matching")
+    ),
+    count: int = option("--count N", "Accepted panels wanted.", default=200, min=10),
+    most: int = option("--most N", "Panels tried at most.", default=4000, min=100),
+    choose: int = option("--choose N", "Panels written to --study.", default=50, min=2),
+    study: Path | None = option("--study FILE.toml", "Write panels far apart as a study."),
     plot: FigureOption = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,

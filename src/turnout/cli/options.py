@@ -107,32 +107,38 @@ B = TypeVar("B")
 C = TypeVar("C")
 
 
-def option(names: str, text: str, **more: Any) -> Any:
+def option(names: str, text: str, *, default: Any = None, **more: Any) -> Any:
     """Return an option of a command as its help shows it.
 
     Parameters
     ----------
     names : str
-        Long name, short name and value, each if there is one: "--out -o FILE.nc".
+        Long name, short name and value, each if there is one: "--out -o FILE.nc". An option
+        without a value is a flag.
     text : str
         Its help.
+    default : object
+        Value where it is not given; `...` for one that must be given, or has its default in the
+        signature of a command. A flag is off.
     **more
         As of `typer.Option`.
 
     Examples
     --------
     >>> found = option("--out -o FILE.nc", "Write it.")
-    >>> found.metavar, found.help
-    ('FILE.nc', 'Write it.')
+    >>> found.default, found.param_decls, found.metavar
+    (None, ('--out', '-o'), 'FILE.nc')
     """
     parts = names.split()
     own = [part for part in parts if part.startswith("-")]
-    return typer.Option(*own, metavar=" ".join(parts[len(own) :]) or None, help=text, **more)
+    flag = len(own) == len(parts) and default is None
+    metavar = " ".join(parts[len(own) :]) or None
+    return typer.Option(False if flag else default, *own, metavar=metavar, help=text, **more)
 
 
-def argument(metavar: str, text: str, **more: Any) -> Any:
+def argument(metavar: str, text: str, *, default: Any = ..., **more: Any) -> Any:
     """Return an argument of a command: its name in the help, and its help."""
-    return typer.Argument(metavar=metavar, help=text, **more)
+    return typer.Argument(default, metavar=metavar, help=text, **more)
 
 
 DEFAULT_PANEL = "uic60-760-1-15"
@@ -153,6 +159,7 @@ PanelOption = Annotated[
         "--panel PANEL",
         f"Library panel or panel file. Default that of --calibration, or {DEFAULT_PANEL}.",
         show_default=False,
+        default=...,
     ),
 ]
 SetOption = Annotated[
@@ -160,24 +167,33 @@ SetOption = Annotated[
     option(
         "--set KEY=VALUE",
         "Change a value of the panel, with its unit: drive.2.stiffness='81 kN/m'. Repeatable.",
+        default=...,
     ),
 ]
 CalibrationOption = Annotated[
     Path | None,
-    option("--calibration FILE", "Values from `turnout calibrate`; --set overrides them."),
+    option(
+        "--calibration FILE", "Values from `turnout calibrate`; --set overrides them.", default=...
+    ),
 ]
-QuietOption = Annotated[bool, option("--quiet -q", "Show nothing but errors.")]
-DatasetOption = Annotated[Path | None, option("--out -o FILE.nc", "Write the dataset (netCDF).")]
-WorkersOption = Annotated[int, option("--workers N", "Processes; default one a core.", min=0)]
-StrictOption = Annotated[bool, option("--strict", "Exit code 1 if there are findings.")]
+QuietOption = Annotated[bool, option("--quiet -q", "Show nothing but errors.", default=...)]
+DatasetOption = Annotated[
+    Path | None, option("--out -o FILE.nc", "Write the dataset (netCDF).", default=...)
+]
+WorkersOption = Annotated[
+    int, option("--workers N", "Processes; default one a core.", min=0, default=...)
+]
 TogetherOption = Annotated[
     list[str],
     option(
         "--together NAME=DRIVES",
         "One transformer around the leads of several drives: switch=1,2. Repeatable.",
+        default=...,
     ),
 ]
-FigureOption = Annotated[Path | None, option("--plot FILE", "Write a figure (.png, .pdf or .svg).")]
+FigureOption = Annotated[
+    Path | None, option("--plot FILE", "Write a figure (.png, .pdf or .svg).", default=...)
+]
 
 
 def first_sentence(text: str) -> str:

@@ -13,7 +13,6 @@ from turnout.cli.options import (
     CalibrationOption,
     PanelArgument,
     SetOption,
-    StrictOption,
     argument,
     check_outputs,
     end_code,
@@ -61,13 +60,9 @@ def panel_show_command(
     panel: PanelArgument = None,
     settings: SetOption = [],  # noqa: B006 - typer copies it
     calibration: CalibrationOption = None,
-    plot: Annotated[
-        Path | None, option("--plot FILE", "Draw the plan (.png, .pdf or .svg).")
-    ] = None,
-    throw: Annotated[
-        bool, option("--throw", "Simulate throws for gaps, force margins and the test piece.")
-    ] = False,
-    values: Annotated[bool, option("--values", "List every value with its origin.")] = False,
+    plot: Path | None = option("--plot FILE", "Draw the plan (.png, .pdf or .svg)."),
+    throw: bool = option("--throw", "Simulate throws for gaps, force margins and the test piece."),
+    values: bool = option("--values", "List every value with its origin."),
     as_json: JsonOption = False,
 ) -> None:
     """Show a panel: plan, closed gap, force margins, test piece, assumptions."""
@@ -92,10 +87,10 @@ def panel_show_command(
 
 @app.command("new", short_help="Write a panel file to edit, with every key explained.")
 def new_command(
-    file: Annotated[Path, argument("FILE", "Panel file to write (.toml); must not exist.")],
-    source: Annotated[
-        str, option("--from PANEL", "Library panel or panel file to start from.")
-    ] = DEFAULT_PANEL,
+    file: Path = argument("FILE", "Panel file to write (.toml); must not exist."),
+    source: str = option(
+        "--from PANEL", "Library panel or panel file to start from.", default=DEFAULT_PANEL
+    ),
     as_json: JsonOption = False,
 ) -> None:
     """Write a panel file to edit: another panel's values and origins, each key explained.
@@ -116,16 +111,16 @@ def new_command(
 
 @app.command("check", short_help="Check a panel file, and warn about small margins.")
 def panel_check_command(
-    file: Annotated[
-        str, argument("FILE", "Panel file (.toml), library panel, or case N of a study (STUDY:N).")
-    ],
+    file: str = argument(
+        "FILE", "Panel file (.toml), library panel, or case N of a study (STUDY:N)."
+    ),
     settings: SetOption = [],  # noqa: B006 - typer copies it
     calibration: CalibrationOption = None,
     throw: Annotated[
         bool,
         typer.Option(help="Also simulate a throw and warn about small margins."),
     ] = True,
-    strict: StrictOption = False,
+    strict: bool = option("--strict", "Exit code 1 if there are warnings."),
     as_json: JsonOption = False,
 ) -> None:
     """Check a panel file, report all errors, then simulate throws for margins and test pieces.
@@ -180,7 +175,7 @@ def sections_command(
     panel: PanelArgument = None,
     settings: SetOption = [],  # noqa: B006 - typer copies it
     calibration: CalibrationOption = None,
-    plot: Annotated[Path | None, option("--plot FILE", "Draw them (.png, .pdf or .svg).")] = None,
+    plot: Path | None = option("--plot FILE", "Draw them (.png, .pdf or .svg)."),
     as_json: JsonOption = False,
 ) -> None:
     """Show the cross-sections along each rail."""
@@ -202,10 +197,10 @@ def sections_command(
 
 @app.command("export", short_help="Write the matrices of every rail (.mat).")
 def panel_export_command(
-    panel: Annotated[
-        str, argument("PANEL", "Library panel, panel file (.toml), or case N of a study (STUDY:N).")
-    ],
-    out: Annotated[Path, option("--out -o FOLDER", "Folder for the files; created if missing.")],
+    panel: str = argument(
+        "PANEL", "Library panel, panel file (.toml), or case N of a study (STUDY:N)."
+    ),
+    out: Path = option("--out -o FOLDER", "Folder for the files; created if missing.", default=...),
     settings: SetOption = [],  # noqa: B006 - typer copies it
     calibration: CalibrationOption = None,
 ) -> None:
@@ -220,7 +215,7 @@ def panel_export_command(
 
 @app.command("schema")
 def panel_schema_command(
-    out: Annotated[Path | None, option("--out -o FILE.json", "Write it to a file.")] = None,
+    out: Path | None = option("--out -o FILE.json", "Write it to a file."),
 ) -> None:
     """Print the JSON schema of panel files, for editors."""
     check_outputs({"--out": out}, {"--out": (".json",)})
@@ -241,23 +236,14 @@ def modes_command(
     panel: PanelArgument = None,
     settings: SetOption = [],  # noqa: B006 - typer copies it
     calibration: CalibrationOption = None,
-    count: Annotated[int, option("--count N", "Modes of each system.", min=1)] = 6,
-    out: Annotated[
-        Path | None, option("--out -o FILE.nc", "Write frequencies and shapes (netCDF).")
-    ] = None,
-    plot: Annotated[
-        Path | None, option("--plot FILE", "Draw the shapes of the panel (.png, .pdf or .svg).")
-    ] = None,
-    system: Annotated[
-        str | None,
-        option(
-            "--system HEADING",
-            "What --plot draws: a heading of the tables, such as 'stock rail curved'.",
-        ),
-    ] = None,
-    reduction: Annotated[
-        bool, option("--reduction", "Also show the error of the reduction of each rail.")
-    ] = False,
+    count: int = option("--count N", "Modes of each system.", default=6, min=1),
+    out: Path | None = option("--out -o FILE.nc", "Write frequencies and shapes (netCDF)."),
+    plot: Path | None = option("--plot FILE", "Draw the shapes of the panel (.png, .pdf or .svg)."),
+    system: str | None = option(
+        "--system HEADING",
+        "What --plot draws: a heading of the tables, such as 'stock rail curved'.",
+    ),
+    reduction: bool = option("--reduction", "Also show the error of the reduction of each rail."),
     as_json: JsonOption = False,
 ) -> None:
     """Show natural frequencies and modes of rails and panel, and their flutter stability."""

@@ -1,7 +1,7 @@
 """The command `turnout plan-test`: objects to throw, by place, on a day on the track."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -26,11 +26,11 @@ def plan_test_command(
     panel: PanelArgument = None,
     calibration: CalibrationOption = None,
     settings: SetOption = [],  # noqa: B006 - typer copies it
-    throws: Annotated[int, option("--throws N", "Throws of the day.", min=1)] = 60,
-    discrepancy: Annotated[
-        float, option("--discrepancy SHARE", "Of model and switch, share of the peak force.")
-    ] = 0.05,
-    out: Annotated[Path | None, option("--out -o FILE.csv", "Write the plan.")] = None,
+    throws: int = option("--throws N", "Throws of the day.", default=60, min=1),
+    discrepancy: float = option(
+        "--discrepancy SHARE", "Of model and switch, share of the peak force.", default=0.05
+    ),
+    out: Path | None = option("--out -o FILE.csv", "Write the plan."),
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
@@ -70,8 +70,8 @@ def plan_test_command(
             "places": _place_rows(known, of_grid),
         }
         output.json(record, units=LENGTHS)
-        return
-    _print(found, chosen, grid, known, of_grid)
+    elif not quiet:
+        _print(found, chosen, grid, known, of_grid)
 
 
 def _parameter_rows(

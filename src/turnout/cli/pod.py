@@ -1,7 +1,7 @@
 """The command `turnout pod`: probability of detection from the table of a test campaign."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -24,49 +24,35 @@ METRES = ("a50", "a90", "a90_95", "a90_95_profile", "required_size", "required_s
 
 
 def pod_command(
-    results: Annotated[Path, argument("RESULTS", "Table of the campaign (.csv), a row a throw.")],
-    threshold: Annotated[
-        str | None,
-        option(
-            "--threshold VALUE",
-            "Response from which an object is detected, as 250 or '250 N'; without it hits and "
-            "misses are used.",
-        ),
-    ] = None,
-    floor: Annotated[
-        str | None, option("--floor VALUE", "Responses at or below this are only known to be so.")
-    ] = None,
-    slip: Annotated[
-        str | None, option("--slip VALUE", "Responses at or above this are only known to be so.")
-    ] = None,
-    size_scale: Annotated[str, option("--size-scale NAME", "log or linear.")] = "log",
-    response_scale: Annotated[str, option("--response-scale NAME", "log or linear.")] = "log",
-    link: Annotated[str, option("--link NAME", "Of hits and misses: probit or logit.")] = "probit",
-    pooled: Annotated[
-        bool, option("--pooled", "Ignore that switches differ; too optimistic.")
-    ] = False,
-    campaigns: Annotated[
-        int,
-        option(
-            "--campaigns N",
-            "Simulated campaigns that calibrate a90/95, 100 or more; 0 gives the plain profile "
-            "likelihood.",
-        ),
-    ] = 400,
-    out: Annotated[
-        Path | None, option("--out -o FILE", "Write the result (.nc), or the curve (.csv).")
-    ] = None,
+    results: Path = argument("RESULTS", "Table of the campaign (.csv), a row a throw."),
+    threshold: str | None = option(
+        "--threshold VALUE",
+        "Response from which an object is detected, as 250 or '250 N'; without it hits and "
+        "misses are used.",
+    ),
+    floor: str | None = option(
+        "--floor VALUE", "Responses at or below this are only known to be so."
+    ),
+    slip: str | None = option(
+        "--slip VALUE", "Responses at or above this are only known to be so."
+    ),
+    size_scale: str = option("--size-scale NAME", "log or linear.", default="log"),
+    response_scale: str = option("--response-scale NAME", "log or linear.", default="log"),
+    link: str = option("--link NAME", "Of hits and misses: probit or logit.", default="probit"),
+    pooled: bool = option("--pooled", "Ignore that switches differ; too optimistic."),
+    campaigns: int = option(
+        "--campaigns N",
+        "Simulated campaigns that calibrate a90/95, 100 or more; 0 gives the plain profile "
+        "likelihood.",
+        default=400,
+    ),
+    out: Path | None = option("--out -o FILE", "Write the result (.nc), or the curve (.csv)."),
     plot: FigureOption = None,
-    roc: Annotated[
-        Path | None,
-        option(
-            "--roc FILE", "Draw detections against false alarms, with the bound of --limit at --at."
-        ),
-    ] = None,
-    limit: Annotated[
-        Path | None, option("--limit FILE.nc", "Map of `turnout limit -o`, for --roc.")
-    ] = None,
-    at: Annotated[str, option("--at PLACE", "Where the objects were, for --roc.")] = "sleeper 6",
+    roc: Path | None = option(
+        "--roc FILE", "Draw detections against false alarms, with the bound of --limit at --at."
+    ),
+    limit: Path | None = option("--limit FILE.nc", "Map of `turnout limit -o`, for --roc."),
+    at: str = option("--at PLACE", "Where the objects were, for --roc.", default="sleeper 6"),
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 from turnout.cli.options import (
     FIGURES,
@@ -31,40 +31,25 @@ COLUMN = 24
 
 
 def import_command(
-    file: Annotated[
-        Path,
-        argument(
-            "FILE",
-            "Recording: text, workbook, JSON, Dewesoft, MATLAB, HDF5, MDF, TDMS, Parquet, LabVIEW, "
-            "COMTRADE or UFF.",
-        ),
-    ],
-    channels: Annotated[
-        str | None,
-        option(
-            "--channels MAP",
-            "Channel map (.toml), or one of the library: two-rods. Without it the file is listed "
-            "and a map to edit is suggested.",
-        ),
-    ] = None,
+    file: Path = argument(
+        "FILE",
+        "Recording: text, workbook, JSON, Dewesoft, MATLAB, HDF5, MDF, TDMS, Parquet, LabVIEW, "
+        "COMTRADE or UFF.",
+    ),
+    channels: str | None = option(
+        "--channels MAP",
+        "Channel map (.toml), or one of the library: two-rods. Without it the file is listed "
+        "and a map to edit is suggested.",
+    ),
     out: DatasetOption = None,
     plot: FigureOption = None,
-    suggest: Annotated[
-        Path | None, option("--suggest FILE.toml", "Write the suggested map to a file.")
-    ] = None,
-    smooth: Annotated[
-        str | None,
-        option(
-            "--smooth TIME",
-            "Centred moving average, such as 0.1s; unfiltered channels are kept as well.",
-        ),
-    ] = None,
-    throw: Annotated[
-        str | None, option("--throw NUMBER", "Which throw of several in one table.")
-    ] = None,
-    allow_outside: Annotated[
-        bool, option("--allow-outside", "Also read other files that FILE refers to.")
-    ] = False,
+    suggest: Path | None = option("--suggest FILE.toml", "Write the suggested map to a file."),
+    smooth: str | None = option(
+        "--smooth TIME",
+        "Centred moving average, such as 0.1s; unfiltered channels are kept as well.",
+    ),
+    throw: str | None = option("--throw NUMBER", "Which throw of several in one table."),
+    allow_outside: bool = option("--allow-outside", "Also read other files that FILE refers to."),
     as_json: JsonOption = False,
 ) -> None:
     """Read a measurement: list and preview it, or turn it into forces and currents."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 from turnout.cli.campaign import ChannelsOption, built_campaign, reasons_to_exclude, usable_dataset
 from turnout.cli.options import (
@@ -27,22 +27,16 @@ VALIDATION = "validation.nc"
 
 
 def report_command(
-    source: Annotated[
-        Path,
-        argument(
-            "SOURCE",
-            "A run, a sequence of throws, a campaign, a validation or a map of `turnout limit` "
-            "(.nc), a calibration (.toml), the folder of a campaign, a sweep or a validation.",
-        ),
-    ],
-    out: Annotated[Path, option("--out -o FILE.html", "The report.")] = Path("report.html"),
-    figures: Annotated[
-        Path | None, option("--figures DIR", "Write each figure as PDF, PNG and SVG.")
-    ] = None,
-    panel: Annotated[
-        str | None,
-        option("--panel PANEL", "Panel file of a run, to list the origin of each value."),
-    ] = None,
+    source: Path = argument(
+        "SOURCE",
+        "A run, a sequence of throws, a campaign, a validation or a map of `turnout limit` "
+        "(.nc), a calibration (.toml), the folder of a campaign, a sweep or a validation.",
+    ),
+    out: Path = option("--out -o FILE.html", "The report.", default=Path("report.html")),
+    figures: Path | None = option("--figures DIR", "Write each figure as PDF, PNG and SVG."),
+    panel: str | None = option(
+        "--panel PANEL", "Panel file of a run, to list the origin of each value."
+    ),
     channels: ChannelsOption = None,
     quiet: QuietOption = False,
 ) -> None:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -39,67 +39,52 @@ if TYPE_CHECKING:
 
 def simulate_command(
     panel: PanelArgument = None,
-    objects: Annotated[
-        list[str],
-        option(
-            "--object SIZE[ KIND]@PLACE[, KEY=VALUE]",
-            "Foreign object, such as 13mm@sleeper6, '5 mm @ x = 3.6 m' or '20mm ice@sleeper6, "
-            "length=2m' (an unknown kind lists all). Repeatable.",
-        ),
-    ] = [],  # noqa: B006 - typer copies it
+    objects: list[str] = option(
+        "--object SIZE[ KIND]@PLACE[, KEY=VALUE]",
+        "Foreign object, such as 13mm@sleeper6, '5 mm @ x = 3.6 m' or '20mm ice@sleeper6, "
+        "length=2m' (an unknown kind lists all). Repeatable.",
+        default=[],
+    ),
     settings: SetOption = [],  # noqa: B006 - typer copies it
     calibration: CalibrationOption = None,
     out: DatasetOption = None,
     plot: FigureOption = None,
-    overlay: Annotated[
-        Path | None,
-        option(
-            "--overlay FILE.csv",
-            "History of another program under the lines of --plot: columns 'time [s]', "
-            "'drive_force:1 [kN]', ...",
-        ),
-    ] = None,
-    also: Annotated[
-        list[str],
-        option("--also CHANNEL", "Also store this channel: fastening_force, fastening_moment."),
-    ] = [],  # noqa: B006 - typer copies it
-    mode: Annotated[
-        str | None,
-        option(
-            "--mode MODE",
-            "waveform: impacts and single chairs; quick: drives, gaps and labels, several times as "
-            "fast; quasi-static: without inertia. Default waveform.",
-            show_default=False,
-        ),
-    ] = None,
-    step: Annotated[str, option("--step TIME", "Time step instead of the mode's.")] = "",
-    cutoff: Annotated[
-        str,
-        option(
-            "--cutoff FREQUENCY", "Inertia of vibration modes up to here, instead of the mode's."
-        ),
-    ] = "",
-    every: Annotated[
-        str,
-        option("--every TIME", "Time between stored instants; need not be a multiple of the step."),
-    ] = "",
-    throws: Annotated[
-        int | None,
-        option(
-            "--throws N",
-            "Throw N times; objects keep dents and what is left. --mode is then quick unless "
-            "given.",
-            min=1,
-        ),
-    ] = None,
-    drifts: Annotated[
-        list[str],
-        option(
-            "--drift KEY=VALUE",
-            "What changes from throw to throw, such as ice_growth=0.3mm, 'temperature=-20 degC to "
-            "2 degC', friction=0.001. Repeatable.",
-        ),
-    ] = [],  # noqa: B006 - typer copies it
+    overlay: Path | None = option(
+        "--overlay FILE.csv",
+        "History of another program under the lines of --plot: columns 'time [s]', "
+        "'drive_force:1 [kN]', ...",
+    ),
+    also: list[str] = option(
+        "--also CHANNEL", "Also store this channel: fastening_force, fastening_moment.", default=[]
+    ),
+    mode: str | None = option(
+        "--mode MODE",
+        "waveform: impacts and single chairs; quick: drives, gaps and labels, several times as "
+        "fast; quasi-static: without inertia. Default waveform.",
+        show_default=False,
+    ),
+    step: str = option("--step TIME", "Time step instead of the mode's.", default=""),
+    cutoff: str = option(
+        "--cutoff FREQUENCY",
+        "Inertia of vibration modes up to here, instead of the mode's.",
+        default="",
+    ),
+    every: str = option(
+        "--every TIME",
+        "Time between stored instants; need not be a multiple of the step.",
+        default="",
+    ),
+    throws: int | None = option(
+        "--throws N",
+        "Throw N times; objects keep dents and what is left. --mode is then quick unless given.",
+        min=1,
+    ),
+    drifts: list[str] = option(
+        "--drift KEY=VALUE",
+        "What changes from throw to throw, such as ice_growth=0.3mm, 'temperature=-20 degC to "
+        "2 degC', friction=0.001. Repeatable.",
+        default=[],
+    ),
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:

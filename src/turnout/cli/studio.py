@@ -23,10 +23,10 @@ def studio_command(
     panel: PanelOption = None,
     settings: SetOption = [],  # noqa: B006 - typer copies it
     calibration: CalibrationOption = None,
-    campaign: Annotated[
-        Path | None, option("--campaign DIR", "Measured campaign to overlay on simulated throws.")
-    ] = None,
-    port: Annotated[int, option("--port N", "Default: a free port.", min=0, max=65535)] = 0,
+    campaign: Path | None = option(
+        "--campaign DIR", "Measured campaign to overlay on simulated throws."
+    ),
+    port: int = option("--port N", "Default: a free port.", default=0, min=0, max=65535),
     browser: Annotated[
         bool, typer.Option(help="Open the page in the browser; the address is printed in any case.")
     ] = True,

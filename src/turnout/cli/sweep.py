@@ -38,7 +38,9 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 FolderArgument = Annotated[Path, argument("DIR", "Folder of a sweep.")]
-OutOption = Annotated[Path | None, option("--out -o FILE", "Write a figure (.png, .pdf or .svg).")]
+OutOption = Annotated[
+    Path | None, option("--out -o FILE", "Write a figure (.png, .pdf or .svg).", default=...)
+]
 
 
 StudyArgument = Annotated[str, argument("STUDY", "Library study, or path of a study file (.toml).")]
@@ -49,9 +51,9 @@ def plan_command(
     study: StudyArgument,
     calibration: CalibrationOption = None,
     workers: WorkersOption = 0,
-    trials: Annotated[int, option("--trials N", "Throws to time; 0 for none.", min=0)] = 3,
+    trials: int = option("--trials N", "Throws to time; 0 for none.", default=3, min=0),
     as_json: JsonOption = False,
-    quiet: Annotated[bool, option("--quiet -q", "Show no progress.")] = False,
+    quiet: bool = option("--quiet -q", "Show no progress."),
 ) -> None:
     """Show the inputs of a study, its number of throws, run time and disk space."""
     from turnout.figures.report.study import study_lines
@@ -108,17 +110,13 @@ def _forecast_lines(loaded: "Study", found: "Forecast", *, used: int, busy: int)
 @app.command("run", short_help="Run every scenario, or continue an interrupted run.")
 def sweep_run_command(
     study: StudyArgument,
-    out: Annotated[
-        Path, option("--out -o DIR", "Folder for the results; an interrupted run continues there.")
-    ],
+    out: Path = option(
+        "--out -o DIR", "Folder for the results; an interrupted run continues there.", default=...
+    ),
     calibration: CalibrationOption = None,
     workers: WorkersOption = 0,
-    scheduler: Annotated[
-        str | None, option("--scheduler ADDRESS", "Dask scheduler: tcp://HOST:PORT.")
-    ] = None,
-    slurm: Annotated[
-        Path | None, option("--slurm PROFILE.toml", "Start workers as jobs of Slurm.")
-    ] = None,
+    scheduler: str | None = option("--scheduler ADDRESS", "Dask scheduler: tcp://HOST:PORT."),
+    slurm: Path | None = option("--slurm PROFILE.toml", "Start workers as jobs of Slurm."),
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
@@ -172,10 +170,8 @@ def sweep_run_command(
 def map_command(
     folder: FolderArgument,
     out: OutOption = None,
-    x: Annotated[str, option("--x INPUT", "Input across.")] = "object.size",
-    y: Annotated[
-        str | None, option("--y INPUT", "Input along; default object.at, or object.x.")
-    ] = None,
+    x: str = option("--x INPUT", "Input across.", default="object.size"),
+    y: str | None = option("--y INPUT", "Input along; default object.at, or object.x."),
     as_json: JsonOption = False,
 ) -> None:
     """Count the end states of a sweep, and draw forces, gaps and end states over two inputs."""
@@ -205,10 +201,8 @@ def map_command(
 def effects_command(
     folder: FolderArgument,
     out: OutOption = None,
-    feature: Annotated[list[str], option("--feature NAME", "Label or feature; repeatable.")] = [],  # noqa: B006 - typer copies it
-    strict: Annotated[
-        bool, option("--strict", "Exit code 1 if an output has no sensitivity.")
-    ] = False,
+    feature: list[str] = option("--feature NAME", "Label or feature; repeatable.", default=[]),
+    strict: bool = option("--strict", "Exit code 1 if an output has no sensitivity."),
     as_json: JsonOption = False,
 ) -> None:
     """Show the sensitivity of each output (Sobol indices), and draw main effects."""
@@ -286,9 +280,9 @@ def _weight(index: "SobolIndex") -> float:
 @app.command("export", short_help="Write a table with one row per scenario.")
 def sweep_export_command(
     folder: FolderArgument,
-    parquet: Annotated[Path | None, option("--parquet FILE", "Table (.parquet).")] = None,
-    csv: Annotated[Path | None, option("--csv FILE", "Table (.csv).")] = None,
-    mat: Annotated[Path | None, option("--mat FILE", "For MATLAB (.mat).")] = None,
+    parquet: Path | None = option("--parquet FILE", "Table (.parquet)."),
+    csv: Path | None = option("--csv FILE", "Table (.csv)."),
+    mat: Path | None = option("--mat FILE", "For MATLAB (.mat)."),
     quiet: QuietOption = False,
 ) -> None:
     """Write inputs, outcomes, labels and features, one row per scenario."""
@@ -348,7 +342,7 @@ def sweep_show_command(study: StudyArgument) -> None:
 
 @app.command("schema")
 def sweep_schema_command(
-    out: Annotated[Path | None, option("--out -o FILE.json", "Write it to a file.")] = None,
+    out: Path | None = option("--out -o FILE.json", "Write it to a file."),
 ) -> None:
     """Print the JSON schema of study files, for editors."""
     check_outputs({"--out": out}, {"--out": (".json",)})

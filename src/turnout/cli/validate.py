@@ -3,14 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from turnout.cli.campaign import OutsideOption, opened_campaign
 from turnout.cli.options import (
     SetOption,
-    StrictOption,
     argument,
     calibrated_panel,
     made_folder,
@@ -34,25 +33,20 @@ CACHED = "throws so far are cached, run the same command to continue"
 
 
 def validate_command(
-    source: Annotated[Path, argument("CAMPAIGN", "Folder of a campaign, or its dataset (.nc).")],
-    calibration: Annotated[Path, option("--calibration FILE", "From `turnout calibrate`.")],
-    out: Annotated[
-        Path | None, option("--out -o DIR", "Write page, table, dataset and figures.")
-    ] = None,
-    panel: Annotated[str | None, option("--panel PANEL", "Default: the calibrated panel.")] = None,
+    source: Path = argument("CAMPAIGN", "Folder of a campaign, or its dataset (.nc)."),
+    calibration: Path = option("--calibration FILE", "From `turnout calibrate`.", default=...),
+    out: Path | None = option("--out -o DIR", "Write page, table, dataset and figures."),
+    panel: str | None = option("--panel PANEL", "Default: the calibrated panel."),
     settings: SetOption = [],  # noqa: B006 - typer copies it
-    place: Annotated[
-        str | None,
-        option("--place PLACE", "Place whose movements are drawn; default the middle one."),
-    ] = None,
-    laws: Annotated[
-        str | None, option("--drive-laws DRIVE", "Also compare drive laws for this drive.")
-    ] = None,
+    place: str | None = option(
+        "--place PLACE", "Place whose movements are drawn; default the middle one."
+    ),
+    laws: str | None = option("--drive-laws DRIVE", "Also compare drive laws for this drive."),
     allow_outside: OutsideOption = False,
-    workers: Annotated[int, option("--workers N", "Processes.", min=1)] = 2,
-    strict: StrictOption = False,
+    workers: int = option("--workers N", "Processes.", default=2, min=1),
+    strict: bool = option("--strict", "Exit code 1 if the calibration is not valid."),
     as_json: JsonOption = False,
-    quiet: Annotated[bool, option("--quiet -q", "Show only the verdict.")] = False,
+    quiet: bool = option("--quiet -q", "Show only the verdict."),
 ) -> None:
     """Predict every movement of a campaign and judge those not used in the fit."""
     from turnout.calibration.requirements import check_provenance

@@ -5,10 +5,10 @@ numbers, marked by `turnout.core.units.SI` or by the validation context `{"si": 
 do neither.
 """
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
 from copy import deepcopy
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 from annotated_types import Le
 from pydantic import (
@@ -19,6 +19,7 @@ from pydantic import (
     PlainValidator,
     ValidationInfo,
     WithJsonSchema,
+    model_validator,
 )
 
 from turnout.core.units import (
@@ -74,6 +75,20 @@ class Record(BaseModel):
         allow_inf_nan=False,
         str_strip_whitespace=True,
     )
+
+
+class JudgedRecord(Record):
+    """Base of records whose values must go together; all their faults are named at once."""
+
+    @model_validator(mode="after")
+    def _judged(self) -> Self:
+        if found := "; ".join(self.faults()):
+            raise ValueError(found)
+        return self
+
+    def faults(self) -> Iterator[str]:
+        """Yield the faults between the values, with remedies."""
+        raise NotImplementedError
 
 
 @dataclass(frozen=True, slots=True)

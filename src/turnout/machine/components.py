@@ -5,9 +5,10 @@ positions are those of the rod's machine end, positive in the closing direction,
 rail is home against the stock rail.
 """
 
-from typing import Literal, Self
+from collections.abc import Iterator
+from typing import Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from turnout.core.keys import Keys
 from turnout.core.quantity import (
@@ -18,6 +19,7 @@ from turnout.core.quantity import (
     Force,
     HeatCapacity,
     Inertia,
+    JudgedRecord,
     Length,
     Mass,
     PerEnergy,
@@ -59,7 +61,7 @@ class Clutch(Record):
     )
 
 
-class Gear(Record):
+class Gear(JudgedRecord):
     """All between the clutch and the rod, seen from the shaft."""
 
     inertia: Inertia = Field(gt=0, description="of all behind the clutch [kg m^2]")
@@ -77,19 +79,16 @@ class Gear(Record):
     dry_from: Length | None = Field(None, description="rod position from which it is dry [m]")
     dry_to: Length | None = Field(None, description="rod position up to which it is dry [m]")
 
-    @model_validator(mode="after")
-    def _dry(self) -> Self:
+    def faults(self) -> Iterator[str]:
+        """Yield the faults between the values."""
         if self.dry_from is None or self.dry_to is None:
             if self.dry_ratio < 1.0 or self.dry_from is not self.dry_to:
-                message = "a gear that is dry needs dry_from and dry_to"
-                raise ValueError(message)
+                yield "a gear that is dry needs dry_from and dry_to"
         elif self.dry_to <= self.dry_from:
-            message = "dry_to must be more than dry_from"
-            raise ValueError(message)
-        return self
+            yield "dry_to must be more than dry_from"
 
 
-class Stroke(Record):
+class Stroke(JudgedRecord):
     """How the rod position follows from the shaft angle."""
 
     kind: Literal["screw", "crank", "table"] = Field(
@@ -106,26 +105,22 @@ class Stroke(Record):
         None, description="of a table: share of the stroke at each; 0 is added in front"
     )
 
-    @model_validator(mode="after")
-    def _needs(self) -> Self:
+    def faults(self) -> Iterator[str]:
+        """Yield the faults between the values."""
         screw, table = self.kind == "screw", self.kind == "table"
         needed = ["ratio"] if screw else ["angle", "length"]
         needed += ["angle_share", "length_share"] if table else []
         missing = [name for name in needed if getattr(self, name) is None]
         if missing:
-            message = f"a {self.kind} needs {' and '.join(missing)}"
-            raise ValueError(message)
-        if table:
+            yield f"a {self.kind} needs {' and '.join(missing)}"
+        elif table:
             angles, lengths = [0.0, *(self.angle_share or ())], [0.0, *(self.length_share or ())]
             rises = all(a < b for a, b in zip(angles, angles[1:], strict=False))
             follows = all(a <= b for a, b in zip(lengths, lengths[1:], strict=False))
             if len(angles) != len(lengths) or not rises or not follows:
-                message = "angle_share must rise, length_share not fall, and both be equally long"
-                raise ValueError(message)
-            if angles[-1] != 1.0 or lengths[-1] != 1.0:
-                message = "angle_share and length_share must end with 1"
-                raise ValueError(message)
-        return self
+                yield "angle_share must rise, length_share not fall, and both be equally long"
+            elif angles[-1] != 1.0 or lengths[-1] != 1.0:
+                yield "angle_share and length_share must end with 1"
 
 
 class Rod(Record):
@@ -189,7 +184,7 @@ class HandCrank(Record):
     )
 
 
-class Machine(Record):
+class Machine(JudgedRecord):
     """Point machine."""
 
     description: str = Field("", description="what the machine is, in a few sentences")
@@ -214,41 +209,34 @@ class Machine(Record):
         most = motor.of_kind.stall_torque(motor, motor.voltage, cold=True)
         return most - motor.loss_torque
 
-    @model_validator(mode="after")
-    def _fits(self) -> Self:
+    def faults(self) -> Iterator[str]:
+        """Yield the faults between the values."""
         breakaway = self.clutch.torque * self.clutch.static_ratio
         if breakaway >= self.stall_torque:
-            message = (
+            yield (
                 f"the clutch would never slip: {breakaway:.4g} N m to break away, the motor stalls "
                 f"at {self.stall_torque:.4g} N m; lower clutch.torque or raise motor.voltage"
             )
-            raise ValueError(message)
         if self.supply.phase_lost_at is not None:
             if not self.motor.of_kind.alternating:
-                message = f"supply.phase_lost_at is of induction motors; this is {self.motor.kind}"
-                raise ValueError(message)
+                yield f"supply.phase_lost_at is of induction motors; this is {self.motor.kind}"
             if self.supply.shared_resistance:
-                message = (
+                yield (
                     "supply.phase_lost_at goes with supply.line_resistance only; leave out "
                     "supply.shared_resistance"
                 )
-                raise ValueError(message)
         kind = self.motor.of_kind
         spare = [text for key in kind.without_effect if (text := self._given(key))]
         if spare:
-            message = (
+            yield (
                 f"{' and '.join(spare)}: without effect on {with_article(self.motor.kind)} motor, "
                 f"{kind.no_effect_since}; leave it out"
             )
-            raise ValueError(message)
         back = self.gear.back_efficiency
         if self.circuit.holding == "gear" and back != 0.0:
-            message = "circuit.holding = 'gear' needs a self-locking gear: gear.back_efficiency = 0"
-            raise ValueError(message)
+            yield "circuit.holding = 'gear' needs a self-locking gear: gear.back_efficiency = 0"
         if self.circuit.holding == "brake" and self.motor.brake_torque == 0.0:
-            message = "circuit.holding = 'brake' needs motor.brake_torque"
-            raise ValueError(message)
-        return self
+            yield "circuit.holding = 'brake' needs motor.brake_torque"
 
     def _given(self, key: str) -> str:
         """Return a key of a part whose value is not its default, with the value of a choice."""
@@ -286,7 +274,7 @@ class Command(Record):
     direction: Literal["close", "open"] = "close"
 
 
-class Throw(Record):
+class Throw(JudgedRecord):
     """One machine on a one-mass rail: where it starts, what is commanded, how it is computed."""
 
     machine: str | None = Field(None, description="its name; needed where the file has several")
@@ -298,20 +286,16 @@ class Throw(Record):
         default_factory=lambda: [Command(time=SI(0.0))], min_length=1
     )
 
-    @model_validator(mode="after")
-    def _fits(self) -> Self:
+    def faults(self) -> Iterator[str]:
+        """Yield the faults between the values."""
         count = self.output_interval / self.step
         if abs(count - round(count)) > 1e-6 * count or round(count) < 1:
-            message = f"output_interval must be a multiple of step = {self.step:g} s"
-            raise ValueError(message)
+            yield f"output_interval must be a multiple of step = {self.step:g} s"
         if self.duration > MOST_INSTANTS * self.output_interval:
-            message = f"duration / output_interval: at most {MOST_INSTANTS} instants are kept"
-            raise ValueError(message)
+            yield f"duration / output_interval: at most {MOST_INSTANTS} instants are kept"
         times = [command.time for command in self.command]
         if any(a >= b for a, b in zip(times, times[1:], strict=False)):
-            message = "commands must be given in the order of their times"
-            raise ValueError(message)
-        return self
+            yield "commands must be given in the order of their times"
 
 
 class MachineFile(Record):

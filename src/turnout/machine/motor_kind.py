@@ -6,13 +6,13 @@ words, and what of a machine means nothing to it.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, Self
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field
 
 from turnout.core.quantity import (
     Current,
@@ -20,6 +20,7 @@ from turnout.core.quantity import (
     Frequency,
     Inductance,
     Inertia,
+    JudgedRecord,
     MotorConstant,
     NameIn,
     Record,
@@ -60,7 +61,7 @@ def with_article(kind: str) -> str:
     return f"{'an' if kind[0] in 'aeiou' else 'a'} {kind}"
 
 
-class Motor(Record):
+class Motor(JudgedRecord):
     """DC motor with brushes, or three-phase induction motor (Gamma model, values of a phase)."""
 
     kind: Annotated[str, NameIn(MOTOR_KINDS)] = Field(
@@ -133,26 +134,22 @@ class Motor(Record):
         """What its kind computes, takes and draws."""
         return MOTOR_KINDS[self.kind]
 
-    @model_validator(mode="after")
-    def _needs(self) -> Self:
+    def faults(self) -> Iterator[str]:
+        """Yield the faults between the values."""
         kind, named = self.of_kind, with_article(self.kind)
         missing = [name for name in kind.needs if getattr(self, name) is None]
         if missing:
-            message = f"{named} motor needs {' and '.join(missing)}"
-            raise ValueError(message)
+            yield f"{named} motor needs {' and '.join(missing)}"
         if not kind.brushes and (self.brush_drop or self.contact_loss or self.contact_resistance):
-            message = (
+            yield (
                 f"{named} motor has no brushes: leave out brush_drop, contact_loss and "
                 "contact_resistance"
             )
-            raise ValueError(message)
         own = {name for each in MOTOR_KINDS.values() for name in (*each.needs, *each.may_have)}
         spare = own - {*kind.needs, *kind.may_have}
         given = sorted(name for name in spare if getattr(self, name) is not None)
         if given:
-            message = f"{named} motor has no {' or '.join(given)}"
-            raise ValueError(message)
-        return self
+            yield f"{named} motor has no {' or '.join(given)}"
 
 
 class Supply(Record):
