@@ -13,6 +13,8 @@ from benchmarks.census import circles, count, import_graph, imported_names, pars
 
 SRC = Path(__file__).parents[2] / "src" / "turnout"
 MODULES = sorted(SRC.rglob("*.py"))
+TOPS = (SRC, SRC.parents[1])
+"""Folders from which pages for contributors name files."""
 
 # Read downwards: data flows this way, and each package may import what its row names.
 ALLOWED: dict[str, set[str]] = {
@@ -128,6 +130,14 @@ def test_every_package_is_in_the_table() -> None:
     text = (SRC.parents[1] / "CONTRIBUTING.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| `(\w+)` \|", text, flags=re.MULTILINE)
     assert [*rows, "__main__"] == list(ALLOWED), "CONTRIBUTING.md has a row per package, in order"
+
+
+def test_files_where_changes_begin_exist() -> None:
+    text = (SRC.parents[1] / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    table = text.partition("| to change |")[2].partition("\n\n")[0]
+    named = set(re.findall(r"`([a-z_/]+\.\w+)`", table))
+    assert len(named) > 40
+    assert not [name for name in named if not any((top / name).exists() for top in TOPS)]
 
 
 def test_imports_follow_the_table() -> None:
