@@ -30,7 +30,7 @@ from turnout.panel.object_text import parse_object
 from turnout.solver.outcome import Code
 from turnout.study.sweep.read import read_labels
 from turnout.study.sweep.run import throw_study
-from turnout.throw.breaking import break_attributes
+from turnout.throw.breaking import break_attributes, end_of
 from turnout.throw.simulate import solve
 from turnout.web.object_map import object_map
 from turnout.web.question import Question
@@ -44,6 +44,7 @@ UNCOMPARED = (
     "An object broke: where its strength is nearly met, the verdict may depend on step and mode"
 )
 """Of sequences and sweeps."""
+QUICK = turnout.Scheme.of("quick")
 STUDY = """
 schema_version = 1
 name = "breaks"
@@ -123,6 +124,33 @@ def test_a_compared_throw_that_does_not_end_is_not_alike() -> None:
     assert made[1]["break_note"].endswith(
         'strength "undetected object" with 1 break or a run that does not come to its end'
     )
+
+
+WOOD = "20mm wood@sleeper6"
+
+
+@pytest.mark.parametrize(
+    ("text", "changes"),
+    [
+        ("10mm ice@sleeper6", {}),
+        (WOOD, {}),
+        (f"{WOOD}, rail=curved", {}),
+        (f"{WOOD}, disappears=7.9s", {}),
+        (f"{WOOD}, disappears=7s", {}),
+        (WOOD, {"drive.1.saturation_force": "2.5 kN"}),
+        ("13mm stone@drive1", {}),
+        ("13mm stone@drive1", {"drive.2.saturation_force": "3 kN"}),
+        ("13mm stone@drive1", {"flangeway.limit": "70 mm"}),
+        ("15mm wood@sleeper9", {"drive.2.gap_limit": "0.1 mm"}),
+        ("13mm stone@drive1", {"movement.return.start": "3.4 s"}),
+    ],
+)
+def test_compared_throws_are_judged_as_the_verdict_does(text: str, changes: dict[str, str]) -> None:
+    changed, item, scheme = panel().with_overrides(changes), parse_object(text), QUICK
+    solved = solve(changed, foreign_object=item, scheme=scheme)
+    end = end_of(changed, solved.objects, (solved.mechanism, solved.history))
+    judged = verdict(turnout.simulate(changed, foreign_object=item, scheme=scheme))
+    assert end.kind == (judged.own or judged.kind)
 
 
 def test_gaps_that_rest_on_a_break_are_named_beside_the_same_verdict() -> None:

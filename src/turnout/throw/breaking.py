@@ -90,12 +90,12 @@ def break_attributes(
     """
     coarse = is_coarse(scheme)
     near = _is_near(*thrown, objects, COARSE_BLOW_ERROR if coarse else SLOW_ERROR)
-    first = _end_of(panel, objects, thrown)
+    first = end_of(panel, objects, thrown)
     if not first.kind or not (near or any(first.broken)):
         return {}
     found = [first]
     for varied, other, alike in _variants(objects, scheme, broke=any(first.broken)):
-        end = _end_of(panel, objects, throw(varied, other))
+        end = end_of(panel, objects, throw(varied, other))
         if not alike or not end.kind or end.broke == first.broke:
             found.append(end)
     how = "in mode waveform and " if coarse else ""
@@ -148,7 +148,7 @@ def _variants(
 
 
 @dataclass(frozen=True, slots=True)
-class _End:
+class ThrowEnd:
     """Outcome of a throw.
 
     Attributes
@@ -171,13 +171,13 @@ class _End:
         return tuple(count > 0 for count in self.broken)
 
 
-def _end_of(panel: Panel, objects: Sequence[PlacedObject], thrown: Thrown) -> _End:
+def end_of(panel: Panel, objects: Sequence[PlacedObject], thrown: Thrown) -> ThrowEnd:
     """Return the outcome of a throw."""
     from turnout.throw.dataset import response_channels  # the solver needs none
 
     mechanism, history = thrown
     if not history.outcome.complete:
-        return _End("", {}, ())
+        return ThrowEnd("", {}, ())
     channels = response_channels(panel, mechanism, history, save=COMPARED)
     values: dict[str, Any] = {name: value for name, (_, value) in channels.items()}
     moved = moved_throws(as_thrown(panel, history), history) or (AT_REST,)
@@ -191,7 +191,7 @@ def _end_of(panel: Panel, objects: Sequence[PlacedObject], thrown: Thrown) -> _E
         for at in each.rests([item.disappears for item in objects]):
             when = f"{after} at {history.time[at]:.2f} s" if at < each.last else after
             gaps |= {f"{name}{when}": gap for name, gap in each.gaps(at).items()}
-    return _End(_kind(panel, objects, movements, values), gaps, tuple(values["object_broken"]))
+    return ThrowEnd(_kind(panel, objects, movements, values), gaps, tuple(values["object_broken"]))
 
 
 AT_REST = DirectedMovement("", "closed", -np.inf, -np.inf, np.inf)
@@ -233,14 +233,18 @@ class _Movement:
         return int(self.time.searchsorted(time - TIME_TOLERANCE)) - 1
 
     def rests(self, taken: Sequence[float]) -> list[int]:
-        """Return the instants that are judged: the last one, and before objects are taken out."""
-        if self.late:
-            return []
-        within = [time for time in taken if self.movement.end < time < self.movement.until]
-        return sorted({self.last, *(self._before(time) for time in within)})
+        """Return the instants that are judged: the last one, and before objects are taken out.
+
+        A movement that the next one follows at once has none.
+        """
+        end = self.movement.end
+        within = [time for time in taken if end < time < self.movement.until]
+        found = {self.last, *(self._before(time) for time in within)}
+        rest = [at for at in found if self.time[at] >= end - TIME_TOLERANCE]
+        return [] if self.late else sorted(rest)
 
     def gaps(self, at: int) -> dict[str, float]:
-        """Return the gaps of `_End` at an instant [m]."""
+        """Return the gaps of `ThrowEnd` at an instant [m]."""
         found = {
             f"Drive {name}": self.values["drive_gap"][n, at] for n, name in enumerate(self.drives)
         }
@@ -284,7 +288,11 @@ def _kind(
     if missed:
         return "undetected object"
     if found:
-        return f"detected by {min(found, key=('slip', 'lock', 'TKK').index)}"
+        first = min(found, key=("slip", "lock", "TKK").index)
+        machines = any(drive.machine is not None for drive in panel.drive.values())
+        return (
+            f"detected by {'slip or switch-off' if (first, machines) == ('slip', True) else first}"
+        )
     if any(each.late for each in movements):
         return "not judged"
     found = [sign for each in movements for sign in each.signs()]
@@ -293,23 +301,23 @@ def _kind(
     return "not locked" if "lock" in found else "not sound" if found or narrow else "sound"
 
 
-def _open_names(found: Sequence[_End]) -> list[str]:
+def _open_names(found: Sequence[ThrowEnd]) -> list[str]:
     """Return the gaps that differ."""
     ended = [end.gaps for end in found if end.kind]
     names = [name for name in ended[0] if all(name in gaps for gaps in ended)]
     return [name for name in names if np.ptp([gaps[name] for gaps in ended]) > SAME_END_GAP]
 
 
-def _outcomes(found: Sequence[_End]) -> str:
+def _outcomes(found: Sequence[ThrowEnd]) -> str:
     """Return the ends that differ: kind, breaks, and gaps that differ."""
-    names, groups = _open_names(found), dict[object, list[_End]]()
+    names, groups = _open_names(found), dict[object, list[ThrowEnd]]()
     for end in sorted(found, key=lambda end: (not end.kind, sum(end.broken))):
         groups.setdefault((end.kind, end.broke), []).append(end)
     kinds = len({end.kind for end in found}) > 1
     return " or ".join(_outcome(ends, names, kinds=kinds) for ends in groups.values())
 
 
-def _outcome(ends: Sequence[_End], gaps: Sequence[str], *, kinds: bool) -> str:
+def _outcome(ends: Sequence[ThrowEnd], gaps: Sequence[str], *, kinds: bool) -> str:
     """Return one of the ends that differ."""
     if not ends[0].kind:
         return "a run that does not come to its end"
