@@ -61,9 +61,9 @@ def test_a_stiffness_that_the_modes_hold_is_condensed_again(law: str) -> None:
     assert arrange(given, Scheme()).system is not first.system
 
 
-def test_matrices_that_could_be_written_to_are_never_remembered() -> None:
+def test_rows_that_could_be_written_to_are_never_remembered() -> None:
     own = mechanism()
-    own = replace(own, stiffness=own.stiffness.copy())
+    own = replace(own, rows=own.rows.copy())
     assert arrange(own, QUICK).system is not arrange(own, QUICK).system
 
 

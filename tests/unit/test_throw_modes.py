@@ -117,6 +117,7 @@ def test_reduction_is_reported_rail_by_rail() -> None:
     assert list(texts) == ["switch"]
     assert "at the interface" in texts["switch"]
     assert "relative error" in texts["switch"]
+    assert "in the shapes of this rail: " in texts["switch"]
 
 
 def command(words: str, *more: str) -> Result:

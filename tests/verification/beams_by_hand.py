@@ -10,7 +10,7 @@ from tests.verification.hand_made import ALL_MODES
 from turnout.beam.material import ElasticMaterial
 from turnout.beam.section_record import SectionProperties
 from turnout.law.table import LawTableBuilder
-from turnout.mechanism.mechanism import Mechanism, Point, RailData, ReducedRail, Support
+from turnout.mechanism.mechanism import Matrices, Mechanism, Point, RailData, ReducedRail, Support
 from turnout.mechanism.reduce import reduce_rail
 
 Floats = NDArray[np.float64]
@@ -83,10 +83,12 @@ def joined(
     table = laws.table()
     weight = np.concatenate([rail.load for rail in rails])
     return Mechanism(
-        stiffness=block_diag(*(rail.stiffness for rail in rails)),
-        mass=block_diag(*(rail.mass for rail in rails)),
-        damping=block_diag(*(rail.damping for rail in rails)),
-        load=weight if load is None else weight + load,
+        matrices=Matrices(
+            stiffness=block_diag(*(rail.stiffness for rail in rails)),
+            mass=block_diag(*(rail.mass for rail in rails)),
+            damping=block_diag(*(rail.damping for rail in rails)),
+            load=weight if load is None else weight + load,
+        ),
         rows=matrix,
         laws=table,
         law_names=tuple(f"law {i}" for i in range(table.row.size)),

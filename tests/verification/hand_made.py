@@ -8,7 +8,7 @@ from turnout.core.scheme import Scheme
 from turnout.law.object_kind import Compression, Trapped
 from turnout.law.obstruction import Obstructions, no_obstructions
 from turnout.law.table import LawTableBuilder
-from turnout.mechanism.mechanism import Mechanism
+from turnout.mechanism.mechanism import Matrices, Mechanism
 from turnout.solver.integration import History, integrate
 
 LEDGER = ("markers", "friction", "damping", "switched", "algorithmic", "segments", "objects")
@@ -32,10 +32,12 @@ def hand_made(
     n = masses.shape[0]
     table = laws.table()
     return Mechanism(
-        stiffness=np.zeros((n, n)) if stiffness is None else stiffness,
-        mass=np.asarray(masses, dtype=float),
-        damping=np.zeros((n, n)) if damping is None else damping,
-        load=np.zeros(n) if load is None else np.asarray(load, dtype=float),
+        matrices=Matrices(
+            stiffness=np.zeros((n, n)) if stiffness is None else stiffness,
+            mass=np.asarray(masses, dtype=float),
+            damping=np.zeros((n, n)) if damping is None else damping,
+            load=np.zeros(n) if load is None else np.asarray(load, dtype=float),
+        ),
         rows=np.eye(n) if rows is None else np.asarray(rows, dtype=float),
         laws=table,
         law_names=tuple(f"law {i}" for i in range(table.row.size)),

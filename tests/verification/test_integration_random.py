@@ -83,10 +83,7 @@ def random_run(seed: int) -> tuple[Mechanism, History]:
     )
     table = random_laws(rng, n_rows)
     mechanism = Mechanism(
-        stiffness=mechanism.stiffness,
-        mass=mechanism.mass,
-        damping=mechanism.damping,
-        load=mechanism.load,
+        matrices=mechanism.matrices,
         rows=mechanism.rows,
         laws=table,
         law_names=tuple(str(law) for law in range(table.row.size)),

@@ -99,7 +99,7 @@ def reduction_report(
     """
     full_stiffness: sp.csr_array = _as_sparse(stiffness)
     full_mass: sp.csr_array = _as_sparse(mass)
-    static_error, static_note = _static_error(superelement, full_stiffness)
+    error, note = static_error(superelement, full_stiffness)
     full, reduced = _free_frequencies(superelement, full_stiffness, full_mass)
     n_rigid = int(np.count_nonzero(full < _RIGID_SHARE * superelement.cutoff_frequency))
     return ReductionReport(
@@ -109,8 +109,8 @@ def reduction_report(
         cutoff_frequency=superelement.cutoff_frequency,
         frequencies_kept=superelement.frequencies_kept,
         frequency_first_omitted=superelement.frequency_first_omitted,
-        static_error=static_error,
-        static_note=static_note,
+        static_error=error,
+        static_note=note,
         n_rigid=n_rigid,
         frequencies_full=full[n_rigid:],
         frequencies_reduced=reduced[n_rigid:],
@@ -161,8 +161,11 @@ def format_report(report: ReductionReport, *, most_modes: int = 10) -> str:
     return "\n".join(lines)
 
 
-def _static_error(superelement: Superelement, stiffness: sp.csr_array) -> tuple[float, str]:
-    """Compare the responses to unit loads at the interface."""
+def static_error(superelement: Superelement, stiffness: sp.csr_array) -> tuple[float, str]:
+    """Return the `static_error` and `static_note` of a `ReductionReport`.
+
+    The shapes of the superelement may be those of another structure.
+    """
     interface = superelement.interface
     if not interface.size:
         return float("nan"), "skipped: there is no interface"
@@ -172,7 +175,11 @@ def _static_error(superelement: Superelement, stiffness: sp.csr_array) -> tuple[
     loads = np.zeros((stiffness.shape[0], interface.size))
     loads[interface, np.arange(interface.size)] = 1.0
     full = factor.solve(loads)[interface]
-    condensed = superelement.stiffness[: interface.size, : interface.size]
+    count = interface.size
+    within, across = superelement.stiffness, superelement.stiffness[:count, count:]
+    condensed = within[:count, :count]
+    if across.any():
+        condensed = condensed - across @ np.linalg.solve(within[count:, count:], across.T)
     reduced = np.linalg.inv(condensed)
     scale = np.sqrt(np.diag(full))
     return float(np.max(np.abs(reduced - full) / (scale[:, None] * scale))), ""

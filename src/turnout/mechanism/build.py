@@ -5,6 +5,7 @@ See `build_rails` for the rails, `laws` for what acts on them, `shape_key` for w
 These files alone see both definition and mechanics.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -15,10 +16,25 @@ from turnout.core.errors import MechanicsError
 from turnout.core.lru_cache import LRUCache
 from turnout.core.threads import one_blas_thread
 from turnout.law.friction import FrictionCourses, no_courses
-from turnout.mechanism.build_rails import SIGN, stock_rail_data, switch_rail_data, with_scale
+from turnout.mechanism.build_rails import (
+    SIGN,
+    STOCK,
+    held_by,
+    stock_rail_data,
+    supports_of,
+    switch_rail_data,
+    with_scales,
+)
 from turnout.mechanism.drive_machines import drive_machines
 from turnout.mechanism.laws import LawLayout, LawRows, law_table, lay_out
-from turnout.mechanism.mechanism import LawIndex, Mechanism, RailBody, RailData, ReducedRail
+from turnout.mechanism.mechanism import (
+    JoinedRails,
+    LawIndex,
+    Mechanism,
+    RailBody,
+    RailData,
+    ReducedRail,
+)
 from turnout.mechanism.object_laws import divided, obstructions_of
 from turnout.mechanism.object_rows import (
     approach_row,
@@ -27,18 +43,25 @@ from turnout.mechanism.object_rows import (
     node_rows,
 )
 from turnout.mechanism.reduce import reduce_rail
-from turnout.mechanism.shape_key import LAWS_ALONE, shape_of
+from turnout.mechanism.shape_key import LAWS_ALONE, Variation, shape_of, variation_of
 from turnout.mechanism.travel import RailRows, Travel, rail_travel
+from turnout.mechanism.varied_rails import (
+    STEP,
+    clear_families,
+    nominal_scale,
+    rail_family,
+    varied_rail,
+)
 from turnout.panel.foreign_object import PlacedObject
 from turnout.panel.load import LoadedPanel
 from turnout.panel.model import Panel
 
 Floats = NDArray[np.float64]
 
-_MATRICES = ("stiffness", "mass", "damping", "load")
 
-
-def build_mechanism(panel: Panel, objects: Sequence[PlacedObject] = ()) -> Mechanism:
+def build_mechanism(
+    panel: Panel, objects: Sequence[PlacedObject] = (), *, nominal: LoadedPanel | None = None
+) -> Mechanism:
     """Build the mechanism of a panel with foreign objects in place.
 
     Parameters
@@ -47,6 +70,10 @@ def build_mechanism(panel: Panel, objects: Sequence[PlacedObject] = ()) -> Mecha
         A checked panel.
     objects : sequence of PlacedObject
         Foreign objects with place, rail and time in SI.
+    nominal : LoadedPanel, optional
+        Panel whose rails give the shapes that those of `panel` are reduced to where they differ in
+        factors of sections or in fastenings alone, see `turnout.mechanism.varied_rails`. By default
+        each rail has its own.
 
     Returns
     -------
@@ -55,14 +82,11 @@ def build_mechanism(panel: Panel, objects: Sequence[PlacedObject] = ()) -> Mecha
     """
     places = _reference(panel)
     objects = sorted(divided(objects), key=lambda item: is_off_node(places, item))
-    placed = _placed(panel, objects)
+    placed = _placed(panel, objects, nominal)
     layout, linear = placed.layout, placed.linear
     objects = placed.softened(objects)
     return Mechanism(
-        stiffness=linear.stiffness,
-        mass=linear.mass,
-        damping=linear.damping,
-        load=linear.load,
+        matrices=linear.matrices,
         rows=placed.rows,
         laws=law_table(layout, panel, objects, travel=linear.travel),
         law_names=layout.law_names,
@@ -74,7 +98,7 @@ def build_mechanism(panel: Panel, objects: Sequence[PlacedObject] = ()) -> Mecha
         obstructions=obstructions_of(layout.index, objects),
         courses=friction_courses(panel, layout.index, linear.travel),
         core=linear.rows,
-        reduced=linear.reduced,
+        nominal=linear.nominal,
     )
 
 
@@ -89,70 +113,112 @@ def object_parts(objects: Sequence[PlacedObject]) -> dict[str, tuple[str, ...]]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Linear:
-    """A mechanism without its laws."""
+    """A mechanism without its laws.
 
-    stiffness: Floats
-    mass: Floats
-    damping: Floats
-    load: Floats
+    Of varied rails `ratios` are those of their scales to the nominal ones.
+    """
+
+    matrices: JoinedRails
     rows: Floats
     rails: tuple[RailBody, ...]
-    reduced: tuple[ReducedRail, ...]
     travel: Travel
+    nominal: Mechanism | None = None
+    ratios: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
 class _Frame:
-    """Common parts of panels that differ in the scales of sections too.
+    """Common parts of panels that differ in the matrices of their rails too.
 
-    `rails` are without these scales; the records are those that the key names by identity. `kept`
-    are the linear parts by the scales.
+    `rails` are without factors of sections, with fastenings of `holds`; the records are those that
+    the key names by identity. `kept` are the linear parts by the variation.
     """
 
     layout: LawLayout
     rails: tuple[RailData, ...]
+    holds: tuple[tuple[tuple[float, ...], ...], ...]
     records: object
     kept: "LRUCache[_Kept]"
 
-    def scaled(self, panel: Panel) -> list[RailData]:
-        """Return the rails with the scales that a panel gives for their sections."""
-        return [with_scale(d, panel) if d.name in panel.rail else d for d in self.rails]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Placed:
-    """Rails with the rows of objects.
-
-    `rows` begin with those of `linear`, which has the rows of objects that are nodes of its rails.
-    `yields` is what the rails yield to each object beyond their reduced coordinates [m/N].
-    """
-
-    linear: _Linear
-    layout: LawLayout
-    rows: Floats
-    yields: tuple[float, ...]
-
-    def softened(self, objects: Sequence[PlacedObject]) -> list[PlacedObject]:
-        """Return the objects in series with the flexibility of the rails, if any."""
-        return [
-            replace(item, stiffness=1.0 / (1.0 / item.stiffness + flexibility))
-            if flexibility
-            else item
-            for item, flexibility in zip(objects, self.yields, strict=True)
-        ]
+    def rails_of(self, variation: Variation, panel: Panel) -> list[RailData]:
+        """Return the rails of a variation, whose fastenings are those of a panel."""
+        rails: Sequence[RailData] = self.rails
+        if variation.holds != self.holds:
+            rails = [replace(rail, supports=supports_of(panel, rail.name)) for rail in rails]
+        if variation.holding:
+            of_switch, of_stock = variation.holding
+            rails = [
+                held_by(rail, of_stock if rail.name.startswith(STOCK) else of_switch)
+                for rail in rails
+            ]
+        return [with_scales(*pair) for pair in zip(rails, variation.scales, strict=True)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Kept:
     """Common parts of panels that differ in values of laws and motion alone.
 
-    `placed` are the same rails with objects, by the places of these.
+    `rails` are those of `linear`, `held` where the switch rails are held. `placed` are the same
+    rails with objects, by the places of these. Of varied rails `base` are the nominal ones, which
+    have these instead.
     """
 
     frame: _Frame
+    rails: tuple[RailData, ...]
+    held: dict[str, RailRows]
     linear: _Linear
+    base: "_Kept | None" = None
     # a megabyte each
-    placed: LRUCache[_Placed] = field(default_factory=lambda: LRUCache[_Placed](64))
+    placed: LRUCache["_Placed"] = field(default_factory=lambda: LRUCache[_Placed](64))
+    nominal: LRUCache[Mechanism] = field(default_factory=lambda: LRUCache[Mechanism](4))
+
+
+@dataclass(frozen=True, slots=True)
+class Yield:
+    """Local flexibility of a rail, and how it goes with the lateral scale.
+
+    Shear and torsion of an element yield as well as its bending, so that it goes with a power of
+    the lateral scale, and with the inverse of the section scale.
+
+    Attributes
+    ----------
+    flexibility : float
+        Of the nominal rail [m/N].
+    exponent : float
+        Of the ratio of lateral scales.
+    """
+
+    flexibility: float
+    exponent: float = 0.0
+
+    def of(self, scale: float, lateral: float) -> float:
+        """Return the flexibility of a rail with ratios of both scales [m/N]."""
+        return self.flexibility / scale * float(lateral**self.exponent)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Placed:
+    """Rails with the rows of objects.
+
+    `rows` begin with those of `linear`, which has the rows of objects that are nodes of its rails;
+    `nodes` are these objects if the rails have no others. `yields` is what each rail yields to each
+    object beyond its reduced coordinates.
+    """
+
+    linear: _Linear
+    layout: LawLayout
+    rows: Floats
+    yields: tuple[Mapping[str, Yield], ...]
+    nodes: tuple[PlacedObject, ...] = ()
+
+    def softened(self, objects: Sequence[PlacedObject]) -> list[PlacedObject]:
+        """Return the objects in series with the flexibility of the rails, if any."""
+        ratios, found = self.linear.ratios, list[PlacedObject]()
+        for item, yields in zip(objects, self.yields, strict=True):
+            local = sum(own.of(*ratios.get(name, (1.0, 1.0))) for name, own in yields.items())
+            softer = 1.0 / (1.0 / item.stiffness + local)
+            found.append(replace(item, stiffness=softer) if local else item)
+        return found
 
 
 _frames = LRUCache[_Frame](64)
@@ -164,105 +230,194 @@ def _reference(panel: Panel) -> Panel:
     return panel.reference_panel(LAWS_ALONE) if isinstance(panel, LoadedPanel) else panel
 
 
-def _kept(panel: Panel, objects: Sequence[PlacedObject]) -> _Kept:
+def _kept(panel: Panel, objects: Sequence[PlacedObject], nominal: LoadedPanel | None) -> _Kept:
     """Return layout and linear part, or those of a panel that differs in laws and motion alone."""
     first = _reference(panel)
-    known = (id(first), tuple([(item.name, item.rail, item.x, item.height) for item in objects]))
+    of_nominal = None if nominal is None else nominal.hash
+    places = tuple([(item.name, item.rail, item.x, item.height) for item in objects])
+    known = (id(first), of_nominal, places)
     found = None if first is panel else _by_reference.get(known)
     if found is not None:
         return found[0]
     if not isinstance(panel, LoadedPanel) or not all(m.digest for m in panel.matrices.values()):
         own = _made_frame(panel, objects, records=None)
-        return _Kept(own, _made_linear(panel, own))
-    (key, scales), records = shape_of(panel, objects)
+        return _made_kept(panel, own, own.rails_of(variation_of(panel), panel))
+    key, records = shape_of(panel, objects)
     frame = _frames.get(key)
     if frame is None:
         frame = _frames.put(key, _made_frame(panel, objects, records=records))
-    made = frame.kept.get(scales)
+    made = _varied(panel, frame, nominal, objects) if nominal is not None else None
     if made is None:
-        made = _Kept(frame, _made_linear(panel, frame))
-        for name in (*_MATRICES, "rows"):
-            getattr(made.linear, name).flags.writeable = False
-        frame.kept.put(scales, made)
+        made = _full(frame, variation_of(panel), panel)
     if first is not panel:  # others will have it too
         _by_reference.put(known, (made, first))
     return made
 
 
+def _full(frame: _Frame, variation: Variation, panel: Panel) -> _Kept:
+    """Return rails with shapes of their own, whose fastenings are those of a panel."""
+    found = frame.kept.get(variation)
+    if found is None:
+        made = _made_kept(panel, frame, frame.rails_of(variation, panel))
+        found = frame.kept.put(variation, made)
+    return found
+
+
+def _varied(
+    panel: LoadedPanel, frame: _Frame, nominal: LoadedPanel, objects: Sequence[PlacedObject]
+) -> _Kept | None:
+    """Return rails in shapes of nominal ones; None where they are such, or need their own."""
+    own, of = variation_of(panel), variation_of(nominal)
+    if own == of or not own.like(of):
+        return None
+    pairs = zip(own.scales, of.scales, strict=True)
+    scales = tuple(
+        (nominal_scale(every, of_every), nominal_scale(lateral, of_lateral))
+        for (every, lateral), (of_every, of_lateral) in pairs
+    )
+    holding = tuple[tuple[float, ...], ...]()
+    if own.holds != of.holds:
+        ratios_of = own.stiffness_ratios(of)
+        holding = tuple(tuple(nominal_scale(r, 1.0) for r in ratios) for ratios in ratios_of)
+    elif own.scales == scales:
+        return None
+    base = _full(frame, Variation(scales, of.holds, holding), nominal)
+    rails, factors = list[ReducedRail](), dict[str, tuple[float, float]]()
+    changes = zip(base.rails, base.linear.matrices.rails, own.scales, scales, strict=True)
+    for data, reduced, (every, lateral), (of_every, of_lateral) in changes:
+        supports = data.supports if own.holds == of.holds else supports_of(panel, data.name)
+        if (every, lateral) == (of_every, of_lateral) and supports == data.supports:
+            rails.append(reduced)
+        else:
+            family = rail_family(data, reduced)
+            ratios = every / of_every, lateral / of_lateral
+            if family is None:
+                return None
+            made = varied_rail(family, reduced.body, ratios=ratios, supports=supports)
+            if made is None:
+                return None
+            rails.append(made)
+            factors[data.name] = ratios
+    linear = _linear_of(panel, rails, base.linear.rails, base.linear.rows, base.held)
+    known = _nominal_mechanism(base, nominal, objects)
+    linear = replace(linear, nominal=known, ratios=factors)
+    return _Kept(frame, base.rails, base.held, linear, base=base)
+
+
+def _nominal_mechanism(
+    base: _Kept, nominal: LoadedPanel, objects: Sequence[PlacedObject]
+) -> Mechanism:
+    """Return the mechanism of nominal rails."""
+    found = base.nominal.get(nominal.hash)
+    if found is None:
+        linear, layout = base.linear, base.frame.layout
+        found = Mechanism(
+            matrices=linear.matrices,
+            rows=linear.rows,
+            laws=law_table(layout, nominal, objects, travel=linear.travel),
+            rails=linear.rails,
+        )
+        base.nominal.put(nominal.hash, found)
+    return found
+
+
 def clear_mechanisms() -> None:
-    """Empty the memory of layouts and linear parts."""
+    """Empty the memory of layouts, linear parts and families of rails."""
+    clear_families()
     _frames.clear()
     _by_reference.clear()
 
 
-def _placed(panel: Panel, objects: Sequence[PlacedObject]) -> _Placed:
+def _placed(panel: Panel, objects: Sequence[PlacedObject], nominal: LoadedPanel | None) -> _Placed:
     """Put objects on the rails, those between the nodes last, or find them in the same places."""
-    bare = _kept(panel, ())
+    bare = _kept(panel, (), nominal)
     if not objects:
         return _Placed(bare.linear, bare.frame.layout, bare.linear.rows, ())
+    base = bare.base or bare
     places = tuple([(item.name, item.rail, item.x, item.height) for item in objects])
-    found = bare.placed.get(places)
+    varied = base is not bare
+    found = base.placed.get((varied, places))
     if found is None:
         with one_blas_thread():
-            found = bare.placed.put(places, _put_objects(bare, panel, objects))
-    return found
+            made = _put_objects(base, panel, objects, nominal if varied else None)
+        found = base.placed.put((varied, places), made)
+    if not varied:
+        return found
+    linear = _kept(panel, found.nodes, nominal).linear if found.nodes else bare.linear
+    return replace(found, linear=linear)
 
 
-def _put_objects(bare: _Kept, panel: Panel, objects: Sequence[PlacedObject]) -> _Placed:
+def _put_objects(
+    bare: _Kept, panel: Panel, objects: Sequence[PlacedObject], nominal: LoadedPanel | None
+) -> _Placed:
     """Add the rows of objects to those of rails, which are made with nodes for them if need be."""
-    kept, added = bare, objects
+    kept, added, nodes = bare, objects, list[PlacedObject]()
     places = _reference(panel)
     standing = [item for item in objects if not is_off_node(places, item)]
     between = objects[len(standing) :]
-    rails = kept.frame.scaled(panel)
-    rows = node_rows(panel, standing, rails, bare.linear.rails)
+    rows = node_rows(panel, standing, kept.rails, bare.linear.rails)
     if rows is None:
-        kept, added, rows = _kept(panel, standing), between, []
-        rails = kept.frame.scaled(panel)
+        kept = _kept(panel, standing, nominal)
+        kept, added, rows, nodes = kept.base or kept, between, [], standing
     linear, layout = kept.linear, kept.frame.layout
     if not added:
-        return _Placed(linear, layout, linear.rows, (0.0,) * len(standing))
+        return _Placed(linear, layout, linear.rows, ({},) * len(standing), tuple(nodes))
     rows += [approach_row(panel, item, linear.rails) for item in between]
-    yields = [local_flexibility(panel, item, rails=rails) for item in between]
+    yields = [_yields(panel, item, kept.rails, varied=nominal is not None) for item in between]
     stacked = np.vstack((linear.rows, *rows))
     stacked.flags.writeable = False
     layout = layout.with_objects([item.name for item in added])
-    return _Placed(linear, layout, stacked, (*(0.0 for _ in standing), *yields))
+    return _Placed(linear, layout, stacked, (*({} for _ in standing), *yields), tuple(nodes))
+
+
+def _yields(
+    panel: Panel, item: PlacedObject, rails: Sequence[RailData], *, varied: bool
+) -> dict[str, Yield]:
+    """Return what each rail yields to an object, of rails that may vary with its exponent."""
+    found = local_flexibility(panel, item, rails=rails)
+    if not varied:
+        return {name: Yield(own) for name, own in found.items()}
+    wider = [with_scales(rail, (1.0, STEP)) for rail in rails]
+    others = local_flexibility(panel, item, rails=wider)
+    return {
+        name: Yield(own, math.log(others[name] / own) / math.log(STEP))
+        for name, own in found.items()
+    }
 
 
 def _made_frame(panel: Panel, objects: Sequence[PlacedObject], *, records: object) -> _Frame:
     layout = lay_out(panel, objects)
     rails = tuple(_rail_data(panel, layout.rows, objects))
     # about ten megabytes each
-    return _Frame(layout, rails, records, LRUCache[_Kept](4))
+    return _Frame(layout, rails, variation_of(panel).holds, records, LRUCache[_Kept](12))
 
 
-def _made_linear(panel: Panel, frame: _Frame) -> _Linear:
-    layout, rows = frame.layout, frame.layout.rows
+def _made_kept(panel: Panel, frame: _Frame, data: Sequence[RailData]) -> _Kept:
+    layout = frame.layout
     with one_blas_thread():
-        rails = _reduced_rails(frame.scaled(panel))
+        rails = _reduced_rails(data)
         switch_rails = {rail.body.name: rail for rail in rails if rail.body.name in panel.rail}
         held = {name: _held_rows(name, rail, layout) for name, rail in switch_rails.items()}
+        rows = _stacked_rows(layout.rows, rails)
+        if isinstance(panel, LoadedPanel) and all(m.digest for m in panel.matrices.values()):
+            rows.flags.writeable = False
+        bodies = tuple(rail.body for rail in rails)
+        linear = _linear_of(panel, rails, bodies, rows, held)
+    return _Kept(frame, tuple(data), held, linear)
+
+
+def _linear_of(
+    panel: Panel,
+    rails: Sequence[ReducedRail],
+    bodies: tuple[RailBody, ...],
+    rows: Floats,
+    held: Mapping[str, RailRows],
+) -> _Linear:
+    """Put rails together."""
+    switch_rails = {rail.body.name: rail for rail in rails if rail.body.name in panel.rail}
+    with one_blas_thread():
         travel = rail_travel(panel, switch_rails, held)
-    return _Linear(
-        stiffness=_block_diagonal([r.stiffness for r in rails]),
-        mass=_block_diagonal([r.mass for r in rails]),
-        damping=_block_diagonal([r.damping for r in rails]),
-        load=np.concatenate([r.load for r in rails]),
-        rows=_stacked_rows(rows, rails),
-        rails=tuple(rail.body for rail in rails),
-        reduced=tuple(rails),
-        travel=travel,
-    )
-
-
-def _block_diagonal(blocks: list[Floats]) -> Floats:
-    """Return square matrices along the diagonal of one."""
-    ends = np.cumsum([0, *(block.shape[0] for block in blocks)])
-    found = np.zeros((ends[-1], ends[-1]))
-    for block, first, last in zip(blocks, ends[:-1], ends[1:], strict=True):
-        found[first:last, first:last] = block
-    return found
+    return _Linear(JoinedRails(rails), rows, bodies, travel)
 
 
 def _held_rows(name: str, rail: ReducedRail, layout: LawLayout) -> RailRows:
@@ -301,19 +456,18 @@ def rail_data(panel: Panel, objects: Sequence[PlacedObject] = ()) -> list[RailDa
         Foreign objects; those at places of the panel become nodes.
     """
     objects = [item for item in divided(objects) if not is_off_node(panel, item)]
-    return _made_frame(panel, objects, records=None).scaled(panel)
+    frame = _made_frame(panel, objects, records=None)
+    return frame.rails_of(variation_of(panel), panel)
 
 
 def _rail_data(panel: Panel, rows: LawRows, objects: Sequence[PlacedObject]) -> list[RailData]:
-    """Return the rails, switch rails without the scales of their sections."""
+    """Return the rails without the scales of their sections."""
     data = [switch_rail_data(panel, n, tuple(rows.points[n]), objects) for n in panel.rail]
-    data += [
-        stock_rail_data(panel, n, tuple(rows.points[f"stock rail {n}"])) for n in panel.stock_rail
-    ]
+    data += [stock_rail_data(panel, n, tuple(rows.points[f"{STOCK}{n}"])) for n in panel.stock_rail]
     return data
 
 
-def _reduced_rails(data: list[RailData]) -> list[ReducedRail]:
+def _reduced_rails(data: Sequence[RailData]) -> list[ReducedRail]:
     rails: list[ReducedRail] = []
     first = 0
     for rail in data:

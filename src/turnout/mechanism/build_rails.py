@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.beam.assembly import DOF
 from turnout.beam.material import ElasticMaterial
 from turnout.beam.mesh import mesh_nodes
 from turnout.core.errors import MechanicsError
@@ -28,13 +29,15 @@ from turnout.panel.records import Chair, Fastening, Rail, RailMatrices
 
 Floats = NDArray[np.float64]
 SIGN = {"+y": 1.0, "-y": -1.0}
+STOCK = "stock rail "
+"""Beginning of the name of a stock rail's body."""
 
 
 def stock_body(panel: Panel, rail: str) -> str | None:
     """Return the name of the body of the flexible stock rail that a switch rail faces, or None."""
     for name, stock in panel.stock_rail.items():
         if stock.faces == rail:
-            return f"stock rail {name}"
+            return f"{STOCK}{name}"
     return None
 
 
@@ -66,7 +69,7 @@ def switch_rail_data(
 ) -> RailData:
     """Return one switch rail with its fastenings, chair dashpots and points.
 
-    Its sections are those of the table or the outlines; see `with_scale`.
+    Its sections are those of the table or the outlines; see `with_scales`.
 
     Parameters
     ----------
@@ -125,9 +128,33 @@ def switch_rail_data(
     )
 
 
-def with_scale(data: RailData, panel: Panel) -> RailData:
-    """Return a switch rail with the factors that its panel gives for its sections."""
-    return replace(data, sections=scale_sections(data.sections, panel.rail[data.name]))
+def with_scales(data: RailData, scales: tuple[float, float]) -> RailData:
+    """Return a rail of `switch_rail_data` or `stock_rail_data` with the factors of its sections.
+
+    Parameters
+    ----------
+    data : RailData
+        Without them.
+    scales : tuple of float
+        `section_scale` and `lateral_inertia_scale`.
+    """
+    every, lateral = scales
+    return replace(data, sections=scale_sections(data.sections, every=every, lateral=lateral))
+
+
+def supports_of(panel: Panel, body: str) -> tuple[Support, ...]:
+    """Return the springs and dashpots that hold a switch rail, or the body of a stock rail."""
+    name = body.removeprefix(STOCK)
+    return _held(panel, name) if name == body else _stock_held(panel, name)
+
+
+def held_by(data: RailData, factors: Sequence[float]) -> RailData:
+    """Return a rail with factors of the stiffness that holds it, in the order of `DOF`."""
+    supports = tuple(
+        replace(item, stiffness=factors[DOF.index(item.point.direction)] * item.stiffness)
+        for item in data.supports
+    )
+    return replace(data, supports=supports)
 
 
 def _matrices(panel: Panel, name: str) -> RailMatrices | None:
@@ -143,11 +170,12 @@ def _matrices(panel: Panel, name: str) -> RailMatrices | None:
 def stock_rail_data(panel: Panel, name: str, points: tuple[Point, ...]) -> RailData:
     """Return one stock rail with its fastenings and its contact points with switch rail or object.
 
+    Its sections are without the factors of its panel.
     Its reference line is its own foot; heights of points are measured from there.
     """
     stock = panel.stock_rail[name]
-    fastenings = [f for f in panel.stock_fastening.values() if stands_on(f.rails, name)]
-    places = np.array([f.x for f in fastenings] + [p.x for p in points])
+    held = [f.x for f in panel.stock_fastening.values() if stands_on(f.rails, name)]
+    places = np.array(held + [p.x for p in points])
     x = mesh_nodes(
         stock.start,
         stock.end,
@@ -157,27 +185,17 @@ def stock_rail_data(panel: Panel, name: str, points: tuple[Point, ...]) -> RailD
     side = SIGN[panel.rail[stock.faces].closes]
     columns = station_columns(panel, stock.section)
     value = {key: np.full(x.size - 1, column[0]) for key, column in columns.items()}
-    edges = [float(columns[key][0]) for key in FOOT_EDGES if key in columns]
-    middle = 0.5 * sum(edges)
     return RailData(
-        name=f"stock rail {name}",
+        name=f"{STOCK}{name}",
         closes=1.0,
         x=x,
         axis_height=np.zeros(x.size),
-        sections=scale_sections(in_panel_axes(value, side=side), stock),
+        sections=in_panel_axes(value, side=side),
         material=_material(panel),
         gravity=panel.gravity,
         clamped=("first", "last") if stock.ends == "clamped" else (),
         damping=rayleigh_factors(panel.damping.ratio, list(panel.damping.frequencies)),
-        supports=tuple(
-            support
-            for f in fastenings
-            for support in _springs(
-                f,
-                y=side * (middle if f.offset is None else f.offset),
-                z=f.height - stock.foot_height,
-            )
-        ),
+        supports=_stock_held(panel, name),
         dashpots=(),
         points=points,
         cutoff_frequency=panel.discretisation.superelement_cutoff,
@@ -286,6 +304,24 @@ def _held(panel: Panel, name: str) -> tuple[Support, ...]:
         if drive.rail == name and drive.roll_stiffness > 0
     ]
     return tuple(found)
+
+
+def _stock_held(panel: Panel, name: str) -> tuple[Support, ...]:
+    """Return the springs and dashpots of a stock rail's fastenings."""
+    stock = panel.stock_rail[name]
+    side = SIGN[panel.rail[stock.faces].closes]
+    columns = station_columns(panel, stock.section)
+    middle = 0.5 * sum(float(columns[key][0]) for key in FOOT_EDGES if key in columns)
+    return tuple(
+        support
+        for f in panel.stock_fastening.values()
+        if stands_on(f.rails, name)
+        for support in _springs(
+            f,
+            y=side * (middle if f.offset is None else f.offset),
+            z=f.height - stock.foot_height,
+        )
+    )
 
 
 def _springs(fastening: Fastening, *, y: float, z: float) -> list[Support]:

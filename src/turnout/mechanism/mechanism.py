@@ -4,7 +4,9 @@ One rail as data: beams or matrices, linear supports, the points where laws act.
 mechanics hands to integration and response.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,8 +62,8 @@ class RailBody:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Mechanism:
-    """Linear bodies, the rows that laws act on, and the laws.
+class Matrices:
+    """Linear system of a mechanism.
 
     Attributes
     ----------
@@ -69,6 +71,67 @@ class Mechanism:
         Of all bodies; linear supports are included.
     load : ndarray, shape (n,)
         Constant load (gravity) [N].
+    """
+
+    stiffness: Floats
+    mass: Floats
+    damping: Floats
+    load: Floats
+
+
+class JoinedRails:
+    """The same of rails that only laws join; each matrix is put together when it is asked for.
+
+    Parameters
+    ----------
+    rails : sequence of ReducedRail
+        In the order of their coordinates.
+    """
+
+    def __init__(self, rails: "Sequence[ReducedRail]") -> None:
+        self.rails = tuple(rails)
+
+    @cached_property
+    def stiffness(self) -> Floats:
+        """Stiffness of all rails."""
+        return _block_diagonal([rail.stiffness for rail in self.rails])
+
+    @cached_property
+    def mass(self) -> Floats:
+        """Mass of all rails."""
+        return _block_diagonal([rail.mass for rail in self.rails])
+
+    @cached_property
+    def damping(self) -> Floats:
+        """Damping of all rails."""
+        return _block_diagonal([rail.damping for rail in self.rails])
+
+    @cached_property
+    def load(self) -> Floats:
+        """Weight of all rails [N]."""
+        found = np.concatenate([rail.load for rail in self.rails])
+        found.flags.writeable = False
+        return found
+
+
+def _block_diagonal(blocks: list[Floats]) -> Floats:
+    """Return square matrices along the diagonal of one, which is read-only."""
+    ends = np.cumsum([0, *(block.shape[0] for block in blocks)])
+    found = np.zeros((ends[-1], ends[-1]))
+    for block, first, last in zip(blocks, ends[:-1], ends[1:], strict=True):
+        found[first:last, first:last] = block
+    found.flags.writeable = False
+    return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mechanism:
+    """Linear bodies, the rows that laws act on, and the laws.
+
+    Attributes
+    ----------
+    matrices : Matrices or JoinedRails
+        Of the bodies; `stiffness`, `mass`, `damping` and `load` are its.
     rows : ndarray, shape (n_rows, n)
         Generalised displacement of each row.
     laws : LawTable
@@ -90,14 +153,11 @@ class Mechanism:
         Laws that remember what was done to them.
     courses : FrictionCourses
         Friction that differs along the stroke.
-    reduced : tuple of ReducedRail
-        What the matrices were put together from, rail by rail, to know them by.
+    nominal : Mechanism, optional
+        The same of the nominal panel, of one whose rails were reduced to its shapes.
     """
 
-    stiffness: Floats
-    mass: Floats
-    damping: Floats
-    load: Floats
+    matrices: Matrices | JoinedRails
     rows: Floats
     laws: LawTable
     law_names: tuple[str, ...] = ()
@@ -109,7 +169,32 @@ class Mechanism:
     obstructions: Obstructions = field(default_factory=no_obstructions)
     courses: FrictionCourses = field(default_factory=no_courses)
     core: Floats | None = None
-    reduced: "tuple[ReducedRail, ...]" = ()
+    nominal: "Mechanism | None" = None
+
+    @property
+    def stiffness(self) -> Floats:
+        """Stiffness of all bodies, shape (n, n)."""
+        return self.matrices.stiffness
+
+    @property
+    def mass(self) -> Floats:
+        """Mass of all bodies, shape (n, n)."""
+        return self.matrices.mass
+
+    @property
+    def damping(self) -> Floats:
+        """Damping of all bodies, shape (n, n)."""
+        return self.matrices.damping
+
+    @property
+    def load(self) -> Floats:
+        """Constant load, shape (n,) [N]."""
+        return self.matrices.load
+
+    @property
+    def reduced(self) -> "tuple[ReducedRail, ...]":
+        """The reduced rails that the matrices are of; none of a mechanism made by hand."""
+        return self.matrices.rails if isinstance(self.matrices, JoinedRails) else ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -262,7 +347,10 @@ class RailData:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReducedRail:
-    """Matrices of one rail in reduced coordinates, and its points as rows."""
+    """Matrices of one rail in reduced coordinates, and its points as rows.
+
+    `nominal` is the rail whose shapes it was reduced to, of a rail that differs in its sections.
+    """
 
     body: RailBody
     stiffness: Floats
@@ -270,6 +358,7 @@ class ReducedRail:
     damping: Floats
     load: Floats
     rows: Floats
+    nominal: "ReducedRail | None" = None
 
 
 def rayleigh_factors(ratio: float, frequencies: list[float]) -> tuple[float, float]:

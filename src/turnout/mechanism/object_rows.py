@@ -126,8 +126,10 @@ class _Inside:
 _memory = LRUCache[_Inside](16)
 
 
-def local_flexibility(panel: Panel, item: PlacedObject, *, rails: Sequence[RailData]) -> float:
-    """Return the flexibility of the rails at an object beyond their reduced coordinates [m/N].
+def local_flexibility(
+    panel: Panel, item: PlacedObject, *, rails: Sequence[RailData]
+) -> dict[str, float]:
+    """Return the flexibility at an object beyond reduced coordinates, by rail [m/N].
 
     Parameters
     ----------
@@ -138,7 +140,7 @@ def local_flexibility(panel: Panel, item: PlacedObject, *, rails: Sequence[RailD
     rails : sequence of RailData
         All rails without it.
     """
-    total = 0.0
+    found = dict[str, float]()
     for name, point in approach_ends(panel, item.rail, x=item.x, height=item.height):
         data = next(data for data in rails if data.name == name)
         key = content_key(data)
@@ -147,8 +149,8 @@ def local_flexibility(panel: Panel, item: PlacedObject, *, rails: Sequence[RailD
             rail = _inside(data)
             if key is not None:
                 _memory.put(key, rail)
-        total += _residual(rail, x=point.x, z=point.z)
-    return total
+        found[name] = _residual(rail, x=point.x, z=point.z)
+    return found
 
 
 def _inside(data: RailData) -> _Inside:

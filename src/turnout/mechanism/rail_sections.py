@@ -23,7 +23,6 @@ from turnout.panel.profile import (
     section_columns,
     section_stations,
 )
-from turnout.panel.records import ScaledSection
 from turnout.panel.section_records import PlanedSection
 
 if TYPE_CHECKING:
@@ -227,10 +226,10 @@ def in_panel_axes(values: dict[str, Floats], *, side: float) -> SectionPropertie
     )
 
 
-def scale_sections(sections: SectionProperties, rail: ScaledSection) -> SectionProperties:
-    r"""Apply a rail's factors to its sections.
-
-    With `section_scale` c and `lateral_inertia_scale` s,
+def scale_sections(
+    sections: SectionProperties, *, every: float, lateral: float
+) -> SectionProperties:
+    r"""Apply the `section_scale` c and the `lateral_inertia_scale` s of a rail to its sections.
 
     .. math:: A, I_y, J \to c\,(A, I_y, J), \quad I_z \to c\,s\,I_z, \quad
               I_{yz} \to c \sqrt{s}\, I_{yz}.
@@ -243,10 +242,9 @@ def scale_sections(sections: SectionProperties, rail: ScaledSection) -> SectionP
     ----------
     sections : SectionProperties
         Of the section that the rail names.
-    rail : ScaledSection
-        A switch rail or a stock rail.
+    every, lateral : float
+        c and s [-].
     """
-    every, lateral = rail.section_scale, rail.lateral_inertia_scale
     if every == lateral == 1.0:
         return sections
     return replace(

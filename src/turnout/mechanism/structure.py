@@ -180,6 +180,12 @@ def _beam_parts(data: RailData) -> _Parts:
     return found
 
 
+def unsupported_beams(data: RailData) -> tuple[sp.csr_array, sp.csr_array, Floats]:
+    """Return stiffness, mass and weight of the beams of a rail alone, in its free coordinates."""
+    free, bare = _beam_parts(data).free, beam_structure(data)
+    return _square(bare.stiffness, free), _square(bare.mass, free), bare.load[free]
+
+
 def bare_structure(data: RailData) -> Structure:
     """Assemble the beams of a rail, or take its matrices, neither supported nor clamped."""
     return beam_structure(data) if data.matrices is None else given_structure(data, data.matrices)

@@ -20,6 +20,7 @@ from turnout.core.threads import one_blas_thread
 from turnout.mechanism.build import build_mechanism, rail_data
 from turnout.mechanism.mechanism import Mechanism, RailBody, RailData
 from turnout.mechanism.reduce import reduce_rail, reduction_of
+from turnout.mechanism.varied_rails import MOST_ERROR, STEP, variation_error
 from turnout.metric.sliding import (
     ComplexModes,
     complex_modes,
@@ -211,7 +212,17 @@ def modes(panel: LoadedPanel, *, count: int = 10) -> xr.Dataset:
 def reduction_texts(panel: Panel) -> dict[str, str]:
     """Return size and error of the reduction of each rail, as text by the rail's name."""
     with one_blas_thread():
-        return {data.name: str(reduction_of(data)) for data in rail_data(panel)}
+        return {data.name: "\n".join(_reduction_lines(data)) for data in rail_data(panel)}
+
+
+def _reduction_lines(data: RailData) -> Iterator[str]:
+    yield str(reduction_of(data))
+    if data.matrices is None:
+        share, error = 100.0 * (STEP**0.5 - 1.0), variation_error(data)
+        yield (
+            f"static error with both section scales {share:.0f} % higher or lower, "
+            f"in the shapes of this rail: {error:.0e}, at most {MOST_ERROR:.0e}"
+        )
 
 
 def _rail_systems(mechanism: Mechanism, data: list[RailData], count: int) -> Iterator[_System]:

@@ -90,17 +90,30 @@ def cubic_spline(knots: Sequence[float], values: npt.ArrayLike, *, ends: tuple[s
         first = rise[0] - length[0] * bend
         slopes = np.stack((first, first + 2 * length[0] * bend, rise[1] + length[1] * bend))
         return Spline(x, y, slopes)
-    matrix, right = np.zeros((n, n)), np.zeros_like(y)
+    matrix, right = _slope_matrix(x.tobytes(), ends), np.zeros_like(y)
+    across = length.reshape(-1, *(1,) * (y.ndim - 1))
+    right[1:-1] = 3.0 * (across[1:] * rise[:-1] + across[:-1] * rise[1:])
+    for row, order in ((0, slice(None)), (n - 1, slice(None, None, -1))):
+        right[row] = _end(ends[0 if row == 0 else 1], length[order], rise[order], n)[1]
+    solved = np.linalg.solve(matrix, right.reshape(n, -1))
+    return Spline(x, y, np.asarray(solved, dtype=np.float64).reshape(y.shape))
+
+
+@lru_cache(maxsize=32)
+def _slope_matrix(knots: bytes, ends: tuple[str, str]) -> FloatArray:
+    """Return the matrix of the equations for the slopes, which the knots alone determine."""
+    length = np.diff(np.frombuffer(knots))
+    n, nothing = length.size + 1, np.zeros_like(length)
+    matrix = np.zeros((n, n))
     for i in range(1, n - 1):
         before, after = length[i - 1], length[i]
         matrix[i, i - 1 : i + 2] = after, 2.0 * (before + after), before
-        right[i] = 3.0 * (after * rise[i - 1] + before * rise[i])
     for row, end in ((0, ends[0]), (n - 1, ends[1])):
         # seen from that end, so that both are written once
         order = slice(None) if row == 0 else slice(None, None, -1)
-        matrix[row, order][: min(n, 3)], right[row] = _end(end, length[order], rise[order], n)
-    solved = np.linalg.solve(matrix, right.reshape(n, -1))
-    return Spline(x, y, np.asarray(solved, dtype=np.float64).reshape(y.shape))
+        matrix[row, order][: min(n, 3)] = _end(end, length[order], nothing[order], n)[0]
+    matrix.flags.writeable = False
+    return matrix
 
 
 def _end(end: str, length: FloatArray, rise: FloatArray, n: int) -> tuple[FloatArray, FloatArray]:

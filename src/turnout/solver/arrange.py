@@ -31,16 +31,14 @@ from turnout.solver.condense import (
     sum_at_rows,
 )
 from turnout.solver.followers import Leading
-from turnout.solver.levels import clear_levels
+from turnout.solver.levels import Frame, Templates, clear_levels
 from turnout.solver.modal import ModalModel
 from turnout.solver.numbering import PLACED, Places, number_places, place_laws
-from turnout.solver.scratch import Work, release_buffers
-from turnout.solver.state import State
+from turnout.solver.scratch import release_buffers
 from turnout.solver.system import System, check_normals, condensed_system, refill_system
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-Templates = dict[tuple[int, int], tuple[State, Work]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,10 +57,10 @@ class Arrangement:
         Modes and flexibility of the rails, in the coordinates of the mechanism.
     system : System
         Condensed system of the model, laid out for the kernels.
-    templates : dict
-        States at rest and scratch arrays, by numbers of inputs and of levels, for runs to copy.
+    frame : Frame
+        What does not depend on where in its blocks an object stands.
     known : bool
-        Whether these rails have been arranged before.
+        Whether rails of this layout have been arranged before.
     """
 
     mechanism: Mechanism
@@ -70,22 +68,13 @@ class Arrangement:
     table: LawTable
     condensed: CondensedRails
     system: System
-    templates: Templates
+    frame: Frame
     known: bool
 
     @property
     def model(self) -> ModalModel:
         """Modes and flexibility of the rails, in the coordinates of the mechanism."""
         return self.condensed.model
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Frame:
-    """What does not depend on where in its blocks an object stands."""
-
-    system: System
-    places: Places
-    templates: Templates
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,7 +88,7 @@ class _Rails:
     mechanism: Mechanism
     parts: tuple[BlockModel, ...]
     base_segment: NDArray[np.int64]
-    frames: dict[Hashable, _Frame]
+    frames: dict[Hashable, Frame]
     placed: LRUCache[Arrangement]
 
 
@@ -110,6 +99,7 @@ class _SystemLayout:
     system: System
     places: Places
     leading: tuple[Leading, ...]
+    templates: Templates
 
 
 class _Indices(NamedTuple):
@@ -123,7 +113,7 @@ class _Indices(NamedTuple):
 class _Structure:
     """What condensed rails depend on, but for their rows: matrices by identity, and the laws."""
 
-    matrices: tuple[int, ...]
+    matrices: int
     laws: Hashable
 
 
@@ -163,15 +153,8 @@ def clear_memory() -> None:
 
 
 def _structure(mechanism: Mechanism, scheme: Scheme) -> _Structure | None:
-    """Return what condensed rails depend on, but for their rows; None for writeable matrices."""
-    matrices = (
-        mechanism.stiffness,
-        mechanism.mass,
-        mechanism.damping,
-        mechanism.load,
-        mechanism.rows,
-    )
-    if any(matrix.flags.writeable for matrix in matrices):
+    """Return what condensed rails depend on, but for their rows; None for what may be written."""
+    if not mechanism.reduced or mechanism.rows.flags.writeable:
         return None
     laws = mechanism.laws
     indices = _indices_of(laws)
@@ -180,10 +163,11 @@ def _structure(mechanism: Mechanism, scheme: Scheme) -> _Structure | None:
         np.isfinite(laws.appears) | np.isfinite(laws.disappears) | (laws.waits == 1),
         laws.stick_stiffness,
     )
-    same = tuple([id(matrix) for matrix in matrices[:-1]])
     rails = tuple([(rail.first, rail.count) for rail in mechanism.rails])
     of_values = [part.tobytes() for part in values]
-    return _Structure(same, (rails, scheme.cutoff_frequency, indices.contents, *of_values))
+    return _Structure(
+        id(mechanism.matrices), (rails, scheme.cutoff_frequency, indices.contents, *of_values)
+    )
 
 
 def _indices_of(laws: LawTable) -> _Indices:
@@ -207,7 +191,7 @@ def _find_rails(mechanism: Mechanism, scheme: Scheme, structure: _Structure | No
     key = (id(mechanism.rows if mechanism.core is None else mechanism.core), structure)
     rails = None if structure is None else _rails_cache.get(key)
     if rails is None:
-        rails = _condense_rails(_without_objects(mechanism), scheme.cutoff_frequency)
+        rails = _condense_rails(_without_objects(mechanism), scheme)
         if structure is not None:
             _rails_cache.put(key, rails)
     return rails
@@ -223,7 +207,8 @@ def _arranged(mechanism: Mechanism, rails: _Rails, structure: _Structure | None)
     known = frame is not None
     if frame is None:
         layout, system = _laid_out(parts, laws, structure, fixed_rows=first)
-        rails.frames[joined] = frame = _Frame(system, layout.places, {})
+        known = system is not layout.system
+        rails.frames[joined] = frame = Frame(system, layout.places, layout.templates)
     else:
         system = refill_system(frame.system, parts, laws, frame.places)
     n_rows, n_coordinates = mechanism.rows.shape
@@ -231,7 +216,7 @@ def _arranged(mechanism: Mechanism, rails: _Rails, structure: _Structure | None)
     row_stiffness.flags.writeable = False  # throws share it
     condensed = CondensedRails(parts, n_coordinates=n_coordinates, row_stiffness=row_stiffness)
     table = shared_record(place_laws(laws, system.row_place))
-    return Arrangement(mechanism, laws, table, condensed, system, frame.templates, known)
+    return Arrangement(mechanism, laws, table, condensed, system, frame, known)
 
 
 def _laid_out(
@@ -252,17 +237,21 @@ def _laid_out(
         return layout, refill_system(layout.system, parts, laws, layout.places)
     places = number_places(parts)
     system = condensed_system(parts, laws, places, fixed_rows=fixed_rows)
-    layout = _SystemLayout(system, places, leading)
+    layout = _SystemLayout(system, places, leading, {})
     if key is not None:
         _layouts.put(key, layout)
     return layout, layout.system
 
 
-def _condense_rails(mechanism: Mechanism, cutoff_frequency: float) -> _Rails:
+def _condense_rails(mechanism: Mechanism, scheme: Scheme) -> _Rails:
     """Condense rails each on its own, or together where one is held by another only."""
     laws = drop_joining_bases(mechanism, mechanism.laws)
+    cutoff_frequency, nominal = scheme.cutoff_frequency, mechanism.nominal
+    known: tuple[BlockModel, ...] = ()
+    if nominal is not None:
+        known = _find_rails(nominal, scheme, _structure(nominal, scheme)).parts
     try:
-        parts = condense_blocks(mechanism, laws, cutoff_frequency=cutoff_frequency)
+        parts = condense_blocks(mechanism, laws, cutoff_frequency=cutoff_frequency, nominal=known)
     except MechanicsError:
         laws = mechanism.laws
         parts = condense_blocks(mechanism, laws, cutoff_frequency=cutoff_frequency)

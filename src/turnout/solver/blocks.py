@@ -35,6 +35,12 @@ class Block:
     rows: Ints
 
 
+def same_block(one: Block, other: Block) -> bool:
+    """Return True if two blocks have the same coordinates and rows."""
+    pairs = ((one.coordinates, other.coordinates), (one.rows, other.rows))
+    return all(np.array_equal(*pair) for pair in pairs)
+
+
 def split_blocks(mechanism: Mechanism, laws: LawTable) -> tuple[Block, ...]:
     """Split a mechanism into blocks.
 
@@ -50,7 +56,7 @@ def split_blocks(mechanism: Mechanism, laws: LawTable) -> tuple[Block, ...]:
     tuple of Block
         Each row has an end in one of them, or in two.
     """
-    size, n_rows = mechanism.stiffness.shape[0], mechanism.rows.shape[0]
+    n_rows, size = mechanism.rows.shape
     if len(mechanism.rails) < 2:
         return (Block(np.arange(size), np.arange(n_rows)),)
     touched = _find_touched_rails(mechanism)

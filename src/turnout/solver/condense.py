@@ -10,23 +10,26 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from turnout.core.content_cache import digest
 from turnout.core.lru_cache import LRUCache
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism, ReducedRail
-from turnout.solver.blocks import Block, split_blocks
+from turnout.solver.blocks import Block, same_block, split_blocks
 from turnout.solver.followers import Leading, leading_rows
 from turnout.solver.modal import (
+    FURTHER_MODES,
     ModalModel,
     Omitted,
     diagonalise_damping,
     modal_model,
     split_modes,
+    split_modes_near,
     with_rows,
 )
 
@@ -35,7 +38,7 @@ Ints = NDArray[np.int64]
 _MATRICES = ("stiffness", "mass", "damping")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class _Given:
     """What the modal model of a block follows from, and the rail that it is if it is one alone.
 
@@ -51,6 +54,16 @@ class _Given:
     at_rows: Floats
     first: NDArray[np.bool_]
     rail: ReducedRail | None
+
+    @cached_property
+    def sparse_rows(self) -> sp.csr_array:
+        """The rows, of which most reach few coordinates."""
+        return sp.csr_array(self.rows)
+
+    @cached_property
+    def of_laws(self) -> Floats:
+        """Stiffness of the laws in the coordinates of the block."""
+        return (self.rows.T * self.at_rows) @ self.rows
 
     def key(self, cutoff_frequency: float) -> tuple[object, ...]:
         """Return what names this: a rail is known by identity, all else by its content."""
@@ -74,10 +87,10 @@ def _cached_model(given: _Given, *, cutoff_frequency: float) -> tuple[ModalModel
     found = _models.get(key)
     if found is None:
         model, omitted = split_modes(
-            given.stiffness + (given.rows.T * given.at_rows) @ given.rows,
+            given.stiffness + given.of_laws,
             given.mass,
             damping=given.damping,
-            rows=given.rows,
+            rows=given.sparse_rows,
             load=given.load,
             cutoff_frequency=cutoff_frequency,
         )
@@ -90,12 +103,39 @@ def _cached_model(given: _Given, *, cutoff_frequency: float) -> tuple[ModalModel
     return found[:3]
 
 
+def _varied_model(
+    nominal: "BlockModel", rail: ReducedRail, at_rows: Floats, *, cutoff_frequency: float
+) -> tuple[ModalModel, Leading, Omitted] | None:
+    """Return the model of a block from that of the nominal one; None where it is not near."""
+    given, omitted = nominal.given, nominal.omitted
+    if given is None or omitted is None:
+        return None
+    stiffness = rail.stiffness + given.of_laws
+    other = np.flatnonzero(at_rows != given.at_rows)
+    if other.size:
+        rows = given.rows[other]
+        stiffness += (rows.T * (at_rows - given.at_rows)[other]) @ rows
+    found = split_modes_near(
+        stiffness,
+        rail.mass,
+        damping=rail.damping,
+        rows=given.sparse_rows,
+        load=rail.load,
+        cutoff_frequency=cutoff_frequency,
+        start=np.hstack((nominal.model.modes, omitted.modes[:, :FURTHER_MODES])),
+    )
+    if found is None:
+        return None
+    return diagonalise_damping(found[0]), nominal.leading, found[1]
+
+
 @dataclass(frozen=True, slots=True)
 class BlockModel:
     """A block of a mechanism with its modal model, whose rows are the ends of the block.
 
     `leading` holds the ends that the others follow from. `omitted` are the modes above the cut-off,
-    where further ends are wanted. `before` is the block without the ends that were added to it.
+    where further ends are wanted. `before` is the block without the ends that were added to it,
+    `given` what its model follows from.
     """
 
     block: Block
@@ -103,6 +143,7 @@ class BlockModel:
     leading: Leading
     omitted: Omitted | None = None
     before: "BlockModel | None" = None
+    given: _Given | None = None
 
     def with_ends(self, numbers: Ints, rows: Floats) -> "BlockModel":
         """Return the block with further ends, which all lead.
@@ -156,9 +197,15 @@ class CondensedRails:
 
 
 def condense_blocks(
-    mechanism: Mechanism, laws: LawTable, *, cutoff_frequency: float
+    mechanism: Mechanism,
+    laws: LawTable,
+    *,
+    cutoff_frequency: float,
+    nominal: Sequence[BlockModel] = (),
 ) -> tuple[BlockModel, ...]:
     """Return the modal model of each block, the base segments of its laws included.
+
+    `nominal` are the same blocks of `mechanism.nominal`.
 
     Raises
     ------
@@ -168,11 +215,25 @@ def condense_blocks(
     at_rows = sum_at_rows(laws, folded_stiffness(laws), mechanism.rows.shape[0])
     rubs = np.zeros(at_rows.size, dtype=bool)
     rubs[laws.friction_row] = rubs[laws.row[laws.friction_normal]] = True
+    blocks = split_blocks(mechanism, laws)
+    varied = {rail.body.first: rail for rail in mechanism.reduced if rail.nominal is not None}
     found = []
-    for block in split_blocks(mechanism, laws):
-        given = _of_block(mechanism, block, at_rows=at_rows[block.rows], first=rubs[block.rows])
-        model, leading, omitted = _cached_model(given, cutoff_frequency=cutoff_frequency)
-        found.append(BlockModel(block, model, leading, omitted))
+    for number, block in enumerate(blocks):
+        own, made = at_rows[block.rows], None
+        part = nominal[number] if len(nominal) == len(blocks) else None
+        if part is not None and part.given is not None and same_block(block, part.block):
+            rail = varied.get(int(block.coordinates[0]))
+            if part.given.rail is not None and rail is not None:
+                made = _varied_model(part, rail, own, cutoff_frequency=cutoff_frequency)
+            elif part.given.rail in mechanism.reduced and np.array_equal(own, part.given.at_rows):
+                found.append(part)
+                continue
+        given = None
+        if made is None:
+            given = _of_block(mechanism, block, at_rows=own, first=rubs[block.rows])
+            made = _cached_model(given, cutoff_frequency=cutoff_frequency)
+        model, leading, omitted = made
+        found.append(BlockModel(block, model, leading, omitted, given=given))
     return tuple(found)
 
 
@@ -181,22 +242,18 @@ def _of_block(
 ) -> _Given:
     """Return what the model of a block follows from, in its coordinates."""
     at = block.coordinates
+    own: slice | Ints = at
     if at.size and at[-1] - at[0] == at.size - 1 and np.all(np.diff(at) == 1):
-        own: slice | Ints = slice(int(at[0]), int(at[-1]) + 1)
-        square: Any = (own, own)
+        own = slice(int(at[0]), int(at[-1]) + 1)
+    for rail in mechanism.reduced:
+        alone = rail.body.first == at[0] and rail.body.count == at.size
+        if alone and not rail.load.flags.writeable:
+            matrices = {name: getattr(rail, name) for name in _MATRICES}
+            break
     else:
-        own, square = at, np.ix_(at, at)
-    matrices = {name: getattr(mechanism, name)[square] for name in _MATRICES}
-    load, rail = mechanism.load[own], None
-    for one in mechanism.reduced:
-        same = (
-            one.body.first == at[0] and one.body.count == at.size and not one.load.flags.writeable
-        )
-        if same and np.array_equal(one.load, load):
-            pairs = ((getattr(one, name), matrix) for name, matrix in matrices.items())
-            rail = one if all(np.array_equal(a, b) for a, b in pairs) else None
-    if rail is not None:  # not views of matrices of the whole mechanism, which would stay in memory
-        matrices, load = {name: getattr(rail, name) for name in _MATRICES}, rail.load
+        rail, square = None, (own, own) if isinstance(own, slice) else np.ix_(at, at)
+        matrices = {name: getattr(mechanism, name)[square] for name in _MATRICES}
+    load = mechanism.load[own] if rail is None else rail.load
     return _Given(
         **matrices,
         load=load,

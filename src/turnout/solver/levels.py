@@ -17,11 +17,34 @@ import numpy as np
 
 from turnout.core.lru_cache import LRUCache
 from turnout.solver.compliance import READY, STALE
+from turnout.solver.numbering import Places
 from turnout.solver.scratch import Work
 from turnout.solver.seen import StepRecord
 from turnout.solver.state import State
 from turnout.solver.step import Stepping
 from turnout.solver.system import Ints, System
+
+Templates = dict[tuple[int, int], tuple[State, Work]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """Condensed rails, without what depends on where in its blocks an object stands.
+
+    Attributes
+    ----------
+    system : System
+        Of one arrangement.
+    places : Places
+        Of its ends, modes and rows.
+    templates : dict
+        States at rest and scratch arrays, by numbers of inputs and of levels, for runs to copy;
+        rails of other sections share them.
+    """
+
+    system: System
+    places: Places
+    templates: Templates
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,7 +53,7 @@ class RunMemory:
 
     Attributes
     ----------
-    frame : object
+    frame : Frame
         What systems have in common that differ in the places of objects alone.
     system : System
         Of the run.
@@ -44,29 +67,31 @@ class RunMemory:
         Of a run whose stored instants are of no more use.
     """
 
-    frame: object  # kept alive, since the key names it by its identity
+    frame: Frame  # its templates are kept alive, since the key names them by their identity
     system: System
     state: State
     work: Work
     ready: Ints
     record: StepRecord | None
 
-    def ready_for(self, system: System) -> Ints:
-        """Return which of the compliances are known for a system with the same frame."""
+    def ready_for(self, system: System, frame: Frame) -> Ints:
+        """Return which of the compliances are known for a system."""
         if self.system is system:
             return self.ready
+        if self.frame is not frame:
+            return np.zeros_like(self.ready)
         return np.where(self.ready == READY, STALE, self.ready)
 
 
 _kept = LRUCache[RunMemory](24)  # three megabytes each in quick mode
 
 
-def take_memory(frame: object, stepping: Stepping, sizes: tuple[int, ...]) -> RunMemory | None:
+def take_memory(frame: Frame, stepping: Stepping, sizes: tuple[int, ...]) -> RunMemory | None:
     """Take the memory of a run; None where there is none.
 
     Parameters
     ----------
-    frame : object
+    frame : Frame
         As of `RunMemory`.
     stepping : Stepping
         The lengths of its steps.
@@ -77,7 +102,7 @@ def take_memory(frame: object, stepping: Stepping, sizes: tuple[int, ...]) -> Ru
 
 
 def give_back_memory(
-    frame: object,
+    frame: Frame,
     system: System,
     stepping: Stepping,
     state: State,
@@ -95,6 +120,6 @@ def clear_levels() -> None:
     _kept.clear()
 
 
-def _key(frame: object, stepping: Stepping, sizes: tuple[int, ...]) -> Hashable:
+def _key(frame: Frame, stepping: Stepping, sizes: tuple[int, ...]) -> Hashable:
     numbers = (stepping.step, stepping.alpha_m, stepping.alpha_f, stepping.beta, stepping.gamma)
-    return (id(frame), *numbers, *sizes)
+    return (id(frame.templates), *numbers, *sizes)

@@ -19,8 +19,8 @@ from turnout.law.friction import FrictionCourses, no_courses
 from turnout.law.obstruction import Obstructions, no_obstructions, remember
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism, Wait
-from turnout.solver.arrange import Arrangement, Templates
-from turnout.solver.levels import give_back_memory, take_memory
+from turnout.solver.arrange import Arrangement
+from turnout.solver.levels import Frame, give_back_memory, take_memory
 from turnout.solver.record import empty_record
 from turnout.solver.rods import Rods
 from turnout.solver.scratch import Work, new_work
@@ -202,7 +202,7 @@ class PreparedRun:
     """All data of one run; `positions` are the inputs at the ends of the steps [m].
 
     `present` are the laws that act at the start.
-    `templates` are those of its arrangement, whose rails may be `known` from other runs.
+    `frame` is that of its arrangement, whose rails may be `known` from other runs.
     """
 
     system: System
@@ -217,7 +217,7 @@ class PreparedRun:
     obstructions: Obstructions
     courses: FrictionCourses
     present: NDArray[np.bool_]
-    templates: Templates
+    frame: Frame
     known: bool
     rods: Rods | None = None
 
@@ -225,7 +225,7 @@ class PreparedRun:
         """Give back, at its end, what another run of these rails can use; maybe its record too."""
         if self.known:
             memory = (self.state, self.work, self.record if record else None)
-            give_back_memory(self.templates, self.system, self.stepping, *memory)
+            give_back_memory(self.frame, self.system, self.stepping, *memory)
 
 
 def set_up_run(
@@ -327,7 +327,7 @@ def prepare(setup: RunSetup) -> PreparedRun:
         obstructions=setup.obstructions,
         courses=setup.courses,
         present=setup.present,
-        templates=arrangement.templates,
+        frame=arrangement.frame,
         known=arrangement.known,
     )
 
@@ -363,15 +363,16 @@ def _copy_templates(setup: RunSetup) -> tuple[State, Work, StepRecord | None]:
     """
     arrangement, table, stepping = setup.arrangement, setup.table, setup.stepping
     sizes = setup.positions.shape[1], stepping.halvings + 2  # levels: halvings, and no inertia
-    template = arrangement.templates.get(sizes)
+    frame = arrangement.frame
+    template = frame.templates.get(sizes)
     if template is None:
         n_inputs, levels = sizes
         fresh = fresh_state(arrangement.system, table, n_inputs=n_inputs, levels=levels)
-        template = arrangement.templates[sizes] = fresh, new_work(arrangement.system, table)
+        template = frame.templates[sizes] = fresh, new_work(arrangement.system, table)
     state, work = template
-    memory = take_memory(arrangement.templates, stepping, sizes)
+    memory = take_memory(frame, stepping, sizes)
     if memory is None:
         return fresh_copy(state), clone_record(work), None
-    refill_state(memory.state, state, memory.ready_for(arrangement.system))
+    refill_state(memory.state, state, memory.ready_for(arrangement.system, frame))
     copy_vectors(work, memory.work)
     return memory.state, memory.work, memory.record

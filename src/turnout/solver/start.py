@@ -25,7 +25,7 @@ from turnout.kernels.shared_record import SharedRecord, clone_record
 from turnout.law.friction import SLIP_FORWARD
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
-from turnout.solver.arrange import Arrangement, Templates
+from turnout.solver.arrange import Arrangement
 from turnout.solver.columns import rebuild
 from turnout.solver.equilibrium import (
     anchor_at_rest,
@@ -34,6 +34,7 @@ from turnout.solver.equilibrium import (
     settle,
     start_energy_balance,
 )
+from turnout.solver.levels import Frame
 from turnout.solver.march import march
 from turnout.solver.obstruct import freeze
 from turnout.solver.outcome import Code
@@ -88,9 +89,9 @@ class PriorMotion:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _StateLeft:
-    """What a prior motion leaves; `templates` are held so that their identity stays their own."""
+    """What a prior motion leaves; `frame` is held so that its identity stays its own."""
 
-    templates: Templates
+    frame: Frame
     segment: Ints
     friction: Floats
     anchor: Floats
@@ -138,11 +139,11 @@ def plan_start(arrangement: Arrangement, scheme: Scheme, prior: PriorMotion) -> 
     positions = np.ascontiguousarray(prior.inputs(times).T)
     table = _without_timed_laws(arrangement)
     laws = arrangement.laws._replace(**{name: getattr(table, name) for name in _FROZEN})
-    # Objects that are absent move nothing: their places share the motion as they share templates.
+    # Objects that are absent move nothing: their places share the motion as they share a frame.
     courses = arrangement.mechanism.courses
     values = [part.tobytes() for part in courses] if courses.friction.size else []
     of_laws = cast("SharedRecord", table).memory.tobytes()
-    key = (id(arrangement.templates), scheme, positions.tobytes(), of_laws, *values)
+    key = (id(arrangement.frame), scheme, positions.tobytes(), of_laws, *values)
     share = 1.0 if prior.cyclic else PRIOR_SHARE
     part = positions[int((1.0 - share) * positions.shape[0]) :]
     setup = set_up_run(arrangement, scheme, part, 2, laws=(laws, table))
@@ -198,7 +199,7 @@ def _start_after(
         if code != Code.COMPLETE:
             run.work.unconverged[:] = motion.work.unconverged
             return code
-        left = _cache.put(plan.key, _state_left(motion, arrangement.templates))
+        left = _cache.put(plan.key, _state_left(motion, arrangement.frame))
         motion.give_back(record=True)  # what it left has been copied
     return _start_from(run, left)
 
@@ -301,10 +302,10 @@ def _call_march(motion: PreparedRun, last: int) -> tuple[int, int]:
     )
 
 
-def _state_left(motion: PreparedRun, templates: Templates) -> _StateLeft:
+def _state_left(motion: PreparedRun, frame: Frame) -> _StateLeft:
     state = motion.state
     return _StateLeft(
-        templates,
+        frame,
         state.segment.copy(),
         state.friction.copy(),
         state.anchor.copy(),

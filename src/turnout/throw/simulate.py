@@ -299,8 +299,12 @@ def plan_throw(
     *,
     scheme: Scheme,
     watch: Callable[[Mechanism], Watch] | None = None,
+    nominal: LoadedPanel | None = None,
 ) -> PlannedThrow:
-    """Do all of `solve_placed` that comes before its kernels."""
+    """Do all of `solve_placed` that comes before its kernels.
+
+    `nominal` is the panel whose rails give the shapes of varied ones, see `build_mechanism`.
+    """
     began = time.perf_counter()
     machines = any(drive.machine is not None for drive in panel.drive.values())
     if machines and must_compile(march_with_machines):
@@ -308,7 +312,7 @@ def plan_throw(
     elif must_compile():
         compile_kernels()
     compiled, used = time.perf_counter(), time.process_time()
-    mechanism = build_mechanism(panel, objects)
+    mechanism = build_mechanism(panel, objects, nominal=nominal)
     built = time.perf_counter()
     run = plan_run(
         mechanism,

@@ -243,7 +243,9 @@ def plan_scenario(study: Study, ready: PreparedScenario) -> PreparedScenario:
         return ready
     watch = watch_of(study, ready.panel)
     try:
-        planned = plan_throw(ready.panel, ready.objects, scheme=study.scheme, watch=watch)
+        planned = plan_throw(
+            ready.panel, ready.objects, scheme=study.scheme, watch=watch, nominal=study.panel
+        )
     except TurnoutError as error:
         return replace(ready, outcome=_ending(error), fault=_fault(error), attempts=1)
     return PreparedScenario(ready.scenario, ready.panel, ready.objects, planned=planned)
@@ -269,7 +271,9 @@ def throw_scenario(study: Study, ready: PreparedScenario) -> ThrowResult:
             attempts += 1
             if again:
                 scheme, watch = refine_scheme(study.scheme), watch_of(study, ready.panel)
-                planned = plan_throw(ready.panel, ready.objects, scheme=scheme, watch=watch)
+                planned = plan_throw(
+                    ready.panel, ready.objects, scheme=scheme, watch=watch, nominal=study.panel
+                )
             solved = solve_planned(planned)
             outcome = solved.history.outcome
             if outcome.code is Code.INTERRUPTED:

@@ -1,0 +1,182 @@
+"""Rails that vary in the shapes of a nominal one, against rails reduced each on its own.
+
+Reference: the same throws of the population of sound switches with shapes of their own. Tolerance:
+drive forces within 1e-4 of their peak over all time, gaps within 2 um, labels equal. The throws
+have friction, drives, sections, fit and stress-free position of the population, and two of three an
+object at a sleeper, at a drive or between places.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from turnout.calibration.load_study import load_study
+from turnout.core.content_cache import counts
+from turnout.core.scheme import Scheme
+from turnout.core.threads import one_blas_thread
+from turnout.detection.panel_population import population_for
+from turnout.mechanism.build import build_mechanism, clear_mechanisms, rail_data
+from turnout.mechanism.mechanism import Mechanism
+from turnout.mechanism.varied_rails import MOST_ERROR, nominal_scale, variation_error
+from turnout.panel.foreign_object import ForeignObject, resolve_objects
+from turnout.panel.load import LoadedPanel, load_panel
+from turnout.study.scenario import Scenario
+from turnout.study.study import Study
+from turnout.study.sweep import row
+from turnout.throw.gaps import gaps_over_time
+from turnout.throw.recovery import recover_motion
+from turnout.throw.simulate import plan_throw, solve_planned
+
+FORCE, GAP = 1e-4, 2e-6
+PANELS = ("uic60-760-1-15", "sb2", "60e1-300-1-9")
+
+
+def population(name: str, mode: str = "quick") -> Study:
+    study = population_for(load_study("detection-reference"), load_panel(name))
+    return replace(study, scheme=Scheme.of(mode))
+
+
+def members(study: Study, count: int) -> list[Scenario]:
+    """Return states of the population, two of three with an object."""
+    draw, drive = np.random.default_rng(5), next(iter(study.panel.drive.values()))
+    found = []
+    for number in range(count):
+        at = (
+            f"x = {drive.x + draw.uniform(0.2, 5.0):.4f} m",
+            "drive 1",
+            f"sleeper {draw.choice(list(study.panel.sleeper))}",
+        )[number % 3]
+        item = ForeignObject(float(draw.uniform(0.008, 0.029)), at)
+        objects = () if number % 6 > 3 else (item,)
+        found.append(replace(study.scenario(1000 + number), foreign_objects=objects))
+    return found
+
+
+def thrown(
+    study: Study, scenario: Scenario, nominal: LoadedPanel | None
+) -> tuple[np.ndarray, np.ndarray, Mechanism]:
+    """Return drive forces and gaps over time of a throw, and its mechanism."""
+    panel = study.panel.with_overrides(dict(scenario.overrides))
+    objects = resolve_objects(panel, scenario.foreign_objects)
+    with one_blas_thread():
+        planned = plan_throw(panel, objects, scheme=study.scheme, nominal=nominal)
+        history = solve_planned(planned).history
+        gaps = gaps_over_time(panel, recover_motion(planned.mechanism, history))
+    assert history.outcome.complete
+    drives = [planned.mechanism.index.drive[name] for name in panel.drive]
+    return history.forces(drives), gaps, planned.mechanism
+
+
+def compare(study: Study, scenarios: list[Scenario], monkeypatch: pytest.MonkeyPatch) -> None:
+    for scenario in scenarios:
+        force, gap, varied = thrown(study, scenario, study.panel)
+        wanted, wanted_gap, own = thrown(study, scenario, None)
+        assert varied.nominal is not None
+        assert own.nominal is None
+        assert np.abs(force - wanted).max() < FORCE * np.abs(wanted).max()
+        assert np.abs(gap - wanted_gap).max() < GAP
+    found = row.throw_scenarios(study, scenarios)
+    with monkeypatch.context() as patch:
+        plan = row.plan_throw
+        patch.setattr(row, "plan_throw", lambda *given, nominal, **how: plan(*given, **how))
+        wanted_rows = row.throw_scenarios(study, scenarios)
+    for one, other in zip(found, wanted_rows, strict=True):
+        assert one.outcome == other.outcome == row.COMPLETE
+        assert one.stored is not None
+        assert other.stored is not None
+        for name, (_, values) in one.stored.variables.items():
+            if values.dtype.kind != "f":
+                label = other.stored.variables[name][1][other.number]
+                np.testing.assert_array_equal(values[one.number], label, err_msg=name)
+
+
+@pytest.mark.parametrize("name", PANELS)
+def test_forces_gaps_and_labels_are_those_of_rails_reduced_anew(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    study = population(name)
+    compare(study, members(study, 6), monkeypatch)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", PANELS)
+def test_three_hundred_members(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    study = population(name)
+    compare(study, members(study, 300), monkeypatch)
+
+
+@pytest.mark.long
+def test_impacts_are_the_same_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    study = population(PANELS[0], "waveform")
+    compare(study, members(study, 24), monkeypatch)
+
+
+@pytest.mark.parametrize("factor", [0.9, 1.7])
+def test_fastenings_vary_in_the_shapes_of_the_nominal_ones(factor: float) -> None:
+    study = population(PANELS[0])
+    stiffness = study.panel.values_at("fastening.stiffness_y")
+    changes = {key: factor * value for key, value in stiffness.items()}
+    changes |= study.panel.values_at("fastening.stiffness_z")
+    scenario = replace(study.scenario(0), overrides=changes, foreign_objects=())
+    force, gap, varied = thrown(study, scenario, study.panel)
+    wanted, wanted_gap, _ = thrown(study, scenario, None)
+    nominal, _, _ = thrown(study, replace(scenario, overrides={}), None)
+    assert varied.nominal is not None
+    assert np.abs(force - wanted).max() < FORCE * np.abs(wanted).max()
+    assert np.abs(gap - wanted_gap).max() < GAP
+    assert np.abs(nominal - wanted).max() > 2 * np.abs(force - wanted).max()
+
+
+def test_no_member_is_reduced_and_rows_are_shared() -> None:
+    clear_mechanisms()
+    study = population("sb2")
+    made = [
+        build_mechanism(
+            study.panel.with_overrides(dict(study.scenario(number).overrides)),
+            nominal=study.panel,
+        )
+        for number in range(6)
+    ]
+    of_first = counts["superelement computed"], counts["superelement from memory"]
+    made += [
+        build_mechanism(
+            study.panel.with_overrides(dict(study.scenario(number).overrides)),
+            nominal=study.panel,
+        )
+        for number in range(6, 12)
+    ]
+    assert (counts["superelement computed"], counts["superelement from memory"]) == of_first
+    assert len({id(one.rows) for one in made}) == 1
+    assert len({one.stiffness.tobytes() for one in made}) == len(made)
+
+
+def test_far_scales_belong_to_other_nominal_rails() -> None:
+    panel = load_panel("sb2")
+    far = panel.with_overrides({"rail.section_scale": 1.5})
+    near = panel.with_overrides({"rail.section_scale": 1.05})
+    found, rows = build_mechanism(far, nominal=panel), build_mechanism(near, nominal=panel).rows
+    assert found.nominal is not None
+    home = nominal_scale(1.5, 1.0)
+    base = build_mechanism(panel.with_overrides({"rail.section_scale": home}))
+    np.testing.assert_array_equal(found.nominal.stiffness, base.stiffness)
+    assert found.rows is base.rows
+    assert rows is build_mechanism(panel).rows
+
+
+def test_the_error_is_of_second_order_and_decides(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    data = rail_data(load_panel("60e1-300-1-9"))[0]
+    small, large = (variation_error(data, scales=(1.0 / s, s)) for s in (1.02, 1.04))
+    assert large / small == pytest.approx(4.0, rel=0.1)
+    assert variation_error(data) < MOST_ERROR
+    panel = load_panel("60e1-300-1-9")
+    varied = panel.with_overrides({"rail.section_scale": 1.03})
+    monkeypatch.setattr("turnout.mechanism.varied_rails.MOST_ERROR", 1e-5)
+    clear_mechanisms()
+    found = build_mechanism(varied, nominal=panel)
+    assert found.nominal is None
+    np.testing.assert_array_equal(found.stiffness, build_mechanism(varied).stiffness)
+    assert "each varied rail is reduced anew" in caplog.text
+    clear_mechanisms()
