@@ -110,7 +110,7 @@ class CalibrationResult:
         Parameters
         ----------
         ax : matplotlib.axes.Axes, optional
-            Where to draw; default a new figure.
+            Axes to draw on; default a new figure.
         """
         from turnout.figures.calibration import plot_intervals
 
@@ -187,7 +187,7 @@ def calibrate(
     campaign : Campaign or xarray.Dataset
         From `load_campaign` or `build_campaign`; with at least one movement without an object.
     panel : LoadedPanel, optional
-        What was measured, with start values; default the library panel uic60-760-1-15.
+        Panel that was measured, with start values; default the library panel uic60-760-1-15.
     free, fix : sequence of str
         Keys of the panel to fit besides the usual ones, and keys to keep.
     exclude : sequence of str
@@ -254,7 +254,7 @@ def load_calibration(path: Path | str, *, panel: LoadedPanel | None = None) -> C
     path : path-like
         TOML file, also of ``turnout calibrate``.
     panel : LoadedPanel, optional
-        What was calibrated; default the library panel of that name.
+        Panel that was calibrated; default the library panel of that name.
 
     Returns
     -------

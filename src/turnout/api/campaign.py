@@ -193,7 +193,7 @@ def build_campaign(
     folder : path-like
         With a run sheet and recordings; with `panel`, empty or not there yet.
     panel : LoadedPanel, optional
-        What to throw; its friction scatters by 2 % from throw to throw.
+        Panel to throw; its friction scatters by 2 % from throw to throw.
     places : sequence of str, optional
         Of the object, such as "sleeper 6"; default every sleeper and drive.
     sizes : sequence of float or str, optional

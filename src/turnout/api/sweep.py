@@ -33,7 +33,7 @@ class Sweep:
     Attributes
     ----------
     folder : Path
-        Where the results are.
+        Folder of the results.
     dataset : xarray.Dataset
         Inputs, histories, labels and features by scenario; values are read when they are used.
         Where a scenario is not complete numbers are NaN and logical values -1.

@@ -47,7 +47,7 @@ def cached_arrays(
     Parameters
     ----------
     kind : str
-        What the arrays are, in a word; part of the key and of the names in `counts`.
+        Word for the arrays; part of the key and of the names in `counts`.
     parts : sequence of object
         All inputs that they depend on: arrays, numbers, texts, tuples of these.
     compute : callable

@@ -25,7 +25,7 @@ class ListedError(TurnoutError):
     problems : sequence of str
         Every problem found, each naming the key's path, the value and what is allowed.
     source : str
-        Where the values came from (a file, a library panel, an option).
+        Origin of the values (a file, a library panel, an option).
     """
 
     def __init__(self, problems: list[str] | tuple[str, ...], *, source: str) -> None:

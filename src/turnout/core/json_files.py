@@ -182,7 +182,7 @@ def read_sealed(path: Path, *, largest: int) -> tuple[dict[str, Any], str]:
     content : dict
         Without the checksum; empty where the file is not a JSON table.
     fault : str
-        What is wrong with the file; empty where nothing is.
+        Fault of the file; empty for none.
 
     Raises
     ------

@@ -500,7 +500,7 @@ def put(tree: dict[str, Any], place: Path, value: object, own: set[Path]) -> dic
     place : tuple of str
         Place of the value; parts for lists are numbers from 0.
     value : object
-        What it becomes.
+        New value.
     own : set of tuple of str
         Places of tables that are copies already; those that are made are added.
 

@@ -45,7 +45,7 @@ def text_in_library(package: str, name: str, *, kind: str) -> str:
     name : str
         Name of a library file without its suffix.
     kind : str
-        What the file describes, for the message: "panel".
+        Subject of the file, for the message: "panel".
 
     Raises
     ------

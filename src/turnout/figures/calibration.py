@@ -105,7 +105,7 @@ def plot_intervals(dataset: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
     dataset : xarray.Dataset
         `value`, `low`, `high` and `start` by parameter, in SI.
     ax : matplotlib.axes.Axes, optional
-        Where to draw; default a new figure.
+        Axes to draw on; default a new figure.
 
     Returns
     -------

@@ -30,7 +30,7 @@ def draw_sheet(sheet: Sheet) -> "Figure":
     Parameters
     ----------
     sheet : Sheet
-        What to show.
+        Figure as data.
 
     Returns
     -------
@@ -78,7 +78,7 @@ def draw_row(sheet: Sheet, row: Row, *, ax: "Axes | None" = None) -> "Axes":
     row : Row
         One of its rows.
     ax : matplotlib.axes.Axes, optional
-        Where to draw; default a new figure.
+        Axes to draw on; default a new figure.
 
     Returns
     -------

@@ -33,7 +33,7 @@ def plot_modes(
     system : str, optional
         Which system; default the panel at rest, which is the last but for the sticking one.
     ax : sequence of two Axes, optional
-        Where to draw plan and elevation; default a new figure.
+        Axes of plan and elevation; default a new figure.
 
     Returns
     -------

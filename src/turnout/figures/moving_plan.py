@@ -76,7 +76,7 @@ def motion_record(panel: Panel, dataset: xr.Dataset, *, frames: int = FRAMES) ->
     Parameters
     ----------
     panel : Panel
-        What was thrown.
+        Panel that was thrown.
     dataset : xarray.Dataset
         The run; its `gap` or `lateral_displacement` at some places along the rails.
     frames : int

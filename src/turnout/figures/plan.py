@@ -37,7 +37,7 @@ def plot_closed_gap(panel: Panel, *, dataset: xr.Dataset | None = None, ax: "Axe
     dataset : xarray.Dataset, optional
         A throw of it; without one, or one without an instant, gaps are estimated from the strokes.
     ax : matplotlib.axes.Axes
-        Where to draw.
+        Axes to draw on.
 
     Returns
     -------

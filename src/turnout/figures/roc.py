@@ -39,7 +39,7 @@ def plot_roc(
     sound : int
         Sound throws of the detector.
     title : str
-        What the throws were.
+        Heading, with the kind of throws.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

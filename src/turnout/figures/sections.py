@@ -41,7 +41,7 @@ def plot_section_outlines(
     properties : SectionProperties, shape (n,), optional
         Adds the centroid (cross) and the shear centre (ring).
     behind : sequence of Outline, length n, optional
-        What stands beside each section, in the same frame, drawn as a thin line.
+        Outline beside each section, in the same frame, drawn as a thin line.
     columns : int
         Panels in a row.
 
@@ -167,7 +167,7 @@ def plot_section_values(
     values : mapping of str to ndarray, shape (n,)
         Columns of a section table by their names, in SI.
     title : str
-        What is drawn.
+        Heading.
 
     Returns
     -------

@@ -22,7 +22,7 @@ def plot_drive_force(dataset: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes"
     dataset : xarray.Dataset
         One run, simulated or measured.
     ax : matplotlib.axes.Axes, optional
-        Where to draw; default a new figure.
+        Axes to draw on; default a new figure.
 
     Returns
     -------
@@ -40,7 +40,7 @@ def plot_drive_gap(dataset: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
     dataset : xarray.Dataset
         One run with gaps.
     ax : matplotlib.axes.Axes, optional
-        Where to draw; default a new figure.
+        Axes to draw on; default a new figure.
 
     Returns
     -------
@@ -62,7 +62,7 @@ def plot_rail_shape(
     compare : xarray.Dataset, optional
         A second run of the same panel, dashed, such as the one without an object.
     ax : matplotlib.axes.Axes, optional
-        Where to draw; default a new figure.
+        Axes to draw on; default a new figure.
 
     Returns
     -------
@@ -81,7 +81,7 @@ def plot_gap(dataset: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
     dataset : xarray.Dataset
         A run with gaps along the rails.
     ax : matplotlib.axes.Axes, optional
-        Where to draw; default a new figure.
+        Axes to draw on; default a new figure.
 
     Returns
     -------
@@ -100,7 +100,7 @@ def plot_chair_load(dataset: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
     dataset : xarray.Dataset
         A run with chair forces.
     ax : matplotlib.axes.Axes, optional
-        Where to draw; default a new figure.
+        Axes to draw on; default a new figure.
 
     Returns
     -------
@@ -119,7 +119,7 @@ def plot_energy(dataset: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
     dataset : xarray.Dataset
         A simulated run with energies.
     ax : matplotlib.axes.Axes, optional
-        Where to draw; default a new figure.
+        Axes to draw on; default a new figure.
 
     Returns
     -------

@@ -91,7 +91,7 @@ def plot_cells(cells: xr.Dataset, name: str, *, ax: "Axes") -> "Axes":
     name : str
         "peak_force", "object_force_peak" or "end_gap".
     ax : matplotlib.axes.Axes
-        Where to draw.
+        Axes to draw on.
     """
     title, factor = TITLES[name]
     values = factor * cells[name].to_numpy()
@@ -114,7 +114,7 @@ def plot_states(cells: xr.Dataset, *, ax: "Axes") -> "Axes":
     cells : xarray.Dataset
         From `turnout.metric.sweep_map.sweep_map`.
     ax : matplotlib.axes.Axes
-        Where to draw.
+        Axes to draw on.
     """
     from matplotlib.colors import BoundaryNorm, ListedColormap
 

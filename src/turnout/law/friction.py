@@ -194,15 +194,15 @@ class FrictionCourses(NamedTuple):
     friction : ndarray of int, shape (n,)
         Friction of each.
     coefficient : ndarray, shape (n,)
-        What its factors multiply [-].
+        Coefficient that its factors multiply [-].
     closed, side : ndarray, shape (n,)
         The opening is ``closed - side g`` with the displacement of the friction's row [m].
     start : ndarray of int, shape (n + 1,)
-        Where the course of each begins.
+        First place of each course.
     opening, factor : ndarray, shape (m,)
         Openings from which on a factor holds, rising in each course [m], and the factors [-].
     at : ndarray of int, shape (n,)
-        Where each course is at present, -1 before the first step.
+        Present place in each course, -1 before the first step.
     """
 
     friction: Ints

@@ -160,7 +160,7 @@ class Trapped:
     length, depth, strength, density, temperature, piece : float
         Parameters of its kind, 0 for those that it does not have [SI].
     lost, deepest : float
-        What broke off before, and the largest compression of what is left [m].
+        Size that broke off before, and the largest compression of the rest [m].
     broken : int
         How often it broke before.
     """
@@ -237,7 +237,7 @@ class ObjectKind:
         item : Trapped
             Before the throw.
         lost, deepest, dent : float
-            What has gone from its size, its largest compression, and what that leaves [m].
+            Size that is gone, largest compression, and lasting dent [m].
         changes : bool
             Whether the weather changes it until the next throw.
         broke : bool

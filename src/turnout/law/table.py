@@ -197,7 +197,7 @@ class LawTableBuilder:
         first : LawTable
             Laws that never change.
         known : dict
-            What tables share in which laws were put after these; what is missing is added.
+            Shared parts of tables in which laws were put after these; missing ones are added.
 
         Returns
         -------

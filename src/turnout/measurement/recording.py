@@ -32,7 +32,7 @@ class RecordedChannel:
     start : float
         Time of the first sample from the start of the recording [s].
     description : str
-        What the file says about the channel.
+        Description of the channel in the file.
     """
 
     name: str
@@ -72,7 +72,7 @@ class Recording:
     start_time : str or None
         Date and time of the start in ISO 8601, where the file states it.
     problems : tuple of str
-        What could not be read or had to be mended, a sentence each.
+        Parts that could not be read or had to be mended, a sentence each.
     """
 
     channels: Mapping[str, RecordedChannel]
@@ -113,7 +113,7 @@ class TimeGrid:
     index : ndarray of int, shape (n,)
         Place of each sample on the grid; not consecutive where samples are missing.
     remark : str
-        What the column hides; empty where nothing.
+        Fault that the column hides; empty for none.
     """
 
     start: float
@@ -196,7 +196,7 @@ def on_grid(
     channel : RecordedChannel
         Evenly sampled, at `channel.rate` [Hz].
     problem : str
-        What was mended; empty where nothing was.
+        Repair that was made; empty for none.
 
     Examples
     --------

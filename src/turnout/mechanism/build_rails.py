@@ -78,7 +78,7 @@ def switch_rail_data(
     name : str
         Name of the switch rail.
     points : tuple of Point
-        Where laws act on it.
+        Points that laws act on.
     objects : sequence of PlacedObject
         Foreign objects at places of the panel, which become nodes.
     """

@@ -92,7 +92,7 @@ class LawLayout:
     further : tuple of int
         Rows of drives, links, back drives and objects, whose laws follow.
     tables : dict
-        What tables of these laws share, by how the further ones are laid out.
+        Shared parts of the tables of these laws, by how the further ones are laid out.
     """
 
     rows: LawRows

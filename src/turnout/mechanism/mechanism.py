@@ -145,7 +145,7 @@ class Mechanism:
     shapes : dict of str to RailShape
         How far each switch rail moves between closed and open.
     machines : DriveMachines, optional
-        What moves the inputs of drives that are no markers.
+        Machines that move the inputs of drives without markers.
     core : ndarray, optional
         The rows without those of foreign objects, which come last, shared by mechanisms whose
         objects stand elsewhere; their laws come last too.

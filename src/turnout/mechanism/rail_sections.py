@@ -152,7 +152,7 @@ class SeveredSteel:
     running_edge_offset : float
         The station [m].
     area, share : float
-        What is left out [m^2], and of what remains [-].
+        Area left out [m^2], and its share of the rest [-].
     height : float
         Top of what remains above the underside [m].
     """

@@ -47,7 +47,7 @@ class RailRows:
     drives, links : dict of str to ndarray, shape (count,)
         Lateral displacements towards +y at the rods of its own drives, and at the ends of links.
     back_drives : dict of str to ndarray, shape (count,)
-        What a linkage lengthens by: zero where its place moves at its ratio of that at its drive.
+        Lengthening of a linkage: zero where its place moves at its ratio of that at its drive.
     """
 
     feet: Floats
@@ -84,7 +84,7 @@ def rail_travel(
     rails : mapping of str to ReducedRail
         Its switch rails.
     rows : mapping of str to RailRows
-        Where each of them is held.
+        Rows at which each of them is held.
 
     Raises
     ------

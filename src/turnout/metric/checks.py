@@ -580,7 +580,7 @@ class Lamp:
         The answer at each instant; not judged while the switch moves, a sensor also while its rail
         should be open.
     words : (str, str)
-        What the state is called when on and when off.
+        Names of the state when on and when off.
     rule : str
         When it is on.
     """

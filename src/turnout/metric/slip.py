@@ -283,7 +283,7 @@ def switched_off_by(made: Iterable[Duty], drive: str, time: float) -> str:
     Parameters
     ----------
     made : iterable of Duty
-        What machines did, in the order of time.
+        Movements of machines, in the order of time.
     drive : str
         Name of the drive.
     time : float

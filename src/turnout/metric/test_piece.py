@@ -34,7 +34,7 @@ class PieceResult:
     Attributes
     ----------
     drive : str
-        Where the piece is.
+        Drive at which the piece is.
     size : float
         Its thickness [m].
     seen : bool
@@ -75,7 +75,7 @@ class PieceLimit:
     Attributes
     ----------
     drive : str
-        Where the piece is.
+        Drive at which the piece is.
     size : float
         Its thickness, to `RESOLUTION` from above [m]; infinite where even the largest locks.
     by : str

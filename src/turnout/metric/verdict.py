@@ -274,7 +274,7 @@ class JudgedItem:
     item : TrappedItem
         The object.
     signs : tuple of Check
-        What reports it.
+        Checks that report it.
     passed : tuple of Check
         Lock and sensors that accept the last movement that could report it.
     refused : bool

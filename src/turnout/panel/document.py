@@ -37,7 +37,7 @@ class Document:
     origins : dict
         Origin by dotted key of the value in the tree, before anything was given in its place.
     problems : tuple of Problem
-        What was wrong with the families themselves.
+        Faults of the families themselves.
     tables : dict
         Time [s] and fraction columns of the schedule files read so far, by their name.
     matrices : dict

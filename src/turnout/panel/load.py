@@ -83,7 +83,7 @@ def check_document(
     document : Document
         With its families expanded and its overrides applied.
     folder : Path or None
-        Where relative paths in its tables start.
+        Folder from which relative paths in its tables start.
     known : Known, optional
         A valid panel that this one was made from; what did not change is not checked again.
 
@@ -472,9 +472,9 @@ def panel_from_document(
     source : str
         Library name or file, the heading of what is wrong.
     folder : Path or None
-        Where relative paths in its tables start.
+        Folder from which relative paths in its tables start.
     overrides : mapping of str to object
-        What was applied, by key.
+        Applied overrides, by key.
     problems : iterable of Problem
         Found before, such as overrides that match nothing.
 

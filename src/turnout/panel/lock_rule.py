@@ -139,7 +139,7 @@ def lock_holds(rule: str, drives: DriveStates, closes: Flags) -> Flags:
     rule : str
         A key of `LOCK_RULES`.
     drives : DriveStates
-        What is measured.
+        States of the drives over time.
     closes : ndarray of bool, shape (n_times,)
         Whether there is a rail that should be closed.
     """

@@ -301,7 +301,7 @@ def read_schedule_files(
     document : Document
         The expanded document.
     folder : Path or None
-        Where relative paths start: the folder of the panel file.
+        Folder of the panel file, from which relative paths start.
 
     Returns
     -------

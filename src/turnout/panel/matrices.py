@@ -298,7 +298,7 @@ def read_matrices(
     rails : object
         The table of rails of a document.
     folder : Path or None
-        Where relative paths start: the folder of the panel file.
+        Folder of the panel file, from which relative paths start.
     known : mapping of str to RailMatrices
         Files that were read before, by the name given, so that a panel made from another one does
         not need them.
@@ -308,7 +308,7 @@ def read_matrices(
     matrices : dict of str to RailMatrices
         By the name given.
     problems : list of Problem
-        What is wrong with each file.
+        Faults of the files.
     """
     found, problems = dict(known), list[Problem]()
     for name, rail in rails.items() if isinstance(rails, dict) else ():

@@ -104,8 +104,8 @@ def new_panel_text(source: str | FilePath, *, target: FilePath) -> str:
     source : str or Path
         Library panel or panel file; must be valid.
     target : Path
-        Where the text is to be written: its stem becomes the name of the panel, and paths in the
-        text are made relative to its folder.
+        File to be written: its stem becomes the name of the panel, and paths in the text are made
+        relative to its folder.
 
     Returns
     -------

@@ -109,7 +109,7 @@ class OverridePlan:
     Attributes
     ----------
     document : Document
-        What is changed; it is known by its identity.
+        Document to change; it is known by its identity.
     targets : dict
         Places of each key, broad keys first.
     members : dict

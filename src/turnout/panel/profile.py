@@ -74,7 +74,7 @@ def cubic_spline(knots: Sequence[float], values: npt.ArrayLike, *, ends: tuple[s
     values : array_like, shape (n, ...)
         At the knots.
     ends : tuple of str
-        What holds at the first and the last knot, of `ENDS`.
+        Conditions at the first and the last knot, of `ENDS`.
 
     Examples
     --------

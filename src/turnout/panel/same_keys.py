@@ -54,7 +54,7 @@ class DerivedPanel:
     document : PendingDocument
         Its tables.
     asked : mapping of str to frozenset of str
-        What each check read, by its name.
+        Inputs of each check, by its name.
     applied : dict of str to object
         Value by key, broad keys first.
     """
@@ -120,7 +120,7 @@ def derive_panel(
     Parameters
     ----------
     panel : Panel
-        What is changed.
+        Panel to change.
     document : Document
         Its tables.
     overrides : mapping of str to object

@@ -92,7 +92,7 @@ class Unusual:
     key : str
         Path of the key in the panel, of the family where all members have the value.
     value, least, most : float
-        What the panel has, and the usual range.
+        Value of the panel, and the usual range.
     unit : str
         Unit of the three, empty for plain numbers.
     """

@@ -111,11 +111,11 @@ class Draft:
     names : dict
         Names of all members by family, valid or not, in the order of the file.
     problems : list of Problem
-        What was wrong with the rest.
+        Faults of the rest.
     shared : frozenset of key paths
         Values (family, member, field) that come from the family, not from the member.
     given : mapping of str to object
-        What overrides have set, by dotted place.
+        Values set by overrides, by dotted place.
     changed : set of str
         Fields of `Panel` that are not those of the known panel; `members_of` a family as well where
         there are others; `values_of` a family alone where no more than `ASKED_ALONE` has changed.

@@ -70,7 +70,7 @@ class Defect:
     Attributes
     ----------
     advice : str
-        What to do where a throw shows it.
+        Remedy for a throw that shows it.
     change : callable or None
         Makes a throw of it from a sound one; None of one that only virtual campaigns have.
     later : callable or None

@@ -156,7 +156,7 @@ class TemperatureLaw:
     Attributes
     ----------
     key : str
-        What is multiplied.
+        Key whose values are multiplied.
     reference : float
         :math:`T_0` [K].
     coefficient : float

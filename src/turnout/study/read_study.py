@@ -121,7 +121,7 @@ def read_parts(
     Parameters
     ----------
     record : StudyRecord
-        What the file says.
+        Content of the file.
     panel : LoadedPanel
         With the calibration and the values that the study sets.
     source : str

@@ -22,15 +22,16 @@ class Scenario:
     overrides : mapping of str to float, str or bool
         Changes of the panel by key, in SI, as `LoadedPanel.with_overrides` takes them.
     foreign_objects : tuple of ForeignObject
-        What is trapped; none where the size is 0 or `object.present` is false.
+        Trapped objects; none if the size is 0 or `object.present` is false.
     inputs : mapping of str to float, str or bool
-        What varies, by name: coordinates of the results. In SI; the same names in each scenario.
+        Values of the variables, by name: coordinates of the results. In SI; the same names in each
+        scenario.
     condition : str
         Group that must stay together when data are split for training and test.
     seed : int
         Of whatever else is left to chance in this throw.
     recorder : Recorder
-        What records forces and currents.
+        Recorder of forces and currents.
     """
 
     index: int
@@ -50,7 +51,7 @@ class Rule:
     Attributes
     ----------
     variable : str
-        What grows along a chain.
+        Variable that grows along a chain.
     at_least : float
         Up to this value throws are made even if a drive slips, in SI.
     """

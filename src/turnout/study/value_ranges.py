@@ -72,11 +72,11 @@ def limit_faults(
     Parameters
     ----------
     panel : LoadedPanel
-        What has the limits.
+        Panel with the limits.
     axes, drawn : sequence of Axis, sequence of Drawn
         Of a design.
     variables : mapping of str to Variable
-        What varies, by its name in the study.
+        Variables by their names in the study.
     fields : iterable of RandomField
         Tried at both ends of their distribution.
     law : TemperatureLaw or None

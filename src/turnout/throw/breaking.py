@@ -78,7 +78,7 @@ def break_attributes(
     Parameters
     ----------
     panel : Panel
-        What was thrown.
+        Panel that was thrown.
     objects : sequence of PlacedObject
         Of the throw.
     thrown : tuple of Mechanism and History

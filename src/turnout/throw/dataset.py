@@ -98,13 +98,13 @@ def response_dataset(
     Parameters
     ----------
     panel : Panel
-        What was simulated.
+        Simulated panel.
     mechanism : Mechanism
         Its mechanics, with the foreign objects.
     history : History
-        What the integration left behind.
+        Results of the integration.
     save : Save, optional
-        What to keep; default everything at chairs and drives.
+        Channels to keep; default everything at chairs and drives.
 
     Returns
     -------
@@ -127,7 +127,7 @@ def response_channels(
     panel, mechanism, history
         As for `response_dataset`.
     save : Save
-        What to keep; nothing else is computed, but for what costs nothing.
+        Channels to keep; others are computed only if they cost nothing.
 
     Returns
     -------

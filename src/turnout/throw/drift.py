@@ -51,7 +51,7 @@ class Drift:
         Change of that factor for each kelvin above `friction_reference`, as a rule negative
         [1/K]; needs `temperature`, which without it leaves the chairs alone.
     friction_reference : float or str
-        Where temperature does not change the friction of chairs [K]; default 10 degC.
+        Temperature at which the friction of chairs is that of the panel [K]; default 10 degC.
     clutch : float
         Share of the slip level that each drive loses after each throw [-]; of a drive that is a
         machine the torque of its clutch.

@@ -110,13 +110,13 @@ class MovementEnds:
     Attributes
     ----------
     known : _KnownRails
-        What throws of the same rails share.
+        Shared values of throws of the same rails.
     rails : list of int
         Number of each distance with its rail, one after the other.
     modal, law_force, friction_force : ndarray, shapes (n, n_modes), (n, n_laws), (n, n_frictions)
         Modal coordinates, forces of laws and frictions [N] at its end of a movement.
     force : ndarray, shape (n, n_rows)
-        What the linear system holds at each row [N].
+        Force of the linear system at each row [N].
     law_row, friction_row : ndarray of int, shapes (n_laws,), (n_frictions,)
         Rows of laws and frictions.
     """

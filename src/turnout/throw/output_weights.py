@@ -107,9 +107,9 @@ def kept_row_blocks(
     Parameters
     ----------
     named : sequence of object
-        What they depend on and throws share; known by identity, and not changed any more.
+        Objects that they depend on and throws share, known by identity and not changed any more.
     values : sequence of hashable
-        What else they depend on.
+        Further values that they depend on.
     make : callable
         Makes them.
     """
@@ -136,7 +136,7 @@ def sums_of_columns(history: str, columns: Ints, *, rows: Ints) -> list[Product]
     columns : ndarray of int, shape (n, n_summed)
         For each row the columns that are added, in this order.
     rows : ndarray of int, shape (n,)
-        Where the sums are written.
+        Rows that the sums are written to.
     """
     if not columns.size:
         return []
@@ -180,7 +180,7 @@ def products_with(
     history : str
         Of the columns.
     rows : slice or ndarray of int, shape (n_rows,)
-        Where they are written.
+        Rows that they are written to.
     begun : bool
         Whether they hold something to which the products are added.
     """

@@ -77,7 +77,7 @@ class WeightedRows(NamedTuple):
     products : sequence of Product
         In this order; all rows are written by them.
     out : ndarray, shape (n_rows, n_times)
-        Where the rows are written.
+        Array that the rows are written to.
     start : ndarray, shape (n_rows,), optional
         Default 0.
     minus : bool

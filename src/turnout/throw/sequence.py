@@ -71,9 +71,9 @@ def simulate_sequence(
     throws : int
         How many.
     foreign_object : ForeignObject or sequence of them, optional
-        What is trapped at the first throw, in addition to the objects of the panel itself.
+        Trapped objects at the first throw, in addition to the objects of the panel itself.
     drift : Drift, optional
-        What changes from throw to throw.
+        Changes from throw to throw.
     change : callable, optional
         Overrides of the panel for a throw, counted from 0, in SI; they precede those of `drift`.
     mode, scheme, save

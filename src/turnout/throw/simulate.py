@@ -59,9 +59,9 @@ def simulate(
     panel : LoadedPanel
         From `load_panel`.
     foreign_object : ForeignObject or sequence of them, optional
-        What is trapped, in addition to the objects of the panel itself.
+        Trapped objects, in addition to the objects of the panel itself.
     mode : {"waveform", "quick", "quasi-static"}, optional
-        What of the throw is resolved: impacts and single chairs; drives, gaps and labels, several
+        Level of detail: impacts and single chairs; drives, gaps and labels, several
         times as fast; or without inertia. Default "waveform".
     scheme : Scheme, optional
         Numerical choices of your own in place of a mode, such as
@@ -175,7 +175,7 @@ def prepare_panel(
     panel : LoadedPanel
         From `load_panel`.
     foreign_object : ForeignObject or sequence of them, optional
-        What may be trapped; its places count, its sizes do not.
+        Objects that may be trapped; their places count, their sizes do not.
 
     Raises
     ------
@@ -197,9 +197,9 @@ class Solved:
     Attributes
     ----------
     mechanism : Mechanism
-        What was integrated.
+        Integrated mechanism.
     history : History
-        What the integration left behind, complete or not.
+        Results of the integration, complete or not.
     objects : tuple of PlacedObject
         The foreign objects with their places.
     solver_time, compile_time : float
@@ -233,7 +233,7 @@ def solve(
     panel : LoadedPanel
         From `load_panel`.
     foreign_object : ForeignObject or sequence of them, optional
-        What is trapped.
+        Trapped objects.
     scheme : Scheme
         Numerical choices.
     report : callable, optional
@@ -275,7 +275,7 @@ class PlannedThrow:
     Attributes
     ----------
     mechanism : Mechanism
-        What will be integrated.
+        Mechanism to be integrated.
     run : RunPlan
         How.
     objects : tuple of PlacedObject

@@ -96,7 +96,7 @@ def stored_share(
     Parameters
     ----------
     stored : StoredRows
-        What a run stores.
+        Displacements that a run stores.
     rails : sequence of tuple of int
         First coordinate and number of coordinates of each rail.
     wanted : ndarray, shape (n_coordinates,)

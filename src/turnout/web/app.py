@@ -47,9 +47,9 @@ def studio_app(studio: Studio, worker: Worker, *, largest: int = LARGEST_UPLOAD)
     Parameters
     ----------
     studio : Studio
-        What it was opened with.
+        Settings that it was opened with.
     worker : Worker
-        Where all is read and computed.
+        Processes that read and compute.
     largest : int
         Of a recording [bytes].
     """

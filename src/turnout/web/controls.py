@@ -152,7 +152,7 @@ def panel_controls(panel: LoadedPanel, mark: str) -> dict[str, Any]:
     panel : LoadedPanel
         Panel that the page shows; need not have been thrown.
     mark : str
-        What the page is to call it.
+        Name for the page.
     """
     places = [f"sleeper {name}" for name in panel.sleeper]
     places += [f"drive {name}" for name in panel.drive]

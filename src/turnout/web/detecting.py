@@ -67,7 +67,7 @@ def sent_throws(
     folder : Path, optional
         Of the studio's campaign.
     quantity : str
-        What of the drives is judged.
+        Judged quantity of the drives.
     """
     try:
         if path.suffix == ".nc":

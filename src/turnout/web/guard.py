@@ -45,7 +45,7 @@ class Guard:
     Parameters
     ----------
     app : ASGI application
-        What is guarded.
+        Guarded application.
     hosts : iterable of str
         Allowed host headers, with their port.
     token : str

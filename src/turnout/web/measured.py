@@ -50,7 +50,7 @@ class Measured:
     size : float
         Of the trapped object [m]; NaN where that is not known, 0 without one.
     place : str
-        Where it is; empty where that is not known.
+        Place of the object; empty if unknown.
     dataset : xarray.Dataset
         Filtered channels; time is zero at the onset. Those of a history as they are.
     """
@@ -133,7 +133,7 @@ def sent_recording(path: Path) -> tuple[Recording, str]:
     Parameters
     ----------
     path : Path
-        Where the server put it, under the plain name that the page gave it.
+        Path on the server, with the plain name that the page gave it.
 
     Raises
     ------

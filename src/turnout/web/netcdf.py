@@ -24,7 +24,7 @@ def sent_dataset(path: Path) -> xr.Dataset:
     Parameters
     ----------
     path : Path
-        Where the server put it.
+        Path on the server.
 
     Raises
     ------

@@ -58,7 +58,7 @@ def prepared(studio: Studio, *, port: int = 0, largest: int = LARGEST_UPLOAD) ->
     Parameters
     ----------
     studio : Studio
-        What to serve.
+        Studio to serve.
     port : int
         0 for any that is free.
     largest : int
@@ -102,7 +102,7 @@ def serve(studio: Studio, *, port: int, browser: bool, announce: Callable[[str],
     Parameters
     ----------
     studio : Studio
-        What to serve.
+        Studio to serve.
     port : int
         0 for any that is free.
     browser : bool

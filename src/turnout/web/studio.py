@@ -39,7 +39,7 @@ class Studio:
     Parameters
     ----------
     panel : LoadedPanel
-        What is shown first.
+        Panel that is shown first.
     opened : Opened, optional
         A campaign to lay over throws.
     """

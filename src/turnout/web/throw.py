@@ -139,7 +139,7 @@ def throw_reply(panel: Panel, dataset: xr.Dataset, *, preview: bool = False) -> 
     Parameters
     ----------
     panel : Panel
-        What was thrown.
+        Panel that was thrown.
     dataset : xarray.Dataset
         The run, whole or partial.
     preview : bool

@@ -36,7 +36,7 @@ def calibration_page(
     Parameters
     ----------
     calibration : Calibration
-        What was found.
+        Result to show.
     panel : LoadedPanel, optional
         The panel that was calibrated, without what was found.
     signals : xarray.Dataset, optional
@@ -126,7 +126,7 @@ def sweep_sheet(stage: StageLog, calibration: Calibration) -> Sheet:
     stage : StageLog
         One with a sweep.
     calibration : Calibration
-        Where it ended.
+        Calibration after its end.
     """
     known = {item.name: item for item in calibration.parameters}
     # A stage sweeps one parameter, the first that it changes.

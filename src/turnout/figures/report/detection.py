@@ -38,9 +38,9 @@ def detection_page(
     verdicts : sequence of mapping
         Fields of `turnout.detection.detector.throw_verdict.Verdict`, in the order of the throws.
     about : mapping of str to str
-        Where they come from.
+        Origin of the verdicts, by key.
     quantity : str
-        What of the drives was judged.
+        Judged quantity of the drives.
     """
     counts = Counter(str(item["status"]) for item in verdicts)
     findings = [_headline(verdicts, counts)]

@@ -32,7 +32,7 @@ def run_page(
     dataset : xarray.Dataset
         A run; findings that need a missing channel are left out.
     panel : LoadedPanel, optional
-        What it was computed with, from `turnout.figures.report.inputs.panel_of_result`.
+        Panel that it was computed with, from `turnout.figures.report.inputs.panel_of_result`.
     pictures : iterable of Picture, optional
         Its figures; default those of `run_sheets`, drawn.
 

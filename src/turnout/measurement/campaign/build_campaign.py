@@ -163,9 +163,9 @@ class BuiltCampaign:
     sheet : RunSheet
         As it was read.
     excluded : tuple of Excluded
-        What is not in the dataset.
+        Movements that are not in the dataset, with reasons.
     remarks : tuple of str
-        What does not exclude a movement but should be checked.
+        Remarks on movements that are kept but should be checked.
     reused : int
         Movements that had been cut before.
     """
@@ -208,7 +208,7 @@ def build_campaign_dataset(
     allow_outside : bool
         Whether files of the campaign may lie outside its folder.
     detection : Detection, optional
-        What counts as a throw.
+        Criteria of a throw.
     limits : Limits, optional
         From what size on something is a fault.
     report : callable, optional

@@ -103,7 +103,7 @@ def find_throws(
         `drive_force` (drive, time) [N] and, where measured, `drive_current` (drive, time) [A],
         unfiltered; `time` even [s].
     detection : Detection, optional
-        What counts as a throw.
+        Criteria of a throw.
 
     Returns
     -------

@@ -36,11 +36,11 @@ class RecordedThrow:
     dataset : xarray.Dataset
         Unfiltered channels in SI on the time of the recording.
     throw : FoundThrow
-        Where the movement lies in `dataset`.
+        Place of the movement in `dataset`.
     start_time : str
         Date and time of the recording; empty where it holds none.
     notes : tuple of str
-        What had to be mended while reading.
+        Repairs made while reading.
     force_rates : mapping of str to float
         Samples a second of those forces whose column has fewer than others, by key of the channel
         map [1/s].
@@ -84,7 +84,7 @@ def recorded_throws(
     allow_outside : bool
         Whether a recording may take samples from other files.
     detection : Detection, optional
-        What counts as a throw.
+        Criteria of a throw.
 
     Yields
     ------

@@ -147,7 +147,7 @@ class SheetRow:
     load_cell : bool
         Whether a load cell was mounted.
     remark : str
-        What else there is to say.
+        Free text.
     """
 
     where: str

@@ -234,7 +234,7 @@ def monitoring_recording(stored: xr.Dataset, *, source: str) -> Recording:
     stored : xarray.Dataset
         From `monitored`.
     source : str
-        What the file says of its origin.
+        Origin, as stated in the file.
 
     Returns
     -------

@@ -23,11 +23,11 @@ class RecorderError:
     none : float
         Value without an error.
     least, most : float
-        What is allowed [SI].
+        Allowed range [SI].
     usual : str
         Usual range.
     origin : str
-        Where the usual range comes from.
+        Source of the usual range.
     """
 
     kind: Dimension | type
@@ -75,7 +75,7 @@ class Recorder:
     clock_rate : float
         Share by which the recorder's clock runs fast [-].
     clock_offset : float
-        What its clock shows at time zero [s].
+        Reading of its clock at time zero [s].
 
     Notes
     -----

@@ -78,7 +78,7 @@ class Limits:
     clipped_share : float
         Samples at the very largest or least value.
     least_response : mapping of str to float
-        What a channel must change by in a throw, else it is dead [N, A].
+        Least change of a channel in a throw, else it is dead [N, A].
     most_hum : mapping of str to float
         Amplitude of a line of the mains [N, A].
     mains : tuple of float

@@ -35,7 +35,7 @@ class Expected:
     profile : ForceProfile or None
         How most throws of the campaign in this direction begin.
     open_level : ndarray or None, shape (n_drives,)
-        What the rods carry in most of them while the rail is open [N].
+        Force of the rods in most of them while the rail is open [N].
     """
 
     direction: str | None = None
@@ -84,7 +84,7 @@ def judge_recording(
     throw : FoundThrow
         From `find_throws` on this dataset.
     expected : Expected, optional
-        What is known beforehand; without it fewer faults can be seen.
+        Knowledge of the campaign; without it fewer faults can be seen.
     limits : Limits, optional
         From what size on something is a fault.
 

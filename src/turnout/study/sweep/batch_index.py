@@ -36,7 +36,7 @@ class BatchIndex:
     paths : tuple of Path
         Files of the batches.
     origin : BatchOrigin
-        What these must say.
+        Origin that these must state.
     scenario, file, row : ndarray of int, shape (n,)
         Number of each scenario, rising; its file, and its row there.
     like : mapping of str to StoredVariable
@@ -119,7 +119,7 @@ def label_arrays(
     index : BatchIndex
         Of a sweep.
     names : collection of str, optional
-        What is wanted besides the inputs, so that the rest need not be read; default all.
+        Labels besides the inputs, so that the rest need not be read; default all.
     """
     columns = {
         name: Column(index, name)

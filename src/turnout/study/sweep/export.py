@@ -41,7 +41,7 @@ def write_sweep_card(folder: Path, study: Study) -> None:
     folder : Path
         Of the sweep, with at least one batch.
     study : Study
-        What was thrown.
+        Study that was thrown.
     """
     index = read_index(folder)
     write_atomic(
@@ -59,7 +59,7 @@ def card_text(index: BatchIndex, labels: Labels, study: Study) -> str:
     labels : mapping of str to Stored
         From `label_arrays`.
     study : Study
-        What was thrown.
+        Study that was thrown.
     """
     made = provenance()
     known = index.attributes

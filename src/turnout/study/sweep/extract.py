@@ -71,13 +71,13 @@ def extract_signals(
     Parameters
     ----------
     study : Study
-        What is kept, at which rate.
+        Study with kept channels and their rate.
     panel : LoadedPanel
-        What was thrown.
+        Panel that was thrown.
     solved : Solved
         The throw.
     recorder : Recorder
-        Of what is kept of forces and currents over time, and of their features.
+        Recorder of kept forces and currents, and of their features.
     """
     mechanism, history = solved.mechanism, solved.history
     given, panel = panel, as_thrown(panel, history)

@@ -106,7 +106,7 @@ def claim_folder(folder: Path, study: Study, *, text: str) -> None:
     folder : Path
         Of the sweep.
     study : Study
-        What is thrown.
+        Study to throw.
     text : str
         The study as `serialize_study` gives it.
 

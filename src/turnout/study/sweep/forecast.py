@@ -25,7 +25,7 @@ class Forecast:
     throw_time : float
         Of one of them in the mean, with all that a scenario costs besides the solver [s].
     size : float
-        Of what is stored of one, compressed [bytes].
+        Compressed size of a stored throw [bytes].
     head : float
         Of a file with several of them, besides [bytes].
     faults : tuple of str
@@ -77,7 +77,7 @@ def forecast(
     Parameters
     ----------
     study : Study
-        What is to be thrown.
+        Study to be thrown.
     trials : int
         Throws, spread over the study.
     report : callable, optional

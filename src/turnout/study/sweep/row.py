@@ -105,7 +105,7 @@ class ScenarioRow:
     Attributes
     ----------
     scenario : Scenario
-        What was thrown.
+        Scenario that was thrown.
     outcome : str
         One of `OUTCOMES`.
     reason : str
@@ -115,7 +115,7 @@ class ScenarioRow:
     solver : SolverTime
         In building and integrating the throw that counted.
     stored : StoredThrows, optional
-        What is stored of this throw and of others; none unless complete.
+        Stored results of this throw and of others; none unless complete.
     number : int
         Of the throw among these.
     """
@@ -141,13 +141,13 @@ class PreparedScenario:
     Attributes
     ----------
     scenario : Scenario
-        What is to be thrown.
+        Scenario to be thrown.
     panel : LoadedPanel
         With the changes of the scenario.
     objects : tuple of PlacedObject
         All that is trapped.
     outcome, fault : str
-        What is wrong with it, and how it ends by that; else empty.
+        Outcome and fault of a throw that cannot be made; else empty.
     attempts : int
         Throws that were made until that was known.
     planned : PlannedThrow, optional

@@ -47,7 +47,7 @@ class ThrowSignals:
     Attributes
     ----------
     panel : LoadedPanel
-        What was thrown.
+        Panel that was thrown.
     index : LawIndex
         Laws of its mechanism, which is not kept: rails of its own take megabytes.
     disappears : ndarray, shape (n_laws,)
@@ -56,9 +56,9 @@ class ThrowSignals:
         Forces of drives and objects and marker positions at every instant that the solver kept,
         and open distances at the rate of the study.
     labels : dict
-        What is left of objects, and labels of machines.
+        Remains of objects, and labels of machines.
     ends : MovementEnds, optional
-        What flangeway and gauge at the ends of the movements follow from.
+        Inputs of flangeway and gauge at the ends of the movements.
     clutches : tuple of list and ndarray, optional
         The drives that are machines, and when their clutches slip, shape (n_machines, n_times).
     recorder : Recorder
@@ -68,7 +68,7 @@ class ThrowSignals:
     moved : tuple of Throw
         The movements as they were made.
     duties : tuple of Duty
-        What its machines did on their commands.
+        Movements of its machines on their commands.
     object_rails : tuple of str
         The rail of each object.
     """

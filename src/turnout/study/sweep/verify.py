@@ -97,7 +97,7 @@ def open_verified(path: Path, of_sweep: BatchOrigin) -> Iterator["h5py.File"]:
     path : Path
         Of the batch.
     of_sweep : BatchOrigin
-        What the folder says; the number is taken from the name.
+        Origin that the folder states; the number is taken from the name.
 
     Raises
     ------
@@ -142,7 +142,7 @@ def verified_batches(folder: Path, of_sweep: BatchOrigin) -> tuple[dict[int, Pat
     folder : Path
         Of batches.
     of_sweep : BatchOrigin
-        What they must say; the number is taken from the name.
+        Origin that they must state; the number is taken from the name.
 
     Raises
     ------

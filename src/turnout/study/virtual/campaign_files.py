@@ -55,9 +55,9 @@ def channel_map_text(
     drives : sequence of str
         Names of the drives.
     note : str
-        What the file says of its origin.
+        Origin, as stated in the file.
     recorder : RecorderResponse
-        What the file says that the recorder makes of forces.
+        Response of the recorder to forces, as stated in the file.
     """
     lines = [f"# {note}", 'title = "strain-gauged drive rods, current clamps, a load cell"']
     lines += [*recorder.map_lines(), ""]
@@ -109,7 +109,7 @@ def write_throw(
     number : int
         Number of the throw, which sets its time of day.
     note : str
-        What the file says of its origin.
+        Origin, as stated in the file.
     """
     recording = raw_from_physical(dataset, channel_map)
     channels = {
@@ -179,7 +179,7 @@ def mistype(
     count : int
         How many mistakes.
     rng : numpy.random.Generator
-        Where they are made.
+        Source of the random numbers.
 
     Returns
     -------

@@ -77,7 +77,7 @@ class CampaignPlan:
     monitoring : Monitoring, optional
         A system in service that stores currents and powers beside the recordings.
     recorder : RecorderResponse
-        What the recorder makes of forces before it keeps them.
+        Response of the recorder to forces.
     recorder_stated : bool
         Whether the channel map states it.
     """
@@ -289,7 +289,7 @@ def series_of(plan: CampaignPlan, directions: tuple[str, ...]) -> list[list[Case
     Parameters
     ----------
     plan : CampaignPlan
-        What to throw.
+        Plan of the throws.
     directions : tuple of str
         Those that the schedule has.
 

@@ -97,11 +97,11 @@ def add_disturbance(
     dataset : xarray.Dataset
         `drive_force`, `drive_current` (drive, time), `object_force` (time), as true.
     rng : numpy.random.Generator
-        Where chance comes from.
+        Source of the random numbers.
     disturbance : Disturbance, optional
         How much of each.
     response : RecorderResponse
-        What the recorder makes of forces, with their noise, before the converter.
+        Response of the recorder to forces and their noise, before the converter.
 
     Returns
     -------

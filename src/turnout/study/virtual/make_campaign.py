@@ -82,7 +82,7 @@ def make_virtual_campaign(
     Parameters
     ----------
     panel : LoadedPanel
-        What is thrown.
+        Panel to throw.
     folder : path-like
         Made if it is not there; must be empty, or hold the beginning of this campaign.
     plan : CampaignPlan

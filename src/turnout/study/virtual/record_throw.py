@@ -47,7 +47,7 @@ def finer_scheme(scheme: Scheme | None = None) -> Scheme:
     Parameters
     ----------
     scheme : Scheme, optional
-        What it is finer than; default the default.
+        Scheme that it is finer than; default the default one.
 
     Examples
     --------
