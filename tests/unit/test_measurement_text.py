@@ -22,6 +22,7 @@ PLAIN = 'Time [ms],"Rod 1 [mV/V]",Strain [um/m]\n0,0.1,1\n1,0.2,\n2,-0.3,3.5\n'
 MATLAB = (
     "# t, Rod 1 (mV/V), Strain (µm/m)\n 0.0e+00, 1e-1, 1\n 1.0e-03, 2.0e-01, NaN\n .002, -.3, 3.5"
 )
+TAKEN = "column 1 rises evenly and is taken for the time [s]"
 
 
 def written(folder: Path, content: str | bytes, encoding: str = "utf-8") -> Path:
@@ -53,9 +54,9 @@ def test_the_same_numbers_however_they_are_written(
          2500.0, {"A": [1.0, 3.0], "B": [2.0, 4.0]}, ()),
         # White space, as `save -ascii` writes it; the first column rises evenly: time.
         (" 0.0  1e0 5\n 1.0e-3  2 6\n 2.0e-03  3 7\n",
-         1000.0, {"column 2": [1, 2, 3], "column 3": [5, 6, 7]}, ()),
+         1000.0, {"column 2": [1, 2, 3], "column 3": [5, 6, 7]}, (TAKEN,)),
         # The line that tells Excel the separator is no heading.
-        ("sep=;\n0;1\n0,1;2\n0,2;3\n", 10.0, {"column 2": [1, 2, 3]}, ()),
+        ("sep=;\n0;1\n0,1;2\n0,2;3\n", 10.0, {"column 2": [1, 2, 3]}, (TAKEN,)),
         ("t,a,b\n0,1,2\n0.1,3,4\n0.2,5",
          10.0, {"a": [1, 3], "b": [2, 4]}, ("the last line is cut off and left out",)),
     ],

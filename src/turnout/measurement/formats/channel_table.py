@@ -23,15 +23,19 @@ from turnout.measurement.formats.clock import (
     is_time_name,
     is_time_unit,
     squeezed,
+    unit_in_name,
 )
-from turnout.measurement.formats.numbers import LIST, numbers
+from turnout.measurement.formats.numbers import curve_parts, numbers
 from turnout.measurement.formats.time_axis import (
+    LARGEST_DEPARTURE,
     TimeAxis,
     counts,
     is_date,
     is_stamp,
+    may_be_time,
     moments_axis,
     numeric_axis,
+    rises_evenly,
     stamps_axis,
 )
 from turnout.measurement.recording import Recording, time_grid
@@ -40,8 +44,9 @@ Floats = NDArray[np.float64]
 
 # A column with fewer numbers than this share is one of texts, else its texts are errors.
 _LEAST_NUMBERS = 0.1
-_LARGEST_DEPARTURE = 0.01
 _MOST_SIGNALS = 256
+# A column without a unit that steps further than this may not be in seconds [s].
+_LONGEST_STEP = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -199,8 +204,9 @@ def _sort_texts(table: Table, place: int, texts: list[str], dates: dict[int, lis
         return
     values, wrong, overload = numbers(texts, table.decimal)
     count = len(filled) - len(wrong)
-    if wrong and all(LIST.fullmatch(text) for text in filled):
-        table.curves[place] = [_list(text, table.decimal) for text in texts]
+    if wrong and all(curve_parts(text, table.decimal) for text in filled):
+        parts = [curve_parts(text, table.decimal) for text in texts]
+        table.curves[place] = [numbers(items, table.decimal)[0] for items in parts]
     elif wrong and count < _LEAST_NUMBERS * len(filled) or not np.isfinite(values).any():
         table.texts[place] = texts
     elif wrong:
@@ -217,17 +223,6 @@ def _sort_texts(table: Table, place: int, texts: list[str], dates: dict[int, lis
             table.problems.append(
                 f"channel '{name}': {number} {what} overload ({shown}), taken as missing"
             )
-
-
-def _list(text: str, decimal: str) -> Floats:
-    inner = text.strip().strip("[](){}").strip()
-    mark = ";" if ";" in inner else "," if "," in inner and decimal != "," else None
-    parts = [part for part in inner.split(mark) if part.strip()]
-    values, wrong, _ = numbers(parts, decimal)
-    if wrong:
-        message = f"'{parts[wrong[0]][:40]}' in a list is not a number"
-        raise ValueError(message)
-    return values
 
 
 def _join_dates(table: Table, dates: dict[int, list[str]]) -> None:
@@ -271,6 +266,7 @@ def _filled(texts: Sequence[str]) -> int:
 def _name_axes(table: Table) -> None:
     """Find the columns of numbers that are times."""
     rate = table.stated.rate()
+    single = rate[0] if rate else None
     for place in sorted(table.values):
         column, values = table.columns[place], table.values[place]
         given = values[: _count(values)]
@@ -279,7 +275,8 @@ def _name_axes(table: Table) -> None:
             continue
         if letter and column.unit and not is_time_unit(column.unit):
             continue
-        if letter and not is_time_unit(column.unit) and not _may_be_time(given, rate, column.name):
+        bare = letter and not is_time_unit(column.unit)
+        if bare and not may_be_time(given, column.name, rate=single, first=place == 0):
             continue
         if rate is not None and not is_time_unit(column.unit) and _counts_throws(given):
             continue  # an index beside a rate
@@ -292,28 +289,16 @@ def _name_axes(table: Table) -> None:
         del table.values[place]
     if not table.axes and not table.named and 0 in table.values and len(table.columns) > 1:
         first = table.values[0]
-        fits = rate is None or _may_be_time(first, rate, "")
-        if first.size > 2 and _even(first) and not counts(first) and fits:
+        fits = may_be_time(first, "", rate=single) and rises_evenly(first)
+        if first.size > 2 and fits and not counts(first):
             table.axes[0] = TimeAxis(table.values.pop(0))
+            if single is None:
+                table.problems.append("column 1 rises evenly and is taken for the time [s]")
 
 
 def _count(values: Floats) -> int:
     there = np.flatnonzero(np.isfinite(values))
     return int(there[-1]) + 1 if there.size else 0
-
-
-def _even(values: Floats) -> bool:
-    steps = np.diff(values)
-    return bool(steps.size and np.all(steps > 0) and np.ptp(steps) <= 0.5 * float(np.mean(steps)))
-
-
-def _may_be_time(values: Floats, rate: tuple[float, ...] | None, name: str) -> bool:
-    """Return True if a column called t or T, without a unit, holds the time."""
-    if rate is None:
-        return name.strip() == "t" or _even(values)
-    steps = np.diff(values)
-    typical = float(np.median(steps)) if steps.size else 0.0
-    return abs(typical * rate[0] - 1.0) < _LARGEST_DEPARTURE
 
 
 def _restarts(values: Floats) -> NDArray[np.intp]:
@@ -535,8 +520,9 @@ def _usable(
     """Return an axis; None when it is too coarse and a rate is stated beside it."""
     name = _label(table, place)
     try:
-        if table.columns[place].cells.dtype.kind == "O":
-            _check_whole_seconds(axis.seconds)
+        stamps = table.columns[place].cells.dtype.kind == "O"
+        if stamps and _in_whole_seconds(axis.seconds) and rate is None:
+            table.problems.append(f"check the time: '{name}' is in whole seconds")
         grid = time_grid(axis.seconds)
     except ValueError as error:
         if rate is None:
@@ -544,7 +530,11 @@ def _usable(
             raise ValueError(message) from None
         table.problems.append(f"column '{name}' is not used, the stated rate is: {error}")
         return None
-    if rate is not None and abs(rate[0] * grid.step - 1.0) > _LARGEST_DEPARTURE:
+    column = table.columns[place]
+    unstated = column.cells.dtype.kind in "iuf" and not (column.unit or unit_in_name(column.name))
+    if rate is None and unstated and axis.begin is None and grid.step > _LONGEST_STEP:
+        table.problems.append(f"check the time: '{name}' states no unit and is taken as seconds")
+    if rate is not None and abs(rate[0] * grid.step - 1.0) > LARGEST_DEPARTURE:
         table.problems.append(
             f"check the time: column '{name}' has {1 / grid.step:.6g} samples per second, the file "
             f"states {rate[0]:.6g}"
@@ -552,12 +542,15 @@ def _usable(
     return axis
 
 
-def _check_whole_seconds(seconds: Floats) -> None:
-    """Refuse stamps in whole seconds that do not come evenly."""
+def _in_whole_seconds(seconds: Floats) -> bool:
+    """Return True for even stamps in whole seconds; ValueError for uneven ones."""
     steps = np.diff(seconds)
-    if np.all(steps == np.rint(steps)) and np.unique(steps).size > 1 and np.all(steps >= 0):
+    if not np.all(steps == np.rint(steps)):
+        return False
+    if np.unique(steps).size > 1 and np.all(steps >= 0):
         message = (
             "its times are in whole seconds, coarser than the samples, and tell no rate; state the "
             "sample rate, or export times with more digits"
         )
         raise ValueError(message)
+    return True

@@ -23,7 +23,11 @@ _UNIT_WORDS = {
 }
 SECONDS = {word: factor for factor, words in _UNIT_WORDS.items() for word in words}
 _HERTZ_WORDS = {
-    1.0: ("hz", "s/s", "sa/s", "sps", "samples/s", "samples/sec", "1/s", "s-1", "s^-1", "hertz"),
+    1.0: (
+        *("hz", "hertz", "s/s", "sa/s", "sps", "1/s", "/s", "s-1", "s^-1", "samples/s", "sample/s"),
+        *("samples/sec", "samples/second", "samples per second", "values/s", "werte/s"),
+        *("messwerte/s", "points/s", "pts/s", "data/s", "per second"),
+    ),
     1e3: ("khz", "ks/s", "ksa/s", "ksps"),
     1e6: ("mhz", "msa/s", "msps"),
 }
@@ -76,7 +80,8 @@ _THROW = re.compile(
 _LONG = re.compile(r"signal|channel|variable|parameter|tag|sensor|kanal|quantity|name|key|series")
 _THOUSANDS = re.compile(r"[1-9]\d{0,2}(?:[.,]\d{3})+")
 _STATED = re.compile(
-    r"\s*([+\-−–]?\d[\d.,'’\u00a0\u202f\u2009]*(?:[eEdD][+-]?\d+)?)\s*([a-zA-Zµμ/°^\-]*[0-9]?)"
+    r"\s*([+\-−–]?(?:\d{1,3}(?: \d{3})+(?!\d)(?:[.,]\d*)?|\d[\d.,'’\u00a0\u202f\u2009]*)"
+    r"(?:[eEdD][+-]?\d+)?)\s*(.*?)\s*"
 )
 
 
@@ -162,10 +167,10 @@ def stated_number(text: str, decimal: str | None = ".") -> tuple[float, str] | N
     >>> stated_number("1.000 Hz", ","), stated_number("40 ms"), stated_number("2,5 kHz")
     ((1000.0, 'Hz'), (40.0, 'ms'), (2.5, 'kHz'))
     """
-    match = _STATED.match(text)
+    match = _STATED.fullmatch(text)
     if match is None:
         return None
-    digits = re.sub(r"['’\u00a0\u202f\u2009]", "", match[1]).rstrip(".,")
+    digits = re.sub(r"['’\u00a0\u202f\u2009 ]", "", match[1]).rstrip(".,")
     digits = digits.replace("−", "-").replace("–", "-").replace("D", "e").replace("d", "e")
     marks = {mark for mark in ".," if mark in digits}
     if len(marks) == 2:
@@ -284,14 +289,15 @@ def _rates(
 ) -> tuple[float, ...]:
     """Return rates [1/s] from stated rates or intervals; empty if there are no numbers."""
     texts = [str(value).strip() for value in values if str(value).strip()]
-    if len(texts) > 1 and not _STATED.match(texts[-1]):  # 2.5e-3, "s"
-        unit, texts = texts[-1] if _unit_of_clock(texts[-1]) else unit, texts[:-1]
+    if len(texts) > 1 and not _STATED.fullmatch(texts[-1]):  # 2.5e-3, "s"
+        unit = _unit_of_clock(texts[-1]) or unit
+        texts = texts[:-1]
     found = []
     for text in texts:
         number = stated_number(text, decimal)
         if number is None:
             return ()
-        own = (number[1] or unit).strip("[]()").lower()
+        own = _unit_of_clock(number[1] or unit)
         if own in HERTZ or (own == "" and kind != "step"):
             rate = number[0] * HERTZ.get(own, 1.0)
         elif own in SECONDS:
@@ -300,7 +306,7 @@ def _rates(
         elif kind == "weak":
             return ()
         else:
-            message = f"'{shown}' has no unit of a rate or a time; write '1000 Hz' or '1 ms'"
+            message = f"'{shown}' has no known unit of a rate or a time; write '1000 Hz' or '1 ms'"
             raise ValueError(message)
         if not (np.isfinite(rate) and rate > 0):
             message = f"'{shown}' is no rate; it must be more than 0 and finite"
@@ -310,5 +316,9 @@ def _rates(
     return tuple(found)
 
 
-def _unit_of_clock(text: str) -> bool:
-    return text.lower() in HERTZ or text.lower() in SECONDS
+def _unit_of_clock(text: str) -> str:
+    """Return a unit of a rate or a time without words behind it ("Hz (all channels)")."""
+    text = text.strip("[]() ,;").lower()
+    first, _, more = text.partition(" ")
+    known = text in HERTZ or text in SECONDS or any(character.isdigit() for character in more)
+    return text if known else first.strip("[]() ,;")

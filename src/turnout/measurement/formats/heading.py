@@ -23,6 +23,8 @@ _UNITS = re.compile(
 )
 _TIME_UNITS = re.compile(r"(?:horizontal|horz|h|x|time)units?")
 _PARTED = re.compile(r"\s*([^;,\t]{2,60}?)\s*[;,\t]\s*(.*\S)\s*")
+SHORT = "\0"
+"""In place of the name that a row lacks, wherever it belongs."""
 _LABELLED = re.compile(r'\s*["#%]*\s*([^:=\t;,"]{2,60}?)\s*["]?\s*[:=]\s*(.*\S)\s*')
 
 
@@ -47,7 +49,13 @@ class Heading:
 
 
 def read_heading(
-    rows: Sequence[Sequence[str]], width: int, *, decimal: str | None, first_empty: bool = False
+    rows: Sequence[Sequence[str]],
+    width: int,
+    *,
+    decimal: str | None,
+    first_empty: bool = False,
+    last_filled: bool = False,
+    unnamed_first: bool = False,
 ) -> Heading:
     """Read the rows above the numbers.
 
@@ -61,11 +69,15 @@ def read_heading(
         Decimal mark of the table; None if its numbers show none.
     first_empty : bool
         Whether the first column only holds the labels of the heading.
+    last_filled : bool
+        Whether the last column holds samples, so that it must have a name if another has.
+    unnamed_first : bool
+        Whether one name too few may be that of the first column.
 
     Raises
     ------
     ValueError
-        When a rate or an interval is stated that is none.
+        When a rate or an interval is stated that is none, or a row has names for some columns.
 
     Examples
     --------
@@ -88,6 +100,8 @@ def read_heading(
             continue
         if max(width - 1, 2 if width > 1 else 1) <= len(cells) <= width + 1:
             cells[0] = cells[0].lstrip("#% ")
+            if len(cells) == width - 1 and last_filled:
+                cells = ["" if unnamed_first else SHORT, *cells]
             wide.append((number + 1, [*cells, *[""] * width][:width]))
     if logger and len(wide) > 2:
         found.names = wide[0][1]
@@ -158,6 +172,10 @@ def _choose(wide: list[tuple[int, list[str]]], found: Heading, decimal: str | No
         _refuse_numbers(number, cells, decimal)
     if names is None or found.names:
         return
+    if rows[names][0] == SHORT:
+        count = len(rows[names])
+        message = f"line {wide[names][0]} has {count - 1} names for {count} columns; name each"
+        raise ValueError(message)
     pairs = [split_unit(text) for text in rows[names]]
     found.names = [name for name, _ in pairs]
     own = [unit for _, unit in pairs]

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.measurement.formats.assemble import FileColumn, split_unit, tidy_unit
-from turnout.measurement.formats.clock import StatedClock, is_time_name
-from turnout.measurement.formats.time_axis import TimeAxis, numeric_axis
+from turnout.measurement.formats.clock import StatedClock, is_time_name, is_time_unit
+from turnout.measurement.formats.time_axis import TimeAxis, may_be_time, numeric_axis
 
 NO_TIME = "add an array 'time' [s] of the same length or a number 'sample_rate' [1/s]"
 # Data1_Rod_1 has its times in Data1_time_Rod_1: the way of DewesoftX.
@@ -59,8 +59,12 @@ def columns_of_arrays(
         | {k: v[0] for k, v in texts.items() if len(v) == 1}
     )
     times: dict[str, TimeAxis] = {}
+    named = {name for name in arrays if _is_time(name)}
     for name, vector in flat.items():
-        if vector is not None and vector.size > 1 and _is_time(name):
+        if vector is not None and vector.size > 1 and name in named:
+            if not _holds_time(name, vector, units.get(name, ""), _clock_of(name, stated)):
+                named.discard(name)
+                continue
             try:
                 bare, unit = split_unit(_last(name))
                 unit = units.get(name, "") or unit
@@ -70,7 +74,7 @@ def columns_of_arrays(
     columns: list[FileColumn] = []
     for name, array in arrays.items():
         vector, clock = flat[name], _clock_of(name, stated)
-        if _is_time(name) or (vector is not None and vector.size == 1):
+        if name in named or (vector is not None and vector.size == 1):
             continue
         if not array.size:
             problems.append(f"array '{name}' is empty: no sample recorded")
@@ -147,6 +151,16 @@ def _last(name: str) -> str:
 def _is_time(name: str) -> bool:
     last = _last(name)
     return is_time_name(split_unit(last)[0]) or re.match(r"Data\d+_time_", last) is not None
+
+
+def _holds_time(name: str, values: NDArray[Any], unit: str, clock: StatedClock | None) -> bool:
+    """Return False for a vector called t or T that holds something else."""
+    bare, own = split_unit(_last(name))
+    unit = unit or own
+    if len(bare) > 1 or is_time_unit(unit) or " since " in unit:
+        return True
+    rate = clock.rate() if clock is not None else None
+    return not unit and may_be_time(values.astype(np.float64), bare, rate=rate[0] if rate else None)
 
 
 def _named(name: str) -> str:

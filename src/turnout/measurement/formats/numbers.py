@@ -15,10 +15,6 @@ _OVERLOAD = re.compile(
     r"#wert!?|#value!?|#div/0!?|#ref!?)[+\-!]?",
     re.IGNORECASE,
 )
-LIST = re.compile(
-    r"\s*[\[({]?\s*[-+]?[\d.][^,;\s]*(?:\s*[,;\s]\s*[-+]?[\d.][^,;\s]*){3,}[\])}]?\s*"
-)
-"""A curve in a cell."""
 _MINUS = str.maketrans({"−": "-", "–": "-", "‒": "-", "﹣": "-", "－": "-", "＋": "+"})
 _BLANKS = "\u00a0\u202f\u2009 "
 _LONGEST = 60
@@ -108,3 +104,23 @@ def numbers(texts: Sequence[str], decimal: str) -> tuple[NDArray[np.float64], li
         else:
             wrong.append(place)
     return values, wrong, overload
+
+
+LEAST_CURVE = 4
+"""Numbers of a list that make it a curve."""
+
+
+def curve_parts(text: str, decimal: str) -> list[str]:
+    """Return the numbers of a curve in one cell; empty if it holds none.
+
+    Examples
+    --------
+    >>> curve_parts("[1.5, 2, 2.5, 3]", "."), curve_parts("1,5;2;2,5;3", ",")
+    (['1.5', '2', '2.5', '3'], ['1,5', '2', '2,5', '3'])
+    """
+    inner = text.strip().strip("[](){}").strip()
+    mark = ";" if ";" in inner else "," if "," in inner and decimal != "," else None
+    parts = [part.strip() for part in inner.split(mark) if part.strip()]
+    if len(parts) < LEAST_CURVE:
+        return []
+    return parts if all(is_number(part, decimal, thousands=False) for part in parts) else []

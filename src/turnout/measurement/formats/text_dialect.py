@@ -2,13 +2,21 @@
 
 import codecs
 import csv
+import io
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 from turnout.core.errors import FileError
 from turnout.measurement.formats.heading import Heading, read_heading
-from turnout.measurement.formats.numbers import LIST, PLAIN, is_missing, is_number, plain_sign
+from turnout.measurement.formats.numbers import (
+    PLAIN,
+    curve_parts,
+    is_missing,
+    is_number,
+    plain_sign,
+)
 from turnout.measurement.formats.time_axis import is_date, is_stamp
 
 # So much of a file is read to recognise its layout [bytes].
@@ -121,18 +129,42 @@ def text_layout(sample: bytes, *, source: str) -> TextLayout:
         message = f"{source}: there are no rows of numbers in it (it begins with: {shown})"
         raise FileError(message)
     separator, decimal, first_row, width = best
-    above = [_heading_cells(line, separator) for line in lines[:first_row]]
+    above = _heading_rows(lines[:first_row], separator)
     below = [_cells(line, separator) for line in lines[first_row : first_row + MOST_ROWS]]
     shows = any(decimal in cell and not is_stamp(cell) for cells in below for cell in cells)
-    first_empty = not any(cells[0] for cells in below if cells)
+    table = [cells for cells in below if len(cells) == width]
     try:
         heading = read_heading(
-            above, width, decimal=decimal if shows else None, first_empty=first_empty
+            above,
+            width,
+            decimal=decimal if shows else None,
+            first_empty=not any(cells[0] for cells in table),
+            last_filled=any(cells[-1] for cells in table),
+            unnamed_first=_unnamed_first(table, decimal),
         )
     except ValueError as error:
         message = f"{source}: {error}"
         raise FileError(message) from None
     return TextLayout(encoding, separator, decimal, first_row, width, heading)
+
+
+def _unnamed_first(table: Sequence[Sequence[str]], decimal: str) -> bool:
+    """Return True if the first column may lack a name: texts, an index, or a date before a time."""
+    first = [cells[0] for cells in table]
+    if len(table[0]) > 1 and is_date(first[0]) and is_stamp(table[0][1]):
+        return True
+    if not any(_weight(cell, decimal) for cell in first):
+        return True
+    plain = all(cell.isdigit() for cell in first)
+    return plain and len({int(b) - int(a) for a, b in pairwise(first)}) == 1
+
+
+def _heading_rows(lines: Sequence[str], separator: str) -> list[list[str]]:
+    """Return the cells of the lines above the table; a quoted cell may go over several lines."""
+    if separator != " " and any(line.count('"') % 2 for line in lines):
+        rows = csv.reader(io.StringIO("\n".join(lines)), delimiter=separator)
+        return [[" ".join(cell.split()) for cell in row] for row in rows]
+    return [_heading_cells(line, separator) for line in lines]
 
 
 def _heading_cells(line: str, separator: str) -> list[str]:
@@ -187,7 +219,7 @@ def _cells(line: str, separator: str) -> list[str]:
 def _share(cells: Sequence[str], decimal: str) -> float:
     """Return the share of the filled cells that are numbers, times or known gaps."""
     filled = [cell for cell in cells if cell]
-    found = [_weight(cell, decimal) for cell in filled]
+    found = [_weight(cell, decimal) or _is_curve(cell, cells, decimal) for cell in filled]
     if not filled or not any(found):
         return 0.0
     gaps = sum(
@@ -199,9 +231,14 @@ def _share(cells: Sequence[str], decimal: str) -> float:
 def _weight(cell: str, decimal: str) -> float:
     if PLAIN[decimal].fullmatch(plain_sign(cell)[:80]):
         return 1.0
-    if is_stamp(cell) or is_date(cell) or LIST.fullmatch(cell):
+    if is_stamp(cell) or is_date(cell):
         return 1.0
     return _GROUPED_WEIGHT if is_number(cell, decimal) else 0.0
+
+
+def _is_curve(cell: str, cells: Sequence[str], decimal: str) -> bool:
+    """Return True for a list of numbers in one of several cells; alone it may be a row."""
+    return len(cells) > 1 and bool(curve_parts(cell, decimal))
 
 
 def _first_row(

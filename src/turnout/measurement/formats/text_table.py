@@ -1,9 +1,11 @@
 """Text files of numbers: DewesoftX exports, loggers, oscilloscopes, MATLAB, Excel (CSV, TXT)."""
 
 import io
+import re
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -131,9 +133,7 @@ def _frame(text: TextFile, layout: TextLayout, **options: object) -> Any:
         "header": None,
         "names": range(layout.width),
         "index_col": False,
-        "skiprows": layout.first_row,
         "skip_blank_lines": True,
-        "encoding": layout.encoding,
         "na_values": sorted(EMPTY - {""}),
         "skipinitialspace": True,
         "engine": "c",
@@ -145,7 +145,10 @@ def _frame(text: TextFile, layout: TextLayout, **options: object) -> Any:
     with warnings.catch_warnings():
         # Rows longer than the heading would lose their last cells with no more than a warning.
         warnings.simplefilter("error", ParserWarning)
-        with text.open() as file:
+        with text.open() as raw, io.TextIOWrapper(raw, layout.encoding) as file:
+            # Not skipped by the reader of rows, for which a quoted cell goes over lines.
+            for _ in range(layout.first_row):
+                file.readline()
             frame = pd.read_csv(file, **given)  # type: ignore[call-overload]
     for name in frame.columns:
         kind = frame[name].dtype
@@ -204,11 +207,11 @@ def _footer_begins(text: TextFile, layout: TextLayout, error: Exception) -> int 
         return None
     line = int(said.split(" line ")[1].split(",")[0])
     with text.open() as raw, io.TextIOWrapper(raw, layout.encoding, "replace") as file:
-        lines = [row for number, row in enumerate(file) if number >= line - 1][: MOST_FOOTER + 1]
+        lines = list(islice(file, layout.first_row + line - 1, None))[: MOST_FOOTER + 1]
     first = lines[0].strip().strip('"') if lines else ""
     if not first[:1].isalpha() or len(lines) > MOST_FOOTER or is_stamp(first.split()[0]):
         return None
-    return line - 1 - layout.first_row
+    return line - 1
 
 
 def _without_side_heading(frame: Any, stated: StatedClock, layout: TextLayout) -> Any:
@@ -256,7 +259,9 @@ def _fault(text: TextFile, layout: TextLayout, error: Exception) -> str:
     """Return why a file is no table of numbers."""
     said, source = str(error), text.source
     if "Expected" in said and "saw" in said:
-        return f"{source}: {said.split('C error:')[-1].strip()}; give every row the same columns"
+        counted = re.sub(r"line (\d+)", lambda m: f"line {int(m[1]) + layout.first_row}", said)
+        counted = counted.split("C error:")[-1].strip()
+        return f"{source}: {counted}; give every row the same columns"
     if isinstance(error, ParserWarning):
         return f"{source}: rows have more than {layout.width} columns; give all the same columns"
     if "EOF inside string" in said:

@@ -25,6 +25,8 @@ _DAYS = ((730_486.0, 767_011.0, 719_529.0), (2_451_544.0, 2_488_070.0, 2_440_587
          (36_526.0, 73_051.0, 25_569.0))  # fmt: skip
 # Steps that are days: as seconds they would be above 50 kHz.
 _LARGEST_DAY_STEP = 2e-5
+# Steps of a time of day in days: as seconds they would be above 500 kHz.
+_LARGEST_SHARE_STEP = 2e-6
 _MONTHS = {
     name: number
     for number, names in enumerate(
@@ -56,6 +58,8 @@ _CLOCK = re.compile(
 _ISO = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d([.,]\d+)?(Z|[+-]\d\d(:?\d\d)?)?")
 _ZONES = {"CET": HOUR, "MEZ": HOUR, "CEST": 2 * HOUR, "MESZ": 2 * HOUR}
 _LONGEST = 48
+LARGEST_DEPARTURE = 0.01
+"""By which a stated rate may differ from that of a column of times."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -136,6 +140,9 @@ def numeric_axis(values: Floats, *, name: str = "", unit: str = "") -> TimeAxis:
         for least, most, zero in _DAYS:
             if least <= first <= most and 0 < step < _LARGEST_DAY_STEP:
                 return _from_first(values, DAY, (first - zero) * DAY, "days")
+    if not given and 0.01 <= first < 1.0 and 0 < step < _LARGEST_SHARE_STEP:
+        message = "may be seconds or parts of a day; write the unit behind its name, 'Time (d)'"
+        raise ValueError(message)
     if not given and counts(values):
         message = (
             f"'{name or 'time'}' counts {first:.6g}, {values[1]:.6g}, ... without a unit and may "
@@ -161,6 +168,33 @@ def counts(values: Floats) -> bool:
         and np.all(steps == steps[0])
         and np.all(values == np.rint(values))
     )
+
+
+def may_be_time(values: Floats, name: str, *, rate: float | None, first: bool = True) -> bool:
+    """Return True if a column called t or T, without a unit, holds the time.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        Of the column.
+    name : str
+        Its name; T alone may be a temperature or a torque.
+    rate : float or None
+        Rate that is stated beside it [1/s].
+    first : bool
+        Whether it is the first column.
+    """
+    steps = np.diff(values)
+    if rate is None:
+        return name.strip() == "t" or (first and rises_evenly(values))
+    typical = float(np.median(steps)) if steps.size else 0.0
+    return abs(typical * rate - 1.0) < LARGEST_DEPARTURE
+
+
+def rises_evenly(values: Floats) -> bool:
+    """Return True if all steps are up and near their mean."""
+    steps = np.diff(values)
+    return bool(steps.size and np.all(steps > 0) and np.ptp(steps) <= 0.5 * float(np.mean(steps)))
 
 
 def _from_first(values: Floats, scale: float, begin: float, kind: str) -> TimeAxis:

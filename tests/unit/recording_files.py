@@ -1,0 +1,324 @@
+"""Recordings of many kinds of files, written here: the samples of `recording_kinds` in each."""
+
+import importlib
+import json
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from scipy.io import savemat
+from tests.unit.recording_kinds import BOTH, COUNT, CURRENT, FORCE, STEP, Read
+
+Write = Callable[[Path], object]
+File = tuple[str, str, Write, Read | tuple[str, ...]]
+"""Name, suffix, function that writes it, and what must come out."""
+TIME = np.arange(COUNT) * STEP
+MOMENTS = np.datetime64("2026-11-28T08:14:00", "us") + (TIME * 1e6).astype("timedelta64[us]")
+LISTS: dict[str, Any] = {"Force": FORCE.tolist(), "Current": CURRENT.tolist()}
+
+
+def optional(package: str) -> Any:
+    pytest.importorskip(package.split(".")[0], reason=f"{package} is not installed")
+    return importlib.import_module(package)
+
+
+def as_json(content: Any) -> Write:
+    return lambda path: path.write_text(json.dumps(content), encoding="utf-8")
+
+
+def records(**more: Any) -> list[dict[str, Any]]:
+    return [
+        {**{k: v[n] for k, v in more.items()}, "Force": f, "Current": c}
+        for n, (f, c) in enumerate(zip(LISTS["Force"], LISTS["Current"], strict=True))
+    ]
+
+
+JSON: list[File] = [
+    ("JSON rows", ".json", as_json(records(**{"time [s]": TIME.tolist()})), BOTH),
+    ("JSON lists", ".json", as_json({"sample_rate": 25, **LISTS}), BOTH),
+    ("JSON rate as text", ".json", as_json({"meta": {"fs": "25 Hz"}, "data": LISTS}), BOTH),
+    ("JSON split", ".json",
+     as_json({"columns": ["t_ms", "Force", "Current"],
+              "data": [[n * 40, f, CURRENT[n]] for n, f in enumerate(LISTS["Force"])]}), BOTH),
+    ("JSON channels", ".json",
+     as_json({"channels": [{"name": k, "dt": STEP, "values": v} for k, v in LISTS.items()]}), BOTH),
+    ("JSON of pandas", ".json",
+     as_json({k: {str(n): x for n, x in enumerate(v)}
+              for k, v in {"time": TIME.tolist(), **LISTS}.items()}), BOTH),
+    ("JSON lines", ".jsonl", lambda path: path.write_text(
+        "".join(json.dumps(row) + "\n" for row in records(time=TIME.tolist())), "utf-8"), BOTH),
+    ("JSON stamps", ".json", as_json(records(time=[str(m) for m in MOMENTS])), BOTH),
+    ("JSON Unix ms", ".json",
+     as_json(records(time=[1_795_853_640_000 + 40 * n for n in range(COUNT)])), BOTH),
+    ("JSON throws", ".json",
+     as_json([{"throw": k, "power": LISTS["Current"]} for k in (1, 2)]), ("2 throws",)),
+    ("JSON without a time", ".json", as_json(LISTS), ("neither times nor a sample rate",)),
+    ("JSON cut off", ".json", lambda path: path.write_text('{"time": [1, 2', "utf-8"),
+     ("is no JSON",)),
+]  # fmt: skip
+
+
+def html(path: Path) -> None:
+    cells = "".join(
+        f"<tr><td>{n * STEP:.2f}</td><td>{f}</td><td>{CURRENT[n]}</td></tr>\n"
+        for n, f in enumerate(FORCE)
+    )
+    head = "<tr><th>Time (s)</th><th>Force [kN]</th><th>Current [A]</th></tr>"
+    path.write_text(f"<html><body><table>{head}{cells}</table></body></html>", encoding="utf-8")
+
+
+def xlsx(rows: list[list[Any]]) -> Write:
+    """Return a function that writes the smallest workbook with these cells."""
+    names = "http://schemas.openxmlformats.org"
+    package, sheet = f"{names}/package/2006", f"{names}/spreadsheetml/2006/main"
+    office = f"{names}/officeDocument/2006/relationships"
+
+    def cell(value: Any) -> str:
+        if isinstance(value, str):
+            return f'<c t="inlineStr"><is><t>{value}</t></is></c>'
+        return f"<c><v>{value!r}</v></c>"
+
+    lines = "".join(f"<row>{''.join(map(cell, row))}</row>" for row in rows)
+    parts = {
+        "[Content_Types].xml": f'<Types xmlns="{package}/content-types"/>',
+        "_rels/.rels": f'<Relationships xmlns="{package}/relationships"><Relationship Id="r1" '
+        f'Type="{office}/officeDocument" Target="xl/workbook.xml"/></Relationships>',
+        "xl/_rels/workbook.xml.rels": f'<Relationships xmlns="{package}/relationships">'
+        f'<Relationship Id="r1" Type="{office}/worksheet" Target="worksheets/s.xml"/>'
+        "</Relationships>",
+        "xl/workbook.xml": f'<workbook xmlns="{sheet}" xmlns:r="{office}"><sheets>'
+        '<sheet name="Throw" sheetId="1" r:id="r1"/></sheets></workbook>',
+        "xl/worksheets/s.xml": f'<worksheet xmlns="{sheet}"><sheetData>{lines}</sheetData>'
+        "</worksheet>",
+    }
+
+    def write(path: Path) -> None:
+        optional("python_calamine")
+        with zipfile.ZipFile(path, "w") as archive:
+            for name, text in parts.items():
+                archive.writestr(name, text)
+
+    return write
+
+
+SHEETS: list[File] = [
+    ("HTML named .xls", ".xls", html, BOTH),
+    ("workbook", ".xlsx", xlsx([["Time (s)", "Force [kN]", "Current [A]"],
+        *([n * STEP, f, float(CURRENT[n])] for n, f in enumerate(FORCE.tolist()))]), BOTH),
+    ("workbook, rate above", ".xlsx", xlsx([["Sample interval", "40 ms"], ["Force", "Current"],
+        *([f, float(CURRENT[n])] for n, f in enumerate(FORCE.tolist()))]), BOTH),
+    ("workbook, German texts", ".xlsx", xlsx([["Zeit (s)", "Force", "Current"],
+        *([f"{a:.2f}".replace(".", ","), f"{b:.3f}".replace(".", ","), f"{c}".replace(".", ",")]
+          for a, b, c in zip(TIME, FORCE, CURRENT, strict=True))]), BOTH),
+    ("workbook, curves in cells", ".xlsx", xlsx([["id", "power"],
+        *([k, ",".join(f"{c:.1f}" for c in CURRENT)] for k in (1, 2, 3))]),
+     ("3 throws in one table",)),
+    ("workbook, index", ".xlsx", xlsx([["", "Force"],
+        *([n, f] for n, f in enumerate(FORCE.tolist()))]), ("neither times nor",)),
+]  # fmt: skip
+
+
+def comtrade(*, binary: bool = False, data: bool = True, rate: str = "25") -> Write:
+    def write(path: Path) -> None:
+        kind = "BINARY" if binary else "ASCII"
+        channels = (
+            "1,Force,,,kN,0.001,0,0,-32767,32767,1,1,P\n2,Current,,,A,0.001,0,0,0,32767,1,1,P\n"
+        )
+        text = f"Station,1,1999\n2,2A,0D\n{channels}50\n1\n{rate},{COUNT}\n"
+        begin = "28/11/2026,08:14:00.000000\n"
+        path.write_text(text + begin + begin + f"{kind}\n1.0\n", "utf-8")
+        counts = np.rint(np.column_stack((FORCE, CURRENT)) * 1000).astype("<i2")
+        if not data:
+            return
+        if binary:
+            row = np.dtype([("n", "<u4"), ("t", "<u4"), ("v", "<i2", (2,))])
+            held = np.zeros(COUNT, row)
+            held["n"], held["t"], held["v"] = np.arange(COUNT) + 1, np.rint(TIME * 1e6), counts
+            path.with_suffix(".dat").write_bytes(held.tobytes())
+            return
+        lines = (f"{n + 1},{n * 40_000},{a},{b}\r\n" for n, (a, b) in enumerate(counts))
+        path.with_suffix(".dat").write_text("".join(lines), "utf-8")
+
+    return write
+
+
+def uff(path: Path) -> None:
+    pyuff = optional("pyuff")
+    for name, values in (("Force", FORCE), ("Current", CURRENT)):
+        item = pyuff.prepare_58(
+            binary=0, func_type=1, rsp_node=1, rsp_dir=1, ref_dir=1, ref_node=1, data=values,
+            x=TIME, id1=name, rsp_ent_name="a", ref_ent_name="b", abscissa_spacing=1,
+            abscissa_spec_data_type=17, ordinate_spec_data_type=13, orddenom_spec_data_type=0,
+        )  # fmt: skip
+        pyuff.UFF(str(path)).write_sets(item, mode="add")
+
+
+TEXTUAL: list[File] = [
+    ("COMTRADE", ".cfg", comtrade(), BOTH),
+    ("COMTRADE, binary", ".cfg", comtrade(binary=True), BOTH),
+    ("COMTRADE, times only", ".cfg", comtrade(rate="0"), BOTH),
+    ("COMTRADE, no data", ".cfg", comtrade(data=False), (".dat file is not beside it",)),
+    ("UFF", ".uff", uff, BOTH),
+    ("imc FAMOS", ".raw", lambda path: path.write_bytes(b"|CF,2,1,1;|CK,1,3,1,1;" + bytes(99)),
+     ("imc FAMOS", "export it as ASCII or MDF")),
+]  # fmt: skip
+
+
+def hdf5(
+    *, file: dict[str, Any] | None = None, each: dict[str, Any] | None = None,
+    time: tuple[Any, dict[str, Any]] | None = None, group: str = "",
+) -> Write:  # fmt: skip
+    def write(path: Path) -> None:
+        with h5py.File(path, "w") as opened:
+            place = opened.create_group(group) if group else opened
+            place.attrs.update(file or {})
+            for name, values in (("Current", CURRENT), ("Force", FORCE)):
+                place.create_dataset(name, data=values).attrs.update(each or {})
+            if time is not None:
+                place.create_dataset("time", data=time[0]).attrs.update(time[1])
+
+    return write
+
+
+def compound(path: Path) -> None:
+    table = np.zeros(COUNT, [("time", "f8"), ("Force", "f4"), ("Current", "f8"), ("state", "S4")])
+    table["time"], table["Force"], table["Current"], table["state"] = TIME, FORCE, CURRENT, b"ON"
+    with h5py.File(path, "w") as opened:
+        opened.create_dataset("throw", data=table.astype(table.dtype))
+
+
+def packed(path: Path) -> None:
+    with h5py.File(path, "w") as opened:
+        opened.attrs["SampleRate"] = "25 Hz"
+        for name, values in (("Current", CURRENT), ("Force", FORCE)):
+            item = opened.create_dataset(name, data=np.rint((values - 1.0) * 1000).astype("i2"))
+            item.attrs.update(scale_factor=0.001, add_offset=1.0)
+
+
+def mat73(path: Path) -> None:
+    """Lay a file out as MATLAB 7.3 does, without its head."""
+    with h5py.File(path, "w") as opened:
+        for name, values in (("t", TIME), ("Force", FORCE), ("Current", CURRENT)):
+            item = opened.create_dataset(name, data=values[None, :])
+            item.attrs["MATLAB_class"] = np.bytes_("double")
+
+
+ARRAYS = {"Force": FORCE, "Current": CURRENT}
+SWAPPED: Read = dict(reversed(BOTH.items()))
+
+
+def mat(content: dict[str, Any], **options: Any) -> Write:
+    return lambda path: savemat(path, content, **options)
+
+
+NAMED: list[File] = [
+    ("HDF5, sr of the file", ".h5", hdf5(file={"sr": 25.0}), SWAPPED),
+    ("HDF5, rate as text", ".h5", hdf5(each={"SampleRate": "25 Hz"}), SWAPPED),
+    ("HDF5, rate of a group", ".h5", hdf5(file={"fs": 25.0}, group="throw"),
+     {"throw/Current": (25.0, 0.0), "throw/Force": (25.0, 0.0)}),
+    ("HDF5, interval", ".h5", hdf5(each={"dt": STEP, "start": 0.5}),
+     dict.fromkeys(SWAPPED, (25.0, 0.5))),
+    ("HDF5, CF time", ".nc",
+     hdf5(time=(np.arange(COUNT) * 40, {"units": "milliseconds since 2026-11-28 08:14:00"})),
+     SWAPPED),
+    ("HDF5, time in ms", ".h5", hdf5(time=(TIME * 1e3, {"units": "ms"})), SWAPPED),
+    ("HDF5, index", ".h5", hdf5(time=(np.arange(COUNT), {})), ("may be an index",)),
+    ("HDF5, two rates", ".h5", hdf5(each={"fs": 25.0, "dt": 0.001}), ("two clocks",)),
+    ("HDF5, table", ".h5", compound, BOTH),
+    ("HDF5, packed", ".h5", packed, SWAPPED),
+    ("MATLAB 7.3 by its classes", ".h5", mat73, SWAPPED),
+    ("MATLAB 4 of PicoScope", ".mat",
+     mat({**ARRAYS, "Tstart": 0.0, "Tinterval": STEP, "Length": COUNT}, format="4"), BOTH),
+    ("MATLAB, a shaft's rate", ".mat",
+     mat({"bearing": {"sr": 25.0, "rate": 7.0, "Force": FORCE}}), {"bearing.Force": (25.0, 0.0)}),
+    ("MATLAB, T is no time", ".mat", mat({"fs": 25.0, "T": TIME * 7.0 + 2.0, "Force": FORCE}),
+     {"T": (25.0, 0.0), "Force": (25.0, 0.0)}),
+    ("MATLAB days", ".mat", mat({"t": 739_949.343 + TIME / 86_400, **ARRAYS}), BOTH),
+    ("MATLAB, t counts", ".mat", mat({"t": np.arange(COUNT), **ARRAYS}), ("may be an index",)),
+    ("MATLAB, t in ms", ".mat", mat({"time_ms": np.arange(COUNT) * 40.0, **ARRAYS}), BOTH),
+    ("MATLAB, structures", ".mat",
+     mat({"a": {"t": TIME, "Force": FORCE}, "b": {"t": TIME + 1.0, "Current": CURRENT}}),
+     {"a.Force": (25.0, 0.0), "b.Current": (25.0, 1.0)}),
+]  # fmt: skip
+
+
+def tdms(
+    *, file: dict[str, Any] | None = None, group: dict[str, Any] | None = None,
+    first: dict[str, Any] | None = None, second: dict[str, Any] | None = None,
+    time: tuple[str, Any] | None = None,
+) -> Write:  # fmt: skip
+    def write(path: Path) -> None:
+        nptdms = optional("nptdms")
+        objects = [nptdms.RootObject(file or {}), nptdms.GroupObject("g", group or {})]
+        if time is not None:
+            objects.append(nptdms.ChannelObject("g", *time))
+        objects.append(nptdms.ChannelObject("g", "Force", FORCE, first or {}))
+        objects.append(nptdms.ChannelObject("g", "Current", CURRENT, second or first or {}))
+        with nptdms.TdmsWriter(path) as opened:
+            opened.write_segment(objects)
+
+    return write
+
+
+BEGIN = np.datetime64("2026-11-28T08:14:00", "us")
+WAVE = {"wf_increment": STEP, "wf_start_time": BEGIN}
+
+
+def mdf(*, sync: int | None = None, later: float = 0.0) -> Write:
+    def write(path: Path) -> None:
+        asammdf = optional("asammdf")
+        with asammdf.MDF() as opened:
+            opened.append([asammdf.Signal(FORCE, TIME, name="Force", unit="kN")])
+            opened.append([asammdf.Signal(CURRENT, TIME + later, name="Current", unit="A")])
+            if sync is not None:
+                for group in opened.groups:
+                    group.channels[0].sync_type = sync
+            opened.save(path, overwrite=True)
+
+    return write
+
+
+def parquet(columns: dict[str, Any], *, index: Any = None, name: str | None = None) -> Write:
+    def write(path: Path) -> None:
+        optional("pyarrow")
+        import pandas as pd
+
+        frame = pd.DataFrame(columns)
+        if index is not None:
+            frame.index = pd.Index(index, name=name)
+        frame.to_parquet(path)
+
+    return write
+
+
+OPTIONAL: list[File] = [
+    ("TDMS, rate of the group", ".tdms", tdms(group={"SampleRate": "25 Hz"}), BOTH),
+    ("TDMS, rate of the file", ".tdms", tdms(file={"sr": 25.0}), BOTH),
+    ("TDMS, starts", ".tdms",
+     tdms(first=WAVE, second={**WAVE, "wf_start_time": BEGIN + np.timedelta64(1500, "ms")}),
+     {"Force": (25.0, 0.0), "Current": (25.0, 1.5)}),
+    ("TDMS, offset", ".tdms", tdms(first={**WAVE, "wf_start_offset": -0.5}),
+     dict.fromkeys(BOTH, (25.0, -0.5))),
+    ("TDMS, moments", ".tdms", tdms(time=("DateTime", MOMENTS)), BOTH),
+    ("TDMS, time in ms", ".tdms", tdms(time=("Time (ms)", TIME * 1e3)), BOTH),
+    ("TDMS, no clock", ".tdms", tdms(), ("neither times nor a sample rate",)),
+    ("TDMS, no increment", ".tdms", tdms(first={"wf_increment": 0.0}), ("neither times nor",)),
+    ("MDF", ".mf4", mdf(), BOTH),
+    ("MDF, a later group", ".mf4", mdf(later=1.5), {"Force": (25.0, 0.0), "Current": (25.0, 1.5)}),
+    ("MDF over a distance", ".mf4", mdf(sync=3), ("recorded over a distance",)),
+    ("Parquet, moments", ".parquet", parquet({"when": MOMENTS, **ARRAYS}), BOTH),
+    ("Parquet, index of moments", ".parquet", parquet(ARRAYS, index=MOMENTS), BOTH),
+    ("Parquet, named index", ".parquet", parquet(ARRAYS, index=TIME, name="time"), BOTH),
+    ("Parquet, index of numbers", ".parquet", parquet(ARRAYS, index=np.arange(COUNT) * 2),
+     ("neither times nor",)),
+    ("Parquet, no index", ".parquet", parquet(ARRAYS), ("neither times nor a sample rate",)),
+    ("Parquet, throws", ".parquet",
+     parquet({"throw": np.repeat([7, 8], COUNT // 2), "time": np.tile(TIME[: COUNT // 2], 2),
+              **ARRAYS}), ("2 throws in one table",)),
+]  # fmt: skip
+
+FILES: list[File] = [*JSON, *SHEETS, *TEXTUAL, *NAMED, *OPTIONAL]
