@@ -141,6 +141,7 @@ WOOD = "20mm wood@sleeper6"
         ("13mm stone@drive1", {}),
         ("13mm stone@drive1", {"drive.2.saturation_force": "3 kN"}),
         ("13mm stone@drive1", {"flangeway.limit": "70 mm"}),
+        ("13mm stone@drive1", {"gauge.limit": "0.1 mm"}),
         ("15mm wood@sleeper9", {"drive.2.gap_limit": "0.1 mm"}),
         ("13mm stone@drive1", {"movement.return.start": "3.4 s"}),
     ],

@@ -35,7 +35,8 @@ SAME_END_GAP = 0.3e-3
 """End gaps that differ by less are alike [m]."""
 COMPARED = Save(
     fields=(
-        *("locked", "in_control", "drive_slipping", "least_flangeway", "sensor_gap", "drive_gap"),
+        *("locked", "in_control", "drive_slipping", "sensor_gap", "drive_gap"),
+        *("least_flangeway", "least_gauge"),
         *("object_left", "object_broken", "contact_time", "object_contact_time"),
     )
 )
@@ -296,8 +297,11 @@ def _kind(
     if any(each.late for each in movements):
         return "not judged"
     found = [sign for each in movements for sign in each.signs()]
-    limit = panel.flangeway.limit if panel.flangeway else 0.0
-    narrow = bool(values["least_flangeway"] < limit)
+    limits = panel.flangeway.limit if panel.flangeway else None, panel.gauge_limit
+    narrow = any(
+        limit is not None and values[name] < limit
+        for name, limit in zip(("least_flangeway", "least_gauge"), limits, strict=True)
+    )
     return "not locked" if "lock" in found else "not sound" if found or narrow else "sound"
 
 
