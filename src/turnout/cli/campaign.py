@@ -19,6 +19,7 @@ from turnout.cli.options import (
     option,
 )
 from turnout.cli.output import FINDINGS, JsonOption, Output, note, refuse, resumable
+from turnout.cli.watch import ProgressBar, watched
 from turnout.core.value_text import count_text
 
 if TYPE_CHECKING:
@@ -178,7 +179,6 @@ def built_campaign(
     quiet: bool,
 ) -> "BuiltCampaign":
     """Read a campaign's folder with its progress shown; Ctrl-C loses nothing."""
-    from turnout.cli.watch import ProgressBar
     from turnout.measurement.campaign.build_campaign import build_campaign_dataset
 
     kept = "movements read so far are cached, run the same command to continue"
@@ -377,7 +377,6 @@ def _make(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    from turnout.cli.watch import watched
     from turnout.core.scheme import Scheme
     from turnout.study.virtual.make_campaign import make_virtual_campaign
 

@@ -22,6 +22,7 @@ from turnout.cli.options import (
     option,
 )
 from turnout.cli.output import FINDINGS, JsonOption, Output, json_text, note, refuse, resumable
+from turnout.cli.watch import cores, watched_sweeps
 from turnout.core.value_text import count_text
 
 if TYPE_CHECKING:
@@ -137,7 +138,6 @@ def train_command(
     """Throw a population of switches with and without objects, and learn to distinguish them."""
     check_outputs({"--out": out}, {"--out": (".detector",)})
     from turnout.calibration.load_study import load_study
-    from turnout.cli.watch import cores, watched_sweeps
     from turnout.detection.detector.allowances import Allowances
     from turnout.detection.detector.detector import Detector
     from turnout.detection.detector.train_detector import train_detector

@@ -19,6 +19,7 @@ from turnout.cli.options import (
     option,
 )
 from turnout.cli.output import JsonOption, Output, note, refuse
+from turnout.cli.watch import cores, watched, watched_sweeps
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -110,7 +111,6 @@ def limit_command(
 ) -> None:
     """Show the smallest object that the drive forces can reveal at each place, by any method."""
     check_outputs({"--out": out, "--plot": plot}, {"--out": (".nc",), "--plot": FIGURES})
-    from turnout.cli.watch import cores, watched_sweeps
     from turnout.detection.limit.added_equipment import read_measures
     from turnout.detection.limit.bands import limit_bands
     from turnout.detection.limit.end_positions import end_position_map, throw_ends
@@ -247,7 +247,6 @@ def _of_one_panel(options: "Mapping[str, bool]") -> None:
 def _known_place(
     throws: "Throws", conditions: "Conditions", closing: float, *, quiet: bool
 ) -> "xr.Dataset":
-    from turnout.cli.watch import watched
     from turnout.detection.limit.known_place_map import known_place_map
 
     with watched("bound at known places", quiet=quiet) as watch:

@@ -15,6 +15,7 @@ from turnout.cli.options import (
     option,
 )
 from turnout.cli.output import JsonOption, Output
+from turnout.cli.watch import watched
 
 if TYPE_CHECKING:
     from turnout.detection.limit.day_plan import Candidates, Knowledge
@@ -37,7 +38,6 @@ def plan_test_command(
     """Plan a day of tests: objects, places and order that determine the switch and a90 best."""
     check_outputs({"--out": out}, {"--out": (".csv",)})
     from turnout.cli.limit import conditions_of_options
-    from turnout.cli.watch import watched
     from turnout.detection.limit.day_plan import candidates, full_grid, known_after, ordered, plan
 
     conditions = conditions_of_options(discrepancy=discrepancy)

@@ -1,8 +1,9 @@
 """The command `turnout report`."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from turnout.cli.campaign import ChannelsOption, built_campaign, reasons_to_exclude, usable_dataset
 from turnout.cli.options import (
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
     from turnout.panel.load import LoadedPanel
 
 FORMS = (".pdf", ".png", ".svg")
+Draw = Callable[..., Mapping[str, bytes]] | None
+"""What draws the further figures of a page, as files by name."""
 # In the folder that `turnout validate -o` fills.
 VALIDATION = "validation.nc"
 
@@ -43,21 +46,29 @@ def report_command(
     """Write a self-contained HTML report about a result; it opens offline in any browser."""
     check_outputs({"--out": out}, {"--out": (".html",)})
     folder = made_folder("--figures", figures) if figures is not None else None
+    forms = FORMS if folder is not None else FORMS[:1]
+    draw: Draw = None
     if source.suffix.lower() == ".toml" and not source.is_dir():
-        page, files = _calibration_page(source, panel, drawn=folder is not None)
+        page = _calibration_page(source, panel, forms)
     elif (source / "sweep.json").exists():
-        page, files = _sweep_page(source, drawn=folder is not None)
+        page, draw = _sweep_page(source, forms)
     elif (source / VALIDATION).exists():
-        page, files = _file_page(source / VALIDATION, panel, drawn=folder is not None)
+        page, draw = _file_page(source / VALIDATION, panel, forms)
     elif source.is_dir():
-        page, files = _folder_page(source, channels, drawn=folder is not None, quiet=quiet)
+        campaign = built_campaign(source, channels, strict=False, quiet=quiet)
+        page, draw = _campaign_page(
+            usable_dataset(campaign, source),
+            forms,
+            excluded=reasons_to_exclude(campaign),
+            remarks=campaign.remarks,
+        )
     else:
-        page, files = _file_page(source, panel, drawn=folder is not None)
+        page, draw = _file_page(source, panel, forms)
     from turnout.core.files import write_atomic
     from turnout.figures.report.page import page_html
 
     if folder is not None:
-        for name, content in {**_pictures(page), **files}.items():
+        for name, content in {**_pictures(page), **(draw(suffixes=FORMS) if draw else {})}.items():
             write_atomic(folder / name, content)
     Output("report", quiet=quiet).write(out, page_html(page))
 
@@ -72,7 +83,7 @@ def _pictures(page: "Page") -> dict[str, bytes]:
     }
 
 
-def _sweep_page(source: Path, *, drawn: bool) -> "tuple[Page, Mapping[str, bytes]]":
+def _sweep_page(source: Path, forms: tuple[str, ...]) -> "tuple[Page, Draw]":
     """Return the page of a sweep's folder, with sensitivities if the sampling allows them."""
     from turnout.core.errors import ResponseError
     from turnout.figures.report.sweep import sweep_figures, sweep_page
@@ -85,30 +96,19 @@ def _sweep_page(source: Path, *, drawn: bool) -> "tuple[Page, Mapping[str, bytes
         decided = sweep_effects(labels) if "design" in labels.attrs else []
     except ResponseError:  # no input varies, or no force was stored
         decided = []
-    page = sweep_page(labels, decided=decided, suffixes=FORMS if drawn else FORMS[:1])
-    return page, sweep_figures(labels, suffixes=FORMS) if drawn else {}
+    return sweep_page(labels, decided=decided, suffixes=forms), partial(sweep_figures, labels)
 
 
-def _folder_page(
-    source: Path, channels: str | None, *, drawn: bool, quiet: bool
-) -> "tuple[Page, Mapping[str, bytes]]":
-    """Return the page of a campaign's folder, with exclusions and reasons."""
+def _campaign_page(
+    dataset: "xr.Dataset", forms: tuple[str, ...], **found: Any
+) -> "tuple[Page, Draw]":
+    """Return the page of a campaign, with exclusions and reasons where these are known."""
     from turnout.figures.report.campaign import campaign_figures, campaign_page
 
-    campaign = built_campaign(source, channels, strict=False, quiet=quiet)
-    dataset = usable_dataset(campaign, source)
-    page = campaign_page(
-        dataset,
-        excluded=reasons_to_exclude(campaign),
-        remarks=campaign.remarks,
-        suffixes=FORMS if drawn else FORMS[:1],
-    )
-    return page, campaign_figures(dataset, suffixes=FORMS) if drawn else {}
+    return campaign_page(dataset, suffixes=forms, **found), partial(campaign_figures, dataset)
 
 
-def _calibration_page(
-    source: Path, panel: str | None, *, drawn: bool
-) -> "tuple[Page, Mapping[str, bytes]]":
+def _calibration_page(source: Path, panel: str | None, forms: tuple[str, ...]) -> "Page":
     """Return the page of a calibration, with the inputs of its panel if that can be loaded."""
     from turnout.calibration.fitted_file import load_signals
     from turnout.calibration.result import load_calibration
@@ -125,42 +125,30 @@ def _calibration_page(
             raise
     if panel is not None and used is not None and used.hash != calibration.panel_hash:
         _refuse_panel(panel, source, calibration.panel)
-    page = calibration_page(
-        calibration,
-        panel=used,
-        signals=load_signals(calibration, source),
-        suffixes=FORMS if drawn else FORMS[:1],
-    )
-    return page, {}
+    signals = load_signals(calibration, source)
+    return calibration_page(calibration, panel=used, signals=signals, suffixes=forms)
 
 
-def _file_page(
-    source: Path, panel: str | None, *, drawn: bool
-) -> "tuple[Page, Mapping[str, bytes]]":
+def _file_page(source: Path, panel: str | None, forms: tuple[str, ...]) -> "tuple[Page, Draw]":
     """Return the page of a dataset: one run, a campaign or a validation."""
     from turnout.throw.store import open_response
 
     dataset = open_response(source)
-    forms = FORMS if drawn else FORMS[:1]
     if dataset.attrs.get("kind") == "validation":
         from turnout.figures.report.validation import validation_figures, validation_page
 
-        files = validation_figures(dataset, suffixes=FORMS) if drawn else {}
-        return validation_page(dataset, suffixes=forms), files
+        return validation_page(dataset, suffixes=forms), partial(validation_figures, dataset)
     if "throw" in dataset.dims:
         from turnout.figures.report.sequence import sequence_page
 
-        return sequence_page(dataset), {}
+        return sequence_page(dataset), None
     if dataset.attrs.get("kind") == "limit":
         from turnout.figures.report.blind_zones import blind_zone_page
 
-        return blind_zone_page(dataset, suffixes=forms), {}
+        return blind_zone_page(dataset, suffixes=forms), None
     if "movement" not in dataset.dims:
-        return _run_page(dataset, source, panel), {}
-    from turnout.figures.report.campaign import campaign_figures, campaign_page
-
-    page = campaign_page(dataset, suffixes=forms)
-    return page, campaign_figures(dataset, suffixes=FORMS) if drawn else {}
+        return _run_page(dataset, source, panel), None
+    return _campaign_page(dataset, forms)
 
 
 def _run_page(dataset: "xr.Dataset", source: Path, panel: str | None) -> "Page":

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from turnout.cli.output import coloured, refuse
+from turnout.cli.watch import watched
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -87,7 +88,6 @@ def run_sequence(
     quiet: bool,
 ) -> "xr.Dataset":
     """Make the throws with progress; those until an interruption or a failure come back."""
-    from turnout.cli.watch import watched
     from turnout.throw.sequence import simulate_sequence
 
     with watched(f"simulating {throws} throws of {panel.name}", quiet=quiet) as watch:

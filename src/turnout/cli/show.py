@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from turnout.cli.watch import watched
 from turnout.figures.report.values import assumption_lines, value_groups, value_lines
 from turnout.mechanism.rest import resting_gap
 from turnout.panel.layout import extent, stands_at
@@ -334,7 +335,6 @@ def _bushing_note(panel: "LoadedPanel") -> Iterator[str]:
 
 def thrown_alone(panel: "LoadedPanel", *, quiet: bool = False) -> "xr.Dataset":
     """Throw a panel without a foreign object; a run that ends early comes back as it is."""
-    from turnout.cli.watch import watched
     from turnout.throw.simulate import simulate
 
     with watched(f"throwing {panel.name}", quiet=quiet) as watch:
@@ -343,7 +343,6 @@ def thrown_alone(panel: "LoadedPanel", *, quiet: bool = False) -> "xr.Dataset":
 
 def thrown_on_pieces(panel: "LoadedPanel") -> "list[PieceResult]":
     """Throw a panel on a test piece at each of its drives."""
-    from turnout.cli.watch import watched
     from turnout.core.errors import PanelError
     from turnout.metric.test_piece import PieceResult, check_piece
 
@@ -360,7 +359,6 @@ def thrown_on_pieces(panel: "LoadedPanel") -> "list[PieceResult]":
 
 def least_pieces(panel: "LoadedPanel", *, quiet: bool = False) -> "list[PieceLimit]":
     """Find the least piece at each drive that keeps a panel from locking."""
-    from turnout.cli.watch import watched
     from turnout.metric.test_piece import least_piece
 
     found = []

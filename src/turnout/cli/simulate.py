@@ -28,6 +28,7 @@ from turnout.cli.options import (
     option,
 )
 from turnout.cli.output import INTERRUPTED, JsonOption, Output, coloured, note, refuse
+from turnout.cli.watch import watched
 from turnout.core.lean_imports import import_scipy, without_packages
 
 if TYPE_CHECKING:
@@ -207,7 +208,6 @@ def _run(
 ) -> tuple["xr.Dataset", bool]:
     """Return the dataset, whole or partial, and True if the run ended early."""
     import_scipy()
-    from turnout.cli.watch import watched
     from turnout.panel.foreign_object import resolve_objects
     from turnout.panel.object_text import parse_objects
     from turnout.throw.save import Save

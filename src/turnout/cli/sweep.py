@@ -83,7 +83,6 @@ def _study(name: str, calibration: Path | None) -> "Study":
 
 
 def _forecast(loaded: "Study", trials: int, *, quiet: bool) -> "Forecast":
-    from turnout.cli.watch import watched
     from turnout.study.sweep.forecast import forecast
 
     with watched("throwing trials", quiet=quiet) as watch:

@@ -17,6 +17,7 @@ from turnout.cli.options import (
     option,
 )
 from turnout.cli.output import FINDINGS, JsonOption, Output, coloured, note, refuse, resumable
+from turnout.cli.watch import watched
 from turnout.measurement.campaign.campaign_folder import throw_store
 
 if TYPE_CHECKING:
@@ -115,7 +116,6 @@ def _validated(
 ) -> "xr.Dataset":
     from turnout.calibration.evaluate import Evaluator
     from turnout.calibration.validation.validate import validate
-    from turnout.cli.watch import watched
 
     with (
         resumable(CACHED),
@@ -141,7 +141,6 @@ def _compared_laws(
 ) -> "LawComparison":
     from turnout.calibration.drive_law.compare import compare_laws
     from turnout.calibration.evaluate import Evaluator
-    from turnout.cli.watch import watched
 
     with (
         resumable(CACHED),
