@@ -26,7 +26,7 @@ from turnout.metric.finding import HEADLINE, findings
 from turnout.metric.key_figure import key_figures
 from turnout.metric.summary import summary
 from turnout.metric.verdict import verdict
-from turnout.panel.object_text import parse_object
+from turnout.panel.foreign_object import parse_object
 from turnout.solver.outcome import Code
 from turnout.study.sweep.read import read_labels
 from turnout.study.sweep.run import throw_study

@@ -15,10 +15,9 @@ from turnout.law.object_kind import (
     Trapped,
     hardening,
 )
-from turnout.panel.foreign_object import ForeignObject, resolve_objects
+from turnout.panel.foreign_object import ForeignObject, parse_object, resolve_objects
 from turnout.panel.load import load_panel
 from turnout.panel.model import PANEL_KEYS
-from turnout.panel.object_text import parse_object
 from turnout.throw.simulate import simulate
 from turnout.web.controls import panel_controls
 

@@ -8,8 +8,8 @@ from tests.unit.simulated import sb2_panel
 import turnout
 from turnout.core.errors import FileError
 from turnout.core.toml import parse_toml, with_value
+from turnout.panel.foreign_object import parse_object
 from turnout.panel.load import library_text, load_panel, panel_from_file
-from turnout.panel.object_text import parse_object
 from turnout.web import tasks
 from turnout.web.request import RunRequest
 from turnout.web.scenario import command_line, panel_toml, python_script

@@ -259,12 +259,9 @@ def throw_lines(throw: "MachineThrow") -> list[str]:
     ]
 
 
-RunArgument = Annotated[Path, argument("RUN", "Result of a throw whose drives are machines.")]
-
-
 @app.command("monitor", short_help="Sample a throw as a monitoring system in service stores it.")
 def monitor_command(
-    run: RunArgument,
+    run: Path = argument("RUN", "Result of a throw whose drives are machines."),
     out: Path = option("--out -o FILE", "File to write (.csv, .mat or .h5).", default=...),
     rate: str = option("--rate RATE", "Values a second, usually 25 to 100 Hz.", default="50 Hz"),
     together: TogetherOption = [],  # noqa: B006 - typer copies it
@@ -311,54 +308,33 @@ FIT_UNITS = {
     **{"force_mean": "N", "force_most": "N"},
 }
 
-CampaignArgument = Annotated[
-    Path, argument("CAMPAIGN", "Folder of a campaign, or its dataset (.nc).")
-]
-SeriesOption = Annotated[
-    str | None,
-    option(
+
+@app.command("fit", short_help="Identify machines from the currents of a campaign.")
+def fit_command(
+    source: Path = argument("CAMPAIGN", "Folder of a campaign, or its dataset (.nc)."),
+    series_motor: str | None = option(
         "--series-motor CURRENT",
         "The motors are series motors that saturate at this field current ('3 A'); 'none' "
         "without saturation. Default permanent magnet or separate field.",
-        default=...,
     ),
-]
-IdleOption = Annotated[
-    list[str],
-    option(
+    idle: list[str] = option(
         "--idle DRIVE=CURRENT",
         "Current with the rod taken off, such as 1='0.8 A'; for the two anchors below.",
-        default=...,
+        default=[],
     ),
-]
-GaugeOption = Annotated[
-    list[str],
-    option(
+    clutch_force: list[str] = option(
         "--clutch-force DRIVE=FORCE+-DEVIATION",
         "Anchor: force at which the clutch slips, by a gauge: 1='6.0 kN +- 0.2 kN'.",
-        default=...,
+        default=[],
     ),
-]
-SisterOption = Annotated[
-    list[str],
-    option(
+    sister: list[str] = option(
         "--sister DRIVE=RISE+-SPREAD",
         "Anchor: rise of the current of a machine of this type, and its spread from machine to "
         "machine: 1='0.21 A/kN +- 0.02 A/kN'. Of series motors with the force up to which it "
         "was taken, and the sister's idle current if it differs: 1='0.21 A/kN +- 0.02 A/kN to "
         "4 kN from 0.9 A'.",
-        default=...,
+        default=[],
     ),
-]
-
-
-@app.command("fit", short_help="Identify machines from the currents of a campaign.")
-def fit_command(
-    source: CampaignArgument,
-    series_motor: SeriesOption = None,
-    idle: IdleOption = [],  # noqa: B006 - typer copies it
-    clutch_force: GaugeOption = [],  # noqa: B006
-    sister: SisterOption = [],  # noqa: B006
     allow_outside: OutsideOption = False,
     as_json: JsonOption = False,
     quiet: QuietOption = False,

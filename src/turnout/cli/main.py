@@ -37,7 +37,7 @@ COMMANDS = {
         "Estimate probability of detection, a90 and a90/95 of a campaign.",
     ),
     "plan-test": (
-        "plan_test:plan_test_command",
+        "limit:plan_test_command",
         "Plan a day of tests on the track: objects, places, order.",
     ),
     "studio": ("studio:studio_command", "Open an interactive page that runs locally."),

@@ -61,7 +61,7 @@ class Output:
         self.show(f"{path} ({size_text(path.stat().st_size)})", heading="written")
 
     def write(self, path: Path | None, content: str | bytes | Callable[[], str | bytes]) -> None:
-        """Write content, or what a function makes, completely or not at all, if there is a path."""
+        """Write content, or the result of a function, whole or not at all, if there is a path."""
         from turnout.core.files import write_atomic
 
         if path is not None:
@@ -187,7 +187,7 @@ def refuse(text: str) -> NoReturn:
 
 @contextmanager
 def resumable(text: str) -> Iterator[None]:
-    """End a command on Ctrl-C with a note on what is kept and how to continue."""
+    """End a command on Ctrl-C with a note on kept results and the way to continue."""
     try:
         yield
     except KeyboardInterrupt:

@@ -102,7 +102,7 @@ def _sweep_page(source: Path, forms: tuple[str, ...]) -> "tuple[Page, Draw]":
 def _campaign_page(
     dataset: "xr.Dataset", forms: tuple[str, ...], **found: Any
 ) -> "tuple[Page, Draw]":
-    """Return the page of a campaign, with exclusions and reasons where these are known."""
+    """Return the page of a campaign, with exclusions and reasons if these are known."""
     from turnout.figures.report.campaign import campaign_figures, campaign_page
 
     return campaign_page(dataset, suffixes=forms, **found), partial(campaign_figures, dataset)

@@ -1,11 +1,11 @@
-"""The command `turnout simulate`."""
+"""The command `turnout simulate`: one throw, or many in a row by `--throws`."""
 
 import contextlib
 import gc
 import importlib
 import json
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -35,7 +35,9 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from turnout.core.scheme import Scheme
+    from turnout.panel.foreign_object import ForeignObject
     from turnout.panel.load import LoadedPanel
+    from turnout.throw.drift import Drift
 
 
 def simulate_command(
@@ -157,8 +159,7 @@ def _simulate_throws(
     quiet: bool,
 ) -> None:
     """Simulate throws in a row and show or write them; those until an interruption too."""
-    from turnout.cli.sequence import read_drift, run_sequence, sequence_lines, sequence_record
-    from turnout.panel.object_text import parse_objects
+    from turnout.panel.foreign_object import parse_objects
 
     if throws is None:
         refuse("--drift: changes from throw to throw; say how many with --throws")
@@ -208,8 +209,7 @@ def _run(
 ) -> tuple["xr.Dataset", bool]:
     """Return the dataset, whole or partial, and True if the run ended early."""
     import_scipy()
-    from turnout.panel.foreign_object import resolve_objects
-    from turnout.panel.object_text import parse_objects
+    from turnout.panel.foreign_object import parse_objects, resolve_objects
     from turnout.throw.save import Save
 
     panel, foreign, (chosen, save, _) = collect_errors(
@@ -283,7 +283,7 @@ def _scheme(mode: str, *, step: str, cutoff: str, every: str) -> "Scheme":
 
 
 def summary_lines(dataset: "xr.Dataset") -> Iterator[str]:
-    """Yield the verdict on a throw, its meaning, and what happened in it."""
+    """Yield the verdict on a throw, its meaning and its summary."""
     from turnout.metric.checks import checks
     from turnout.metric.finding import headline
     from turnout.metric.summary import summary
@@ -328,28 +328,35 @@ def without_collections() -> Iterator[None]:
 RUN_UNITS = {"energy_scale": "J", "wall_time": "s", "start_difference": "N"}
 
 
+def _origin(dataset: "xr.Dataset") -> dict[str, Any]:
+    """Return panel, objects and outcome of a run."""
+    from turnout.metric.verdict import break_note
+
+    note, attributes = break_note(dataset), dataset.attrs
+    names = ("panel", "panel_hash", "outcome", "outcome_message", "wall_time")
+    return {
+        **{name: attributes.get(name) for name in names},
+        "foreign_objects": json.loads(attributes.get("foreign_objects", "[]")),
+        "complete": bool(attributes["complete"]),
+        **({"break_note": note} if note else {}),
+    }
+
+
 def run_record(dataset: "xr.Dataset") -> tuple[dict[str, Any], dict[str, str]]:
     """Return a run: verdict, key figures, energies, and the units of its keys."""
     from turnout.metric.checks import checks
     from turnout.metric.key_figure import key_figures
     from turnout.metric.summary import numerical_share, residual_share, start_difference
-    from turnout.metric.verdict import break_note, verdict
+    from turnout.metric.verdict import verdict
 
     figures, made = key_figures(dataset) if dataset.sizes.get("time", 0) else [], checks(dataset)
-    judged, note = verdict(dataset, made), break_note(dataset)
-    attributes = dataset.attrs
+    judged, attributes = verdict(dataset, made), dataset.attrs
     balanced = float(attributes.get("energy_scale", 0.0)) > 0 and "energy_residual" in dataset
     record = {
-        "panel": attributes.get("panel"),
-        "panel_hash": attributes.get("panel_hash"),
+        **_origin(dataset),
         "overrides": json.loads(attributes.get("overrides", "{}")),
-        "foreign_objects": json.loads(attributes.get("foreign_objects", "[]")),
-        "complete": bool(attributes["complete"]),
-        "outcome": attributes["outcome"],
-        "outcome_message": attributes["outcome_message"],
         "verdict": {**asdict(judged), "meaning": judged.meaning},
         "checks": made,
-        **({"break_note": note} if note else {}),
         "figures": {item.key: item.value for item in figures},
         "labels": {item.key: item.label for item in figures},
         "energy_scale": attributes.get("energy_scale"),
@@ -357,6 +364,135 @@ def run_record(dataset: "xr.Dataset") -> tuple[dict[str, Any], dict[str, str]]:
         "numerical_dissipation_share": numerical_share(dataset) if balanced else None,
         "loaded_by": attributes.get("loaded_by"),
         "start_difference": start_difference(dataset),
-        "wall_time": attributes.get("wall_time"),
     }
     return record, {**RUN_UNITS, **{item.key: item.unit for item in figures}}
+
+
+MOST_ROWS = 20
+"""Throws that are printed; all are in the file and in --json."""
+
+
+def read_drift(settings: Sequence[str]) -> "Drift":
+    """Read the changes from throw to throw from KEY=VALUE of a command line.
+
+    Raises
+    ------
+    FileError
+        With all problems at once.
+
+    Examples
+    --------
+    >>> read_drift(["ice_growth=0.3mm", "temperature=-20 degC to -5 degC"]).temperature
+    (253.15, 268.15)
+    """
+    from dataclasses import fields
+
+    from turnout.core.errors import ResponseError
+    from turnout.core.problems import choices, nearest
+    from turnout.throw.drift import Drift
+
+    names = [item.name for item in fields(Drift)]
+    found: dict[str, Any] = {}
+    problems = []
+    for setting in settings:
+        key, sign, value = (part.strip() for part in setting.partition("="))
+        if not sign or not value:
+            problems.append(f'--drift "{setting}": is not KEY=VALUE')
+        elif key not in names:
+            known = f"there are {choices(names)}"
+            problems.append(
+                f'--drift "{setting}": there is no such key{nearest(key, names)}; {known}'
+            )
+        elif key in found:
+            problems.append(f'--drift "{setting}": {key} is given twice')
+        elif key == "temperature" and value.split()[-1] == "to":
+            problems.append(f'--drift "{setting}": give both ends, as in "-20 degC to -5 degC"')
+        elif key == "temperature":
+            found[key] = tuple(part.strip() for part in value.split(" to "))
+        else:
+            found[key] = _number_or_text(key, value)
+    if not problems:
+        try:
+            return Drift(**found)
+        except ResponseError as error:
+            problems.append(str(error))
+    refuse("\n".join(problems))
+
+
+def _number_or_text(key: str, value: str) -> int | float | str:
+    """Return a plain number; a value that needs a unit keeps its text; a bare one is refused."""
+    from turnout.throw.drift import WITH_UNIT
+
+    if key in WITH_UNIT:
+        return value
+    try:
+        return int(value) if key == "seed" else float(value)
+    except ValueError:
+        return value
+
+
+def run_sequence(
+    panel: "LoadedPanel",
+    objects: "Sequence[ForeignObject]",
+    *,
+    throws: int,
+    drift: "Drift",
+    scheme: "Scheme",
+    quiet: bool,
+) -> "xr.Dataset":
+    """Make the throws with progress; those until an interruption or a failure come back."""
+    from turnout.throw.sequence import simulate_sequence
+
+    with watched(f"simulating {throws} throws of {panel.name}", quiet=quiet) as watch:
+        return simulate_sequence(
+            panel,
+            throws=throws,
+            foreign_object=list(objects),
+            drift=drift,
+            scheme=scheme,
+            throw=False,
+            report=watch.report,
+        )
+
+
+def sequence_record(dataset: "xr.Dataset") -> tuple[dict[str, Any], dict[str, str]]:
+    """Return a sequence of throws as a record, and the units of its keys."""
+    from turnout.metric.verdict import throw_table
+
+    record = {
+        **_origin(dataset),
+        "drift": json.loads(dataset.attrs["drift"]),
+        "throws": throw_table(dataset),
+    }
+    units = {
+        "size": "m", "left": "m", "object_force_peak": "N", "drive_force_end": "N",
+        "force_margin": "N", "temperature": "K", "wall_time": "s",
+    }  # fmt: skip
+    return record, units
+
+
+def sequence_lines(dataset: "xr.Dataset") -> Iterator[str]:
+    """Yield a table of the throws, of many only some."""
+    from turnout.metric.verdict import break_note, throw_table
+
+    count = dataset.sizes["throw"]
+    every = max(1, -(-count // MOST_ROWS))
+    shown = [*range(0, count - 1, every), count - 1]
+    yield (
+        f"{'throw':>6} {'size':>10} {'left':>10} {'object':>9} {'drives':>14}  "
+        f"{'verdict':<18}lock, control"
+    )
+    for row in throw_table(dataset.isel(throw=shown)):
+        size = "+".join(f"{1e3 * value:.1f}" for value in row["size"]) or "-"
+        left = "+".join(f"{1e3 * value:.1f}" for value in row["left"]) or "-"
+        peak = 1e-3 * row["object_force_peak"]
+        drives = "/".join(f"{1e-3 * value:.2f}" for value in row["drive_force_end"])
+        yield (
+            f"{row['throw']:>6} {size:>7} mm {left:>7} mm {peak:>6.2f} kN {drives:>11} kN  "
+            f"{row['verdict']:<18}{row['state']}"
+        )
+    yield f"{count} throws, {dataset.attrs['wall_time']:.1f} s"
+    if note := dataset.attrs.get("object_peak_note"):
+        yield f"object: {note}"
+    if note := break_note(dataset):
+        yield coloured(note, "look")

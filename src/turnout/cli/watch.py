@@ -95,7 +95,7 @@ class ProgressBar:
             self._line(f"{self._text}: {said or f'{100 * done / total:.0f} %'}", now)
 
     def say(self, text: str) -> None:
-        """Print a line on what is done, if one is due."""
+        """Print a line on progress, if one is due."""
         now = time.monotonic()
         if not self._quiet and now >= self._due:
             self._line(text, now)

@@ -1,6 +1,6 @@
 """Sections of a panel's rails as numbers along them, tabulated or from drawn outlines.
 
-Columns are those of `turnout.panel.section_records.SectionTable`: y positive TOWARDS the stock
+Columns are those of `turnout.panel.records.SectionTable`: y positive TOWARDS the stock
 rail, from the rail's reference line. An outline adds the edges of its underside, where the chairs
 carry it. What is computed from outlines is kept by its content.
 """
@@ -23,7 +23,7 @@ from turnout.panel.profile import (
     section_columns,
     section_stations,
 )
-from turnout.panel.section_records import PlanedSection
+from turnout.panel.records import PlanedSection
 
 if TYPE_CHECKING:
     from turnout.beam.section_taper import PlanedOutline, Planing

@@ -16,8 +16,7 @@ import numpy.typing as npt
 from turnout.core.problems import Problem, choices, nearest, show_value
 from turnout.panel.library_members import library_outline_names
 from turnout.panel.profile import outline_points, section_columns
-from turnout.panel.records import Drive, Profile
-from turnout.panel.section_records import SectionTable
+from turnout.panel.records import Drive, Profile, SectionTable
 from turnout.panel.validate import Draft, Partial, until_unknown, values_of
 
 Path = tuple[str, ...]

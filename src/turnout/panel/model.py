@@ -19,23 +19,27 @@ from turnout.core.quantity import (
     Record,
 )
 from turnout.machine.components import Machine
-from turnout.panel.object_records import ObjectDefaults, PanelObject
 from turnout.panel.records import (
     BackDrive,
     Chair,
+    DrawnOutline,
     Drive,
     Fastening,
     Link,
     Lock,
     Movement,
+    ObjectDefaults,
+    OutlineSection,
+    PanelObject,
+    PlanedSection,
     Rail,
     Schedule,
+    SectionTable,
     Sensor,
     Sleeper,
     StockRail,
     Stop,
 )
-from turnout.panel.section_records import DrawnOutline, OutlineSection, PlanedSection, SectionTable
 
 
 class Material(Record):

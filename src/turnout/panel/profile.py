@@ -23,8 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from turnout.panel.model import Panel
-from turnout.panel.records import Profile, Rail, RunningEdge
-from turnout.panel.section_records import SectionTable
+from turnout.panel.records import Profile, Rail, RunningEdge, SectionTable
 
 FloatArray = npt.NDArray[np.float64]
 

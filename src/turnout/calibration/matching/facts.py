@@ -25,9 +25,8 @@ from turnout.core.problems import choices, describe_error, nearest, show_value
 from turnout.core.provenance import content_hash
 from turnout.core.toml import TomlFile, parse_toml, read_toml
 from turnout.core.units import Dimension, parse_quantity
-from turnout.panel.foreign_object import ForeignObject, resolve_objects
+from turnout.panel.foreign_object import ForeignObject, parse_object, resolve_objects
 from turnout.panel.load import LoadedPanel
-from turnout.panel.object_text import parse_object
 from turnout.study.variable import value_kind
 
 Floats = NDArray[np.float64]

@@ -10,9 +10,8 @@ from turnout.calibration.matching.facts import Facts, Sum, Term
 from turnout.calibration.matching.measures import MEASURES, Thrown
 from turnout.core.errors import PanelError, TurnoutError
 from turnout.core.scheme import Mode
-from turnout.panel.foreign_object import ForeignObject
+from turnout.panel.foreign_object import ForeignObject, parse_object
 from turnout.panel.load import LoadedPanel, as_written
-from turnout.panel.object_text import parse_object
 from turnout.throw.save import Save
 from turnout.throw.simulate import simulate
 
