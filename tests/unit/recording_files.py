@@ -264,6 +264,18 @@ def tdms(
     return write
 
 
+def mat_objects(*, timetable: bool, version: str = "v7", stated: bool = False) -> Write:
+    def write(path: Path) -> None:
+        matio = optional("matio")
+        import pandas as pd
+
+        index = pd.to_datetime(MOMENTS) if timetable else None
+        table = pd.DataFrame(ARRAYS, index=index)
+        matio.save_to_mat(str(path), {"T": table, **({"fs": 25.0} if stated else {})}, version)
+
+    return write
+
+
 BEGIN = np.datetime64("2026-11-28T08:14:00", "us")
 WAVE = {"wf_increment": STEP, "wf_start_time": BEGIN}
 
@@ -296,6 +308,11 @@ def parquet(columns: dict[str, Any], *, index: Any = None, name: str | None = No
 
 
 OPTIONAL: list[File] = [
+    ("MATLAB, timetable", ".mat", mat_objects(timetable=True), BOTH),
+    ("MATLAB 7.3, timetable", ".mat", mat_objects(timetable=True, version="v7.3"), BOTH),
+    ("MATLAB, table and a rate", ".mat", mat_objects(timetable=False, stated=True), BOTH),
+    ("MATLAB, table without a time", ".mat", mat_objects(timetable=False),
+     ("neither times nor a sample rate",)),
     ("TDMS, rate of the group", ".tdms", tdms(group={"SampleRate": "25 Hz"}), BOTH),
     ("TDMS, rate of the file", ".tdms", tdms(file={"sr": 25.0}), BOTH),
     ("TDMS, starts", ".tdms",

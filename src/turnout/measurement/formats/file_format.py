@@ -129,7 +129,12 @@ FORMATS = (
         "parquet",
     ),
     FileFormat("MATLAB 7.3", (), _begins(b"MATLAB 7.3 MAT-file"), "mat:read_mat73", refers=True),
-    FileFormat("MATLAB", (".mat",), _begins(b"MATLAB 5.0 MAT-file"), "mat:read_mat"),
+    FileFormat(
+        "MATLAB",
+        (".mat",),
+        lambda head, path: head.startswith(b"MATLAB 5.0 MAT-file") and _HDF5_MARK not in head,
+        "mat:read_mat",
+    ),
     FileFormat(
         "HDF5",
         (".h5", ".hdf5", ".hdf", ".nc"),

@@ -3,19 +3,27 @@
 import io
 import re
 from collections.abc import Iterator, Mapping
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from scipy.io import loadmat, savemat
 
 from turnout.core.errors import FileError
-from turnout.measurement.formats.assemble import FileColumn, assemble_recording
+from turnout.measurement.formats.assemble import (
+    FileColumn,
+    assemble_recording,
+    split_unit,
+    tidy_unit,
+)
+from turnout.measurement.formats.channel_table import Table, TableColumn, table_columns
 from turnout.measurement.formats.hdf5 import Content, read_hdf5
 from turnout.measurement.formats.mat_check import check_mat5
-from turnout.measurement.formats.named_arrays import NO_TIME, columns_of_arrays
+from turnout.measurement.formats.named_arrays import NO_TIME, columns_of_arrays, stated_clock
 from turnout.measurement.recording import Recording
 
 # Lists that a file written here has beside its vectors, an entry a channel.
@@ -36,7 +44,9 @@ def read_mat(path: Path) -> Recording:
     if is_version_5:
         check_mat5(path)
     content = loadmat(path, squeeze_me=True, struct_as_record=False, chars_as_strings=True)
-    return _recording({k: v for k, v in content.items() if not k.startswith("__")}, path)
+    held = {k: v for k, v in content.items() if not k.startswith("__") and k != "None"}
+    # Objects (tables, dates) are kept apart from the variables that refer to them.
+    return _recording(held, path, objects="__function_workspace__" in content)
 
 
 def read_mat73(path: Path, *, allow_outside: bool = False) -> Recording:
@@ -59,9 +69,10 @@ def read_mat73(path: Path, *, allow_outside: bool = False) -> Recording:
         found = {
             name: _from_hdf5(file, item, content)
             for name, item in content.members(file)
-            if name[0] != "#"
+            if name[0] != "#" and "MATLAB_object_decode" not in item.attrs
         }
-    return _recording(found, path)
+        objects = "#subsystem#" in file
+    return _recording(found, path, objects=objects)
 
 
 def read_hdf5_or_mat73(path: Path, *, allow_outside: bool = False) -> Recording:
@@ -111,7 +122,37 @@ def mat_bytes(recording: Recording) -> bytes:
     return file.getvalue()
 
 
-def _recording(content: Mapping[str, Any], path: Path) -> Recording:
+def _objects(
+    path: Path, single: Mapping[str, Any]
+) -> tuple[dict[str, NDArray[Any]], list[FileColumn], list[str]]:
+    """Return dates and durations, the columns of tables and timetables, and the remarks."""
+    if find_spec("matio") is None:
+        remark = "objects of MATLAB (tables, dates) need mat-io; pip install 'turnout[daq]', or "
+        return {}, [], [remark + "save their columns as vectors"]
+    import matio
+
+    arrays: dict[str, NDArray[Any]] = {}
+    columns: list[FileColumn] = []
+    problems: list[str] = []
+    for name, value in matio.load_from_mat(str(path), add_table_attrs=True).items():
+        if isinstance(value, np.ndarray) and value.dtype.kind in "mM":
+            arrays[name] = value
+        if not isinstance(value, pd.DataFrame):
+            continue
+        units = [str(u) for u in value.attrs.get("VariableUnits", value.attrs.get("varUnits", []))]
+        given = [value.index] if value.index.dtype.kind in "mM" else []
+        cells = [TableColumn("Time", np.asarray(index)) for index in given]
+        for place, label in enumerate(value.columns):
+            bare, unit = split_unit(str(label))
+            unit = tidy_unit(units[place]) if place < len(units) and units[place] else unit
+            cells.append(TableColumn(bare, np.asarray(value[label]), unit))
+        table = Table(cells, stated_clock(single), f"{path}: '{name}'")
+        columns += table_columns(table)
+        problems += table.problems
+    return arrays, columns, problems
+
+
+def _recording(content: Mapping[str, Any], path: Path, *, objects: bool) -> Recording:
     arrays: dict[str, NDArray[Any]] = {}
     texts: dict[str, list[str]] = {}
     for name, value in _flat(content):
@@ -121,20 +162,22 @@ def _recording(content: Mapping[str, Any], path: Path) -> Recording:
             texts[name] = [item if isinstance(item, str) else "" for item in np.ravel(value)]
         elif isinstance(value, np.ndarray | int | float) and np.asarray(value).dtype.kind in "biuf":
             arrays[name] = np.asarray(value)
+    single = {name: array for name, array in arrays.items() if array.size == 1}
+    dates, tables, remarks = _objects(path, single) if objects else ({}, [], [])
     start_time = next((v[0] for k, v in texts.items() if k.lower().endswith("start_time")), None)
     if f"{_PREFIX}variables" in texts and f"{_PREFIX}rates" in arrays:
         columns, problems = _own_variable(arrays, texts), list[str]()
     else:
         try:
-            columns, problems = columns_of_arrays(arrays, texts)
+            columns, problems = columns_of_arrays({**arrays, **dates}, texts)
         except ValueError as error:
             message = f"{path}: {error}"
             raise FileError(message) from None
     return assemble_recording(
-        columns,
+        [*columns, *tables],
         source=str(path),
         start_time=start_time or None,
-        problems=problems,
+        problems=[*problems, *remarks],
         remedy=NO_TIME,
     )
 

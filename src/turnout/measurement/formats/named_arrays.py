@@ -9,7 +9,12 @@ from numpy.typing import NDArray
 
 from turnout.measurement.formats.assemble import FileColumn, split_unit, tidy_unit
 from turnout.measurement.formats.clock import StatedClock, is_time_name, is_time_unit
-from turnout.measurement.formats.time_axis import TimeAxis, may_be_time, numeric_axis
+from turnout.measurement.formats.time_axis import (
+    TimeAxis,
+    may_be_time,
+    moments_axis,
+    numeric_axis,
+)
 
 NO_TIME = "add an array 'time' [s] of the same length or a number 'sample_rate' [1/s]"
 # Data1_Rod_1 has its times in Data1_time_Rod_1: the way of DewesoftX.
@@ -55,13 +60,19 @@ def columns_of_arrays(
     units, problems = units or {}, list[str]()
     flat = {name: _vector(array) for name, array in arrays.items()}
     stated = _stated_clocks(
-        {k: v[0] for k, v in flat.items() if v is not None and v.size == 1}
+        {
+            k: v[0]
+            for k, v in flat.items()
+            if v is not None and v.size == 1 and v.dtype.kind in "biuf"
+        }
         | {k: v[0] for k, v in texts.items() if len(v) == 1}
     )
     times: dict[str, TimeAxis] = {}
-    named = {name for name in arrays if _is_time(name)}
+    named = {name for name, a in arrays.items() if _is_time(name) or a.dtype.kind in "mM"}
     for name, vector in flat.items():
-        if vector is not None and vector.size > 1 and name in named:
+        if vector is not None and vector.dtype.kind in "mM":
+            times[name] = moments_axis(vector)
+        elif vector is not None and vector.size > 1 and name in named:
             if not _holds_time(name, vector, units.get(name, ""), _clock_of(name, stated)):
                 named.discard(name)
                 continue
