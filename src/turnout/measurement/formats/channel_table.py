@@ -276,7 +276,7 @@ def _name_axes(table: Table) -> None:
         if letter and column.unit and not is_time_unit(column.unit):
             continue
         bare = letter and not is_time_unit(column.unit)
-        if bare and not may_be_time(given, column.name, rate=single, first=place == 0):
+        if bare and not may_be_time(given, column.name, rate=single):
             continue
         if rate is not None and not is_time_unit(column.unit) and _counts_throws(given):
             continue  # an index beside a rate
@@ -507,6 +507,8 @@ def _channels(table: Table) -> list[int]:
         if headless or (table.named and is_index_name(name) and _counts_throws(values)):
             shown = f"column '{_label(table, place)}'"
             table.problems.append(f"{shown} is left out: it counts samples and is no time")
+        elif table.curves:
+            continue  # a number beside a curve in one cell
         elif is_throw_name(name) and values.size and np.all(values == values[0]):
             table.problems.append(f"column '{name}' is left out: it numbers the throw")
         else:

@@ -200,7 +200,7 @@ def _are_units(cells: list[str], *, others: bool) -> bool:
     if not filled:
         return False
     bracketed = sum(cell[0] + cell[-1] in ("()", "[]") for cell in filled)
-    known = sum(is_unit(cell) for cell in filled)
+    known = sum(is_unit(cell) for cell in filled if not cell.isdigit())
     return bracketed == len(filled) or known == len(filled) or (others and 2 * known >= len(filled))
 
 

@@ -16,6 +16,7 @@ from pathlib import Path
 HEADER, TAG = 128, 8
 MATRIX, COMPRESSED = 14, 15
 CELL, STRUCTURE, OBJECT, CHARACTERS, SPARSE, LARGEST_NUMERIC = 1, 2, 3, 4, 5, 15
+OPAQUE = 17
 # Bytes of a number by the type of its element.
 WIDTHS = {1: 1, 2: 1, 3: 2, 4: 2, 5: 4, 6: 4, 7: 4, 9: 8, 12: 8, 13: 8, 16: 1, 17: 2, 18: 4}
 
@@ -55,6 +56,13 @@ def _check_matrix(content: memoryview, order: str) -> None:
     if not content.nbytes:
         return  # an empty cell
     parts = _elements(content, order)
+    if (
+        parts
+        and parts[0][0] == 6
+        and parts[0][1].nbytes == 8
+        and parts[0][1][0 if order == "<" else 3] == OPAQUE
+    ):
+        return  # an object, whose values stand elsewhere
     if len(parts) < 3 or [kind for kind, _ in parts[:2]] != [6, 5] or parts[2][0] not in (1, 2):
         message = "a variable lacks its flags, dimensions or name"
         raise ValueError(message)

@@ -170,23 +170,21 @@ def counts(values: Floats) -> bool:
     )
 
 
-def may_be_time(values: Floats, name: str, *, rate: float | None, first: bool = True) -> bool:
-    """Return True if a column called t or T, without a unit, holds the time.
+def may_be_time(values: Floats, name: str, *, rate: float | None) -> bool:
+    """Return True if a column called t, without a unit, holds the time.
 
     Parameters
     ----------
     values : ndarray, shape (n,)
         Of the column.
     name : str
-        Its name; T alone may be a temperature or a torque.
+        Its name; T alone is a temperature or a torque.
     rate : float or None
         Rate that is stated beside it [1/s].
-    first : bool
-        Whether it is the first column.
     """
-    steps = np.diff(values)
     if rate is None:
-        return name.strip() == "t" or (first and rises_evenly(values))
+        return name.strip() != "T"
+    steps = np.diff(values)
     typical = float(np.median(steps)) if steps.size else 0.0
     return abs(typical * rate - 1.0) < LARGEST_DEPARTURE
 
