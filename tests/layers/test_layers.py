@@ -167,7 +167,7 @@ def test_a_forbidden_import_is_seen(package: str, name: str, words: str) -> None
     assert words in (fault_of_import(package, name) or "")
 
 
-OTHER_NAMES = {"skfem": "scikit-fem"}
+OTHER_NAMES = {"matio": "mat-io", "skfem": "scikit-fem"}
 """Packages by the name of their modules where it is another one."""
 NOT_IMPORTED = {"h5netcdf"}
 """Packages that others load: xarray reads and writes netCDF by it."""
