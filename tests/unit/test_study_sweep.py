@@ -31,7 +31,6 @@ from turnout.study.sweep.batch_index import label_arrays, read_index
 from turnout.study.sweep.folder import lock_folder
 from turnout.study.sweep.labels import object_labels
 from turnout.study.sweep.read import open_batches, read_labels
-from turnout.study.sweep.row import ScenarioRow
 from turnout.study.sweep.run import SweepProgress, throw_study
 from turnout.throw.simulate import PlannedThrow, Solved, simulate, solve_planned
 
@@ -240,18 +239,18 @@ def test_long_throws_are_thrown_a_few_at_a_time(study: Study) -> None:
         ready = [sweep_row.prepare_scenario(study, scenario)]
         return sweep_row.throws_at_once(study, ready)
 
-    assert thrown() == sweep_row.ALIKE_AT_ONCE
+    assert thrown() == sweep_row.AT_ONCE
     assert thrown(**{"schedule.end": 40.0}) == 3
     assert thrown(**{"schedule.end": 1000.0}) == 1
     quick = replace(study, scheme=Scheme.of("quick"))
     ready = [sweep_row.prepare_scenario(quick, quick.scenario(0))]
-    assert sweep_row.throws_at_once(quick, ready) == sweep_row.ALIKE_AT_ONCE
+    assert sweep_row.throws_at_once(quick, ready) == sweep_row.AT_ONCE
 
 
-def test_throws_with_the_same_rails_are_planned_together(
+def test_throws_are_planned_before_they_are_made(
     study: Study, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Others a few at a time; those that cannot be thrown have no rails, and say why."""
+    """Those that cannot be thrown say why."""
     order: list[str] = []
     for name in ("plan_scenario", "throw_scenario"):
         made = getattr(sweep_row, name)
@@ -261,19 +260,16 @@ def test_throws_with_the_same_rails_are_planned_together(
             return made(*given)
 
         monkeypatch.setattr(sweep_row, name, noted)
-    monkeypatch.setattr(sweep_row, "APART_AT_ONCE", 2)
-
-    def throw(key: str, values: list[float]) -> list[ScenarioRow]:
-        order.clear()
-        scenarios = [replace(study.scenario(0), overrides={key: value}) for value in values]
-        return sweep_row.throw_scenarios(study, scenarios)
-
-    rows = throw("chair.friction_coefficient", [0.2, 0.21, -1.0, 0.22])
-    assert order == ["plan"] * 4 + ["throw"] * 4
+    monkeypatch.setattr(sweep_row, "AT_ONCE", 3)
+    values = [0.2, 0.21, -1.0, 0.22]
+    scenarios = [
+        replace(study.scenario(0), overrides={"chair.friction_coefficient": value})
+        for value in values
+    ]
+    rows = sweep_row.throw_scenarios(study, scenarios)
+    assert order == ["plan"] * 3 + ["throw"] * 3 + ["plan", "throw"]
     assert [row.outcome for row in rows] == ["complete", "complete", "invalid", "complete"]
     assert "friction_coefficient" in rows[2].reason
-    throw("chair.damping", [1e3, 2e3, 3e3])
-    assert order == ["plan"] * 2 + ["throw"] * 2 + ["plan", "throw"]
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,11 @@ have friction, drives, sections, fit and stress-free position of the population,
 object at a sleeper, at a drive or between places.
 """
 
+import pickle
+from copy import deepcopy
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,11 +20,12 @@ from turnout.core.content_cache import counts
 from turnout.core.scheme import Scheme
 from turnout.core.threads import one_blas_thread
 from turnout.detection.panel_population import population_for
+from turnout.mechanism import build
 from turnout.mechanism.build import build_mechanism, clear_mechanisms, rail_data
 from turnout.mechanism.mechanism import Mechanism
 from turnout.mechanism.varied_rails import MOST_ERROR, nominal_scale, variation_error
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
-from turnout.panel.load import LoadedPanel, load_panel
+from turnout.panel.load import LoadedPanel, library_text, load_panel
 from turnout.study.scenario import Scenario
 from turnout.study.study import Study
 from turnout.study.sweep import row
@@ -149,6 +154,43 @@ def test_no_member_is_reduced_and_rows_are_shared() -> None:
     assert (counts["superelement computed"], counts["superelement from memory"]) == of_first
     assert len({id(one.rows) for one in made}) == 1
     assert len({one.stiffness.tobytes() for one in made}) == len(made)
+
+
+def test_a_copy_of_a_panel_is_reduced_no_more_often(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What throws share is known by its values: by a copy, a pickle or a file as well."""
+    study = population("sb2")
+    frames = list[object]()
+    made_frame = build._made_frame
+
+    def noted(*given: Any) -> Any:
+        frames.append(given)
+        return made_frame(*given)
+
+    monkeypatch.setattr(build, "_made_frame", noted)
+    file = tmp_path / "copy.toml"
+    file.write_text(library_text("sb2"), encoding="utf-8")
+    overrides = dict(study.panel.overrides)
+    copies = [
+        study.panel,
+        deepcopy(study.panel),
+        pickle.loads(pickle.dumps(study.panel)),
+        load_panel(file).with_overrides(overrides) if overrides else load_panel(file),
+        study.panel.model_copy(update={"description": "a copy"}, deep=True),
+    ]
+    clear_mechanisms()
+    found = []
+    for panel in copies:
+        for number in range(5):
+            varied = panel.with_overrides(dict(study.scenario(number).overrides))
+            mechanism = build_mechanism(varied, nominal=panel)
+            if panel is not study.panel:
+                assert mechanism.rows is found[0][2].rows
+                np.testing.assert_array_equal(mechanism.stiffness, found[number][2].stiffness)
+                assert mechanism.nominal is found[0][2].nominal
+            found.append((len(frames), counts["superelement computed"], mechanism))
+    assert len({before[:2] for before in found}) == 1
 
 
 def test_far_scales_belong_to_other_nominal_rails() -> None:

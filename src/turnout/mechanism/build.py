@@ -43,7 +43,7 @@ from turnout.mechanism.object_rows import (
     node_rows,
 )
 from turnout.mechanism.reduce import reduce_rail
-from turnout.mechanism.shape_key import LAWS_ALONE, Variation, shape_of, variation_of
+from turnout.mechanism.shape_key import Variation, shape_of, variation_of
 from turnout.mechanism.travel import RailRows, Travel, rail_travel
 from turnout.mechanism.varied_rails import (
     STEP,
@@ -80,8 +80,7 @@ def build_mechanism(
     Mechanism
         One input a drive, in the order of ``panel.drive``: its marker position [m].
     """
-    places = _reference(panel)
-    objects = sorted(divided(objects), key=lambda item: is_off_node(places, item))
+    objects = sorted(divided(objects), key=lambda item: is_off_node(panel, item))
     placed = _placed(panel, objects, nominal)
     layout, linear = placed.layout, placed.linear
     objects = placed.softened(objects)
@@ -130,14 +129,13 @@ class _Linear:
 class _Frame:
     """Common parts of panels that differ in the matrices of their rails too.
 
-    `rails` are without factors of sections, with fastenings of `holds`; the records are those that
-    the key names by identity. `kept` are the linear parts by the variation.
+    `rails` are without factors of sections, with fastenings of `holds`. `kept` are the linear parts
+    by the variation.
     """
 
     layout: LawLayout
     rails: tuple[RailData, ...]
     holds: tuple[tuple[tuple[float, ...], ...], ...]
-    records: object
     kept: "LRUCache[_Kept]"
 
     def rails_of(self, variation: Variation, panel: Panel) -> list[RailData]:
@@ -222,36 +220,19 @@ class _Placed:
 
 
 _frames = LRUCache[_Frame](64)
-_by_reference = LRUCache[tuple[_Kept, Panel]](64)
-
-
-def _reference(panel: Panel) -> Panel:
-    """Return a panel that differs in values of laws alone, the same one for many."""
-    return panel.reference_panel(LAWS_ALONE) if isinstance(panel, LoadedPanel) else panel
 
 
 def _kept(panel: Panel, objects: Sequence[PlacedObject], nominal: LoadedPanel | None) -> _Kept:
     """Return layout and linear part, or those of a panel that differs in laws and motion alone."""
-    first = _reference(panel)
-    of_nominal = None if nominal is None else nominal.hash
-    places = tuple([(item.name, item.rail, item.x, item.height) for item in objects])
-    known = (id(first), of_nominal, places)
-    found = None if first is panel else _by_reference.get(known)
-    if found is not None:
-        return found[0]
     if not isinstance(panel, LoadedPanel) or not all(m.digest for m in panel.matrices.values()):
-        own = _made_frame(panel, objects, records=None)
+        own = _made_frame(panel, objects)
         return _made_kept(panel, own, own.rails_of(variation_of(panel), panel))
-    key, records = shape_of(panel, objects)
+    key = shape_of(panel, objects)
     frame = _frames.get(key)
     if frame is None:
-        frame = _frames.put(key, _made_frame(panel, objects, records=records))
+        frame = _frames.put(key, _made_frame(panel, objects))
     made = _varied(panel, frame, nominal, objects) if nominal is not None else None
-    if made is None:
-        made = _full(frame, variation_of(panel), panel)
-    if first is not panel:  # others will have it too
-        _by_reference.put(known, (made, first))
-    return made
+    return _full(frame, variation_of(panel), panel) if made is None else made
 
 
 def _full(frame: _Frame, variation: Variation, panel: Panel) -> _Kept:
@@ -325,7 +306,6 @@ def clear_mechanisms() -> None:
     """Empty the memory of layouts, linear parts and families of rails."""
     clear_families()
     _frames.clear()
-    _by_reference.clear()
 
 
 def _placed(panel: Panel, objects: Sequence[PlacedObject], nominal: LoadedPanel | None) -> _Placed:
@@ -352,8 +332,7 @@ def _put_objects(
 ) -> _Placed:
     """Add the rows of objects to those of rails, which are made with nodes for them if need be."""
     kept, added, nodes = bare, objects, list[PlacedObject]()
-    places = _reference(panel)
-    standing = [item for item in objects if not is_off_node(places, item)]
+    standing = [item for item in objects if not is_off_node(panel, item)]
     between = objects[len(standing) :]
     rows = node_rows(panel, standing, kept.rails, bare.linear.rails)
     if rows is None:
@@ -385,11 +364,11 @@ def _yields(
     }
 
 
-def _made_frame(panel: Panel, objects: Sequence[PlacedObject], *, records: object) -> _Frame:
+def _made_frame(panel: Panel, objects: Sequence[PlacedObject]) -> _Frame:
     layout = lay_out(panel, objects)
     rails = tuple(_rail_data(panel, layout.rows, objects))
     # about ten megabytes each
-    return _Frame(layout, rails, variation_of(panel).holds, records, LRUCache[_Kept](12))
+    return _Frame(layout, rails, variation_of(panel).holds, LRUCache[_Kept](12))
 
 
 def _made_kept(panel: Panel, frame: _Frame, data: Sequence[RailData]) -> _Kept:
@@ -456,7 +435,7 @@ def rail_data(panel: Panel, objects: Sequence[PlacedObject] = ()) -> list[RailDa
         Foreign objects; those at places of the panel become nodes.
     """
     objects = [item for item in divided(objects) if not is_off_node(panel, item)]
-    frame = _made_frame(panel, objects, records=None)
+    frame = _made_frame(panel, objects)
     return frame.rails_of(variation_of(panel), panel)
 
 

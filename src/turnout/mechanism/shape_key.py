@@ -5,54 +5,42 @@ be without influence counts, so that a new field of a panel can cost time but ne
 """
 
 import math
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
-from functools import cache
-from operator import attrgetter, itemgetter
+from operator import attrgetter
 
-from turnout.core.quantity import Record
 from turnout.panel.foreign_object import PlacedObject
 from turnout.panel.load import LoadedPanel
 from turnout.panel.model import Panel
-from turnout.panel.records import Chair, Drive, Fastening, Rail, StockRail
+from turnout.panel.records import Fastening
 
-_NO_SHAPE = frozenset(
-    ("schema_version", "name", "description", "instrumented_rail", "schedule", "movement")
-    + ("object_defaults", "object", "lock", "flangeway", "gauge", "chair", "drive")
-    + ("machine", "rail", "stock_rail", "fastening", "stock_fastening")
+_NO_SHAPE = (
+    *("schema_version", "name", "instrumented_rail", "schedule", "movement", "object_defaults"),
+    *("object", "lock", "flangeway", "gauge", "machine"),
 )
-_LAW_ALONE: dict[type[Record], frozenset[str]] = {
-    Chair: frozenset(
-        (
-            *("friction_coefficient", "normal_stiffness", "stick_stiffness", "clearance"),
-            *("friction_opening", "friction_factor"),
-        )
+_LAW_ALONE: dict[str, tuple[str, ...]] = {
+    "chair": (
+        *("friction_coefficient", "normal_stiffness", "stick_stiffness", "clearance"),
+        *("friction_opening", "friction_factor"),
     ),
-    Drive: frozenset(
-        ("stiffness", "saturation_force", "saturated_stiffness", "extension", "force", "machine")
-        + ("over_travel_open", "over_travel_closed", "gap_limit")
+    "drive": (
+        *("stiffness", "saturation_force", "saturated_stiffness", "extension", "force", "machine"),
+        *("over_travel_open", "over_travel_closed", "gap_limit"),
     ),
-    Rail: frozenset(
-        ("stress_free", "fit_gap", "stock_rail_gap", "running_edge", "head_width")
-        + ("gauge_widening",)
-    ),
+    "rail": (*("stress_free", "fit_gap", "stock_rail_gap", "head_width", "gauge_widening"),),
 }
 """Fields that end up in laws, markers or gaps, of which neither rows nor matrices depend."""
-LAWS_ALONE = frozenset(
-    (family, field)
-    for family, record in (("chair", Chair), ("drive", Drive), ("rail", Rail))
-    for field in _LAW_ALONE[record] - {"fit_gap"}  # whether a rail has one matters
-)
-"""The same as families and fields of a panel."""
 _SCALES = ("section_scale", "lateral_inertia_scale")
 _HOLDS = tuple(name for name in Fastening.model_fields if name.startswith(("stiffness", "damping")))
 _DIRECTIONS = sum(name.startswith("stiffness") for name in _HOLDS)
-_VARIED: dict[type[Record], tuple[str, ...]] = {
-    Rail: _SCALES,
-    StockRail: _SCALES,
-    Fastening: _HOLDS,
-}
+_VARIED = {"rail": _SCALES, "stock_rail": _SCALES, "fastening": _HOLDS, "stock_fastening": _HOLDS}
 """Fields that change the matrices of rails, of which rows and meshes do not depend."""
+SHAPELESS = frozenset(
+    [(name, "") for name in _NO_SHAPE]
+    + [(family, field) for family, fields in _LAW_ALONE.items() for field in fields]
+    + [(family, field) for family, fields in _VARIED.items() for field in fields]
+)
+"""Families and fields of a panel that shape neither rows nor meshes."""
 _scales_of, _holds_of = attrgetter(*_SCALES), attrgetter(*_HOLDS)
 
 
@@ -103,15 +91,10 @@ def variation_of(panel: Panel) -> Variation:
     return Variation(tuple(map(_scales_of, rails)), holds)
 
 
-def shape_of(
-    panel: LoadedPanel, objects: Sequence[PlacedObject]
-) -> tuple[Hashable, tuple[object, ...]]:
-    """Return a key of all that shapes rows and meshes, and the records that it names.
+def shape_of(panel: LoadedPanel, objects: Sequence[PlacedObject]) -> Hashable:
+    """Return a key of all that shapes rows and meshes, by its values.
 
     What changes the matrices of rails alone is the `Variation` of a panel.
-
-    Records are named by identity: those that an override leaves alone stay the same. Who keeps
-    something by the key must keep the records too, so that no other takes their place.
 
     Parameters
     ----------
@@ -125,53 +108,12 @@ def shape_of(
     >>> from turnout.panel.load import load_panel
     >>> panel = load_panel("sb1")
     >>> dry = panel.with_overrides({"chair.friction_coefficient": 0.5})
-    >>> shape_of(dry, ())[0] == shape_of(panel, ())[0]
+    >>> shape_of(dry, ()) == shape_of(panel, ())
     True
     >>> damped = panel.with_overrides({"chair.damping": 7.0})
-    >>> shape_of(damped, ())[0] == shape_of(panel, ())[0]
+    >>> shape_of(damped, ()) == shape_of(panel, ())
     False
     """
-    key: list[Hashable] = [given.digest for given in panel.matrices.values()]
-    named: list[object] = []
-    for field in _shaping(type(panel)):
-        value = getattr(panel, field)
-        records = list(value.values()) if isinstance(value, dict) else [value]
-        names = tuple(value) if isinstance(value, dict) else ()
-        key.append((field, names, tuple(map(id, records))))
-        named += records
-    key += [(name, rail.fit_gap is None) for name, rail in panel.rail.items()]
-    families: tuple[tuple[Mapping[str, Record], type[Record]], ...] = (
-        (panel.chair, Chair),
-        (panel.drive, Drive),
-        (panel.rail, Rail),
-        (panel.stock_rail, StockRail),
-        (panel.fastening, Fastening),
-        (panel.stock_fastening, Fastening),
-    )
-    for family, record in families:
-        values = _geometry(record)
-        for name, member in family.items():
-            found = values(vars(member))
-            key.append((name, *(map(_plain, found) if list in map(type, found) else found)))
-    key += [(item.name, item.rail, item.x, item.height) for item in objects]
-    return tuple(key), tuple(named)
-
-
-def _plain(value: object) -> Hashable:
-    return tuple(value) if isinstance(value, list) else value
-
-
-@cache
-def _shaping(panel: type[Record]) -> tuple[str, ...]:
-    return tuple(name for name in panel.model_fields if name not in _NO_SHAPE)
-
-
-@cache
-def _geometry(record: type[Record]) -> Callable[[Mapping[str, object]], tuple[object, ...]]:
-    """Return a getter of the geometry among the values of a record; far quicker than asking.
-
-    The record has more than one such field.
-    """
-    left_out = _LAW_ALONE.get(record, frozenset()) | frozenset(_VARIED.get(record, ()))
-    fields = (name for name in record.model_fields if name not in left_out)
-    return itemgetter(*fields)
+    fitted = tuple([rail.fit_gap is None for rail in panel.rail.values()])
+    places = tuple([(item.name, item.rail, item.x, item.height) for item in objects])
+    return panel.digest_without(SHAPELESS), fitted, places

@@ -46,7 +46,7 @@ from turnout.panel.lock_rule import LOCK_RULES
 from turnout.panel.model import Panel
 from turnout.panel.place import SAME_PLACE
 from turnout.panel.records import Movement, ScaledSection
-from turnout.panel.validate import Draft, Known, Partial, until_unknown
+from turnout.panel.validate import Draft, Partial, until_unknown
 
 _SAME_TIME = 1e-9
 _TABLE_KEYS = ("table_time", "table_fraction", "table_file")
@@ -158,15 +158,15 @@ _OPENING_NEEDS = {"rail", "drive", "link", "fastening", "schedule", "movement", 
 _MOST_ELEMENTS, _MOST_FEET = 5000, 8
 
 
-def check(draft: Draft, *, known: Known | None = None) -> list[Problem]:
+def check(draft: Draft, *, only: Iterable[str] | None = None) -> list[Problem]:
     """Find all problems between the records of a panel.
 
     Parameters
     ----------
     draft : Draft
         The records as far as they are valid by themselves.
-    known : Known, optional
-        A valid panel that this one was made from.
+    only : iterable of str, optional
+        Names of the checks to make; by default all of them.
 
     Returns
     -------
@@ -174,9 +174,8 @@ def check(draft: Draft, *, known: Known | None = None) -> list[Problem]:
         Empty for a valid panel.
     """
     checks = _all_checks()
-    names = draft.checks_to_repeat(checks, known)
+    names = checks if only is None else only
     found = [problem for name in names for problem in draft.checked(name, checks[name])]
-    found += until_unknown(slips_at_rest(draft, known))
     if objects := draft.records["object"]:
         blocked = {problem.path[0] for problem in (*draft.problems, *found) if problem.path}
         records = {name: draft.records[name] for name in Panel.model_fields}
@@ -185,6 +184,11 @@ def check(draft: Draft, *, known: Known | None = None) -> list[Problem]:
             sized = not blocked & _OPENING_NEEDS
             found += until_unknown(_object(panel, ("object", name), record, sized=sized))
     return [_shared(draft, problem) for problem in found]
+
+
+def names_of_checks() -> tuple[str, ...]:
+    """Return the names of all checks, in their order."""
+    return tuple(_all_checks())
 
 
 @cache
@@ -199,6 +203,7 @@ def _all_checks() -> dict[str, Callable[[Draft], Iterable[Problem]]]:
     }
     checks |= {family: partial(_each, family=family) for family in _CHECKS}
     checks["saturation of drives"] = check_saturations
+    checks["slips at rest"] = slips_at_rest
     return checks | {
         f"places of {name}": partial(_same_places, family=name) for name in _HAVE_PLACES
     }

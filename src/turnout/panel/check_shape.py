@@ -11,7 +11,7 @@ from turnout.panel.check_rails import check_drive_table, check_profile, unknown_
 from turnout.panel.place import SAME_PLACE
 from turnout.panel.profile import evaluate_profile
 from turnout.panel.records import Drive, Rail
-from turnout.panel.validate import Draft, Known, Partial, until_unknown
+from turnout.panel.validate import Draft, Partial, until_unknown, values_of
 
 MOST_CONTRADICTION = 0.5e-3
 """So far a typed shape may be from the stroke at a drive [m]."""
@@ -107,27 +107,17 @@ def check_adjustment(path: tuple[str, str], linkage: Any, *, remedy: str) -> Ite
 # `panel check` say so.
 _STUDIED = ("stiffness", "saturation_force", "extension", "force")
 _REACHES = ("over_travel_closed", "over_travel_open")
-_PRESSED_BY = {"rail", "drive", "link"}
 
 
-def slips_at_rest(draft: Draft, known: Known | None) -> Iterator[Problem]:
+def slips_at_rest(draft: Draft) -> Iterator[Problem]:
     """Find drives that press a closed rail so hard that they slip without moving.
 
     Refused, unless an override has set stiffness, slip level or force table of the drive, and none
     the over-travel. That follows from the document alone, so a stored panel can be made again.
     """
-    before = _sound_drives(draft, known)
+    draft.records.asked.add(values_of("drive"))
     for name in draft.names["drive"]:
-        if draft.records["drive"][name] is before.get(name):
-            continue
         yield from until_unknown(_refused_at_rest(draft, name))
-
-
-def _sound_drives(draft: Draft, known: Known | None) -> Mapping[str, Drive]:
-    """Return the drives of a valid panel that differs in values of other drives alone."""
-    if known is None or known.given is not draft.given:
-        return {}
-    return known.panel.drive if draft.changed.isdisjoint(_PRESSED_BY) else {}
 
 
 def _refused_at_rest(draft: Draft, name: str) -> Iterator[Problem]:

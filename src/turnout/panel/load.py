@@ -3,7 +3,7 @@
 One direction: file, document, overrides, records, checks, panel.
 """
 
-from collections.abc import Container, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -20,6 +20,7 @@ from turnout.core.problems import Problem, choices
 from turnout.core.provenance import content_hash
 from turnout.core.toml import Origin, TomlFile, parse_toml, read_toml
 from turnout.panel.check import check
+from turnout.panel.compiled_keys import CompiledKeys, compile_keys
 from turnout.panel.document import Document, expand
 from turnout.panel.library_members import add_library_members
 from turnout.panel.markers import read_schedule_files
@@ -31,8 +32,7 @@ from turnout.panel.override import (
     supersede,
 )
 from turnout.panel.records import RailMatrices
-from turnout.panel.same_keys import PendingDocument, derive_panel, note_keys
-from turnout.panel.validate import Known, validate_document, with_values
+from turnout.panel.validate import validate_document, with_values
 
 # Neither changes what the panel is: the text about it, and where a schedule's numbers were read.
 _NOT_HASHED: dict[str, set[str]] = {"movement": {"table_file"}, "rail": {"matrices"}}
@@ -73,9 +73,7 @@ class CheckedDocument:
     problems: tuple[Problem, ...]
 
 
-def check_document(
-    document: Document, *, folder: Path | None, known: Known | None = None
-) -> CheckedDocument:
+def check_document(document: Document, *, folder: Path | None) -> CheckedDocument:
     """Read the files that a document names, make its records and check them.
 
     Parameters
@@ -84,8 +82,6 @@ def check_document(
         With its families expanded and its overrides applied.
     folder : Path or None
         Folder from which relative paths in its tables start.
-    known : Known, optional
-        A valid panel that this one was made from; what did not change is not checked again.
 
     Returns
     -------
@@ -96,8 +92,8 @@ def check_document(
     matrices, matrix_problems = read_matrices(
         document.tree.get("rail"), folder=folder, known=document.matrices
     )
-    draft = validate_document(filled, known=known)
-    found = [*draft.problems, *file_problems, *matrix_problems, *check(draft, known=known)]
+    draft = validate_document(filled)
+    found = [*draft.problems, *file_problems, *matrix_problems, *check(draft)]
     if not found:
         found += check_matrices(draft.records, matrices)
     return CheckedDocument(
@@ -114,6 +110,44 @@ def _key_order(problem: Problem) -> int:
     return known.index(problem.path[0]) if problem.path and problem.path[0] in known else -1
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _PendingDocument:
+    """The document of a panel with other values, whose tables have not been needed yet."""
+
+    before: Document
+    given: Mapping[str, object]
+
+    @property
+    def matrices(self) -> dict[str, RailMatrices]:
+        """Matrices that tables name, which no value changes."""
+        return self.before.matrices
+
+    def made(self) -> Document:
+        """Return the document."""
+        return apply_overrides(self.before, self.given)[0]
+
+
+class _Own:
+    """Results that belong to one panel: its keys compiled, and hashes of parts of it.
+
+    A copy of the panel has none, and makes its own.
+    """
+
+    def __init__(self) -> None:
+        self.compiled: dict[tuple[str, ...], CompiledKeys | None] = {}
+        self.digests: dict[frozenset[tuple[str, str]], str] = {}
+
+    def __deepcopy__(self, memo: object) -> "_Own":
+        return _Own()
+
+    def __reduce__(self) -> tuple[type["_Own"], tuple[()]]:
+        return _Own, ()
+
+
+MOST_COMPILED = 16
+"""Sets of keys that a panel has compiled; another one makes room for itself."""
+
+
 class LoadedPanel(Panel):
     """A valid panel that knows the origins of its values.
 
@@ -121,13 +155,14 @@ class LoadedPanel(Panel):
     It can be pickled, and written as plain data (`turnout.panel.stored`).
     """
 
-    _document: Document | PendingDocument = PrivateAttr()
+    _document: Document | _PendingDocument = PrivateAttr()
     _overrides: dict[str, object] = PrivateAttr(default_factory=dict)
     _source: str = PrivateAttr(default="panel")
     _folder: Path | None = PrivateAttr(default=None)
     _hash: str = PrivateAttr(default="")
     _asked: Mapping[str, frozenset[str]] = PrivateAttr(default_factory=dict)
-    _first: Panel | None = PrivateAttr(default=None)
+    _own: _Own = PrivateAttr(default_factory=_Own)
+    _base: "LoadedPanel | None" = PrivateAttr(default=None)
     _differs: frozenset[tuple[str, str]] = PrivateAttr(default=frozenset())
 
     @property
@@ -163,7 +198,7 @@ class LoadedPanel(Panel):
     @property
     def document(self) -> Document:
         """The tables that the panel was made of."""
-        if isinstance(self._document, PendingDocument):
+        if isinstance(self._document, _PendingDocument):
             self._document = self._document.made()
         return self._document
 
@@ -259,55 +294,72 @@ class LoadedPanel(Panel):
         return self._changed(overrides, problems)
 
     def _changed(self, overrides: Mapping[str, object], problems: list[Problem]) -> Self:
-        before = self.document
-        made = None if problems else derive_panel(self, before, overrides)
-        if made is not None:
+        keys = None if problems else self._compiled(tuple(overrides))
+        made = None if keys is None else keys.derive(overrides)
+        if keys is not None and made is not None:
             panel = with_values(self, made.records)
-            panel._document, panel._asked = made.document, made.asked
-            panel._first, panel._differs = made.first, made.fields
-            applied = made.applied
+            panel._document, panel._asked = _PendingDocument(self.document, overrides), made.asked
+            panel._base, panel._differs, panel._overrides = self, keys.fields, made.overrides
         else:
-            document, found, applied = apply_overrides(before, overrides)
-            known = Known(before.tree, self, self._asked)
-            checked = check_document(document, folder=self._folder, known=known)
+            document, found, applied = apply_overrides(self.document, overrides)
+            checked = check_document(document, folder=self._folder)
             refuse([*problems, *found, *checked.problems], heading="overrides")
             panel = with_values(self, dict(checked.records))
             panel._document, panel._asked = checked.document, checked.asked
-            panel._first, panel._differs = None, frozenset()
-            note_keys(self, before, overrides, Known(document.tree, panel, panel._asked))
-        panel._hash, panel._overrides = "", supersede(self._overrides, applied)
+            panel._base, panel._differs = None, frozenset()
+            panel._overrides = supersede(self._overrides, applied)
+        panel._hash, panel._own = "", _Own()
         return panel
 
-    def reference_panel(self, fields: Container[tuple[str, str]]) -> Panel:
-        """Return the reference of all panels that differ from it in some fields of members alone.
+    def _compiled(self, keys: tuple[str, ...]) -> CompiledKeys | None:
+        """Return keys compiled for this panel, or None if they cannot be."""
+        known = self._own.compiled
+        if keys not in known:
+            made = compile_keys(self, self.document, self._asked, self._overrides, keys)
+            if len(known) >= MOST_COMPILED:
+                known.clear()
+            known[keys] = made
+        return known[keys]
+
+    def digest_without(self, fields: frozenset[tuple[str, str]]) -> str:
+        """Return a content hash of all values but some.
 
         Parameters
         ----------
-        fields : container of (str, str)
-            Families, and fields of theirs that do not matter.
+        fields : frozenset of (str, str)
+            Families, and fields of theirs; with an empty second part whole families and tables.
 
         Returns
         -------
-        Panel
-            The same one for all panels that were made with the same keys, where no other field was
-            changed by them; else this one.
+        str
+            The same for all panels that differ in these alone.
         """
-        first = self._first
-        if first is None or not all(field in fields for field in self._differs):
-            return self
-        return first
+        if self._base is not None and all(
+            field in fields or (field[0], "") in fields for field in self._differs
+        ):
+            return self._base.digest_without(fields)
+        known = self._own.digests
+        if fields not in known:
+            values = {
+                name: _plain(name, getattr(self, name), fields)
+                for name in _HASHED
+                if (name, "") not in fields
+            }
+            matrices = {f"matrices of {name}": m.digest for name, m in self.matrices.items()}
+            known[fields] = content_hash(values | matrices)
+        return known[fields]
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """Return a copy, which has no other reference panel than itself."""
+        """Return a copy, which knows nothing of the panel that it was made from."""
         copied = super().model_copy(update=update, deep=deep)
-        copied._first, copied._differs = None, frozenset()
+        copied._base, copied._differs, copied._own = None, frozenset(), _Own()
         return copied
 
     def __getstate__(self) -> dict[Any, Any]:
-        """Return the state to pickle or copy: with the tables, without the reference panel."""
+        """Return the state to pickle: with the tables, without the panel that it was made from."""
         state = super().__getstate__()
-        own: dict[str, object] = {"_document": self.document, "_first": None}
-        own |= {"_differs": frozenset()}
+        own: dict[str, object] = {"_document": self.document, "_base": None}
+        own |= {"_differs": frozenset(), "_own": _Own()}
         return state | {"__pydantic_private__": (state["__pydantic_private__"] or {}) | own}
 
     def __eq__(self, other: object) -> bool:
@@ -371,15 +423,17 @@ def _plain_values(panel: Panel) -> dict[str, Any]:
 
     Each record was validated and has a serializer; for the panel as a whole one would be built.
     """
+    return {name: _plain(name, getattr(panel, name)) for name in _HASHED}
 
-    def plain(name: str, value: Any) -> Any:
-        if isinstance(value, dict):
-            return {key: plain(name, member) for key, member in value.items()}
-        if isinstance(value, BaseModel):
-            return value.model_dump(mode="json", exclude=_NOT_HASHED.get(name))
-        return value
 
-    return {name: plain(name, getattr(panel, name)) for name in _HASHED}
+def _plain(name: str, value: Any, left_out: frozenset[tuple[str, str]] = frozenset()) -> Any:
+    """Return the value of a field of a panel as plain data, without some fields of families."""
+    if isinstance(value, dict):
+        return {key: _plain(name, member, left_out) for key, member in value.items()}
+    if isinstance(value, BaseModel):
+        without = {field for family, field in left_out if family == name}
+        return value.model_dump(mode="json", exclude=_NOT_HASHED.get(name, set()) | without)
+    return value
 
 
 def refuse(problems: Iterable[Problem], *, heading: str) -> None:

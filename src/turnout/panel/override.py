@@ -4,13 +4,12 @@ A key that names a field of a family sets it for all members, also for those wit
 key that names a member sets it for that one. Within one set of overrides the broader keys go first.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
 from turnout.core.keys import Path, put, records_in
-from turnout.core.lru_cache import LRUCache
 from turnout.core.problems import Problem, nearest, show_value
 from turnout.core.toml import Origin
 from turnout.panel.document import Document
@@ -45,12 +44,6 @@ def apply_overrides(
     applied : dict
         Value by leaf key, broad keys first.
     """
-    values = overrides.values()  # numbers first: to find that one is no mapping takes longer
-    plain = all(isinstance(value, float) or not isinstance(value, Mapping) for value in values)
-    names = (id(document), *overrides)
-    known = known_plan(document, overrides) if plain else None
-    if known is not None:
-        return known.apply(overrides)
     tree = dict(document.tree)
     shared, given = set(document.shared), dict[str, object]()
     problems: list[Problem] = []
@@ -92,89 +85,19 @@ def apply_overrides(
                 shared.add(target[:3])
             else:
                 shared.discard(target[:3])
-    given = {key: value for key, value in document.given.items() if not _given(key, given)} | given
+    given = {
+        key: value for key, value in document.given.items() if not is_given(key, given)
+    } | given
     changed = replace(document, tree=tree, shared=frozenset(shared), given=given)
-    if plain and not problems:
-        places = {key: PANEL_KEYS.places(document.tree, key) for key in applied}
-        plan = _plan(document, changed, places)
-        if plan is not None:
-            _plans.put(names, plan)
     return changed, problems, applied
 
 
-@dataclass(frozen=True, slots=True)
-class OverridePlan:
-    """Plan of changing a document by values for certain keys, all of them fields of members.
-
-    Attributes
-    ----------
-    document : Document
-        Document to change; it is known by its identity.
-    targets : dict
-        Places of each key, broad keys first.
-    members : dict
-        Whose tables become copies, by family.
-    shared : frozenset of key paths
-        As of the changed document.
-    given : dict
-        The former values that nothing covers.
-    places : list of (key path, str)
-        Every place that is set, and the key that does it last, in the order of the values given.
-    """
-
-    document: Document
-    targets: dict[str, list[Path]]
-    members: dict[str, list[str]]
-    shared: frozenset[Path]
-    given: dict[str, object]
-    places: list[tuple[Path, str]]
-
-    def apply(
-        self, overrides: Mapping[str, object]
-    ) -> tuple[Document, list[Problem], dict[str, object]]:
-        """Return the result of `apply_overrides` for other values of the same keys."""
-        tree = dict(self.document.tree)
-        for family, names in self.members.items():
-            members = tree[family] = dict(tree[family])
-            for name in names:
-                members[name] = dict(members[name])
-        for key, targets in self.targets.items():
-            value = overrides[key]
-            for family, name, field in targets:
-                tree[family][name][field] = value
-        given = self.given | {".".join(place): overrides[key] for place, key in self.places}
-        changed = replace(self.document, tree=tree, shared=self.shared, given=given)
-        return changed, [], {key: overrides[key] for key in self.targets}
-
-
-_plans = LRUCache[OverridePlan](16)
-
-
-def known_plan(document: Document, overrides: Mapping[str, object]) -> OverridePlan | None:
-    """Return the plan by which the keys of overrides changed a document before, or None."""
-    return _plans.get((id(document), *overrides))
-
-
-def _plan(
-    document: Document, changed: Document, targets: dict[str, list[Path]]
-) -> OverridePlan | None:
-    """Return the plan for changing a document by the same keys; None if a table comes or goes."""
-    last: dict[Path, str] = {}
-    members: dict[str, dict[str, None]] = {}
-    for key, found in targets.items():
-        for place in found:
-            if len(place) != len(("family", "member", "field")):
-                return None
-            family, name, field = place
-            member = document.tree.get(family, {}).get(name)
-            if not isinstance(member, dict) or isinstance(member.get(field), dict):
-                return None
-            last[place] = key
-            members.setdefault(family, {})[name] = None
-    set_here = {".".join(place) for place in last}
-    kept = {name: value for name, value in changed.given.items() if name not in set_here}
-    of_families = {family: list(names) for family, names in members.items()}
-    return OverridePlan(document, targets, of_families, changed.shared, kept, list(last.items()))
+def key_places(document: Document, keys: Iterable[str]) -> dict[str, list[Path]] | None:
+    """Return the places in a document that each key sets, broad keys first; None for too many."""
+    ordered = sorted(keys, key=lambda key: _breadth(tuple(key.split("."))))
+    if len(ordered) > MOST_OVERRIDES:
+        return None
+    return {key: PANEL_KEYS.places(document.tree, key) for key in ordered}
 
 
 def supersede(before: Mapping[str, object], applied: Mapping[str, object]) -> dict[str, object]:
@@ -184,12 +107,13 @@ def supersede(before: Mapping[str, object], applied: Mapping[str, object]) -> di
     kept = {
         key: value
         for key, value in before.items()
-        if not any(_covers(later, key) for later in applied)
+        if not any(covers(later, key) for later in applied)
     }
     return kept | dict(applied)
 
 
-def _covers(broad: str, key: str) -> bool:
+def covers(broad: str, key: str) -> bool:
+    """Return True if a key sets all that another one does."""
     wide, parts = tuple(broad.split(".")), tuple(key.split("."))
     if wide == parts or (len(wide) < len(parts) and parts[: len(wide)] == wide):
         return True
@@ -227,11 +151,11 @@ def _above(place: Path) -> frozenset[str]:
 def restated(document: Document) -> dict[str, Origin]:
     """Return the origins of values after those of some keys, and all below them, were given."""
     given = document.given
-    kept = {name: origin for name, origin in document.origins.items() if not _given(name, given)}
+    kept = {name: origin for name, origin in document.origins.items() if not is_given(name, given)}
     return kept | {key: Origin("override", show_value(value)) for key, value in given.items()}
 
 
-def _given(name: str, given: Mapping[str, object]) -> bool:
+def is_given(name: str, given: Mapping[str, object]) -> bool:
     """Return True if a key or one above it is among those given."""
     while name:
         if name in given:

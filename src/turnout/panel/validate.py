@@ -81,24 +81,6 @@ def values_of(family: str) -> str:
     return f"values of {family}"
 
 
-@dataclass(frozen=True, slots=True)
-class Known:
-    """Tables of a valid panel, the records that were made of them, and the inputs of its checks.
-
-    A check that found nothing finds nothing again where all that it read is the same. `given` is
-    what overrides have set, where that is known, as in `Draft`.
-    """
-
-    tree: dict[str, Any]
-    panel: Panel
-    asked: Mapping[str, frozenset[str]]
-    given: Mapping[str, object] | None = None
-
-    def of(self, family: str) -> tuple[dict[str, Any], dict[str, BaseModel]]:
-        """Return tables and records of a family by member."""
-        return self.tree.get(family, {}), getattr(self.panel, family)
-
-
 @dataclass(slots=True)
 class Draft:
     """The records that could be made so far.
@@ -116,9 +98,6 @@ class Draft:
         Values (family, member, field) that come from the family, not from the member.
     given : mapping of str to object
         Values set by overrides, by dotted place.
-    changed : set of str
-        Fields of `Panel` that are not those of the known panel; `members_of` a family as well where
-        there are others; `values_of` a family alone where no more than `ASKED_ALONE` has changed.
     asked : dict of str to frozenset
         Fields, and families of which it takes the names alone, that each check read, by its name.
     """
@@ -128,16 +107,7 @@ class Draft:
     problems: list[Problem] = field(default_factory=list)
     shared: frozenset[Path] = frozenset()
     given: Mapping[str, object] = field(default_factory=dict)
-    changed: set[str] = field(default_factory=set)
     asked: dict[str, frozenset[str]] = field(default_factory=dict)
-
-    def checks_to_repeat(self, checks: Iterable[str], known: Known | None) -> list[str]:
-        """Return the names of the checks to run again on a panel made from a known valid one."""
-        if known is None:
-            return list(checks)
-        self.asked = dict(known.asked)
-        asked, changed = known.asked, self.changed
-        return [name for name in checks if not asked[name].isdisjoint(changed)]
 
     def checked(self, name: str, check: Callable[["Draft"], Iterable[Problem]]) -> list[Problem]:
         """Return the problems that a check finds, and note its inputs."""
@@ -147,16 +117,13 @@ class Draft:
         return found
 
 
-def validate_document(document: Document, *, known: Known | None = None) -> Draft:
+def validate_document(document: Document) -> Draft:
     """Make every record that can be made and describe the problems of the others.
 
     Parameters
     ----------
     document : Document
         The expanded document.
-    known : Known, optional
-        A valid panel that this one was made from: its records are taken over where their tables
-        are the very same objects.
     """
     draft = Draft(problems=list(document.problems), shared=document.shared, given=document.given)
     tree, fields = document.tree, Panel.model_fields
@@ -166,22 +133,12 @@ def validate_document(document: Document, *, known: Known | None = None) -> Draf
         draft.problems.append(Problem((name,), text))
     draft.problems += _rest((), len(unknown))
     for name in fields:
-        if known is not None and tree.get(name, _ABSENT) is known.tree.get(name, _ABSENT):
-            draft.records[name] = getattr(known.panel, name)
-            if name in FAMILIES:
-                draft.names[name] = tuple(tree.get(name, ()))
-            continue
         if name in FAMILIES:
-            _family(name, document, draft, known)
-            continue
-        _plain(name, tree, draft)
-        if known is None or draft.records[name] is not getattr(known.panel, name):
-            draft.changed.add(name)
+            _family(name, document, draft)
+        else:
+            _plain(name, tree, draft)
     return draft
 
-
-_ABSENT = object()
-"""Stands for a table that a document does not have."""
 
 UNASKED = {"chair": frozenset(("friction_coefficient", "normal_stiffness", "stick_stiffness"))}
 """Fields of families that no check between records asks for."""
@@ -204,6 +161,12 @@ def read_by(family: str, fields: Iterable[str]) -> set[str]:
     if not asked:
         return set()
     return {values_of(family) if asked <= ASKED_ALONE.get(family, frozenset()) else family}
+
+
+def field_reader(name: str) -> Callable[[object], Any]:
+    """Return the validator of a plain field of the panel."""
+    reader: Callable[[object], Any] = _adapter(name).validate_python
+    return reader
 
 
 @cache
@@ -258,7 +221,7 @@ def _plain(name: str, tree: dict[str, Any], draft: Draft) -> None:
         draft.records[name] = _partial(records[0], tree[name], errors) if records else Partial()
 
 
-def _family(name: str, document: Document, draft: Draft, known: Known | None) -> None:
+def _family(name: str, document: Document, draft: Draft) -> None:
     info, record = Panel.model_fields[name], FAMILIES[name]
     members = document.tree.get(name, {})
     broken = any(problem.path[0] == name for problem in document.problems)
@@ -270,24 +233,11 @@ def _family(name: str, document: Document, draft: Draft, known: Known | None) ->
     meant_elsewhere = {item.meant for item in document.problems if item.path[0] == name}
     records: dict[str, BaseModel | Partial] = {}
     found: dict[Problem, list[str]] = {}
-    before, made = known.of(name) if known is not None else ({}, {})
-    read: dict[tuple[str, int], Any] = {}
-    fields: set[str] = set()
-    same = known is not None and list(members) == list(made)
-    if not same:
-        draft.changed.add(members_of(name))
     for member, values in members.items():
-        changed = _changed(before.get(member), values)
-        same = same and changed is not None
-        fields.update(changed or ())
         try:
-            again = _taken_over(made.get(member), changed, values, read)
-            if again is not None:
-                records[member] = again
-                continue
             records[member] = record.model_validate(values)
         except ValidationError as error:
-            errors, same = _errors(error), False
+            errors = _errors(error)
             records[member] = _partial(record, values, errors)
             errors = _without_misspelt(errors, (name,), meant_elsewhere)
             shown = MOST_PROBLEMS if len(found) < 10 * MOST_PROBLEMS else 1
@@ -299,47 +249,8 @@ def _family(name: str, document: Document, draft: Draft, known: Known | None) ->
                 found.setdefault(problem, []).append(member)
     draft.records[name] = records
     draft.names[name] = tuple(members)
-    draft.changed |= read_by(name, fields) if same else {name}
     draft.problems += _merged(name, found, document)
     _check_count(name, info.metadata, len(members), broken, draft)
-
-
-def _changed(before: object, values: object) -> list[str] | None:
-    """Return the keys of a member with other values than before; None if keys changed too."""
-    if before is values:
-        return []
-    if not (isinstance(before, dict) and isinstance(values, dict)) or [*before] != [*values]:
-        return None
-    pairs = zip(values.items(), before.values(), strict=True)
-    return [key for (key, value), own in pairs if value is not own]
-
-
-def _taken_over(
-    made: BaseModel | None, changed: list[str] | None, values: Any, read: dict[tuple[str, int], Any]
-) -> BaseModel | None:
-    """Return a known record, or a copy of it with changed values, read once for all members.
-
-    Each field of a record is valid on its own. None where one is wrong.
-    """
-    if made is None or not changed:
-        return made if changed is not None else None
-    record = type(made)
-    if record.__pydantic_decorators__.model_validators:
-        return None  # which read several fields
-    new = dict(made.__dict__)
-    for key in changed:
-        value = values[key]
-        place = (key, id(value))
-        if place not in read:
-            check = field_check(record, key)
-            if check is None:
-                return None
-            try:
-                read[place] = check(value)
-            except ValidationError:
-                return None  # the whole record says where it is wrong
-        new[key] = read[place]
-    return with_values(made, new)
 
 
 # Slots of a record of pydantic; to set them by name takes twice as long.

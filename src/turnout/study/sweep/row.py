@@ -6,8 +6,7 @@ the processor's caches: what need not be done beside it is done before and after
 once, which takes half the time: panels, mechanisms and motions before, signals and labels after.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +15,6 @@ from numpy.typing import NDArray
 from turnout.core.errors import PanelError, TurnoutError
 from turnout.core.scheme import Scheme
 from turnout.core.threads import one_blas_thread
-from turnout.mechanism.shape_key import LAWS_ALONE
 from turnout.panel.foreign_object import PlacedObject, resolve_objects
 from turnout.panel.load import LoadedPanel
 from turnout.solver.outcome import Code
@@ -53,12 +51,9 @@ UNUSABLE = (FAILED, INVALID, INACCURATE)
 THROWS_PER_PASS = 128
 """Throws evaluated together; more save no time and take more memory."""
 
-ALIKE_AT_ONCE = 64
-"""Throws of the same rails that are planned, then made, then extracted together: each change from
-one to the other makes Python find its own objects in the processor's caches again."""
-
-APART_AT_ONCE = 8
-"""The same for throws that may have rails of their own, which take megabytes each."""
+AT_ONCE = 32
+"""Throws that are planned, then made, then extracted together: each change from one to the other
+makes Python find its own objects in the processor's caches again."""
 
 STEPS_AT_ONCE = 136_000
 """Steps of the throws that are made together: of longer throws there are fewer, since each leaves
@@ -217,13 +212,7 @@ def throws_at_once(study: Study, ready: Sequence[PreparedScenario]) -> int:
     """Return the number of throws that are planned and made before they are extracted."""
     longest = max((item.panel.schedule.end for item in ready), default=0.0)
     most = max(1, int(STEPS_AT_ONCE * study.scheme.step / max(longest, 1.0)))
-    return min(ALIKE_AT_ONCE if share_rails(ready) else APART_AT_ONCE, most)
-
-
-def share_rails(ready: Sequence[PreparedScenario]) -> bool:
-    """Return True if the panels of some throws are known to have the same rails."""
-    references = {id(item.panel.reference_panel(LAWS_ALONE)) for item in ready if not item.fault}
-    return len(references) <= 1
+    return min(AT_ONCE, most)
 
 
 def prepare_scenario(study: Study, scenario: Scenario) -> PreparedScenario:
@@ -318,9 +307,8 @@ def make_rows(study: Study, throws: Sequence[ThrowResult]) -> list[ScenarioRow]:
     """Return the rows of some throws."""
     complete = [item.extracted for item in throws if item.extracted is not None]
     stored: list[tuple[StoredThrows, int]] = []
-    with short_buffers():
-        for first in range(0, len(complete), THROWS_PER_PASS):
-            stored += reduce_signals(study, complete[first : first + THROWS_PER_PASS])
+    for first in range(0, len(complete), THROWS_PER_PASS):
+        stored += reduce_signals(study, complete[first : first + THROWS_PER_PASS])
     rows, made = [], iter(stored)
     for item in throws:
         about = (item.ready.scenario, item.outcome, item.reason, item.attempts, item.solver)
@@ -365,30 +353,3 @@ def refine_scheme(scheme: Scheme) -> Scheme:
 def rule_inputs(row: ScenarioRow) -> Mapping[str, object]:
     """Return the inputs of the rule of a chain."""
     return {"slipped": row.slipped, **row.scenario.inputs}
-
-
-ELEMENTS = 512
-"""Size of the buffer: shorter than the rows to have an effect, long enough to convert types."""
-
-
-@contextmanager
-def short_buffers() -> Iterator[None]:
-    """Keep NumPy from copying rows into its buffers for a while.
-
-    Where an operand is not in one piece, or is repeated along the rows, NumPy copies as many whole
-    rows as fit its buffer of 8192 elements before it calculates with them, though no type has to be
-    converted. Rows that do not fit are taken as they are, which takes a third of the time. What
-    is calculated with is the same, and so are sums along an axis; a sum over all axes of an array
-    that is not in one piece adds in another order.
-
-    Examples
-    --------
-    >>> with short_buffers():
-    ...     np.getbufsize()
-    512
-    >>> np.getbufsize()
-    8192
-    """
-    with np.errstate():  # restores the size too
-        np.setbufsize(ELEMENTS)
-        yield

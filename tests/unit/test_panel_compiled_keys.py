@@ -1,52 +1,60 @@
 """A panel of other numbers for known keys is the one that its whole document would give."""
 
 import pickle
+from copy import deepcopy
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from turnout.core.errors import PanelError
-from turnout.panel import check_rails, load
-from turnout.panel.check import check
+from turnout.panel import check_rails
+from turnout.panel.check import _all_checks, check
+from turnout.panel.compiled_keys import CompiledKeys
 from turnout.panel.load import LoadedPanel, load_panel
-from turnout.panel.same_keys import derive_panel
 from turnout.panel.validate import ASKED_ALONE, validate_document
 
-FIRST = {
+FIRST: dict[str, Any] = {
     "chair.friction_coefficient": 0.2,
     "drive.1.stiffness": 8e5,
     "drive.2.saturation_force": 6e3,
     "drive.2.over_travel_closed": 3e-3,
     "rail.straight.section_scale": 0.97,
     "chair.7.friction_coefficient": 0.3,
+    "movement.return.extra_time.2": 0.15,
+    "rail.fit_gap.value": [1e-3 * number for number in range(12)],
+    "schedule.end": 9.0,
+    "gravity": 9.8,
 }
-SECOND = {key: 1.01 * value for key, value in FIRST.items()}
+SECOND = {
+    key: [1.01 * item for item in value] if isinstance(value, list) else 1.01 * value
+    for key, value in FIRST.items()
+}
 
 
-def whole(panel: LoadedPanel, changes: dict[str, float]) -> LoadedPanel:
+def whole(panel: LoadedPanel, changes: dict[str, Any]) -> LoadedPanel:
     """Return a changed panel whose whole document was read."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(load, "derive_panel", lambda *given: None)
+        patch.setattr(CompiledKeys, "derive", lambda *given: None)
         return panel.with_overrides(changes)
 
 
 def changed(panel: LoadedPanel, changes: dict[str, Any]) -> tuple[LoadedPanel, bool]:
-    """Return a changed panel, and whether it was derived from one with the same keys."""
+    """Return a changed panel, and whether it was derived by keys that were compiled."""
     made: list[Any] = []
+    derive = CompiledKeys.derive
 
     def noted(*given: Any) -> Any:
-        made.append(derive_panel(*given))
+        made.append(derive(*given))
         return made[-1]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(load, "derive_panel", noted)
-        return panel.with_overrides(changes), made[0] is not None
+        patch.setattr(CompiledKeys, "derive", noted)
+        return panel.with_overrides(changes), bool(made) and made[0] is not None
 
 
 def test_it_has_the_records_tables_and_overrides_of_its_whole_document() -> None:
     panel = load_panel("uic60-760-1-15").with_overrides({"drive.1.stiffness": 7e5})
-    panel.with_overrides(FIRST)
     (made, quick), expected = changed(panel, SECOND), whole(panel, SECOND)
     assert quick
     assert dict(made) == dict(expected)
@@ -77,7 +85,6 @@ def test_it_has_the_records_tables_and_overrides_of_its_whole_document() -> None
 )
 def test_it_is_refused_for_the_same(wrong: dict[str, float]) -> None:
     panel = load_panel("uic60-760-1-15")
-    panel.with_overrides(FIRST)
     with pytest.raises(PanelError) as quick:
         panel.with_overrides(SECOND | wrong)
     with pytest.raises(PanelError) as thorough:
@@ -86,11 +93,9 @@ def test_it_is_refused_for_the_same(wrong: dict[str, float]) -> None:
     assert quick.value.problems
 
 
-def test_texts_and_lists_are_read_as_ever() -> None:
+def test_texts_are_read_with_the_whole_document() -> None:
     panel = load_panel("uic60-760-1-15")
-    changes = {"drive.1.stiffness": "80 kN/m", "chair.5.friction_coefficient": 0.3}
-    panel.with_overrides(changes)
-    changes |= {"drive.1.stiffness": "81 kN/m"}
+    changes = {"drive.1.stiffness": "81 kN/m", "chair.5.friction_coefficient": 0.3}
     made, quick = changed(panel, changes)
     assert not quick
     assert made.drive["1"].stiffness == 81e3
@@ -106,28 +111,41 @@ def test_only_the_checks_of_what_is_asked_for_alone_ask_for_it() -> None:
         }
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(check_rails, "_drive_saturated", lambda *given: iter(()))
-        patch.setitem(check.__globals__, "slips_at_rest", lambda draft, known: iter(()))
+        patch.setitem(_all_checks(), "slips at rest", lambda draft: iter(()))
         assert check(draft) == []
     with pytest.raises(AttributeError, match="stiffness"):
         check(draft)
 
 
-def test_panels_that_differ_in_fields_that_do_not_matter_are_alike() -> None:
+def test_a_machine_is_valid_as_a_whole() -> None:
+    panel = load_panel("uic60-760-1-15").with_overrides({"drive.1.machine": "sb3"})
+    key = "machine.sb3.motor.resistance"
+    value = panel.values_at(key)[key]
+    made, quick = changed(panel, {key: 1.1 * value})
+    assert quick
+    assert dict(made) == dict(whole(panel, {key: 1.1 * value}))
+    for get in (changed, whole):
+        with pytest.raises(PanelError, match="resistance"):
+            get(panel, {key: -1.0})
+
+
+def test_panels_that_differ_in_fields_that_do_not_matter_have_one_digest() -> None:
     panel = load_panel("uic60-760-1-15")
-    panel.with_overrides(FIRST)
-    second, third = panel.with_overrides(SECOND), panel.with_overrides(SECOND)
-    fields = {tuple(name.split(".")[:: len(name.split(".")) - 1]) for name in FIRST}
-    assert second.reference_panel(fields) is third.reference_panel(fields)
-    assert second.reference_panel(fields).drive["1"].stiffness == FIRST["drive.1.stiffness"]
-    assert second.reference_panel(fields - {("drive", "stiffness")}) is second
-    assert panel.reference_panel(fields) is panel
-    further = second.with_overrides({"gravity": 9.8})
-    assert further.reference_panel(fields) is further
-    copied = second.model_copy(update={"gravity": 9.8})
-    assert copied.reference_panel(fields) is copied
-    again = pickle.loads(pickle.dumps(second))
-    assert again.reference_panel(fields) is again
-    assert second.reference_panel(fields) is third.reference_panel(fields), "pickling changed it"
+    second, third = panel.with_overrides(FIRST), panel.with_overrides(SECOND)
+    fields = frozenset(
+        {("chair", "friction_coefficient"), ("drive", "stiffness"), ("drive", "saturation_force")}
+        | {("drive", "over_travel_closed"), ("rail", "section_scale"), ("rail", "fit_gap")}
+        | {("movement", "extra_time"), ("schedule", ""), ("gravity", "")}
+    )
+    of_panel = panel.digest_without(fields)
+    assert second.digest_without(fields) == third.digest_without(fields) == of_panel
+    assert second.digest_without(fields - {("drive", "stiffness")}) != of_panel
+    assert whole(panel, SECOND).digest_without(fields) == of_panel
+    assert panel.with_overrides({"chair.damping": 7.0}).digest_without(fields) != of_panel
+    for again in (pickle.loads(pickle.dumps(second)), deepcopy(second), deepcopy(panel)):
+        assert again.digest_without(fields) == of_panel
+    copied = second.model_copy(update={"instrumented_rail": "curved"})
+    assert copied.digest_without(fields) != of_panel
 
 
 def test_panels_of_equal_values_are_equal_however_they_were_made() -> None:
