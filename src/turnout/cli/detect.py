@@ -179,8 +179,8 @@ def _described(knowledge: "Knowledge") -> dict[str, Any]:
 
     return {
         "about": dict(knowledge.about),
-        "allowances": asdict(knowledge.setting.allowances),
-        "calibrated": [asdict(item) for item in knowledge.calibrated],
+        "allowances": knowledge.setting.allowances,
+        "calibrated": knowledge.calibrated,
         "signatures": len(knowledge.signatures.kind),
         "causes": ["object", *(name for name in knowledge.causes if name != UNUSUAL)],
         "kinds": [] if knowledge.object_kinds is None else list(knowledge.object_kinds.names),

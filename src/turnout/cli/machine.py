@@ -17,7 +17,7 @@ from turnout.cli.options import (
     first_sentence,
     option,
 )
-from turnout.cli.output import INCOMPLETE, JsonOption, Output, note, print_library, refuse
+from turnout.cli.output import INCOMPLETE, JsonOption, Output, note, picked, print_library, refuse
 from turnout.core.errors import SolverError
 
 if TYPE_CHECKING:
@@ -460,32 +460,20 @@ def _drive_record(item: "DriveFit") -> dict[str, Any]:
 
     line = item.line if isinstance(item.line, LoadLine) else None
     fields = ("idle", "slope", "slope_driven_back", "lag", "lag_coil", "rms", "reference")
-    trend = item.trend
+    clutch = None
+    if item.trend is not None:
+        clutch = {"per_movement": item.trend.per_throw, **picked(item.trend, "share", "changes")}
     return {
-        "drive": item.drive,
-        "direction": item.direction,
-        "movements": item.movements,
-        **{key: getattr(line, key) if line else None for key in fields},
+        **picked(item, "drive", "direction", "movements", "slip", "held", "energised", "anchor"),
+        **picked(line, *fields),
         "reason": None if line else item.line.reason,  # type: ignore[union-attr]
-        "slip": item.slip,
-        "held": item.held,
         "slip_movements": [
-            {"movement": level.name, "current": level.current, "held": level.held}
-            for level in item.levels
+            {"movement": level.name, **picked(level, "current", "held")} for level in item.levels
         ],
-        "clutch": None
-        if trend is None
-        else {"per_movement": trend.per_throw, "share": trend.share, "changes": trend.changes},
-        "energised": item.energised,
-        "anchor": item.anchor,
+        "clutch": clutch,
         "usage": [
-            {
-                "movement": one.movement,
-                "current_mean": one.mean,
-                "current_most": one.most,
-                "force_mean": one.force_mean,
-                "force_most": one.force_most,
-            }
+            {"current_mean": one.mean, "current_most": one.most}
+            | picked(one, "movement", "force_mean", "force_most")
             for one in item.usage
         ],
     }

@@ -195,6 +195,11 @@ def resumable(text: str) -> Iterator[None]:
         raise typer.Exit(INTERRUPTED) from None
 
 
+def picked(item: object, *names: str) -> dict[str, Any]:
+    """Return some values of a record by their names; None each if there is no record."""
+    return {name: getattr(item, name) if item is not None else None for name in names}
+
+
 def print_schema(schema: dict[str, Any], out: Path | None) -> None:
     """Show a JSON schema, or write it to a file."""
     import json

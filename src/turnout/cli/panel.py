@@ -27,6 +27,7 @@ from turnout.cli.output import (
     Output,
     coloured,
     note,
+    picked,
     print_library,
     print_schema,
     refuse,
@@ -481,29 +482,17 @@ def mode_record(dataset: "xr.Dataset", panel: "LoadedPanel") -> dict[str, Any]:
 
     sliding = bool(panel.movement and panel.chair)
     stability = [friction_stability(panel, friction_factor=item) for item in FACTORS if sliding]
+    plain = ("system", "number", "frequency", "damping_ratio", "largest_rail", "largest_x")
+    modes = (dataset.isel(mode=at) for at in range(dataset.sizes["mode"]))
+    kinds = dataset["motion"].values.tolist()
     return {
         "modes": [
-            {
-                "system": str(mode["system"].item()),
-                "number": int(mode["number"]),
-                "frequency": float(mode["frequency"]),
-                "damping_ratio": float(mode["damping_ratio"]),
-                "motion_share": {
-                    str(kind): float(mode["motion_share"].sel(motion=kind))
-                    for kind in mode["motion"].values
-                },
-                "largest_rail": str(mode["largest_rail"].item()),
-                "largest_x": float(mode["largest_x"]),
-            }
-            for mode in (dataset.isel(mode=at) for at in range(dataset.sizes["mode"]))
+            {name: mode[name].item() for name in plain}
+            | {"motion_share": dict(zip(kinds, mode["motion_share"].values, strict=True))}
+            for mode in modes
         ],
         "stability": [
-            {
-                "friction_factor": item.friction_factor,
-                "stable": item.stable,
-                "worst": item.worst,
-                "superelement_cutoff": item.superelement_cutoff,
-            }
+            picked(item, "friction_factor", "stable", "worst", "superelement_cutoff")
             for item in stability
         ],
     }

@@ -396,7 +396,7 @@ def panel_record(panel: "LoadedPanel", thrown: CheckThrows | None = None) -> dic
             for leaf in leaves
         ],
         "x": x,
-        "closed_gap": gaps,
+        "closed_gap": {name: gaps.get(name) for name in panel.rail},
         "throw": None,
     }
     if thrown is not None:

@@ -16,7 +16,16 @@ from turnout.cli.options import (
     opened_panel,
     option,
 )
-from turnout.cli.output import FINDINGS, JsonOption, Output, coloured, note, refuse, resumable
+from turnout.cli.output import (
+    FINDINGS,
+    JsonOption,
+    Output,
+    coloured,
+    note,
+    picked,
+    refuse,
+    resumable,
+)
 from turnout.cli.watch import watched
 from turnout.measurement.campaign.campaign_folder import throw_store
 
@@ -185,12 +194,7 @@ def validation_record(
     """Return verdict, errors of each channel, and the comparison of drive laws."""
     return {
         "valid": verdict.accepted,
-        "text": verdict.text,
-        "reasons": verdict.reasons,
-        "judged": verdict.judged,
-        "used": verdict.used,
-        "cover": verdict.cover,
-        "power": verdict.power,
+        **picked(verdict, "text", "reasons", "judged", "used", "cover", "power"),
         "channels": [{**asdict(part), "spreads": part.spreads} for part in verdict.channels],
         "remarks": [*verdict.remarks, *remarks],
         "drive_laws": laws,
