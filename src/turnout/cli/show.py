@@ -274,10 +274,10 @@ def _flangeway(thrown: CheckThrows | None) -> Iterator[str]:
     if thrown is None:
         yield f"  {NEEDS_THROW}"
         return
-    from turnout.metric.summary import flangeway_text
+    from turnout.metric.summary import wheel_texts
 
     unknown = "not known: the rails need running_edge, head_width and fit_gap"
-    yield f"  {flangeway_text(thrown.dataset) or unknown}"
+    yield f"  {wheel_texts(thrown.dataset).get('flangeway', unknown)}"
 
 
 def _pieces(panel: "LoadedPanel", thrown: CheckThrows | None) -> Iterator[str]:

@@ -294,14 +294,14 @@ def checks(dataset: "xr.Dataset") -> list[Check]:
     ('Flangeway', True, '60.70 of min 58 mm', '2.70 left')
     """
     if "time" not in dataset.dims or not dataset.sizes["time"]:
-        return [*_flangeway(dataset), *_gauge(dataset)]
+        return _wheel_checks(dataset)
     throw, found = _Throw(dataset), list[Check]()
     for number, (span, until) in enumerate(throw.periods):
         found += _slip_checks(throw, span, until, first=not number)
         for instant in _rests(dataset, span, until):
             rest = "" if instant == until else f"{instant:g}"
             found += [replace(check, rest=rest) for check in _rest_checks(throw, span, instant)]
-    return [*found, *_flangeway(dataset), *_gauge(dataset)]
+    return [*found, *_wheel_checks(dataset)]
 
 
 def _rests(dataset: "xr.Dataset", span: Span | None, until: float) -> list[float]:
@@ -481,48 +481,76 @@ def _switched_off(throw: _Throw, drive: str, span: Span | None, at: int) -> bool
     return slip is not None and bool(slip.stopped) and slip.time <= throw.time[at] + TIME_TOLERANCE
 
 
-def _flangeway(dataset: "xr.Dataset") -> Iterator[Check]:
-    """Yield whether wheels have room, if the panel has a limit for it."""
-    limit = float(dataset.attrs.get("flangeway_limit", math.nan))
-    least = float(dataset["least_flangeway"]) if "least_flangeway" in dataset else math.nan
-    if math.isnan(limit + least):
-        return
-    where = ""
-    if "least_flangeway_x" in dataset and "least_flangeway_rail" in dataset:
-        rail, x = dataset["least_flangeway_rail"].values, float(dataset["least_flangeway_x"])
-        where = f" of rail {rail!s} at x = {x:g} m"
-    yield Check(
-        kind=FLANGEWAY,
-        name=FLANGEWAY,
-        criterion=FLANGEWAY,
-        met=least >= limit,
-        label="Flangeway",
-        value=least,
-        limit=limit,
-        side="at least",
-        text=f"the flangeway{where} is {format_length(least)}, limit {1e3 * limit:g} mm",
-    )
+@dataclass(frozen=True, slots=True)
+class WheelRoom:
+    """Least room of passing wheels in a throw.
+
+    Attributes
+    ----------
+    kind : str
+        "flangeway" or "gauge".
+    least, limit : float
+        [m]; the limit is NaN for a panel without one.
+    rail, place : str
+        Of the least one; empty if not known.
+    """
+
+    kind: str
+    least: float
+    limit: float
+    rail: str
+    place: str
+
+    @property
+    def value(self) -> str:
+        """The least room in millimetres."""
+        return quantity_text(self.least, "m", decimals=1 if self.kind == GAUGE else 2)
+
+    @property
+    def text(self) -> str:
+        """Place and limit of the room as a clause of a sentence."""
+        limit = f"{1e3 * self.limit:g}"
+        if self.kind == FLANGEWAY:
+            where = f" of rail {self.rail} at {self.place}" if self.rail and self.place else ""
+            return f"the flangeway{where} is {self.value}, limit {limit} mm"
+        wide = self.least >= self.limit
+        what = "the gauge is" if wide else "the closed rail narrows the gauge to"
+        return f"{what} {self.value}{f' at {self.place}' if self.place else ''} (limit {limit})"
 
 
-def _gauge(dataset: "xr.Dataset") -> Iterator[Check]:
-    """Yield whether the gauge beside the closed rails is wide enough, if there is a limit."""
-    limit = float(dataset.attrs.get("gauge_limit", math.nan))
-    least = float(dataset["least_gauge"]) if "least_gauge" in dataset else math.nan
-    if math.isnan(limit + least):
-        return
-    what = "the gauge is" if least >= limit else "the closed rail narrows the gauge to"
-    where = f" at {dataset['least_gauge_place'].values!s}" if "least_gauge_place" in dataset else ""
-    yield Check(
-        kind=GAUGE,
-        name=GAUGE,
-        criterion=GAUGE,
-        met=least >= limit,
-        label="Gauge",
-        value=least,
-        limit=limit,
-        side="at least",
-        text=f"{what} {1e3 * least:.1f} mm{where} (limit {1e3 * limit:g})",
-    )
+def wheel_rooms(dataset: "xr.Dataset") -> list[WheelRoom]:
+    """Return the least flangeway and the least gauge of a run, of which they are known."""
+    found = []
+    for kind in (FLANGEWAY, GAUGE):
+        least = float(dataset[f"least_{kind}"]) if f"least_{kind}" in dataset else math.nan
+        rail, place, x = (
+            str(dataset[name].values) if (name := f"least_{kind}_{end}") in dataset else ""
+            for end in ("rail", "place", "x")
+        )
+        if not math.isnan(least):
+            limit = float(dataset.attrs.get(f"{kind}_limit", math.nan))
+            place = place or (f"x = {float(x):g} m" if x else "")
+            found.append(WheelRoom(kind, least, limit, rail, place))
+    return found
+
+
+def _wheel_checks(dataset: "xr.Dataset") -> list[Check]:
+    """Return whether wheels have room, of the rooms that the panel has a limit for."""
+    return [
+        Check(
+            kind=room.kind,
+            name=room.kind,
+            criterion=room.kind,
+            met=room.least >= room.limit,
+            label=room.kind.capitalize(),
+            value=room.least,
+            limit=room.limit,
+            side="at least",
+            text=room.text,
+        )
+        for room in wheel_rooms(dataset)
+        if not math.isnan(room.limit)
+    ]
 
 
 def unmet(found: Iterable[Check], *kinds: str) -> list[Check]:

@@ -8,8 +8,6 @@ import xarray as xr
 
 from turnout.metric.channel_features import final_value
 from turnout.metric.checks import (
-    FLANGEWAY,
-    GAUGE,
     SWITCHED_OFF,
     Check,
     checks,
@@ -21,10 +19,9 @@ from turnout.metric.key_figure import peak_note
 from turnout.metric.slip import unfinished
 from turnout.metric.summary import (
     ends_inaccurate,
-    flangeway_text,
-    gauge_text,
     numerical_warning,
     slip_text,
+    wheel_texts,
 )
 from turnout.metric.verdict import (
     Verdict,
@@ -248,10 +245,8 @@ def _object(dataset: xr.Dataset) -> list[Finding]:
 
 def _of_wheels(dataset: xr.Dataset, made: Sequence[Check]) -> Iterator[Finding]:
     """Yield the room that passing wheels have."""
-    texts = ((FLANGEWAY, flangeway_text(dataset)), (GAUGE, gauge_text(dataset)))
-    for kind, text in texts:
+    for kind, text in wheel_texts(dataset).items():
         met = [check.met for check in made if check.kind == kind]
         level: Severity = "fact" if not met else "good" if met[0] else "look"
         answer, _, detail = text.partition(" at ")
-        if text:
-            yield Finding(level, f"Least {kind}", answer, f"at {detail}")
+        yield Finding(level, f"Least {kind}", answer, f"at {detail}")

@@ -21,6 +21,7 @@ from turnout.metric.checks import (
     checks,
     direction_of,
     unmet,
+    wheel_rooms,
 )
 from turnout.metric.slip import LEAST_SHARE, STOPPED, machine_throws, periods, unfinished
 from turnout.metric.stability import FrictionStability, friction_stability
@@ -94,8 +95,7 @@ def concerns(dataset: xr.Dataset) -> list[Concern]:
     if not dataset.sizes.get("time", 0):
         return found
     found, made = [*found, *_not_arriving(dataset)], checks(dataset)
-    found += [*_near_limits(dataset, made), *_narrow_flangeway(dataset, made)]
-    found += _narrow_gauge(made)
+    found += [*_near_limits(dataset, made), *_narrow(dataset, made)]
     return [*found, *_idle_chairs(dataset)]
 
 
@@ -152,29 +152,24 @@ def _near_limits(dataset: xr.Dataset, made: list[Check]) -> list[Concern]:
     return found
 
 
-def _narrow_flangeway(dataset: xr.Dataset, made: list[Check]) -> list[Concern]:
+def _narrow(dataset: xr.Dataset, made: list[Check]) -> list[Concern]:
+    """Return flangeway and gauge below their limits."""
+    rooms = {room.kind: room for room in wheel_rooms(dataset)}
     return [
         Concern(
-            "flangeway below its limit",
-            f"rail {dataset['least_flangeway_rail'].values!s} at "
-            f"x = {float(dataset['least_flangeway_x']):g} m",
+            f"{check.kind} below its limit",
+            f"rail {rooms[check.kind].rail} at {rooms[check.kind].place}",
             f"{check.numbers}, {check.left}",
-            "more stroke or over-travel at the nearest drive, or a drive closer to the place",
+            REMEDIES[check.kind],
         )
-        for check in unmet(made, FLANGEWAY)
+        for check in unmet(made, *REMEDIES)
     ]
 
 
-def _narrow_gauge(made: list[Check]) -> list[Concern]:
-    return [
-        Concern(
-            "gauge below its limit",
-            check.text.partition(" at ")[2].partition(" (")[0],
-            f"{check.numbers}, {check.left}",
-            "a smaller fit gap, a stop or a drive nearer to the place, or fit_gap_is_design",
-        )
-        for check in unmet(made, GAUGE)
-    ]
+REMEDIES = {
+    FLANGEWAY: "more stroke or over-travel at the nearest drive, or a drive closer to the place",
+    GAUGE: "a smaller fit gap, a stop or a drive nearer to the place, or fit_gap_is_design",
+}
 
 
 def _idle_chairs(dataset: xr.Dataset) -> list[Concern]:

@@ -19,6 +19,7 @@ from turnout.metric.checks import (
     format_force,
     format_gap,
     format_length,
+    wheel_rooms,
 )
 from turnout.metric.key_figure import peak_note
 from turnout.metric.slip import Margin, machine_throws, margins, movements, unfinished
@@ -129,8 +130,7 @@ def summary(dataset: "xr.Dataset", found: Sequence[Check] | None = None) -> list
     lines += _state(dataset, found)
     lines += _drives(dataset)
     lines += [("slip", text) for text in _slips(dataset, found)]
-    lines += [("least flangeway", text)] if (text := flangeway_text(dataset)) else []
-    lines += [("least gauge", text)] if (text := gauge_text(dataset)) else []
+    lines += [(f"least {kind}", text) for kind, text in wheel_texts(dataset).items()]
     lines += _energy(dataset)
     lines.append(("scheme", str(dataset.attrs.get("scheme", "not stated"))))
     return _blank_repeated_headings(lines)
@@ -384,30 +384,17 @@ def slip_text(dataset: "xr.Dataset", check: Check) -> str:
     )
 
 
-def flangeway_text(dataset: "xr.Dataset") -> str:
-    """Return the least flangeway with its place and requirement; empty if it is not known."""
-    if "least_flangeway" not in dataset or math.isnan(float(dataset["least_flangeway"])):
-        return ""
-    text = (
-        f"{format_length(dataset['least_flangeway'])} at "
-        f"x = {float(dataset['least_flangeway_x']):g} m, "
-        f"rail {str(dataset['least_flangeway_rail'].values)}"
-    )
-    limit = float(dataset.attrs.get("flangeway_limit", math.nan))
-    if math.isnan(limit):
-        return f"{text}; the panel gives no limit"
-    return f"{text}; {format_required(float(dataset['least_flangeway']), limit)}"
-
-
-def gauge_text(dataset: "xr.Dataset") -> str:
-    """Return the least gauge with its place and requirement; empty if it is not known."""
-    least = float(dataset["least_gauge"]) if "least_gauge" in dataset else math.nan
-    if math.isnan(least):
-        return ""
-    place, rail = (str(dataset[f"least_gauge_{name}"].values) for name in ("place", "rail"))
-    limit = float(dataset.attrs.get("gauge_limit", math.nan))
-    required = "the panel gives no limit" if math.isnan(limit) else format_required(least, limit)
-    return f"{1e3 * least:.1f} mm at {place}, rail {rail}; {required}"
+def wheel_texts(dataset: "xr.Dataset") -> dict[str, str]:
+    """Return least flangeway and gauge with place and requirement, those that are known."""
+    return {
+        room.kind: f"{room.value} at {room.place}, rail {room.rail}; "
+        + (
+            "the panel gives no limit"
+            if math.isnan(room.limit)
+            else format_required(room.least, room.limit)
+        )
+        for room in wheel_rooms(dataset)
+    }
 
 
 def _energy(dataset: "xr.Dataset") -> list[tuple[str, str]]:
