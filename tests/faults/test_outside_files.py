@@ -124,7 +124,7 @@ def test_a_map_is_not_written_through_a_link(tmp_path: Path) -> None:
     received.mkdir()
     (received / "throw.csv").write_text("t,rod\n0,1\n1,2\n2,3\n", encoding="utf-8")
     (received / "channels.toml").symlink_to(secret)
-    code, said = run_here("import", "throw.csv", "--suggest", "channels.toml", folder=received)
+    code, said = run_here("import", "throw.csv", "--map", "channels.toml", folder=received)
     assert code == 2
     assert "is not written through" in said
     assert secret.read_text(encoding="utf-8") == SECRET

@@ -191,6 +191,17 @@ def test_a_recording_that_is_none_is_reported_as_by_import(inside: Client, tmp_p
     assert reply.json["message"] == str(reported.exception).replace(str(file), "throw.mat")
 
 
+def test_the_suggested_map_of_a_recording_can_be_used(inside: Client) -> None:
+    rows = "".join(f"{n / 100:.2f},{0.1 * (n % 7):.3f}\n" for n in range(300))
+    content = f"Time (s),Force 1 (kN)\n{rows}".encode()
+    suggested = inside.ask("/api/recording?name=a.csv", content).json["suggested"]
+    assert "[drive_force.1]" in suggested
+    reply = inside.ask(f"/api/recording?name=a.csv&map={quote(suggested, safe='')}", content)
+    assert reply.status == 200
+    assert "suggested" not in reply.json
+    assert not inside.ask("/api/recording?name=a.csv", b"t,x\n0,1\n0.1,2\n").json["suggested"]
+
+
 def test_a_name_that_leads_elsewhere_stays_a_name(inside: Client) -> None:
     name = quote("../../etc/evil\n\0.csv", safe="")
     reply = inside.ask(f"/api/recording?name={name}", b"Time (s),a (V)\n0,1\n0.1,2\n0.2,3\n")

@@ -47,7 +47,7 @@ def test_without_a_map_the_file_is_listed(throw: Path) -> None:
 
 def test_the_suggested_map_is_ready_to_use(throw: Path) -> None:
     folder = throw.parent
-    text = run(throw, "--suggest", folder / "map.toml", "--plot", folder / "raw.png")
+    text = run(throw, "--map", folder / "map.toml", "--plot", folder / "raw.png")
     assert f"written     {folder / 'map.toml'}" in text
     assert (folder / "raw.png").read_bytes().startswith(b"\x89PNG")
     text = run(throw, "--channels", folder / "map.toml", "--out", folder / "throw.nc")

@@ -122,7 +122,7 @@ def test_a_recording(tmp_path: Path) -> None:
     }
     path, made = tmp_path / "throw.csv", tmp_path / "map.toml"
     write_recording(Recording(channels, "test", None), path)
-    found = printed("import", path, "--suggest", made)
+    found = printed("import", path, "--map", made)
     assert [item["name"] for item in found["channels"]] == list(columns)
     found = printed("import", path, "--channels", made)
     assert {item["unit"] for item in found["quantities"]} == {"N", "A"}

@@ -44,7 +44,7 @@ COMPOSED += (
     "km/h/s",
 )
 NOT_COMPARED = ("furlong", "rev", "L", "l", "liter", "litre")
-WITHOUT_DIMENSION = {"W", "watt", "C", "F", "hp", "mph", "kph"}
+WITHOUT_DIMENSION = {"C", "F", "mph", "kph"}
 
 
 def accepted(unit: str) -> list[tuple[Dimension, float]]:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from turnout.core.errors import MeasurementError
 from turnout.core.toml import parse_toml
 from turnout.measurement.chain.apply import (
     apply_chain,
@@ -79,6 +80,52 @@ def test_nothing_that_looks_like_a_sensor() -> None:
     text = skeleton(recording(("GPS", "km/h")))
     assert parse_toml(text, source="map").data == {}
     assert "No column looks like" in text
+
+
+def test_currents_and_powers_of_motors_are_suggested_as_those_of_drives() -> None:
+    """Three currents of one motor are its phases, two those of two drives."""
+    given = recording(("I1", "A"), ("I2", "A"), ("I3", "A"), ("U12", "kV"), ("P", "W"))
+    channel_map = parse_channel_map(parse_toml(skeleton(given), source="map"))
+    assert channel_map.drive_current["1"].phases == ["I2", "I3"]
+    dataset = apply_chain(given, channel_map)
+    mean = np.mean([given.channel(name).values for name in ("I1", "I2", "I3")], axis=0)
+    np.testing.assert_allclose(dataset["drive_current"].sel(drive="1").values, mean)
+    np.testing.assert_array_equal(
+        dataset["drive_power"].sel(drive="1").values, given.channel("P").values
+    )
+    two = recording(("i_1", "A"), ("i_2", "A"), ("Power 1", "kW"), ("Power 2", "kW"))
+    channel_map = parse_channel_map(parse_toml(skeleton(two), source="map"))
+    assert list(channel_map.drive_current) == list(channel_map.drive_power) == ["1", "2"]
+
+
+@pytest.mark.parametrize(
+    ("name", "largest", "key", "unit"),
+    [
+        ("Force 1", 6100.0, "drive_force.1", "N"),
+        ("Kraft 2", 6.1, "drive_force.2", "kN"),
+        ("Strom 1", 2.4, "drive_current.1", "A"),
+        ("Current", 2400.0, "drive_current.1", "mA"),
+        ("Power 3", 350.0, "drive_power.3", "W"),
+        ("Leistung", 0.35, "drive_power.1", "kW"),
+    ],
+)
+def test_the_range_suggests_the_unit_that_a_file_leaves_out(
+    name: str, largest: float, key: str, unit: str
+) -> None:
+    channel = RecordedChannel(name, "", np.array([0.1 * largest, largest]), rate=25.0)
+    given = Recording({name: channel}, "throw.csv")
+    table = parse_toml(skeleton(given), source="map").data
+    quantity, _, drive = key.partition(".")
+    assert table[quantity][drive]["unit"] == unit
+    assert table[quantity][drive]["kind"] == "scaled"
+    assert apply_chain(given, parse_channel_map(parse_toml(skeleton(given), source="map")))
+
+
+def test_a_phase_that_is_missing_is_named() -> None:
+    text = '[drive_current.1]\ncolumn = "I1"\nphases = ["I2"]\nkind = "scaled"'
+    channel_map = parse_channel_map(parse_toml(text, source="map"))
+    with pytest.raises(MeasurementError, match="its phase 'I2' is not in the file"):
+        apply_chain(recording(("I1", "A")), channel_map)
 
 
 def test_rows_say_what_a_unit_stands_for() -> None:

@@ -43,7 +43,7 @@ def import_command(
     ),
     out: DatasetOption = None,
     plot: FigureOption = None,
-    suggest: Path | None = option("--suggest FILE.toml", "Write the suggested map to a file."),
+    map_file: Path | None = option("--map FILE.toml", "Write the suggested map to a file."),
     smooth: str | None = option(
         "--smooth TIME",
         "Centred moving average, such as 0.1s; unfiltered channels are kept as well.",
@@ -54,15 +54,15 @@ def import_command(
 ) -> None:
     """Read a measurement: list and preview it, or turn it into forces and currents."""
     check_outputs(
-        {"--out": out, "--plot": plot, "--suggest": suggest},
-        {"--out": (".nc",), "--plot": FIGURES, "--suggest": (".toml",)},
+        {"--out": out, "--plot": plot, "--map": map_file},
+        {"--out": (".nc",), "--plot": FIGURES, "--map": (".toml",)},
     )
-    window = _checked(channels, out=out, suggest=suggest, smooth=smooth)
+    window = _checked(channels, out=out, map_file=map_file, smooth=smooth)
     from turnout.measurement.campaign.campaign_folder import refuse_to_write_outside
     from turnout.measurement.chain.apply import load_channel_map
     from turnout.measurement.formats.file_format import read_recording, recognise_format
 
-    for target in (out, plot, suggest):
+    for target in (out, plot, map_file):
         if target is not None:
             refuse_to_write_outside(target, file.parent)
     channel_map = load_channel_map(channels) if channels is not None else None
@@ -70,13 +70,13 @@ def import_command(
     recording = read_recording(file, allow_outside=allow_outside, throw=throw)
     output = Output("import", as_json=as_json)
     if channel_map is None:
-        _list(recording, kind, output, plot=plot, suggest=suggest)
+        _list(recording, kind, output, plot=plot, map_file=map_file)
     else:
         _convert(recording, channel_map, window, output, out=out, plot=plot)
 
 
 def _checked(
-    channels: str | None, *, out: Path | None, suggest: Path | None, smooth: str | None
+    channels: str | None, *, out: Path | None, map_file: Path | None, smooth: str | None
 ) -> float | None:
     """Refuse conflicting options, all at once; return the filter window [s]."""
     from turnout.core.units import TIME, parse_quantity
@@ -89,8 +89,8 @@ def _checked(
             for option, value in given.items()
             if value is not None
         ]
-    elif suggest is not None:
-        problems.append("--suggest: there is a channel map already; leave out --channels")
+    elif map_file is not None:
+        problems.append("--map: there is a channel map already; leave out --channels")
     window = None
     if smooth is not None:
         try:
@@ -105,7 +105,7 @@ def _checked(
 
 
 def _list(
-    recording: "Recording", kind: str, output: Output, *, plot: Path | None, suggest: Path | None
+    recording: "Recording", kind: str, output: Output, *, plot: Path | None, map_file: Path | None
 ) -> None:
     from turnout.measurement.chain.skeleton import skeleton
 
@@ -116,13 +116,13 @@ def _list(
         traces = [Trace(c.name, c.unit, c.time, c.values) for c in recording.channels.values()]
         title = Path(recording.source).name
         output.figure(plot, lambda: plot_columns(traces, title=title))
-    output.write(suggest, lambda: skeleton(recording))
+    output.write(map_file, lambda: skeleton(recording))
     if output.as_json:
         output.json(recording_record(recording, kind, steps=SPARK_WIDTH), units=CHANNEL_UNITS)
-    elif suggest is not None:
-        output.show(f"next: edit it, then: turnout import FILE --channels {suggest} --out FILE.nc")
+    elif map_file is not None:
+        output.show(f"next: edit it, then: turnout import FILE --channels {map_file} --out FILE.nc")
     else:
-        output.show("\nA channel map to start from (--suggest FILE.toml writes it):\n")
+        output.show("\nA channel map to start from (--map FILE.toml writes it):\n")
         output.show(_plain(skeleton(recording)))
 
 

@@ -88,6 +88,7 @@ VOLTAGE = Dimension("voltage", "V", "10 V")
 CURRENT = Dimension("current", "A", "2 A")
 CURRENT_PER_FORCE = Dimension("current per force", "A/N", "0.2 A/kN")
 CURRENT_SENSITIVITY = Dimension("current sensitivity", "V/A", "100 mV/A")
+POWER = Dimension("power", "W", "350 W")
 VOLTAGE_RATIO = Dimension("voltage ratio", "V/V", "1 mV/V")
 STRAIN = Dimension("strain", "m/m", "273 um/m")
 SECTION_MODULUS = Dimension("section modulus", "m^3", "6.28 cm^3")
@@ -126,6 +127,7 @@ DIMENSIONS = (
     CURRENT,
     CURRENT_PER_FORCE,
     CURRENT_SENSITIVITY,
+    POWER,
     VOLTAGE_RATIO,
     STRAIN,
     SECTION_MODULUS,

@@ -23,7 +23,6 @@ from turnout.measurement.chain.apply import (
 )
 from turnout.measurement.chain.channel_map import ChannelMap
 from turnout.measurement.chain.condition import condition
-from turnout.measurement.chain.skeleton import skeleton
 from turnout.measurement.formats.file_format import read_recording, recognise_format
 from turnout.measurement.formats.history import READ, read_history
 from turnout.measurement.recording import Recording, overview
@@ -156,7 +155,7 @@ def plain_name(name: str, otherwise: str) -> str:
 
 
 def recording_lines(recording: Recording, kind: str) -> list[str]:
-    """Return the content of a recording, a line per channel, and a channel map to start from."""
+    """Return the content of a recording: a line per channel, then what could not be read."""
     rows = [overview(channel) for channel in recording.channels.values()]
     lines = [f"{Path(recording.source).name}: {kind}, {len(rows)} channels"]
     lines += [
@@ -164,7 +163,7 @@ def recording_lines(recording: Recording, kind: str) -> list[str]:
         f"{row.least:.4g} to {row.largest:.4g}, {row.missing} missing"
         for row in rows
     ]
-    return [*lines, *recording.problems, "", *skeleton(recording).splitlines()]
+    return [*lines, *recording.problems]
 
 
 def recorded_movements(

@@ -25,6 +25,7 @@ from turnout.core.stored_arrays import arrays_from_bytes, arrays_to_bytes
 from turnout.core.toml import decode, parse_toml
 from turnout.figures.over_time_sheet import throw_sheet
 from turnout.figures.sheet import sheet_record
+from turnout.measurement.chain.skeleton import skeleton
 from turnout.measurement.formats.history import is_history
 from turnout.metric.panel_check import (
     concern_lines,
@@ -278,7 +279,11 @@ class TaskHandler:
         recording, kind = sent_recording(path)
         chosen = task.options["map"]
         if not chosen:
-            return Reply.of({"lines": recording_lines(recording, kind), "movements": []})
+            suggested = skeleton(recording)
+            lines = [*recording_lines(recording, kind), "", *suggested.splitlines()]
+            # Without a table it maps nothing, and cannot be used.
+            usable = suggested if "\n[" in suggested else ""
+            return Reply.of({"lines": lines, "movements": [], "suggested": usable})
         channel_map = channel_map_of(chosen, self._opening.folder)
         return self._listed(*recorded_movements(recording, channel_map))
 

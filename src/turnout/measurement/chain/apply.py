@@ -7,7 +7,7 @@ common time). `raw_from_physical` is the inverse, `mapped_channels` lists the ou
 import json
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -24,8 +24,9 @@ from turnout.core.library import names_a_file
 from turnout.core.problems import choices, nearest
 from turnout.core.provenance import content_hash, version
 from turnout.core.toml import TomlFile, decode, parse_toml, read_toml
-from turnout.core.units import CURRENT, FORCE, Dimension
+from turnout.core.units import FORCE, Dimension
 from turnout.measurement.chain.channel_map import (
+    OF_DRIVES,
     AnySensor,
     ChannelMap,
     raw_unit,
@@ -70,14 +71,15 @@ def parse_channel_map(file: TomlFile) -> ChannelMap:
     twice = [
         f"{key}.gain_uncertainty: is of force channels alone; leave it out"
         for key, dimension, sensor in sensors(channel_map)
-        if dimension is CURRENT and sensor.gain_uncertainty is not None
+        if dimension is not FORCE and sensor.gain_uncertainty is not None
     ]
     for key, _, sensor in sensors(channel_map):
-        if sensor.column in used:
-            twice.append(f'{key}.column = "{sensor.column}": is also that of {used[sensor.column]}')
-        used[sensor.column] = key
+        for column in (sensor.column, *sensor.phases):
+            if column in used:
+                twice.append(f'{key}.column = "{column}": is also that of {used[column]}')
+            used[column] = key
     if twice or not used:
-        nothing = ["maps no column; give drive_force, drive_current or object_force"]
+        nothing = [f"maps no column; give {choices((*OF_DRIVES, 'object_force'))}"]
         raise MeasurementError(twice or nothing, source=file.source)
     return channel_map
 
@@ -90,10 +92,9 @@ def sensors(channel_map: ChannelMap) -> Iterator[tuple[str, Dimension, AnySensor
     >>> [key for key, _, _ in sensors(load_channel_map("two-rods"))][:2]
     ['drive_force.1', 'drive_force.2']
     """
-    for name, sensor in channel_map.drive_force.items():
-        yield f"drive_force.{name}", FORCE, sensor
-    for name, sensor in channel_map.drive_current.items():
-        yield f"drive_current.{name}", CURRENT, sensor
+    for quantity, dimension in OF_DRIVES.items():
+        for name, sensor in getattr(channel_map, quantity).items():
+            yield f"{quantity}.{name}", dimension, sensor
     if channel_map.object_force is not None:
         yield "object_force", FORCE, channel_map.object_force
 
@@ -111,8 +112,9 @@ def apply_chain(recording: Recording, channel_map: ChannelMap) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        ``drive_force``, ``drive_current`` where there are any, ``object_force`` (NaN where no
-        column measured it), and ``recorded``: the mapped columns as they were. All share one even
+        ``drive_force``, ``drive_current``, ``drive_voltage``, ``drive_power`` where there are any,
+        ``object_force`` (NaN where no column measured it), and ``recorded``: the mapped columns as
+        they were, phases as their mean. All share one even
         time; a column with another rate is interpolated linearly, after averaging over a step
         where it is faster. What was mended is in ``attrs["problems"]``.
 
@@ -221,6 +223,7 @@ def map_hash(channel_map: ChannelMap) -> str:
 _LATER = (
     *("gain_uncertainty", "clock_uncertainty"),
     *("recorded_average", "recorded_filter", "recorded_rate"),
+    *("drive_voltage", "drive_power", "phases"),
 )
 
 
@@ -228,7 +231,8 @@ def _without_new(value: Any) -> Any:
     """Return nested data without later keys that are not stated."""
     if not isinstance(value, dict):
         return value
-    kept = {key: item for key, item in value.items() if item is not None or key not in _LATER}
+    nothing: tuple[Any, ...] = (None, {}, [])
+    kept = {k: item for k, item in value.items() if item not in nothing or k not in _LATER}
     return {key: _without_new(item) for key, item in kept.items()}
 
 
@@ -277,16 +281,17 @@ class _MappedColumn:
 
     @property
     def is_force(self) -> bool:
-        return not self.key.startswith("drive_current")
+        return self.key.partition(".")[0] in ("drive_force", "object_force")
 
 
 def _mapped_columns(recording: Recording, channel_map: ChannelMap) -> list[_MappedColumn]:
     """Match the channel map with the columns of a recording; MeasurementError with all faults."""
     found: list[_MappedColumn] = []
     problems: list[str] = []
-    taken = {sensor.column for _, _, sensor in sensors(channel_map)}
+    taken = {column for _, _, s in sensors(channel_map) for column in (s.column, *s.phases)}
     for key, dimension, sensor in sensors(channel_map):
-        channel = _column(recording, sensor.column)
+        columns = [_column(recording, name) for name in (sensor.column, *sensor.phases)]
+        channel = columns[0]
         if channel is None:
             if not sensor.optional:
                 near = nearest(sensor.column, [n for n in recording.channels if n not in taken])
@@ -297,6 +302,7 @@ def _mapped_columns(recording: Recording, channel_map: ChannelMap) -> list[_Mapp
                 )
             continue
         try:
+            channel = _mean_of_phases(channel, columns[1:], sensor.phases)
             line = line_of(sensor, quantity=dimension, recorded_unit=channel.unit)
         except ValueError as error:
             problems.append(f"{key} (column '{sensor.column}'): {error}")
@@ -342,13 +348,30 @@ def _column(recording: Recording, name: str) -> RecordedChannel | None:
     return recording.channels.get(name) or recording.channels.get(re.sub(r"\W", "_", name))
 
 
+def _mean_of_phases(
+    first: RecordedChannel, others: list[RecordedChannel | None], names: list[str]
+) -> RecordedChannel:
+    """Return the mean of the phases of a drive; ValueError when one is missing or differs."""
+    values = [first.values]
+    for name, other in zip(names, others, strict=True):
+        if other is None:
+            message = f"its phase '{name}' is not in the file"
+            raise ValueError(message)
+        same = (other.rate, other.start, other.values.size, other.unit)
+        if same != (first.rate, first.start, first.values.size, first.unit):
+            message = f"its phase '{name}' has other times or another unit"
+            raise ValueError(message)
+        values.append(other.values)
+    return replace(first, values=np.mean(values, axis=0)) if names else first
+
+
 def _dataset(
     physical: dict[str, NDArray[np.float64]], channel_map: ChannelMap, time: NDArray[np.float64]
 ) -> xr.Dataset:
-    names = list(dict.fromkeys([*channel_map.drive_force, *channel_map.drive_current]))
+    names = list(dict.fromkeys(n for q in OF_DRIVES for n in getattr(channel_map, q)))
     missing = np.full(time.size, np.nan)
     variables: dict[str, Any] = {}
-    for quantity in ("drive_force", "drive_current"):
+    for quantity in OF_DRIVES:
         if getattr(channel_map, quantity):
             rows = [physical.get(f"{quantity}.{name}", missing) for name in names]
             variables[quantity] = (("drive", "time"), np.stack(rows))
@@ -381,7 +404,7 @@ def _usual_unit(sensor: AnySensor, dimension: Dimension) -> str:
 
 
 def _unit(key: str) -> str:
-    return "A" if key.startswith("drive_current") else "N"
+    return OF_DRIVES.get(key.partition(".")[0], FORCE).unit
 
 
 def _plain(value: Any) -> Any:
@@ -426,13 +449,13 @@ def mapped_channels(dataset: xr.Dataset, channel_map: ChannelMap) -> Iterator[Ma
             continue
         quantity, _, drive = key.partition(".")
         values = dataset[quantity].sel(drive=drive) if drive else dataset[quantity]
-        factor = 1.0 if dimension is CURRENT else 1e-3
+        factor = 1e-3 if dimension is FORCE else 1.0
         there = values.values[np.isfinite(values.values)] * factor
         yield MappedChannel(
             key=key,
             column=sensor.column,
             least=float(there.min()) if there.size else np.nan,
             largest=float(there.max()) if there.size else np.nan,
-            unit="A" if dimension is CURRENT else "kN",
+            unit="kN" if dimension is FORCE else dimension.unit,
             sensor=describe_sensor(sensor, dimension, raw_unit(units[sensor.column])),
         )

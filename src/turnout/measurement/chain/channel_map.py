@@ -27,6 +27,7 @@ from turnout.core.quantity import (
 from turnout.core.units import (
     CURRENT,
     FORCE,
+    POWER,
     STRAIN,
     VOLTAGE,
     VOLTAGE_RATIO,
@@ -135,8 +136,15 @@ def fit_load_calibration(raw: Sequence[float], load: Sequence[float]) -> LoadCal
     )
 
 
-RAW = (VOLTAGE, VOLTAGE_RATIO, STRAIN, CURRENT, FORCE)
-EXAMPLES = ("V", "mV", "mV/V", "um/m", "A", "mA", "N", "kN")
+RAW = (VOLTAGE, VOLTAGE_RATIO, STRAIN, CURRENT, FORCE, POWER)
+EXAMPLES = ("V", "mV", "mV/V", "um/m", "A", "mA", "N", "kN", "W", "kW")
+OF_DRIVES: dict[str, Dimension] = {
+    "drive_force": FORCE,
+    "drive_current": CURRENT,
+    "drive_voltage": VOLTAGE,
+    "drive_power": POWER,
+}
+"""Quantities that each drive may have, and their dimensions."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,6 +245,9 @@ class SensorRecord(Record):
     sign: Literal[1, -1] = Field(1, description="-1 turns the direction round")
     offset: RawValue | None = Field(None, description="reading at no load, in a unit of the column")
     tare: Rest | None = Field(None, description="rest whose mean is taken off as zero")
+    phases: list[str] = Field(
+        [], description="columns of the other phases, of which the mean is taken with this one"
+    )
     optional: bool = Field(False, description="whether recordings may lack the column: NaN then")
     gain_uncertainty: float | None = Field(
         None,
@@ -378,6 +389,8 @@ class ChannelMap(Record):
     )
     drive_force: dict[str, AnySensor] = Field({}, description="by the name of the drive")
     drive_current: dict[str, AnySensor] = Field({}, description="by the name of the drive")
+    drive_voltage: dict[str, AnySensor] = Field({}, description="by the name of the drive")
+    drive_power: dict[str, AnySensor] = Field({}, description="by the name of the drive")
     object_force: AnySensor | None = None
 
     def recorder_response(self) -> RecorderResponse:

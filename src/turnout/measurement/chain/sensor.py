@@ -111,7 +111,7 @@ def line_of(sensor: AnySensor, *, quantity: Dimension, recorded_unit: str = "") 
     sensor : StrainBridge, Clamp, LoadCell, Scaled or Calibrated
         Of the channel map.
     quantity : Dimension
-        FORCE or CURRENT, what the column stands for.
+        Of the quantity that the column stands for.
     recorded_unit : str
         Unit that the file states; the sensor's own goes before it.
 
@@ -187,7 +187,7 @@ def describe_sensor(sensor: AnySensor, quantity: Dimension, unit: RawUnit) -> st
     'load cell, 1 mV/V is 20 kN'
     """
     line = line_of(sensor, quantity=quantity, recorded_unit=unit.text)
-    factor, shown = (1.0, "A") if quantity is CURRENT else (1e-3, "kN")
+    factor, shown = (1e-3, "kN") if quantity is FORCE else (1.0, quantity.unit)
     text = f"{sensor.kind}, 1 {unit.text} is {line.scale * unit.factor * factor:.5g} {shown}"
     if isinstance(sensor, KnownLoadSensor):
         fit = sensor.calibration()
@@ -203,18 +203,18 @@ def describe_sensor(sensor: AnySensor, quantity: Dimension, unit: RawUnit) -> st
 
 def _scale(sensor: AnySensor, unit: RawUnit, quantity: Dimension) -> float:
     if isinstance(sensor, Clamp):
-        _require(quantity is CURRENT, "a clamp measures a current, not a force")
+        _require(quantity is CURRENT, f"a clamp measures a current, not a {quantity.name}")
         _fits(unit, VOLTAGE)
         return 1.0 / sensor.sensitivity
     if isinstance(sensor, StrainBridge):
-        _require(quantity is FORCE, "a strain bridge measures a force, not a current")
+        _require(quantity is FORCE, f"a strain bridge measures a force, not a {quantity.name}")
         _fits(unit, VOLTAGE_RATIO, VOLTAGE, STRAIN)
         per_strain = force_per_strain(sensor)
         if unit.dimension is STRAIN:
             return per_strain
         return per_strain * strain_per_ratio(sensor) * _ratio(sensor, unit)
     if isinstance(sensor, LoadCell):
-        _require(quantity is FORCE, "a load cell measures a force, not a current")
+        _require(quantity is FORCE, f"a load cell measures a force, not a {quantity.name}")
         _fits(unit, VOLTAGE_RATIO, VOLTAGE)
         return sensor.capacity / sensor.sensitivity * _ratio(sensor, unit)
     if isinstance(sensor, KnownLoadSensor):

@@ -9,7 +9,7 @@ import { on, state, notify } from "./state.js";
 import { openTab } from "./tabs.js";
 
 const byId = (id) => document.getElementById(id);
-let mapText = "";
+let mapText = "", suggestedMap = "";
 
 function notes(lines, open = true) {
   byId("notes").textContent = lines.join("\n");
@@ -98,7 +98,9 @@ async function sendRecording() {
   const file = byId("recording").files[0];
   if (!file) return;
   const map = chosenMap();
-  const { lines, movements } = await send("/api/recording", file, { map });
+  const { lines, movements, suggested = "" } = await send("/api/recording", file, { map });
+  suggestedMap = suggested;
+  byId("use-map").hidden = !suggested;
   notes(lines);
   listMovements(file.name, movements);
   if (!movements.length) return;
@@ -107,13 +109,18 @@ async function sendRecording() {
   openTab("curves");
 }
 
-async function sendMap() {
-  const file = byId("map-file").files[0];
-  if (!file) return;
-  mapText = await file.text();
-  if (![...byId("map").options].some((item) => item.value === "sent")) byId("map").add(new Option("uploaded map", "sent"));
+async function useMap(text, title) {
+  mapText = text;
+  const known = [...byId("map").options].find((item) => item.value === "sent");
+  if (known) known.text = title;
+  else byId("map").add(new Option(title, "sent"));
   byId("map").value = "sent";
   await sendRecording();
+}
+
+async function sendMap() {
+  const file = byId("map-file").files[0];
+  if (file) await useMap(await file.text(), "uploaded map");
 }
 
 async function sendPanel() {
@@ -155,6 +162,7 @@ export function startFiles() {
   byId("as-measured").addEventListener("click", useObject);
   byId("recording").addEventListener("change", () => guarded(sendRecording));
   byId("map").addEventListener("change", () => guarded(sendRecording));
+  byId("use-map").addEventListener("click", () => guarded(() => useMap(suggestedMap, "suggested map")));
   byId("map-file").addEventListener("change", () => guarded(sendMap));
   byId("panel-file").addEventListener("change", () => guarded(sendPanel));
   byId("check").addEventListener("click", () => guarded(check));
