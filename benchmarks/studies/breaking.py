@@ -9,6 +9,7 @@ ice or others on either rail that are drawn anew until one breaks in some scheme
 each of `SCHEMES`. A throw is fixed by its index; a job that was stopped goes on.
 """
 
+import re
 from typing import Any
 
 import numpy as np
@@ -39,6 +40,8 @@ FIRST = ("quick", "waveform")
 """In which an object must break."""
 CLOSE = 0.3
 """Difference of end gaps that needs no range [mm]."""
+ROUNDED = 0.051
+"""Rounding of stated ranges [mm]."""
 SIZES, STRENGTHS = (5e-3, 0.035), {"stone": (2e6, 40e6), "ice": (2e6, 30e6)}
 """Of drawn objects [m, Pa]."""
 
@@ -133,36 +136,51 @@ def result_of(index: int) -> Record:
 def report(records: list[Record]) -> None:
     """Print how often throws differ from those in mode waveform, and whether the coarser said so.
 
-    What came of a throw by itself is compared, whatever finer or other throws say.
+    What came of a throw by itself is compared, whatever finer or other throws say. Gaps that differ
+    must be within a stated range.
     """
     for name in SCHEMES:
-        off = [1e3 * _largest_difference(record, name) for record in records]
-        coarser = [record["quick" if name == "quick" else "waveform"] for record in records]
-        other = [record[name]["own"] != record["waveform"]["own"] for record in records]
-        depends = sum(record[name]["verdict"] == DEPENDS for record in records)
-        told, rows = 0, list[str]()
-        silent, unsaid = 0, 0
-        for record, each, gap, differs in zip(records, coarser, off, other, strict=True):
-            silent += differs and each["verdict"] != DEPENDS
-            unsaid += gap > CLOSE and not each["said"]
-            told += bool(each["said"]) and each["verdict"] != DEPENDS
-            if gap > CLOSE or differs:
-                owns = f"{record['waveform']['own']} / {record[name]['own']}"
-                what = f"{record['index']} {record['panel']} {record['objects']}"
-                rows.append(f"  {what}: {owns}, {gap:.2f} mm; {each['said'] or 'NOT SAID'}")
-        print(
-            f"{name}: {depends} of {len(records)} depend on how it breaks, {told} others name gaps "
-            f"that do; {sum(other)} other verdicts, {silent} unannounced; "
-            f"{sum(gap > CLOSE for gap in off)} with gaps further off than {CLOSE:g} mm, {unsaid} "
-            f"not said; median {np.median(off):.4f} mm, largest {np.max(off):.2f} mm"
+        pairs = [(record["waveform"], record[name]) for record in records]
+        pairs = [pair[::-1] if name == "quick" else pair for pair in pairs]  # the coarser first
+        off = [_differences(*pair) for pair in pairs]
+        other = [coarse["own"] != fine["own"] for coarse, fine in pairs]
+        silent = sum(
+            differs and coarse["verdict"] != DEPENDS
+            for differs, (coarse, _) in zip(other, pairs, strict=True)
         )
-        print("\n".join(rows))
+        verdicts = [record[name]["verdict"] == DEPENDS for record in records]
+        told = sum(bool(record[name]["said"]) for record in records) - sum(verdicts)
+        widths = [most - least for r in records for least, most in _stated(r[name]["said"])]
+        most = [max((gap for gap, _ in gaps), default=0.0) for gaps in off]
+        outside = [max((gap for gap, said in gaps if not said), default=0.0) for gaps in off]
+        print(
+            f"{name}: {sum(verdicts)} of {len(records)} depend on how it breaks, {told} others "
+            f"name gaps, ranges of at most {max(widths, default=0.0):.1f} mm; {sum(other)} other "
+            f"verdicts, {silent} unannounced; {sum(gap > CLOSE for gap in most)} with gaps further "
+            f"off than {CLOSE:g} mm, {sum(gap > CLOSE for gap in outside)} outside a stated range; "
+            f"median {np.median(most):.4f} mm, largest {max(most):.2f} mm"
+        )
+        for record, (coarse, fine), gap, differs in zip(records, pairs, most, other, strict=True):
+            if gap > CLOSE or differs:
+                what = f"{record['index']} {record['panel']} {record['objects']}"
+                said = coarse["said"] or "nothing said"
+                print(f"  {what}: {coarse['own']} / {fine['own']}, {gap:.2f} mm; {said}")
 
 
-def _largest_difference(record: Record, name: str) -> float:
-    """Return the largest difference of the gaps of a throw from mode waveform [m]."""
-    gaps, fine = record[name]["gap"], record["waveform"]["gap"]
-    return max((abs(gaps[at] - fine[at]) for at in gaps.keys() & fine.keys()), default=0.0)
+def _differences(coarse: Record, fine: Record) -> list[tuple[float, bool]]:
+    """Return how far gaps are apart [mm], and whether the coarser states ranges with the finer."""
+    found = []
+    for at in coarse["gap"].keys() & fine["gap"].keys():
+        gap, ranges = 1e3 * fine["gap"][at], _stated(coarse["said"], at.split()[0])
+        said = any(least - ROUNDED <= gap <= most + ROUNDED for least, most in ranges)
+        found.append((abs(gap - 1e3 * coarse["gap"][at]), said))
+    return found
+
+
+def _stated(said: str, name: str = r"\w+") -> list[tuple[float, float]]:
+    """Return the ranges of gaps of a sensor, or of all, in a note on breaks [mm]."""
+    found = re.findall(name + r"(?: after \w+)? (-?\d+\.\d)(?: to (-?\d+\.\d))? mm", said)
+    return [(float(least), float(most or least)) for least, most in found]
 
 
 if __name__ == "__main__":

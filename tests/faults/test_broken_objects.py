@@ -30,7 +30,7 @@ from turnout.panel.foreign_object import parse_object
 from turnout.solver.outcome import Code
 from turnout.study.sweep.read import read_labels
 from turnout.study.sweep.run import throw_study
-from turnout.throw.breaking import break_attributes, end_of
+from turnout.throw.breaking import ThrowEnd, break_attributes, end_of, outcomes
 from turnout.throw.simulate import solve
 from turnout.web.object_map import object_map
 from turnout.web.question import Question
@@ -124,6 +124,15 @@ def test_a_compared_throw_that_does_not_end_is_not_alike() -> None:
     assert made[1]["break_note"].endswith(
         'strength "undetected object" with 1 break or a run that does not come to its end'
     )
+
+
+def test_outcomes_that_are_further_apart_than_a_range_are_named_one_by_one() -> None:
+    ends = [
+        ThrowEnd("detected by slip", {"TKK1": gap}, (count,))
+        for gap, count in [(0.0313, 5), (0.0004, 5), (0.0002, 4), (0.0305, 5)]
+    ]
+    said = "4 to 5 breaks (TKK1 0.2 to 0.4 mm) or 5 breaks (TKK1 30.5 to 31.3 mm)"
+    assert outcomes(ends) == said
 
 
 WOOD = "20mm wood@sleeper6"

@@ -33,6 +33,8 @@ BLOW_SHARE, COARSE_BLOW_SHARE = 4, 22
 """Largest errors found of the peak of a blow, in mode waveform and quick [%]."""
 SAME_END_GAP = 0.3e-3
 """End gaps that differ by less are alike [m]."""
+WIDEST_RANGE = 2e-3
+"""Of the gaps of one outcome that is stated [m]."""
 COMPARED = Save(
     fields=(
         *("locked", "in_control", "drive_slipping", "sensor_gap", "drive_gap"),
@@ -102,11 +104,11 @@ def break_attributes(
     how = "in mode waveform and " if coarse else ""
     how += "with a little less and more strength"
     if any(end.kind != first.kind for end in found):
-        note = f"{DEPENDS[:1].upper()}{DEPENDS[1:]}: {how} {_outcomes(found)}"
+        note = f"{DEPENDS[:1].upper()}{DEPENDS[1:]}: {how} {outcomes(found)}"
         return {"break_check": f"differs {how}", "break_note": note}
     attributes = {"break_check": f"alike {how}"}
     if _open_names(found):
-        attributes["break_gaps"] = f"{how[:1].upper()}{how[1:]} {_outcomes(found)}"
+        attributes["break_gaps"] = f"{how[:1].upper()}{how[1:]} {outcomes(found)}"
     return attributes
 
 
@@ -312,13 +314,26 @@ def _open_names(found: Sequence[ThrowEnd]) -> list[str]:
     return [name for name in names if np.ptp([gaps[name] for gaps in ended]) > SAME_END_GAP]
 
 
-def _outcomes(found: Sequence[ThrowEnd]) -> str:
+def outcomes(found: Sequence[ThrowEnd]) -> str:
     """Return the ends that differ: kind, breaks, and gaps that differ."""
-    names, groups = _open_names(found), dict[object, list[ThrowEnd]]()
+    names, groups = _open_names(found), list[list[ThrowEnd]]()
     for end in sorted(found, key=lambda end: (not end.kind, sum(end.broken))):
-        groups.setdefault((end.kind, end.broke), []).append(end)
+        for group in groups:
+            if all(_is_alike(end, each, names) for each in group):
+                group.append(end)
+                break
+        else:
+            groups.append([end])
     kinds = len({end.kind for end in found}) > 1
-    return " or ".join(_outcome(ends, names, kinds=kinds) for ends in groups.values())
+    return " or ".join(_outcome(ends, names, kinds=kinds) for ends in groups)
+
+
+def _is_alike(end: ThrowEnd, other: ThrowEnd, names: Sequence[str]) -> bool:
+    """Return whether two ends are one outcome."""
+    if (end.kind, end.broke) != (other.kind, other.broke):
+        return False
+    apart = [abs(end.gaps[name] - other.gaps[name]) for name in names if end.kind]
+    return all(distance <= WIDEST_RANGE for distance in apart)
 
 
 def _outcome(ends: Sequence[ThrowEnd], gaps: Sequence[str], *, kinds: bool) -> str:
