@@ -3,28 +3,26 @@
     python -m benchmarks.studies.breaking run --count 150 --out DIR --workers 1
     python -m benchmarks.studies.breaking report DIR
 
-Index n is one throw: a panel of `PANELS` in turn, from n = 150 on any of the library and of those
-that tests draw, with drawn friction, clutches and stick stiffness, and one or two objects of stone,
-ice or others on either rail that are drawn anew until one breaks in some scheme. It is thrown in
-each of `SCHEMES`. A throw is fixed by its index; a job that was stopped goes on.
+Index n is one throw: a panel of `PANELS` in turn, from n = 150 on any of the library, with drawn
+friction, clutches and stick stiffness, and one or two objects of stone, ice or others on either
+rail that are drawn anew until one breaks in some scheme. It is thrown in each of `SCHEMES`. A throw
+is fixed by its index; a job that was stopped goes on.
 """
 
 import re
 from typing import Any
 
 import numpy as np
-from tests.verification.robustness_panels import small_panel
 
 from benchmarks.studies.resumable import Record, command_line
 from turnout.core.channels import DEPENDS
 from turnout.core.errors import PanelError
 from turnout.core.scheme import Scheme
-from turnout.core.toml import parse_toml
 from turnout.law.object_kind import OBJECT_KINDS
 from turnout.metric.checks import checks
 from turnout.metric.verdict import verdict
 from turnout.panel.foreign_object import ForeignObject
-from turnout.panel.load import LoadedPanel, library_names, load_panel, panel_from_file
+from turnout.panel.load import LoadedPanel, library_names, load_panel
 from turnout.throw.simulate import simulate
 
 SEED = 20261130
@@ -46,34 +44,14 @@ SIZES, STRENGTHS = (5e-3, 0.035), {"stone": (2e6, 40e6), "ice": (2e6, 30e6)}
 """Of drawn objects [m, Pa]."""
 
 
-class Drawn:
-    """Choices for panels that tests draw."""
-
-    def __init__(self, random: np.random.Generator) -> None:
-        self.random = random
-
-    def integer(self, low: int, high: int) -> int:
-        """Return an integer, both bounds included."""
-        return int(self.random.integers(low, high, endpoint=True))
-
-    def number(self, low: float, high: float) -> float:
-        """Return a number between the bounds."""
-        return float(self.random.uniform(low, high))
-
-
 def drawn_panel(number: int, random: np.random.Generator) -> LoadedPanel:
     """Return a panel with drawn friction, clutches and stick stiffness."""
     changes: dict[str, object] = {
         "chair.friction_coefficient": random.uniform(0.1, 0.5),
         "chair.stick_stiffness": float(np.exp(random.uniform(np.log(1e6), np.log(3e7)))),
     }
-    if number < COUNT:
-        panel = load_panel(PANELS[number % len(PANELS)])
-    elif number % 2:
-        text = small_panel(Drawn(random))
-        panel = panel_from_file(parse_toml(text, source=f"panel {number}"))
-    else:
-        panel = load_panel(str(random.choice(library_names())))
+    later = str(random.choice(library_names()))
+    panel = load_panel(PANELS[number % len(PANELS)] if number < COUNT else later)
     for name, drive in panel.drive.items():
         level = drive.saturation_force * random.uniform(0.8, 1.4)
         changes[f"drive.{name}.saturation_force"] = level

@@ -102,6 +102,16 @@ def test_ice_that_just_fails_has_the_same_verdict_in_both_modes() -> None:
         assert "changes it" in found.meaning
 
 
+@pytest.mark.parametrize("strength", [11.8, 12.1])
+def test_a_stone_whose_first_failure_is_on_a_blow_depends_on_it(strength: float) -> None:
+    item = parse_object(f"6.4mm stone@x = 3.826 m, strength={strength}MPa, piece=0.08")
+    rough = panel().with_overrides({"chair.friction_coefficient": 0.36})
+    found = verdict(turnout.simulate(rough, foreign_object=item))
+    assert found.kind == "depends on how it breaks"
+    assert '"undetected object" with no break' in found.text
+    assert '"sound" with 1 break' in found.text
+
+
 @pytest.mark.parametrize("mode", ["quick", "waveform"])
 def test_an_object_on_the_other_rail_is_compared_after_opening(mode: Mode) -> None:
     item = parse_object(f"{ICE}, rail=curved, strength=9.22MPa")

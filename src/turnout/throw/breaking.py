@@ -24,11 +24,14 @@ from turnout.solver.watch import TIME_TOLERANCE
 from turnout.throw.drives import as_thrown, moved_throws
 from turnout.throw.route import DirectedMovement, sensor_rails
 from turnout.throw.save import Save
+from turnout.throw.signals import has_broken
 
 SLOW_ERROR, BLOW_ERROR = 0.005, 0.05
 """Largest errors of the peak of an object's force in mode waveform, without and with a blow [-]."""
 COARSE_SLOW_ERROR, COARSE_BLOW_ERROR = 0.01, 0.25
 """The same with longer steps or a lower cut-off [-]."""
+BLOW_DURATION = 0.05
+"""After its first contact, until which a largest force on an object is that of a blow [s]."""
 BLOW_SHARE, COARSE_BLOW_SHARE = 4, 22
 """Largest errors found of the peak of a blow, in mode waveform and quick [%]."""
 SAME_END_GAP = 0.3e-3
@@ -91,13 +94,17 @@ def break_attributes(
     throw : callable
         Makes such a throw with other objects and another scheme.
     """
-    coarse = is_coarse(scheme)
-    near = _is_near(*thrown, objects, COARSE_BLOW_ERROR if coarse else SLOW_ERROR)
-    first = end_of(panel, objects, thrown)
-    if not first.kind or not (near or any(first.broken)):
+    if not thrown[1].outcome.complete:
         return {}
+    coarse = is_coarse(scheme)
+    errors = _peak_errors(*thrown, objects, coarse=coarse)
+    reaches = [COARSE_BLOW_ERROR] * len(objects) if coarse else errors
+    broke = has_broken(*thrown)
+    if not (broke or _is_near(*thrown, objects, reaches)):
+        return {}
+    first = end_of(panel, objects, thrown)
     found = [first]
-    for varied, other, alike in _variants(objects, scheme, broke=any(first.broken)):
+    for varied, other, alike in _variants(objects, scheme, errors, broke=broke):
         end = end_of(panel, objects, throw(varied, other))
         if not alike or not end.kind or end.broke == first.broke:
             found.append(end)
@@ -112,13 +119,30 @@ def break_attributes(
     return attributes
 
 
+def _peak_errors(
+    mechanism: Mechanism, history: History, objects: Sequence[PlacedObject], *, coarse: bool
+) -> list[float]:
+    """Return the error of the largest force on each object, by whether it is that of a blow [-]."""
+    slow, blow = (COARSE_SLOW_ERROR if coarse else SLOW_ERROR), BLOW_ERROR
+    found = []
+    for item in objects:
+        laws = list(mechanism.index.object_laws[item.name])
+        peaks = history.time[np.argmax(history.forces(laws), axis=0)]
+        struck = peaks < history.law_first[laws] + BLOW_DURATION
+        found.append(blow if struck.any() else slow)
+    return found
+
+
 def _is_near(
-    mechanism: Mechanism, history: History, objects: Sequence[PlacedObject], error: float
+    mechanism: Mechanism,
+    history: History,
+    objects: Sequence[PlacedObject],
+    errors: Sequence[float],
 ) -> bool:
-    """Return whether an object came within an error of its failure [-], or yielded as ice does."""
+    """Return whether an object came within its error of its failure [-], or yielded as ice does."""
     obstructions = history.obstructions
     rows = named_obstructions(obstructions, mechanism.index.object)
-    for item in objects:
+    for item, error in zip(objects, errors, strict=True):
         parts = mechanism.index.object_parts.get(item.name, ())
         for name in parts if item.of_kind.breaks else ():
             deepest = float(obstructions.deepest[rows[name]])
@@ -130,7 +154,11 @@ def _is_near(
 
 
 def _variants(
-    objects: tuple[PlacedObject, ...], scheme: Scheme, *, broke: bool
+    objects: tuple[PlacedObject, ...],
+    scheme: Scheme,
+    errors: Sequence[float],
+    *,
+    broke: bool,
 ) -> Iterator[tuple[tuple[PlacedObject, ...], Scheme, bool]]:
     """Yield objects and schemes to compare with, and whether the same objects must break in them.
 
@@ -139,15 +167,16 @@ def _variants(
     coarse = is_coarse(scheme)
     if coarse:
         yield objects, Scheme(), False
-    error = COARSE_SLOW_ERROR if coarse else SLOW_ERROR
-    factors = [(1.0 - error, False)] + [(1.0 + error, False)] * broke
+    shifts = [(errors, False)]
     if broke and not coarse and any(item.of_kind.breaks_again for item in objects):
-        factors += [(1.0 - BLOW_ERROR, True), (1.0 + BLOW_ERROR, True)]
-    for factor, alike in factors:
-        varied = tuple(
-            replace(item, strength=factor * item.of_kind.strength(item)) for item in objects
-        )
-        yield varied, scheme, alike
+        shifts += [([BLOW_ERROR] * len(objects), True)]
+    for shift, alike in shifts:
+        for sign in (-1.0, 1.0) if broke else (-1.0,):
+            varied = tuple(
+                replace(item, strength=(1.0 + sign * error) * item.of_kind.strength(item))
+                for item, error in zip(objects, shift, strict=True)
+            )
+            yield varied, scheme, alike
 
 
 @dataclass(frozen=True, slots=True)
