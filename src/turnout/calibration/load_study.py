@@ -5,8 +5,8 @@ from pathlib import Path
 
 from turnout.core.errors import PanelError
 from turnout.core.files import user_path
-from turnout.core.library import names_a_file, names_in_library, text_in_library
-from turnout.core.toml import TomlFile, parse_toml, read_toml
+from turnout.core.library import names_in_library, open_toml, text_in_library
+from turnout.core.toml import TomlFile
 from turnout.panel.load import LoadedPanel, load_panel
 from turnout.study.read_study import read_parts, read_record
 from turnout.study.study import Study
@@ -36,10 +36,7 @@ def study_text(name: str) -> str:
 
 def open_study(name_or_path: str | Path) -> TomlFile:
     """Read a study of the library by its name, or a study file by its path."""
-    name = str(name_or_path).strip()
-    if isinstance(name_or_path, Path) or names_a_file(name):
-        return read_toml(user_path(name))
-    return parse_toml(study_text(name), source=name)
+    return open_toml("turnout.study", name_or_path, kind="study")
 
 
 def load_named_panel(name: str, file: TomlFile) -> LoadedPanel:

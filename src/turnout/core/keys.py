@@ -426,6 +426,18 @@ class Keys:
         """Say that a key matches nothing, and name the nearest that does."""
         return f"{name}: matches nothing in this {self._what}{nearest(name, self.names(members))}"
 
+    def settings(self, texts: Iterable[str]) -> tuple[dict[str, object], list[str]]:
+        """Return values by key from texts "KEY=VALUE", and what is wrong with the others."""
+        found: dict[str, object] = {}
+        problems = []
+        for text in texts:
+            try:
+                key, value = self.setting(text)
+                found[key] = value
+            except ValueError as error:
+                problems.append(str(error))
+        return found, problems
+
     def setting(self, text: str) -> tuple[str, object]:
         """Split "KEY=VALUE" from a command line; the value is read as TOML if it parses.
 

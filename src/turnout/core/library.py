@@ -5,8 +5,9 @@ from importlib import resources
 from pathlib import Path
 
 from turnout.core.errors import FileError
+from turnout.core.files import user_path
 from turnout.core.problems import choices, nearest
-from turnout.core.toml import decode
+from turnout.core.toml import TomlFile, decode, parse_toml, read_toml
 
 
 def names_a_file(name_or_path: str | Path) -> bool:
@@ -66,3 +67,29 @@ def text_in_library(package: str, name: str, *, kind: str) -> str:
         raise FileError(message)
     folder = resources.files(package).joinpath("library")
     return decode(folder.joinpath(f"{name}.toml").read_bytes(), source=name)
+
+
+def open_toml(package: str, name_or_path: str | Path, *, kind: str) -> TomlFile:
+    """Read a file of the library of a package by its name, or any file by its path.
+
+    Parameters
+    ----------
+    package, kind : str
+        As of `text_in_library`.
+    name_or_path : str or Path
+        A library name, or a path; see `names_a_file`.
+
+    Raises
+    ------
+    FileError
+        When the file cannot be read, is not TOML, or is not in the library.
+
+    Examples
+    --------
+    >>> open_toml("turnout.panel", "sb1", kind="panel").data["name"]
+    'sb1'
+    """
+    name = str(name_or_path).strip()
+    if isinstance(name_or_path, Path) or names_a_file(name):
+        return read_toml(user_path(name))
+    return parse_toml(text_in_library(package, name, kind=kind), source=name)

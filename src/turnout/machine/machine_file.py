@@ -13,9 +13,9 @@ from pydantic import PrivateAttr, ValidationError
 
 from turnout.core.errors import MachineError
 from turnout.core.keys import mark_si, origin_at, put
-from turnout.core.library import names_a_file, names_in_library, text_in_library
+from turnout.core.library import names_in_library, open_toml, text_in_library
 from turnout.core.problems import choices, describe_error, nearest, show_value
-from turnout.core.toml import Origin, TomlFile, parse_toml, read_toml
+from turnout.core.toml import Origin
 from turnout.machine.components import MACHINE_KEYS, Machine, MachineFile
 
 PACKAGE = "turnout.machine"
@@ -127,14 +127,7 @@ class LoadedMachines(MachineFile):
         >>> load_machines("sb3").with_settings(["rail.mass=500 kg"]).rail.mass
         500.0
         """
-        overrides: dict[str, object] = {}
-        problems = []
-        for text in settings:
-            try:
-                key, value = MACHINE_KEYS.setting(text)
-                overrides[key] = value
-            except ValueError as error:
-                problems.append(str(error))
+        overrides, problems = MACHINE_KEYS.settings(settings)
         if problems:
             raise MachineError(problems, source="settings")
         return self.with_overrides(overrides, si=False)
@@ -208,19 +201,12 @@ def load_machines(
     >>> load_machines("sb3").machine["sb3"].motor.voltage
     220.0
     """
-    file = _open(name_or_path)
+    file = open_toml(PACKAGE, name_or_path, kind="machine")
     origins = {".".join(path): origin for path, origin in file.origins.items()}
     loaded = LoadedMachines._build(
         file.data, source=file.source, origins=origins, problems=[], heading=file.source
     )
     return loaded.with_overrides(overrides) if overrides else loaded
-
-
-def _open(name_or_path: str | Path) -> TomlFile:
-    name = str(name_or_path).strip()
-    if isinstance(name_or_path, Path) or names_a_file(name):
-        return read_toml(Path(name).expanduser())
-    return parse_toml(machine_text(name), source=name)
 
 
 __all__ = ["LoadedMachines", "load_machines", "machine_names", "machine_text"]

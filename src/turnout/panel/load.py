@@ -15,10 +15,10 @@ from turnout.core.errors import FileError, PanelError
 from turnout.core.files import user_path
 from turnout.core.html_table import html_table
 from turnout.core.keys import mark_si
-from turnout.core.library import names_a_file, names_in_library, text_in_library
+from turnout.core.library import names_a_file, names_in_library, open_toml, text_in_library
 from turnout.core.problems import Problem, choices
 from turnout.core.provenance import content_hash
-from turnout.core.toml import Origin, TomlFile, parse_toml, read_toml
+from turnout.core.toml import Origin, TomlFile
 from turnout.panel.check import check
 from turnout.panel.compiled_keys import CompiledKeys, compile_keys
 from turnout.panel.document import Document, expand
@@ -283,15 +283,8 @@ class LoadedPanel(Panel):
         >>> load_panel("sb1").with_settings(["drive.1.stroke=100 mm"]).drive["1"].stroke
         0.1
         """
-        overrides: dict[str, object] = {}
-        problems: list[Problem] = []
-        for text in settings:
-            try:
-                key, value = PANEL_KEYS.setting(text)
-                overrides[key] = value
-            except ValueError as error:
-                problems.append(Problem((), str(error)))
-        return self._changed(overrides, problems)
+        overrides, problems = PANEL_KEYS.settings(settings)
+        return self._changed(overrides, [Problem((), text) for text in problems])
 
     def _changed(self, overrides: Mapping[str, object], problems: list[Problem]) -> Self:
         keys = None if problems else self._compiled(tuple(overrides))
@@ -495,7 +488,8 @@ def load_panel(
     >>> load_panel("sb1").drive["1"].stiffness
     750000.0
     """
-    return panel_from_file(_open(name_or_path), overrides=overrides)
+    file = open_toml("turnout.panel", panel_source(name_or_path), kind="panel")
+    return panel_from_file(file, overrides=overrides)
 
 
 def panel_from_file(
@@ -560,15 +554,6 @@ def as_written(panel: LoadedPanel) -> LoadedPanel:
         source=panel.source,
         folder=panel.folder,
         overrides=panel.overrides,
-    )
-
-
-def _open(name_or_path: str | Path) -> TomlFile:
-    found = panel_source(name_or_path)
-    return (
-        read_toml(found)
-        if isinstance(found, Path)
-        else parse_toml(library_text(found), source=found)
     )
 
 

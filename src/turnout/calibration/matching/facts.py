@@ -18,12 +18,11 @@ from turnout.calibration.matching.facts_file import (
 )
 from turnout.calibration.matching.measures import MEASURES, SHARE
 from turnout.core.errors import PanelError, StudyError
-from turnout.core.files import user_path
 from turnout.core.json_files import to_plain
-from turnout.core.library import names_a_file, names_in_library, text_in_library
+from turnout.core.library import names_in_library, open_toml, text_in_library
 from turnout.core.problems import choices, describe_error, nearest, show_value
 from turnout.core.provenance import content_hash
-from turnout.core.toml import TomlFile, parse_toml, read_toml
+from turnout.core.toml import TomlFile
 from turnout.core.units import Dimension, parse_quantity
 from turnout.panel.foreign_object import ForeignObject, parse_object, resolve_objects
 from turnout.panel.load import LoadedPanel
@@ -196,10 +195,7 @@ def load_facts(name_or_path: str | Path) -> Facts:
     >>> load_facts("paper-facts").panel.name
     'uic60-760-1-15'
     """
-    name = str(name_or_path).strip()
-    if isinstance(name_or_path, Path) or names_a_file(name):
-        return read_facts(read_toml(user_path(name)))
-    return read_facts(parse_toml(facts_text(name), source=name))
+    return read_facts(open_toml(PACKAGE, name_or_path, kind="facts file"))
 
 
 def read_facts(file: TomlFile) -> Facts:

@@ -8,7 +8,6 @@ import json
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +17,12 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from turnout.core.channels import SCHEMA_VERSION, label
-from turnout.core.errors import FileError, MeasurementError
+from turnout.core.errors import MeasurementError
 from turnout.core.files import require_regular_file, user_path
-from turnout.core.library import names_a_file
+from turnout.core.library import names_a_file, open_toml
 from turnout.core.problems import choices, nearest
 from turnout.core.provenance import content_hash, version
-from turnout.core.toml import TomlFile, decode, parse_toml, read_toml
+from turnout.core.toml import TomlFile
 from turnout.core.units import FORCE, Dimension
 from turnout.measurement.chain.channel_map import (
     OF_DRIVES,
@@ -252,22 +251,9 @@ def stated_uncertainties(channel_map: ChannelMap) -> dict[str, float]:
 
 
 def _open(name_or_path: Path | str) -> TomlFile:
-    text = str(name_or_path)
     if names_a_file(name_or_path):
-        path = user_path(name_or_path)
-        require_regular_file(path)
-        return read_toml(path)
-    folder = resources.files("turnout.measurement").joinpath("library")
-    names = sorted(item.name.removesuffix(".toml") for item in folder.iterdir())
-    if text not in names:
-        message = (
-            f"no channel map of the library is called '{text}'{nearest(text, names)}; "
-            f"there are {choices(names)}; a file needs its .toml"
-        )
-        raise FileError(message)
-    return parse_toml(
-        decode(folder.joinpath(f"{text}.toml").read_bytes(), source=text), source=text
-    )
+        require_regular_file(user_path(name_or_path))
+    return open_toml("turnout.measurement", name_or_path, kind="channel map")
 
 
 @dataclass(frozen=True, slots=True)
