@@ -504,7 +504,10 @@ def _channels(table: Table) -> list[int]:
     for place in sorted(table.values):
         name, values = table.columns[place].name, table.values[place]
         headless = not table.named and place == 0 and counts(values) and len(table.values) > 1
-        if headless or (table.named and is_index_name(name) and _counts_throws(values)):
+        # Beside a time a letter may be anything that counts up.
+        letter = bool(table.axes) and len(name) == 1 and name.isalpha()
+        index = table.named and is_index_name(name) and not letter and _counts_throws(values)
+        if headless or index:
             shown = f"column '{_label(table, place)}'"
             table.problems.append(f"{shown} is left out: it counts samples and is no time")
         elif table.curves:
