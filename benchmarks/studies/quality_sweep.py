@@ -142,11 +142,11 @@ def stated(rate: float) -> Fault:
 
 
 def humming(amplitude: float) -> Fault:
-    """Add mains hum [N]."""
+    """Add hum of a railway's supply, which means over 20 ms leave [N]."""
 
     def apply(dataset: xr.Dataset, rng: np.random.Generator) -> xr.Dataset:
         time, phase = dataset["time"].values, rng.uniform(0.0, 2.0 * np.pi)
-        hum = amplitude * np.sin(2.0 * np.pi * 50.0 * time + phase)
+        hum = amplitude * np.sin(2.0 * np.pi * 50.0 / 3.0 * time + phase)
         return changed(dataset, "drive_force 1", samples(dataset, "drive_force 1") + hum)
 
     return apply
@@ -271,9 +271,9 @@ HEAD = """# Quality of recorded throws
 
 A throw is excluded, with its reason, when a channel is clipped, held, missing or dead, when
 channels have changed places or sign, when it goes the other way than its sheet says, when samples
-came at another rate than stated, when mains hum is strong, or when its start or end was not
-recorded. Limits are fields of `turnout.measurement.quality.channel_faults.Limits`; a fault below
-its limit is meant to pass.
+came at another rate than stated, when mains hum is strong that means over 20 ms leave, or when its
+start or end was not recorded. Limits are fields of
+`turnout.measurement.quality.channel_faults.Limits`; a fault below its limit is meant to pass.
 
 Two things are taken from the rest of the campaign, so at least three sound movements in each
 direction are needed for them: the pace of a throw, and which channel is whose. Both use the

@@ -93,7 +93,6 @@ def at_rate(factor: float) -> xr.Dataset:
         (lambda: altered("object_force", lambda v: -v), "reversed polarity", "object_force"),
         (lambda: at_rate(2.0), "sampling rate", ""),
         (lambda: at_rate(0.8), "sampling rate", ""),
-        (lambda: altered("drive_force 1", humming), "mains hum", "drive_force 1"),
         (lambda: altered("object_force", railway_hum), "mains hum", "object_force"),
         (lambda: altered("drive_force 1", spiked), "spikes", "drive_force 1"),
         (lambda: altered("drive_current 1", lambda v: spiked(v, 8.0)), "spikes", "current 1"),

@@ -149,6 +149,26 @@ def test_what_several_recordings_say_is_said_once(tmp_path: Path) -> None:
     assert "none_closing_1 and 1 more: channels 'Rod 1'" in said[0]
 
 
+@pytest.mark.parametrize("quantity", ["drive_current", "drive_power"])
+def test_a_campaign_without_rod_forces(tmp_path: Path, quantity: str) -> None:
+    """Currents or powers alone, 25 a second from the contactor on."""
+    unit, factor = ("A", 1.0) if quantity == "drive_current" else ("W", 150.0)
+    time = np.arange(0.0, 6.0, 0.04)
+    for number in range(1, 5):
+        run = np.where(time < 5.0 + 0.02 * number, 2.3 + 4.0 * np.exp(-time / 0.08), 0.0)
+        lines = "".join(f"{factor * value:.3f}\n" for value in run)
+        (tmp_path / f"t{number}.csv").write_text(f"Sample rate: 25 Hz\nM 1 ({unit})\n{lines}")
+    rows = "".join(f"t{n}.csv,closing,0,none,{n}\n" for n in range(1, 5))
+    (tmp_path / "runs.csv").write_text("file,direction,size [mm],place,repeat\n" + rows)
+    (tmp_path / "channels.toml").write_text(f'[{quantity}.1]\ncolumn = "M 1"\nkind = "scaled"\n')
+    campaign = build_campaign_dataset(tmp_path, strict=True)
+    assert campaign.dataset is not None
+    assert "drive_force" not in campaign.dataset
+    stacked = campaign.dataset[f"{quantity}_unfiltered"]
+    assert stacked.sizes["movement"] == 4
+    assert float(stacked.max()) == pytest.approx(factor * 6.3)
+
+
 def test_an_interrupted_build_keeps_what_it_has(tmp_path: Path) -> None:
     folder = copied(tmp_path, built=False)
 

@@ -12,6 +12,7 @@ from turnout.measurement.campaign.motion_signals import (
     force_changes,
     found_direction,
 )
+from turnout.measurement.quality.judge import judge_recording
 
 ONSET = 2.0
 
@@ -31,6 +32,26 @@ def test_the_end_is_that_of_the_slower_drive() -> None:
     throw = only(noisy(2))
     assert throw.duration == pytest.approx(3.4, abs=0.02)
     assert throw.drive_ends == pytest.approx((ONSET + 3.2, ONSET + 3.4), abs=0.02)
+
+
+@pytest.mark.parametrize("rate", [25.0, 100.0])
+@pytest.mark.parametrize("quantity", ["drive_current", "drive_power"])
+def test_a_record_that_begins_with_the_inrush_is_whole(quantity: str, rate: float) -> None:
+    """As the contactor triggers it: no rest before, one after the motor is switched off."""
+    time = np.arange(0.0, 6.0, 1.0 / rate)
+    run = np.where(time < 5.0, 2.3 + 4.0 * np.exp(-time / 0.08), 0.0)
+    factor = 150.0 if quantity == "drive_power" else 1.0
+    dataset = xr.Dataset(
+        {quantity: (("drive", "time"), [factor * run])}, {"time": time, "drive": ["1"]}
+    )
+    throw = only(dataset)
+    assert (throw.source, throw.triggered, throw.cut_start) == (quantity[6:], True, False)
+    assert (throw.onset, throw.end) == pytest.approx((0.0, 5.0), abs=1.01 / rate)
+    verdict = judge_recording(dataset, throw)
+    assert verdict.usable, verdict
+    assert [text.split(":")[0] for text in verdict.remarks] == ["triggered"]
+    # From its middle on the same record has lost its beginning.
+    assert only(dataset.sel(time=slice(1.0, None))).cut_start
 
 
 def test_a_slipping_drive_runs_until_it_is_switched_off() -> None:

@@ -11,8 +11,11 @@ from typer.testing import CliRunner
 from turnout.cli.main import app
 from turnout.core.errors import MeasurementError, TurnoutError
 from turnout.core.scheme import Scheme
+from turnout.core.toml import parse_toml
 from turnout.machine.one_mass_throw import throw_one_mass
+from turnout.measurement.chain.apply import apply_chain, parse_channel_map
 from turnout.measurement.chain.monitoring import monitoring_of
+from turnout.measurement.chain.skeleton import skeleton
 from turnout.measurement.formats.file_format import read_recording
 from turnout.panel.load import load_panel
 from turnout.study.virtual.campaign_plan import CampaignPlan, check_plan
@@ -72,6 +75,28 @@ def test_a_throw_on_the_command_line(machine_file: Path, tmp_path: Path) -> None
     seen = np.sqrt((alternating**2 + direct**2).mean(axis=1))
     assert current.values == pytest.approx(seen, abs=0.00501)
     assert seen.max() > 1.0
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".h5", ".mat"])
+def test_a_coarse_power_comes_back_as_that_of_a_drive(tmp_path: Path, suffix: str) -> None:
+    """Times within a sample and the energy within 2 %, in steps of 5 kW / 255."""
+    throw = throw_one_mass("s700k", overrides={"throw.duration": 2.0})
+    file, out = tmp_path / "run.nc", tmp_path / f"stored{suffix}"
+    save_response(machine_dataset(throw), file)
+    words = ("--rate", "25 Hz", "--power-step", "19.6 W", "--current-step", "0.039 A")
+    code, text = call("machine", "monitor", file, "--out", out, *words)
+    assert code == 0, text
+    suggested = skeleton(read_recording(out))
+    dataset = apply_chain(read_recording(out), parse_channel_map(parse_toml(suggested, source="")))
+    power = dataset["drive_power"].values[0]
+    assert np.allclose(power / 19.6, np.round(power / 19.6), atol=1e-6)
+    time, true = throw["time"], throw["power"]
+    assert dataset["time"].values[-1] == pytest.approx(time[-1], abs=1.0 / 25.0)
+    energy = float(np.sum(power) / 25.0)
+    assert energy == pytest.approx(float(np.trapezoid(true, time)), rel=0.02)
+    # The inrush begins in the first sample, and the run ends within one of its true end.
+    last, stored = np.flatnonzero(true > 100.0)[-1], np.flatnonzero(power > 100.0)[-1]
+    assert dataset["time"].values[stored] == pytest.approx(time[last], abs=1.0 / 25.0)
 
 
 def test_the_throw_of_one_machine(tmp_path: Path) -> None:

@@ -268,6 +268,9 @@ def monitor_command(
     current_step: str = option(
         "--current-step CURRENT", "Resolution; '0 A' for none.", default="0.01 A"
     ),
+    power_step: str = option(
+        "--power-step POWER", "Resolution; '0 W' for none, '19.6 W' in some systems.", default="1 W"
+    ),
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
@@ -284,7 +287,9 @@ def monitor_command(
     from turnout.measurement.formats.file_format import write_recording
     from turnout.throw.store import open_response
 
-    chosen = monitoring_of(rate=rate, together=together, current_step=current_step)
+    chosen = monitoring_of(
+        rate=rate, together=together, current_step=current_step, power_step=power_step
+    )
     stored = monitored(open_response(run), chosen)
     recording = monitoring_recording(stored, source=f"monitoring of {run.name}, simulated")
     write_recording(recording, out)

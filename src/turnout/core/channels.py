@@ -120,6 +120,8 @@ CHANNELS: Mapping[str, Channel] = _table(
         "drive_force_unfiltered", ("drive", "time"), "N", "drive force before filtering", "closing"
     ),
     Channel("drive_current_unfiltered", ("drive", "time"), "A", "motor current before filtering"),
+    Channel("drive_voltage_unfiltered", ("drive", "time"), "V", "voltage before filtering"),
+    Channel("drive_power_unfiltered", ("drive", "time"), "W", "power before filtering"),
     Channel(
         "object_force_unfiltered",
         ("time",),
@@ -266,7 +268,7 @@ MEASURED = frozenset(
     {
         "drive_current",
         "drive_force_unfiltered",
-        "drive_current_unfiltered",
+        *("drive_current_unfiltered", "drive_voltage_unfiltered", "drive_power_unfiltered"),
         "object_force_unfiltered",
         "recorded",
     }

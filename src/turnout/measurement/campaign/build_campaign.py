@@ -443,7 +443,8 @@ def _dataset(
 def _may_be_exchanged(dataset: xr.Dataset) -> bool:
     """Return True if objects were thrown and two rods measured, but rods could not be checked."""
     return (
-        dataset.sizes["drive"] > 1
+        "drive_force" in dataset
+        and dataset.sizes["drive"] > 1
         and "rods_checked" not in dataset.attrs
         and bool((dataset["size"].values > 0).any())
     )
@@ -485,6 +486,8 @@ def _known(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def change_of_rods(piece: RecordedThrow) -> NDArray[np.float64]:
     """Return the change of each rod force in a movement, 0 of one that was not recorded [N]."""
+    if "drive_force" not in piece.dataset:
+        return np.zeros(piece.dataset.sizes["drive"])
     forces = piece.dataset["drive_force"].values
     known = np.where(np.isnan(forces).all(axis=1, keepdims=True), 0.0, forces)
     return force_changes(known, rate=piece.rate)

@@ -1,7 +1,8 @@
 """Throws within a recording: start, end and direction of each.
 
-Work is done on unfiltered channels in physical units, all at one rate. A motor current shows to the
-millisecond when a throw begins; rod forces alone, which grow slowly at first, less sharply.
+Work is done on unfiltered channels in physical units, all at one rate. A motor current or power
+shows to the millisecond when a throw begins; rod forces alone, which grow slowly at first, less
+sharply. Records of monitoring systems are triggered by the contactor and begin with the inrush.
 """
 
 from dataclasses import dataclass
@@ -20,6 +21,9 @@ from turnout.measurement.campaign.motion_signals import (
     without_spikes,
 )
 
+# Time within which an inrush shows its peak [s], and how far that is above the run behind it.
+INRUSH, INRUSH_SHARE = 0.1, 1.5
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Detection:
@@ -30,6 +34,8 @@ class Detection:
     running_current : float
         Current above which a motor runs [A]. It finds throws in a recording; how long each motor
         of a throw ran is then measured by its own standstill and running current.
+    running_power : float
+        Power above which a motor runs, where no current was measured [W].
     moving_force : float
         Change of a rod force within `force_span` that counts as motion [N].
     force_span : float
@@ -45,6 +51,7 @@ class Detection:
     """
 
     running_current: float = 0.35
+    running_power: float = 50.0
     moving_force: float = 40.0
     force_span: float = 0.3
     least_duration: float = 0.8
@@ -69,11 +76,13 @@ class FoundThrow:
         When each motor is switched off [s], see `turnout.core.running_current`; NaN where its
         current does not show it.
     source : str
-        "current" or "force": what the onset was taken from.
+        "current", "power" or "force": what the onset was taken from.
     direction : str
         "closing", "opening" or "unknown".
     cut_start, cut_end : bool
         Whether the recording begins after the onset, or ends before the motion does.
+    triggered : bool
+        Whether the recording begins with the inrush, without a rest before it.
     """
 
     first: int
@@ -85,6 +94,7 @@ class FoundThrow:
     direction: str
     cut_start: bool = False
     cut_end: bool = False
+    triggered: bool = False
 
     @property
     def duration(self) -> float:
@@ -100,8 +110,8 @@ def find_throws(
     Parameters
     ----------
     dataset : xarray.Dataset
-        `drive_force` (drive, time) [N] and, where measured, `drive_current` (drive, time) [A],
-        unfiltered; `time` even [s].
+        `drive_force` [N], `drive_current` [A], `drive_power` [W], all (drive, time) and those that
+        were measured, unfiltered; `time` even [s].
     detection : Detection, optional
         Criteria of a throw.
 
@@ -130,12 +140,18 @@ def find_throws(
     rate = (time.size - 1) / float(time[-1] - time[0])
     forces = _rows(dataset, "drive_force", rate=rate, spike=chosen.force_spike)
     currents = _rows(dataset, "drive_current", rate=rate, spike=chosen.current_spike)
-    running = np.array([is_running(row, rate=rate, detection=chosen) for row in currents])
+    source, level = "current", chosen.running_current
+    if not currents.size and "drive_power" in dataset:
+        currents = _rows(dataset, "drive_power", rate=rate, spike=np.inf)
+        source, level = "power", chosen.running_power
+    running = np.array([is_running(row, rate=rate, level=level) for row in currents])
     # A channel that never rests is no motor current: dead wires and swapped channels look so.
-    switched = [bool(row.any() and not row.all()) for row in running]
+    switched = [
+        bool(on.any() and (not on.all() or _begins_with_inrush(row, time.size, rate=rate)))
+        for on, row in zip(running, currents, strict=True)
+    ]
     if any(switched):
         active: Flags = np.any(running[switched], axis=0)
-        source = "current"
     else:
         # A zero that drifts is no motion; the direction of a throw does not need it.
         away = np.arange(time.size) / rate
@@ -148,8 +164,13 @@ def find_throws(
     bounds = _bounds(spans, time.size, rate=rate, detection=chosen)
     throws = []
     for span, bound in zip(spans, bounds, strict=True):
-        rows = currents[switched] if source == "current" else forces
-        at = _onset(rows, span, rate=rate, source=source, detection=chosen)
+        rows = forces if source == "force" else currents[switched]
+        triggered = (
+            source != "force"
+            and span[0] == 0
+            and any(_begins_with_inrush(row, span[1], rate=rate) for row in rows)
+        )
+        at = 0.0 if triggered else _onset(rows, span, rate=rate, source=source, level=level)
         ends = [
             running_time(time[bound[0] : bound[1]], row[bound[0] : bound[1]])[1]
             if known
@@ -165,31 +186,39 @@ def find_throws(
                 drive_ends=tuple(ends),
                 source=source,
                 direction=found_direction(forces[:, bound[0] : bound[1]], rate=rate),
-                cut_start=span[0] == 0,
+                cut_start=span[0] == 0 and not triggered,
                 cut_end=span[1] == time.size,
+                triggered=triggered,
             )
         )
     return tuple(throws)
 
 
-def is_running(current: Floats, *, rate: float, detection: Detection) -> Flags:
+def is_running(values: Floats, *, rate: float, level: float) -> Flags:
     """Flag the samples at which a motor runs, whichever way round its clamp is.
 
     Parameters
     ----------
-    current : ndarray, shape (n,)
-        Unfiltered [A].
+    values : ndarray, shape (n,)
+        Current or power of the motor, unfiltered [A, W].
     rate : float
         Samples a second [1/s].
-    detection : Detection
-        Gives the current above which a motor runs.
+    level : float
+        Value above which a motor runs [A, W].
 
     Returns
     -------
     ndarray of bool, shape (n,)
     """
-    smooth = mean_over(current, width=round(0.02 * rate))
-    return np.asarray(np.abs(smooth) > detection.running_current)
+    smooth = mean_over(values, width=round(0.02 * rate))
+    return np.asarray(np.abs(smooth) > level)
+
+
+def _begins_with_inrush(row: Floats, stop: int, *, rate: float) -> bool:
+    """Return True if the first samples are far above the run behind them."""
+    size = np.abs(bridge_gaps(row[:stop]))
+    first, behind = size[: max(2, round(INRUSH * rate))], size[round(3 * INRUSH * rate) :]
+    return bool(behind.size and float(first.max()) > INRUSH_SHARE * float(np.median(behind)))
 
 
 def _rows(dataset: xr.Dataset, name: str, *, rate: float, spike: float) -> Floats:
@@ -243,12 +272,10 @@ def _bounds(
     return bounds
 
 
-def _onset(
-    rows: Floats, span: tuple[int, int], *, rate: float, source: str, detection: Detection
-) -> float:
+def _onset(rows: Floats, span: tuple[int, int], *, rate: float, source: str, level: float) -> float:
     """Return the sample at which the first drive begins, between samples for forces."""
-    if source == "current":
-        return min(_first_inrush(row, span, rate=rate, detection=detection) for row in rows)
+    if source != "force":
+        return min(_first_inrush(row, span, rate=rate, level=level) for row in rows)
     if span[0] == 0:
         return 0.0
     found = [_first_pull(row, span, rate=rate) for row in rows]
@@ -259,13 +286,11 @@ def _onset(
     return max(onset, min(seen for _, seen in found) - 0.1 * rate)
 
 
-def _first_inrush(
-    row: Floats, span: tuple[int, int], *, rate: float, detection: Detection
-) -> float:
+def _first_inrush(row: Floats, span: tuple[int, int], *, rate: float, level: float) -> float:
     """Return the first of two samples in a row above the running current, near the span's start."""
     reach = round(0.05 * rate)
     first = max(0, span[0] - reach)
-    high = np.abs(bridge_gaps(row)[first : span[0] + 4 * reach]) > detection.running_current
+    high = np.abs(bridge_gaps(row)[first : span[0] + 4 * reach]) > level
     pairs = np.flatnonzero(high[:-1] & high[1:])
     return float(first + pairs[0]) if pairs.size else float(span[1])
 

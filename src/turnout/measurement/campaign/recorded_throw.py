@@ -24,7 +24,7 @@ from turnout.measurement.formats.file_format import read_recording
 from turnout.measurement.quality.channel_faults import MEASURED
 
 # Raised when what a piece holds, or how it is cut, changes.
-STORED_VERSION = 4
+STORED_VERSION = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -141,8 +141,8 @@ def _found(
 ) -> _Found | TurnoutError:
     try:
         dataset = apply_chain(read_recording(path, allow_outside=allow_outside), channel_map)
-        if "drive_force" not in dataset:
-            message = "the channel map has no drive_force; a campaign needs the rods' forces"
+        if not {"drive_force", "drive_current", "drive_power"} & set(dataset):
+            message = "the channel map has no drive_force, drive_current or drive_power"
             raise MeasurementError([message], source=str(path))
     except TurnoutError as error:
         return error

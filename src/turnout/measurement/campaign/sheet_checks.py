@@ -216,6 +216,8 @@ def check_rods(dataset: xr.Dataset) -> RodCheck:
         Stacked movements: `drive_force` (movement, drive, time), time zero at the onset.
     """
     drives = [str(name) for name in dataset["drive"].values]
+    if "drive_force" not in dataset:
+        return RodCheck()
     forces = dataset["drive_force"].transpose("movement", "drive", "time").values
     forces = forces[:, :, dataset["time"].values >= 0.0]
     sizes, places = dataset["size"].values, [str(place) for place in dataset["place"].values]

@@ -15,7 +15,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.core.errors import MeasurementError
-from turnout.core.units import CURRENT, FREQUENCY, parse_quantity
+from turnout.core.units import CURRENT, FREQUENCY, POWER, parse_quantity
 from turnout.measurement.recording import RecordedChannel, Recording
 
 Floats = NDArray[np.float64]
@@ -144,6 +144,7 @@ def monitoring_of(
     rate: str = "50 Hz",
     together: Sequence[str] = (),
     current_step: str = "0.01 A",
+    power_step: str = "1 W",
 ) -> Monitoring:
     """Return a monitoring system from typed options.
 
@@ -155,6 +156,8 @@ def monitoring_of(
         Transformers around the leads of several drives: "switch=1,2".
     current_step : str
         Resolution of currents, such as "0.01 A"; "0 A" for none.
+    power_step : str
+        Resolution of powers, such as "19.6 W", 5 kW in 255 steps; "0 W" for none.
 
     Raises
     ------
@@ -166,19 +169,20 @@ def monitoring_of(
     >>> monitoring_of(rate="25 Hz", together=["switch=1,2"]).together
     {'switch': ['1', '2']}
     """
-    problems, groups, found = [], {}, {"rate": 50.0, "current_step": 0.01}
-    for key, text, dimension in (
-        ("rate", rate, FREQUENCY),
-        ("current_step", current_step, CURRENT),
-    ):
+    problems, groups, found = [], {}, {"rate": 50.0, "current_step": 0.01, "power_step": 1.0}
+    given = {"rate": rate, "current_step": current_step, "power_step": power_step}
+    dimensions = (FREQUENCY, CURRENT, POWER)
+    for (key, text), dimension in zip(given.items(), dimensions, strict=True):
         try:
             found[key] = parse_quantity(text, dimension)
         except ValueError as error:
             problems.append(f"--{key.replace('_', '-')} '{text}': {error}")
-    chosen = Monitoring(rate=found["rate"], current_step=found["current_step"])
+    chosen = Monitoring(
+        rate=found["rate"], current_step=found["current_step"], power_step=found["power_step"]
+    )
     typed = {
-        "rate": (f"--rate '{rate}'", " Hz"),
-        "current_step": (f"--current-step '{current_step}'", " A"),
+        key: (f"--{key.replace('_', '-')} '{given[key]}'", f" {dimension.unit}")
+        for key, dimension in zip(given, dimensions, strict=True)
     }
     problems += _own_problems(chosen, typed=typed)
     for text in together:

@@ -88,7 +88,8 @@ def read_comtrade(path: Path) -> Recording:
 
 def _beside(path: Path, suffix: str) -> Path | None:
     for item in (path.with_suffix(suffix), path.with_suffix(suffix.upper())):
-        if item.is_file():
+        # A link may lead to any file of the machine.
+        if item.is_file() and item.resolve().parent == path.resolve().parent:
             return item
     return None
 

@@ -111,6 +111,7 @@ class Limits:
     least_response: tuple[tuple[str, float], ...] = (
         ("drive_force", 60.0),
         ("drive_current", 0.2),
+        ("drive_power", 50.0),
         ("object_force", 40.0),
     )
     most_hum: tuple[tuple[str, float], ...] = (
@@ -138,17 +139,28 @@ class Limits:
     most_step: tuple[tuple[str, float], ...] = (
         ("drive_force", 50.0),
         ("drive_current", 0.05),
+        ("drive_power", 25.0),
         ("object_force", 50.0),
     )
 
 
-MEASURED = ("drive_force", "drive_current", "object_force")
+UNITS = {
+    "drive_force": "N",
+    "drive_current": "A",
+    "drive_voltage": "V",
+    "drive_power": "W",
+    "object_force": "N",
+}
+"""Units of what is measured; limits that do not name a quantity do not check it."""
+MEASURED = tuple(UNITS)
 # A run of equal samples is by chance once in this many throws.
 CHANCE = 1e-4
 # A switch is thrown with some kilonewtons, and no object bears more than this [N].
 MOST_FORCE = 2e5
 # A tenth of the samples beyond it are no spikes.
 SPIKE_QUANTILE = 0.9
+# Over which a calibration takes means of measured forces [s].
+BIN = 0.02
 # So many equal samples from the start on are a rest without noise.
 LEAST_REST = 10
 
@@ -243,7 +255,7 @@ def spike_fault(name: str, values: Floats, *, key: str, rate: float, limits: Lim
     A rail that strikes an object makes a peak of a sample or two as well, so on a load cell a
     spike is remarked and excludes nothing.
     """
-    most, unit = dict(limits.most_spike)[key], "A" if key == "drive_current" else "N"
+    most, unit = dict(limits.most_spike).get(key, np.inf), UNITS[key]
     found = spikes(values, rate=rate, least=most)
     count = int(found.sum())
     if not count:
@@ -266,7 +278,7 @@ def quantisation_fault(name: str, values: Floats, *, key: str, limits: Limits) -
     levels = np.unique(values)
     steps = np.diff(levels)
     steps = steps[steps > 1e-9 * max(float(np.ptp(levels)), 1e-300)]
-    most, unit = dict(limits.most_step)[key], "A" if key == "drive_current" else "N"
+    most, unit = dict(limits.most_step).get(key, np.inf), UNITS[key]
     if not steps.size or float(steps.min()) <= most:
         return []
     text = f"it has steps of {in_words(float(steps.min()), unit)}, at most {most:g} {unit} expected"
@@ -275,9 +287,7 @@ def quantisation_fault(name: str, values: Floats, *, key: str, limits: Limits) -
 
 def mostly_beyond(values: Floats, *, key: str) -> bool:
     """Return True if a force is too large for a rod for more than a moment, unlike spikes."""
-    return (
-        key != "drive_current" and float(np.quantile(np.abs(values), SPIKE_QUANTILE)) > MOST_FORCE
-    )
+    return UNITS[key] == "N" and float(np.quantile(np.abs(values), SPIKE_QUANTILE)) > MOST_FORCE
 
 
 def in_words(value: float, unit: str) -> str:
@@ -303,7 +313,7 @@ def unit_fault(name: str, values: Floats, *, key: str) -> list[Fault]:
     'unit of drive_force 1: up to 7200 kN, at most 200 kN are believed; check its unit'
     """
     largest = float(np.max(np.abs(values), initial=0.0))
-    if key == "drive_current" or largest <= MOST_FORCE:
+    if UNITS[key] != "N" or largest <= MOST_FORCE:
         return []
     most = in_words(MOST_FORCE, "N")
     text = f"up to {in_words(largest, 'N')}, at most {most} are believed; check its unit"
@@ -326,11 +336,11 @@ def dead_fault(
     """
     around = round(0.2 * rate)
     smooth = mean_over(values, width=round(0.1 * rate))[max(0, begin - around) : finish + around]
-    least = dict(limits.least_response)[key]
+    least = dict(limits.least_response).get(key, 0.0)
     response = float(np.ptp(smooth)) if smooth.size else 0.0
     if response >= least:
         return []
-    unit = "A" if key == "drive_current" else "N"
+    unit = UNITS[key]
     # Rounding errors of a constant column are no response.
     size = response if response > 1e-6 * least else 0.0
     text = f"it changes by {size:.3g} {unit} in the throw, at least {least:g} {unit} expected"
@@ -421,7 +431,7 @@ def hum_faults(
     A load cell that is struck rings at a few tens of hertz and dies away; mains do not.
     """
     part = values[begin + round(0.2 * rate) : finish]
-    most, unit = dict(limits.most_hum)[key], "A" if key == "drive_current" else "N"
+    most, unit = dict(limits.most_hum).get(key, np.inf), UNITS[key]
     faults = []
     for frequency in limits.mains:
         if frequency > 0.4 * rate or part.size * frequency < 10 * rate:
@@ -429,7 +439,10 @@ def hum_faults(
         amplitude = steady_amplitude(part, frequency=frequency, rate=rate)
         if amplitude > most:
             text = f"{amplitude:.3g} {unit} at {frequency:.4g} Hz, at most {most:g} {unit}"
-            faults.append(Fault("mains hum", name, text))
+            # A whole number of its periods is in each bin of 20 ms that a calibration compares.
+            cancelled = frequency * BIN == round(frequency * BIN)
+            text += "; means over 20 ms cancel it" if cancelled else ""
+            faults.append(Fault("mains hum", name, text, excludes=not cancelled))
     return faults
 
 

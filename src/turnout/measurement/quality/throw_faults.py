@@ -16,7 +16,7 @@ from turnout.measurement.campaign.motion_signals import (
     force_changes,
     mean_over,
 )
-from turnout.measurement.quality.channel_faults import Fault, Limits, measured_channels
+from turnout.measurement.quality.channel_faults import UNITS, Fault, Limits, measured_channels
 
 # The part of a throw that no object has a say in yet, and its samples [s].
 EARLY, EARLY_STEP = 1.5, 0.02
@@ -112,7 +112,10 @@ def truncation_faults(throw: FoundThrow, dataset: xr.Dataset, *, least_rest: flo
     """Find a throw whose start or end is not in the recording."""
     time = dataset["time"].values
     faults = []
-    if throw.cut_start or throw.onset - float(time[0]) < least_rest:
+    if throw.triggered:
+        text = "the recording begins with the inrush, so what channels show at rest is not known"
+        faults.append(Fault("triggered", "", text, excludes=False))
+    elif throw.cut_start or throw.onset - float(time[0]) < least_rest:
         text = "the recording begins after the onset of motion"
         faults.append(Fault("truncated", "", text))
     if throw.cut_end or float(time[-1]) - throw.end < least_rest:
@@ -128,7 +131,7 @@ def drift_faults(dataset: xr.Dataset, *, limits: Limits) -> list[Fault]:
     faults = []
     for name, values, key in measured_channels(dataset):
         slope = drift(values, rate=(time.size - 1) / span)
-        if key != "drive_current" and abs(slope) * span > limits.most_drift:
+        if UNITS[key] == "N" and abs(slope) * span > limits.most_drift:
             text = f"{slope:.3g} N/s before and after the motion, {abs(slope) * span:.3g} N in all"
             faults.append(Fault("drift", name, f"{text}, at most {limits.most_drift:g} N"))
     return faults
@@ -140,6 +143,8 @@ def open_level(dataset: xr.Dataset, throw: FoundThrow, *, direction: str | None)
     Before a closing movement, after an opening one; None where that was not recorded [N].
     """
     time = dataset["time"].values
+    if "drive_force" not in dataset:
+        return None
     if direction == CLOSING and not throw.cut_start:
         part = (time >= throw.onset - REST_WINDOW) & (time < throw.onset - 0.01)
     elif direction == OPENING and not throw.cut_end:
@@ -181,9 +186,9 @@ def offset_faults(
     rest = time < throw.onset - 0.01
     for name, values, key in measured_channels(dataset):
         known = values[rest & np.isfinite(values)]
-        if key == "drive_force" or throw.cut_start or not known.size:
+        if key == "drive_force" or key not in most or throw.cut_start or not known.size:
             continue
-        level, unit = float(np.median(known)), "A" if key == "drive_current" else "N"
+        level, unit = float(np.median(known)), UNITS[key]
         if abs(level) > most[key]:
             text = f"{level:.3g} {unit} at rest, at most {most[key]:g} {unit} expected"
             faults.append(Fault("zero offset", name, text, excludes=False))
@@ -230,10 +235,13 @@ def direction_faults(
     time = dataset["time"].values
     rate = (time.size - 1) / float(time[-1] - time[0])
     names = [str(name) for name in dataset["drive"].values]
-    changes = force_changes(dataset["drive_force"].transpose("drive", "time").values, rate=rate)
+    forces = np.empty((0, time.size))
+    if "drive_force" in dataset:
+        forces = dataset["drive_force"].transpose("drive", "time").values
+    changes = force_changes(forces, rate=rate)
     signs = {
         name: (CLOSING if change > 0 else OPENING)
-        for name, change in zip(names, changes, strict=True)
+        for name, change in zip(names, changes, strict=False)
         if abs(change) > limits.polarity_force
     }
     faults = []
