@@ -4,7 +4,7 @@ import os
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -100,11 +100,6 @@ def end_code(dataset: "xr.Dataset") -> int:
     if dataset.attrs["complete"]:
         return 0
     return INTERRUPTED if dataset.attrs["outcome"] == "interrupted" else INCOMPLETE
-
-
-A = TypeVar("A")
-B = TypeVar("B")
-C = TypeVar("C")
 
 
 def option(names: str, text: str, *, default: Any = None, **more: Any) -> Any:
@@ -262,14 +257,12 @@ def calibrated_panel(calibration: "Calibration", source: Path) -> "LoadedPanel":
     return load_panel(calibration.panel)
 
 
-def collect_errors(
-    first: Callable[[], A], second: Callable[[], B], third: Callable[[], C]
-) -> tuple[A, B, C]:
-    """Read three parts of a command line that do not need each other.
+def collect_errors(*parts: Callable[[], Any]) -> list[Any]:
+    """Read parts of a command line that do not need each other.
 
     Parameters
     ----------
-    first, second, third : callable
+    *parts : callable
         Each returns its part or raises a `TurnoutError`.
 
     Raises
@@ -279,12 +272,12 @@ def collect_errors(
 
     Examples
     --------
-    >>> collect_errors(lambda: 1, lambda: "two", lambda: None)
-    (1, 'two', None)
+    >>> collect_errors(lambda: 1, lambda: "two")
+    [1, 'two']
     """
     errors: list[TurnoutError] = []
     found: list[Any] = []
-    for part in (first, second, third):
+    for part in parts:
         try:
             found.append(part())
         except TurnoutError as error:
@@ -292,5 +285,5 @@ def collect_errors(
     if len(errors) == 1:
         raise errors[0]
     if errors:
-        raise FileError("\n".join(str(error) for error in errors))
-    return found[0], found[1], found[2]
+        refuse("\n".join(str(error) for error in errors))
+    return found

@@ -5,7 +5,7 @@ import gc
 import importlib
 import json
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -35,8 +35,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from turnout.core.scheme import Scheme
-    from turnout.panel.foreign_object import ForeignObject
-    from turnout.panel.load import LoadedPanel
     from turnout.throw.drift import Drift
 
 
@@ -94,34 +92,26 @@ def simulate_command(
     """Simulate a throw, with or without trapped objects, and show how it ended."""
     check_outputs({"--out": out, "--plot": plot}, {"--out": (".nc",), "--plot": FIGURES})
     output = Output("simulate", as_json=as_json, quiet=quiet, width=16)
-    if throws is not None or drifts:
-        refused = {"--plot": plot, "--overlay": overlay, "--also": also or None}
-        _simulate_throws(
+    many = throws is not None or bool(drifts)
+    if many:
+        _check_many(throws, {"--plot": plot, "--overlay": overlay, "--also": also or None})
+    theirs, figure = _overlaid(overlay, plot), None
+    with contextlib.nullcontext() if many else without_collections():
+        import_scipy()
+        from turnout.panel.foreign_object import parse_objects
+
+        parts = (
             lambda: opened_panel(panel, settings, calibration),
-            objects,
-            throws=throws,
-            drifts=drifts,
-            scheme=lambda: _scheme(mode or "quick", step=step, cutoff=cutoff, every=every),
-            out=out,
-            refused=[option for option, given in refused.items() if given is not None],
-            output=output,
-            quiet=quiet,
+            lambda: parse_objects(objects),
+            lambda: _scheme(
+                mode or ("quick" if many else "waveform"), step=step, cutoff=cutoff, every=every
+            ),
         )
-        return
-    theirs = _overlaid(overlay, plot)
-    with without_collections():
         try:
-            dataset, failed = _run(
-                panel,
-                objects,
-                settings,
-                calibration=calibration,
-                also=also,
-                scheme=lambda: _scheme(mode or "waveform", step=step, cutoff=cutoff, every=every),
-                quiet=quiet,
-                plots=plot is not None,
-            )
-            figure = None
+            if throws is not None:
+                dataset = run_sequence(parts, throws=throws, drifts=drifts, quiet=quiet)
+            else:
+                dataset = _run(parts, also=also, quiet=quiet, plots=plot is not None)
             if plot is not None and dataset.sizes["time"] > 1:
                 from turnout.figures.throw import plot_throw
 
@@ -129,57 +119,30 @@ def simulate_command(
         except KeyboardInterrupt:
             note("interrupted before there was anything to keep")
             raise typer.Exit(INTERRUPTED) from None
-        if not output.silent:
-            output.show(*summary_lines(dataset))
-        output.dataset(out, dataset)
-        output.figure(plot if figure else None, lambda: figure)
-        if as_json:
-            record, units = run_record(dataset)
-            output.json(record, units=units)
-    if failed:
-        _end(dataset)
+        if not many or dataset.sizes["throw"] > 0:
+            if not output.silent:
+                output.show(*(sequence_lines if many else summary_lines)(dataset))
+            output.dataset(out, dataset)
+            output.figure(plot if figure else None, lambda: figure)
+            if as_json:
+                record, units = (sequence_record if many else run_record)(dataset)
+                output.json(record, units=units)
+    if not dataset.attrs["complete"]:
+        note(dataset.attrs["outcome_message"])
+        raise typer.Exit(end_code(dataset))
 
 
-def _end(dataset: "xr.Dataset") -> None:
-    """Say why a run is not complete; end with its exit code."""
-    note(dataset.attrs["outcome_message"])
-    raise typer.Exit(end_code(dataset))
-
-
-def _simulate_throws(
-    panel: Callable[[], "LoadedPanel"],
-    objects: list[str],
-    *,
-    throws: int | None,
-    drifts: list[str],
-    scheme: Callable[[], "Scheme"],
-    out: Path | None,
-    refused: list[str],
-    output: Output,
-    quiet: bool,
-) -> None:
-    """Simulate throws in a row and show or write them; those until an interruption too."""
-    from turnout.panel.foreign_object import parse_objects
-
+def _check_many(throws: int | None, options: Mapping[str, object]) -> None:
+    """Refuse options of one throw beside those of many in a row."""
     if throws is None:
         refuse("--drift: changes from throw to throw; say how many with --throws")
+    refused = [name for name, given in options.items() if given is not None]
     if refused:
         refuse(f"{', '.join(refused)}: shows one throw, --throws makes several; use --out")
-    loaded, foreign, (chosen, drift, _) = collect_errors(
-        panel,
-        lambda: parse_objects(objects),
-        lambda: collect_errors(scheme, lambda: read_drift(drifts), lambda: None),
-    )
-    dataset = run_sequence(loaded, foreign, throws=throws, drift=drift, scheme=chosen, quiet=quiet)
-    if dataset.sizes["throw"] > 0:
-        if not output.silent:
-            output.show(*sequence_lines(dataset))
-        output.dataset(out, dataset)
-        if output.as_json:
-            record, units = sequence_record(dataset)
-            output.json(record, units=units)
-    if not dataset.attrs["complete"]:
-        _end(dataset)
+
+
+Parts = Sequence[Callable[[], Any]]
+"""Panel, objects and scheme of a command line, each read when it is called."""
 
 
 def preload(*, plots: bool) -> None:
@@ -196,27 +159,12 @@ def preload(*, plots: bool) -> None:
             importlib.import_module("turnout.figures.throw")
 
 
-def _run(
-    name: str | None,
-    objects: list[str],
-    settings: list[str],
-    *,
-    calibration: Path | None,
-    also: list[str],
-    scheme: Callable[[], "Scheme"],
-    quiet: bool,
-    plots: bool,
-) -> tuple["xr.Dataset", bool]:
-    """Return the dataset, whole or partial, and True if the run ended early."""
-    import_scipy()
-    from turnout.panel.foreign_object import parse_objects, resolve_objects
+def _run(parts: Parts, *, also: list[str], quiet: bool, plots: bool) -> "xr.Dataset":
+    """Return the dataset of one throw, whole or partial."""
+    from turnout.panel.foreign_object import resolve_objects
     from turnout.throw.save import Save
 
-    panel, foreign, (chosen, save, _) = collect_errors(
-        lambda: opened_panel(name, settings, calibration),
-        lambda: parse_objects(objects),
-        lambda: collect_errors(scheme, lambda: Save(also=tuple(also)), lambda: None),
-    )
+    panel, foreign, chosen, save = collect_errors(*parts, lambda: Save(also=tuple(also)))
     objects_placed = resolve_objects(panel, foreign)
 
     from turnout.throw.object_fit import check_placed
@@ -245,7 +193,7 @@ def _run(
             rehearsal.join()  # files are written by one at a time
     release_memory()
     check_placed(dataset)
-    return dataset, not dataset.attrs["complete"]
+    return dataset
 
 
 def _overlaid(overlay: Path | None, plot: Path | None) -> "xr.Dataset | None":
@@ -431,23 +379,16 @@ def _number_or_text(key: str, value: str) -> int | float | str:
         return value
 
 
-def run_sequence(
-    panel: "LoadedPanel",
-    objects: "Sequence[ForeignObject]",
-    *,
-    throws: int,
-    drift: "Drift",
-    scheme: "Scheme",
-    quiet: bool,
-) -> "xr.Dataset":
-    """Make the throws with progress; those until an interruption or a failure come back."""
+def run_sequence(parts: Parts, *, throws: int, drifts: list[str], quiet: bool) -> "xr.Dataset":
+    """Make throws in a row with progress; those until an interruption or a failure come back."""
     from turnout.throw.sequence import simulate_sequence
 
+    panel, objects, scheme, drift = collect_errors(*parts, lambda: read_drift(drifts))
     with watched(f"simulating {throws} throws of {panel.name}", quiet=quiet) as watch:
         return simulate_sequence(
             panel,
             throws=throws,
-            foreign_object=list(objects),
+            foreign_object=objects,
             drift=drift,
             scheme=scheme,
             throw=False,
