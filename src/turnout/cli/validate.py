@@ -1,7 +1,9 @@
 """The command `turnout validate`: predict measured movements and judge the errors."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,20 +28,19 @@ from turnout.cli.output import (
     refuse,
     resumable,
 )
-from turnout.cli.watch import watched
+from turnout.cli.watch import ProgressBar, watched
 from turnout.measurement.campaign.campaign_folder import throw_store
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from turnout.calibration.drive_law.compare import LawComparison
-    from turnout.calibration.result import Calibration
+    from turnout.calibration.evaluate import Evaluator
     from turnout.calibration.validation.acceptance import Acceptance
     from turnout.panel.load import LoadedPanel
 
 PAGE, TABLE, DATASET = "validation.md", "movements.csv", "validation.nc"
 MAP, COMPARISON = "errors.png", "comparison.png"
-CACHED = "throws so far are cached, run the same command to continue"
 
 
 def validate_command(
@@ -78,9 +79,16 @@ def validate_command(
     for text in check_provenance(known, loaded):
         note(f"{calibration}: {text}")
     from turnout.calibration.validation.acceptance import judge
+    from turnout.calibration.validation.validate import validate
     from turnout.calibration.validation.verdict_text import acceptance_lines, notes
 
-    found = _validated(source, dataset, loaded, known, workers=workers, quiet=quiet)
+    evaluating = partial(_evaluating, loaded, throw_store(source), workers=workers, quiet=quiet)
+    with evaluating(loaded.name) as (watch, evaluator):
+
+        def report(stage: str, done: int, total: int) -> None:
+            watch.report(done, total, text=f"{loaded.name}: {stage}")
+
+        found = validate(dataset, loaded, known, evaluator=evaluator, report=report)
     verdict = judge(found)
     output = Output("validate", as_json=as_json)
     if not (quiet or as_json):
@@ -91,11 +99,12 @@ def validate_command(
     output.show(coloured(verdict.text, level))
     compared = None
     if laws is not None:
-        from turnout.calibration.drive_law.compare import law_lines
+        from turnout.calibration.drive_law.compare import compare_laws, law_lines
 
-        compared = _compared_laws(
-            source, dataset, loaded, known, laws, workers=workers, quiet=quiet
-        )
+        with evaluating(f"fitting laws of drive {laws}") as (watch, evaluator):
+            compared = compare_laws(
+                dataset, loaded, known, drive=laws, evaluator=evaluator, report=watch.report
+            )
         output.show(*law_lines(compared))
     if as_json:
         output.json(validation_record(verdict, notes(found), compared), units=VALIDATION_UNITS)
@@ -114,51 +123,19 @@ def _check_place(dataset: "xr.Dataset", place: str) -> None:
         refuse(f"--place: no closing movement with an object at '{place}'; there are {near}")
 
 
-def _validated(
-    source: Path,
-    dataset: "xr.Dataset",
-    panel: "LoadedPanel",
-    known: "Calibration",
-    *,
-    workers: int,
-    quiet: bool,
-) -> "xr.Dataset":
-    from turnout.calibration.evaluate import Evaluator
-    from turnout.calibration.validation.validate import validate
-
-    with (
-        resumable(CACHED),
-        watched(panel.name, quiet=quiet) as watch,
-        Evaluator(panel, folder=throw_store(source), workers=workers) as evaluator,
-    ):
-
-        def report(stage: str, done: int, total: int) -> None:
-            watch.report(done, total, text=f"{panel.name}: {stage}")
-
-        return validate(dataset, panel, known, evaluator=evaluator, report=report)
-
-
-def _compared_laws(
-    source: Path,
-    dataset: "xr.Dataset",
-    panel: "LoadedPanel",
-    known: "Calibration",
-    drive: str,
-    *,
-    workers: int,
-    quiet: bool,
-) -> "LawComparison":
-    from turnout.calibration.drive_law.compare import compare_laws
+@contextmanager
+def _evaluating(
+    panel: "LoadedPanel", folder: Path, text: str, *, workers: int, quiet: bool
+) -> "Iterator[tuple[ProgressBar, Evaluator]]":
+    """Give a watch, and processes that throw a panel and keep the throws in a folder."""
     from turnout.calibration.evaluate import Evaluator
 
     with (
-        resumable(CACHED),
-        watched(f"fitting laws of drive {drive}", quiet=quiet) as watch,
-        Evaluator(panel, folder=throw_store(source), workers=workers) as evaluator,
+        resumable("throws so far are cached, run the same command to continue"),
+        watched(text, quiet=quiet) as watch,
+        Evaluator(panel, folder=folder, workers=workers) as evaluator,
     ):
-        return compare_laws(
-            dataset, panel, known, drive=drive, evaluator=evaluator, report=watch.report
-        )
+        yield watch, evaluator
 
 
 def _write(
