@@ -257,6 +257,30 @@ def calibrated_panel(calibration: "Calibration", source: Path) -> "LoadedPanel":
     return load_panel(calibration.panel)
 
 
+def read_texts(
+    texts: Mapping[str, str | None], read: Callable[[str, str], float]
+) -> dict[str, float]:
+    """Return the values of the options that were given; refuse all at once that cannot be read.
+
+    Parameters
+    ----------
+    texts : mapping of str to str
+        Text of each option; empty or None if it was not given.
+    read : callable
+        Gives the value of an option and its text, or raises a ValueError.
+    """
+    found, problems = dict[str, float](), []
+    for name, text in texts.items():
+        try:
+            if text:
+                found[name] = read(name, text)
+        except ValueError as error:
+            problems.append(f"{name} {text}: {error}")
+    if problems:
+        refuse("\n".join(problems))
+    return found
+
+
 def collect_errors(*parts: Callable[[], Any]) -> list[Any]:
     """Read parts of a command line that do not need each other.
 

@@ -12,6 +12,7 @@ from turnout.cli.options import (
     argument,
     check_outputs,
     option,
+    read_texts,
 )
 from turnout.cli.output import JsonOption, Output, refuse
 
@@ -63,11 +64,14 @@ def pod_command(
     )
     from turnout.detection.pod.estimate import estimate_pod
     from turnout.detection.pod.pod_result import PodModel, key_figures
-    from turnout.detection.pod.pod_table import read_test_throws
+    from turnout.detection.pod.pod_table import read_test_throws, response_value
 
     throws = read_test_throws(results)
     curves = _roc_figure(throws, roc, limit=limit, place=at)
-    given = _responses({"--threshold": threshold, "--floor": floor, "--slip": slip}, throws)
+    given = read_texts(
+        {"--threshold": threshold, "--floor": floor, "--slip": slip},
+        lambda _, text: response_value(text, throws=throws),
+    )
     model = PodModel(
         threshold=given.get("--threshold"),
         least=given.get("--floor", float("-inf")),
@@ -118,24 +122,6 @@ def _roc_figure(throws: "TestThrows", path: Path | None, *, limit: Path | None, 
         sound=found.sound, rate=found.rate, bound=found.bound,
         title=f"{found.objects} objects at {place}, {found.sound} sound throws",
     )  # fmt: skip
-
-
-def _responses(texts: dict[str, str | None], throws: "TestThrows") -> dict[str, float]:
-    """Return the responses that options give, in the unit of the table, or refuse them at once."""
-    from turnout.core.errors import StudyError
-    from turnout.detection.pod.pod_table import response_value
-
-    found, faults = {}, []
-    for name, text in texts.items():
-        if text is None:
-            continue
-        try:
-            found[name] = response_value(text, throws=throws)
-        except ValueError as error:
-            faults.append(f'{name} "{text}": {error}')
-    if faults:
-        raise StudyError(faults, source="options")
-    return found
 
 
 def _content(found: "Pod", suffix: str) -> bytes | str:

@@ -26,6 +26,7 @@ from turnout.cli.options import (
     end_code,
     opened_panel,
     option,
+    read_texts,
 )
 from turnout.cli.output import INTERRUPTED, JsonOption, Output, coloured, note, refuse
 from turnout.cli.watch import watched
@@ -212,22 +213,16 @@ def _scheme(mode: str, *, step: str, cutoff: str, every: str) -> "Scheme":
     from turnout.core.scheme import Scheme
     from turnout.core.units import FREQUENCY, TIME, parse_quantity
 
-    changes: dict[str, float] = {}
-    problems = []
-    for key, name, text, dimension in (
-        ("step", "--step", step, TIME),
-        ("cutoff_frequency", "--cutoff", cutoff, FREQUENCY),
-        ("output_interval", "--every", every, TIME),
-    ):
-        if not text:
-            continue
-        try:
-            changes[key] = parse_quantity(text, dimension)
-        except ValueError as error:
-            problems.append(f"{name} {text}: {error}")
-    if problems:
-        refuse("\n".join(problems))
-    return Scheme.of(mode, **changes)
+    fields = {
+        "--step": ("step", TIME),
+        "--cutoff": ("cutoff_frequency", FREQUENCY),
+        "--every": ("output_interval", TIME),
+    }
+    found = read_texts(
+        {"--step": step, "--cutoff": cutoff, "--every": every},
+        lambda name, text: parse_quantity(text, fields[name][1]),
+    )
+    return Scheme.of(mode, **{fields[name][0]: value for name, value in found.items()})
 
 
 def summary_lines(dataset: "xr.Dataset") -> Iterator[str]:
