@@ -8,9 +8,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import typer
 from tests.unit.simulated import sb2_panel
 
 from turnout.cli.options import check_outputs
+from turnout.cli.output import INTERRUPTED, Output, resumable
 from turnout.cli.panel import section_lines
 from turnout.cli.show import CheckThrows, panel_lines
 from turnout.cli.watch import COMPILING, ProgressBar, watched
@@ -368,3 +370,25 @@ def test_a_link_is_checked_where_it_points(tmp_path: Path) -> None:
     (tmp_path / "link.nc").symlink_to(tmp_path / "none" / "run.nc")
     with pytest.raises(FileError, match="there is no folder .*none"):
         check_outputs({"--out": tmp_path / "link.nc"}, SUFFIXES)
+
+
+def test_output_is_quiet_where_it_should_be(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Lines, files and rows are shown, unless quiet or beside JSON; files are written always."""
+    for given in ({}, {"quiet": True}, {"as_json": True}):
+        output = Output("demo", **given)
+        output.rows("note", ["one", "two"])
+        output.write(tmp_path / "a.txt", "text")
+        output.write(None, "nothing")
+        assert output.written == [tmp_path / "a.txt"]
+        shown = capsys.readouterr().out.splitlines()
+        expected = ["note        one", "            two", f"written     {tmp_path / 'a.txt'} (4 B)"]
+        assert shown == ([] if given else expected)
+
+
+def test_an_interrupted_command_says_what_is_kept(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(typer.Exit) as ended, resumable("throws so far are kept"):
+        raise KeyboardInterrupt
+    assert ended.value.exit_code == INTERRUPTED
+    assert capsys.readouterr().err == "turnout: interrupted; throws so far are kept\n"

@@ -13,6 +13,7 @@ import pytest
 import xarray as xr
 from numpy.typing import NDArray
 from tests.unit.test_cli_json import printed
+from typer.testing import CliRunner
 
 from turnout.api.machine import fit_machines
 from turnout.calibration.current_fit import (
@@ -25,6 +26,7 @@ from turnout.calibration.current_fit import (
     slip_level,
 )
 from turnout.calibration.force_anchor import gauge_anchor, sister_anchor
+from turnout.cli.main import app
 from turnout.core.errors import MachineError, MeasurementError
 from turnout.core.moving_average import moving_average
 
@@ -256,6 +258,8 @@ def test_anchors_that_cannot_be() -> None:
 def test_the_command(tmp_path: Path) -> None:
     file = tmp_path / "campaign.nc"
     campaign().assign_attrs(schema_version=1).to_netcdf(file, engine="h5netcdf")
+    quiet = CliRunner().invoke(app, ["machine", "fit", str(file), "--quiet"])
+    assert (quiet.exit_code, quiet.output) == (0, "")
     found = printed("machine", "fit", file)
     drive = found["drives"][0]
     assert drive["slip"]["value"] == pytest.approx(SLIP, rel=1e-3)

@@ -159,7 +159,7 @@ def train_command(
             report=None if quiet else _calibrating,
         )
     Detector(knowledge).save(out)
-    output = Output("detect train", as_json=as_json, width=16)
+    output = Output("detect train", as_json=as_json, quiet=quiet, width=16)
     output.show(*training_lines(knowledge))
     output.wrote(out)
     if as_json:

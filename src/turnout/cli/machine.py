@@ -379,7 +379,7 @@ def fit_command(
         gauges={n: Gauge(force=value, deviation=d) for n, (value, d) in gauges.items()},
         sisters={n: Sister(slope=v, spread=d, **ranges[n]) for n, (v, d) in sisters.items()},
     )
-    output = Output("machine fit", as_json=as_json)
+    output = Output("machine fit", as_json=as_json, quiet=quiet)
     output.show(*fit_lines(fit))
     if as_json:
         output.json(fit_record(fit), units=FIT_UNITS)

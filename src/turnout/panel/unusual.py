@@ -85,33 +85,16 @@ USUAL: Mapping[str, tuple[float, float]] = {
 
 @dataclass(frozen=True, slots=True)
 class Unusual:
-    """A value outside the usual range, given in SI.
+    """A value outside the usual range, in SI.
 
     Attributes
     ----------
-    key : str
-        Path of the key in the panel, of the family where all members have the value.
-    value, least, most : float
-        Value of the panel, and the usual range.
-    unit : str
-        Unit of the three, empty for plain numbers.
+    given, usual : str
+        Key with its value, of the family where all members have it; the usual range.
     """
 
-    key: str
-    value: float
-    least: float
-    most: float
-    unit: str
-
-    @property
-    def given(self) -> str:
-        """Key and value."""
-        return f"{self.key} = {self.value:g} {self.unit}".rstrip()
-
-    @property
-    def usual(self) -> str:
-        """The usual range."""
-        return f"usual is {self.least:g} to {self.most:g} {self.unit}".rstrip()
+    given: str
+    usual: str
 
     @property
     def text(self) -> str:
@@ -147,8 +130,11 @@ def unusual_values(panel: Panel) -> list[Unusual]:
         except LookupError:  # in a table that the panel lacks
             continue
         unit = key.unit if key else ""
-        for place, value in _outside(name, values, least, most):
-            found.append(Unusual(place, value, least, most, unit))
+        usual = f"usual is {least:g} to {most:g} {unit}".rstrip()
+        found += [
+            Unusual(f"{place} = {value:g} {unit}".rstrip(), usual)
+            for place, value in _outside(name, values, least, most)
+        ]
     return found
 
 
