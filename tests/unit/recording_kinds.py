@@ -129,6 +129,9 @@ RATES: list[Kind] = [
     ("rate: in words", stated("Sample rate: 25 samples per second"), BOTH),
     ("rate: two numbers", stated("Sample rate: 25 of 50 Hz"), ("no known unit",)),
     ("rate: label with its unit", stated("Abtastrate [Hz];25"), BOTH),
+    ("rate: sampling, a time", stated("Sampling: 40 ms"), BOTH),
+    ("rate: sampling, a frequency", stated("Sampling,25Hz"), BOTH),
+    ("rate: sampling without a unit", stated("Sampling: 25"), ("neither times nor",)),
     ("rate: mains", stated("Frequency: 50 Hz"), ("not taken for the sample rate", "neither")),
     ("rate: twice", stated("Sample rate: 25 Hz\nSample interval: 4 ms"), ("two clocks",)),
     ("rate: zero", stated("Sample rate: 0 Hz"), ("is no rate",)),
@@ -269,6 +272,11 @@ NUMBERS: list[Kind] = [
     ("numbers: overloads", HEAD + rows(time=seconds).replace("6.400", "OVL").replace("5.515", "***")
      .replace("4.826", "+++++").replace("4.289", "Infinity").replace("3.872", "9.91E+37")
      .replace("3.546", "\u221e"), BOTH),
+    ("numbers: overloads in the first rows",
+     "Sample rate: 25 Hz\nForce,Current\nOVL,OVL\n***,***\n" + rows(count=38),
+     {"Force": (25.0, 0.0), "Current": (25.0, 0.0)}),
+    ("numbers: first row unreadable, whole numbers",
+     "Time (s),Force\nx7,3\n0.00,1\n0.04,2\n0.08,4\n", ("line 2", "'x7'")),
     ("numbers: first row unreadable",
      HEAD + "zero,0.5,0.7\n" + rows(time=seconds), ("line 2", "'zero'")),
     ("numbers: text among them",
@@ -306,6 +314,12 @@ LOGGERS: list[Kind] = [
      BOTH),
     ("catman", "Time  1 - default sample rate\tForce\tCurrent\ns\tkN\tA\nSG bridge\tMX840\tMX411\n"
      + rows("\t", time=seconds), BOTH),
+    ("Siglent",
+     "Record Length,Analog:40\nVertical Scale,CH1:0.50\nSource,Force,Current\n"
+     "Second,Volt,Volt\n" + rows(time=lambda n: f"{n * STEP:.7e}"), BOTH),
+    ("LeCroy",
+     "LECROYWS,1,Waveform\nSegments,1,SegmentSize,40\nSegment,TrigTime,TimeSinceSegment1\n"
+     "#1,28-Nov-2026 08:14:00,0\nTime,Force,Current\n" + rows(time=seconds), BOTH),
     ("HIOKI",
      '"COMMENT",""\n"NUM_SIGS", 3\n"INTERVAL", 4.0E-02\n"VERT_UNITS", "S", "kN", "A"\n'
      '"SIGNAL", "TIME", "Force", "Current"\n"DATA"\n' + rows(", ", time=seconds), BOTH),

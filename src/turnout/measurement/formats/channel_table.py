@@ -45,8 +45,8 @@ Floats = NDArray[np.float64]
 # A column with fewer numbers than this share is one of texts, else its texts are errors.
 _LEAST_NUMBERS = 0.1
 _MOST_SIGNALS = 256
-# A column without a unit that steps further than this may not be in seconds [s].
-_LONGEST_STEP = 0.1
+# A column without a unit that steps less or more than this may not be in seconds [s].
+_USUAL_STEP = (1e-5, 0.5)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -271,7 +271,10 @@ def _name_axes(table: Table) -> None:
         column, values = table.columns[place], table.values[place]
         given = values[: _count(values)]
         named, letter = is_time_name(column.name), len(squeezed(column.name)) == 1
-        if not named and not (is_abscissa_name(column.name) and is_time_unit(column.unit)):
+        rises = place == 0 and rises_evenly(given)
+        if not named and not (
+            is_time_unit(column.unit) and (rises or is_abscissa_name(column.name))
+        ):
             continue
         if letter and column.unit and not is_time_unit(column.unit):
             continue
@@ -536,8 +539,10 @@ def _usable(
         table.problems.append(f"column '{name}' is not used, the stated rate is: {error}")
         return None
     column = table.columns[place]
-    unstated = column.cells.dtype.kind in "iuf" and not (column.unit or unit_in_name(column.name))
-    if rate is None and unstated and axis.begin is None and grid.step > _LONGEST_STEP:
+    numeric = column.cells.dtype.kind in "iuf" and axis.begin is None
+    unstated = numeric and not (column.unit or unit_in_name(column.name))
+    least, most = _USUAL_STEP
+    if rate is None and unstated and not least < grid.step < most:
         table.problems.append(f"check the time: '{name}' states no unit and is taken as seconds")
     if rate is not None and abs(rate[0] * grid.step - 1.0) > LARGEST_DEPARTURE:
         table.problems.append(

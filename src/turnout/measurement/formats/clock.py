@@ -38,7 +38,7 @@ _SOURCES = (
     "measuring|measurement|data|daq|adc|digitizer|wf|wave|nominal|effective"
 )
 _RATE = re.compile(
-    rf"(?:data\d+)?(?:(?:{_SOURCES})s?(?:rate|frequency|freq|frq|frequenz)|fs|sr|sps|"
+    rf"(?:data\d+)?(?:(?:{_SOURCES})s?(?:rate|frequency|freq|frq|frequenz)|fs|sr|sps|srate|fsamp(?:le|ling)?|"
     r"abtastrate|abtastfrequenz|messrate|samplespersec(?:ond)?|samples/s(?:ec)?|"
     r"samplingsfrekvens|samplingshastighet|frequencedechantillonnage|frecuenciademuestreo)"
     rf"{_SUFFIX}"
@@ -50,6 +50,7 @@ _STEP = re.compile(
     r"abtastintervall|abtastzeit|abtastperiode|messintervall|zeitschritt|zeitintervall|"
     rf"zeitinkrement|samplingsintervall){_SUFFIX}"
 )
+_EITHER = re.compile(rf"sampling|abtastung|sample|messtakt|takt{_SUFFIX}")
 _WEAK_RATE = re.compile(rf"rate{_SUFFIX}")
 _NO_RATE = re.compile(r"(?:mains|line|net|supply|netz)?(?:frequency|freq|frequenz|frekvens)(?:hz)?")
 _START = re.compile(rf"(?:x0|t0|tstart|start|starts|xzero|xorigin|hoffset|wfstartoffset){_SUFFIX}")
@@ -64,7 +65,8 @@ _TIME = re.compile(
     r"(?:data\d+)?(?:relative|elapsed|rel|utc|local|unix|epoch|system|sample)?"
     r"(?:time|times|zeit|tid|temps|tiempo|tempo|t|timestamp|timestamps|zeitstempel|tidsst[aä]mpel|"
     r"datetime|date&time|dateandtime|date/time|datumzeit|datumuhrzeit|datum/zeit|datum/uhrzeit|"
-    r"uhrzeit|tidpunkt|xvalue|timeaxis|zeitachse|epoch|posix|posixtime)"
+    r"uhrzeit|tidpunkt|xvalue|timeaxis|timevec(?:tor)?|zeitachse|zeitvektor|epoch|posix|posixtime|"
+    r"datenum|serialdate|abstime|reltime)"
     r"(?:\d*-?(?:default|standard|messrate).*)?(?P<unit>sec|ms|us|ns|s)?"
 )
 _ABSCISSA = re.compile(r"x|xaxis|xwerte?|abscissa|second|seconds|sekunden")
@@ -227,12 +229,14 @@ class StatedClock:
         """
         name = squeezed(key.rsplit("/", 1)[-1] if "samples/" not in key.lower() else key)
         name = name.replace("-", "")
-        for pattern, kind in ((_RATE, "rate"), (_STEP, "step"), (_WEAK_RATE, "weak")):
+        kinds = ((_RATE, "rate"), (_STEP, "step"), (_EITHER, "either"), (_WEAK_RATE, "weak"))
+        for pattern, kind in kinds:
             match = pattern.fullmatch(name)
             if match is None:
                 continue
             shown = f"{key.strip()}: {', '.join(str(value).strip() for value in values)}"[:60]
-            found = _rates(values, unit or match["unit"] or "", kind, decimal, shown)
+            suffix = match.groupdict().get("unit") or ""
+            found = _rates(values, unit or suffix, kind, decimal, shown)
             if found:
                 (self.weak if kind == "weak" else self.rates).append((shown, found))
                 return True
@@ -278,6 +282,11 @@ class StatedClock:
             return first
         return None
 
+    def leave_weak(self) -> None:
+        """Take no "rate" for the sample rate."""
+        self.doubtful += [shown for shown, _ in self.weak]
+        self.weak.clear()
+
     @property
     def start_time(self) -> str | None:
         """Date and time of the start as the file writes them; None if it does not."""
@@ -298,12 +307,12 @@ def _rates(
         if number is None:
             return ()
         own = _unit_of_clock(number[1] or unit)
-        if own in HERTZ or (own == "" and kind != "step"):
+        if own in HERTZ or (own == "" and kind in ("rate", "weak")):
             rate = number[0] * HERTZ.get(own, 1.0)
-        elif own in SECONDS:
+        elif own in SECONDS and not (own == "" and kind == "either"):
             step = number[0] * SECONDS[own]
             rate = 1.0 / step if step else np.inf
-        elif kind == "weak":
+        elif kind in ("weak", "either"):
             return ()
         else:
             message = f"'{shown}' has no known unit of a rate or a time; write '1000 Hz' or '1 ms'"

@@ -189,7 +189,7 @@ class _Found:
             self.empty.append(name)
             return
         attributes = _attributes(item)
-        clock = stated_clock(attributes)
+        clock = stated_clock(attributes, own=True)
         rate, unit = clock.rate(), _first(attributes, UNITS)
         values = _unpacked(self.content.read(item), attributes)
         since = " since " in unit or (is_time_unit(unit) and is_time_name(last))

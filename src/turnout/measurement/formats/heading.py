@@ -168,8 +168,9 @@ def _choose(wide: list[tuple[int, list[str]]], found: Heading, decimal: str | No
     near = [n for n in unit_rows if n != names and (names is None or n >= names - 1)]
     if near:
         found.units = [tidy_unit(text) for text in rows[near[-1]]]
-    for number, cells in wide[0 if names is None else names :]:
-        _refuse_numbers(number, cells, decimal)
+    for place, (number, cells) in enumerate(wide):
+        if names is None or (place >= names and place not in near[-1:]):
+            _refuse_numbers(number, cells, decimal, below=names is not None and place > names)
     if names is None or found.names:
         return
     if rows[names][0] == SHORT:
@@ -182,10 +183,10 @@ def _choose(wide: list[tuple[int, list[str]]], found: Heading, decimal: str | No
     found.units = [a or b for a, b in zip(own, found.units or own, strict=True)]
 
 
-def _refuse_numbers(line: int, cells: list[str], decimal: str | None) -> None:
+def _refuse_numbers(line: int, cells: list[str], decimal: str | None, *, below: bool) -> None:
     """Refuse a row that seems to be one of numbers with something unreadable before them."""
     filled = [cell for cell in cells if cell]
-    values = [c for c in filled if is_number(c, decimal or ".") and not c.isdigit()]
+    values = [c for c in filled if is_number(c, decimal or ".") and (below or not c.isdigit())]
     if 2 * len(values) >= len(filled) > 0:
         wrong = next((cell for cell in filled if cell not in values), filled[0])
         message = (

@@ -116,7 +116,11 @@ def _facts(held: Mapping[str, Any], stated: StatedClock, units: dict[str, str]) 
         elif isinstance(value, Mapping) and not any(
             isinstance(inner, Mapping | list) for inner in value.values()
         ):
-            _facts(value, stated, units)
+            inside = StatedClock()
+            _facts(value, inside, units)
+            stated.rates += inside.rates
+            stated.moments += inside.moments
+            stated.start = inside.start or stated.start
         elif isinstance(value, str | int | float) and not isinstance(value, bool):
             stated.read(str(key), [value])
 

@@ -101,8 +101,16 @@ def columns_of_arrays(
     return columns, problems
 
 
-def stated_clock(values: Mapping[str, Any]) -> StatedClock:
+def stated_clock(values: Mapping[str, Any], *, own: bool = False) -> StatedClock:
     """Return the clock that names and their single values state.
+
+    Parameters
+    ----------
+    values : mapping of str to object
+        Single values by name.
+    own : bool
+        Whether they describe one channel, of which a "rate" is the sample rate; that of a group
+        may be a shaft's.
 
     Examples
     --------
@@ -114,6 +122,8 @@ def stated_clock(values: Mapping[str, Any]) -> StatedClock:
         inner = np.ravel(value)
         for item in inner[:1].tolist():
             stated.read(_last(name), [item.decode() if isinstance(item, bytes) else item])
+    if not own:
+        stated.leave_weak()
     return stated
 
 
@@ -128,7 +138,7 @@ def _stated_clocks(values: Mapping[str, Any]) -> dict[str, StatedClock]:
 
 def _clock_of(name: str, stated: Mapping[str, StatedClock]) -> StatedClock | None:
     """Return the clock of the nearest folder around a name, or the only one in the file."""
-    around = [folder for folder in stated if name.startswith(folder)]
+    around = [folder for folder in stated if f"{name}/".startswith(folder)]
     if around:
         return stated[max(around, key=len)]
     return next(iter(stated.values())) if len(stated) == 1 else None

@@ -187,7 +187,7 @@ def _tdms_group(
             continue
         unit = tidy_unit(str(own.get("unit_string", own.get("NI_UnitDescription", ""))))
         described = (unit, str(own.get("description", "")))
-        clock = _tdms_clock({k: v for k, v in own.items() if k not in _TDMS_TEXTS})
+        clock = _tdms_clock({k: v for k, v in own.items() if k not in _TDMS_TEXTS}, own=True)
         rate = clock.rate()
         if rate is None or values.dtype.kind == "M":
             bare, inner = split_unit(channel.name)
@@ -215,9 +215,10 @@ def _dated(properties: Any) -> bool:
     return isinstance(properties.get("wf_start_time"), np.datetime64)
 
 
-def _tdms_clock(properties: dict[str, Any]) -> StatedClock:
+def _tdms_clock(properties: dict[str, Any], *, own: bool = False) -> StatedClock:
     """Return the clock in properties; an increment of 0 is none."""
-    return stated_clock({k: v for k, v in properties.items() if k != "wf_increment" or v})
+    kept = {k: v for k, v in properties.items() if k != "wf_increment" or v}
+    return stated_clock(kept, own=own)
 
 
 @contextmanager

@@ -142,7 +142,8 @@ def _cell(cell: object) -> str:
     if isinstance(cell, datetime.datetime):
         return cell.isoformat(sep=" ")
     if isinstance(cell, datetime.timedelta):
-        return f"{cell.total_seconds() / 86_400:.12g}"
+        hours, rest = divmod(cell.total_seconds(), 3600.0)
+        return f"{hours:02.0f}:{rest // 60:02.0f}:{rest % 60:09.6f}"
     if isinstance(cell, float):
         return repr(int(cell)) if cell.is_integer() and abs(cell) < 1e15 else repr(cell)
     text = "" if cell is None else str(cell)

@@ -253,5 +253,15 @@ def _first_row(
         if first == 1 and cells[0] and not kinds[0] and number != fitting[-1]:
             continue  # a label above an empty first column
         if _weight(cells[first], decimal) or number == fitting[-1]:
-            return number
+            return _with_gaps_above(rows, number, width)
     return fitting[0]
+
+
+def _with_gaps_above(rows: Sequence[Sequence[str]], number: int, width: int) -> int:
+    """Return the first row of a table that begins with overloads in all columns."""
+    while number and len(rows[number - 1]) == width:
+        filled = [cell for cell in rows[number - 1] if cell]
+        if not filled or not all(is_missing(cell) for cell in filled):
+            break
+        number -= 1
+    return number
