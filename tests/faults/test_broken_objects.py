@@ -30,7 +30,7 @@ from turnout.panel.foreign_object import parse_object
 from turnout.solver.outcome import Code
 from turnout.study.sweep.read import read_labels
 from turnout.study.sweep.run import throw_study
-from turnout.throw.breaking import ThrowEnd, break_attributes, end_of, outcomes
+from turnout.throw.breaking import ThrowEnd, break_attributes, end_of, is_of_pieces, outcomes
 from turnout.throw.simulate import solve
 from turnout.web.object_map import object_map
 from turnout.web.question import Question
@@ -134,6 +134,22 @@ def test_a_compared_throw_that_does_not_end_is_not_alike() -> None:
     assert made[1]["break_note"].endswith(
         'strength "undetected object" with 1 break or a run that does not come to its end'
     )
+
+
+@pytest.mark.parametrize(
+    ("kind", "broken", "counts"),
+    [
+        ("sound", (3, 1), True),
+        ("detected by TKK", (2, 1), True),
+        ("detected by slip", (3, 1), False),  # of a drive that nearly slips at the first failure
+        ("detected by TKK", (3, 0), False),
+    ],
+)
+def test_pieces_make_a_difference_by_how_many_break(
+    kind: str, broken: tuple[int, ...], counts: bool
+) -> None:
+    first = ThrowEnd("sound", {}, (3, 1))
+    assert is_of_pieces(ThrowEnd(kind, {}, broken), first) is counts
 
 
 def test_outcomes_that_are_further_apart_than_a_range_are_named_one_by_one() -> None:

@@ -106,7 +106,7 @@ def break_attributes(
     found = [first]
     for varied, other, alike in _variants(objects, scheme, errors, broke=broke):
         end = end_of(panel, objects, throw(varied, other))
-        if not alike or not end.kind or end.broke == first.broke:
+        if not alike or not end.kind or is_of_pieces(end, first):
             found.append(end)
     how = "in mode waveform and " if coarse else ""
     how += "with a little less and more strength"
@@ -201,6 +201,14 @@ class ThrowEnd:
     def broke(self) -> tuple[bool, ...]:
         """Whether each object broke."""
         return tuple(count > 0 for count in self.broken)
+
+
+def is_of_pieces(end: ThrowEnd, first: ThrowEnd) -> bool:
+    """Return whether pieces alone may make an end differ from the first one.
+
+    Where each object breaks as often, another verdict comes of the force of its first failure.
+    """
+    return end.broke == first.broke and (end.kind == first.kind or end.broken != first.broken)
 
 
 def end_of(panel: Panel, objects: Sequence[PlacedObject], thrown: Thrown) -> ThrowEnd:
