@@ -33,6 +33,7 @@ NAMES = {
     "Save": "turnout.throw.save",
     "open_response": "turnout.throw.store",
     "save_response": "turnout.throw.store",
+    "gauge_under_wheel": "turnout.throw.wheel",
     "modes": "turnout.metric.modes",
     "friction_stability": "turnout.metric.stability",
     "features": "turnout.metric.features",

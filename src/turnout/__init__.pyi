@@ -60,6 +60,7 @@ from turnout.throw.sequence import simulate_sequence as simulate_sequence
 from turnout.throw.simulate import simulate as simulate
 from turnout.throw.store import open_response as open_response
 from turnout.throw.store import save_response as save_response
+from turnout.throw.wheel import gauge_under_wheel as gauge_under_wheel
 
 __all__ = [
     "CalibrationResult",
@@ -99,6 +100,7 @@ __all__ = [
     "filtered",
     "fit_machines",
     "friction_stability",
+    "gauge_under_wheel",
     "import_recording",
     "load_calibration",
     "load_campaign",

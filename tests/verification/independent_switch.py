@@ -116,7 +116,7 @@ def throw(
     )
     common = (rows, segments, laws.row, laws.offset, laws.input_index, laws.base_segment, trap)
     still = np.zeros((len(places), size, size))
-    first = _markers(panel, np.array([OPENED]), later)
+    first = markers(panel, np.array([OPENED]), later)
     slippery = (*slides[:2], np.zeros(slides[2].size), slides[3])
     state = _rest(mechanism)
     none = np.zeros(1, dtype=np.bool_)
@@ -131,12 +131,12 @@ def throw(
     there = np.concatenate([np.zeros(before.size, bool), after >= 4.3])
     force, touch, _, unsettled = march(
         places, switch.moving, mechanism.load, common, slides,
-        _markers(panel, time, later), there, STEP, state, np.array(held),
+        markers(panel, time, later), there, STEP, state, np.array(held),
     )  # fmt: skip
     return Thrown(after, -force[before.size :].T, touch, int(unsettled + lost))
 
 
-def _markers(panel: LoadedPanel, time: Floats, later: float) -> Floats:
+def markers(panel: LoadedPanel, time: Floats, later: float) -> Floats:
     """Return where each drive's marker is, from where its rail is free of force, (n_times, n) [m].
 
     A rail that is free of force stands at a fraction of its way from closed to open.

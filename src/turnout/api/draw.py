@@ -11,6 +11,7 @@ from turnout.api.sweep import cells_of
 from turnout.core.errors import ResponseError
 from turnout.figures.campaign import plot_overview, plot_stacked
 from turnout.figures.draw import draw_sheet
+from turnout.figures.gauge import plot_gauge
 from turnout.figures.modes import plot_modes
 from turnout.figures.recording import plot_measured
 from turnout.figures.report.sequence import sequence_sheet
@@ -30,7 +31,7 @@ def draw(dataset: xr.Dataset, **options: Any) -> "Figure":
     Parameters
     ----------
     dataset : xarray.Dataset
-        Run, recording, campaign, sweep, calibration, validation or modes, by its `kind`.
+        Run, recording, campaign, sweep, calibration, validation, modes or gauge, by its `kind`.
     **options
         Of the function that draws it.
     """
@@ -39,6 +40,8 @@ def draw(dataset: xr.Dataset, **options: Any) -> "Figure":
         return plot_sweep_map(cells_of(dataset, **options))
     if kind == "modes":
         return plot_modes(dataset, **options)
+    if kind == "wheel":
+        return plot_gauge(dataset, **options)
     if kind == "validation":
         return (plot_comparison if "place" in options else plot_error_map)(dataset, **options)
     if kind == "campaign":

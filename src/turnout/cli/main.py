@@ -21,6 +21,10 @@ BAD_INPUT = 2
 
 COMMANDS = {
     "simulate": ("simulate:simulate_command", "Simulate a throw, with or without trapped objects."),
+    "gauge": (
+        "gauge:gauge_command",
+        "Show the track gauge beside a closed rail, at rest and under a wheel.",
+    ),
     "import": (
         "recording:import_command",
         "Read a measurement, or convert it to forces and currents.",

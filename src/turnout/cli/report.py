@@ -146,6 +146,10 @@ def _file_page(source: Path, panel: str | None, forms: tuple[str, ...]) -> "tupl
         from turnout.figures.report.blind_zones import blind_zone_page
 
         return blind_zone_page(dataset, suffixes=forms), None
+    if dataset.attrs.get("kind") == "wheel":
+        from turnout.figures.gauge import gauge_page
+
+        return gauge_page(dataset, suffixes=forms), None
     if "movement" not in dataset.dims:
         return _run_page(dataset, source, panel), None
     return _campaign_page(dataset, forms)

@@ -109,6 +109,7 @@ FIELD_CONSTANT = Dimension("motor constant per ampere of field", "V s/(rad A)", 
 HEAT_CAPACITY = Dimension("heat capacity", "J/K", "900 J/K")
 PER_ENERGY = Dimension("share per energy", "1/J", "1e-9 1/J")
 FORCE_RATE = Dimension("force rate", "N/s", "22 kN/s")
+SPEED = Dimension("speed", "m/s", "120 km/h")
 
 DIMENSIONS = (
     LENGTH,
@@ -148,6 +149,7 @@ DIMENSIONS = (
     HEAT_CAPACITY,
     PER_ENERGY,
     FORCE_RATE,
+    SPEED,
 )
 
 # Names with prefixes: what each is in those before. Powers of ten stay exact.

@@ -20,6 +20,7 @@ NAMES = {
     "plot_throw": "turnout.figures.throw",
     "plot_measured": "turnout.figures.recording",
     "plot_modes": "turnout.figures.modes",
+    "plot_gauge": "turnout.figures.gauge",
     "plot_plan": "turnout.figures.plan",
     "plot_overview": "turnout.figures.campaign",
     "plot_stacked": "turnout.figures.campaign",

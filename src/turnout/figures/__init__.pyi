@@ -9,6 +9,7 @@ from turnout.figures.calibration import plot_sweep as plot_grid_search
 from turnout.figures.campaign import plot_overview as plot_overview
 from turnout.figures.campaign import plot_stacked as plot_stacked
 from turnout.figures.draw import draw_sheet as draw_sheet
+from turnout.figures.gauge import plot_gauge as plot_gauge
 from turnout.figures.modes import plot_modes as plot_modes
 from turnout.figures.over_time_sheet import energy_sheet as energy_sheet
 from turnout.figures.plan import plot_plan as plot_plan
@@ -48,6 +49,7 @@ __all__ = [
     "plot_energy",
     "plot_error_map",
     "plot_gap",
+    "plot_gauge",
     "plot_grid_search",
     "plot_intervals",
     "plot_measured",

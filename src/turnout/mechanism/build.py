@@ -31,6 +31,7 @@ from turnout.mechanism.mechanism import (
     JoinedRails,
     LawIndex,
     Mechanism,
+    Point,
     RailBody,
     RailData,
     ReducedRail,
@@ -98,6 +99,45 @@ def build_mechanism(
         courses=friction_courses(panel, layout.index, linear.travel),
         core=linear.rows,
         nominal=linear.nominal,
+    )
+
+
+def build_loaded(
+    panel: Panel, objects: Sequence[PlacedObject], loads: Sequence[tuple[str, Point]]
+) -> Mechanism:
+    """Build the mechanism of a panel with points at which given forces act.
+
+    Rails have nodes and coordinates at these points, so that what forces do there is exact.
+
+    Parameters
+    ----------
+    panel, objects
+        As for `build_mechanism`; objects stand at places of the panel.
+    loads : sequence of (str, Point)
+        Rails, and points of theirs at nodes, each with the direction of its force.
+
+    Returns
+    -------
+    Mechanism
+        After the inputs of the drives it has one for each force, ``force / SOFT_STIFFNESS``.
+    """
+    objects = list(divided(objects))
+    layout = lay_out(panel, objects)
+    rows = [layout.rows.add(load) for load in loads]
+    frame = _made_frame(panel, objects, layout)
+    linear = _made_kept(panel, frame, frame.rails_of(variation_of(panel), panel)).linear
+    names = tuple(f"load at x = {point.x:g} m of rail {rail}" for rail, point in loads)
+    return Mechanism(
+        matrices=linear.matrices,
+        rows=linear.rows,
+        laws=law_table(layout, panel, objects, travel=linear.travel, loads=rows),
+        law_names=(*layout.law_names, *names),
+        friction_names=layout.friction_names,
+        index=replace(layout.index, object_parts=object_parts(objects)),
+        rails=linear.rails,
+        shapes=linear.travel.shapes,
+        obstructions=obstructions_of(layout.index, objects),
+        courses=friction_courses(panel, layout.index, linear.travel),
     )
 
 
@@ -364,8 +404,10 @@ def _yields(
     }
 
 
-def _made_frame(panel: Panel, objects: Sequence[PlacedObject]) -> _Frame:
-    layout = lay_out(panel, objects)
+def _made_frame(
+    panel: Panel, objects: Sequence[PlacedObject], layout: LawLayout | None = None
+) -> _Frame:
+    layout = lay_out(panel, objects) if layout is None else layout
     rails = tuple(_rail_data(panel, layout.rows, objects))
     # about ten megabytes each
     return _Frame(layout, rails, variation_of(panel).holds, LRUCache[_Kept](12))

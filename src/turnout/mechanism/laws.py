@@ -187,8 +187,17 @@ def lay_out(panel: Panel, objects: Sequence[PlacedObject]) -> LawLayout:
     return found
 
 
+SOFT_STIFFNESS = 750e3 * 2.0**-34
+"""Of a spring that pulls with a given force wherever its end is: 0.1 m change 5e-6 N [N/m]."""
+
+
 def law_table(
-    layout: LawLayout, panel: Panel, objects: Sequence[PlacedObject], *, travel: Travel
+    layout: LawLayout,
+    panel: Panel,
+    objects: Sequence[PlacedObject],
+    *,
+    travel: Travel,
+    loads: Sequence[int] = (),
 ) -> LawTable:
     """Return the laws of a panel with the values that it gives them.
 
@@ -202,6 +211,8 @@ def law_table(
         Foreign objects in the places of the layout.
     travel : Travel
         Of the rails, for the shapes and lengths that follow from it.
+    loads : sequence of int
+        Rows along which forces are given, each by an input that follows those of the drives.
     """
     laws = LawTableBuilder()
     further = iter(layout.further)
@@ -220,6 +231,10 @@ def law_table(
     for item in objects:
         gap = float(_gap(panel, travel, item.rail, np.array([item.x]))[0])
         add_object(laws, next(further), item, clearance=gap - item.size)
+    for number, row in enumerate(loads, len(panel.drive)):
+        laws.add_piecewise(
+            row, breakpoints=(), slopes=(SOFT_STIFFNESS,), input_index=number, base_segment=0
+        )
     return _fill_chairs_and_stops(laws.after(layout.standing, layout.tables), layout, panel, travel)
 
 

@@ -294,7 +294,7 @@ def _inputs(panel: LoadedPanel, objects: Sequence[PlacedObject]) -> Attributes:
         "panel": panel.name,
         "panel_hash": panel.hash,
         "overrides": json.dumps(dict(panel.overrides), default=_plain),
-        "foreign_objects": json.dumps([_object_record(panel, item) for item in objects]),
+        "foreign_objects": json.dumps([object_record(panel, item) for item in objects]),
     }
 
 
@@ -331,7 +331,8 @@ def _gauge_rules(panel: Panel) -> Attributes:
     return {"gauge_nominal": panel.gauge.nominal, "gauge_limit": least}
 
 
-def _object_record(panel: Panel, item: PlacedObject) -> dict[str, object]:
+def object_record(panel: Panel, item: PlacedObject) -> dict[str, object]:
+    """Return an object with its place as plain data; times in s, None for never."""
     times = {"appears": item.appears, "disappears": item.disappears}
     return {
         "name": item.name,

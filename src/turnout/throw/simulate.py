@@ -317,7 +317,7 @@ def plan_throw(
     run = plan_run(
         mechanism,
         scheme,
-        inputs=lambda instants: _markers(panel, instants),
+        inputs=lambda instants: marker_inputs(panel, instants),
         end=panel.schedule.end,
         prior=prior_motion(panel),
         watch=None if watch is None else watch(mechanism),
@@ -387,7 +387,7 @@ def compile_kernels(*, machines: bool = False) -> None:
     integrate(
         build_mechanism(panel, ()),
         Scheme(),
-        inputs=lambda instants: _markers(panel, instants),
+        inputs=lambda instants: marker_inputs(panel, instants),
         end=panel.schedule.end,
         prior=prior_motion(panel),
     )
@@ -401,7 +401,7 @@ def compile_kernels(*, machines: bool = False) -> None:
 _motions = LRUCache[tuple[Floats, tuple[object, ...]]](8)
 
 
-def _markers(panel: LoadedPanel, instants: Floats) -> Floats:
+def marker_inputs(panel: LoadedPanel, instants: Floats) -> Floats:
     """Return marker positions from the stress-free position of the rails [m]."""
     made = functools.partial(marker_positions, panel, instants)
     return _shared_motion(panel, instants, None, made)

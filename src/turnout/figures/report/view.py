@@ -8,6 +8,7 @@ import xarray as xr
 from turnout.calibration.validation.acceptance import judge
 from turnout.core.value_text import count_text
 from turnout.figures.draw import draw_sheet
+from turnout.figures.gauge import gauge_sheet
 from turnout.figures.over_time_sheet import throw_sheet
 from turnout.figures.report.campaign import campaign_findings
 from turnout.figures.report.page import data_address
@@ -17,6 +18,7 @@ from turnout.figures.report.validation import validation_findings
 from turnout.figures.sheet import Sheet
 from turnout.figures.style import rendered, title_of
 from turnout.metric.finding import Finding, findings
+from turnout.metric.least_gauge import wheel_findings
 from turnout.metric.verdict import throw_table
 
 # Colour and sign both carry the level, so that no reader depends on colour.
@@ -61,7 +63,7 @@ class View:
         if kind in ("campaign", "validation"):
             count = self.dataset.sizes["movement"]
             return f"{attributes.get('title', kind)}: {count_text(count, 'movement')}"
-        if kind == "sequence":
+        if kind in ("sequence", "wheel"):
             return str(attributes.get("title", kind))
         return title_of(self.dataset)
 
@@ -75,6 +77,8 @@ class View:
             return campaign_findings(self.dataset)
         if kind == "sequence":
             return sequence_findings(self.dataset, throw_table(self.dataset))
+        if kind == "wheel":
+            return wheel_findings(self.dataset)
         return [] if kind == "modes" else findings(self.dataset)
 
     def _picture(self) -> str:
@@ -89,10 +93,12 @@ class View:
         )
 
     def _sheet(self) -> Sheet | None:
-        """Return a run over time, a sequence over its throws; others have too many lines."""
+        """Return a run over time, a sequence over its throws, a gauge; others have many lines."""
         if dataset_kind(self.dataset) == "sequence":
             course = sequence_sheet(self.dataset, throw_table(self.dataset))
             return course if course.rows else None
+        if dataset_kind(self.dataset) == "wheel":
+            return gauge_sheet(self.dataset)
         one = dataset_kind(self.dataset) in ("run", "recording")
         if not one or self.dataset.sizes.get("time", 0) < 2:
             return None
@@ -134,7 +140,7 @@ def dataset_kind(dataset: xr.Dataset) -> str:
     """
     if "scenario" in dataset.dims:
         return "sweep"
-    if dataset.attrs.get("kind") in ("modes", "validation"):
+    if dataset.attrs.get("kind") in ("modes", "validation", "wheel"):
         return str(dataset.attrs["kind"])
     if "movement" in dataset.dims:
         return "campaign"

@@ -1,0 +1,199 @@
+"""The command `turnout gauge`: track gauge beside a closed rail, at rest and under a wheel."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any, cast
+
+import typer
+
+from turnout.cli.options import (
+    FIGURES,
+    CalibrationOption,
+    DatasetOption,
+    FigureOption,
+    PanelArgument,
+    QuietOption,
+    SetOption,
+    check_outputs,
+    collect_errors,
+    opened_panel,
+    option,
+    read_texts,
+)
+from turnout.cli.output import FINDINGS, JsonOption, Output, coloured
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from turnout.metric.least_gauge import GaugeLimits, LeastGauges
+    from turnout.throw.wheel import Course
+
+GAUGE_UNITS = {
+    **{"lateral": "N", "vertical": "N", "at_rest": "m", "at_wheel": "m", "under_wheel": "m"},
+    **{"wheel": "m", "roll": "rad", "gauge_nominal": "m", "gauge_limit": "m", "least": "m"},
+    **{"up_to": "m/s", "narrowing": "m"},
+}
+HEADING = f"{'Y [kN]':>8}{'Q [kN]':>8}  {'gauge at the wheel [mm]':<28}least under the wheel [mm]"
+
+
+def gauge_command(
+    panel: PanelArgument = None,
+    objects: list[str] = option(
+        "--object SIZE@PLACE", "Foreign object, such as 13mm@sleeper6. Repeatable.", default=[]
+    ),
+    settings: SetOption = [],  # noqa: B006 - typer copies it
+    calibration: CalibrationOption = None,
+    lateral: list[str] = option(
+        "--lateral FORCE",
+        "Flange force Y on the rail, towards its stock rail. Repeatable.",
+        default=["5 kN", "10 kN", "20 kN", "40 kN"],
+    ),
+    vertical: list[str] = option(
+        "--vertical FORCE",
+        "Vertical force Q of the wheel on the rail. Repeatable.",
+        default=["0 kN", "50 kN"],
+    ),
+    rail: str | None = option(
+        "--rail NAME",
+        "The closed switch rail, so the route. Default that of the object, else the instrumented "
+        "one.",
+        show_default=False,
+    ),
+    course: str = option(
+        "--course COURSE",
+        "facing: the wheel rolls from the toe; trailing: to it",
+        default="facing",
+    ),
+    step: str = option(
+        "--step LENGTH", "Largest distance between places of the wheel.", default="0.3 m"
+    ),
+    offset: str = option(
+        "--offset LENGTH",
+        "Place of Q from the running edge, towards the stock rail.",
+        default="0 mm",
+    ),
+    limits: str = option(
+        "--limits NAME",
+        "Limits by line speed: of the library, or a file (.toml).",
+        default="immediate-action",
+    ),
+    out: DatasetOption = None,
+    plot: FigureOption = None,
+    strict: bool = option("--strict", "Exit code 1 if the gauge is narrower than allowed."),
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Show the track gauge beside a closed rail, at rest and under a wheel that rolls along it."""
+    check_outputs({"--out": out, "--plot": plot}, {"--out": (".nc",), "--plot": FIGURES})
+    output = Output("gauge", as_json=as_json, quiet=quiet, width=16)
+    from turnout.metric.least_gauge import least_gauges, load_gauge_limits
+    from turnout.panel.foreign_object import parse_objects
+
+    loaded, foreign, classes, forces, lengths = collect_errors(
+        lambda: opened_panel(panel, settings, calibration),
+        lambda: parse_objects(objects),
+        lambda: load_gauge_limits(limits),
+        lambda: [_forces("--lateral", lateral), _forces("--vertical", vertical)],
+        lambda: read_texts({"--step": step, "--offset": offset}, _length),
+    )
+    from turnout.throw.wheel import gauge_under_wheel
+
+    dataset = gauge_under_wheel(
+        loaded,
+        lateral=forces[0],
+        vertical=forces[1],
+        foreign_object=foreign,
+        rail=rail,
+        step=lengths["--step"],
+        course=cast("Course", course),
+        offset=lengths["--offset"],
+    )
+    found = least_gauges(dataset)
+    output.show(*gauge_lines(dataset, found, classes))
+    output.dataset(out, dataset)
+    if plot is not None:
+        from turnout.figures.gauge import plot_gauge
+
+        output.figure(plot, lambda: plot_gauge(dataset))
+    if as_json:
+        output.json(gauge_record(dataset, found, classes), units=GAUGE_UNITS)
+    if strict and _narrow(dataset, found):
+        raise typer.Exit(FINDINGS)
+
+
+def _length(_: str, text: str) -> float:
+    from turnout.core.units import LENGTH, parse_quantity
+
+    return parse_quantity(text, LENGTH)
+
+
+def _forces(option: str, texts: Sequence[str]) -> list[float]:
+    """Return forces of a command line [N]; refuse all that are none, or negative, at once."""
+    from turnout.core.units import FORCE, parse_quantity
+
+    def read(_: str, text: str) -> float:
+        value = parse_quantity(text, FORCE)
+        if value < 0.0:
+            towards = "towards the stock rail" if option == "--lateral" else "downwards"
+            message = f"a force {towards} must be at least 0"
+            raise ValueError(message)
+        return value
+
+    return [read_texts({option: text}, read)[option] for text in texts]
+
+
+def _narrow(dataset: "xr.Dataset", found: "Sequence[LeastGauges]") -> bool:
+    """Return True if the panel's limit is not met for some load."""
+    return min(item.least for item in found) < float(dataset.attrs["gauge_limit"])
+
+
+def gauge_lines(
+    dataset: "xr.Dataset", found: "Sequence[LeastGauges]", limits: "GaugeLimits"
+) -> Iterator[str]:
+    """Yield the least gauges for each load, and their limits."""
+    attributes, first = dataset.attrs, found[0]
+    yield f"{'panel':<16}{attributes['panel']}, rail {attributes['rail']} closed"
+    yield f"{'at rest':<16}{1e3 * first.at_rest:.1f} mm at {first.rest_place}"
+    yield HEADING
+    for item in found:
+        wheel = f"{1e3 * item.at_wheel:.1f} at {item.wheel_place}"
+        yield (
+            f"{1e-3 * item.lateral:>8g}{1e-3 * item.vertical:>8g}  {wheel:<28}"
+            f"{1e3 * item.under_wheel:.1f} {item.where}"
+        )
+    slipping = {name for item in found for name in item.slipping}
+    if slipping:
+        text = (
+            f"drive {' and '.join(sorted(slipping))} reaches its saturation force under the wheel"
+        )
+        yield f"{'drives':<16}{text}"
+    least, limit = min(item.least for item in found), float(attributes["gauge_limit"])
+    if limit == limit:
+        text = f"at least {1e3 * limit:g} mm required"
+        narrow = _narrow(dataset, found)
+        text = f"TOO NARROW: {1e3 * least:.1f} mm, {text}" if narrow else text
+        yield f"{'limit':<16}{coloured(text, 'bad') if narrow else text}"
+    nominal = float(attributes["gauge_nominal"])
+    speed = 3.6 * limits.highest_speed(nominal - least)
+    allowed = f"up to {speed:.0f} km/h" if speed else "allowed at no speed"
+    classes = ", ".join(
+        f"{1e3 * (nominal - item.narrowing):g} mm up to {3.6 * item.up_to:.0f} km/h"
+        for item in limits.classes
+    )
+    yield f"{'speed':<16}{allowed}, by {limits.name}: {classes}"
+
+
+def gauge_record(
+    dataset: "xr.Dataset", found: "Sequence[LeastGauges]", limits: "GaugeLimits"
+) -> dict[str, Any]:
+    """Return the least gauges for each load as plain data, in SI."""
+    attributes = dataset.attrs
+    least = min(item.least for item in found)
+    return {
+        **{name: attributes[name] for name in ("panel", "panel_hash", "rail", "course")},
+        **{name: attributes[name] for name in ("gauge_nominal", "gauge_limit")},
+        "least": least,
+        "loads": [asdict(item) for item in found],
+        "limits": asdict(limits),
+        "up_to": limits.highest_speed(attributes["gauge_nominal"] - least) or None,
+    }

@@ -1,0 +1,210 @@
+"""A wheel over a closed rail: figures of a beam study, courses, routes, bad input, faces."""
+
+import json
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+from typer.testing import CliRunner
+
+import turnout
+from turnout.cli.main import app
+from turnout.core.errors import PanelError, ResponseError
+from turnout.figures.gauge import gauge_sheet
+from turnout.metric.least_gauge import least_gauges, load_gauge_limits
+from turnout.panel.foreign_object import ForeignObject
+from turnout.panel.load import load_panel
+from turnout.throw.save import Save
+from turnout.throw.simulate import simulate
+from turnout.throw.wheel import gauge_under_wheel
+
+DEFAULT, TRAPPED = "uic60-760-1-15", ForeignObject("13 mm", "sleeper 6")
+
+
+@cache
+def found(**options: Any) -> xr.Dataset:
+    given: dict[str, Any] = {"lateral": (20e3, 40e3), "foreign_object": TRAPPED} | options
+    return gauge_under_wheel(load_panel(DEFAULT), **given)
+
+
+def narrowed(gauge: float) -> float:
+    """Return a gauge less the nominal one, in whole tenths of a millimetre."""
+    return round(1e3 * (gauge - 1.435), 1)
+
+
+def test_an_object_is_levered_by_the_wheel_unless_that_is_heavy() -> None:
+    """As a beam study of the same panel found, whose wheel rolls as this one does."""
+    light, heavy = least_gauges(found())[1], least_gauges(found(vertical=50e3))[0]
+    assert narrowed(light.at_rest) == -12.9
+    assert (narrowed(light.at_wheel), light.wheel_place) == (-10.1, "sleeper 6")
+    assert (narrowed(light.under_wheel), light.place) == (-17.0, "x = 2.55 m")
+    assert round(1e3 * light.roll) == 23
+    assert narrowed(heavy.under_wheel) > -13.2
+    assert light.least == light.under_wheel
+
+
+def test_rest_is_that_of_the_throw() -> None:
+    thrown = simulate(
+        load_panel(DEFAULT),
+        foreign_object=TRAPPED,
+        mode="quasi-static",
+        save=Save(also=("gauge",), stations="all"),
+    )
+    np.testing.assert_allclose(
+        found()["gauge_at_rest"], thrown["gauge"].isel(time=-1), rtol=0, atol=2e-6
+    )
+
+
+def test_places_of_the_wheel_are_at_most_a_step_apart() -> None:
+    """Halving the step moves no least gauge by more than 0.1 mm."""
+    coarse, fine = found(vertical=50e3), found(vertical=50e3, step=0.15)
+    assert np.diff(coarse["wheel"]).max() <= 0.3 + 1e-9
+    assert np.diff(fine["wheel"]).max() <= 0.15 + 1e-9
+    assert float(coarse["wheel"][-1]) == pytest.approx(14.4)  # the last chair
+    for one, other in zip(least_gauges(coarse), least_gauges(fine), strict=True):
+        assert one.at_wheel == pytest.approx(other.at_wheel, abs=1e-4)
+        assert one.under_wheel == pytest.approx(other.under_wheel, abs=2e-4)
+
+
+def test_the_course_matters_behind_the_wheel_only_through_friction() -> None:
+    facing, trailing = found(vertical=50e3), found(vertical=50e3, course="trailing")
+    assert float(abs(facing["gauge"] - trailing["gauge"]).max()) > 0.5e-3
+    smooth = load_panel(DEFAULT, overrides={"chair.friction_coefficient": 0.0})
+    both = [
+        gauge_under_wheel(smooth, lateral=40e3, foreign_object=TRAPPED, course=course)
+        for course in ("facing", "trailing")
+    ]
+    np.testing.assert_allclose(both[0]["gauge"], both[1]["gauge"], rtol=0, atol=1e-9)
+
+
+def test_the_other_route_and_an_object_in_it() -> None:
+    """The rail rests before the return, where an object in the other gap is not there yet."""
+    alone = found(rail="curved", foreign_object=None)
+    other = found(rail="curved")
+    np.testing.assert_array_equal(alone["gauge"], other["gauge"])
+    assert json.loads(other.attrs["foreign_objects"]) == []
+    own = found(foreign_object=ForeignObject("10 mm", "sleeper 6", rail="curved"))
+    assert own.attrs["rail"] == "curved"
+    assert 1e3 * (1.435 - float(own["gauge_at_rest"].min())) == pytest.approx(10.0, abs=0.3)
+
+
+def test_machines_stand_as_markers() -> None:
+    with_machines = load_panel(DEFAULT, overrides={"drive.1.machine": "jea73"})
+    moved = gauge_under_wheel(with_machines, lateral=40e3, foreign_object=TRAPPED)
+    gauge = found()["gauge"].isel(load=1)
+    np.testing.assert_array_equal(moved["gauge"].isel(load=0), gauge)
+
+
+def test_all_that_is_not_allowed_is_said_at_once() -> None:
+    with pytest.raises(ResponseError) as error:
+        gauge_under_wheel(
+            load_panel("sb1"), lateral=-5e3, vertical=np.nan, rail="x", step=1.0, course="up"
+        )
+    text = str(error.value)
+    for words in (
+        *("has no [gauge]", "rail x: is no switch rail", "lateral = -5000 N", "vertical = nan N"),
+        *("step = 1 m: must be more than 0, at most 0.3 m", "course = 'up': allowed are facing"),
+    ):
+        assert words in text
+
+
+def test_a_rail_that_is_never_closed_has_no_gauge() -> None:
+    panel = load_panel(DEFAULT)
+    still = panel.model_copy(update={"movement": {}})
+    with pytest.raises(ResponseError, match="rail curved is never closed: add a movement"):
+        gauge_under_wheel(still, lateral=1e3, rail="curved")
+
+
+def limits_file(folder: Path, text: str) -> Path:
+    path = folder / "limits.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+CLASS = '[[class]]\nup_to = "{}"\nnarrowing = "{}"\n'
+HEAD = 'schema_version = 1\nname = "own"\n'
+
+
+def test_limits_of_the_library_and_of_a_file(tmp_path: Path) -> None:
+    known = load_gauge_limits("immediate-action")
+    assert [round(3.6 * item.up_to) for item in known.classes] == [120, 160, 230]
+    text = HEAD + CLASS.format("40 km/h", "12 mm") + CLASS.format("80 km/h", "10 mm")
+    own = load_gauge_limits(limits_file(tmp_path, text))
+    assert 3.6 * own.highest_speed(0.011) == pytest.approx(40)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (HEAD, "has no classes; give at least one"),
+        (HEAD + "class = []\n", "has no classes"),
+        (CLASS.format("80 km/h", "9 mm"), "schema_version: must be 1"),
+        (HEAD + CLASS.format("80 mm", "9 mm"), 'class 1: up_to = "80 mm"'),
+        (HEAD + CLASS.format("80 km/h", "-9 mm"), "must be more than 0"),
+        (HEAD + 2 * CLASS.format("80 km/h", "9 mm"), "must rise from class to class"),
+        (HEAD + "clas = 1\n" + CLASS.format("80 km/h", "9 mm"), "clas: unknown key"),
+        (HEAD + '[[class]]\nup_to = "80 km/h"\n', "class 1: must have up_to and narrowing"),
+    ],
+)
+def test_faulty_limits_are_refused(tmp_path: Path, text: str, words: str) -> None:
+    with pytest.raises(PanelError) as error:
+        load_gauge_limits(limits_file(tmp_path, text))
+    assert words in str(error.value)
+
+
+def run(*words: str) -> tuple[int, str, str]:
+    done = CliRunner().invoke(app, ["gauge", *words])
+    text = f"{done.exception}" if done.exception else ""
+    return done.exit_code, done.stdout, text
+
+
+def test_the_command_prints_the_three_numbers_and_the_speed() -> None:
+    code, text, _ = run("--object", "13mm@sleeper6", "--lateral", "40 kN", "--vertical", "0 kN")
+    assert code == 0
+    assert "at rest         1422.1 mm at sleeper 6" in text
+    assert "1424.9 at sleeper 6         1418.0 at x = 2.55 m, wheel at 4.2 m" in text
+    assert "TOO NARROW: 1418.0 mm, at least 1427 mm required" in text
+    assert "allowed at no speed, by immediate action: 1426 mm up to 120 km/h" in text
+
+
+def test_strict_json_dataset_and_figure(tmp_path: Path) -> None:
+    out, plot = tmp_path / "gauge.nc", tmp_path / "gauge.svg"
+    common = ("--lateral", "5 kN", "--vertical", "0 kN", "--set", "gauge.limit=5 mm")
+    code, text, _ = run(*common, "--json", "--strict", "-o", str(out), "--plot", str(plot))
+    record = json.loads(text)
+    assert code == 1
+    assert record["units"]["at_wheel"] == "m"
+    assert record["loads"][0]["at_rest"] == pytest.approx(1.4286, abs=1e-4)
+    assert record["up_to"] == pytest.approx(230 / 3.6)
+    assert plot.stat().st_size > 1000
+    read = turnout.open_response(out)
+    assert read.attrs["gauge_limit"] == 1.43
+    assert "Gauge too narrow" in repr(read.turnout.summary())
+    sheet = gauge_sheet(read)
+    assert sheet.rows[0].levels[0].at == pytest.approx(-5.0)
+    assert [line.label for line in sheet.rows[1].lines] == ["Y 5 kN, Q 0 kN"]
+    page = tmp_path / "gauge.html"
+    done = CliRunner().invoke(app, ["report", str(out), "-o", str(page)])
+    assert done.exit_code == 0, done.output
+    assert "Track gauge under a wheel" in page.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (
+            ("--lateral", "-5 kN"),
+            "--lateral -5 kN: a force towards the stock rail must be",
+        ),
+        (("--vertical", "-1 kN"), "--vertical -1 kN: a force downwards must be at least 0"),
+        (("--lateral", "5"), "--lateral 5: has no unit"),
+        (("--limits", "none"), "no library table of limits is called 'none'"),
+    ],
+)
+def test_bad_input_is_one_message(words: tuple[str, ...], said: str) -> None:
+    code, _, text = run(*words)
+    assert code != 0
+    assert said in text
