@@ -21,8 +21,8 @@ from turnout.measurement.formats.time_axis import is_date, is_stamp
 
 # So much of a file is read to recognise its layout [bytes].
 SAMPLE_SIZE = 200_000
-MOST_ROWS = 400
-"""Rows of numbers that are looked at to find the layout."""
+MOST_ROWS = 120
+"""Lines that are looked at to find the layout, unless the table only begins behind them."""
 DECIMAL_MARKS = {"\t": ".,", ";": ".,", ",": ".,", "|": ".,", " ": ".,"}
 """Decimal marks by separator, in the order of preference if several would do."""
 _BOMS = (
@@ -48,6 +48,8 @@ class TextLayout:
         Columns of the table.
     heading : Heading
         Names, units and clock above the numbers.
+    plain_lines : bool
+        Whether each line ends in the byte of a line feed.
     """
 
     encoding: str
@@ -56,6 +58,7 @@ class TextLayout:
     first_row: int
     width: int
     heading: Heading
+    plain_lines: bool
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -119,7 +122,9 @@ def text_layout(sample: bytes, *, source: str) -> TextLayout:
     if len(sample) >= SAMPLE_SIZE and len(lines) > 1:
         lines = lines[:-1]
     try:
-        best = _best(lines[:MOST_ROWS]) or _best(lines)
+        best = _best(lines[:MOST_ROWS])
+        if best is None or best[2] > MOST_ROWS // 2:
+            best = _best(lines)
     except csv.Error as error:
         message = f"{source}: is no table of numbers ({error})"
         raise FileError(message) from None
@@ -145,7 +150,8 @@ def text_layout(sample: bytes, *, source: str) -> TextLayout:
     except ValueError as error:
         message = f"{source}: {error}"
         raise FileError(message) from None
-    return TextLayout(encoding, separator, decimal, first_row, width, heading)
+    plain_lines = "\n" in text and not encoding.startswith("utf-16")
+    return TextLayout(encoding, separator, decimal, first_row, width, heading, plain_lines)
 
 
 def _unnamed_first(table: Sequence[Sequence[str]], decimal: str) -> bool:
@@ -183,8 +189,12 @@ def _best(lines: Sequence[str]) -> tuple[str, str, int, int] | None:
     """Return separator, decimal mark, first row and width of the reading that explains most."""
     best, best_score = None, (0.0, 0)
     for separator, marks in DECIMAL_MARKS.items():
+        if best is not None and not any(separator in line for line in lines):
+            continue
         rows = [_cells(line, separator) for line in lines]
         for decimal in marks:
+            if decimal == "," and not any("," in cell for cells in rows for cell in cells):
+                continue
             shares = [_share(cells, decimal) for cells in rows]
             widths = Counter(len(c) for c, share in zip(rows, shares, strict=True) if share >= 0.5)
             if not widths:
