@@ -171,3 +171,13 @@ def test_a_cell_that_csv_refuses_is_one_message(tmp_path: Path, line: int) -> No
         MeasurementError, match=rf"line {line + 1}: .*field limit.*shorten the cell"
     ):
         read_sheet(path)
+
+
+def test_repeats_are_numbered_in_the_order_of_the_sheet(tmp_path: Path) -> None:
+    rows = "a,closing,0,none,\nb,closing,0,none,\nc,opening,0,none,\nd,closing,0,none,5\n"
+    path = tmp_path / "runs.csv"
+    path.write_text("file,direction,size [mm],place,repeat\n" + rows, encoding="utf-8")
+    assert [run.repeat for run in read_sheet(path).runs] == [6, 7, 1, 5]
+    first = "a,closing,0,none\nb,closing,0,none\n"
+    path.write_text("file,direction,size [mm],place\n" + first, encoding="utf-8")
+    assert [run.repeat for run in read_sheet(path).runs] == [1, 2]

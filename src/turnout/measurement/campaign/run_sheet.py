@@ -5,8 +5,8 @@ The format is described in docs/use/campaign-format.md.
 
 import csv
 import re
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -274,6 +274,7 @@ def read_sheet(path: Path | str) -> RunSheet:
             runs.append(run)
     if not rows:
         problems.append("names no movement; give a line for each")
+    runs = _numbered(runs)
     problems += _duplicates(runs)
     if problems:
         raise MeasurementError(problems, source=str(path))
@@ -372,7 +373,7 @@ def _run(
     values = {
         "movement": read("movement", whole_number, 1),
         "direction": read("direction", direction_name, CLOSING),
-        "repeat": read("repeat", whole_number, 1),
+        "repeat": read("repeat", whole_number, 0),
         "slip": read("slip", parse_yes_no, None),
         "load_cell": read("load_cell", parse_yes_no, size >= mounted_from - 1e-9),
         "remark": str(row.get("remark", "")),
@@ -381,6 +382,22 @@ def _run(
         problems += [f"{where}: {text}" for text in wrong]
         return None
     return SheetRow(where=where, file=str(row["file"]).strip(), size=size, place=place, **values)
+
+
+def _numbered(runs: Sequence[SheetRow]) -> list[SheetRow]:
+    """Return runs with repeats counted on in the order of the sheet, past those stated."""
+    last: dict[tuple[object, ...], int] = {}
+    for run in runs:
+        what = (run.direction, run.size, run.place)
+        last[what] = max(last.get(what, 0), run.repeat)
+    found = []
+    for run in runs:
+        if not run.repeat:
+            what = (run.direction, run.size, run.place)
+            last[what] += 1
+            run = replace(run, repeat=last[what])
+        found.append(run)
+    return found
 
 
 def _duplicates(runs: list[SheetRow]) -> list[str]:

@@ -56,6 +56,7 @@ _CLOCK = re.compile(
     r"\s?(?P<zone>Z|UTC|GMT|CET|CEST|MEZ|MESZ|[+-]\d\d:?(?:\d\d)?)?"
 )
 _ISO = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d([.,]\d+)?(Z|[+-]\d\d(:?\d\d)?)?")
+_PLAIN_CLOCK = re.compile(r"\d\d:\d\d:\d\d([.,]\d+)?")
 _ZONES = {"CET": HOUR, "MEZ": HOUR, "CEST": 2 * HOUR, "MESZ": 2 * HOUR}
 _LONGEST = 48
 LARGEST_DEPARTURE = 0.01
@@ -269,9 +270,12 @@ def stamps_axis(texts: Sequence[str]) -> TimeAxis:
     array([0. , 0.1])
     """
     texts = [text.strip() for text in texts]
-    if texts and _ISO.fullmatch(texts[0]) and _ISO.fullmatch(texts[-1]):
+    undated = _PLAIN_CLOCK.fullmatch(texts[0]) is not None
+    first, last = (f"{'1970-01-01 ' * undated}{text}" for text in (texts[0], texts[-1]))
+    if _ISO.fullmatch(first) and _ISO.fullmatch(last):
         try:
             column = pd.Series(texts).str.replace(",", ".")
+            column = "1970-01-01 " + column if undated else column
             moments = pd.to_datetime(column, format="ISO8601", utc=True).dt.tz_localize(None)
         except ValueError:
             pass
