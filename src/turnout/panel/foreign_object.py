@@ -229,7 +229,7 @@ def resolve_objects(
 
 def from_record(record: PanelObject) -> ForeignObject:
     """Make a foreign object from one that belongs to the panel file."""
-    return ForeignObject(**dict(record))  # the fields have the same names
+    return ForeignObject(**{name: getattr(record, name) for name in _FIELDS})
 
 
 def _filled(panel: Panel, item: ForeignObject) -> ForeignObject:
