@@ -54,6 +54,7 @@ in `tests/verification/data`.
 | changing normal force, lift-off | independent fine-step program | `test_brute_force*.py` |
 | whole panels | independent programs: SB1, SB2 | `test_benchmarks.py` |
 | computed shapes, links, back drives | independent beam program, 0.5 mm | `test_open_position.py` |
+| gauge, also under a wheel | closed forms; independent program, 0.1 mm | `test_gauge_*.py` |
 | the paper, a sound switch | facts a to g | `test_paper_facts.py` |
 | the paper | its campaign as a sweep: facts b, c, d | `test_sweep_campaign.py` (long) |
 | energy residual | closed to rounding on every run | `test_benchmarks.py` and others |

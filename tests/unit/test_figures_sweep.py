@@ -99,6 +99,17 @@ def test_a_cell_of_several_throws_shows_the_worst_end_and_the_middle_force() -> 
     assert int(cells["throws"][0, 0]) == 2
 
 
+def test_the_least_gauge_of_a_cell_is_shown_where_it_was_stored() -> None:
+    twice = xr.concat([labels(), labels()], "scenario")
+    gauge = np.full(twice.sizes["scenario"], 1.43)
+    gauge[0] = 1.4221
+    cells = sweep_map(twice.assign(least_gauge=("scenario", gauge)))
+    assert float(cells["least_gauge"][0, 0]) == 1.4221
+    figure = plot_sweep_map(cells)
+    assert [text.get_text() for text in figure.axes[3].texts][:2] == ["1422.1", "1430.0"]
+    assert "least_gauge" not in sweep_map(labels())
+
+
 def test_an_input_of_many_values_is_shown_in_classes() -> None:
     many = xr.concat([labels()] * 10, "scenario")
     many["object.size"] = ("scenario", np.linspace(0.001, 0.031, 80), {"units": "m"})

@@ -123,7 +123,7 @@ def test_a_sweep_stores_what_a_dataset_of_the_throw_has(tmp_path: Path) -> None:
         for name in ("drive_gap", "sensor_gap", "drive_force"):
             values = throw[name].to_numpy()[:, ::2]
             np.testing.assert_allclose(variables_of(row)[name][1], values, rtol=1e-6, atol=1e-9)
-        for name in ("end_gap", "force_margin", "least_flangeway"):
+        for name in ("end_gap", "force_margin", "least_flangeway", "least_gauge", "least_gauge_x"):
             np.testing.assert_allclose(
                 variables_of(row)[name][1], throw[name], rtol=1e-9, atol=1e-12
             )

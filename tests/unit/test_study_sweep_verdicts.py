@@ -88,6 +88,11 @@ GROUPS: dict[str, tuple[str, dict[str, str], tuple[str, ...], Rows, set[str]]] =
         [["20 mm", "0 mm", "sleeper 6"], ["20 mm", "13 mm", "sleeper 6"]],
         {"not sound"},
     ),
+    "gauge": (
+        DEFAULT, {}, ("gauge.limit", "object.size", "object.at"),
+        [["5 mm", "0 mm", "sleeper 6"], ["7 mm", "0 mm", "sleeper 6"], ["5 mm", "3 mm", "drive 1"]],
+        {"sound", "not sound"},
+    ),
     "raw gap": (
         DEFAULT, {"lock.rule": "raw gap"}, ("object.size", "object.at"),
         [["8 mm", "drive 1"], ["6 mm", "drive 2"], ["3 mm", "drive 1"]],

@@ -40,6 +40,7 @@ TITLES = {
     "peak_force": ("Largest effort of a drive on closing [kN]", KILO),
     "object_force_peak": ("Largest force on the object [kN]", KILO),
     "end_gap": ("Residual gap at a drive [mm]", MILLI),
+    "least_gauge": ("Least track gauge [mm]", MILLI),
 }
 AXIS_TITLES = {
     "object.size": ("Object size [mm]", MILLI, 0.0),
@@ -60,20 +61,26 @@ def plot_sweep_map(cells: xr.Dataset) -> "Figure":
     Returns
     -------
     matplotlib.figure.Figure
-        Efforts and object force [kN], residual gap [mm], and how the throws ended.
+        Efforts and object force [kN], residual gap and least gauge [mm], if it is known, and how
+        the throws ended.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     rows, columns = cells["state"].shape
     wide, high = 1.6 + 0.42 * columns, 1.3 + 0.26 * rows
-    figure = Figure(figsize=(2 * max(wide, 4.5), 2 * max(high, 2.6) + 1.0), layout="constrained")
+    shown = [name for name in TITLES if name in cells or name != "least_gauge"]
+    count = len(shown) // 2 + 1
+    size = (2 * max(wide, 4.5), count * max(high, 2.6) + 1.0)
+    figure = Figure(figsize=size, layout="constrained")
     FigureCanvasAgg(figure)
-    axes = figure.subplots(2, 2, sharex=True, sharey=True)
-    for ax, name in zip(axes.flat, TITLES, strict=False):
+    axes = figure.subplots(count, 2, sharex=True, sharey=True)
+    for ax, name in zip(axes.flat, shown, strict=False):
         if name in cells:
             plot_cells(cells, name, ax=ax)
-    plot_states(cells, ax=axes.flat[3])
+    plot_states(cells, ax=axes.flat[len(shown)])
+    for ax in axes.flat[len(shown) + 1 :]:
+        ax.set_axis_off()
     put_title(figure, _title(cells), left=False)
     figure.legend(
         handles=_legend(cells), loc="outside lower center", ncols=4, frameon=False, fontsize=8
@@ -89,18 +96,21 @@ def plot_cells(cells: xr.Dataset, name: str, *, ax: "Axes") -> "Axes":
     cells : xarray.Dataset
         From `turnout.metric.sweep_map.sweep_map`.
     name : str
-        "peak_force", "object_force_peak" or "end_gap".
+        "peak_force", "object_force_peak", "end_gap" or "least_gauge".
     ax : matplotlib.axes.Axes
         Axes to draw on.
     """
     title, factor = TITLES[name]
     values = factor * cells[name].to_numpy()
-    mesh = ax.pcolormesh(np.ma.masked_invalid(values), cmap="viridis", vmin=0.0, rasterized=True)
+    known = values[np.isfinite(values)]
+    least = float(known.min()) if name == "least_gauge" and known.size else 0.0
+    masked = np.ma.masked_invalid(values)
+    mesh = ax.pcolormesh(masked, cmap="viridis", vmin=least, rasterized=True)
     if ax.figure is not None:
         ax.figure.colorbar(mesh, ax=ax, pad=0.01, fraction=0.04)
-    largest = float(np.nanmax(values)) if np.isfinite(values).any() else 0.0
+    largest = float(known.max()) if known.size else 0.0
     texts = np.where(np.isnan(values), "", np.char.mod("%.1f", values))
-    colours = np.where(values > 0.6 * largest, "black", "white")
+    colours = np.where(values > least + 0.6 * (largest - least), "black", "white")
     _write(ax, texts, colours)
     _framed(ax, cells, title)
     return ax

@@ -15,7 +15,7 @@ SLIPS = (KINDS.index("detected by slip"), KINDS.index("detected by switch-off"))
 
 # Numbers that take more values than this are shown in classes of equal width.
 MOST_VALUES, CLASSES = 30, 12
-QUANTITIES = ("peak_force", "object_force_peak", "end_gap")
+QUANTITIES = ("peak_force", "object_force_peak", "end_gap", "least_gauge")
 
 
 def end_state(labels: xr.Dataset) -> xr.DataArray:
@@ -82,9 +82,9 @@ def sweep_map(
     -------
     xarray.Dataset
         By (y, x): the medians of `peak_force` and `end_gap` of the drive with most [N], [m] and of
-        `object_force_peak` [N], NaN where nothing was thrown; `state`, the worst of the cell, and
-        `throws` that came to an end. ``attrs["skipped"]`` counts what a
-        rule left out.
+        `object_force_peak` [N], the least `least_gauge` [m], if it was stored, NaN where nothing
+        was thrown; `state`, the worst of the cell, and `throws` that came to an end.
+        ``attrs["skipped"]`` counts what a rule left out.
 
     Raises
     ------
@@ -111,7 +111,8 @@ def sweep_map(
             worst[row, column] = state[thrown].max()
             for name, numbers in values.items():
                 known = numbers[thrown][~np.isnan(numbers[thrown])]
-                cells[name][row, column] = np.median(known) if known.size else np.nan
+                of_cell = np.min if name == "least_gauge" else np.median
+                cells[name][row, column] = of_cell(known) if known.size else np.nan
         elif inside.any():
             worst[row, column] = state[inside].min()
     return xr.Dataset(
