@@ -19,6 +19,7 @@ from turnout.law.friction import FrictionCourses, no_courses
 from turnout.mechanism.build_rails import (
     SIGN,
     STOCK,
+    approach_ends,
     held_by,
     stock_rail_data,
     supports_of,
@@ -38,9 +39,9 @@ from turnout.mechanism.mechanism import (
 )
 from turnout.mechanism.object_laws import divided, obstructions_of
 from turnout.mechanism.object_rows import (
+    LocalFlexibility,
     approach_row,
     is_off_node,
-    local_flexibility,
     node_rows,
 )
 from turnout.mechanism.reduce import reduce_rail
@@ -209,6 +210,16 @@ class _Kept:
     # a megabyte each
     placed: LRUCache["_Placed"] = field(default_factory=lambda: LRUCache[_Placed](64))
     nominal: LRUCache[Mechanism] = field(default_factory=lambda: LRUCache[Mechanism](4))
+    locals: dict[tuple[str, float], LocalFlexibility] = field(default_factory=dict)
+
+    def local(self, name: str, *, lateral: float = 1.0) -> LocalFlexibility:
+        """Return the local flexibility of a rail, or of it with another lateral scale."""
+        found = self.locals.get((name, lateral))
+        if found is None:
+            data = next(rail for rail in self.rails if rail.name == name)
+            found = LocalFlexibility(with_scales(data, (1.0, lateral)))
+            self.locals[name, lateral] = found
+        return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -382,26 +393,24 @@ def _put_objects(
     if not added:
         return _Placed(linear, layout, linear.rows, ({},) * len(standing), tuple(nodes))
     rows += [approach_row(panel, item, linear.rails) for item in between]
-    yields = [_yields(panel, item, kept.rails, varied=nominal is not None) for item in between]
+    yields = [_yields(panel, item, kept, varied=nominal is not None) for item in between]
     stacked = np.vstack((linear.rows, *rows))
     stacked.flags.writeable = False
     layout = layout.with_objects([item.name for item in added])
     return _Placed(linear, layout, stacked, (*({} for _ in standing), *yields), tuple(nodes))
 
 
-def _yields(
-    panel: Panel, item: PlacedObject, rails: Sequence[RailData], *, varied: bool
-) -> dict[str, Yield]:
+def _yields(panel: Panel, item: PlacedObject, kept: _Kept, *, varied: bool) -> dict[str, Yield]:
     """Return what each rail yields to an object, of rails that may vary with its exponent."""
-    found = local_flexibility(panel, item, rails=rails)
-    if not varied:
-        return {name: Yield(own) for name, own in found.items()}
-    wider = [with_scales(rail, (1.0, STEP)) for rail in rails]
-    others = local_flexibility(panel, item, rails=wider)
-    return {
-        name: Yield(own, math.log(others[name] / own) / math.log(STEP))
-        for name, own in found.items()
-    }
+    found = dict[str, Yield]()
+    for name, point in approach_ends(panel, item.rail, x=item.x, height=item.height):
+        own = kept.local(name).at(x=point.x, z=point.z)
+        exponent = 0.0
+        if varied:
+            wider = kept.local(name, lateral=STEP).at(x=point.x, z=point.z)
+            exponent = math.log(wider / own) / math.log(STEP)
+        found[name] = Yield(own, exponent)
+    return found
 
 
 def _made_frame(

@@ -15,7 +15,7 @@ drives by less than 0.02 % (root mean square, of the peak).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -24,10 +24,9 @@ from numpy.typing import NDArray
 from turnout.beam.craig_bampton import Superelement
 from turnout.beam.spectrum import Factor, factorise
 from turnout.core.errors import MechanicsError
-from turnout.core.lru_cache import LRUCache
 from turnout.mechanism.build_rails import approach_ends
 from turnout.mechanism.mechanism import RailBody, RailData
-from turnout.mechanism.reduce import content_key, superelement_of
+from turnout.mechanism.reduce import superelement_of
 from turnout.mechanism.structure import Structure, form_rows
 from turnout.panel.foreign_object import PlacedObject
 from turnout.panel.model import Panel
@@ -113,64 +112,54 @@ def approach_row(panel: Panel, item: PlacedObject, bodies: Sequence[RailBody]) -
     return row
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Inside:
-    """A rail with the factors of its stiffness for a held interface."""
-
-    structure: Structure
-    element: Superelement
-    inner: Ints
-    factor: Factor
-
-
-_memory = LRUCache[_Inside](16)
-
-
-def local_flexibility(
-    panel: Panel, item: PlacedObject, *, rails: Sequence[RailData]
-) -> dict[str, float]:
-    """Return the flexibility at an object beyond reduced coordinates, by rail [m/N].
+class LocalFlexibility:
+    """Flexibility of a rail between its nodes, beyond its reduced coordinates.
 
     Parameters
     ----------
-    panel : Panel
-        The panel.
-    item : PlacedObject
-        The object.
-    rails : sequence of RailData
-        All rails without it.
+    data : RailData
+        The rail. It is factorised when it is first asked for a place, and each of its elements is
+        solved for once.
     """
-    found = dict[str, float]()
-    for name, point in approach_ends(panel, item.rail, x=item.x, height=item.height):
-        data = next(data for data in rails if data.name == name)
-        key = content_key(data)
-        rail = None if key is None else _memory.get(key)
-        if rail is None:
-            rail = _inside(data)
-            if key is not None:
-                _memory.put(key, rail)
-        found[name] = _residual(rail, x=point.x, z=point.z)
-    return found
 
+    def __init__(self, data: RailData) -> None:
+        self._data = data
+        self._blocks: dict[int, Floats] = {}
 
-def _inside(data: RailData) -> _Inside:
-    structure, element, _ = superelement_of(data)
-    inner = np.setdiff1d(np.arange(structure.load.size), element.interface)
-    factor = factorise(sp.csr_array(structure.stiffness[inner][:, inner]))
-    if factor is None:
-        msg = f"rail {data.name} is not held between the places of its stops, chairs and drives"
-        raise MechanicsError(msg)
-    return _Inside(structure, element, inner, factor)
+    @cached_property
+    def _inside(self) -> tuple[Structure, Superelement, Ints, Factor]:
+        structure, element, _ = superelement_of(self._data)
+        inner = np.setdiff1d(np.arange(structure.load.size), element.interface)
+        factor = factorise(sp.csr_array(structure.stiffness[inner][:, inner]))
+        if factor is None:
+            name = self._data.name
+            msg = f"rail {name} is not held between the places of its stops, chairs and drives"
+            raise MechanicsError(msg)
+        return structure, element, inner, factor
 
+    def at(self, *, x: float, z: float) -> float:
+        """Return the flexibility at a point of the rail [m/N].
 
-def _residual(rail: _Inside, *, x: float, z: float) -> float:
-    """Return the flexibility of a rail at a point beyond its reduced coordinates [m/N]."""
-    at, weights = offnode_row(rail.structure.x, x=x, z=z)
-    row = (weights @ rail.structure.motion[at].toarray())[rail.inner]
-    element = rail.element
-    modes = element.transformation[rail.inner, element.interface.size :]
-    kept = (modes.T @ row) / (2.0 * np.pi * element.frequencies_kept)
-    return float(row @ rail.factor.solve(row) - kept @ kept)
+        Parameters
+        ----------
+        x, z : float
+            Place of the point and its height above the foot line [m].
+        """
+        at, weights = offnode_row(self._inside[0].x, x=x, z=z)
+        first = int(at.min()) // PER_NODE
+        if first not in self._blocks:
+            self._blocks[first] = self._block(first)
+        own = at - PER_NODE * first
+        return float(weights @ self._blocks[first][np.ix_(own, own)] @ weights)
+
+    def _block(self, first: int) -> Floats:
+        """Return the flexibility of the motion of an element's two nodes, shape (12, 12)."""
+        structure, element, inner, factor = self._inside
+        motion = structure.motion[PER_NODE * first : PER_NODE * (first + 2)][:, inner].toarray()
+        modes = element.transformation[inner, element.interface.size :]
+        kept = (motion @ modes) / (2.0 * np.pi * element.frequencies_kept)
+        found: Floats = motion @ factor.solve(motion.T) - kept @ kept.T
+        return found
 
 
 def node_rows(
