@@ -1,6 +1,11 @@
 """Measure throws of quick sweeps against older checkouts, for docs/evidence/performance.md.
 
     python -m benchmarks.sweep_rate OLDER ... [--batches 4] [--only million] [--note TEXT]
+    python -m benchmarks.sweep_rate --kinds [--panel NAME ...] [--batches 4]
+
+The second form throws, by the present code, studies in which one kind of variable or another
+varies, and gives the ratio of their time to that of `million.toml` on the same panel, in turns of
+one run.
 
 OLDER is the folder of another checkout, such as one made by `git worktree add --detach OLDER main`.
 Each code runs in a process of one thread that stays; all throw the same scenarios, a batch each in
@@ -11,18 +16,24 @@ shows. Bytes and the plan of a hundred million throws follow from the present co
 """
 
 import argparse
+import importlib.resources
 import json
 import os
 import statistics
 import subprocess
 import sys
 import textwrap
+import tomllib
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import tomlkit
 
 from benchmarks.machine import ONE_THREAD, load, machine
 from benchmarks.page import write_section
+from turnout.panel.load import load_panel
 
 ROOT = Path(__file__).parents[1]
 STUDIES = {
@@ -53,6 +64,14 @@ except ImportError:
 signal.signal(signal.SIGINT, signal.SIG_IGN)  # as in a worker
 initialize_worker()
 study = load_study(sys.argv[1])
+if len(sys.argv) > 2:
+    from turnout.detection.panel_population import population_for
+    from turnout.panel.load import load_panel
+
+    panel, changes = json.loads(sys.argv[2])
+    if panel != study.panel.name:
+        study = population_for(study, load_panel(panel))
+    study = replace(study, panel=study.panel.with_overrides(changes)) if changes else study
 alone = replace(study, output=replace(study.output, channels=()))
 for line in sys.stdin:
     first, count, features = json.loads(line)
@@ -73,11 +92,11 @@ for line in sys.stdin:
 class Thrower:
     """A process that throws scenarios of a study with the sources of a checkout."""
 
-    def __init__(self, source: Path, study: str) -> None:
+    def __init__(self, source: Path, study: str, *changes: str) -> None:
         self._source = source
         environment = {**os.environ, **ONE_THREAD, "PYTHONPATH": str(source / "src")}
         self._process = subprocess.Popen(
-            [sys.executable, "-c", CHILD, study],
+            [sys.executable, "-c", CHILD, study, *changes],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
@@ -140,6 +159,124 @@ def measured(sources: Sequence[Path], study: str, *, batches: int) -> list[dict[
     return found
 
 
+PANELS = ("uic60-760-1-15", "sb2", "60e1-300-1-9")
+KINDS = (
+    *("friction", "stiffness", "million", "place", "section", "population", "machines"),
+    "population and place",
+)
+"""Variables: friction of chairs alone; stiffness and slip level of drives; all of `million.toml`;
+this with objects between the places of a panel, or with sections of the switch rails; the
+population of sound switches; friction and objects with machines for drives; the population with
+objects."""
+_SECTION = {"distribution": "uniform", "minimum": 0.9, "maximum": 1.1}
+
+
+def kind_of_study(kind: str, panel: str, folder: Path) -> tuple[str, str]:
+    """Return the study of a kind for a panel, a name or a file, and its changes for `CHILD`.
+
+    Parameters
+    ----------
+    kind : str
+        One of `KINDS`.
+    panel : str
+        Name of a library panel.
+    folder : Path
+        Where a study is written that has no file.
+    """
+    loaded, changes = load_panel(panel), dict[str, object]()
+    population = kind.startswith("population")
+    library = importlib.resources.files("turnout.study") / "library" / "detection-reference.toml"
+    million = (ROOT / "benchmarks" / "million.toml").read_text(encoding="utf-8")
+    text = library.read_text(encoding="utf-8") if population else million
+    study = tomllib.loads(text)
+    drives = list(loaded.drive.values())
+    place = {"key": "object.x", "distribution": "uniform", "minimum": f"{drives[0].x + 0.1} m"}
+    place["maximum"] = f"{drives[0].x + 4.0} m"
+    own = [item for item in study["variable"] if item["key"].split(".")[0] != "drive"]
+    if population:
+        if kind != "population":
+            size = next(v for v in tomllib.loads(million)["variable"] if v["key"] == "object.size")
+            study["variable"] += [place, size]
+            study["sampling"]["count"] = 1_000_000
+    else:
+        study["panel"] = panel
+        drive = [v for v in study["variable"] if v["key"].split(".")[1] in loaded.drive]
+        at = [item for item in own if item["key"] != "object.at"]
+        section = [{"key": f"rail.{name}_scale", **_SECTION} for name in SCALES]
+        study["variable"] = {
+            "friction": [item for item in own if item["key"].startswith("chair")],
+            "stiffness": drive,
+            "million": own + drive,
+            "place": [*at, *drive, place],
+            "section": own + drive + section,
+            "machines": own,
+        }[kind]
+        if kind == "stiffness":
+            study["field"] = []
+        if kind == "machines":
+            machines = ("jea73", "jea73-drive2")
+            pairs = zip(loaded.drive, machines, strict=False)
+            changes = {f"drive.{name}.machine": machine for name, machine in pairs}
+    path = folder / f"{kind} {panel}.toml"
+    path.write_text(tomlkit.dumps(study), encoding="utf-8")
+    return str(path), json.dumps([panel, changes])
+
+
+SCALES = ("section", "lateral_inertia")
+
+
+def measured_kinds(panel: str, *, batches: int) -> dict[str, dict[str, float]]:
+    """Throw all kinds of studies of a panel in turn; seconds a throw and `ratio` to the million."""
+    with TemporaryDirectory() as folder:
+        throwers = {
+            kind: Thrower(ROOT, *kind_of_study(kind, panel, Path(folder))) for kind in KINDS
+        }
+        for thrower in throwers.values():
+            thrower.throw(0, WARM)
+        turns = []
+        for number in range(batches):
+            first = WARM + 2 * number * BATCH
+            there = {kind: thrower.throw(first, BATCH) for kind, thrower in throwers.items()}
+            back = {
+                kind: thrower.throw(first + BATCH, BATCH)
+                for kind, thrower in reversed(throwers.items())
+            }
+            turns.append({kind: _mean((there[kind], back[kind])) for kind in KINDS})
+            times = {kind: f"{1e3 * item['all']:.2f} ms" for kind, item in turns[-1].items()}
+            print(panel, times, flush=True)
+        for thrower in throwers.values():
+            thrower.end()
+    found = {}
+    for kind in KINDS:
+        time = statistics.median(turn[kind]["all"] for turn in turns)
+        ratio = statistics.median(turn[kind]["all"] / turn["million"]["all"] for turn in turns)
+        solver = statistics.median(turn[kind]["solver"] for turn in turns)
+        found[kind] = {"all": time, "ratio": ratio, "solver": solver}
+    return found
+
+
+def section_of_kinds(found: dict[str, dict[str, dict[str, float]]]) -> str:
+    """Return the section of all kinds of variables, by panel."""
+    rows = [
+        f"| {panel} | {kind} | {1e3 * item['all']:.1f} | {1e3 * item['solver']:.1f} | "
+        f"{item['ratio']:.2f} |"
+        for panel, kinds in found.items()
+        for kind, item in kinds.items()
+    ]
+    return "\n".join(
+        [
+            f"Written by `python -m benchmarks.sweep_rate --kinds` on {machine()}, at a",
+            f"load of {load():.1f}. Processor time of one thread a throw in mode quick, batches",
+            "made and compressed; studies of one panel in turns, of which the ratio is the median.",
+            "",
+            "| panel | variables | a throw [ms] | thereof solver [ms] | ratio to the million |",
+            "|---|---|---:|---:|---:|",
+            *rows,
+            "",
+        ]
+    )
+
+
 def _mean(pair: tuple[dict[str, float], dict[str, float]]) -> dict[str, float]:
     one, other = pair
     return {name: 0.5 * (one[name] + other[name]) for name in one}
@@ -197,11 +334,18 @@ def section(found: dict[str, list[dict[str, float]]], names: Sequence[str], *, n
 def main() -> None:
     """Measure all checkouts in turn and write the section."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("older", type=Path, nargs="+")
+    parser.add_argument("older", type=Path, nargs="*")
+    parser.add_argument("--kinds", action="store_true", help="compare kinds of variables")
+    parser.add_argument("--panel", action="append", help="for --kinds, of the library")
     parser.add_argument("--batches", type=int, default=4)
     parser.add_argument("--only", default="", help="measure the study of this name alone")
     parser.add_argument("--note", default="", help="what else differs between the codes")
     chosen = parser.parse_args()
+    if chosen.kinds:
+        panels = chosen.panel or PANELS
+        kinds = {name: measured_kinds(name, batches=chosen.batches) for name in panels}
+        write_section("Rate by what varies", section_of_kinds(kinds))
+        return
     sources = [*(older.absolute() for older in chosen.older), ROOT]
     found = {
         what: measured(sources, str(study), batches=chosen.batches)

@@ -49,6 +49,7 @@ from turnout.mechanism.shape_key import Variation, shape_of, variation_of
 from turnout.mechanism.travel import RailRows, Travel, rail_travel
 from turnout.mechanism.varied_rails import (
     STEP,
+    RailFamily,
     clear_families,
     nominal_scale,
     rail_family,
@@ -212,6 +213,14 @@ class _Kept:
     nominal: LRUCache[Mechanism] = field(default_factory=lambda: LRUCache[Mechanism](4))
     locals: dict[tuple[str, float], LocalFlexibility] = field(default_factory=dict)
 
+    families: dict[str, RailFamily | None] = field(default_factory=dict)
+
+    def family(self, data: RailData, reduced: ReducedRail) -> RailFamily | None:
+        """Return the family of one of the rails."""
+        if data.name not in self.families:
+            self.families[data.name] = rail_family(data, reduced)
+        return self.families[data.name]
+
     def local(self, name: str, *, lateral: float = 1.0) -> LocalFlexibility:
         """Return the local flexibility of a rail, or of it with another lateral scale."""
         found = self.locals.get((name, lateral))
@@ -298,7 +307,7 @@ def _full(frame: _Frame, variation: Variation, panel: Panel) -> _Kept:
 def _varied(
     panel: LoadedPanel, frame: _Frame, nominal: LoadedPanel, objects: Sequence[PlacedObject]
 ) -> _Kept | None:
-    """Return rails in shapes of nominal ones; None where they are such, or need their own."""
+    """Return rails in shapes of nominal ones; None of such, and of those that need their own."""
     own, of = variation_of(panel), variation_of(nominal)
     if own == of or not own.like(of):
         return None
@@ -321,7 +330,7 @@ def _varied(
         if (every, lateral) == (of_every, of_lateral) and supports == data.supports:
             rails.append(reduced)
         else:
-            family = rail_family(data, reduced)
+            family = base.family(data, reduced)
             ratios = every / of_every, lateral / of_lateral
             if family is None:
                 return None
@@ -330,7 +339,8 @@ def _varied(
                 return None
             rails.append(made)
             factors[data.name] = ratios
-    linear = _linear_of(panel, rails, base.linear.rails, base.linear.rows, base.held)
+    of_base = base.linear
+    linear = _linear_of(panel, rails, of_base.rails, of_base.rows, base.held, of_base.travel)
     known = _nominal_mechanism(base, nominal, objects)
     linear = replace(linear, nominal=known, ratios=factors)
     return _Kept(frame, base.rails, base.held, linear, base=base)
@@ -401,7 +411,7 @@ def _put_objects(
 
 
 def _yields(panel: Panel, item: PlacedObject, kept: _Kept, *, varied: bool) -> dict[str, Yield]:
-    """Return what each rail yields to an object, of rails that may vary with its exponent."""
+    """Return the local flexibility of each rail at an object, with an exponent if it may vary."""
     found = dict[str, Yield]()
     for name, point in approach_ends(panel, item.rail, x=item.x, height=item.height):
         own = kept.local(name).at(x=point.x, z=point.z)
@@ -442,11 +452,12 @@ def _linear_of(
     bodies: tuple[RailBody, ...],
     rows: Floats,
     held: Mapping[str, RailRows],
+    nominal: Travel | None = None,
 ) -> _Linear:
-    """Put rails together."""
+    """Put rails together; `nominal` is the travel of those that they vary."""
     switch_rails = {rail.body.name: rail for rail in rails if rail.body.name in panel.rail}
     with one_blas_thread():
-        travel = rail_travel(panel, switch_rails, held)
+        travel = rail_travel(panel, switch_rails, held, nominal=nominal)
     return _Linear(JoinedRails(rails), rows, bodies, travel)
 
 

@@ -32,6 +32,8 @@ UY, RX, PER_NODE = 1, 3, 6
 
 HOLDING_STIFFNESS = 1e9
 """Stiffness that keeps a foot on its chair, far above that of any chair [N/m]."""
+MOST_MISSED = 1e-6
+"""Distance from its open position of a rail that stands there [m]."""
 MOST_ROLL = 0.1
 """A rail that rolls more on its way is asked to stand at two positions at one place [rad]."""
 
@@ -54,6 +56,17 @@ class RailRows:
     drives: dict[str, Floats] = field(default_factory=dict)
     links: dict[str, Floats] = field(default_factory=dict)
     back_drives: dict[str, Floats] = field(default_factory=dict)
+    _holding: Floats | None = None
+
+    def holding(self, held: Floats) -> Floats:
+        """Return the stiffness that holds the rail at its feet and at the rows of what moves it.
+
+        The rows are the same for all panels with these rails.
+        """
+        if self._holding is None:
+            fixed = np.concatenate((self.feet, held))
+            self._holding = HOLDING_STIFFNESS * fixed.T @ fixed
+        return self._holding
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +86,11 @@ class Travel:
 
 
 def rail_travel(
-    panel: Panel, rails: Mapping[str, ReducedRail], rows: Mapping[str, RailRows]
+    panel: Panel,
+    rails: Mapping[str, ReducedRail],
+    rows: Mapping[str, RailRows],
+    *,
+    nominal: Travel | None = None,
 ) -> Travel:
     """Find the way of all rails from their closed to their open positions.
 
@@ -95,8 +112,9 @@ def rail_travel(
     link_ends: dict[tuple[str, str], float] = {}
     driven = {name for name in rails if rows[name].drives}
     for name in sorted(rails, key=lambda rail: rail not in driven):
-        moved = _moved(panel, name, rails[name], rows[name], link_ends)
-        shapes[name] = _shape(panel, name, rails[name], moved)
+        moved, way = _moved(panel, name, rails[name], rows[name], link_ends)
+        like = None if nominal is None else nominal.shapes[name]
+        shapes[name] = _shape(panel, name, rails[name].body.x, way, like)
         for link, row in rows[name].links.items():
             link_ends[link, name] = float(row @ moved)
     return Travel(shapes, link_ends)
@@ -108,26 +126,29 @@ def _moved(
     rail: ReducedRail,
     rows: RailRows,
     link_ends: Mapping[tuple[str, str], float],
-) -> Floats:
-    """Return the reduced coordinates of a rail's way from closed to open, as if it opened to +y."""
+) -> tuple[Floats, Floats]:
+    """Return a rail's way from closed to open, as if it opened to +y, in reduced coordinates.
+
+    Second is that of its nodes.
+    """
     held = _held_places(panel, name, rows, link_ends)
     if not held:
-        return np.zeros(rail.body.count)
+        return np.zeros(rail.body.count), np.zeros(rail.body.recovery.shape[0])
     matrix = np.array([row for row, _ in held])
     wanted = np.array([way for _, way in held])
     # What is held may be all that holds the rail, so it stiffens it; that changes no shape.
-    fixed = np.concatenate((rows.feet, matrix))
     try:
-        factor = cho_factor(rail.stiffness + HOLDING_STIFFNESS * fixed.T @ fixed)
+        factor = cho_factor(rail.stiffness + rows.holding(matrix))
         yielded = cho_solve(factor, matrix.T)
         moved: Floats = yielded @ np.linalg.solve(matrix @ yielded, wanted)
     except np.linalg.LinAlgError:
         moved = np.full(rail.body.count, np.nan)
-    roll = np.abs((rail.body.recovery @ moved)[RX::PER_NODE])
-    if np.allclose(matrix @ moved, wanted, rtol=0.0, atol=1e-6) and roll.max() < MOST_ROLL:
-        return moved
+    way: Floats = rail.body.recovery @ moved
+    missed = np.abs(matrix @ moved - wanted).max()
+    if missed <= MOST_MISSED and np.abs(way[RX::PER_NODE]).max() < MOST_ROLL:
+        return moved, way
     if panel.rail[name].fit_gap is None:  # what is typed needs no travel
-        return np.full(rail.body.count, np.nan)
+        return np.full(rail.body.count, np.nan), np.full(way.size, np.nan)
     message = (
         f"rail.{name}.fit_gap: the rail cannot stand open as its drives, links and back drives "
         "ask: two of them hold the same place, or nothing holds the rail; take one of them away, "
@@ -179,11 +200,10 @@ def drive_at(panel: Panel, x: float) -> Drive | None:
     return None
 
 
-def _shape(panel: Panel, name: str, rail: ReducedRail, moved: Floats) -> RailShape:
-    x = rail.body.x
-    height = contact_height(panel, name, x)
-    way = rail.body.recovery @ moved
-    travel = way[UY::PER_NODE] - height * way[RX::PER_NODE]
+def _shape(panel: Panel, name: str, x: Floats, way: Floats, like: RailShape | None) -> RailShape:
+    travel = way[UY::PER_NODE] - contact_height(panel, name, x) * way[RX::PER_NODE]
+    if like is not None:
+        return RailShape(like.travel.through(travel))
     return RailShape(cubic_spline(x.tolist(), travel, ends=("not-a-knot", "not-a-knot")))
 
 

@@ -62,6 +62,10 @@ class Spline:
         found = found + h * s * rest * (rest * self.slopes[at] - s * self.slopes[at + 1])
         return found
 
+    def through(self, values: FloatArray) -> "Spline":
+        """Return the not-a-knot spline through other values, shape (n,), at the same knots."""
+        return Spline(self.knots, values, _slope_operator(self.knots.tobytes()) @ values)
+
 
 def cubic_spline(knots: Sequence[float], values: npt.ArrayLike, *, ends: tuple[str, str]) -> Spline:
     """Return the cubic spline through some points.
@@ -96,6 +100,13 @@ def cubic_spline(knots: Sequence[float], values: npt.ArrayLike, *, ends: tuple[s
         right[row] = _end(ends[0 if row == 0 else 1], length[order], rise[order], n)[1]
     solved = np.linalg.solve(matrix, right.reshape(n, -1))
     return Spline(x, y, np.asarray(solved, dtype=np.float64).reshape(y.shape))
+
+
+@lru_cache(maxsize=32)
+def _slope_operator(knots: bytes) -> FloatArray:
+    """Return the matrix that takes values to the slopes of their not-a-knot spline."""
+    x = np.frombuffer(knots)
+    return cubic_spline(x.tolist(), np.eye(x.size), ends=("not-a-knot", "not-a-knot")).slopes
 
 
 @lru_cache(maxsize=32)

@@ -214,7 +214,12 @@ def _arranged(mechanism: Mechanism, rails: _Rails, structure: _Structure | None)
     n_rows, n_coordinates = mechanism.rows.shape
     row_stiffness = sum_at_rows(laws, folded_stiffness(laws), n_rows)
     row_stiffness.flags.writeable = False  # throws share it
-    condensed = CondensedRails(parts, n_coordinates=n_coordinates, row_stiffness=row_stiffness)
+    condensed = CondensedRails(
+        parts,
+        n_coordinates=n_coordinates,
+        row_stiffness=row_stiffness,
+        alone=mechanism.nominal is not None,
+    )
     table = shared_record(place_laws(laws, system.row_place))
     return Arrangement(mechanism, laws, table, condensed, system, frame, known)
 

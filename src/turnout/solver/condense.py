@@ -182,12 +182,19 @@ class CondensedRails:
         Of the mechanism.
     row_stiffness : ndarray, shape (n_rows,)
         Stiffness at each row of the mechanism that the linear system holds [N/m].
+    alone : bool
+        Whether they are of a single throw, as rails that vary are.
     """
 
     def __init__(
-        self, parts: Sequence[BlockModel], *, n_coordinates: int, row_stiffness: Floats
+        self,
+        parts: Sequence[BlockModel],
+        *,
+        n_coordinates: int,
+        row_stiffness: Floats,
+        alone: bool = False,
     ) -> None:
-        self.parts, self.row_stiffness = tuple(parts), row_stiffness
+        self.parts, self.row_stiffness, self.alone = tuple(parts), row_stiffness, alone
         self._n_coordinates = n_coordinates
 
     @cached_property

@@ -17,8 +17,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, cho_solve, cholesky, eigh
-from scipy.linalg.lapack import dtrtri
+from scipy.linalg import eigh
+from scipy.linalg.lapack import dpotrf, dpotrs, dsygvd, dtrtri
 
 from turnout.core.errors import MechanicsError
 
@@ -204,11 +204,10 @@ def split_modes_near(
     tuple or None
         None where the iteration does not converge, or the stiffness is not positive definite.
     """
-    try:
-        upper = cholesky(stiffness, check_finite=False)
-        found = _iterate_subspace((upper, False), mass, start, cutoff_frequency=cutoff_frequency)
-    except LinAlgError:
+    upper, failed = dpotrf(stiffness)
+    if failed:
         return None
+    found = _iterate_subspace(upper, mass, start, cutoff_frequency=cutoff_frequency)
     if found is None:
         return None
     eigenvalues, low = found
@@ -219,15 +218,20 @@ def split_modes_near(
 
 
 def _iterate_subspace(
-    factor: tuple[Floats, bool], mass: Floats, start: Floats, *, cutoff_frequency: float
+    upper: Floats, mass: Floats, start: Floats, *, cutoff_frequency: float
 ) -> tuple[Floats, Floats] | None:
-    """Return eigenvalues and modes up to a cut-off, or None if they do not converge."""
+    """Return eigenvalues and modes up to a cut-off, or None if they do not converge.
+
+    `upper` is the Cholesky factor of the stiffness.
+    """
     shapes, before = start, np.zeros(start.shape[1])
     limit = (2.0 * np.pi * cutoff_frequency) ** 2
     for _ in range(MOST_ITERATIONS):
         with_mass = mass @ shapes
-        shapes = cho_solve(factor, with_mass, check_finite=False)
-        values, turn = eigh(shapes.T @ with_mass, shapes.T @ (mass @ shapes), check_finite=False)
+        shapes, _ = dpotrs(upper, with_mass)
+        values, turn, failed = dsygvd(shapes.T @ with_mass, shapes.T @ (mass @ shapes))
+        if failed:
+            return None
         shapes = shapes @ turn
         kept = max(int(np.searchsorted(values, limit, side="right")), 1)
         if kept == values.size:

@@ -139,6 +139,12 @@ class LeastDistance(NamedTuple):
     rail: str
 
 
+class DistancesFound(NamedTuple):
+    """The least of each distance at the ends of the movements of a run, by its name."""
+
+    least: dict[str, LeastDistance]
+
+
 UNKNOWN = LeastDistance(np.nan, np.nan, "")
 """Where the panel does not say what a distance takes."""
 
@@ -157,8 +163,8 @@ def movement_ends(
     ends: Sequence[tuple[DirectedMovement, int]],
     *,
     of: Sequence[EndDistance],
-) -> MovementEnds | None:
-    """Return the data for distances after some movements.
+) -> "MovementEnds | DistancesFound | None":
+    """Return the data for distances after some movements; of rails of a single throw these alone.
 
     Parameters
     ----------
@@ -171,9 +177,11 @@ def movement_ends(
 
     Returns
     -------
-    MovementEnds or None
+    MovementEnds, DistancesFound or None
         None where the panel does not say what they take.
     """
+    if motion.condensed.alone:
+        return DistancesFound(_distances_directly(panel, motion, ends, of))
     known, history = _known_rails(panel, motion, of), motion.history
     if known is None:
         return None
@@ -193,23 +201,74 @@ def movement_ends(
     )
 
 
-def least_distances(runs: Sequence[MovementEnds | None]) -> list[dict[str, LeastDistance]]:
+def _distances_directly(
+    panel: Panel,
+    motion: Motion,
+    ends: Sequence[tuple[DirectedMovement, int]],
+    of: Sequence[EndDistance],
+) -> "dict[str, LeastDistance]":
+    """Return the least of each distance by the displacements of its rails at the ends."""
+    history, blocks = motion.history, motion.condensed.parts
+    first = np.cumsum([0, *(part.model.eigenvalues.size for part in blocks)])
+    moved = dict[tuple[str, int], Floats]()
+
+    def displaced(body: RailBody, at: int) -> Floats:
+        """Return the reduced coordinates of a rail at an instant."""
+        if (body.name, at) not in moved:
+            number, own = block_of(blocks, body)
+            part, place = blocks[number], slice(own, own + body.count)
+            force = motion.slope * history.g[at]
+            np.subtract.at(force, history.laws.row, history.law_force[at])
+            np.subtract.at(force, history.laws.friction_row, history.friction_force[at])
+            modal = history.q[at, first[number] : first[number + 1]]
+            model = part.model
+            moved[body.name, at] = (
+                model.modes[place] @ modal
+                + model.residual_shapes[place] @ force[part.block.rows]
+                + model.residual_load[place]
+            )
+        return moved[body.name, at]
+
+    found = dict[str, LeastDistance]()
+    for distance in of:
+        for throw, at in ends:
+            name = distance.rail(panel, throw.to)
+            if name is None:
+                continue
+            x = motion.rails[name].x
+            along, parts = distance.along(panel, motion, name, x)
+            for body, rows in parts:
+                along = along - rows @ displaced(body, at)
+            place = int(along.argmin())
+            if distance.name not in found or along[place] < found[distance.name].width:
+                width = float(along[place])
+                found[distance.name] = LeastDistance(width, float(x[place]), name)
+    return found
+
+
+def least_distances(
+    runs: "Sequence[MovementEnds | DistancesFound | None]",
+) -> list[dict[str, LeastDistance]]:
     """Return the least of each distance after the movements of each of some runs, by its name.
 
     Parameters
     ----------
-    runs : sequence of MovementEnds or None
+    runs : sequence of MovementEnds, DistancesFound or None
         From `movement_ends`; those of the same rails take one call of a kernel.
     """
     found = [dict[str, LeastDistance]() for _ in runs]
     alike = dict[tuple[int, ...], list[int]]()
     for number, run in enumerate(runs):
-        if run is not None:
+        if isinstance(run, DistancesFound):
+            found[number] = run.least
+        elif run is not None:
             arrays = (run.modal, run.law_force, run.friction_force, run.force)
             key = (id(run.known.distances), *[array.shape[1] for array in arrays])
             alike.setdefault(key, []).append(number)
     for numbers in alike.values():
-        together = _least_of_alike([run for number in numbers if (run := runs[number])])
+        together = _least_of_alike(
+            [run for number in numbers if isinstance(run := runs[number], MovementEnds)]
+        )
         for number, least in zip(numbers, together, strict=True):
             found[number] = least
     return found

@@ -13,6 +13,7 @@ from turnout.solver.watch import TIME_TOLERANCE
 from turnout.throw.flangeway import (
     FLANGEWAY,
     UNKNOWN,
+    DistancesFound,
     MovementEnds,
     least_distances,
     movement_ends,
@@ -162,18 +163,20 @@ def state_limits(panel: Panel) -> tuple[Floats, Floats, Floats]:
 
 def distance_ends(
     panel: Panel, motion: Motion, moved: Sequence[DirectedMovement]
-) -> MovementEnds | None:
+) -> MovementEnds | DistancesFound | None:
     """Return the data for flangeway and gauge at the ends of the movements as they were made."""
     ends = _end_instants(moved, motion.history.time)
     return movement_ends(panel, motion, ends, of=DISTANCES)
 
 
-def distance_labels(runs: Sequence[MovementEnds | None], panel: Panel) -> dict[str, Channel]:
+def distance_labels(
+    runs: Sequence[MovementEnds | DistancesFound | None], panel: Panel
+) -> dict[str, Channel]:
     """Return least flangeway and least gauge at the end of any movement, for some runs.
 
     Parameters
     ----------
-    runs : sequence of MovementEnds or None
+    runs : sequence of MovementEnds, DistancesFound or None
         From `distance_ends`.
     panel : Panel
         Of one of them; where it has no data of the gauge, that is left out.

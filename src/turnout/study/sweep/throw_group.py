@@ -17,7 +17,7 @@ from turnout.panel.load import LoadedPanel
 from turnout.panel.markers import marker_offsets
 from turnout.solver.duty import Duty
 from turnout.solver.watch import Watched
-from turnout.throw.flangeway import MovementEnds
+from turnout.throw.flangeway import DistancesFound, MovementEnds
 from turnout.throw.gaps import split_gaps_of
 from turnout.throw.lock_and_control import state_limits
 from turnout.throw.route import DirectedMovement
@@ -57,7 +57,7 @@ class ThrowSignals:
         and open distances at the rate of the study.
     labels : dict
         Remains of objects, and labels of machines.
-    ends : MovementEnds, optional
+    ends : MovementEnds or DistancesFound, optional
         Inputs of flangeway and gauge at the ends of the movements.
     clutches : tuple of list and ndarray, optional
         The drives that are machines, and when their clutches slip, shape (n_machines, n_times).
@@ -78,7 +78,7 @@ class ThrowSignals:
     disappears: Floats
     watched: Watched
     labels: Variables
-    ends: MovementEnds | None
+    ends: MovementEnds | DistancesFound | None
     clutches: tuple[list[int], Flags] | None
     recorder: Recorder
     kept: Variables
