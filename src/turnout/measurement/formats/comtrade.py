@@ -50,7 +50,9 @@ def read_comtrade(path: Path) -> Recording:
     Raises
     ------
     FileError
-        When a part is missing, or does not hold what the configuration says.
+        When a part is missing.
+    ValueError, IndexError
+        When a part does not hold what the configuration says.
     """
     suffix = path.suffix.lower()
     if suffix == ".cff":
@@ -63,13 +65,9 @@ def read_comtrade(path: Path) -> Recording:
                 raise FileError(message)
         configuration, samples = (file for file in files.values() if file is not None)
         lines, data = _text(configuration.read_bytes()).splitlines(), samples.read_bytes()
-    try:
-        found = _configured(lines)
-        Declared(path).add(len(data) // 2)
-        times, values = _samples(found, data)
-    except (ValueError, IndexError) as error:
-        message = f"{path}: is no COMTRADE record, or a damaged one ({str(error)[:80]})"
-        raise FileError(message) from None
+    found = _configured(lines)
+    Declared(path).add(len(data) // 2)
+    times, values = _samples(found, data)
     rate = found.rates[0][0] if found.rates else 0.0
     if len(found.rates) > 1:
         rate = 0.0  # the rate changes within the record; its time stamps hold all

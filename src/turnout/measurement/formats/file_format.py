@@ -11,11 +11,9 @@ from typing import Any
 
 from turnout.core.errors import FileError
 from turnout.core.files import require_regular_file, write_atomic
-from turnout.measurement.formats.comtrade import is_comtrade, read_comtrade
+from turnout.measurement.formats.comtrade import is_comtrade
 from turnout.measurement.formats.hdf5 import hdf5_bytes
 from turnout.measurement.formats.isolated import read_isolated
-from turnout.measurement.formats.lvm import MARK as LVM_MARK
-from turnout.measurement.formats.lvm import read_lvm
 from turnout.measurement.formats.mat import mat_bytes
 from turnout.measurement.formats.text_table import csv_bytes, read_text
 from turnout.measurement.recording import Recording
@@ -27,6 +25,7 @@ _ARCHIVE, _OLD_OFFICE = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
 FOREIGN = (
     (b"|CF,", "an imc FAMOS file; export it as ASCII or MDF"),
     (b"|CG,", "an imc FAMOS file; export it as ASCII or MDF"),
+    (b"\x94\x13", "a file of catman; export it as ASCII or MDF"),
     (b"DIAEXTENDED", "a DIAdem file; export it as TDMS or CSV"),
     (b"DIADEM", "a DIAdem file; export it as TDMS or CSV"),
     (b"<?xml", "an XML file; export it as CSV, TDMS or MDF"),
@@ -175,18 +174,14 @@ FORMATS = (
         ("pyuff",),
         "daq",
     ),
-    FileFormat("COMTRADE", (), lambda head, path: is_comtrade(path, head), ""),
-    FileFormat("LabVIEW", (), _begins(LVM_MARK), ""),
+    FileFormat(
+        "COMTRADE", (), lambda head, path: is_comtrade(path, head), "comtrade:read_comtrade"
+    ),
+    FileFormat("LabVIEW", (".lvm",), _begins(b"LabVIEW Measurement"), "lvm:read_lvm"),
     FileFormat(
         "text", (".csv", ".txt", ".tsv", ".asc", ".dat"), lambda head, path: False, tables=True
     ),
 )
-_DIRECT: dict[str, Callable[..., Recording]] = {
-    "COMTRADE": read_comtrade,
-    "LabVIEW": read_lvm,
-    "text": read_text,
-}
-"""Readers of texts, whose memory grows with the file only."""
 
 
 def read_recording(
@@ -240,7 +235,7 @@ def _read(path: Path, kind: FileFormat, *, allow_outside: bool, throw: str | Non
             raise FileError(message)
         options["throw"] = throw
     if not kind.reader:
-        return _DIRECT[kind.name](path, **options)
+        return read_text(path, throw=throw)
     for package in kind.packages:
         require(package, extra=kind.extra, purpose=f"{path}: {kind.name} files", load=False)
     if kind.refers:

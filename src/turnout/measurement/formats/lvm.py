@@ -12,7 +12,6 @@ from turnout.measurement.formats.numbers import numbers
 from turnout.measurement.formats.text_dialect import encoding_of
 from turnout.measurement.recording import Recording
 
-MARK = b"LabVIEW Measurement"
 _END = "***End_of_Header***"
 _SEPARATORS = {"tab": "\t", "comma": ",", "semicolon": ";"}
 
@@ -42,7 +41,8 @@ def read_lvm(path: Path) -> Recording:
     names = [name.strip() for name in body[0]] if body else []
     if "Comment" in names:
         names = names[: names.index("Comment")]
-    count = int(own.get("channels", ["1"])[0] or 1)
+    stated_count = own.get("channels", ["1"])[0].strip()
+    count = int(stated_count) if stated_count.isdigit() else len(names)
     # Per channel a value in each column of samples; times take a column each or none.
     places = [n for n, name in enumerate(names) if name.lower() != "x_value"]
     by_channel = {key: _of_channels(values, count) for key, values in own.items()}
