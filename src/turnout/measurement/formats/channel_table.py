@@ -181,7 +181,11 @@ def _sort_columns(table: Table) -> None:
         elif cells.dtype.kind in "mM":
             table.axes[place] = moments_axis(cells)
         elif any(isinstance(cell, list | tuple | np.ndarray) for cell in cells[:3]):
-            table.curves[place] = [np.asarray(cell, dtype=np.float64).ravel() for cell in cells]
+            try:
+                table.curves[place] = [np.asarray(cell, dtype=np.float64).ravel() for cell in cells]
+            except (TypeError, ValueError):
+                message = f"column '{_label(table, place)}': a list in it holds no numbers"
+                raise ValueError(message) from None
         else:
             _sort_texts(table, place, ["" if c is None else str(c) for c in cells], dates)
     _join_dates(table, dates)

@@ -161,7 +161,7 @@ def _by_rows(names: Sequence[Any], rows: Sequence[Any]) -> dict[str, NDArray[Any
 
 def _cells(values: list[Any]) -> NDArray[Any]:
     """Return numbers as such, with NaN for null; other cells as objects."""
-    if all(value is None or type(value) in (int, float) for value in values):
+    if _are_numbers(values):
         return np.array([np.nan if v is None else float(v) for v in values])
     cells = np.empty(len(values), dtype=object)
     for place, value in enumerate(values):
@@ -169,6 +169,10 @@ def _cells(values: list[Any]) -> NDArray[Any]:
             [np.nan if v is None else v for v in value] if isinstance(value, list) else value
         )
     return cells
+
+
+def _are_numbers(values: list[Any]) -> bool:
+    return all(value is None or type(value) in (int, float) for value in values)
 
 
 def _channels(held: list[Any], stated: StatedClock) -> list[FileColumn]:
@@ -179,7 +183,7 @@ def _channels(held: list[Any], stated: StatedClock) -> list[FileColumn]:
         keys = {squeezed(str(key)): key for key in item}
         values = next((item[keys[k]] for k in _VALUES if k in keys), None)
         name = next((str(item[keys[k]]) for k in _NAMES if k in keys), None)
-        if name is None or not isinstance(values, list):
+        if name is None or not isinstance(values, list) or not _are_numbers(values):
             return []
         own = StatedClock()
         for key, value in item.items():

@@ -74,7 +74,7 @@ class _Tables(HTMLParser):
     def __init__(self) -> None:
         super().__init__()
         self.tables: list[list[list[str]]] = []
-        self._inside = False
+        self._cells: list[str] | None = None
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         if tag == "table":
@@ -82,16 +82,16 @@ class _Tables(HTMLParser):
         elif tag == "tr" and self.tables:
             self.tables[-1].append([])
         elif tag in ("td", "th") and self.tables and self.tables[-1]:
-            self.tables[-1][-1].append("")
-            self._inside = True
+            self._cells = self.tables[-1][-1]
+            self._cells.append("")
 
     def handle_endtag(self, tag: str) -> None:
         if tag in ("td", "th"):
-            self._inside = False
+            self._cells = None
 
     def handle_data(self, data: str) -> None:
-        if self._inside:
-            self.tables[-1][-1][-1] += data
+        if self._cells:
+            self._cells[-1] += data
 
 
 def _of_sheets(path: Path, sheets: Mapping[str, Rows], throw: str | None) -> Recording:
