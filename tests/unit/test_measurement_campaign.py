@@ -36,6 +36,7 @@ from turnout.measurement.chain.recorder_response import (
     RecorderResponse,
     recorder_response_of,
 )
+from turnout.measurement.formats import file_format
 from turnout.measurement.formats.file_format import WRITERS, read_recording
 from turnout.measurement.recording import Recording
 
@@ -167,6 +168,31 @@ def test_a_campaign_without_rod_forces(tmp_path: Path, quantity: str) -> None:
     stacked = campaign.dataset[f"{quantity}_unfiltered"]
     assert stacked.sizes["movement"] == 4
     assert float(stacked.max()) == pytest.approx(factor * 6.3)
+
+
+def test_a_campaign_in_one_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A throw per number in a column, read once for all; one that is missing is named."""
+    time = np.arange(0.0, 6.0, 0.04)
+    lines = ["throw,t [s],P 1 [W]"]
+    for number in range(417, 421):
+        power = np.where(time < 5.0, 330.0 + 600.0 * np.exp(-time / 0.08), 0.0)
+        lines += [f"{number},{t:.2f},{p:.1f}" for t, p in zip(time, power, strict=True)]
+    (tmp_path / "throws.csv").write_text("\n".join(lines) + "\n")
+    rows = "".join(f"throws.csv,{n},closing,0,none\n" for n in (417, 418, 419, 420, 500))
+    (tmp_path / "runs.csv").write_text("file,throw,direction,size [mm],place\n" + rows)
+    (tmp_path / "channels.toml").write_text('[drive_power.1]\ncolumn = "P 1"\nkind = "scaled"\n')
+    tables = []
+    read = file_format.text_table
+    monkeypatch.setattr(file_format, "text_table", lambda text: tables.append(text) or read(text))
+    campaign = build_campaign_dataset(tmp_path)
+    assert campaign.dataset is not None
+    names = [f"throws@{number}" for number in range(417, 421)]
+    assert campaign.dataset["movement"].values.tolist() == names
+    assert campaign.dataset["repeat"].values.tolist() == [1, 2, 3, 4]
+    (item,) = campaign.excluded
+    assert "no throw '500'; there are 4 throws in one table" in item.reasons[0]
+    assert len(tables) == 1
+    assert build_campaign_dataset(tmp_path).reused == 4
 
 
 def test_an_interrupted_build_keeps_what_it_has(tmp_path: Path) -> None:

@@ -20,8 +20,9 @@ from turnout.measurement.campaign.find_throws import Detection, FoundThrow, find
 from turnout.measurement.campaign.run_sheet import SheetRow
 from turnout.measurement.chain.apply import apply_chain, map_hash
 from turnout.measurement.chain.channel_map import ChannelMap
-from turnout.measurement.formats.file_format import read_recording
+from turnout.measurement.formats.file_format import read_recording, read_throws
 from turnout.measurement.quality.channel_faults import MEASURED
+from turnout.measurement.recording import Recording
 
 # Raised when what a piece holds, or how it is cut, changes.
 STORED_VERSION = 5
@@ -109,17 +110,26 @@ def recorded_throws(
         "detection": asdict(detection or Detection()),
         "version": f"{version()} {STORED_VERSION}",
     }
-    found: _Found | TurnoutError | None = None
+    found: dict[str, _Found | TurnoutError] = {}
+    held: dict[str, Recording | FileError] = {}
     for run in runs:
-        key = content_hash({**shared, "movement": run.movement})
+        place = {"movement": run.movement, **({"throw": run.throw} if run.throw else {})}
+        key = content_hash({**shared, **place})
         stored = folder / STORE / f"{key[:32]}.npz"
         piece = _stored(stored, key)
         if piece is not None:
             yield piece, True
             continue
-        if found is None:
-            found = _found(path, channel_map, detection, allow_outside=allow_outside)
-        cut = found if isinstance(found, TurnoutError) else _cut(found, run.movement, path)
+        if run.throw and not held:
+            throws = list(dict.fromkeys(item.throw for item in runs if item.throw))
+            held = read_throws(path, throws, allow_outside=allow_outside)
+        if run.throw not in found:
+            one = held.get(run.throw)
+            found[run.throw] = _found(
+                path, one, channel_map, detection, allow_outside=allow_outside
+            )
+        recorded = found[run.throw]
+        cut = recorded if isinstance(recorded, TurnoutError) else _cut(recorded, run.movement, path)
         # A folder that may not be written to is read each time.
         with suppress(FileError, OSError):
             if isinstance(cut, RecordedThrow):
@@ -137,10 +147,19 @@ class _Found:
 
 
 def _found(
-    path: Path, channel_map: ChannelMap, detection: Detection | None, *, allow_outside: bool
+    path: Path,
+    one: Recording | FileError | None,
+    channel_map: ChannelMap,
+    detection: Detection | None,
+    *,
+    allow_outside: bool,
 ) -> _Found | TurnoutError:
+    """Find the movements of a file, or of one throw of its table that was read already."""
+    if isinstance(one, FileError):
+        return one
     try:
-        dataset = apply_chain(read_recording(path, allow_outside=allow_outside), channel_map)
+        recording = one or read_recording(path, allow_outside=allow_outside)
+        dataset = apply_chain(recording, channel_map)
         if not {"drive_force", "drive_current", "drive_power"} & set(dataset):
             message = "the channel map has no drive_force, drive_current or drive_power"
             raise MeasurementError([message], source=str(path))

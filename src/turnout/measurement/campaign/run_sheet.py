@@ -118,7 +118,7 @@ def parse_yes_no(value: Any) -> bool:
 SHEETS = ("runs.csv", "runs.toml")
 LOAD_CELL_FROM = 0.013
 NEEDED = ("file", "direction", "size", "place")
-OPTIONAL = ("movement", "repeat", "slip", "load_cell", "remark")
+OPTIONAL = ("throw", "movement", "repeat", "slip", "load_cell", "remark")
 HEADINGS = ("title", "panel", "synthetic", "load_cell_from")
 
 
@@ -132,8 +132,10 @@ class SheetRow:
         Line or number in the sheet, for messages.
     file : str
         Name of the recording, relative to the folder of the campaign.
+    throw : str
+        Which throw of a file that holds a table of several; empty for a file of one recording.
     movement : int
-        Which throw of that recording, from 1.
+        Which movement of that recording, from 1.
     direction : str
         "closing" or "opening".
     size : float
@@ -152,6 +154,7 @@ class SheetRow:
 
     where: str
     file: str
+    throw: str = ""
     movement: int
     direction: str
     size: float
@@ -164,7 +167,7 @@ class SheetRow:
     @property
     def name(self) -> str:
         """Name of the movement: its file, and its number unless that is the first."""
-        stem = str(Path(self.file).with_suffix(""))
+        stem = str(Path(self.file).with_suffix("")) + (f"@{self.throw}" if self.throw else "")
         return stem if self.movement == 1 else f"{stem}#{self.movement}"
 
 
@@ -371,6 +374,7 @@ def _run(
     if size > 0 and place == "none" and not any(text.startswith("place") for text in wrong):
         wrong.append('place = "none": an object has a place, such as "sleeper 6"')
     values = {
+        "throw": str(row.get("throw", "")).strip(),
         "movement": read("movement", whole_number, 1),
         "direction": read("direction", direction_name, CLOSING),
         "repeat": read("repeat", whole_number, 0),
@@ -406,7 +410,7 @@ def _duplicates(runs: list[SheetRow]) -> list[str]:
     recorded: dict[tuple[object, ...], SheetRow] = {}
     meant: dict[tuple[object, ...], SheetRow] = {}
     for run in runs:
-        where = (run.file, run.movement)
+        where = (run.file, run.throw, run.movement)
         what = (run.direction, run.size, run.place, run.repeat)
         if where in recorded:
             first = recorded[where].where

@@ -5,7 +5,7 @@ column goes with the nearest column of times to its left, an index is never take
 several throws in one table never become one channel.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -41,6 +41,8 @@ from turnout.measurement.formats.time_axis import (
 from turnout.measurement.recording import Recording, time_grid
 
 Floats = NDArray[np.float64]
+Rows = NDArray[np.intp]
+"""Places of the rows of a throw."""
 
 # A column with fewer numbers than this share is one of texts, else its texts are errors.
 _LEAST_NUMBERS = 0.1
@@ -133,7 +135,10 @@ def table_recording(table: Table, *, throw: str | None = None) -> Recording:
     FileError
         When it holds several throws and none is chosen, or no channel; naming what is wrong.
     """
-    columns = table_columns(table, throw=throw)
+    return _assembled(table, table_columns(table, throw=throw))
+
+
+def _assembled(table: Table, columns: list[FileColumn]) -> Recording:
     return assemble_recording(
         columns,
         source=table.source,
@@ -141,6 +146,34 @@ def table_recording(table: Table, *, throw: str | None = None) -> Recording:
         problems=table.problems,
         remedy=table.remedy,
     )
+
+
+def throw_recordings(table: Table, throws: Sequence[str]) -> dict[str, Recording | FileError]:
+    """Return several throws of a table, or the error of each that cannot be read.
+
+    Parameters
+    ----------
+    table : Table
+        Its columns and what is stated beside them.
+    throws : sequence of str
+        Labels of the throws.
+    """
+    found: dict[str, Recording | FileError] = {}
+    try:
+        _sort_columns(table)
+        _name_axes(table)
+        parts, by = _throws(table)
+    except ValueError as error:
+        return dict.fromkeys(throws, FileError(f"{table.source}: {error}"))
+    for throw in throws:
+        try:
+            cut = _cut(table, parts, by, throw)
+            found[throw] = _assembled(cut, _channel_columns(cut))
+        except FileError as error:
+            found[throw] = error
+        except ValueError as error:
+            found[throw] = FileError(f"{table.source}: {error}")
+    return found
 
 
 def table_columns(table: Table, *, throw: str | None = None) -> list[FileColumn]:
@@ -161,10 +194,14 @@ def table_columns(table: Table, *, throw: str | None = None) -> list[FileColumn]
     try:
         _sort_columns(table)
         _name_axes(table)
-        return _channel_columns(_one_throw(table, throw))
+        parts, by = _throws(table)
+        cut = _cut(table, parts, by, throw)
+        columns = _channel_columns(cut)
     except ValueError as error:
         message = f"{table.source}: {error}"
         raise FileError(message) from None
+    table.problems[:] = cut.problems
+    return columns
 
 
 def _label(table: Table, place: int) -> str:
@@ -325,9 +362,8 @@ def _counts_throws(values: Floats) -> bool:
     return all(part.size < 2 or counts(part) for part in parts)
 
 
-def _one_throw(table: Table, throw: str | None) -> Table:
+def _cut(table: Table, parts: Mapping[str, Rows], by: str, throw: str | None) -> Table:
     """Return the table of one throw; ValueError when there are several and none is chosen."""
-    parts, by = _throws(table)
     if len(parts) < 2:
         if throw is not None and throw not in parts:
             message = f"there is one throw in it; leave out the choice of throw '{throw}'"
@@ -347,8 +383,9 @@ def _one_throw(table: Table, throw: str | None) -> Table:
         axes={place: _axis_part(axis, rows) for place, axis in table.axes.items()},
         texts={place: [texts[row] for row in rows] for place, texts in table.texts.items()},
         curves={place: [items[row] for row in rows] for place, items in table.curves.items()},
+        overloads={},
+        problems=[*table.problems, f"throw '{throw}', one of {len(parts)} in the table"],
     )
-    table.problems.append(f"throw '{throw}', one of {len(parts)} in the table")
     for place in [p for p in cut.values if is_throw_name(_label(table, p))]:
         del cut.values[place]
     return cut
@@ -361,7 +398,7 @@ def _axis_part(axis: TimeAxis, rows: NDArray[np.intp]) -> TimeAxis:
     return replace(axis, seconds=seconds - seconds[0], begin=axis.begin + float(seconds[0]))
 
 
-def _throws(table: Table) -> tuple[dict[str, NDArray[np.intp]], str]:
+def _throws(table: Table) -> tuple[dict[str, Rows], str]:
     """Return the rows of each throw by its label, and the column that tells them apart."""
     size = max((len(column.cells) for column in table.columns), default=0)
     labels: dict[int, list[str]] = {

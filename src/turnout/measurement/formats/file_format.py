@@ -2,7 +2,7 @@
 
 import re
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
@@ -11,11 +11,17 @@ from typing import Any
 
 from turnout.core.errors import FileError
 from turnout.core.files import require_regular_file, write_atomic
+from turnout.measurement.formats.channel_table import throw_recordings
 from turnout.measurement.formats.comtrade import is_comtrade
 from turnout.measurement.formats.hdf5 import hdf5_bytes
 from turnout.measurement.formats.isolated import read_isolated
 from turnout.measurement.formats.mat import mat_bytes
-from turnout.measurement.formats.text_table import csv_bytes, read_text
+from turnout.measurement.formats.text_table import (
+    csv_bytes,
+    read_text,
+    text_file,
+    text_table,
+)
 from turnout.measurement.recording import Recording
 
 SNIFFED_BYTES = 600
@@ -225,6 +231,35 @@ def read_recording(
         # What a message quotes from a damaged file may hold anything.
         text = "".join(char if char.isprintable() else " " for char in str(error))
         raise FileError(text) from None
+
+
+def read_throws(
+    path: Path, throws: Sequence[str], *, allow_outside: bool = False
+) -> dict[str, Recording | FileError]:
+    """Read several throws of one table, or the error of each that cannot be read.
+
+    Parameters
+    ----------
+    path : Path
+        File that holds a table.
+    throws : sequence of str
+        Labels of the throws, as its column or the order of the table has them.
+    allow_outside : bool
+        Whether a file may take samples from other files.
+    """
+    found: dict[str, Recording | FileError] = {}
+    try:
+        kind = recognise_format(path)
+        if not kind.reader:  # parsed once for all
+            return throw_recordings(text_table(text_file(path)), throws)
+    except FileError as error:
+        return dict.fromkeys(throws, error)
+    for throw in throws:
+        try:
+            found[throw] = _read(path, kind, allow_outside=allow_outside, throw=throw)
+        except FileError as error:
+            found[throw] = error
+    return found
 
 
 def _read(path: Path, kind: FileFormat, *, allow_outside: bool, throw: str | None) -> Recording:

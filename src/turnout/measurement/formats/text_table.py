@@ -62,8 +62,12 @@ def read_text(path: Path, *, throw: str | None = None) -> Recording:
     FileError
         Naming line and column of what is no number.
     """
-    text = TextFile(str(path), lambda: path.open("rb"))
-    return table_recording(text_table(text), throw=throw)
+    return table_recording(text_table(text_file(path)), throw=throw)
+
+
+def text_file(path: Path) -> TextFile:
+    """Return a file as a text."""
+    return TextFile(str(path), lambda: path.open("rb"))
 
 
 def text_table(text: TextFile) -> Table:
