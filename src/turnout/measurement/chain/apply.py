@@ -124,6 +124,7 @@ def apply_chain(recording: Recording, channel_map: ChannelMap) -> xr.Dataset:
 
     Examples
     --------
+    >>> from turnout.core.toml import parse_toml
     >>> clamp = RecordedChannel("Clamp 1", "V", np.array([0.0, 0.2]), rate=1000.0)
     >>> text = '[drive_current.1]\ncolumn = "Clamp 1"\nkind = "clamp"\nsensitivity = "100 mV/A"'
     >>> channel_map = parse_channel_map(parse_toml(text, source="example"))
