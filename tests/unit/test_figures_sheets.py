@@ -43,6 +43,16 @@ def test_a_closed_rail_is_drawn_above_with_object_and_limits() -> None:
     assert [moment.text for moment in sheet.moments] == ["Drive 1", "Drive 2"]
 
 
+def test_a_gauge_that_was_kept_is_drawn_below_with_its_limit() -> None:
+    dataset = sb2_dataset()
+    gauge = (("x", "time"), np.full((dataset.sizes["x"], dataset.sizes["time"]), 1.4221))
+    known = dataset.assign(gauge=gauge).assign_attrs(gauge_nominal=1.435, gauge_limit=1.427)
+    *above, row = shape_sheet(known).rows
+    assert len(above) == len(shape_sheet(dataset).rows)
+    np.testing.assert_allclose(row.lines[0].y, -12.9)
+    assert row.levels[0].at == pytest.approx(-8.0)
+
+
 def test_the_gap_shrinks_from_line_to_line() -> None:
     lines = [line for line in gap_sheet(sb2_dataset()).rows[0].lines if line.style == "line"]
     toes = [float(line.y[0]) for line in lines]

@@ -5,7 +5,9 @@ from functools import cache
 import numpy as np
 import pytest
 import xarray as xr
+from typer.testing import CliRunner
 
+from turnout.cli.main import app
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
 from turnout.panel.profile import evaluate_profile
@@ -86,6 +88,14 @@ def test_panels_without_data_of_the_gauge_are_silent() -> None:
     dataset = simulate(load_panel("sb1"), mode="quasi-static", save=KEPT)
     assert [str(name) for name in dataset if "gauge" in str(name)] == []
     assert [name for name in dataset.attrs if "gauge" in name] == []
+
+
+def test_the_screen_of_a_panel_has_its_gauge() -> None:
+    shown = {
+        name: CliRunner().invoke(app, ["panel", "show", name]).stdout for name in (DEFAULT, "sb1")
+    }
+    assert "LEAST GAUGE of the closed rail\n" in shown[DEFAULT]
+    assert "GAUGE" not in shown["sb1"]
 
 
 def test_a_limit_may_be_left_out() -> None:

@@ -192,6 +192,12 @@ def test_strict_json_dataset_and_figure(tmp_path: Path) -> None:
     assert "Track gauge under a wheel" in page.read_text(encoding="utf-8")
 
 
+def test_no_equilibrium_is_told_by_the_exit_code() -> None:
+    """Feet that can neither stick nor slip, in a throw with more friction than steel has."""
+    code, text, _ = run("--lateral", "5 kN", "--set", "chair.friction_coefficient=2")
+    assert (code, text) == (3, "")
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [

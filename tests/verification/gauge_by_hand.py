@@ -40,8 +40,8 @@ THROWN, ROLLED = 120, 5
 """Steps of each movement, and of the wheel from one node to the next place."""
 ITERATIONS, STEPS = 60, 60
 """Changes of the limits of friction, and Newton steps of each, at most."""
-FORCE_CHANGE, SETTLED = 0.02, 1e-10
-"""Change of a limit [N] and of a displacement [m] that counts as none."""
+FORCE_CHANGE, SETTLED, HALVED = 0.02, 1e-10, 20
+"""Change of a limit [N] and of a displacement [m] that counts as none; halvings of a step."""
 COLUMNS = ("area", "second_moment_lateral", "second_moment_vertical", "product_moment")
 COLUMNS += ("torsion_constant", "shear_factor_lateral", "shear_factor_vertical")
 COLUMNS += ("centroid_offset", "centroid_height", "shear_centre_offset", "shear_centre_height")
@@ -410,58 +410,56 @@ class State:
     def _minimise(self) -> None:
         """Find the forces of least energy for the present limits of friction.
 
-        Every law is then the slope of a convex energy, so a Newton iteration with line search finds
-        the only minimum. Forces are the unknowns: displacements follow from them.
+        Every law is then the slope of a convex energy, so a Newton iteration finds the only
+        minimum if no step goes beyond the minimum along its own line. Forces are the unknowns:
+        displacements follow from them.
         """
         unit = np.eye(self.count)
         for _ in range(STEPS):
-            force, slope, energy = self._laws(self.force)
-            g = self.g
-            residual = g - self.free - self.flexible @ force
+            force, slope = self._laws(self.force)
+            residual = self.flexible @ (self.force - force)
             change = np.linalg.solve(unit - self.flexible * slope, -residual)
             if np.abs(change).max() < SETTLED:
                 return
             step = force + slope * change - self.force
-            descent, share = float(residual @ step), 1.0
-            rounding = 1e-12 * abs(energy)
-            while share > 1e-6:
-                reached = self._laws(self.force + share * step)[2]
-                if reached <= energy + 1e-4 * share * descent + rounding:
-                    break
-                share *= 0.5
-            self.force = self.force + share * step
+            self.force = self.force + self._share(step) * step
         pytest.fail("the energy has no minimum that a Newton iteration finds")
 
-    def _laws(self, trial: Floats) -> tuple[Floats, Floats, float]:
-        """Return forces of the laws, their slopes, and the energy of all, for forces on the rows.
+    def _share(self, step: Floats) -> float:
+        """Return the share of a step up to the least energy along it, at most 1."""
 
-        Their displacements are those under the trial forces.
-        """
-        moved = self.flexible @ trial
-        g = self.free + moved
+        def rise(share: float) -> float:
+            trial = self.force + share * step
+            return float(self.flexible @ (trial - self._laws(trial)[0]) @ step)
+
+        low, high = 0.0, 1.0
+        if rise(high) <= 0.0:
+            return high
+        for _ in range(HALVED):
+            middle = 0.5 * (low + high)
+            low, high = (low, middle) if rise(middle) > 0.0 else (middle, high)
+        return high
+
+    def _laws(self, trial: Floats) -> tuple[Floats, Floats]:
+        """Return forces of the laws and their slopes where given forces on the rows bring these."""
+        g = self.free + self.flexible @ trial
         force, slope = np.zeros(g.size), np.zeros(g.size)
-        energy = 0.5 * float(trial @ moved)
         row, stiffness, clearance = self.contact
         over = g[row] - clearance
         closed = self.present & (over > 0.0)
         np.subtract.at(force, row, np.where(closed, stiffness * over, 0.0))
         np.subtract.at(slope, row, np.where(closed, stiffness, 0.0))
-        energy += 0.5 * float((stiffness * over**2)[closed].sum())
         row, stiffness, rest, most, beyond, drive = self.spring
         pulled = np.where(drive >= 0, np.append(self.marker, 0.0)[drive.astype(int)], 0.0)
         of_slide = (self.slide[0], self.slide[3], self.anchor, self.limit, 0.0 * self.limit)
-        for rows, k, zero, bound, after in (
-            (row, stiffness, rest + pulled, most, beyond),
-            of_slide,
-        ):
+        of_spring = (row, stiffness, rest + pulled, most, beyond)
+        for rows, k, zero, bound, after in (of_spring, of_slide):
             e = g[rows] - zero
             inside = np.abs(k * e) <= bound
             turn = np.where(inside, np.abs(e), np.where(np.isfinite(bound), bound, 0.0) / k)
-            past = np.abs(e) - turn
-            np.subtract.at(force, rows, np.sign(e) * (k * turn + after * past))
+            np.subtract.at(force, rows, np.sign(e) * (k * turn + after * (np.abs(e) - turn)))
             np.subtract.at(slope, rows, np.where(inside, k, after))
-            energy += float((0.5 * k * turn**2 + k * turn * past + 0.5 * after * past**2).sum())
-        return force, slope, energy
+        return force, slope
 
 
 def thrown(switch: Switch, *, trapped: bool) -> State:

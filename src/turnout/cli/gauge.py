@@ -20,7 +20,8 @@ from turnout.cli.options import (
     option,
     read_texts,
 )
-from turnout.cli.output import FINDINGS, JsonOption, Output, coloured
+from turnout.cli.output import FINDINGS, INCOMPLETE, JsonOption, Output, coloured, note
+from turnout.core.errors import SolverError
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -98,16 +99,20 @@ def gauge_command(
     )
     from turnout.throw.wheel import gauge_under_wheel
 
-    dataset = gauge_under_wheel(
-        loaded,
-        lateral=forces[0],
-        vertical=forces[1],
-        foreign_object=foreign,
-        rail=rail,
-        step=lengths["--step"],
-        course=cast("Course", course),
-        offset=lengths["--offset"],
-    )
+    try:
+        dataset = gauge_under_wheel(
+            loaded,
+            lateral=forces[0],
+            vertical=forces[1],
+            foreign_object=foreign,
+            rail=rail,
+            step=lengths["--step"],
+            course=cast("Course", course),
+            offset=lengths["--offset"],
+        )
+    except SolverError as error:
+        note(str(error))
+        raise typer.Exit(INCOMPLETE) from None
     found = least_gauges(dataset)
     output.show(*gauge_lines(dataset, found, classes))
     output.dataset(out, dataset)

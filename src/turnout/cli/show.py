@@ -181,8 +181,7 @@ def panel_lines(
     yield ""
     yield from _margins(thrown)
     yield ""
-    yield from _flangeway(thrown)
-    yield ""
+    yield from _rooms(panel, thrown)
     yield from _pieces(panel, thrown)
     yield ""
     yield from _bushing_note(panel)
@@ -269,15 +268,17 @@ def _margins(thrown: CheckThrows | None) -> Iterator[str]:
         )
 
 
-def _flangeway(thrown: CheckThrows | None) -> Iterator[str]:
-    yield "LEAST FLANGEWAY of the open rail"
-    if thrown is None:
-        yield f"  {NEEDS_THROW}"
-        return
+def _rooms(panel: "LoadedPanel", thrown: CheckThrows | None) -> Iterator[str]:
+    """Yield the least flangeway, and the least gauge of a panel with data of it."""
     from turnout.metric.summary import wheel_texts
 
+    texts = {} if thrown is None else wheel_texts(thrown.dataset)
     unknown = "not known: the rails need running_edge, head_width and fit_gap"
-    yield f"  {wheel_texts(thrown.dataset).get('flangeway', unknown)}"
+    rooms = [("flangeway", "open")] + ([] if panel.gauge is None else [("gauge", "closed")])
+    for kind, state in rooms:
+        yield f"LEAST {kind.upper()} of the {state} rail"
+        yield f"  {NEEDS_THROW if thrown is None else texts.get(kind, unknown)}"
+        yield ""
 
 
 def _pieces(panel: "LoadedPanel", thrown: CheckThrows | None) -> Iterator[str]:
@@ -376,6 +377,7 @@ def check_throws(panel: "LoadedPanel") -> CheckThrows:
 
 PANEL_UNITS = {
     **{"x": "m", "closed_gap": "m", "least_flangeway": "m", "least_flangeway_x": "m"},
+    **{"least_gauge": "m", "least_gauge_x": "m"},
     **{"force": "N", "limit": "N", "size": "m", "largest": "m", "gap": "m"},
     **{"drive_force": "N", "piece_force": "N", "largest_force": "N"},
 }
@@ -407,6 +409,11 @@ def panel_record(panel: "LoadedPanel", thrown: CheckThrows | None = None) -> dic
             "margins": margins(dataset) if ended else [],
             "least_flangeway": float(dataset["least_flangeway"]) if ended else None,
             "least_flangeway_x": float(dataset["least_flangeway_x"]) if ended else None,
+            **{
+                name: float(dataset[name])
+                for name in ("least_gauge", "least_gauge_x")
+                if ended and name in dataset
+            },
             "pieces": thrown.pieces,
             "limits": thrown.limits,
         }

@@ -57,7 +57,9 @@ def simulate_command(
         "'drive_force:1 [kN]', ...",
     ),
     also: list[str] = option(
-        "--also CHANNEL", "Also store this channel: fastening_force, fastening_moment.", default=[]
+        "--also CHANNEL",
+        "Also store this channel: gauge, fastening_force, fastening_moment.",
+        default=[],
     ),
     mode: str | None = option(
         "--mode MODE",

@@ -29,7 +29,8 @@ def shape_sheet(dataset: xr.Dataset, *, compare: xr.Dataset | None = None) -> Sh
     Returns
     -------
     Sheet
-        The rail that should be closed above, the other one below.
+        The rail that should be closed above, the other one below it; then the gauge beside the
+        closed rail, if the run has kept it.
     """
     closed = _closed_rail(dataset)
     rails = sorted(map(str, dataset["rail"].values), key=lambda rail: rail != closed)
@@ -44,6 +45,7 @@ def shape_sheet(dataset: xr.Dataset, *, compare: xr.Dataset | None = None) -> Sh
             lines += _marks(dataset)
         state = "closed" if rail == closed else "open"
         rows.append(Row(f"Gap of the\n{state} rail [mm]", tuple(lines), _limit(dataset, rail)))
+    rows += [_gauge_row(dataset)] if "gauge" in dataset else []
     return Sheet(
         name="rail-shape",
         title=f"Gap along the rails at the end: {title_of(dataset)}",
@@ -176,6 +178,14 @@ def _limit(dataset: xr.Dataset, rail: str) -> tuple[Level, ...]:
     if rail == _closed_rail(dataset) or np.isnan(limit):
         return ()
     return (Level(MILLI * limit, "smallest permitted flangeway"),)
+
+
+def _gauge_row(dataset: xr.Dataset) -> Row:
+    nominal, limit = (float(dataset.attrs[f"gauge_{name}"]) for name in ("nominal", "limit"))
+    narrow = MILLI * (dataset["gauge"].isel(time=-1).values - nominal)
+    line = Line(label="at the end", x=dataset["x"].values, y=narrow, colour=0)
+    levels = () if np.isnan(limit) else (Level(MILLI * (limit - nominal), "least gauge allowed"),)
+    return Row("Gauge less\nnominal [mm]", (line,), levels)
 
 
 def _marks(dataset: xr.Dataset) -> list[Line]:
