@@ -117,6 +117,20 @@ GROUPS: dict[str, tuple[str, dict[str, str], tuple[str, ...], Rows, set[str]]] =
         ],
         {"undetected object"},
     ),
+    "taken out at rest": (
+        DEFAULT, {}, (*OBJECT, "object.disappears"),
+        [
+            ["18 mm", "sleeper 6", "spring", "curved", "4 s"],
+            ["18 mm", "sleeper 6", "spring", "straight", "8.2 s"],
+            ["13 mm", "drive 1", "spring", "curved", "4.2 s"],
+            ["13 mm", "drive 1", "spring", "straight", "8.2 s"],
+            ["5 mm", "drive 2", "spring", "straight", "8.2 s"],
+            ["18 mm", "sleeper 6", "spring", "straight", "6 s"],
+            ["18 mm", "sleeper 6", "spring", "straight", "8.5 s"],
+            ["18 mm", "sleeper 6", "spring", "curved", "20 s"],
+        ],
+        {"sound", "detected by TKK", "detected by slip"},
+    ),
     "unfinished": (
         "60e1-300-1-9", LATE, ("object.size", "object.at"),
         [["0 mm", "drive 1"], ["6 mm", "drive 1"]],

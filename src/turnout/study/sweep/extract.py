@@ -42,19 +42,25 @@ def watch_of(study: Study, panel: LoadedPanel) -> Callable[[Mechanism], Watch] |
     """Return the watch of a throw of a mechanism, or None if its whole history is needed."""
     if not {*study.output.channels} <= {*WATCHED}:
         return None
-    ends, rests = [throw.end for throw in throws(panel)], _rests(panel)
+    ends = [throw.end for throw in throws(panel)]
     count = 2 * (len(panel.drive) + len(panel.sensor))
 
     def watch(mechanism: Mechanism) -> Watch:
         laws, seen = watched_laws(panel, mechanism), watched_gaps(panel, mechanism)
+        rests = _rests(panel, mechanism)
         return Watch(laws, output_stride(study), ends, rests, count, seen)
 
     return watch
 
 
-def _rests(panel: LoadedPanel) -> list[float]:
-    """Return the onsets of the movements that follow others, before which the switch rests [s]."""
-    return [throw.until for throw in throws(panel) if math.isfinite(throw.until)]
+def _rests(panel: LoadedPanel, mechanism: Mechanism) -> list[float]:
+    """Return the times before which the switch may rest [s].
+
+    Onsets of the movements that follow others, and removals of objects.
+    """
+    onsets = {throw.until for throw in throws(panel)}
+    taken = mechanism.laws.disappears[list(mechanism.index.object.values())].tolist()
+    return sorted(time for time in onsets.union(taken) if math.isfinite(time))
 
 
 def watched_laws(panel: LoadedPanel, mechanism: Mechanism) -> list[int]:
@@ -146,7 +152,7 @@ def _further_channels(
 def _watched_of(study: Study, panel: LoadedPanel, motion: Motion, mechanism: Mechanism) -> Watched:
     """Return the results of a watched throw from a whole history, gaps only if they are wanted."""
     history, laws = motion.history, watched_laws(panel, mechanism)
-    rests = rest_instants(history.time, _rests(panel))
+    rests = rest_instants(history.time, _rests(panel, mechanism))
     gaps, resting = _recovered_gaps(study, panel, motion, rests)
     return Watched(
         time=history.time,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from turnout.metric.checks import OF_WHEELS, SWITCHED_OFF, Check, sensor_judges
 from turnout.metric.features import FEATURES, run_features
-from turnout.metric.slip import Span, late_movements, slip_onsets, switched_off_by
+from turnout.metric.slip import TIME_TOLERANCE, Span, late_movements, slip_onsets, switched_off_by
 from turnout.metric.verdict import KINDS, Kind, TrappedItem, judge_objects, kind_of
 from turnout.study.sweep.throw_group import AlikeThrows, ThrowSignals
 from turnout.throw.lock_and_control import (
@@ -24,6 +24,7 @@ from turnout.throw.route import sensor_rails
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
+Ints = NDArray[np.int64]
 Values = dict[str, tuple[tuple[str, ...], NDArray[np.generic]]]
 """Of many throws: the dimensions of one, and values with throws first."""
 
@@ -174,18 +175,15 @@ def _items_of(run: ThrowSignals, contact: list[float], end: float) -> list[Trapp
 def _verdicts(
     throws: AlikeThrows, found: Values, items: Sequence[Sequence[TrappedItem]]
 ) -> NDArray[np.int8]:
-    """Return the kind of verdict on each throw, by its place in `KINDS`.
-
-    The rests of a movement are those before the next one: of an object that is taken out at rest
-    lock and sensors are not asked before that.
-    """
-    late, narrow, spans = _late(throws), _narrow(throws, found).tolist(), _periods(throws)
-    locked = found.pop("rest_locked")[1].astype(bool)
-    refused = ~locked[:, np.newaxis]
+    """Return the kind of verdict on each throw, by its place in `KINDS`."""
+    narrow, spans, late = _narrow(throws, found).tolist(), _periods(throws), _late(throws)
+    rests, after = _rests(throws)
+    refused = ~found.pop("rest_locked")[1][:, np.newaxis, rests].astype(bool)
     if "rest_in_control" in found:
-        out = ~found.pop("rest_in_control")[1].astype(bool) & _asked(throws)
+        out = ~found.pop("rest_in_control")[1][..., rests].astype(bool)
+        out &= _asked(throws, [spans[movement][0] for movement in after])
         refused = np.concatenate([refused, out], axis=1)
-    refused[..., late] = True  # not judged
+    refused[..., np.array(late)[after]] = True  # not judged
     onsets = _slip_onsets(throws)
     plain: Flags = np.asarray(~refused.any(axis=(1, 2)) & np.isnan(onsets).all(axis=(1, 2)))
     made = np.empty(len(throws.runs), dtype=np.int8)
@@ -198,7 +196,7 @@ def _verdicts(
             kind = "undetected object" if any(item.trapped for item in own) else kind
         else:
             checks = _slip_checks(throws, number, onsets[number])
-            checks += _rest_checks(throws, refused[number], late)
+            checks += _rest_checks(throws, refused[number], (rests, after), late)
             if narrow[number]:
                 room = OF_WHEELS[0]
                 checks.append(Check(kind=room, name=room, criterion=room, met=False))
@@ -224,16 +222,29 @@ def _periods(throws: AlikeThrows) -> list[tuple[Span | None, float]]:
     return list(zip(throws.spans, until, strict=True)) or [(None, math.inf)]
 
 
-def _asked(throws: AlikeThrows) -> Flags:
-    """Return whether each sensor is on the rail that is closed at each rest."""
-    panel, spans = throws.runs[0].panel, _periods(throws)
+def _rests(throws: AlikeThrows) -> tuple[Ints, Ints]:
+    """Return which of `throws.rests` are at rest, and the number of the movement before each.
+
+    An object may be taken out while a rail moves.
+    """
+    spans, times = _periods(throws), throws.time[throws.rests]
+    starts, ends = np.array([(s.start, s.end) if s else (0.0, 0.0) for s, _ in spans]).T
+    after = np.maximum(np.searchsorted(starts, times + TIME_TOLERANCE, side="right") - 1, 0)
+    last = np.append(np.diff(after) > 0, True)
+    at_rest = np.flatnonzero(last | (times >= ends[after] - TIME_TOLERANCE))
+    return at_rest, after[at_rest]
+
+
+def _asked(throws: AlikeThrows, spans: Sequence[Span | None]) -> Flags:
+    """Return whether each sensor is on the rail that is closed at rests after some movements."""
+    panel = throws.runs[0].panel
     rails, instrumented = sensor_rails(panel), panel.instrumented_rail
     asked = [
         sensor_judges(
             rails.get(name), "closed" if span is None else span.to, instrumented=instrumented
         )
         for name in panel.sensor
-        for span, _ in spans
+        for span in spans
     ]
     return np.array(asked, dtype=np.bool_).reshape(len(panel.sensor), len(spans))
 
@@ -266,17 +277,19 @@ def _slip_checks(throws: AlikeThrows, number: int, onsets: Floats) -> list[Check
     ]
 
 
-def _rest_checks(throws: AlikeThrows, refused: Flags, late: Sequence[bool]) -> list[Check]:
+def _rest_checks(
+    throws: AlikeThrows, refused: Flags, asked: tuple[Ints, Ints], late: Sequence[bool]
+) -> list[Check]:
     """Return the locks and sensors of one throw that are not met, or not judged."""
-    times = throws.time[throws.rests].tolist()
+    times, spans = throws.time[throws.rests[asked[0]]].tolist(), _periods(throws)
     return [
         Check(
             kind="control" if row else "lock",
             name=str(row),
             criterion="",
-            met=None if late[rest] else False,
+            met=None if late[asked[1][rest]] else False,
             time=times[rest],
-            movement=_periods(throws)[rest][0],
+            movement=spans[asked[1][rest]][0],
         )
         for row, rest in zip(*(axis.tolist() for axis in np.nonzero(refused)), strict=True)
     ]

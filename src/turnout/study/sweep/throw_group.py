@@ -117,7 +117,8 @@ class AlikeThrows:
     drive_gap, sensor_gap : ndarray of float32, shape (n, n_drives, n_kept), (n, n_sensors, n_kept)
         At the rate of the study; without instants where that is not wanted [m].
     rests : ndarray of int, shape (n_rests,)
-        Numbers of the last instants before a next movement, and of the last one.
+        Numbers of the last instants before a next movement or the removal of an object, and of the
+        last one.
     rest_gaps : tuple of ndarray, shapes (n, n_drives, n_rests) and (n, n_sensors, n_rests)
         Gaps at drives and sensors at these [m].
     gap_limits : tuple of ndarray, shapes (n, n_drives) and (n, n_sensors)
@@ -151,7 +152,8 @@ def group_by_layout(runs: Sequence[ThrowSignals]) -> list[list[int]]:
         if len(run.index.object_parts) > 1:
             objects = tuple(map(tuple, object_rows(run.index)))
         own = [(name, *v.shape) for name, (_, v) in (*run.kept.items(), *run.labels.items())]
-        key = (run.moved, time.size, float(time[-1]), seen.shape, counts, objects, lock, *own)
+        instants = (time.size, float(time[-1]), run.watched.rests.tobytes())
+        key = (run.moved, instants, seen.shape, counts, objects, lock, *own)
         found.setdefault(key, []).append(number)
     return list(found.values())
 
