@@ -7,9 +7,9 @@ import pytest
 import xarray as xr
 from tests.unit.simulated import sb1_panel, sb2_dataset
 
-from turnout.metric.checks import Check, checks, lamps
+from turnout.metric.checks import Check, checks, lamps, margins
 from turnout.metric.key_figure import key_figures
-from turnout.metric.slip import margins
+from turnout.metric.summary import summary
 from turnout.throw.simulate import simulate
 
 
@@ -108,11 +108,24 @@ def test_each_limit_is_that_of_the_dataset() -> None:
         assert check.value == float(run["sensor_gap"].sel(sensor=name)[-1])
         assert check.limit == float(run["sensor_limit"].sel(sensor=name))
         assert check.met == bool(run["in_control"].isel(time=-1).sel(sensor=name))
-    for item in margins(run):
-        span = "return" if item.direction == "closing" else "throw"
-        assert found[f"slip:drive {item.drive}:{span}"].margin == pytest.approx(
-            item.force, rel=1e-9
-        )
+    for item in margins(found.values()):
+        direction = "closing" if item.movement and item.movement.to == "closed" else "opening"
+        kept = float(run["force_margin"].sel(drive=item.drive, direction=direction))
+        assert item.margin == pytest.approx(kept, rel=1e-9)
+
+
+def test_a_drive_that_slipped_or_was_switched_off_has_no_margin() -> None:
+    """The force at which a clutch slips may be below its nominal level."""
+    run = small(machine_supplies='{"1": {}}')
+    run["drive_force"] = (("drive", "time"), [[0.0, -2e3, -1e3, 5e3, 5e3]])
+    run["force_margin"] = (("drive", "direction"), [[4e3, 1e3]])
+    run = run.assign_coords(direction=["opening", "closing"])
+    lines = [text for heading, text in summary(run) if heading == "drive 1"]
+    assert "margin to slip 4.00 kN opening, none left closing" in lines[0]
+    off = {"drive": "1", "to": "closed", "on": 3.0, "off": 3.5, "rest": 3.5, "outcome": "overload"}
+    stopped = run.assign_attrs(machine_throws=json.dumps([{**off, "machine": "jea73"}]))
+    keys = [item.key for item in key_figures(stopped) if item.key.startswith("margin")]
+    assert keys == ["margin:1:opening"]
 
 
 def test_a_limit_itself_fails_for_a_gap_and_passes_for_the_flangeway() -> None:

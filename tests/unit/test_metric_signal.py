@@ -8,7 +8,8 @@ import xarray as xr
 from tests.unit.simulated import sb2_dataset
 
 from turnout.metric.channel_features import filtered, first_time
-from turnout.metric.slip import margins, movements, slips
+from turnout.metric.checks import Check, margins
+from turnout.metric.slip import movements, slips
 from turnout.metric.summary import LEAST_SCALE, numerical_share, residual_share
 
 TIME = np.linspace(0.0, 9.0, 9001)
@@ -88,7 +89,8 @@ def test_shares_of_the_books() -> None:
 
 
 def test_margins_are_tight_below_a_tenth() -> None:
-    dataset = sb2_dataset().copy(deep=True)
-    dataset["force_margin"].values[:] = [[599.0, np.nan], [601.0, -5.0]]
-    found = [(m.drive, m.direction, m.tight) for m in margins(dataset)]
-    assert found == [("1", "opening", True), ("2", "opening", False), ("2", "closing", True)]
+    made = [
+        Check(kind="slip", name="", criterion="slip", met=True, drive=drive, value=f, limit=6e3)
+        for drive, f in (("2", 5399.0), ("3", np.nan), ("1", 5401.0))
+    ]
+    assert [(m.drive, m.tight) for m in margins(made)] == [("1", True), ("2", False)]

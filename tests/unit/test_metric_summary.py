@@ -39,7 +39,6 @@ def test_a_slipping_drive_is_reported_with_place_and_time() -> None:
     dataset["drive_slipping"].loc[{"drive": "2"}] = late
     dataset["locked"].values[-1] = False
     dataset["in_control"].values[:, -1] = False
-    dataset["force_margin"].loc[{"drive": "2", "direction": "closing"}] = -5.0
     text = text_of(dataset)
     assert "drive 2 at x = 6.9 m from t = 7.500 s, in the closing movement" in text
     assert "none left closing" in text

@@ -254,12 +254,10 @@ def _margins(thrown: CheckThrows | None) -> Iterator[str]:
     if thrown is None:
         yield f"  {NEEDS_THROW}"
         return
-    from turnout.metric.checks import checks, direction_of
+    from turnout.metric.checks import checks, direction_of, margins
 
     yield f"  {'drive':<8}{'direction':<12}{'largest':>10}{'slip level':>12}{'margin':>11}{'':>9}"
-    for item in checks(thrown.dataset):
-        if item.kind != "slip" or not item.numbers:
-            continue
+    for item in margins(checks(thrown.dataset)):
         note = "   near its slip level" if item.tight else ""
         yield (
             f"  {item.drive:<8}{direction_of(item.movement):<12}{item.value / 1e3:7.2f} kN"
@@ -385,7 +383,7 @@ PANEL_UNITS = {
 
 def panel_record(panel: "LoadedPanel", thrown: CheckThrows | None = None) -> dict[str, Any]:
     """Return a panel with every value and its origin, and the results of its throws."""
-    from turnout.metric.slip import margins
+    from turnout.metric.checks import checks, direction_of, margins
 
     x, gaps = closed_gaps(panel, thrown)
     record: dict[str, Any] = {
@@ -406,7 +404,15 @@ def panel_record(panel: "LoadedPanel", thrown: CheckThrows | None = None) -> dic
         record["throw"] = {
             "complete": bool(dataset.attrs["complete"]),
             "outcome": dataset.attrs["outcome"],
-            "margins": margins(dataset) if ended else [],
+            "margins": [
+                {
+                    "drive": item.drive,
+                    "direction": direction_of(item.movement),
+                    "force": item.margin,
+                    "limit": item.limit,
+                }
+                for item in margins(checks(dataset))
+            ],
             "least_flangeway": float(dataset["least_flangeway"]) if ended else None,
             "least_flangeway_x": float(dataset["least_flangeway_x"]) if ended else None,
             **{

@@ -294,7 +294,8 @@ def run_record(dataset: "xr.Dataset") -> tuple[dict[str, Any], dict[str, str]]:
     from turnout.metric.summary import numerical_share, residual_share, start_difference
     from turnout.metric.verdict import verdict
 
-    figures, made = key_figures(dataset) if dataset.sizes.get("time", 0) else [], checks(dataset)
+    made = checks(dataset)
+    figures = key_figures(dataset, made) if dataset.sizes.get("time", 0) else []
     judged, attributes = verdict(dataset, made), dataset.attrs
     balanced = float(attributes.get("energy_scale", 0.0)) > 0 and "energy_residual" in dataset
     record = {

@@ -558,6 +558,24 @@ def unmet(found: Iterable[Check], *kinds: str) -> list[Check]:
     return [item for item in found if item.met is False and (not kinds or item.kind in kinds)]
 
 
+def margins(found: Iterable[Check]) -> list[Check]:
+    """Return the slip check of each drive and direction with the least share left.
+
+    They come by drive, then in the order of time. A machine that was switched off has no margin.
+
+    Examples
+    --------
+    >>> slip = Check(kind="slip", name="drive 1", criterion="slip", met=True, limit=6e3, drive="1")
+    >>> [check.margin for check in margins([replace(slip, value=f) for f in (2e3, 5e3, 4e3)])]
+    [1000.0]
+    """
+    least: dict[tuple[str, str], Check] = {}
+    known = (check for check in found if check.kind == "slip" and not math.isnan(check.share))
+    for check in sorted(known, key=lambda check: check.share):
+        least.setdefault((check.drive, direction_of(check.movement)), check)
+    return sorted(least.values(), key=lambda check: (check.drive, check.time))
+
+
 _MEANINGS = {
     "slip": "Force of the drive on the rail; it slips at its limit.",
     "lock": "Force or gap at the drive that decides.",

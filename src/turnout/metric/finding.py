@@ -13,6 +13,7 @@ from turnout.metric.checks import (
     checks,
     direction_of,
     format_force,
+    margins,
     unmet,
 )
 from turnout.metric.key_figure import peak_note
@@ -223,10 +224,10 @@ def _slipped(dataset: xr.Dataset, made: Sequence[Check]) -> list[Finding]:
 
 def _nearest(made: Sequence[Check]) -> list[Finding]:
     """Return the drive with the least force left if none has slipped, and its margin."""
-    asked = [check for check in made if check.kind == "slip" and check.numbers]
-    if not asked or unmet(made, "slip"):
+    left = margins(made)
+    if not left or unmet(made, "slip"):
         return []
-    least = min(asked, key=lambda check: check.share)
+    least = min(left, key=lambda check: check.share)
     detail = f"drive {least.drive} {direction_of(least.movement)}: {least.numbers}, {least.left}"
     level: Severity = "look" if least.tight else "good"
     return [Finding(level, "Least margin to slip", f"{100 * least.share:.1f} %", detail)]

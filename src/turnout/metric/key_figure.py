@@ -1,11 +1,12 @@
 """The single numbers that a run is compared by."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import xarray as xr
 
 from turnout.metric.channel_features import final_value
-from turnout.metric.slip import margins
+from turnout.metric.checks import OF_WHEELS, Check, checks, direction_of, margins
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,13 +31,15 @@ class KeyFigure:
     unit: str
 
 
-def key_figures(dataset: xr.Dataset) -> list[KeyFigure]:
+def key_figures(dataset: xr.Dataset, made: Sequence[Check] | None = None) -> list[KeyFigure]:
     """Return the numbers of a run: forces and gaps at the end, margins, object, room for wheels.
 
     Parameters
     ----------
     dataset : xarray.Dataset
         A run with at least one instant; channels that it lacks are left out.
+    made : sequence of Check, optional
+        Its checks, where they are known already.
 
     Returns
     -------
@@ -57,16 +60,10 @@ def key_figures(dataset: xr.Dataset) -> list[KeyFigure]:
         if "end_gap" in dataset:
             gap = float(dataset["end_gap"].sel(drive=name))
             found.append(KeyFigure(f"end_gap:{name}", f"Drive {name}, raw end gap", gap, "m"))
-    if "force_margin" in dataset:
-        found += [
-            KeyFigure(
-                f"margin:{item.drive}:{item.direction}",
-                f"Drive {item.drive}, margin to slip {item.direction}",
-                item.force,
-                "N",
-            )
-            for item in margins(dataset)
-        ]
+    for check in margins(checks(dataset) if made is None else made):
+        direction = direction_of(check.movement)
+        label = f"Drive {check.drive}, margin to slip {direction}".rstrip()
+        found.append(KeyFigure(f"margin:{check.drive}:{direction}", label, check.margin, "N"))
     if "sensor_gap" in dataset:
         for name in dataset["sensor"].values:
             gap = float(final_value(dataset["sensor_gap"].sel(sensor=name)))
@@ -105,6 +102,6 @@ def peak_note(dataset: xr.Dataset) -> str:
 def _of_wheels(dataset: xr.Dataset) -> list[KeyFigure]:
     return [
         KeyFigure(name, f"Least {name}", float(dataset[f"least_{name}"]), "m")
-        for name in ("flangeway", "gauge")
+        for name in OF_WHEELS
         if f"least_{name}" in dataset
     ]

@@ -44,31 +44,6 @@ class Slip:
     stopped: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Margin:
-    """Margin of a drive below its slip level in movements of a direction: both forces [N]."""
-
-    drive: str
-    direction: str
-    force: float
-    limit: float
-
-    @property
-    def share(self) -> float:
-        """Remaining force as a share of the slip level [-]."""
-        return self.force / self.limit
-
-    @property
-    def largest(self) -> float:
-        """The largest force in the direction of the movement [N]."""
-        return self.limit - self.force
-
-    @property
-    def tight(self) -> bool:
-        """True if less than a tenth of the saturation force is left."""
-        return self.share < LEAST_SHARE
-
-
 def movements(dataset: "xr.Dataset") -> tuple[Span, ...]:
     """Return the movements that a dataset names in its attributes, in the order of time."""
     return tuple(Span(**record) for record in _records(dataset, "movements"))
@@ -299,15 +274,3 @@ def switched_off_by(made: Iterable[Duty], drive: str, time: float) -> str:
     """
     own = [duty for duty in made if duty.drive == drive and duty.on <= time + TIME_TOLERANCE]
     return STOPPED.get(own[-1].outcome, "") if own and own[-1].off <= time + TIME_TOLERANCE else ""
-
-
-def margins(dataset: "xr.Dataset") -> list[Margin]:
-    """Return the margin of each drive in each direction that it moved in."""
-    limits = dataset["saturation_force"].values
-    forces = dataset["force_margin"].transpose("drive", "direction").values
-    return [
-        Margin(str(drive), str(direction), float(force), float(limit))
-        for drive, limit, row in zip(dataset["drive"].values, limits, forces, strict=True)
-        for direction, force in zip(dataset["direction"].values, row, strict=True)
-        if not math.isnan(force)
-    ]

@@ -19,10 +19,11 @@ from turnout.metric.checks import (
     format_force,
     format_gap,
     format_length,
+    margins,
     wheel_rooms,
 )
 from turnout.metric.key_figure import peak_note
-from turnout.metric.slip import Margin, machine_throws, margins, movements, unfinished
+from turnout.metric.slip import machine_throws, movements, unfinished
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -128,7 +129,7 @@ def summary(dataset: "xr.Dataset", found: Sequence[Check] | None = None) -> list
     lines += [("start", text) for text in _start(dataset)]
     found = checks(dataset) if found is None else found
     lines += _state(dataset, found)
-    lines += _drives(dataset)
+    lines += _drives(dataset, found)
     lines += [("slip", text) for text in _slips(dataset, found)]
     lines += [(f"least {kind}", text) for kind, text in wheel_texts(dataset).items()]
     lines += _energy(dataset)
@@ -275,12 +276,12 @@ def _state(dataset: "xr.Dataset", found: Sequence[Check]) -> list[tuple[str, str
     ]
 
 
-def _drives(dataset: "xr.Dataset") -> list[tuple[str, str]]:
+def _drives(dataset: "xr.Dataset", found: Sequence[Check]) -> list[tuple[str, str]]:
     """Return end force, raw end gap and margins of every drive."""
     if "drive" not in dataset.coords:
         return []
     lines = []
-    shown = ("drive_force", "drive_slipping", "end_gap", "force_margin")
+    shown = ("drive_force", "drive_slipping", "end_gap")
     # One drive is cut out of these only: cutting all that a run holds takes ten times as long.
     own = dataset[["drive", *(name for name in shown if name in dataset)]]
     for name in dataset["drive"].values:
@@ -290,9 +291,8 @@ def _drives(dataset: "xr.Dataset") -> list[tuple[str, str]]:
             parts.append(f"end force {format_force(final_value(drive['drive_force']))}")
         if "end_gap" in drive:
             parts.append(_end_gap(drive))
-        if "force_margin" in drive:
-            left = [_margin(item) for item in margins(dataset) if item.drive == str(name)]
-            parts += [f"margin to slip {', '.join(left)}"] if left else []
+        left = [_margin(check) for check in margins(found) if check.drive == str(name)]
+        parts += [f"margin to slip {', '.join(left)}"] if left else []
         lines.append((f"drive {name}", "; ".join(parts)))
     if "end_gap" in dataset:
         lines.append(("", "gaps are raw: a held force stretches the bushing (force / stiffness)"))
@@ -332,11 +332,12 @@ def _machines(dataset: "xr.Dataset") -> list[tuple[str, str]]:
     return lines + [("", f"drive {name}, {text}") for name, text in blind.items()]
 
 
-def _margin(margin: Margin) -> str:
-    if margin.force <= 0:
-        return f"none left {margin.direction}"
-    text = f"{format_force(margin.force)} {margin.direction}"
-    return f"{text} (only {100 * margin.share:.1f} %)" if margin.tight else text
+def _margin(check: Check) -> str:
+    direction = direction_of(check.movement)
+    if check.met is False or check.margin <= 0:
+        return f"none left {direction}".rstrip()
+    text = f"{format_force(check.margin)} {direction}".rstrip()
+    return f"{text} (only {100 * check.share:.1f} %)" if check.tight else text
 
 
 def _end_gap(drive: "xr.Dataset") -> str:

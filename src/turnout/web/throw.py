@@ -168,7 +168,7 @@ def throw_reply(panel: Panel, dataset: xr.Dataset, *, preview: bool = False) -> 
         "lamps": [
             _lamp(item, dataset, missed=judged.missed) for item in lamps(dataset, motion["at"])
         ],
-        "figures": [_figure(item) for item in key_figures(dataset)],
+        "figures": [_figure(item) for item in key_figures(dataset, made)],
         "sheet": sheet_record(throw_sheet(dataset, title=""), most=points),
         "motion": motion,
     }
