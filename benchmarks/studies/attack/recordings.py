@@ -62,7 +62,7 @@ def sound_files(folder: Path) -> dict[str, Path]:
 
 def _plain_hdf5(path: Path) -> None:
     with h5py.File(path, "w") as file:
-        file["rod"], file["rate"] = ROD, 1000.0
+        file["rod"], file["sample_rate"] = ROD, 1000.0
 
 
 def _of_extras(folder: Path) -> dict[str, Path]:
