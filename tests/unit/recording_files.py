@@ -72,25 +72,31 @@ def html(path: Path) -> None:
     path.write_text(f"<html><body><table>{head}{cells}</table></body></html>", encoding="utf-8")
 
 
-def xlsx(rows: list[list[Any]]) -> Write:
-    """Return a function that writes the smallest workbook with these cells."""
+def xlsx(rows: list[list[Any]], *, first: str = "General") -> Write:
+    """Return a function that writes the smallest workbook; `first` formats its first column."""
     names = "http://schemas.openxmlformats.org"
     package, sheet = f"{names}/package/2006", f"{names}/spreadsheetml/2006/main"
     office = f"{names}/officeDocument/2006/relationships"
 
-    def cell(value: Any) -> str:
+    def cell(value: Any, place: int) -> str:
         if isinstance(value, str):
             return f'<c t="inlineStr"><is><t>{value}</t></is></c>'
-        return f"<c><v>{value!r}</v></c>"
+        return f'<c s="{int(place == 0)}"><v>{value!r}</v></c>'
 
-    lines = "".join(f"<row>{''.join(map(cell, row))}</row>" for row in rows)
+    lines = "".join(
+        f"<row>{''.join(cell(value, place) for place, value in enumerate(row))}</row>"
+        for row in rows
+    )
     parts = {
         "[Content_Types].xml": f'<Types xmlns="{package}/content-types"/>',
         "_rels/.rels": f'<Relationships xmlns="{package}/relationships"><Relationship Id="r1" '
         f'Type="{office}/officeDocument" Target="xl/workbook.xml"/></Relationships>',
         "xl/_rels/workbook.xml.rels": f'<Relationships xmlns="{package}/relationships">'
         f'<Relationship Id="r1" Type="{office}/worksheet" Target="worksheets/s.xml"/>'
-        "</Relationships>",
+        f'<Relationship Id="r2" Type="{office}/styles" Target="styles.xml"/></Relationships>',
+        "xl/styles.xml": f'<styleSheet xmlns="{sheet}"><numFmts count="1"><numFmt numFmtId="164" '
+        f'formatCode="{first}"/></numFmts><cellXfs count="2"><xf numFmtId="0"/>'
+        '<xf numFmtId="164" applyNumberFormat="1"/></cellXfs></styleSheet>',
         "xl/workbook.xml": f'<workbook xmlns="{sheet}" xmlns:r="{office}"><sheets>'
         '<sheet name="Throw" sheetId="1" r:id="r1"/></sheets></workbook>',
         "xl/worksheets/s.xml": f'<worksheet xmlns="{sheet}"><sheetData>{lines}</sheetData>'
@@ -110,6 +116,12 @@ SHEETS: list[File] = [
     ("HTML named .xls", ".xls", html, BOTH),
     ("workbook", ".xlsx", xlsx([["Time (s)", "Force [kN]", "Current [A]"],
         *([n * STEP, f, float(CURRENT[n])] for n, f in enumerate(FORCE.tolist()))]), BOTH),
+    *((f"workbook, {name}", ".xlsx", xlsx([["Time", "Force [kN]", "Current [A]"],
+        *([begin + n * STEP / 86_400, f, float(CURRENT[n])] for n, f in enumerate(FORCE.tolist()))],
+        first=first), BOTH)
+      for name, begin, first in (("dates", 46_354.343, "yyyy\\-mm\\-dd hh:mm:ss.000"),
+        ("times of day", 0.343, "hh:mm:ss.000"), ("durations", 0.0, "[h]:mm:ss.000"),
+        ("days", 46_354.343, "General"))),
     ("workbook, rate above", ".xlsx", xlsx([["Sample interval", "40 ms"], ["Force", "Current"],
         *([f, float(CURRENT[n])] for n, f in enumerate(FORCE.tolist()))]), BOTH),
     ("workbook, German texts", ".xlsx", xlsx([["Zeit (s)", "Force", "Current"],
@@ -338,6 +350,9 @@ OPTIONAL: list[File] = [
     ("Parquet, index of numbers", ".parquet", parquet(ARRAYS, index=np.arange(COUNT) * 2),
      ("neither times nor",)),
     ("Parquet, no index", ".parquet", parquet(ARRAYS), ("neither times nor a sample rate",)),
+    ("Parquet, a signal a row", ".parquet",
+     parquet({"which": ["Force", "Current"] * COUNT, "time": np.repeat(TIME, 2),
+              "value": np.column_stack((FORCE, CURRENT)).ravel()}), BOTH),
     ("Parquet, throws", ".parquet",
      parquet({"throw": np.repeat([7, 8], COUNT // 2), "time": np.tile(TIME[: COUNT // 2], 2),
               **ARRAYS}), ("2 throws in one table",)),

@@ -5,6 +5,7 @@ column goes with the nearest column of times to its left, an index is never take
 several throws in one table never become one channel.
 """
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -93,6 +94,8 @@ class Table:
         Name of the line that holds a row.
     remedy : str
         What to do where the time is unknown.
+    alone : bool
+        Whether the file holds nothing else, so that one of its throws may be chosen.
     values : dict of int to ndarray
         Columns of numbers by their place.
     axes : dict of int to TimeAxis
@@ -112,6 +115,7 @@ class Table:
     named: bool = True
     line_of: Callable[[int], str] = _row_number
     remedy: str = ""
+    alone: bool = True
     values: dict[int, Floats] = field(default_factory=dict)
     axes: dict[int, TimeAxis] = field(default_factory=dict)
     texts: dict[int, list[str]] = field(default_factory=dict)
@@ -371,9 +375,10 @@ def _cut(table: Table, parts: Mapping[str, Rows], by: str, throw: str | None) ->
         return table
     if throw is None or throw not in parts:
         unknown = f"no throw '{throw}'; " if throw is not None else ""
+        choose = f"choose one with --throw {next(iter(parts))} (in Python throw=), or "
         message = (
-            f"{unknown}there are {len(parts)} throws in one table ({by}): {choices(parts)}; choose "
-            f"one with --throw {next(iter(parts))} (in Python throw=), or save a file per throw"
+            f"{unknown}there are {len(parts)} throws in one table ({by}): {choices(parts)}; "
+            f"{choose * table.alone}save a file per throw"
         )
         raise ValueError(message)
     rows = parts[throw]
@@ -434,13 +439,14 @@ def _throws(table: Table) -> tuple[dict[str, Rows], str]:
     return {}, ""
 
 
-def _signal_column(table: Table) -> int | None:
+def _signal_column(table: Table, *, any_name: bool = False) -> int | None:
     """Return the column of a long table that says which signal a row holds."""
     for place, texts in table.texts.items():
-        kinds = len(set(texts))
-        if is_signal_name(table.columns[place].name) and 1 < kinds <= min(
-            _MOST_SIGNALS, len(texts) / 2
-        ):
+        counts_of = Counter(texts)
+        named = is_signal_name(table.columns[place].name)
+        alike = any_name and len(set(counts_of.values())) == 1
+        most = min(_MOST_SIGNALS, len(texts) / 2)
+        if (named or alike) and 1 < len(counts_of) <= most:
             return place
     return None
 
@@ -481,6 +487,9 @@ def _curve_columns(table: Table) -> list[FileColumn]:
 def _long_columns(table: Table) -> list[FileColumn]:
     """Return the channels of a table with a signal and a value a row; none if it is not one."""
     by = _signal_column(table)
+    repeat = any(np.any(np.diff(axis.seconds) == 0) for axis in table.axes.values())
+    if by is None and repeat:
+        by = _signal_column(table, any_name=True)
     if by is None or len(table.axes) != 1:
         return []
     (axis,) = table.axes.values()

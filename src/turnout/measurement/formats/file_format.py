@@ -134,6 +134,7 @@ FORMATS = (
         "optional_formats:read_parquet",
         ("pyarrow", "pyarrow.parquet"),
         "parquet",
+        tables=True,
     ),
     FileFormat("MATLAB 7.3", (), _begins(b"MATLAB 7.3 MAT-file"), "mat:read_mat73", refers=True),
     FileFormat(

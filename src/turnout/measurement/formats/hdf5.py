@@ -212,7 +212,9 @@ class _Found:
             for field in cells.dtype.names
             if cells[field].ndim == 1
         ]
-        table = Table(columns, stated_clock(_attributes(item)), f"{self.source}: '{name}'")
+        table = Table(
+            columns, stated_clock(_attributes(item)), f"{self.source}: '{name}'", alone=False
+        )
         self.columns += table_columns(table)
         self.problems += table.problems
 

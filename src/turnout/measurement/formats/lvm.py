@@ -67,7 +67,7 @@ def read_lvm(path: Path) -> Recording:
         else:
             bare, unit = "Time", "s"
         columns.append(TableColumn(bare, np.array(cells, dtype=object), unit))
-    return table_recording(Table(columns, stated, str(path), decimal=decimal))
+    return table_recording(Table(columns, stated, str(path), decimal=decimal, alone=False))
 
 
 def _pair(line: str) -> tuple[str, str]:

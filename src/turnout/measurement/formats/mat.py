@@ -146,7 +146,7 @@ def _objects(
             bare, unit = split_unit(str(label))
             unit = tidy_unit(units[place]) if place < len(units) and units[place] else unit
             cells.append(TableColumn(bare, np.asarray(value[label]), unit))
-        table = Table(cells, stated_clock(single), f"{path}: '{name}'")
+        table = Table(cells, stated_clock(single), f"{path}: '{name}'", alone=False)
         columns += table_columns(table)
         problems += table.problems
     return arrays, columns, problems

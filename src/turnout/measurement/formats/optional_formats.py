@@ -202,7 +202,7 @@ def _tdms_group(
         )
     stated = {**properties, **group.properties}
     for inner_columns in tables.values():
-        table = Table(inner_columns, _tdms_clock(stated), source, remedy=NO_TDMS_TIME)
+        table = Table(inner_columns, _tdms_clock(stated), source, remedy=NO_TDMS_TIME, alone=False)
         columns += [replace(c, name=f"{prefix}{c.name}") for c in table_columns(table)]
         problems += table.problems
     return columns
@@ -276,11 +276,18 @@ def read_uff(path: Path) -> Recording:
 NO_PARQUET_TIME = "give a column 'time' [s], or 'sample_rate' among the metadata of the table"
 
 
-def read_parquet(path: Path) -> Recording:
+def read_parquet(path: Path, *, throw: str | None = None) -> Recording:
     """Read the numeric columns of a Parquet file; the others become problems.
 
     Units are in the column's metadata (`unit`) or its name. The time is a column called time, in
     seconds or as timestamps.
+
+    Parameters
+    ----------
+    path : Path
+        Parquet file.
+    throw : str, optional
+        Which throw of several in one table.
 
     Raises
     ------
@@ -308,7 +315,7 @@ def read_parquet(path: Path) -> Recording:
         }
     )
     table = Table(columns, stated, str(path), remedy=NO_PARQUET_TIME)
-    return table_recording(table)
+    return table_recording(table, throw=throw)
 
 
 def _text_of(metadata: Any, key: str) -> str | None:
