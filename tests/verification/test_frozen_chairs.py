@@ -10,7 +10,7 @@ import pytest
 from tests.verification.hand_made import energy_residual, hand_made, linear_spring, run
 
 from turnout.core.errors import PanelError
-from turnout.law.friction import FrictionCourses
+from turnout.law.friction import no_courses
 from turnout.law.obstruction import BREAKS_AWAY, no_obstructions
 from turnout.law.table import LawTableBuilder
 from turnout.panel.load import load_panel
@@ -49,7 +49,7 @@ def block(factor: list[float]) -> tuple[np.ndarray, np.ndarray]:
     normal = laws.add_contact(1, stiffness=1e7, clearance=0.0, base_closed=True)
     laws.add_friction(0, normal=normal, friction_coefficient=0.3, stick_stiffness=1e7)
     mechanism = hand_made(laws, mass=[10.0, 10.0], load=[0.0, 1000.0])
-    course = FrictionCourses(
+    course = no_courses()._replace(
         friction=np.zeros(1, dtype=np.int64), coefficient=np.array([0.3]), closed=np.zeros(1),
         side=-np.ones(1), start=np.array([0, len(factor)]),
         opening=np.linspace(0.0, 0.02, len(factor), endpoint=False), factor=np.array(factor),

@@ -41,6 +41,7 @@ from turnout.core.units import (
     MASS,
     MOTOR_CONSTANT,
     PER_ENERGY,
+    PER_SPEED,
     PRESSURE,
     RESISTANCE,
     ROTATIONAL_DRAG,
@@ -49,6 +50,7 @@ from turnout.core.units import (
     SECTION_MODULUS,
     SHAFT_RATIO,
     SI,
+    SPEED,
     STIFFNESS,
     TEMPERATURE,
     TEMPERATURE_COEFFICIENT,
@@ -248,6 +250,8 @@ MotorConstant = Annotated[float, _scalar(MOTOR_CONSTANT)]
 FieldConstant = Annotated[float, _scalar(FIELD_CONSTANT)]
 HeatCapacity = Annotated[float, _scalar(HEAT_CAPACITY)]
 PerEnergy = Annotated[float, _scalar(PER_ENERGY)]
+Speed = Annotated[float, _scalar(SPEED)]
+PerSpeed = Annotated[float, _scalar(PER_SPEED)]
 Current = Annotated[float, _scalar(CURRENT)]
 Temperature = Annotated[float, _scalar(TEMPERATURE)]
 TemperatureCoefficient = Annotated[float, _scalar(TEMPERATURE_COEFFICIENT)]

@@ -107,6 +107,8 @@ ROTATIONAL_DRAG = Dimension("rotational drag", "N m s/rad", "5e-5 N m s/rad")
 MOTOR_CONSTANT = Dimension("motor constant", "V s/rad", "0.99 V s/rad")
 FIELD_CONSTANT = Dimension("motor constant per ampere of field", "V s/(rad A)", "1.155 V s/(rad A)")
 HEAT_CAPACITY = Dimension("heat capacity", "J/K", "900 J/K")
+SPEED = Dimension("speed", "m/s", "5 mm/s")
+PER_SPEED = Dimension("share per speed", "s/m", "1 s/m")
 PER_ENERGY = Dimension("share per energy", "1/J", "1e-9 1/J")
 FORCE_RATE = Dimension("force rate", "N/s", "22 kN/s")
 SPEED = Dimension("speed", "m/s", "120 km/h")
@@ -147,6 +149,8 @@ DIMENSIONS = (
     MOTOR_CONSTANT,
     FIELD_CONSTANT,
     HEAT_CAPACITY,
+    SPEED,
+    PER_SPEED,
     PER_ENERGY,
     FORCE_RATE,
     SPEED,

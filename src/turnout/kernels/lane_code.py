@@ -236,8 +236,11 @@ def _register_lanes() -> None:
 
 
 def _arithmetic() -> None:
-    """Register +, - and * of eight by eight floats."""
-    for sign, name in ((operator.add, "fadd"), (operator.sub, "fsub"), (operator.mul, "fmul")):
+    """Register +, -, * and / of eight by eight floats."""
+    for sign, name in (
+        *((operator.add, "fadd"), (operator.sub, "fsub")),
+        *((operator.mul, "fmul"), (operator.truediv, "fdiv")),
+    ):
 
         class Template(AbstractTemplate):
             key = sign

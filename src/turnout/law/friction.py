@@ -8,6 +8,8 @@ and lanes alike. The coefficient may differ along the stroke: snow, ice, or wear
 chair.
 """
 
+from collections.abc import Sequence
+from functools import cache
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -29,6 +31,7 @@ from turnout.kernels.lanes import (
     select,
     store,
 )
+from turnout.law.friction_state import FASTEST, FrictionCurve
 from turnout.law.kernel import share_until_zero
 from turnout.law.table import Floats, Ints
 
@@ -36,6 +39,8 @@ Numbers = TypeVar("Numbers", float, Floats)
 STICK = 0
 SLIP_FORWARD = 1
 SLIP_BACKWARD = -1
+RISING_SPAN = 0.1
+"""Speed up to which the range of a rising curve counts [m/s]."""
 
 
 @compiled_part
@@ -101,6 +106,7 @@ def trials_and_limits(
     g: Floats,
     row: Ints,
     springs: tuple[Floats, Floats],
+    beyond: Floats,
     branches: Floats,
     tolerance: float,
     trials: Floats,
@@ -109,7 +115,8 @@ def trials_and_limits(
     """Write trial forces and limits [N]; return whether any branch is violated by `tolerance` [N].
 
     `of_normals` are the forces of laws, the normal law and the coefficient of each friction,
-    `springs` the anchors and stiffnesses.
+    `springs` the anchors and stiffnesses, `beyond` the forces by which limits lie above those of a
+    constant coefficient.
     """
     force, normal, coefficient = of_normals
     anchor, stiffness = springs
@@ -117,6 +124,7 @@ def trials_and_limits(
     violated = greater(zero, zero)
     for i in range(0, trials.size, LANES):
         limit = friction_limit(load(coefficient, i), gather_neighbours(force, normal, i))
+        limit = limit + load(beyond, i)
         trial = trial_force(load(stiffness, i), gather(g, row, i), load(anchor, i))
         store(limit, limits, i)
         store(trial, trials, i)
@@ -184,15 +192,74 @@ def branch_event(
     return 2.0, branch
 
 
-class FrictionCourses(NamedTuple):
-    """Courses of friction coefficients over the opening of a rail, one row for each friction.
+@compiled_loop
+def forces_beyond_level(
+    of_normals: tuple[Floats, Ints, Floats],
+    curves: tuple[Floats, Floats, Floats],
+    speeds: tuple[Floats, Ints],
+    branches: Floats,
+    step: float,
+    present: Floats,
+    found: Floats,
+) -> bool:
+    r"""Write how far limits lie above ``coefficient * normal``; return whether a sliding one moved.
 
-    The coefficient is constant between two openings of a course. It changes between steps.
+    .. math:: B = \mu_k N\left(\frac{\mu_s/\mu_k - 1}{1 + (v/v_s)^2} + c\,v\right)
+
+    A foot that sticks moves with its spring alone. Sliding ones keep their `present` value until it
+    is off by more than `step` of the range of the curve.
+
+    Parameters
+    ----------
+    of_normals : tuple of ndarray
+        Forces of laws [N], normal law and level of each friction.
+    curves : tuple of ndarray
+        Excess ``mu_s / mu_k - 1`` [-], ``1 / v_s**2`` [s2/m2] and rise c [s/m] of each friction.
+    speeds : tuple of ndarray
+        Speeds of feet [m/s], and which of them is that of each friction.
+    branches : ndarray
+        Stick or slip.
+    step : float
+        Share of the range of a curve [-].
+    present, found : ndarray
+        Present values, which those of sticking feet replace, and wanted ones [N].
+
+    Notes
+    -----
+    Falling part: Hess and Soom, Journal of Tribology 112(1), 1990, 147-152.
+    """
+    force, normal, coefficient = of_normals
+    excess, fall, rise = curves
+    speed, speed_of = speeds
+    zero, one = broadcast(0.0), broadcast(1.0)
+    fastest, share, span = broadcast(FASTEST), broadcast(step), broadcast(RISING_SPAN)
+    moved = greater(zero, zero)
+    for i in range(0, found.size, LANES):
+        slides = greater(absolute(load(branches, i)), zero)
+        v = absolute(gather(speed, speed_of, i))
+        v = select(greater(v, fastest), fastest, v)
+        of_normal = gather_neighbours(force, normal, i)
+        level = load(coefficient, i) * select(greater(of_normal, zero), of_normal, zero)
+        more, rises = load(excess, i), load(rise, i)
+        wanted = level * (more / (one + load(fall, i) * v * v) + rises * v)
+        kept = load(present, i)
+        differs = greater(absolute(wanted - kept), share * level * (more + rises * span))
+        moves = select(differs, one, zero)
+        moved = logical_or(moved, greater(select(slides, moves, zero), zero))
+        store(select(differs, wanted, kept), found, i)
+        store(select(slides, kept, wanted), present, i)
+    return any_true(moved)
+
+
+class FrictionCourses(NamedTuple):
+    """Friction coefficients over the opening of a rail, and over the speed of a foot.
+
+    Both change between steps. Level and curve are constant between two openings of a course.
 
     Attributes
     ----------
     friction : ndarray of int, shape (n,)
-        Friction of each.
+        Friction of each course.
     coefficient : ndarray, shape (n,)
         Coefficient that its factors multiply [-].
     closed, side : ndarray, shape (n,)
@@ -201,8 +268,20 @@ class FrictionCourses(NamedTuple):
         First place of each course.
     opening, factor : ndarray, shape (m,)
         Openings from which on a factor holds, rising in each course [m], and the factors [-].
+    excess_from, fall_from, rise_from : ndarray, shape (m,)
+        Curves from there on.
     at : ndarray of int, shape (n,)
         Present place in each course, -1 before the first step.
+    excess, fall, rise : ndarray, shape (n_frictions,)
+        Present curve of each friction, see `forces_beyond_level`; of no length without curves.
+    speed_of : ndarray of int, shape (n_frictions,)
+        Which speed is that of each friction.
+    block : ndarray of int
+        Blocks of rails with feet.
+    modes : ndarray, shape (n_modes, n_speeds of a block)
+        Modes at the feet of their block.
+    speed, beyond : ndarray, shape (n_speeds,), (n_frictions,)
+        Scratch arrays: speeds [m/s] and forces [N].
     """
 
     friction: Ints
@@ -212,11 +291,33 @@ class FrictionCourses(NamedTuple):
     start: Ints
     opening: Floats
     factor: Floats
+    excess_from: Floats
+    fall_from: Floats
+    rise_from: Floats
     at: Ints
+    excess: Floats
+    fall: Floats
+    rise: Floats
+    speed_of: Ints
+    block: Ints
+    modes: Floats
+    speed: Floats
+    beyond: Floats
+
+    @property
+    def has_curves(self) -> bool:
+        """True if some coefficient depends on speed."""
+        return self.excess.size > 0
+
+    def without_curves(self) -> "FrictionCourses":
+        """Return the courses with the levels in motion alone."""
+        nothing = np.zeros(0)
+        return self._replace(excess=nothing, fall=nothing, rise=nothing)
 
 
+@cache
 def no_courses() -> FrictionCourses:
-    """Return no course at all."""
+    """Return no course and no curve at all; all that have none share it."""
     nothing, numbers = np.zeros(0), np.zeros(0, dtype=np.int64)
     return FrictionCourses(
         friction=numbers,
@@ -226,5 +327,23 @@ def no_courses() -> FrictionCourses:
         start=np.zeros(1, dtype=np.int64),
         opening=nothing,
         factor=nothing,
-        at=numbers.copy(),
+        excess_from=nothing,
+        fall_from=nothing,
+        rise_from=nothing,
+        at=numbers,
+        excess=nothing,
+        fall=nothing,
+        rise=nothing,
+        speed_of=numbers.astype(np.uint64),
+        block=numbers,
+        modes=np.zeros((0, 0)),
+        speed=nothing,
+        beyond=nothing,
     )
+
+
+def curve_arrays(curves: Sequence[FrictionCurve]) -> tuple[Floats, Floats, Floats]:
+    """Return excess [-], fall [s2/m2] and rise [s/m] of some curves."""
+    rows = [(item.static_ratio - 1.0, item.stribeck_speed**-2, item.rise) for item in curves]
+    excess, fall, rise = np.array(rows, dtype=float).reshape(-1, 3).T.copy()
+    return excess, fall, rise

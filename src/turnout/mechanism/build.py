@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 from turnout.core.errors import MechanicsError
 from turnout.core.lru_cache import LRUCache
 from turnout.core.threads import one_blas_thread
-from turnout.law.friction import FrictionCourses, no_courses
+from turnout.law.friction import FrictionCourses, curve_arrays, no_courses
+from turnout.law.friction_state import FrictionCurve
+from turnout.law.table import LawTable
 from turnout.mechanism.build_rails import (
     SIGN,
     STOCK,
@@ -58,6 +60,7 @@ from turnout.mechanism.varied_rails import (
 from turnout.panel.foreign_object import PlacedObject
 from turnout.panel.load import LoadedPanel
 from turnout.panel.model import Panel
+from turnout.panel.records import Chair
 
 Floats = NDArray[np.float64]
 
@@ -87,10 +90,12 @@ def build_mechanism(
     placed = _placed(panel, objects, nominal)
     layout, linear = placed.layout, placed.linear
     objects = placed.softened(objects)
+    laws = law_table(layout, panel, objects, travel=linear.travel)
+    laws, courses = friction_courses(panel, laws, layout.index, linear.travel)
     return Mechanism(
         matrices=linear.matrices,
         rows=placed.rows,
-        laws=law_table(layout, panel, objects, travel=linear.travel),
+        laws=laws,
         law_names=layout.law_names,
         friction_names=layout.friction_names,
         index=replace(layout.index, object_parts=object_parts(objects)),
@@ -98,7 +103,7 @@ def build_mechanism(
         shapes=linear.travel.shapes,
         machines=drive_machines(panel, layout.index),
         obstructions=obstructions_of(layout.index, objects),
-        courses=friction_courses(panel, layout.index, linear.travel),
+        courses=courses,
         core=linear.rows,
         nominal=linear.nominal,
     )
@@ -122,24 +127,27 @@ def build_loaded(
     -------
     Mechanism
         After the inputs of the drives it has one for each force, ``force / SOFT_STIFFNESS``.
+        Friction has its level in motion, whatever the speed.
     """
     objects = list(divided(objects))
     layout = lay_out(panel, objects)
     rows = [layout.rows.add(load) for load in loads]
     frame = _made_frame(panel, objects, layout)
     linear = _made_kept(panel, frame, frame.rails_of(variation_of(panel), panel)).linear
+    laws = law_table(layout, panel, objects, travel=linear.travel, loads=rows)
+    laws, courses = friction_courses(panel, laws, layout.index, linear.travel)
     names = tuple(f"load at x = {point.x:g} m of rail {rail}" for rail, point in loads)
     return Mechanism(
         matrices=linear.matrices,
         rows=linear.rows,
-        laws=law_table(layout, panel, objects, travel=linear.travel, loads=rows),
+        laws=laws,
         law_names=(*layout.law_names, *names),
         friction_names=layout.friction_names,
         index=replace(layout.index, object_parts=object_parts(objects)),
         rails=linear.rails,
         shapes=linear.travel.shapes,
         obstructions=obstructions_of(layout.index, objects),
-        courses=friction_courses(panel, layout.index, linear.travel),
+        courses=courses.without_curves(),
     )
 
 
@@ -531,8 +539,10 @@ def _stacked_rows(rows: LawRows, rails: list[ReducedRail]) -> Floats:
     return matrix
 
 
-def friction_courses(panel: Panel, index: LawIndex, travel: Travel) -> FrictionCourses:
-    """Return the courses of all frictions on chairs that have one.
+def friction_courses(
+    panel: Panel, laws: LawTable, index: LawIndex, travel: Travel
+) -> tuple[LawTable, FrictionCourses]:
+    """Return the laws with levels of friction, its courses along the stroke, and its curves.
 
     The opening counts from the closed position of the rail at the chair: a rail that is stress-free
     at a share of its way has come from there by this share.
@@ -540,19 +550,30 @@ def friction_courses(panel: Panel, index: LawIndex, travel: Travel) -> FrictionC
     Parameters
     ----------
     panel : Panel
-        With the courses of its chairs.
+        With the courses and curves of its chairs.
+    laws : LawTable
+        With the coefficients of the chairs.
     index : LawIndex
         Frictions by rail and chair.
     travel : Travel
         Ways of the rails from closed to open.
     """
-    if all(chair.friction_factor is None for chair in panel.chair.values()):
-        return no_courses()
+    curves = {
+        name: chair.friction_curves for name, chair in panel.chair.items() if _has_course(chair)
+    }
+    if not curves:
+        return laws, no_courses()
     rows: list[tuple[int, float, float, float]] = []
-    courses: list[tuple[tuple[float, ...], list[float]]] = []
+    openings, from_there = list[tuple[float, ...]](), list[FrictionCurve]()
+    everywhere = [FrictionCurve(1.0)] * laws.friction_row.size
     for (rail, name), frictions in index.chair_friction.items():
+        of_chair = curves.get(name)
+        if of_chair is None:
+            continue
         chair, shape = panel.chair[name], travel.shapes.get(rail)
-        if chair.friction_factor is None or chair.friction_opening is None or shape is None:
+        for friction in frictions:
+            everywhere[friction] = of_chair[0]
+        if len(of_chair) == 1 or shape is None:
             continue
         way = float(shape.travel_at(np.array([chair.x]))[0])
         if not np.isfinite(way):
@@ -564,18 +585,33 @@ def friction_courses(panel: Panel, index: LawIndex, travel: Travel) -> FrictionC
         closed, side = panel.rail[rail].fraction * way, SIGN[panel.rail[rail].closes]
         for friction in frictions:
             rows.append((friction, chair.friction_coefficient, closed, side))
-            courses.append((tuple(chair.friction_opening), chair.friction_factor))
-    if not rows:
-        return no_courses()
-    columns = np.array(rows, dtype=float).T
-    counts = [len(opening) for opening, _ in courses]
-    return FrictionCourses(
+            openings.append(tuple(chair.friction_opening or ()))
+            from_there += of_chair
+    columns = np.array(rows, dtype=float).reshape(-1, 4).T
+    found = no_courses()._replace(
         friction=columns[0].astype(np.int64),
         coefficient=columns[1].copy(),
         closed=columns[2].copy(),
         side=columns[3].copy(),
-        start=np.concatenate(([0], np.cumsum(counts))).astype(np.int64),
-        opening=np.concatenate([opening for opening, _ in courses]).astype(float),
-        factor=np.concatenate([factor for _, factor in courses]).astype(float),
+        start=np.cumsum([0, *map(len, openings)], dtype=np.int64),
+        opening=np.array([place for course in openings for place in course]),
+        factor=np.array([curve.level for curve in from_there]),
         at=np.full(len(rows), -1, dtype=np.int64),
     )
+    levels = np.array([curve.level for curve in everywhere])
+    levels[found.friction] = 1.0  # follow from the first step on
+    laws = laws._replace(friction_coefficient=laws.friction_coefficient * levels)
+    if all(curve.is_constant for curve in {*everywhere, *from_there}):
+        return laws, found
+    excess_from, fall_from, rise_from = curve_arrays(from_there)
+    excess, fall, rise = curve_arrays(everywhere)
+    return laws, found._replace(
+        excess_from=excess_from, fall_from=fall_from, rise_from=rise_from,
+        excess=excess, fall=fall, rise=rise,
+    )  # fmt: skip
+
+
+def _has_course(chair: Chair) -> bool:
+    """Return whether friction on a chair differs along the stroke or over speed."""
+    own = (chair.friction_factor, chair.friction_state, chair.static_ratio, chair.friction_rise)
+    return own != (None, None, None, None)

@@ -21,7 +21,8 @@ _NO_SHAPE = (
 _LAW_ALONE: dict[str, tuple[str, ...]] = {
     "chair": (
         *("friction_coefficient", "normal_stiffness", "stick_stiffness", "clearance"),
-        *("friction_opening", "friction_factor"),
+        *("friction_opening", "friction_factor", "friction_state"),
+        *("static_ratio", "stribeck_speed", "friction_rise"),
     ),
     "drive": (
         *("stiffness", "saturation_force", "saturated_stiffness", "extension", "force", "machine"),

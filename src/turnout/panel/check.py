@@ -19,7 +19,7 @@ from turnout.core.units import is_finite
 from turnout.panel.check_rails import (
     ON_ONE_RAIL,
     check_drive_table,
-    check_friction_course,
+    check_friction,
     check_outline,
     check_outline_section,
     check_planed_section,
@@ -384,7 +384,7 @@ def _sleeper(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Probl
 
 def _chair(draft: Draft, path: tuple[str, str], chair: Any) -> Iterator[Problem]:
     yield from until_unknown(_standing(draft, path, chair))
-    yield from check_friction_course(path, chair)
+    yield from check_friction(path, chair)
     feet = chair.foot_offsets
     if feet is not None and len(feet) > _MOST_FEET:
         text = f": {len(feet)} foot points, at most {_MOST_FEET}; give those of the edges"

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from turnout.core.problems import Problem, choices, nearest, show_value
+from turnout.law.friction_state import FASTEST, FRICTION_STATES
 from turnout.panel.library_members import library_outline_names
 from turnout.panel.profile import outline_points, section_columns
 from turnout.panel.records import Drive, Profile, SectionTable
@@ -408,15 +409,49 @@ def check_stock_fastening(draft: Draft, path: tuple[str, str], record: Any) -> I
             yield Problem((*path, "x"), f"{text}, {stock.start:g} ... {stock.end:g} m")
 
 
-def check_friction_course(path: tuple[str, str], chair: Any) -> Iterator[Problem]:
-    """Find the faults of the friction of a chair along the stroke."""
+LARGEST_RISE = 20.0
+"""Largest coefficient over that in motion at any speed [-]."""
+
+
+def check_friction(path: tuple[str, str], chair: Any) -> Iterator[Problem]:
+    """Find the faults of the friction of a chair along the stroke and over speed."""
+    yield from until_unknown(_course_faults(path, chair))
+    yield from until_unknown(_curve_faults(path, chair))
+
+
+def _course_faults(path: tuple[str, str], chair: Any) -> Iterator[Problem]:
     opening, factor = chair.friction_opening, chair.friction_factor
+    states = chair.friction_states
     if opening is None and factor is None:
         return
-    if opening is None or factor is None or len(opening) != len(factor):
+    pairs = opening is not None and (len(states) > 1 if factor is None else True)
+    if not pairs or (factor is not None and len(opening) != len(factor)):
         text = "needs friction_opening and friction_factor with as many values each"
         yield Problem((*path, "friction_factor"), text)
     elif opening[0] != 0.0 or any(b <= a for a, b in pairwise(opening)):
         yield Problem((*path, "friction_opening"), "must begin with 0 and rise")
-    elif min(factor) < 0.0 or max(factor) > 10.0:
+    elif factor is not None and (min(factor) < 0.0 or max(factor) > 10.0):
         yield Problem((*path, "friction_factor"), "every factor must be 0 to 10")
+
+
+def _curve_faults(path: tuple[str, str], chair: Any) -> Iterator[Problem]:
+    names, opening = chair.friction_states, chair.friction_opening or ()
+    for name in names:
+        if name not in FRICTION_STATES:
+            text = unknown_name("state", name, FRICTION_STATES)
+            yield Problem((*path, "friction_state"), text)
+    if not names and chair.friction_state is not None:
+        yield Problem((*path, "friction_state"), " = []: names no state; leave it out")
+    elif len(names) > 1 and len(names) != len(opening):
+        text = f" has {len(names)} states: needs friction_opening with as many values"
+        yield Problem((*path, "friction_state"), text)
+    ratio, rise = chair.static_ratio, chair.friction_rise
+    if ratio is not None and not 1.0 <= ratio <= 5.0:
+        text = f" = {ratio:g}: must be 1 to 5, as friction in motion is not above that at rest; "
+        yield Problem((*path, "static_ratio"), text + "let grease rise by friction_rise")
+    if rise is not None and 1.0 + rise * FASTEST > LARGEST_RISE:
+        text = (
+            f" = {rise:g} s/m: rises to {1.0 + rise * FASTEST:g} times the friction in motion at "
+        )
+        text += f"{FASTEST:g} m/s, at most {LARGEST_RISE:g} times; give {LARGEST_RISE - 1:g} s/m or"
+        yield Problem((*path, "friction_rise"), f"{text} less")

@@ -23,16 +23,19 @@ from turnout.core.quantity import (
     Length,
     LengthList,
     NameIn,
+    PerSpeed,
     PointList,
     PositiveNumberList,
     Pressure,
     Record,
     SecondMomentList,
+    Speed,
     Stiffness,
     Temperature,
     Time,
     TimeList,
 )
+from turnout.law.friction_state import FRICTION_STATES, FrictionCurve, curves_along
 from turnout.law.object_kind import OBJECT_KINDS
 from turnout.panel.lock_rule import DEFAULT_RULE, LOCK_RULES, rules_text
 
@@ -354,6 +357,42 @@ class Chair(OnRails):
     friction_factor: list[float] | None = Field(
         None, description="friction along the stroke: factors on friction_coefficient [-]"
     )
+    friction_state: str | list[str] | None = Field(
+        None,
+        description=f"{', '.join(FRICTION_STATES)}, or one of them from each friction_opening on: "
+        "multiplies friction_coefficient, that of a sound chair, and sets the three values below; "
+        "default a constant coefficient",
+    )
+    static_ratio: float | None = Field(
+        None,
+        description="coefficient at rest over that in motion, 1 to 5 [-]; default of the state, or "
+        "1",
+    )
+    stribeck_speed: Speed | None = Field(
+        None,
+        gt=0,
+        description="at which half of what is more at rest is left [m/s]; default of the state, or "
+        "0.005 m/s",
+    )
+    friction_rise: PerSpeed | None = Field(
+        None,
+        ge=0,
+        description="share by which friction rises per speed, as grease does [s/m]; default of the "
+        "state, or 0",
+    )
+
+    @property
+    def friction_states(self) -> list[str]:
+        """Names of its states, one or one from each opening on; none without."""
+        given = self.friction_state
+        return [given] if isinstance(given, str) else given or []
+
+    @property
+    def friction_curves(self) -> tuple[FrictionCurve, ...]:
+        """Curves of `friction_coefficient` times their levels, from each opening on."""
+        factors = self.friction_factor or [1.0] * len(self.friction_opening or (0.0,))
+        own = (self.static_ratio, self.stribeck_speed, self.friction_rise)
+        return curves_along(tuple(factors), tuple(self.friction_states), own)
 
 
 class Fastening(OnRails):

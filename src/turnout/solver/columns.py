@@ -90,7 +90,7 @@ def evaluate_deviation(
             if system.term_list[k] == normal_row:
                 slopes[k - start] -= branch * slope
                 break
-        shift -= branch * constant
+        shift -= branch * (constant + state.friction_beyond[friction])
     return shift
 
 
@@ -184,7 +184,7 @@ def update_row(
         _update_columns(system, state, row, entries, rest, shift_change, defer)
     else:
         finish_pending(system, state)
-        _shift_constant(system, state, end, shift_change)
+        shift_constant(system, state, end, shift_change)
     if vanished:
         finish_pending(system, state)
         deactivate(system, state, end)
@@ -200,7 +200,7 @@ def _dot_pattern(change: Floats, at: Ints, column: Floats) -> float:
 
 
 @compiled
-def _shift_constant(system: System, state: State, end: int, shift_change: float) -> None:
+def shift_constant(system: System, state: State, end: int, shift_change: float) -> None:
     """Add the displacements from a change of the shift of a row [N]."""
     block = system.block_of_end[end]
     first, stop = system.end_start[block], system.end_start[block + 1]

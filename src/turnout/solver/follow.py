@@ -94,8 +94,9 @@ def _friction_event(
     slope, constant = state.slope[normal], state.constant[normal]
     normal_row, stiffness = table.row[normal], table.stick_stiffness[friction]
     coefficient, anchor = table.friction_coefficient[friction], state.anchor[friction]
-    limit = friction_limit(coefficient, slope * state.g[normal_row] + constant)
-    limit_end = friction_limit(coefficient, slope * end[normal_row] + constant)
+    beyond = state.friction_beyond[friction]
+    limit = friction_limit(coefficient, slope * state.g[normal_row] + constant) + beyond
+    limit_end = friction_limit(coefficient, slope * end[normal_row] + constant) + beyond
     trial = trial_force(stiffness, state.g[row], anchor)
     trial_end = trial_force(stiffness, end[row], anchor)
     branch = int(state.friction[friction])

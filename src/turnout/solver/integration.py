@@ -9,6 +9,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.core.errors import SolverError
 from turnout.core.scheme import Scheme
 from turnout.core.threads import one_blas_thread
 from turnout.kernels.interrupt import call_interruptible, one_thread
@@ -212,6 +213,12 @@ def plan_run(
     Some throws planned one after another take half of the time that they take between throws, whose
     histories drive all else out of the processor's caches.
     """
+    if not scheme.inertia and mechanism.courses.has_curves:
+        message = (
+            'mode "quasi-static" has no speed for friction that follows it; take "quick" or '
+            '"waveform", or leave out chair.N.friction_state, static_ratio and friction_rise'
+        )
+        raise SolverError(message)
     with one_blas_thread():
         grid = choose_grid(mechanism, scheme, end, waits)
         arrangement = arrange(mechanism, scheme)

@@ -8,7 +8,8 @@ in halves, until the smallest of them ends there.
 """
 
 from turnout.kernels.compiled import compiled
-from turnout.law.friction import STICK, FrictionCourses
+from turnout.kernels.vector import add_weighted_rows
+from turnout.law.friction import STICK, FrictionCourses, forces_beyond_level
 from turnout.law.kernel import law_argument, segment_for
 from turnout.law.obstruction import (
     BREAKS_AWAY,
@@ -24,6 +25,7 @@ from turnout.law.obstruction import (
     split,
 )
 from turnout.law.table import LawTable
+from turnout.solver.columns import shift_constant
 from turnout.solver.energy import OBJECTS, SEGMENTS, force_and_energy
 from turnout.solver.scratch import Work
 from turnout.solver.solve import mark_law, mark_row
@@ -32,6 +34,11 @@ from turnout.solver.system import System
 
 ELASTIC = 1
 """Segment of an obstruction without change."""
+CURVE_RATE = 10.0
+"""Share of the range of a curve, per length of a step, by which a sliding foot may be off it [1/s];
+beyond, its limit is changed. So what this leaves out shrinks with the step."""
+EVERY_STEP = 2e-3
+"""Length of a step from which on limits follow speeds at each one, else at every other [s]."""
 
 
 @compiled
@@ -107,12 +114,23 @@ def has_just_broken(state: State, obstructions: Obstructions) -> bool:
 
 @compiled
 def update_courses(
-    table: LawTable, state: State, work: Work, courses: FrictionCourses, count: int
+    system: System,
+    table: LawTable,
+    state: State,
+    work: Work,
+    courses: FrictionCourses,
+    step: float,
+    n: int,
+    count: int,
 ) -> int:
-    """Give frictions the coefficients at the present openings of their rails.
+    """Give frictions the coefficients at the present openings and speeds of their feet.
 
     Parameters
     ----------
+    step : float
+        Length of the nominal step [s].
+    n : int
+        Number of the present step.
     count : int
         Rows that are marked for an update already.
 
@@ -132,8 +150,55 @@ def update_courses(
             continue
         courses.at[row] = at
         table.friction_coefficient[friction] = courses.coefficient[row] * courses.factor[at]
+        if courses.excess.size:
+            courses.excess[friction] = courses.excess_from[at]
+            courses.fall[friction] = courses.fall_from[at]
+            courses.rise[friction] = courses.rise_from[at]
         if state.friction[friction] != STICK:
             count = mark_row(work, count, place)
+    if courses.excess.size and (step >= EVERY_STEP or n % 2):
+        count = _follow_speeds(system, table, state, work, courses, step, count)
+    return count
+
+
+@compiled
+def _follow_speeds(
+    system: System,
+    table: LawTable,
+    state: State,
+    work: Work,
+    courses: FrictionCourses,
+    step: float,
+    count: int,
+) -> int:
+    """Give frictions the limits at the present speeds of the modes at their feet."""
+    width = courses.modes.shape[1]
+    for number in range(courses.block.size):
+        block = courses.block[number]
+        first, last = system.mode_start[block], system.mode_start[block + 1]
+        speed = courses.speed[number * width : (number + 1) * width]
+        speed[:] = 0.0
+        add_weighted_rows(state.v[first:last], courses.modes[first:last], speed)
+    if not forces_beyond_level(
+        (work.force, table.friction_normal, table.friction_coefficient),
+        (courses.excess, courses.fall, courses.rise),
+        (courses.speed, courses.speed_of),
+        state.friction, CURVE_RATE * step, state.friction_beyond, courses.beyond,
+    ):  # fmt: skip
+        return count
+    for friction in range(state.friction.size):
+        branch, wanted = state.friction[friction], courses.beyond[friction]
+        change = wanted - state.friction_beyond[friction]
+        if branch == STICK or change == 0.0:
+            continue
+        state.friction_beyond[friction] = wanted
+        place = table.friction_row[friction]
+        end = system.row_ends[place, 0]
+        if wanted == 0.0 or system.row_ends[place, 1] >= 0 or state.slot_of_end[end] < 0:
+            count = mark_row(work, count, place)
+            continue
+        state.shift[place] -= branch * change
+        shift_constant(system, state, end, -branch * change)
     return count
 
 

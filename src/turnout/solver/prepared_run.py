@@ -8,12 +8,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.core.errors import SolverError
+from turnout.core.errors import MechanicsError, SolverError
 from turnout.core.scheme import AlphaCoefficients, Scheme
+from turnout.kernels.lanes import whole_lines, zeros_in_lines
 from turnout.kernels.shared_record import clone_record, copy_vectors, shared_record
 from turnout.law.friction import FrictionCourses, no_courses
 from turnout.law.obstruction import Obstructions, no_obstructions, remember
@@ -21,6 +23,7 @@ from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism, Wait
 from turnout.solver.arrange import Arrangement
 from turnout.solver.levels import Frame, give_back_memory, take_memory
+from turnout.solver.numbering import as_unsigned
 from turnout.solver.record import empty_record
 from turnout.solver.rods import Rods
 from turnout.solver.scratch import Work, new_work
@@ -275,7 +278,7 @@ def set_up_run(
         n_stored=n_stored,
         velocity=velocity,
         obstructions=_set_up_obstructions(mechanism.obstructions, table),
-        courses=_set_up_courses(mechanism.courses),
+        courses=_set_up_courses(mechanism.courses, arrangement.system, table),
         present=present_at_start(of_run),
         record=record,
     )
@@ -346,9 +349,42 @@ def _without_obstructions() -> Obstructions:
     return shared_record(no_obstructions())
 
 
-def _set_up_courses(courses: FrictionCourses) -> FrictionCourses:
-    """Return the courses of a run; where there are none, all runs share them."""
-    return shared_record(courses) if courses.friction.size else _without_courses()
+def _set_up_courses(courses: FrictionCourses, system: System, table: LawTable) -> FrictionCourses:
+    """Return the courses of a run; without any, all runs share them.
+
+    Curves are given the modes at their feet.
+    """
+    if courses.has_curves:
+        courses = courses._replace(**_foot_modes(system, table))
+    elif not courses.friction.size:
+        return _without_courses()
+    return shared_record(courses)
+
+
+def _foot_modes(system: System, table: LawTable) -> dict[str, NDArray[Any]]:
+    """Return the modes at the feet, block by block, and which speed is that of each friction."""
+    places = table.friction_row.astype(np.int64)
+    if (system.row_ends[places, 1] >= 0).any():
+        message = "friction that follows speed acts on one rail, not between two"
+        raise MechanicsError(message)
+    block_of = system.block_of_end[places]
+    blocks = np.unique(block_of)
+    feet = [np.unique(places[block_of == block]) for block in blocks]
+    width = int(whole_lines(max(map(len, feet))))
+    modes = zeros_in_lines(system.load.size, width)
+    speed_of = np.zeros(places.size, dtype=np.int64)
+    for number, (block, ends) in enumerate(zip(blocks, feet, strict=True)):
+        first, last = system.mode_start[block : block + 2]
+        modes[first:last, : ends.size] = system.end_modes[ends, : last - first].T
+        own = block_of == block
+        speed_of[own] = number * width + np.searchsorted(ends, places[own])
+    return {
+        "block": blocks,
+        "modes": modes,
+        "speed_of": as_unsigned(speed_of),
+        "speed": np.zeros(width * len(feet)),
+        "beyond": np.zeros(places.size),
+    }
 
 
 @cache

@@ -137,8 +137,8 @@ def evaluate_frictions(table: LawTable, state: State, work: Work, force: float) 
     of_normals = (work.force, table.friction_normal, table.friction_coefficient)
     springs = (state.anchor, table.stick_stiffness)
     return trials_and_limits(
-        of_normals, state.g, table.friction_row, springs, state.friction, force,
-        work.trial, work.limit,
+        of_normals, state.g, table.friction_row, springs, state.friction_beyond, state.friction,
+        force, work.trial, work.limit,
     )  # fmt: skip
 
 

@@ -96,6 +96,7 @@ class _StateLeft:
     friction: Floats
     anchor: Floats
     friction_force: Floats
+    friction_beyond: Floats
     q: Floats
     g: Floats
     friction_coefficient: Floats
@@ -141,7 +142,8 @@ def plan_start(arrangement: Arrangement, scheme: Scheme, prior: PriorMotion) -> 
     laws = arrangement.laws._replace(**{name: getattr(table, name) for name in _FROZEN})
     # Objects that are absent move nothing: their places share the motion as they share a frame.
     courses = arrangement.mechanism.courses
-    values = [part.tobytes() for part in courses] if courses.friction.size else []
+    has_values = courses.friction.size or courses.has_curves
+    values = [part.tobytes() for part in courses] if has_values else []
     of_laws = cast("SharedRecord", table).memory.tobytes()
     key = (id(arrangement.frame), scheme, positions.tobytes(), of_laws, *values)
     share = 1.0 if prior.cyclic else PRIOR_SHARE
@@ -310,6 +312,7 @@ def _state_left(motion: PreparedRun, frame: Frame) -> _StateLeft:
         state.friction.copy(),
         state.anchor.copy(),
         state.friction_force.copy(),
+        state.friction_beyond.copy(),
         state.q.copy(),
         state.g.copy(),
         motion.table.friction_coefficient.copy(),
@@ -324,7 +327,7 @@ def _start_from(run: PreparedRun, left: _StateLeft) -> Code:
     system, table, state, work = run.system, run.table, run.state, run.work
     _set_present(run)
     set_segments(table, state, left.segment)
-    for name in ("friction", "anchor", "friction_force", "q", "g"):
+    for name in ("friction", "anchor", "friction_force", "friction_beyond", "q", "g"):
         getattr(state, name)[:] = getattr(left, name)
     table.friction_coefficient[:] = left.friction_coefficient
     patient = run.tolerances._replace(iterations=max(run.tolerances.iterations, 100))

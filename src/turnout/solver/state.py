@@ -25,7 +25,8 @@ class State(NamedTuple):
     a force [s].
 
     Frictions: ``friction`` is the branch, see `turnout.law.kernel`, ``anchor`` the displacement at
-    which the stick spring is free [m], ``friction_force`` what it resists with [N].
+    which the stick spring is free [m], ``friction_force`` what it resists with [N], and
+    ``friction_beyond`` how far its limit lies above that of a constant coefficient [N].
 
     Motion: modal coordinates ``q`` with their velocities ``v``, algorithmic accelerations ``a`` and
     accelerations ``acceleration``, `turnout.solver.step`; ``g`` holds the displacements of all
@@ -58,6 +59,7 @@ class State(NamedTuple):
     friction: Floats
     anchor: Floats
     friction_force: Floats
+    friction_beyond: Floats
     input_law_force: Floats
     jump: Floats
     q_rest: Floats
@@ -172,6 +174,7 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
             friction=of_frictions.copy(),
             anchor=of_frictions.copy(),
             friction_force=of_frictions.copy(),
+            friction_beyond=of_frictions.copy(),
             input_law_force=np.zeros(system.input_law.size),
             jump=of_laws.copy(),
             q_rest=modal.copy(),
