@@ -47,9 +47,19 @@ def test_forces_and_currents() -> None:
     assert [text.get_text() for text in currents.get_legend().get_texts()] == ["Drive 1"]
 
 
+def test_the_power_of_a_motor_alone() -> None:
+    time = np.arange(50) / 25
+    dataset = xr.Dataset(
+        {"drive_power": (("drive", "time"), [100.0 * time])}, {"time": time, "drive": ["1"]}
+    )
+    (power,) = plot_measured(dataset).axes
+    assert power.get_ylabel() == "Motor power\n[W]"
+    np.testing.assert_allclose(power.lines[0].get_ydata(), 100.0 * time)
+
+
 def test_nothing_to_draw() -> None:
     with pytest.raises(ResponseError, match="no channels"):
         plot_columns([])
     nothing = xr.Dataset({"object_force": ("time", np.full(3, np.nan))}, {"time": np.arange(3.0)})
-    with pytest.raises(ResponseError, match="no force and no current"):
+    with pytest.raises(ResponseError, match="no force, current or power"):
         plot_measured(nothing)

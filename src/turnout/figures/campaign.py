@@ -147,12 +147,13 @@ def chosen_movements(dataset: xr.Dataset, *, place: str, direction: str) -> xr.D
 
 
 def campaign_channels(dataset: xr.Dataset) -> list[ChannelRow]:
-    """Return the forces and currents of a campaign, each with label and scale of its axes."""
+    """Return forces, currents and powers of a campaign, each with label and scale of its axes."""
     rows = []
     if "object_force" in dataset and np.isfinite(dataset["object_force"].values).any():
         rows.append(ChannelRow("Object\nforce [kN]", dataset["object_force"], KILO))
     for name, label, factor in (
         ("drive_current", "current [A]", 1.0),
+        ("drive_power", "power [W]", 1.0),
         ("drive_force", "force [kN]", KILO),
     ):
         if name in dataset:

@@ -64,7 +64,7 @@ def plot_columns(traces: Sequence[Trace], *, title: str = "") -> "Figure":
 
 
 def plot_measured(dataset: xr.Dataset, *, title: str = "") -> "Figure":
-    """Draw measured forces [kN] and currents [A], with unfiltered values in grey behind.
+    """Draw measured forces [kN], currents [A] and powers [W], unfiltered values in grey behind.
 
     Parameters
     ----------
@@ -81,11 +81,12 @@ def plot_measured(dataset: xr.Dataset, *, title: str = "") -> "Figure":
     rows = [
         ("Drive force\non rail [kN]", _of_drives(dataset, "drive_force", KILO)),
         ("Motor current\n[A]", _of_drives(dataset, "drive_current", 1.0)),
+        ("Motor power\n[W]", _of_drives(dataset, "drive_power", 1.0)),
         ("Object force\n[kN]", _of_object(dataset)),
     ]
     rows = [(label, traces) for label, traces in rows if traces]
     if not rows:
-        message = "nothing to draw: the dataset has no force and no current"
+        message = "nothing to draw: the dataset has no force, current or power"
         raise ResponseError(message)
     figure, axes = new_figure(len(rows))
     for ax, (label, traces) in zip(axes, rows, strict=True):
