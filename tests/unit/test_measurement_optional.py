@@ -138,6 +138,8 @@ def test_a_truncated_tdms_file_says_so(tmp_path: Path, capfd: pytest.CaptureFixt
         ("a.mf4", "asammdf", "daq"),
         ("a.tdms", "nptdms", "daq"),
         ("a.parquet", "pyarrow", "parquet"),
+        ("a.xlsx", "python_calamine", "sheets"),
+        ("a.uff", "pyuff", "daq"),
     ],
 )
 def test_a_missing_package_names_the_extra(

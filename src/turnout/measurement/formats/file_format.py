@@ -1,7 +1,6 @@
 """Read recordings of any known format, and write them in formats that other programs read."""
 
 import re
-import zipfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
@@ -27,6 +26,9 @@ from turnout.measurement.recording import Recording
 SNIFFED_BYTES = 600
 _HDF5_MARK = b"\x89HDF\r\n\x1a\n"
 _ARCHIVE, _OLD_OFFICE = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
+ARCHIVED_NAME = 30
+"""Where an archive names its first file [byte]."""
+WORKBOOKS = (".xlsx", ".xlsm", ".xls", ".ods")
 # Formats that are not read, by their first bytes, and the way out.
 FOREIGN = (
     (b"|CF,", "an imc FAMOS file; export it as ASCII or MDF"),
@@ -94,17 +96,13 @@ def _matches(pattern: bytes) -> Callable[[bytes, Path], bool]:
 
 
 def _is_workbook(head: bytes, path: Path) -> bool:
-    """Return True for a workbook of Excel before 2007, or an archive that holds one."""
+    """Return True for a workbook of Excel before 2007, or an archive that begins as one."""
     if head.startswith(_OLD_OFFICE):
         return True
-    if not head.startswith(_ARCHIVE):
-        return False
-    try:
-        with zipfile.ZipFile(path) as archive:
-            names = archive.namelist()
-    except (zipfile.BadZipFile, OSError, ValueError):
-        return path.suffix.lower() in (".xlsx", ".xlsm", ".ods")
-    return any(name.startswith("xl/") or name == "content.xml" for name in names)
+    first = head[ARCHIVED_NAME:]
+    is_sheet = first.startswith((b"[Content_Types].xml", b"_rels/", b"xl/", b"docProps/"))
+    is_sheet |= first.startswith(b"mimetype") and b"opendocument.spreadsheet" in head
+    return head.startswith(_ARCHIVE) and (is_sheet or path.suffix.lower() in WORKBOOKS)
 
 
 FORMATS = (
@@ -152,7 +150,7 @@ FORMATS = (
     ),
     FileFormat(
         "workbook",
-        (".xlsx", ".xlsm", ".xls", ".ods"),
+        WORKBOOKS,
         _is_workbook,
         "sheets:read_workbook",
         ("python_calamine",),
