@@ -252,7 +252,7 @@ def test_the_command_line_says_so() -> None:
 
 @pytest.mark.parametrize("lost", ["object_broken", "drive_slipping"])
 def test_what_was_not_kept_hides_nothing(lost: str) -> None:
-    """Without slip there is no verdict, but lock and control at the end."""
+    """Without slip there is no verdict, but what rests on a break."""
     assert (
         'strength "detected by TKK" with no break (TKK1 17.'
         in findings(thrown().drop_vars(lost))[0].detail

@@ -1,6 +1,7 @@
 """What a run means in plain words: one small dataset a case, and a simulated throw."""
 
 import json
+from itertools import product
 
 import numpy as np
 import pytest
@@ -28,15 +29,22 @@ def ended(*, locked: bool, control: bool, touched: bool | None = None) -> xr.Dat
     return dataset.assign_attrs(foreign_objects=OBJECT)
 
 
+def kept(*, locked: bool, control: bool, touched: bool | None = None) -> xr.Dataset:
+    """Return the same with slips, without which a run is not judged."""
+    run = ended(locked=locked, control=control, touched=touched).assign_coords(drive=["1"])
+    return run.assign(drive_slipping=(("drive", "time"), [[False, False]]))
+
+
 @pytest.mark.parametrize(
     ("dataset", "level", "answer", "words"),
     [
-        (ended(locked=True, control=True), "good", "Locked, in control", "nothing is trapped"),
-        (ended(locked=False, control=True), "bad", "Not locked", "nothing is trapped, yet"),
-        (ended(locked=True, control=True, touched=True), "bad", "Undetected object", "13 mm at s"),
-        (ended(locked=False, control=True, touched=True), "good", "Object detected", "not locked"),
-        (ended(locked=True, control=False, touched=True), "good", "Object detected", "not in con"),
-        (ended(locked=True, control=True, touched=False), "look", "Object never touched", "locked"),
+        (kept(locked=True, control=True), "good", "Sound", "the switch locks"),
+        (kept(locked=False, control=True), "bad", "Not locked", "the lock is refused"),
+        (kept(locked=True, control=True, touched=True), "bad", "Undetected object", "13 mm at s"),
+        (kept(locked=False, control=True, touched=True), "good", "Object detected", "the lock is"),
+        (kept(locked=True, control=False, touched=True), "good", "Object detected", "TKK1"),
+        (kept(locked=True, control=True, touched=False), "look", "Object never touched", "locks"),
+        (ended(locked=True, control=True, touched=True), "look", "Not judged", "has no slip"),
     ],
 )
 def test_the_headline(dataset: xr.Dataset, level: str, answer: str, words: str) -> None:
@@ -63,7 +71,7 @@ def test_a_slip_is_reported_with_drive_time_and_cause() -> None:
 
 def test_what_a_measurement_cannot_answer_is_left_out() -> None:
     forces = xr.Dataset({"drive_force": (("drive", "time"), [[0.0, 1.0]])}, {"time": [0.0, 1.0]})
-    assert findings(forces) == []
+    assert [item.answer for item in findings(forces)] == ["Not judged"]
     assert findings(forces.isel(time=[]))[0].answer == "Nothing to judge"
 
 
@@ -83,8 +91,8 @@ def test_a_simulated_throw_agrees_with_its_labels() -> None:
 
 
 def test_no_check_is_good_that_lets_an_object_pass() -> None:
-    for touched, level in ((True, "look"), (None, "good")):
+    for made, (touched, level) in product((ended, kept), ((True, "look"), (None, "good"))):
         reported = {
-            f.question: f for f in findings(ended(locked=True, control=True, touched=touched))
+            f.question: f for f in findings(made(locked=True, control=True, touched=touched))
         }
         assert {reported["Locked?"].level, reported["In control?"].level} == {level}

@@ -236,9 +236,7 @@ def summary_lines(dataset: "xr.Dataset") -> Iterator[str]:
 
     made = checks(dataset)
     found = verdict(dataset, made)
-    judged = headline(found, dataset)
-    level = "look" if judged is None else judged.level
-    yield f"{'verdict':<16}{coloured(found.text, level)}"
+    yield f"{'verdict':<16}{coloured(found.text, headline(found, dataset).level)}"
     if found.meaning:
         yield f"{'meaning':<16}{found.meaning}"
     for heading, text in summary(dataset, made):

@@ -17,7 +17,6 @@ from turnout.metric.checks import (
     unmet,
 )
 from turnout.metric.key_figure import peak_note
-from turnout.metric.slip import unfinished
 from turnout.metric.summary import (
     ends_inaccurate,
     numerical_warning,
@@ -26,18 +25,12 @@ from turnout.metric.summary import (
 )
 from turnout.metric.verdict import (
     Verdict,
-    break_note,
     object_items,
-    object_name,
-    state_text,
     verdict,
 )
 
 HEADLINE = "Outcome"
 """The question that the headline of a run answers; always given."""
-
-UNDETECTED = "Undetected object"
-"""The answer for an object that lock, control and drives accept."""
 
 Severity = Literal["good", "look", "bad", "fact"]
 
@@ -83,21 +76,21 @@ def findings(dataset: xr.Dataset) -> list[Finding]:
     --------
     >>> run = xr.Dataset({"locked": ("time", [False, True])}, {"time": [0.0, 1.0]})
     >>> [(item.question, item.answer) for item in findings(run)]
-    [('Outcome', 'Locked'), ('Locked?', 'Yes')]
+    [('Outcome', 'Not judged'), ('Locked?', 'Yes')]
     """
     if not dataset.sizes.get("time", 0):
         reason = str(dataset.attrs.get("outcome_message", "it holds no instant"))
         return [Finding("bad", HEADLINE, "Nothing to judge", reason)]
     made = checks(dataset)
     judged = verdict(dataset, made)
-    found = [*_complete(dataset), *_outcome(dataset, made, judged), *_states(dataset, made)]
+    found = [*_complete(dataset), headline(judged, dataset), *_states(dataset, made)]
     found += [*_slipped(dataset, made), *_nearest(made)]
     found += [*_object(dataset), *_of_wheels(dataset, made)]
     warning = numerical_warning(dataset) if "energy_numerical" in dataset else None
     if warning is not None:
         found.append(Finding("look", "Can the numbers be trusted?", "With care", warning))
-    undetected = any(item.question == HEADLINE and item.answer == UNDETECTED for item in found)
-    return _without_praise(found) if judged.missed or undetected else found
+    unknown = judged.kind == "not judged" and bool(object_items(dataset))
+    return _without_praise(found) if judged.missed or unknown else found
 
 
 # What accepts a movement; not good while an object is trapped.
@@ -108,7 +101,7 @@ _ACCEPTS = (
 
 
 def _without_praise(found: list[Finding]) -> list[Finding]:
-    """Take the good level from the checks that an undetected object has passed."""
+    """Take the good level from the checks that an object has passed, or may have."""
     return [
         replace(item, level="look") if item.question in _ACCEPTS and item.level == "good" else item
         for item in found
@@ -124,58 +117,20 @@ def _complete(dataset: xr.Dataset) -> list[Finding]:
     return [Finding("bad", "Is the run whole?", "No", f"{message}; what follows holds until then")]
 
 
-def _outcome(dataset: xr.Dataset, made: Sequence[Check], judged: Verdict) -> list[Finding]:
-    """Return the one sentence that matters: detection of a trapped object by the switch, or not."""
-    told = headline(judged, dataset)
-    if told is not None:
-        return [told]
-    found, note = _states_at_the_end(dataset, made), break_note(dataset)
-    return [replace(item, detail=f"{item.detail}. {note}") for item in found] if note else found
-
-
-def _states_at_the_end(dataset: xr.Dataset, made: Sequence[Check]) -> list[Finding]:
-    """Return the same without a verdict, from lock and sensors at the last rest."""
-    asked = [check for check in made if check.kind in ("lock", "control")]
-    rest = [check for check in asked if check.time == asked[-1].time]
-    if not rest:
-        return []
-    state, refused = state_text(rest), bool(unmet(rest))
-    answer, items = _capital(state), object_items(dataset)
-    if not items:
-        text = "does not reach" if refused else "reaches"
-        text = (
-            f"nothing is trapped, {'yet' if refused else 'and'} the switch {text} its end position"
-        )
-        return [Finding("bad" if refused else "good", HEADLINE, answer, text)]
-    what = " and ".join(map(object_name, items))
-    if "object_touched" in dataset and not dataset["object_touched"]:
-        return [Finding("look", HEADLINE, "Object never touched", f"{what}; {state}")]
-    if refused:
-        return [Finding("good", HEADLINE, "Object detected", f"{what}; the switch is {state}")]
-    return [Finding("bad", HEADLINE, UNDETECTED, f"{what}, yet the switch is {state}")]
-
-
-def headline(found: Verdict, dataset: xr.Dataset) -> Finding | None:
-    """Return a verdict as an answer, or None if only the states at the end are known."""
+def headline(found: Verdict, dataset: xr.Dataset) -> Finding:
+    """Return a verdict as an answer."""
     detail = found.text.partition(": ")[2].rstrip(".")
-    if found.kind == "not judged":
-        if bool(dataset.get("object_placed", True)) and not unfinished(dataset):
-            return None
-        return Finding("look", HEADLINE, "Not judged", detail)
-    if found.kind == "depends on how it breaks":
-        return Finding("look", HEADLINE, _capital(found.kind), detail, found.meaning)
+    if found.kind in ("not judged", "depends on how it breaks"):
+        answer = f"{found.kind[0].upper()}{found.kind[1:]}"
+        return Finding("look", HEADLINE, answer, detail, found.meaning)
     if found.missed:
-        return Finding("bad", HEADLINE, UNDETECTED, detail, found.meaning)
+        return Finding("bad", HEADLINE, "Undetected object", detail, found.meaning)
     if found.kind.startswith("detected"):
         return Finding("good", HEADLINE, "Object detected", detail, found.meaning)
     if object_items(dataset) and not bool(dataset.get("object_touched", True)):
         return Finding("look", HEADLINE, "Object never touched", detail)
     level: Severity = "good" if found.kind == "sound" else "bad"
     return Finding(level, HEADLINE, found.head, detail, found.meaning)
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]
 
 
 def _answer(asked: Sequence[Check], question: str) -> tuple[Severity, str, str]:

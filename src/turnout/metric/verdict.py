@@ -136,14 +136,14 @@ def verdict(dataset: "xr.Dataset", found: Sequence[Check] | None = None) -> Verd
     >>> verdict(xr.Dataset(attrs={"kind": "measurement"})).kind
     'not judged'
     """
-    lacking = _missing_channels(dataset) or _unplaced(dataset)
+    lacking, note = _missing_channels(dataset) or _unplaced(dataset), break_note(dataset)
     if lacking:
-        return Verdict("not judged", f"Not judged: {lacking}.")
+        return Verdict("not judged", f"Not judged: {lacking}.{f' {note}.' if note else ''}")
     found = checks(dataset) if found is None else found
     late = list(unfinished(dataset).values())
     cases = judge_objects(_trapped_items(dataset), found, periods(dataset))
     kind = kind_of(cases, found, late=bool(late))
-    made, note = Verdict(kind, _sentence(kind, cases, found, late)), break_note(dataset)
+    made = Verdict(kind, _sentence(kind, cases, found, late))
     if "break_check" in dataset.attrs and note:
         text = f"{note}; in this throw: {made.text[:1].lower()}{made.text[1:]}"
         return Verdict("depends on how it breaks", text, own=kind)

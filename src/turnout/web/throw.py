@@ -176,13 +176,11 @@ def throw_reply(panel: Panel, dataset: xr.Dataset, *, preview: bool = False) -> 
 
 def _verdict(found: Verdict, dataset: xr.Dataset) -> dict[str, Any]:
     """Return the verdict with the level of the report's headline; a preview is judged alike."""
-    told = headline(found, dataset)
-    level = "look" if told is None else told.level
     return {
         "kind": found.kind,
         "text": found.text,
         "meaning": found.meaning,
-        "level": level,
+        "level": headline(found, dataset).level,
         "missed": found.missed,
     }
 
