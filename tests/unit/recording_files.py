@@ -197,6 +197,13 @@ def hdf5(
     return write
 
 
+def stamped(path: Path) -> None:
+    with h5py.File(path, "w") as opened:
+        opened.create_dataset("time", data=np.array([str(m) for m in MOMENTS], dtype="S32"))
+        for name, values in (("Current", CURRENT), ("Force", FORCE)):
+            opened.create_dataset(name, data=values)
+
+
 def compound(path: Path) -> None:
     table = np.zeros(COUNT, [("time", "f8"), ("Force", "f4"), ("Current", "f8"), ("state", "S4")])
     table["time"], table["Force"], table["Current"], table["state"] = TIME, FORCE, CURRENT, b"ON"
@@ -243,6 +250,7 @@ NAMED: list[File] = [
     ("HDF5, a shaft's rate", ".h5", hdf5(file={"rate": 25.0}, group="shaft"),
      ("neither times nor a sample rate",)),
     ("HDF5, two rates", ".h5", hdf5(each={"fs": 25.0, "dt": 0.001}), ("two clocks",)),
+    ("HDF5, time stamps", ".h5", stamped, SWAPPED),
     ("HDF5, table", ".h5", compound, BOTH),
     ("HDF5, packed", ".h5", packed, SWAPPED),
     ("MATLAB 7.3 by its classes", ".h5", mat73, SWAPPED),
@@ -256,6 +264,10 @@ NAMED: list[File] = [
     ("MATLAB days", ".mat", mat({"t": 739_949.343 + TIME / 86_400, **ARRAYS}), BOTH),
     ("MATLAB, t counts", ".mat", mat({"t": np.arange(COUNT), **ARRAYS}), ("may be an index",)),
     ("MATLAB, t in ms", ".mat", mat({"time_ms": np.arange(COUNT) * 40.0, **ARRAYS}), BOTH),
+    ("MATLAB, seconds of LabVIEW", ".mat",
+     mat({"t": 3_878_698_440.0 + TIME, **ARRAYS}), BOTH),
+    ("MATLAB, time stamps", ".mat",
+     mat({"time": np.array([str(m) for m in MOMENTS], dtype=object), **ARRAYS}), BOTH),
     ("MATLAB, structures", ".mat",
      mat({"a": {"t": TIME, "Force": FORCE}, "b": {"t": TIME + 1.0, "Current": CURRENT}}),
      {"a.Force": (25.0, 0.0), "b.Current": (25.0, 1.0)}),

@@ -225,6 +225,9 @@ STAMPS: list[Kind] = [
     ("stamps: hour twice",
      "Time,Force [kN],Current [A]\n" + rows(time=lambda n: moment(
          "%Y-%m-%d %H:%M:%S.%f", begin=datetime(2026, 10, 25, 1 + (n < 25), 59, 59))(n)), BOTH),
+    ("stamps: hour left out",
+     "Time,Force [kN],Current [A]\n" + rows(time=lambda n: moment(
+         "%Y-%m-%d %H:%M:%S.%f", begin=datetime(2026, 3, 29, 1 + (n >= 25), 59, 59))(n)), BOTH),
     ("stamps: date beside",
      "Date,Time,Force [kN],Current [A]\n" + rows(time=moment("%d.%m.%Y,%H:%M:%S.%f")), BOTH),
     ("stamps: date behind",

@@ -177,10 +177,9 @@ class _Found:
     def take(self, name: str, item: h5py.Dataset) -> None:
         """Take a dataset by what it holds."""
         last = name.rsplit("/", 1)[-1]
-        if item.dtype.kind in "OS" and (last.lower() in (*NAME_LISTS, "units") or item.size == 1):
-            self.texts[name.replace("/", ".")] = [
-                _text(value) for value in np.ravel(self.content.read(item))
-            ]
+        wanted = last.lower() in (*NAME_LISTS, "units") or item.size == 1 or is_time_name(last)
+        if item.dtype.kind in "OS" and wanted:
+            self.texts[name] = [_text(value) for value in np.ravel(self.content.read(item))]
         if item.dtype.names:
             self._take_table(name, item)
         if item.dtype.kind not in "biuf" or item.ndim > 2:

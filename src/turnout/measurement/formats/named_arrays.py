@@ -11,9 +11,11 @@ from turnout.measurement.formats.assemble import FileColumn, split_unit, tidy_un
 from turnout.measurement.formats.clock import StatedClock, is_time_name, is_time_unit
 from turnout.measurement.formats.time_axis import (
     TimeAxis,
+    is_stamp,
     may_be_time,
     moments_axis,
     numeric_axis,
+    stamps_axis,
 )
 
 NO_TIME = "add an array 'time' [s] of the same length or a number 'sample_rate' [1/s]"
@@ -82,6 +84,9 @@ def columns_of_arrays(
                 times[name] = numeric_axis(vector.astype(np.float64), name=bare, unit=unit)
             except ValueError as error:
                 problems.append(f"array '{name}' is not used as time: {error}")
+    for name, items in texts.items():
+        if len(items) > 1 and _is_time(name) and all(map(is_stamp, items)):
+            times[name] = stamps_axis(items)
     columns: list[FileColumn] = []
     for name, array in arrays.items():
         vector, clock = flat[name], _clock_of(name, stated)
@@ -230,6 +235,6 @@ def _list(
     texts: Mapping[str, Sequence[str]], wanted: Sequence[str], count: int
 ) -> list[str] | None:
     for name, items in texts.items():
-        if name.rsplit(".", 1)[-1].lower() in wanted and len(items) == count:
+        if _last(name).lower() in wanted and len(items) == count:
             return [str(item) for item in items]
     return None

@@ -19,8 +19,10 @@ from turnout.measurement.formats.clock import DAY, HOUR, seconds_of, unit_in_nam
 
 Floats = NDArray[np.float64]
 
-# Unix time of 2000 to 2100 [s]; the same instants in days of MATLAB, Julius Caesar and Excel.
-_UNIX = (946_684_800.0, 4_102_444_800.0)
+# Unix time of 2000 to 2050 [s]; LabVIEW counts from 1904.
+_UNIX = (946_684_800.0, 2_524_608_000.0)
+_LABVIEW = 2_082_844_800.0
+# Days of MATLAB, Julius Caesar and Excel from 2000 to 2100, and their number of 1970.
 _DAYS = ((730_486.0, 767_011.0, 719_529.0), (2_451_544.0, 2_488_070.0, 2_440_587.5),
          (36_526.0, 73_051.0, 25_569.0))  # fmt: skip
 # Steps that are days: as seconds they would be above 50 kHz.
@@ -137,6 +139,8 @@ def numeric_axis(values: Floats, *, name: str = "", unit: str = "") -> TimeAxis:
     for scale in (factor,) if given else (1.0, 1e-3, 1e-6, 1e-9):
         if _UNIX[0] <= first * scale <= _UNIX[1]:
             return _from_first(values, scale, first * scale, "Unix time")
+    if _UNIX[0] <= first * factor - _LABVIEW <= _UNIX[1]:
+        return _from_first(values, factor, first * factor - _LABVIEW, "seconds since 1904")
     if not given or factor == DAY:
         for least, most, zero in _DAYS:
             if least <= first <= most and 0 < step < _LARGEST_DAY_STEP:
@@ -386,17 +390,21 @@ def _second_of_day(clock: dict[str, str | None]) -> float:
 
 
 def _unwrapped(seconds: Floats, begin: float | None, *, zoned: bool, wrap: float) -> TimeAxis:
-    """Go on past midnight (or the full hour), and through the hour that summer time repeats."""
+    """Go on past midnight (or the full hour), and through both ends of summer time."""
     steps = np.diff(seconds)
-    if not steps.size or steps.min() >= 0:
+    if not steps.size or (steps.min() >= 0 and steps.max() < HOUR):
         return TimeAxis(seconds, begin)
     rising = steps[steps > 0]
     typical = float(np.median(rising)) if rising.size else 1.0
     again = np.zeros(steps.size)
     again[(steps < -wrap / 2) & (steps >= -wrap)] = wrap
     twice = (steps >= -HOUR - 1e-6) & (steps <= 2 * typical - HOUR) & (again == 0)
+    # Summer time begins at two in the morning.
+    at_two = np.abs(((begin or 0.0) + seconds[:-1]) % DAY - 2 * HOUR) <= 2 * typical
+    left_out = (steps >= HOUR) & (steps <= HOUR + 2 * typical) & at_two
     remark = ""
-    if not zoned and twice.any():
+    if not zoned and typical < HOUR / 2 and (twice.any() or left_out.any()):
         again[twice] = HOUR
-        remark = "its clock goes back by an hour, taken as the end of summer time"
+        again[left_out] = -HOUR
+        remark = "its clock jumps by an hour, taken as the beginning or end of summer time"
     return TimeAxis(seconds + np.concatenate(([0.0], np.cumsum(again))), begin, remark)
