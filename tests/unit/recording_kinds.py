@@ -280,6 +280,10 @@ NUMBERS: list[Kind] = [
      {"Force": (25.0, 0.0), "Current": (25.0, 0.0)}),
     ("numbers: first row unreadable, whole numbers",
      "Time (s),Force\nx7,3\n0.00,1\n0.04,2\n0.08,4\n", ("line 2", "'x7'")),
+    ("numbers: a column with an empty line",
+     "Sample rate: 25 Hz\nForce [kN]\n" + "".join(
+         f"{'' if n == 5 else value}\n" for n, value in enumerate(FORCE)) + "\n",
+     {"Force": (25.0, 0.0)}),
     ("numbers: first row unreadable",
      HEAD + "zero,0.5,0.7\n" + rows(time=seconds), ("line 2", "'zero'")),
     ("numbers: text among them",

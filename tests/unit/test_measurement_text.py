@@ -141,3 +141,12 @@ def test_a_table_has_one_time() -> None:
     )
     with pytest.raises(MeasurementError, match="'fast' and 'slow' have different times"):
         csv_bytes(Recording({"slow": slow, "fast": fast}, "test"))
+
+
+@pytest.mark.parametrize(("place", "said"), [(1, False), (3, True), (6, False)])
+def test_empty_lines_that_may_be_samples_are_said(tmp_path: Path, place: int, said: bool) -> None:
+    """A rate gives the time: a line that is lost would shift all samples behind it."""
+    lines = ["Sample rate: 25 Hz", "A (V),B (V)", "1.5,2", "2.5,3", "3.5,4", "4.5,5"]
+    lines.insert(place, "")
+    recording = read_recording(written(tmp_path, "\n".join(lines) + "\n"))
+    assert recording.problems == (("check the time: 1 empty line is left out",) if said else ())

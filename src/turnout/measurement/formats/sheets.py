@@ -129,13 +129,11 @@ def _of_sheets(path: Path, sheets: Mapping[str, Rows], throw: str | None) -> Rec
 
 
 def _text(rows: Rows) -> str:
-    """Return rows as lines with tabs; their empty last cells are left out."""
-    lines = []
-    for row in rows:
-        cells = [_cell(cell) for cell in row]
-        lines.append("\t".join(cells))
+    """Return rows as lines with tabs; the last empty columns and rows are left out."""
+    lines = ["\t".join(_cell(cell) for cell in row) for row in rows]
     width = max((len(line.rstrip("\t").split("\t")) for line in lines), default=0)
-    return "".join("\t".join(line.split("\t")[:width]) + "\n" for line in lines if line.strip())
+    text = "".join("\t".join(line.split("\t")[:width]) + "\n" for line in lines)
+    return text.rstrip("\t\n") + "\n"
 
 
 def _cell(cell: object) -> str:

@@ -24,6 +24,7 @@ from turnout.measurement.formats.time_axis import is_date, is_stamp
 from turnout.measurement.recording import Recording
 
 NO_TIME = "give a column 'Time (s)' or a line 'Sample rate: 1000 Hz' above the numbers"
+_EMPTY_LINE = re.compile(r"\n[ \t]*(?=\n)")
 MOST_FOOTER = 40
 """Rows below a table that may be statistics of it; and rows beside it that may be a heading."""
 
@@ -85,6 +86,8 @@ def text_table(text: TextFile) -> Table:
         raise FileError(message + "; export fewer")
     frame, problems = _table(text, layout)
     stated = layout.heading.stated
+    if stated.rates or stated.weak:
+        problems += _lost_lines(text, layout)
     frame = _without_side_heading(frame, stated, layout)
     names = [*layout.heading.names, *[""] * layout.width]
     units = [*layout.heading.units, *[""] * layout.width]
@@ -120,6 +123,10 @@ def _table(text: TextFile, layout: TextLayout) -> tuple[Any, list[str]]:
             problems.append("lines below the table are left out")
     except (ValueError, OverflowError, ParserWarning) as error:
         raise FileError(_fault(text, layout, error)) from None
+    while layout.width == 1 and len(frame) and frame.iloc[-1, 0] in ("", None):
+        frame = frame.iloc[:-1]
+    if layout.width == 1 and len(frame) and frame[0].dtype.kind == "f":
+        frame = frame.iloc[: int(np.flatnonzero(frame[0].notna())[-1]) + 1]
     frame = _without_footer(frame, layout, problems, text.source)
     # An empty line at the end is none; a row without its last cells was cut off.
     cut = len(frame) > 1 and rows is None and pd.isna(frame.iloc[-1, -1])
@@ -137,7 +144,8 @@ def _frame(text: TextFile, layout: TextLayout, **options: object) -> Any:
         "header": None,
         "names": range(layout.width),
         "index_col": False,
-        "skip_blank_lines": True,
+        # In a column of its own an empty line is a missing sample.
+        "skip_blank_lines": layout.width > 1,
         "na_values": sorted(EMPTY - {""}),
         "skipinitialspace": True,
         "engine": "c",
@@ -244,11 +252,23 @@ def _without_side_heading(frame: Any, stated: StatedClock, layout: TextLayout) -
     return frame.drop(columns=beside)
 
 
+def _lost_lines(text: TextFile, layout: TextLayout) -> list[str]:
+    """Return a remark on empty lines, which may stand for samples where a rate gives the time."""
+    with text.open() as raw, io.TextIOWrapper(raw, layout.encoding, "replace") as file:
+        above = [file.readline().strip(f" \n{layout.separator}") for _ in range(layout.first_row)]
+        inside = len(_EMPTY_LINE.findall(file.read().rstrip())) if layout.width > 1 else 0
+    before = len(above) - max((n for n, line in enumerate(above, start=1) if line), default=0)
+    # One line often parts a heading from its table.
+    count = inside + (before if before > 1 else 0)
+    what = "1 empty line is" if count == 1 else f"{count} empty lines are"
+    return [f"check the time: {what} left out"] if count else []
+
+
 def _line_of(text: TextFile, layout: TextLayout, row: int) -> str:
     """Return the line of a row; empty lines between them are no rows."""
     with text.open() as raw, io.TextIOWrapper(raw, layout.encoding, "replace") as file:
         for number, line in enumerate(file):
-            if number >= layout.first_row and line.strip():
+            if number >= layout.first_row and (layout.width == 1 or line.strip()):
                 row -= 1
             if row < 0:
                 return f"line {number + 1}"
