@@ -14,6 +14,7 @@ import turnout
 from turnout.cli.main import app
 from turnout.core.errors import PanelError, ResponseError
 from turnout.figures.gauge import gauge_sheet
+from turnout.metric.export import export_matrices
 from turnout.metric.least_gauge import least_gauges, load_gauge_limits
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
@@ -96,6 +97,14 @@ def test_machines_stand_as_markers() -> None:
     moved = gauge_under_wheel(with_machines, lateral=40e3, foreign_object=TRAPPED)
     gauge = found()["gauge"].isel(load=1)
     np.testing.assert_array_equal(moved["gauge"].isel(load=0), gauge)
+
+
+def test_a_rail_that_came_as_matrices_answers_as_its_beams(tmp_path: Path) -> None:
+    panel = load_panel(DEFAULT)
+    (tmp_path / "own.mat").write_bytes(export_matrices(panel)["rail_straight.mat"])
+    given = panel.with_overrides({"rail.straight.matrices": str(tmp_path / "own.mat")})
+    moved = gauge_under_wheel(given, lateral=(20e3, 40e3), foreign_object=TRAPPED)
+    np.testing.assert_allclose(moved["gauge"], found()["gauge"], rtol=0, atol=1e-8)
 
 
 def test_all_that_is_not_allowed_is_said_at_once() -> None:

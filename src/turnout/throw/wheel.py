@@ -28,7 +28,7 @@ from turnout.core.problems import choices
 from turnout.core.provenance import provenance
 from turnout.core.scheme import Scheme
 from turnout.core.threads import one_blas_thread
-from turnout.mechanism.build import build_loaded, rail_data
+from turnout.mechanism.build import build_loaded, build_mechanism
 from turnout.mechanism.laws import SOFT_STIFFNESS
 from turnout.mechanism.mechanism import Mechanism, Point
 from turnout.panel.foreign_object import ForeignObject, PlacedObject, resolve_objects
@@ -224,7 +224,8 @@ def _objects_at(objects: Sequence[PlacedObject], rest: float) -> tuple[PlacedObj
 
 def _places(panel: LoadedPanel, rail: str, step: float, objects: Sequence[PlacedObject]) -> Floats:
     """Return nodes of a rail from its toe to its last chair, at most a step apart [m]."""
-    nodes = next(data.x for data in rail_data(panel, objects) if data.name == rail)
+    rails = build_mechanism(panel, objects).rails
+    nodes = next(body.x for body in rails if body.name == rail)
     chairs = [c.x for c in panel.chair.values() if c.rails is None or rail in c.rails]
     if panel.rail[rail].heel == "clamped":
         nodes = nodes[:-1]
