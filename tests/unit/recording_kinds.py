@@ -170,6 +170,13 @@ TIMES: list[Kind] = [
     ("time: index headless", rows(time=str), ("counts samples and is no time",)),
     ("time: tens headless", rows(time=milliseconds), ("counts samples and is no time",)),
     ("time: index and rate", "Rate: 25 Hz\nindex,Force [kN],Current [A]\n" + rows(time=str), BOTH),
+    ("time: index leaves numbers out",
+     "Rate: 25 Hz\nindex,Force [kN],Current [A]\n" + "".join(
+         f"{n},{FORCE[n]},{CURRENT[n]}\n" for n in range(COUNT) if n != 5), BOTH),
+    *((f"time: {name} leaves numbers out",
+       f"Rate: 25 Hz\n{name},Force [kN],Current [A]\n" + "".join(
+         f"{n},{FORCE[n]},{CURRENT[n]}\n" for n in range(COUNT) if n != 5), BOTH)
+      for name in ("Time", "t", "sample_index")),
     ("time: t counts beside a rate",
      "Rate: 25 Hz\nt,Force [kN],Current [A]\n" + rows(time=str), BOTH),
     ("time: parts of a day",

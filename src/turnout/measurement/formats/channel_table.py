@@ -326,7 +326,8 @@ def _name_axes(table: Table) -> None:
         bare = letter and not is_time_unit(column.unit)
         if bare and not may_be_time(given, column.name, rate=single):
             continue
-        if rate is not None and not is_time_unit(column.unit) and _counts_throws(given):
+        index = _counts_throws(given) or _counts_with_holes(given)
+        if rate is not None and not is_time_unit(column.unit) and index:
             continue  # an index beside a rate
         try:
             axis = numeric_axis(given, name=column.name, unit=column.unit)
@@ -335,6 +336,8 @@ def _name_axes(table: Table) -> None:
             raise ValueError(message) from None
         table.axes[place] = axis
         del table.values[place]
+    if not table.axes and single is not None:
+        _index_axis(table, single)
     if not table.axes and not table.named and 0 in table.values and len(table.columns) > 1:
         first = table.values[0]
         fits = may_be_time(first, "", rate=single) and rises_evenly(first)
@@ -342,6 +345,22 @@ def _name_axes(table: Table) -> None:
             table.axes[0] = TimeAxis(table.values.pop(0))
             if single is None:
                 table.problems.append("column 1 rises evenly and is taken for the time [s]")
+
+
+def _index_axis(table: Table, rate: float) -> None:
+    """Take an index that leaves numbers out as times: samples are missing there."""
+    for place, values in table.values.items():
+        name = table.columns[place].name
+        if is_index_name(name) and _counts_with_holes(values) and not _counts_throws(values):
+            table.axes[place] = TimeAxis((values - values[0]) / rate)
+            del table.values[place]
+            return
+
+
+def _counts_with_holes(values: Floats) -> bool:
+    """Return True if whole numbers mostly rise by one."""
+    whole = values.size > 1 and np.isfinite(values).all() and np.all(values == np.rint(values))
+    return bool(whole and np.median(np.diff(values)) == 1)
 
 
 def _count(values: Floats) -> int:
