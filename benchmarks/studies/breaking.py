@@ -19,11 +19,11 @@ from turnout.core.channels import DEPENDS
 from turnout.core.errors import PanelError
 from turnout.core.scheme import Scheme
 from turnout.law.object_kind import OBJECT_KINDS
-from turnout.metric.checks import checks
-from turnout.metric.verdict import verdict
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel, library_names, load_panel
+from turnout.throw.checks import checks
 from turnout.throw.simulate import simulate
+from turnout.throw.verdict import verdict
 
 SEED = 20261130
 COUNT = 150

@@ -13,11 +13,11 @@ from benchmarks.page import DOCS, put
 from turnout.core.units import Dimension
 from turnout.law.object_kind import DIMENSIONS, OBJECT_KINDS
 from turnout.measurement.chain.recorder import ERRORS
-from turnout.metric.verdict import throw_table
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
 from turnout.throw.drift import Drift
 from turnout.throw.sequence import simulate_sequence
+from turnout.throw.verdict import throw_table
 
 PAGE = DOCS / "use" / "objects.md"
 RESULTS = DOCS / "evidence" / "trapped-objects.md"

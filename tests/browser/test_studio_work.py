@@ -9,9 +9,9 @@ import pytest
 from tests.browser.conftest import Screen
 from tests.unit.simulated import sb2_dataset
 from turnout.core.toml import parse_toml
-from turnout.metric.checks import checks
-from turnout.metric.verdict import verdict
 from turnout.panel.load import panel_from_file
+from turnout.throw.checks import checks
+from turnout.throw.verdict import verdict
 
 STATES = "[...document.querySelectorAll('.lamp')].map((one) => one.dataset.state)"
 ROWS = "document.querySelectorAll('#cursors .key').length"

@@ -25,13 +25,13 @@ from turnout.figures.style import title_of
 from turnout.metric.finding import HEADLINE, findings
 from turnout.metric.key_figure import key_figures
 from turnout.metric.summary import summary
-from turnout.metric.verdict import verdict
 from turnout.panel.foreign_object import parse_object
 from turnout.solver.outcome import Code
 from turnout.study.sweep.read import read_labels
 from turnout.study.sweep.run import throw_study
 from turnout.throw.breaking import ThrowEnd, break_attributes, end_of, is_of_pieces, outcomes
 from turnout.throw.simulate import solve
+from turnout.throw.verdict import verdict
 from turnout.web.object_map import object_map
 from turnout.web.question import Question
 from turnout.web.request import MapRequest
@@ -112,6 +112,15 @@ def test_a_stone_whose_first_failure_is_on_a_blow_depends_on_it(strength: float)
     assert '"sound" with 1 break' in found.text
 
 
+def test_ends_with_machines_are_named_as_their_verdicts_are() -> None:
+    drives = panel().with_overrides({"drive.1.machine": "jea73", "drive.2.machine": "jea73"})
+    stone = parse_object("22mm stone@drive1, strength=12.2MPa")
+    found = verdict(turnout.simulate(drives, foreign_object=stone, mode="quick"))
+    assert found.kind == "depends on how it breaks"
+    assert '"detected by slip" with no break' in found.text
+    assert '"not sound" with 5 breaks' in found.text
+
+
 @pytest.mark.parametrize("mode", ["quick", "waveform"])
 def test_an_object_on_the_other_rail_is_compared_after_opening(mode: Mode) -> None:
     item = parse_object(f"{ICE}, rail=curved, strength=9.22MPa")
@@ -181,10 +190,10 @@ WOOD = "20mm wood@sleeper6"
         ("13mm stone@drive1", {"movement.return.start": "3.4 s"}),
     ],
 )
-def test_compared_throws_are_judged_as_the_verdict_does(text: str, changes: dict[str, str]) -> None:
+def test_compared_throws_keep_what_the_verdict_needs(text: str, changes: dict[str, str]) -> None:
     changed, item, scheme = panel().with_overrides(changes), parse_object(text), QUICK
     solved = solve(changed, foreign_object=item, scheme=scheme)
-    end = end_of(changed, solved.objects, (solved.mechanism, solved.history))
+    end = end_of(changed, solved.objects, (solved.mechanism, solved.history), scheme)
     judged = verdict(turnout.simulate(changed, foreign_object=item, scheme=scheme))
     assert end.kind == (judged.own or judged.kind)
 

@@ -11,20 +11,20 @@ from tests.unit.sweeps import here
 
 from turnout.calibration.load_study import load_study
 from turnout.figures.style import title_of
-from turnout.metric.checks import checks, lamps
 from turnout.metric.finding import findings
 from turnout.metric.panel_check import concerns
-from turnout.metric.slip import movements
 from turnout.metric.summary import summary
 from turnout.metric.sweep_map import STATES, end_state
 from turnout.metric.test_piece import check_piece
-from turnout.metric.verdict import throw_table, verdict
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel, load_panel
 from turnout.study.sweep.read import last_values, open_batches
 from turnout.study.sweep.run import throw_study
+from turnout.throw.checks import checks, lamps
 from turnout.throw.sequence import simulate_sequence
 from turnout.throw.simulate import simulate
+from turnout.throw.slip import movements
+from turnout.throw.verdict import throw_table, verdict
 
 NAME = "60e1-300-1-9"
 STALLED = {"machine.jea73.supply.voltage": 5.0, "machine.jea73.circuit.time_out": None}

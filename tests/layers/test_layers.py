@@ -44,7 +44,8 @@ ALLOWED: dict[str, set[str]] = {
         "calibration",
     },
     "figures": {
-        *("core", "beam", "panel", "mechanism", "metric", "study", "calibration", "detection")
+        *("core", "beam", "panel", "mechanism", "throw", "metric", "study", "calibration"),
+        "detection",
     },
     "api": {
         *("core", "panel", "throw", "measurement", "metric", "study", "calibration", "figures"),

@@ -10,8 +10,8 @@ import xarray as xr
 from turnout.core.errors import ResponseError
 from turnout.figures.report.page import page_html
 from turnout.figures.report.sweep import sweep_figures, sweep_findings, sweep_page
-from turnout.metric.verdict import KINDS
 from turnout.study.sweep.effects import sweep_effects
+from turnout.throw.verdict import KINDS
 
 PLACES, SIZES, FRICTION = ("drive 1", "sleeper 6"), (0.005, 0.013, 0.031), (0.2, 0.3, 0.4, 0.5)
 

@@ -8,9 +8,9 @@ import xarray as xr
 from tests.unit.simulated import sb2_dataset
 
 from turnout.metric.channel_features import filtered, first_time
-from turnout.metric.checks import Check, margins
-from turnout.metric.slip import movements, slips
 from turnout.metric.summary import LEAST_SCALE, numerical_share, residual_share
+from turnout.throw.checks import Check, margins
+from turnout.throw.slip import movements, slips
 
 TIME = np.linspace(0.0, 9.0, 9001)
 MOVEMENTS = [

@@ -19,7 +19,6 @@ from turnout.core.errors import FileError
 from turnout.core.json_files import sealed_json
 from turnout.core.scheme import Scheme
 from turnout.metric.features import FEATURES, features
-from turnout.metric.slip import Span
 from turnout.solver.outcome import Code, Outcome
 from turnout.study.scenario import Output
 from turnout.study.study import Study
@@ -33,6 +32,7 @@ from turnout.study.sweep.labels import object_labels
 from turnout.study.sweep.read import open_batches, read_labels
 from turnout.study.sweep.run import SweepProgress, throw_study
 from turnout.throw.simulate import PlannedThrow, Solved, simulate, solve_planned
+from turnout.throw.slip import Span
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,6 @@ from tests.unit.sweeps import here, small_study, study_file
 
 from turnout.calibration.load_study import load_study
 from turnout.metric.sweep_map import STATES, end_state
-from turnout.metric.verdict import verdict
 from turnout.panel.foreign_object import ForeignObject
 from turnout.study.sweep.batch import batch_variables
 from turnout.study.sweep.batch_bytes import file_bytes
@@ -19,6 +18,7 @@ from turnout.study.sweep.read import read_labels
 from turnout.study.sweep.row import throw_scenarios
 from turnout.study.sweep.run import throw_study
 from turnout.throw.simulate import simulate
+from turnout.throw.verdict import verdict
 
 STUDY = """
 schema_version = 1

@@ -8,10 +8,10 @@ import pytest
 from tests.unit.sweeps import study_file
 
 from turnout.calibration.load_study import load_study
-from turnout.metric.slip import slip_onsets
-from turnout.metric.verdict import KINDS, verdict
 from turnout.study.sweep.row import throw_scenarios
 from turnout.throw.simulate import simulate
+from turnout.throw.slip import slip_onsets
+from turnout.throw.verdict import KINDS, verdict
 
 HEAD = """
 schema_version = 1

@@ -11,7 +11,6 @@ from typer.testing import CliRunner
 from turnout.cli.main import app, main
 from turnout.core.errors import PanelError, ResponseError
 from turnout.law.object_kind import Trapped
-from turnout.metric.verdict import throw_table, verdict
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
 from turnout.solver.outcome import NotConverged
@@ -20,6 +19,7 @@ from turnout.throw.drift import Drift
 from turnout.throw.sequence import simulate_sequence
 from turnout.throw.simulate import simulate
 from turnout.throw.store import open_response, save_response
+from turnout.throw.verdict import throw_table, verdict
 
 PANEL = load_panel("uic60-760-1-15")
 FALLS_LATER = 1

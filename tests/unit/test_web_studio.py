@@ -17,11 +17,11 @@ from typer.testing import CliRunner
 from turnout.cli.main import app
 from turnout.core.scheme import Scheme
 from turnout.metric.key_figure import key_figures
-from turnout.metric.verdict import verdict
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import library_text, load_panel
 from turnout.throw.save import Save
 from turnout.throw.simulate import simulate
+from turnout.throw.verdict import verdict
 from turnout.web.controls import controls
 from turnout.web.tasks import MOST_RUNS
 

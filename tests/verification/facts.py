@@ -21,10 +21,10 @@ from tests.verification.runs import DEFAULT, end_force, throw
 from turnout.core.toml import parse_toml
 from turnout.metric.features import features
 from turnout.metric.panel_check import panel_concerns
-from turnout.metric.slip import last_instant_at
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel, library_text, load_panel, panel_from_file
 from turnout.throw.simulate import simulate
+from turnout.throw.slip import last_instant_at
 
 SIZES = (5, 10, 13, 16, 18, 21, 23, 26, 29, 31)
 FRICTIONS = (0.1, 0.2, 0.3, 0.4, 0.5)

@@ -19,12 +19,12 @@ from turnout.core.scheme import Scheme
 from turnout.core.toml import parse_toml
 from turnout.mechanism.build import build_mechanism
 from turnout.metric.panel_check import resting_concerns
-from turnout.metric.slip import last_instant_at
 from turnout.panel.load import LoadedPanel, library_text, load_panel, panel_from_file
 from turnout.panel.markers import marker_offsets, marker_positions
 from turnout.panel.stored import panel_data, panel_from_data
 from turnout.throw.save import Save
 from turnout.throw.simulate import simulate
+from turnout.throw.slip import last_instant_at
 
 STROKES = (0.075, 0.090)
 SLIDING = {"chair.friction_coefficient": 0.0}

@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from turnout.figures.report.view import View
-    from turnout.metric.verdict import Verdict
+    from turnout.throw.verdict import Verdict
 
 
 @xr.register_dataset_accessor("turnout")  # type: ignore[no-untyped-call]
@@ -78,7 +78,7 @@ class TurnoutAccessor:
         Verdict
             With ``kind`` and ``text``.
         """
-        from turnout.metric.verdict import verdict
+        from turnout.throw.verdict import verdict
 
         return verdict(self._dataset)
 

@@ -19,7 +19,7 @@ from turnout.figures.report.view import dataset_kind
 from turnout.figures.sweep import plot_sweep_map
 from turnout.figures.throw import plot_throw
 from turnout.figures.validation import plot_comparison, plot_error_map
-from turnout.metric.verdict import throw_table
+from turnout.throw.verdict import throw_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

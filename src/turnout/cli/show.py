@@ -221,7 +221,7 @@ def closed_gaps(
         return x, {name: gap for name, gap in gaps.items() if gap is not None}
     if not thrown.dataset.sizes["time"]:
         return np.empty(0), {}
-    from turnout.metric.slip import last_instant_at
+    from turnout.throw.slip import last_instant_at
 
     ends = {
         name: last_instant_at(thrown.dataset, to="closed" if rail.closes == "+y" else "open")
@@ -254,7 +254,7 @@ def _margins(thrown: CheckThrows | None) -> Iterator[str]:
     if thrown is None:
         yield f"  {NEEDS_THROW}"
         return
-    from turnout.metric.checks import checks, direction_of, margins
+    from turnout.throw.checks import checks, direction_of, margins
 
     yield f"  {'drive':<8}{'direction':<12}{'largest':>10}{'slip level':>12}{'margin':>11}{'':>9}"
     for item in margins(checks(thrown.dataset)):
@@ -383,7 +383,7 @@ PANEL_UNITS = {
 
 def panel_record(panel: "LoadedPanel", thrown: CheckThrows | None = None) -> dict[str, Any]:
     """Return a panel with every value and its origin, and the results of its throws."""
-    from turnout.metric.checks import checks, direction_of, margins
+    from turnout.throw.checks import checks, direction_of, margins
 
     x, gaps = closed_gaps(panel, thrown)
     record: dict[str, Any] = {

@@ -229,10 +229,10 @@ def _scheme(mode: str, *, step: str, cutoff: str, every: str) -> "Scheme":
 
 def summary_lines(dataset: "xr.Dataset") -> Iterator[str]:
     """Yield the verdict on a throw, its meaning and its summary."""
-    from turnout.metric.checks import checks
     from turnout.metric.finding import headline
     from turnout.metric.summary import summary
-    from turnout.metric.verdict import verdict
+    from turnout.throw.checks import checks
+    from turnout.throw.verdict import verdict
 
     made = checks(dataset)
     found = verdict(dataset, made)
@@ -273,7 +273,7 @@ RUN_UNITS = {"energy_scale": "J", "wall_time": "s", "start_difference": "N"}
 
 def _origin(dataset: "xr.Dataset") -> dict[str, Any]:
     """Return panel, objects and outcome of a run."""
-    from turnout.metric.verdict import break_note
+    from turnout.throw.verdict import break_note
 
     note, attributes = break_note(dataset), dataset.attrs
     names = ("panel", "panel_hash", "outcome", "outcome_message", "wall_time")
@@ -287,10 +287,10 @@ def _origin(dataset: "xr.Dataset") -> dict[str, Any]:
 
 def run_record(dataset: "xr.Dataset") -> tuple[dict[str, Any], dict[str, str]]:
     """Return a run: verdict, key figures, energies, and the units of its keys."""
-    from turnout.metric.checks import checks
     from turnout.metric.key_figure import key_figures
     from turnout.metric.summary import numerical_share, residual_share, start_difference
-    from turnout.metric.verdict import verdict
+    from turnout.throw.checks import checks
+    from turnout.throw.verdict import verdict
 
     made = checks(dataset)
     figures = key_figures(dataset, made) if dataset.sizes.get("time", 0) else []
@@ -394,7 +394,7 @@ def run_sequence(parts: Parts, *, throws: int, drifts: list[str], quiet: bool) -
 
 def sequence_record(dataset: "xr.Dataset") -> tuple[dict[str, Any], dict[str, str]]:
     """Return a sequence of throws as a record, and the units of its keys."""
-    from turnout.metric.verdict import throw_table
+    from turnout.throw.verdict import throw_table
 
     record = {
         **_origin(dataset),
@@ -410,7 +410,7 @@ def sequence_record(dataset: "xr.Dataset") -> tuple[dict[str, Any], dict[str, st
 
 def sequence_lines(dataset: "xr.Dataset") -> Iterator[str]:
     """Yield a table of the throws, of many only some."""
-    from turnout.metric.verdict import break_note, throw_table
+    from turnout.throw.verdict import break_note, throw_table
 
     count = dataset.sizes["throw"]
     every = max(1, -(-count // MOST_ROWS))

@@ -176,8 +176,8 @@ def map_command(
     """Count the end states of a sweep, and draw forces, gaps and end states over two inputs."""
     check_outputs({"--out": out}, {"--out": FIGURES})
     from turnout.metric.sweep_map import STATES, end_state, sweep_map
-    from turnout.metric.verdict import break_note
     from turnout.study.sweep.read import read_labels
+    from turnout.throw.verdict import break_note
 
     labels = read_labels(folder)
     along = y or ("object.at" if "object.at" in labels.coords else "object.x")
@@ -375,7 +375,7 @@ def study_record(study: "Study", found: "Forecast | None", *, workers: int) -> d
 def map_record(labels: "xr.Dataset", cells: "xr.Dataset") -> tuple[dict[str, Any], dict[str, str]]:
     """Return end states of a sweep and its map over two inputs."""
     from turnout.metric.sweep_map import STATES, end_state
-    from turnout.metric.verdict import break_note
+    from turnout.throw.verdict import break_note
 
     state, note = end_state(labels).to_numpy(), break_note(labels)
     quantities = [str(name) for name in cells.data_vars if name != "state"]

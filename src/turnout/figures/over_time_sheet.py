@@ -6,7 +6,7 @@ import xarray as xr
 from turnout.figures.sheet import Band, Level, Line, Moment, Row, Sheet
 from turnout.figures.style import KILO, title_of
 from turnout.figures.throw import shown_movements, throw_rows
-from turnout.metric.slip import slips
+from turnout.throw.slip import slips
 
 ENERGIES = (
     ("work_markers", "Work of the drives"),

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from turnout.figures.style import COLOURS, DASHES, GREY, MILLI, SHADE, put_title
 from turnout.mechanism.rest import RailLine, rail_line, resting_gap
-from turnout.metric.slip import last_instant_at
 from turnout.panel.layout import extent, stands_at
 from turnout.panel.model import Panel
 from turnout.panel.records import Placed
+from turnout.throw.slip import last_instant_at
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

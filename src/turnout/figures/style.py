@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import xarray as xr
 
 from turnout.core.errors import FileError
-from turnout.metric.slip import unfinished
 from turnout.metric.summary import format_overrides
-from turnout.metric.verdict import break_note, verdict
+from turnout.throw.slip import unfinished
+from turnout.throw.verdict import break_note, verdict
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -23,7 +23,7 @@ from turnout.figures.style import (
     styled,
     title_of,
 )
-from turnout.metric.slip import Slip, Span, movements, slips
+from turnout.throw.slip import Slip, Span, movements, slips
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

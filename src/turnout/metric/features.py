@@ -15,7 +15,7 @@ from turnout.core.errors import ResponseError
 from turnout.core.moving_average import WINDOW, row_levels, window_samples
 from turnout.core.running_current import running_time
 from turnout.kernels.force_features import find_places, find_rises, integrate_work
-from turnout.metric.slip import TIME_TOLERANCE, Span, movements
+from turnout.throw.slip import TIME_TOLERANCE, Span, movements
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -7,7 +7,14 @@ from typing import Literal
 import xarray as xr
 
 from turnout.metric.channel_features import final_value
-from turnout.metric.checks import (
+from turnout.metric.key_figure import peak_note
+from turnout.metric.summary import (
+    ends_inaccurate,
+    numerical_warning,
+    slip_text,
+    wheel_texts,
+)
+from turnout.throw.checks import (
     SWITCHED_OFF,
     Check,
     checks,
@@ -16,14 +23,7 @@ from turnout.metric.checks import (
     margins,
     unmet,
 )
-from turnout.metric.key_figure import peak_note
-from turnout.metric.summary import (
-    ends_inaccurate,
-    numerical_warning,
-    slip_text,
-    wheel_texts,
-)
-from turnout.metric.verdict import (
+from turnout.throw.verdict import (
     Verdict,
     object_items,
     verdict,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import xarray as xr
 
 from turnout.metric.channel_features import final_value
-from turnout.metric.checks import OF_WHEELS, Check, checks, direction_of, margins
+from turnout.throw.checks import OF_WHEELS, Check, checks, direction_of, margins
 
 
 @dataclass(frozen=True, slots=True)

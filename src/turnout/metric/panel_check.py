@@ -13,7 +13,13 @@ import xarray as xr
 from turnout.mechanism.drive_machines import blind_currents, weak_motors
 from turnout.mechanism.rail_sections import severed_steel
 from turnout.mechanism.rest import resting_slips
-from turnout.metric.checks import (
+from turnout.metric.stability import FrictionStability, friction_stability
+from turnout.metric.summary import ends_inaccurate
+from turnout.metric.test_piece import PieceLimit
+from turnout.panel.lock_rule import SLIP
+from turnout.panel.model import Panel
+from turnout.panel.unusual import unusual_values
+from turnout.throw.checks import (
     FLANGEWAY,
     GAUGE,
     SWITCHED_OFF,
@@ -23,13 +29,7 @@ from turnout.metric.checks import (
     unmet,
     wheel_rooms,
 )
-from turnout.metric.slip import LEAST_SHARE, STOPPED, machine_throws, periods, unfinished
-from turnout.metric.stability import FrictionStability, friction_stability
-from turnout.metric.summary import ends_inaccurate
-from turnout.metric.test_piece import PieceLimit
-from turnout.panel.lock_rule import SLIP
-from turnout.panel.model import Panel
-from turnout.panel.unusual import unusual_values
+from turnout.throw.slip import LEAST_SHARE, STOPPED, machine_throws, periods, unfinished
 
 OF_DRIVES = (SLIP.name, SWITCHED_OFF)
 """Criteria of a lock that the check of the drive reports too."""

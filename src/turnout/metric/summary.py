@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from turnout.metric.channel_features import final_value
-from turnout.metric.checks import (
+from turnout.metric.key_figure import peak_note
+from turnout.throw.checks import (
     SWITCHED_OFF,
     Check,
     checks,
@@ -22,8 +23,7 @@ from turnout.metric.checks import (
     margins,
     wheel_rooms,
 )
-from turnout.metric.key_figure import peak_note
-from turnout.metric.slip import machine_throws, movements, unfinished
+from turnout.throw.slip import machine_throws, movements, unfinished
 
 if TYPE_CHECKING:
     import xarray as xr

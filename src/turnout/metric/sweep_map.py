@@ -5,7 +5,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.core.errors import ResponseError
-from turnout.metric.verdict import KINDS
+from turnout.throw.verdict import KINDS
 
 STATES = (*KINDS, "failed", "not thrown")
 """Outcomes of a throw: kinds of verdict from good to bad, then two without a result."""

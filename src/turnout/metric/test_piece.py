@@ -12,12 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from turnout.core.errors import PanelError
-from turnout.metric.checks import checks
-from turnout.metric.slip import last_instant_at, unfinished
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel
+from turnout.throw.checks import checks
 from turnout.throw.save import Save
 from turnout.throw.simulate import simulate
+from turnout.throw.slip import last_instant_at, unfinished
 
 RESOLUTION = 1e-4
 """Resolution of the least size [m]."""

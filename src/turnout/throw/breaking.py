@@ -3,13 +3,12 @@
 Whether an object fails rests on a peak of its force, which steps resolve only so well: the first
 failure mostly on a slow one, those of pieces on blows. A throw of mode quick is then made in mode
 waveform too, any other with strengths that are lower and higher by as much as the peak may be off.
-Where verdicts differ, by what is reported in any movement, or another throw does not come to its
-end, the verdict depends on how it breaks. Where gaps alone do, they are named.
+Where their verdicts differ, or another throw does not come to its end, the verdict depends on how
+it breaks. Where gaps alone do, they are named.
 """
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -18,13 +17,13 @@ from turnout.core.scheme import Scheme
 from turnout.mechanism.mechanism import Mechanism
 from turnout.mechanism.object_laws import named_obstructions
 from turnout.panel.foreign_object import PlacedObject
-from turnout.panel.model import Panel
+from turnout.panel.load import LoadedPanel
 from turnout.solver.integration import History
-from turnout.solver.watch import TIME_TOLERANCE
-from turnout.throw.drives import as_thrown, moved_throws
-from turnout.throw.route import DirectedMovement, sensor_rails
+from turnout.throw.checks import checks, direction_of
 from turnout.throw.save import Save
 from turnout.throw.signals import has_broken
+from turnout.throw.slip import periods
+from turnout.throw.verdict import verdict
 
 SLOW_ERROR, BLOW_ERROR = 0.005, 0.05
 """Largest errors of the peak of an object's force in mode waveform, without and with a blow [-]."""
@@ -42,7 +41,7 @@ COMPARED = Save(
     fields=(
         *("locked", "in_control", "drive_slipping", "sensor_gap", "drive_gap"),
         *("least_flangeway", "least_gauge"),
-        *("object_left", "object_broken", "contact_time", "object_contact_time"),
+        *("object_left", "object_broken", "object_placed", "contact_time", "object_contact_time"),
     )
 )
 Thrown = tuple[Mechanism, History]
@@ -71,7 +70,7 @@ def peak_attributes(thrown: Thrown, scheme: Scheme) -> dict[str, str]:
 
 
 def break_attributes(
-    panel: Panel,
+    panel: LoadedPanel,
     objects: tuple[PlacedObject, ...],
     thrown: Thrown,
     scheme: Scheme,
@@ -83,7 +82,7 @@ def break_attributes(
 
     Parameters
     ----------
-    panel : Panel
+    panel : LoadedPanel
         Panel that was thrown.
     objects : sequence of PlacedObject
         Of the throw.
@@ -102,10 +101,10 @@ def break_attributes(
     broke = has_broken(*thrown)
     if not (broke or _is_near(*thrown, objects, reaches)):
         return {}
-    first = end_of(panel, objects, thrown)
+    first = end_of(panel, objects, thrown, scheme)
     found = [first]
     for varied, other, alike in _variants(objects, scheme, errors, broke=broke):
-        end = end_of(panel, objects, throw(varied, other))
+        end = end_of(panel, varied, throw(varied, other), other)
         if not alike or not end.kind or is_of_pieces(end, first):
             found.append(end)
     how = "in mode waveform and " if coarse else ""
@@ -186,7 +185,7 @@ class ThrowEnd:
     Attributes
     ----------
     kind : str
-        As the verdict on it, which objects and reports decide; empty without an end.
+        Of the verdict on it; empty without an end.
     gaps : dict of str to float
         Of the sensors that are asked at the rests, of drives where a panel has none [m].
     broken : tuple of int
@@ -211,137 +210,33 @@ def is_of_pieces(end: ThrowEnd, first: ThrowEnd) -> bool:
     return end.broke == first.broke and (end.kind == first.kind or end.broken != first.broken)
 
 
-def end_of(panel: Panel, objects: Sequence[PlacedObject], thrown: Thrown) -> ThrowEnd:
-    """Return the outcome of a throw."""
-    from turnout.throw.dataset import response_channels  # the solver needs none
+def end_of(
+    panel: LoadedPanel, objects: Sequence[PlacedObject], thrown: Thrown, scheme: Scheme
+) -> ThrowEnd:
+    """Return the outcome of a throw with objects by a scheme."""
+    from turnout.throw.dataset import describe_run, response_dataset  # the solver needs none
 
-    mechanism, history = thrown
-    if not history.outcome.complete:
+    if not thrown[1].outcome.complete:
         return ThrowEnd("", {}, ())
-    channels = response_channels(panel, mechanism, history, save=COMPARED)
-    values: dict[str, Any] = {name: value for name, (_, value) in channels.items()}
-    moved = moved_throws(as_thrown(panel, history), history) or (AT_REST,)
-    movements = [
-        _Movement(item, panel, history, values, begin=item.start if at else -np.inf)
-        for at, item in enumerate(moved)
-    ]
-    gaps = dict[str, float]()
-    for each in movements:
-        after = "" if each is movements[-1] else f" after {each.movement.direction}"
-        for at in each.rests([item.disappears for item in objects]):
-            when = f"{after} at {history.time[at]:.2f} s" if at < each.last else after
-            gaps |= {f"{name}{when}": gap for name, gap in each.gaps(at).items()}
-    return ThrowEnd(_kind(panel, objects, movements, values), gaps, tuple(values["object_broken"]))
-
-
-AT_REST = DirectedMovement("", "closed", -np.inf, -np.inf, np.inf)
-"""In place of the movements of a schedule that has none."""
-
-
-class _Movement:
-    """Reports of a switch in a movement and at its rest; of the first also before it."""
-
-    def __init__(
-        self,
-        movement: DirectedMovement,
-        panel: Panel,
-        history: History,
-        values: dict[str, Any],
-        *,
-        begin: float,
-    ) -> None:
-        self.movement, self.values, self.time = movement, values, history.time
-        self.last = self._before(movement.until)
-        self.late = movement.unfinished or movement.end > self.time[-1] + TIME_TOLERANCE
-        rails, to_closed = sensor_rails(panel), movement.to == "closed"
-        self.asked = [
-            (number, name)
-            for number, name in enumerate(panel.sensor)
-            if name not in rails or to_closed == (rails[name] == panel.instrumented_rail)
-        ]
-        self.drives = () if panel.sensor else tuple(panel.drive)
-        slipping = values["drive_slipping"]
-        begins = slipping.any(axis=0)
-        begins[1:] = (slipping[:, 1:] & ~slipping[:, :-1]).any(axis=0)
-        onsets = self.time[begins]
-        onsets = onsets[(onsets >= begin) & (onsets < movement.until)]
-        self.slip = float(onsets[0]) if onsets.size else np.inf
-        """First onset of a slip [s]."""
-
-    def _before(self, time: float) -> int:
-        """Return the number of the last instant before a time [s]."""
-        return int(self.time.searchsorted(time - TIME_TOLERANCE)) - 1
-
-    def rests(self, taken: Sequence[float]) -> list[int]:
-        """Return the instants that are judged: the last one, and before objects are taken out.
-
-        A movement that the next one follows at once has none.
-        """
-        end = self.movement.end
-        within = [time for time in taken if end < time < self.movement.until]
-        found = {self.last, *(self._before(time) for time in within)}
-        rest = [at for at in found if self.time[at] >= end - TIME_TOLERANCE]
-        return [] if self.late else sorted(rest)
-
-    def gaps(self, at: int) -> dict[str, float]:
-        """Return the gaps of `ThrowEnd` at an instant [m]."""
-        found = {
-            f"Drive {name}": self.values["drive_gap"][n, at] for n, name in enumerate(self.drives)
-        }
-        found |= {name: self.values["sensor_gap"][n, at] for n, name in self.asked}
-        return {name: float(gap) for name, gap in found.items()}
-
-    def signs(self, gone: float = np.inf, *, slip: bool = True) -> list[str]:
-        """Return its reports until an object is gone [s], the first in order first."""
-        rests, values = self.rests([gone]), self.values
-        found = ["slip"] if slip and self.slip < gone else []
-        if rests and gone > self.movement.end:
-            at = rests[0]
-            found += [] if values["locked"][at] else ["lock"]
-            found += [] if all(values["in_control"][n, at] for n, _ in self.asked) else ["TKK"]
-        return found
-
-
-def _kind(
-    panel: Panel,
-    objects: Sequence[PlacedObject],
-    movements: Sequence[_Movement],
-    values: dict[str, Any],
-) -> str:
-    """Return the kind of the verdict on a throw."""
-    contacts = np.atleast_1d(values.get("object_contact_time", values["contact_time"])).tolist()
-    missed, found = False, list[str]()
-    for item, contact, left in zip(objects, contacts, values["object_left"].tolist(), strict=True):
-        to = "closed" if item.rail == panel.instrumented_rail else "open"
-        own, other = list[str](), False
-        for each in movements:
-            met = contact < min(item.disappears, each.movement.until)
-            if not met or each.movement.start >= item.disappears or each.movement.to != to:
-                continue
-            early = each.slip < contact - TIME_TOLERANCE
-            signs = each.signs(item.disappears, slip=not early)
-            own += [] if early else signs
-            other |= each.late or bool(early and signs)
-        stays = contact < item.disappears > each.time[-1] and not left <= 0.0
-        missed |= stays and not own and not other
-        found += own
-    if missed:
-        return "undetected object"
-    if found:
-        first = min(found, key=("slip", "lock", "TKK").index)
-        machines = any(drive.machine is not None for drive in panel.drive.values())
-        return (
-            f"detected by {'slip or switch-off' if (first, machines) == ('slip', True) else first}"
+    dataset = response_dataset(panel, *thrown, save=COMPARED)
+    dataset.attrs.update(
+        describe_run(
+            panel, *thrown, scheme=scheme, objects=objects, wall_time=np.nan, solver_time=np.nan
         )
-    if any(each.late for each in movements):
-        return "not judged"
-    found = [sign for each in movements for sign in each.signs()]
-    limits = panel.flangeway.limit if panel.flangeway else None, panel.gauge_limit
-    narrow = any(
-        limit is not None and values[name] < limit
-        for name, limit in zip(("least_flangeway", "least_gauge"), limits, strict=True)
     )
-    return "not locked" if "lock" in found else "not sound" if found or narrow else "sound"
+    found, last, gaps = checks(dataset), periods(dataset)[-1][0], dict[str, float]()
+    for check in found:
+        if check.kind not in ("control", "lock") or check.met is None:
+            continue
+        when = "" if check.movement == last else f" after {direction_of(check.movement)}"
+        when += f" at {check.time:.2f} s" if check.rest else ""
+        if check.kind == "control":
+            gaps[f"{check.name}{when}"] = check.value
+        elif not panel.sensor:
+            drives = dataset["drive_gap"].sel(time=check.time)
+            gaps |= {f"Drive {name}{when}": float(drives.sel(drive=name)) for name in panel.drive}
+    broken = tuple(dataset["object_broken"].values.tolist())
+    return ThrowEnd(verdict(dataset, found).kind, gaps, broken)
 
 
 def _open_names(found: Sequence[ThrowEnd]) -> list[str]:

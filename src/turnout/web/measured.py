@@ -27,7 +27,7 @@ from turnout.measurement.formats.file_format import read_recording, recognise_fo
 from turnout.measurement.formats.history import READ, read_history
 from turnout.measurement.recording import Recording, overview
 from turnout.metric.channel_features import filtered
-from turnout.metric.slip import movements
+from turnout.throw.slip import movements
 
 DRAWN = ("drive_force", "object_force", "drive_displacement", "drive_gap")
 WHOLE = "whole"

@@ -4,11 +4,11 @@ from typing import Any
 
 from turnout.core.errors import FileError, PanelError
 from turnout.core.scheme import Scheme
-from turnout.metric.verdict import verdict
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel
 from turnout.throw.save import Save
 from turnout.throw.simulate import simulate
+from turnout.throw.verdict import verdict
 from turnout.web.question import Question, Superseded
 from turnout.web.request import MapRequest
 
@@ -33,7 +33,7 @@ def object_map(panel: LoadedPanel, request: MapRequest, question: Question) -> d
     Returns
     -------
     dict
-        ``kinds`` (size, place): a kind of `turnout.metric.verdict`, or "not touched", "does not
+        ``kinds`` (size, place): a kind of `turnout.throw.verdict`, or "not touched", "does not
         fit", "failed"; ``texts`` alike, the sentences.
 
     Raises

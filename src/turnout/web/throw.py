@@ -15,7 +15,13 @@ from turnout.figures.sheet import MOST_POINTS, sheet_record
 from turnout.figures.style import rendered
 from turnout.figures.throw import plot_throw
 from turnout.measurement.formats.history import history_text
-from turnout.metric.checks import (
+from turnout.metric.finding import headline
+from turnout.metric.key_figure import KeyFigure, key_figures
+from turnout.metric.summary import summary
+from turnout.panel.foreign_object import ForeignObject, resolve_objects
+from turnout.panel.load import LoadedPanel
+from turnout.panel.model import Panel
+from turnout.throw.checks import (
     Check,
     Lamp,
     checks,
@@ -25,17 +31,11 @@ from turnout.metric.checks import (
     meaning_of,
     quantity_text,
 )
-from turnout.metric.finding import headline
-from turnout.metric.key_figure import KeyFigure, key_figures
-from turnout.metric.summary import summary
-from turnout.metric.verdict import Verdict, verdict
-from turnout.panel.foreign_object import ForeignObject, resolve_objects
-from turnout.panel.load import LoadedPanel
-from turnout.panel.model import Panel
 from turnout.throw.object_fit import check_placed
 from turnout.throw.save import Save
 from turnout.throw.simulate import prepare_panel, simulate
 from turnout.throw.store import response_bytes
+from turnout.throw.verdict import Verdict, verdict
 from turnout.web.controls import controls
 from turnout.web.question import Question, Superseded
 from turnout.web.request import RunRequest

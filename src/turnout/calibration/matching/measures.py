@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from turnout.core.units import FORCE, FORCE_RATE, LENGTH, Dimension
 from turnout.metric.features import features
 from turnout.metric.panel_check import concerns, flutter_concerns
-from turnout.metric.slip import last_instant_at, movements
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel
 from turnout.panel.lock_rule import LOCK_RULES, DriveStates
 from turnout.solver.watch import TIME_TOLERANCE
+from turnout.throw.slip import last_instant_at, movements
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -19,8 +19,8 @@ from turnout.metric.campaign_statistics import (
     repeat_scatter,
     saturating_places,
 )
-from turnout.metric.checks import format_force
 from turnout.metric.finding import Finding
+from turnout.throw.checks import format_force
 
 Reasons = Sequence[tuple[str, Sequence[str]]]
 

@@ -13,7 +13,7 @@ from turnout.figures.report.page import Page, Section, Table
 from turnout.figures.report.run import picture_of
 from turnout.figures.sheet import Line, Row, Sheet
 from turnout.metric.finding import Finding, Severity
-from turnout.metric.verdict import break_note, throw_table
+from turnout.throw.verdict import break_note, throw_table
 
 MOST_ROWS = 400
 """Throws in the table; of more, some at even distances."""

@@ -27,7 +27,7 @@ from turnout.metric.sweep_map import (
     sweep_map,
     trapped_objects,
 )
-from turnout.metric.verdict import break_note
+from turnout.throw.verdict import break_note
 
 MAP_INPUTS = ("object.size", "object.at")
 NEEDED = ("outcome", "verdict")

@@ -19,7 +19,7 @@ from turnout.figures.sheet import Sheet
 from turnout.figures.style import rendered, title_of
 from turnout.metric.finding import Finding, findings
 from turnout.metric.least_gauge import wheel_findings
-from turnout.metric.verdict import throw_table
+from turnout.throw.verdict import throw_table
 
 # Colour and sign both carry the level, so that no reader depends on colour.
 SIGNS = {"good": ("✓", "#00875f"), "look": ("!", "#b36b00"), "bad": ("✗", "#c8322b")}

@@ -9,11 +9,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.metric.checks import OF_WHEELS, SWITCHED_OFF, Check, sensor_judges
 from turnout.metric.features import FEATURES, run_features
-from turnout.metric.slip import TIME_TOLERANCE, Span, late_movements, slip_onsets, switched_off_by
-from turnout.metric.verdict import KINDS, Kind, TrappedItem, judge_objects, kind_of
 from turnout.study.sweep.throw_group import AlikeThrows, ThrowSignals
+from turnout.throw.checks import OF_WHEELS, SWITCHED_OFF, Check, sensor_judges
 from turnout.throw.lock_and_control import (
     contact_labels,
     control_states,
@@ -21,6 +19,8 @@ from turnout.throw.lock_and_control import (
     force_margins,
 )
 from turnout.throw.route import sensor_rails
+from turnout.throw.slip import TIME_TOLERANCE, Span, late_movements, slip_onsets, switched_off_by
+from turnout.throw.verdict import KINDS, Kind, TrappedItem, judge_objects, kind_of
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]

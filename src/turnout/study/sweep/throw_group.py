@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from turnout.measurement.chain.recorder import Recorder, recorded_force
 from turnout.mechanism.mechanism import LawIndex
-from turnout.metric.slip import Span
 from turnout.panel.load import LoadedPanel
 from turnout.panel.markers import marker_offsets
 from turnout.solver.duty import Duty
@@ -28,6 +27,7 @@ from turnout.throw.signals import (
     object_rows,
     slip_forces,
 )
+from turnout.throw.slip import Span
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]

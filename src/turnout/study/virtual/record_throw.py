@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from turnout.core.channels import label
 from turnout.core.errors import ResponseError
 from turnout.core.scheme import Scheme
-from turnout.metric.slip import Span, movements
 from turnout.panel.load import LoadedPanel
+from turnout.throw.slip import Span, movements
 
 # What a finer truth changes; a fit that finds its parameters again does not profit from sharing
 # the errors of mesh, modes and steps with what it is fitted to.

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.value_text import shown_unit
-from turnout.metric.slip import (
+from turnout.panel.lock_rule import LOCK_RULES, SLIP, DriveStates, LockCriterion, criteria_of
+from turnout.throw.slip import (
     LEAST_SHARE,
     TIME_TOLERANCE,
     Slip,
@@ -25,7 +26,6 @@ from turnout.metric.slip import (
     slips,
     unfinished,
 )
-from turnout.panel.lock_rule import LOCK_RULES, SLIP, DriveStates, LockCriterion, criteria_of
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -7,9 +7,9 @@ import pytest
 import xarray as xr
 from tests.unit.simulated import sb1_panel, sb2_dataset
 
-from turnout.metric.checks import Check, checks, lamps, margins
 from turnout.metric.key_figure import key_figures
 from turnout.metric.summary import summary
+from turnout.throw.checks import Check, checks, lamps, margins
 from turnout.throw.simulate import simulate
 
 

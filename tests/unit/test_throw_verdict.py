@@ -8,12 +8,12 @@ import xarray as xr
 from tests.unit.simulated import sb1_dataset, sb2_dataset
 from tests.unit.test_throw_simulate import interrupted
 
-from turnout.metric.checks import Check, checks, lamps
 from turnout.metric.finding import findings
-from turnout.metric.verdict import KINDS, accepted_by, verdict
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
+from turnout.throw.checks import Check, checks, lamps
 from turnout.throw.simulate import simulate
+from turnout.throw.verdict import KINDS, accepted_by, verdict
 
 
 def run_with(

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 
 from turnout.core.channels import BREAK_NOTE
-from turnout.metric.checks import (
+from turnout.throw.checks import (
     GAUGE,
     OF_WHEELS,
     SWITCHED_OFF,
@@ -22,7 +22,7 @@ from turnout.metric.checks import (
     format_force,
     unmet,
 )
-from turnout.metric.slip import TIME_TOLERANCE, Span, periods, unfinished
+from turnout.throw.slip import TIME_TOLERANCE, Span, periods, unfinished
 
 if TYPE_CHECKING:
     import xarray as xr
