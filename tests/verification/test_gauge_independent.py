@@ -13,7 +13,7 @@ from tests.verification.gauge_by_hand import State, Switch, gauge_of, rolled, th
 
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
-from turnout.throw.wheel import gauge_under_wheel
+from turnout.throw.wheel import Course, gauge_under_wheel
 
 AT_REST, UNDER_WHEEL = 0.05e-3, 0.1e-3
 PLACES = np.round(np.arange(0.0, 7.21, 0.3), 9)
@@ -25,17 +25,22 @@ def state_of(trapped: bool) -> State:
     return thrown(Switch(panel, size=0.013 if trapped else 0.0, at=3.6), trapped=trapped)
 
 
-def compared(lateral: float, vertical: float, *, trapped: bool) -> None:
+def compared(lateral: float, vertical: float, *, trapped: bool, course: Course = "facing") -> None:
     state = state_of(trapped)
     x = state.switch.blades["straight"].x
     item = ForeignObject("13 mm", "sleeper 6") if trapped else None
     found = gauge_under_wheel(
-        load_panel("uic60-760-1-15"), lateral=lateral, vertical=vertical, foreign_object=item
+        load_panel("uic60-760-1-15"),
+        lateral=lateral,
+        vertical=vertical,
+        foreign_object=item,
+        course=course,
     )
     np.testing.assert_allclose(found["x"], x, atol=1e-9)
     np.testing.assert_allclose(found["gauge_at_rest"], gauge_of(state), rtol=0, atol=AT_REST)
-    theirs = rolled(state, lateral=lateral, vertical=vertical, places=PLACES)
-    ours = found["gauge"].isel(load=0).sel(wheel=PLACES, method="nearest")
+    places = PLACES if course == "facing" else found["wheel"].to_numpy()[::-1]
+    theirs = rolled(state, lateral=lateral, vertical=vertical, places=places)
+    ours = found["gauge"].isel(load=0).sel(wheel=places, method="nearest")
     np.testing.assert_allclose(ours, theirs, rtol=0, atol=UNDER_WHEEL)
 
 
@@ -50,3 +55,8 @@ def test_an_object_levers_the_blade_that_a_wheel_presses_and_loads() -> None:
 )
 def test_other_loads(lateral: float, vertical: float, *, trapped: bool) -> None:
     compared(lateral, vertical, trapped=trapped)
+
+
+@pytest.mark.long
+def test_a_wheel_from_the_heel() -> None:
+    compared(40e3, 50e3, trapped=True, course="trailing")
