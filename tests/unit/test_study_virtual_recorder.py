@@ -10,8 +10,8 @@ from tests.unit.simulated import sb2_panel
 from turnout.core.errors import FileError, PanelError
 from turnout.measurement.campaign.build_campaign import build_campaign_dataset
 from turnout.measurement.chain.apply import load_channel_map
+from turnout.measurement.chain.channel_map import typed_recorder
 from turnout.measurement.chain.recorder_response import NO_RESPONSE, LowPass, RecorderResponse
-from turnout.measurement.chain.typed_recorder import typed_recorder
 from turnout.panel.load import load_panel
 from turnout.study.virtual.campaign_plan import CampaignPlan, check_plan, virtual_plan
 from turnout.study.virtual.disturbance import QUIET, add_disturbance

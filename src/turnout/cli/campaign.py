@@ -328,7 +328,7 @@ def virtual_command(
     quiet: QuietOption = False,
 ) -> None:
     """Make a campaign of simulated throws in the formats of a data acquisition system."""
-    from turnout.measurement.chain.typed_recorder import typed_recorder
+    from turnout.measurement.chain.channel_map import typed_recorder
     from turnout.study.virtual.campaign_plan import virtual_plan
     from turnout.study.virtual.record_throw import finer_panel, finer_scheme
 

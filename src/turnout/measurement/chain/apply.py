@@ -28,10 +28,10 @@ from turnout.measurement.chain.channel_map import (
     OF_DRIVES,
     AnySensor,
     ChannelMap,
+    map_problem,
     raw_unit,
 )
 from turnout.measurement.chain.condition import SAME_STEP, common_time, resample, tare
-from turnout.measurement.chain.map_problems import map_problem
 from turnout.measurement.chain.sensor import SensorLine, describe_sensor, line_of, other_unit
 from turnout.measurement.recording import RecordedChannel, Recording
 

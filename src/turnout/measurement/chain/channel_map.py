@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
-from turnout.core.problems import choices
+from turnout.core.errors import FileError, TurnoutError
+from turnout.core.problems import choices, describe_error, nearest
 from turnout.core.quantity import (
     CurrentSensitivity,
     Force,
@@ -24,6 +25,7 @@ from turnout.core.quantity import (
     Voltage,
     VoltageRatio,
 )
+from turnout.core.toml import parse_toml
 from turnout.core.units import (
     CURRENT,
     FORCE,
@@ -402,3 +404,87 @@ class ChannelMap(Record):
             # Samples that are closer change nothing that is compared.
             rate=rate if (rate := self.recorded_rate or 0.0) * LEAST_INTERVAL < 1.0 else 0.0,
         )
+
+
+def map_problem(error: Any) -> str:
+    """Return key path and fault, without the kind that pydantic puts into the path."""
+    path = [str(part) for part in error["loc"]]
+    kind = next((part for part in path if part in KINDS), None)
+    keys = [part for part in path if part != kind]
+    fields = KINDS[kind].model_fields if kind else ChannelMap.model_fields
+    if error["type"] == "union_tag_not_found":
+        return f"{'.'.join(keys)}: kind is missing; must be {choices(KINDS)}"
+    if error["type"] == "union_tag_invalid":
+        tag = error["ctx"]["tag"]
+        return f'{".".join(keys)}.kind = "{tag}": must be {choices(KINDS)}{nearest(tag, KINDS)}'
+    return ".".join(keys) + describe_error(error, allowed=fields) + _hint(error, keys)
+
+
+def _hint(error: Any, keys: list[str]) -> str:
+    """Return a hint on the table of a misplaced key or the form of a share, else an empty text."""
+    key = keys[-1]
+    if error["type"] == "extra_forbidden":
+        if len(keys) > 1 and key in ChannelMap.model_fields:
+            return "; it belongs above the first table of the map"
+        if len(keys) == 1 and key in SensorRecord.model_fields:
+            return "; it belongs into the table of a channel"
+    if key.endswith("_uncertainty"):
+        return "; it is a share: 0.02 for 2 %, 1e-5 for 10 ppm"
+    return ""
+
+
+def typed_recorder(
+    *, average: str | None = None, low_pass: str | None = None, rate: str | None = None
+) -> RecorderResponse:
+    """Return a recorder's response from the texts that a channel map takes.
+
+    Parameters
+    ----------
+    average, rate : str, optional
+        Such as "0.1 s" and "20 Hz".
+    low_pass : str, optional
+        A corner frequency, "6 Hz", or as in a channel map, '{ kind = "rc", corner = "6 Hz" }'.
+
+    Raises
+    ------
+    FileError
+        With all problems.
+
+    Examples
+    --------
+    >>> typed_recorder(low_pass="6 Hz", average="0.1 s").text
+    'a Butterworth low-pass of order 2 at 6 Hz, a mean over the last 0.1 s'
+    """
+    given: dict[str, Any] = {"recorded_average": average, "recorded_rate": rate}
+    problems = []
+    if low_pass is not None:
+        try:
+            given["recorded_filter"] = _filter_table(low_pass)
+        except TurnoutError:
+            problems.append(
+                f"--recorded-filter {low_pass}: must be a corner frequency such as '6 Hz', or a "
+                'table as in a channel map: \'{ kind = "bessel", order = 4, corner = "6 Hz" }\''
+            )
+    stated: dict[str, Any] = {}
+    for key, value in given.items():
+        try:
+            stated[key] = getattr(ChannelMap.model_validate({key: value}), key)
+        except ValidationError as error:
+            found = [map_problem(item) for item in error.errors(include_url=False)]
+            problems += [f"--{text.replace('_', '-', 1)}" for text in dict.fromkeys(found)]
+    if (stated.get("recorded_rate") or 0.0) * LEAST_INTERVAL >= 1.0:
+        problems.append(
+            f"--recorded-rate {rate}: must be below {1.0 / LEAST_INTERVAL:g} Hz; "
+            "closer samples change nothing that is compared"
+        )
+    if problems:
+        raise FileError("\n".join(problems))
+    return ChannelMap.model_validate(given).recorder_response()
+
+
+def _filter_table(text: str) -> object:
+    if not text.strip().startswith("{"):
+        return {"corner": text}
+    return parse_toml(f"recorded_filter = {text}", source="--recorded-filter").data[
+        "recorded_filter"
+    ]
