@@ -11,7 +11,7 @@ import pytest
 from turnout.core import cache_folder
 from turnout.core import content_cache as cache
 from turnout.core.lru_cache import LRUCache
-from turnout.mechanism import build, reduce, structure
+from turnout.mechanism import build, reduce
 from turnout.mechanism.build import build_mechanism
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
@@ -220,7 +220,7 @@ def test_a_kept_linear_part_is_the_one_that_would_be_made(changes: dict[str, obj
 
 def test_nothing_of_a_rail_is_left_in_a_cleared_memory(fresh: Path) -> None:
     build_mechanism(PANEL.with_overrides({"chair.damping": 1e3}))
-    caches = (reduce._rails, reduce._at_dashpots, structure._parts, structure._rows)
+    caches = (reduce._rails, reduce._reductions)
     assert all(cache._values for cache in caches)
     reduce.clear_superelements()
     assert not any(cache._values for cache in caches)

@@ -19,7 +19,7 @@ from tests.verification.prismatic_panel import (
 
 from turnout.beam.spectrum import modes_below
 from turnout.mechanism.build import rail_data
-from turnout.mechanism.structure import point_rows, rail_structure
+from turnout.mechanism.structure import form_rows, rail_structure
 from turnout.metric.modes import modes
 from turnout.panel.load import load_panel
 
@@ -50,7 +50,7 @@ def test_rail_alone_agrees_with_the_unreduced_rail(closed: bool) -> None:
     stiffness = full.stiffness
     if closed:
         feet = tuple(point for point in data.points if point.direction == "uz")
-        rows = point_rows(full, feet, name=data.name)
+        rows = form_rows(full, feet, name=data.name)
         stiffness = sp.csr_array(stiffness + 1e7 * (rows.T @ rows))
     exact, _, _ = modes_below(stiffness, full.mass, cutoff_frequency=LIMIT)
     found = modes(panel, count=exact.size)

@@ -15,10 +15,11 @@ from turnout.beam.craig_bampton import (
     superelement_in,
 )
 from turnout.beam.reduction_error import ReductionReport, reduction_report
+from turnout.beam.section_record import SectionProperties
 from turnout.core.content_cache import cached_arrays, counts, digest
 from turnout.core.lru_cache import LRUCache
 from turnout.mechanism.mechanism import RailBody, RailData, ReducedRail
-from turnout.mechanism.structure import Structure, clear_structures, point_rows, rail_structure
+from turnout.mechanism.structure import Structure, form_rows, rail_structure
 from turnout.panel.records import RailMatrices
 
 Floats = NDArray[np.float64]
@@ -31,9 +32,6 @@ Further ones are mostly of varied sections, which no other process needs."""
 _FIELDS = ("transformation", "frequencies", "frequency_first_omitted")
 _rails = LRUCache[ReducedRail](24)
 _reductions = LRUCache[tuple[Structure, Superelement, Floats]](6)
-_at_dashpots = LRUCache[tuple[sp.csr_array, Floats, object, object]](24)
-# Named by identity: rails that differ in their sections share all else.
-_digests = LRUCache[tuple[str, tuple[object, ...]]](96)
 
 
 def reduce_rail(data: RailData, *, first: int = 0) -> ReducedRail:
@@ -67,25 +65,13 @@ def content_key(data: RailData) -> str | None:
     """Return a digest of all that a reduced rail depends on; None for matrices without one."""
     if data.matrices is not None and not data.matrices.digest:
         return None
-    sections = (getattr(data.sections, part.name) for part in fields(data.sections))
-    return digest((_digest_of_rest(data), *sections))
+    return digest(_parts(getattr(data, item.name) for item in fields(data)))
 
 
 def clear_superelements() -> None:
-    """Empty the memory of reduced rails, of their dashpots and of their structures."""
-    for cache in (_rails, _digests, _reductions, _at_dashpots):
-        cache.clear()
-    clear_structures()
-
-
-def _digest_of_rest(data: RailData) -> str:
-    """Return a digest of all that a reduced rail depends on but its sections."""
-    rest = [getattr(data, item.name) for item in fields(data) if item.name != "sections"]
-    key = tuple(id(v) if isinstance(v, np.ndarray | tuple | RailMatrices) else v for v in rest)
-    found = _digests.get(key)
-    if found is None:
-        found = _digests.put(key, (digest(_parts(rest)), tuple(rest)))
-    return found[0]
+    """Empty the memory of reduced rails."""
+    _rails.clear()
+    _reductions.clear()
 
 
 def _parts(values: Iterable[object]) -> Iterator[object]:
@@ -93,6 +79,8 @@ def _parts(values: Iterable[object]) -> Iterator[object]:
     for value in values:
         if isinstance(value, RailMatrices):
             yield value.digest
+        elif isinstance(value, SectionProperties):
+            yield from (getattr(value, part.name) for part in fields(value))
         elif isinstance(value, tuple) and value and is_dataclass(value[0]):
             yield from _columns(value)
         else:
@@ -111,8 +99,9 @@ def _columns(records: Sequence[object]) -> Iterator[object]:
 
 def _reduced(data: RailData, *, first: int) -> ReducedRail:
     structure, element, damping = superelement_of(data)
-    rows = point_rows(structure, data.points, name=data.name)
-    at_dashpots, constants = _dashpots(structure, data)
+    rows = form_rows(structure, data.points, name=data.name)
+    at_dashpots = form_rows(structure, tuple(s.point for s in data.dashpots), name=data.name)
+    constants = np.array([s.damping for s in data.dashpots])
     reduced_dashpots = np.asarray(at_dashpots @ element.transformation)
     damping = damping + (reduced_dashpots.T * constants) @ reduced_dashpots
     kept = element.frequencies_kept
@@ -139,17 +128,6 @@ def _reduced(data: RailData, *, first: int) -> ReducedRail:
     )
 
 
-def _dashpots(structure: Structure, data: RailData) -> tuple[sp.csr_array, Floats]:
-    """Return rows and constants of the dashpots at chairs."""
-    key = (id(structure.motion), id(data.dashpots))
-    found = _at_dashpots.get(key)
-    if found is None:
-        rows = point_rows(structure, tuple(s.point for s in data.dashpots), name=data.name)
-        constants = np.array([s.damping for s in data.dashpots])
-        found = _at_dashpots.put(key, (rows, constants, structure.motion, data.dashpots))
-    return found[:2]
-
-
 def superelement_of(data: RailData) -> tuple[Structure, Superelement, Floats]:
     """Return a rail with its fastenings, its superelement, and that one's damping.
 
@@ -160,7 +138,7 @@ def superelement_of(data: RailData) -> tuple[Structure, Superelement, Floats]:
     if found is not None:
         return found
     structure = rail_structure(data)
-    rows = point_rows(structure, data.points, name=data.name)
+    rows = form_rows(structure, data.points, name=data.name)
     element = superelement(structure, rows, cutoff_frequency=data.cutoff_frequency)
     made = structure, element, _reduced_damping(structure, element)
     return made if key is None else _reductions.put(key, made)

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from turnout.beam.assembly import DOF, assemble_beam
 from turnout.beam.mesh import MERGE_DISTANCE
 from turnout.core.errors import MechanicsError
-from turnout.core.lru_cache import LRUCache
 from turnout.mechanism.mechanism import Point, RailData, Support
 from turnout.panel.records import RailMatrices
 
@@ -88,101 +87,56 @@ def rail_structure(data: RailData) -> Structure:
     MechanicsError
         When there is no node, or no coordinate, where something acts.
     """
-    if data.matrices is not None:
-        bare = given_structure(data, data.matrices)
-        fixed = _fixed_parts(data, bare)
-    else:
-        fixed = _beam_parts(data)
-        bare = beam_structure(data)
-    return replace(
-        bare,
-        stiffness=_square(bare.stiffness + fixed.springs, fixed.free),
-        mass=_square(bare.mass, fixed.free),
-        load=bare.load[fixed.free],
-        motion=fixed.motion,
-        names=fixed.names,
-        mirror=None if bare.mirror is None else bare.mirror[fixed.free],
-        beyond_rayleigh=fixed.beyond_rayleigh,
-    )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Parts:
-    """Parts of a rail that do not depend on its sections.
-
-    `free` are the coordinates that are not clamped, in which `motion`, `names` and
-    `beyond_rayleigh` are; `springs` is the matrix of the fastenings in all coordinates. `bare` has
-    what a rail has without its fastenings.
-    """
-
-    bare: Structure
-    springs: sp.csr_array
-    free: NDArray[np.intp]
-    motion: sp.csr_array
-    names: tuple[str, ...]
-    beyond_rayleigh: sp.csr_array
-    owner: RailData
-
-
-def _fixed_parts(data: RailData, bare: Structure) -> _Parts:
+    bare = bare_structure(data)
     whole = data.matrices is None or not data.matrices.with_supports
     springs, dashpots = _supports(bare, data.name, data.supports if whole else ())
-    ends = {"first": 0, "last": bare.x.size - 1}
-    clamped = np.zeros(bare.load.size, dtype=bool)
-    if not bare.reduced:
-        for end in data.clamped if whole else ():
-            at = bare.motion[6 * ends[end] : 6 * ends[end] + 6]
-            clamped[np.unique(at.nonzero()[1])] = True
-    free = np.flatnonzero(~clamped)
-    return _Parts(
-        bare=bare,
-        springs=springs,
-        free=free,
+    free = _free_coordinates(data, bare)
+    beyond = bare.beyond_rayleigh + dashpots - bare.rayleigh[1] * springs
+    return replace(
+        bare,
+        stiffness=_square(bare.stiffness + springs, free),
+        mass=_square(bare.mass, free),
+        load=bare.load[free],
         motion=sp.csr_array(bare.motion[:, free]),
         names=tuple(bare.names[i] for i in free),
-        beyond_rayleigh=_square(bare.beyond_rayleigh + dashpots - bare.rayleigh[1] * springs, free),
-        owner=data,
+        mirror=None if bare.mirror is None else bare.mirror[free],
+        beyond_rayleigh=_square(beyond, free),
     )
 
 
-# Named by identity: rails that differ in their sections share all else.
-_parts = LRUCache[_Parts](16)
-_rows = LRUCache[tuple[sp.csr_array, object, object]](32)
+def _free_coordinates(data: RailData, bare: Structure) -> NDArray[np.intp]:
+    """Return the coordinates of a rail that are not clamped."""
+    ends = {"first": 0, "last": bare.x.size - 1}
+    clamped = np.zeros(bare.load.size, dtype=bool)
+    whole = data.matrices is None or not data.matrices.with_supports
+    for end in data.clamped if whole and not bare.reduced else ():
+        at = bare.motion[6 * ends[end] : 6 * ends[end] + 6]
+        clamped[np.unique(at.nonzero()[1])] = True
+    return np.flatnonzero(~clamped)
 
 
-def clear_structures() -> None:
-    """Empty the memory of parts and rows of structures."""
-    _parts.clear()
-    _rows.clear()
-
-
-def _beam_parts(data: RailData) -> _Parts:
-    """Make the parts of a rail of beams that do not depend on its sections, or find them."""
-    named = (data.x, data.axis_height, data.supports)
-    key = (*map(id, named), data.name, data.clamped, data.damping)
-    found = _parts.get(key)
-    if found is None:
-        size = 6 * data.x.size
-        nothing = sp.csr_array((size, size))
-        bare = Structure(
-            stiffness=nothing,
-            mass=nothing,
-            beyond_rayleigh=nothing,
-            rayleigh=data.damping,
-            load=np.zeros(size),
-            x=data.x,
-            motion=_lowered(sp.eye_array(size, format="csr"), data.axis_height),
-            known=np.ones(size, dtype=bool),
-            names=tuple(f"{d} at x = {x:g} m" for x in data.x for d in DOF),
-            mirror=np.tile([1.0, -1.0, 1.0, -1.0, 1.0, -1.0], data.x.size),
-        )
-        found = _parts.put(key, _fixed_parts(data, bare))
-    return found
+def _bare_beams(data: RailData) -> Structure:
+    """Return the coordinates of a rail of beams, whose matrices are still zero."""
+    size = 6 * data.x.size
+    nothing = sp.csr_array((size, size))
+    return Structure(
+        stiffness=nothing,
+        mass=nothing,
+        beyond_rayleigh=nothing,
+        rayleigh=data.damping,
+        load=np.zeros(size),
+        x=data.x,
+        motion=_lowered(sp.eye_array(size, format="csr"), data.axis_height),
+        known=np.ones(size, dtype=bool),
+        names=tuple(f"{d} at x = {x:g} m" for x in data.x for d in DOF),
+        mirror=np.tile([1.0, -1.0, 1.0, -1.0, 1.0, -1.0], data.x.size),
+    )
 
 
 def unsupported_beams(data: RailData) -> tuple[sp.csr_array, sp.csr_array, Floats]:
     """Return stiffness, mass and weight of the beams of a rail alone, in its free coordinates."""
-    free, bare = _beam_parts(data).free, beam_structure(data)
+    bare = beam_structure(data)
+    free = _free_coordinates(data, bare)
     return _square(bare.stiffness, free), _square(bare.mass, free), bare.load[free]
 
 
@@ -202,7 +156,7 @@ def beam_structure(data: RailData) -> Structure:
         name=f"rail {data.name}",
     )
     return replace(
-        _beam_parts(data).bare,
+        _bare_beams(data),
         stiffness=beam.stiffness,
         mass=beam.mass,
         load=beam.gravity_load,
@@ -239,16 +193,6 @@ def given_structure(data: RailData, given: RailMatrices) -> Structure:
         else tuple(f"coordinate {i + 1}" for i in range(size)),
         reduced=given.rows is not None,
     )
-
-
-def point_rows(structure: Structure, points: tuple[Point, ...], *, name: str) -> sp.csr_array:
-    """Form rows as `form_rows` does, or find those of the very same points."""
-    key = (id(structure.motion), id(points))
-    found = _rows.get(key)
-    if found is None:
-        made = form_rows(structure, points, name=name)
-        found = _rows.put(key, (made, structure.motion, points))
-    return found[0]
 
 
 def form_rows(structure: Structure, points: tuple[Point, ...], *, name: str) -> sp.csr_array:

@@ -34,7 +34,7 @@ from turnout.core.lru_cache import LRUCache
 from turnout.mechanism.mechanism import RailBody, RailData, ReducedRail, Support
 from turnout.mechanism.rail_sections import scale_sections
 from turnout.mechanism.reduce import content_key, superelement_of
-from turnout.mechanism.structure import point_rows, unsupported_beams
+from turnout.mechanism.structure import form_rows, unsupported_beams
 
 Floats = NDArray[np.float64]
 STEP = 1.25
@@ -210,7 +210,7 @@ def _made_family(data: RailData, nominal: ReducedRail) -> RailFamily:
         weight[number] = reduce_vector(element, load)
     own = reduce_matrix(element, unsupported_beams(data)[0])
     whole = reduce_matrix(element, structure.stiffness)
-    rows = point_rows(structure, tuple(s.point for s in data.supports), name=data.name)
+    rows = form_rows(structure, tuple(s.point for s in data.supports), name=data.name)
     of_mass, of_stiffness = structure.rayleigh
     damping = nominal.damping - of_mass * nominal.mass - of_stiffness * own
     error = variation_error(data)

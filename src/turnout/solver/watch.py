@@ -155,10 +155,13 @@ def _places(
     """Return all of a `WatchPlan` but what is wanted."""
     times = interval * np.arange(count, dtype=np.float64)
     first = np.searchsorted(times, np.array(wanted, dtype=np.float64) - TIME_TOLERANCE)
-    whole = np.unique(np.append(first[first < count], count - 1))
+    whole = np.array(sorted({*first[first < count].tolist(), count - 1}))
     regular, rest = np.arange(0, count, stride), rest_instants(times, rests)
-    seen = np.append(regular, np.setdiff1d(np.union1d(whole, rest), regular))
-    balanced = np.union1d(np.arange(0, count, stride * BALANCE_EVERY), whole)
+    further = sorted({*whole.tolist(), *rest.tolist()})
+    seen = np.append(regular, np.array([at for at in further if at % stride], dtype=np.int64))
+    is_balanced = np.zeros(count, dtype=bool)
+    is_balanced[:: stride * BALANCE_EVERY] = is_balanced[whole] = True
+    balanced = np.flatnonzero(is_balanced)
     places = np.full((count, 3), -1, dtype=np.int64)
     for column, chosen in enumerate((whole, seen, balanced)):
         places[chosen, column] = np.arange(chosen.size)
