@@ -5,6 +5,7 @@ positions are those of the rod's machine end, positive in the closing direction,
 rail is home against the stock rail.
 """
 
+import math
 from collections.abc import Iterator
 from typing import Literal
 
@@ -122,6 +123,16 @@ class Stroke(JudgedRecord):
             elif angles[-1] != 1.0 or lengths[-1] != 1.0:
                 yield "angle_share and length_share must end with 1"
 
+    @property
+    def standing(self) -> tuple[float, float]:
+        """Shares of the angle up to which, and from which on, the rod stands [-]."""
+        if self.kind != "table" or self.angle_share is None or self.length_share is None:
+            return 0.0, 1.0
+        moved = list(zip(self.angle_share, self.length_share, strict=False))
+        first = max((angle for angle, length in moved if length == 0.0), default=0.0)
+        last = min((angle for angle, length in moved if length == 1.0), default=1.0)
+        return first, last
+
 
 class Rod(Record):
     """Rod between machine and rail."""
@@ -173,6 +184,21 @@ class Circuit(Record):
     )
 
 
+class Lock(Record):
+    """Lock bar, which the machine moves while the rod stands: before its way and after it."""
+
+    stroke: Length | None = Field(
+        None,
+        gt=0,
+        le=0.3,
+        description="of the bar at each end of a screw's way, at the screw's ratio; a table has "
+        "its own, where it stands [m]",
+    )
+    force: Force = Field(
+        0.0, ge=0, description="against the bar's motion, at the ratio of the way between [N]"
+    )
+
+
 class HandCrank(Record):
     """A hand at the crank in place of the motor current; the armature is open."""
 
@@ -198,6 +224,9 @@ class Machine(JudgedRecord):
         default_factory=lambda: Supply.model_validate({}), description="as it is, not as rated"
     )
     hand: HandCrank | None = Field(None, description="a hand crank in place of the motor")
+    lock: Lock | None = Field(
+        None, description="bar that unlocks before the way and locks after it; default none"
+    )
 
     @property
     def stall_torque(self) -> float:
@@ -237,6 +266,42 @@ class Machine(JudgedRecord):
             yield "circuit.holding = 'gear' needs a self-locking gear: gear.back_efficiency = 0"
         if self.circuit.holding == "brake" and self.motor.brake_torque == 0.0:
             yield "circuit.holding = 'brake' needs motor.brake_torque"
+        if self.lock is not None:
+            yield from self._lock_faults(self.lock)
+
+    @property
+    def lock_torque(self) -> float:
+        """Torque at the shaft while the lock bar moves [N m]."""
+        if self.lock is None:
+            return 0.0
+        stroke = self.stroke
+        if stroke.kind == "screw":
+            travel = 1.0 / (stroke.ratio or math.inf)
+        else:
+            first, last = stroke.standing
+            travel = (stroke.length or 0.0) / ((stroke.angle or math.inf) * (last - first))
+        return self.lock.force * travel / self.gear.efficiency
+
+    def _lock_faults(self, lock: Lock) -> Iterator[str]:
+        screw = self.stroke.kind == "screw"
+        if screw and lock.stroke is None:
+            yield "lock.stroke is needed with a screw: the way of the bar at each end"
+        elif not screw and lock.stroke is not None:
+            kind = self.stroke.kind
+            yield f"lock.stroke is of screws; a {kind} stands where its length_share does"
+        elif not screw and self.stroke.standing == (0.0, 1.0):
+            yield (
+                f"lock: this {self.stroke.kind} never stands; give a table whose length_share "
+                "begins with 0 and reaches 1 before its end, or a screw with lock.stroke"
+            )
+        else:
+            holds = self.clutch.torque * (1.0 - self.clutch.worn)
+            if self.lock_torque >= holds:
+                yield (
+                    f"lock.force = {lock.force:g} N: takes {self.lock_torque:.4g} N m, the clutch "
+                    f"slips at {holds:.4g} N m, so that it never unlocks; at most "
+                    f"{lock.force * holds / self.lock_torque:.4g} N"
+                )
 
     def _given(self, key: str) -> str:
         """Return a key of a part whose value is not its default, with the value of a choice."""

@@ -22,6 +22,7 @@ from turnout.machine.rows import (
     rest_on,
     start_state,
     stroke_table,
+    with_lock_stroke,
     work_rows,
 )
 
@@ -214,6 +215,7 @@ def throw_one_mass(
         raise MachineError([message])
     if rail is None or throw is None:
         raise MachineError(["a machine given as a record needs a rail and a throw"])
+    machine = with_lock_stroke(machine)
     problems = list(_places_that_cannot_be(machine, rail, throw))
     if problems:
         raise MachineError(problems, source=name or "machine")

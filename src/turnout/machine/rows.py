@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from turnout.core.errors import MachineError
 from turnout.law.table import Floats
 from turnout.machine.components import Command, Machine, OneMassRail, Stroke
 from turnout.machine.compute import places as at
@@ -28,6 +29,53 @@ def stroke_table(stroke: Stroke) -> Floats:
     table[:, 0] = s
     table[:-1, 1:] = pieces.c[::-1].T
     return table
+
+
+CORNER = 1e-3
+"""Way over which a rod behind a lock bar takes up the speed of its screw [m]."""
+
+
+def with_lock_stroke(machine: Machine) -> Machine:
+    """Return a machine whose screw is a table that stands while its lock bar moves.
+
+    Others are returned as they are. The way goes from limit contact to limit contact and
+    `circuit.overrun` beyond; the limit contacts then act where the bar has arrived.
+
+    Raises
+    ------
+    MachineError
+        If a limit contact is not given.
+    """
+    lock, circuit, ratio = machine.lock, machine.circuit, machine.stroke.ratio
+    if lock is None or lock.stroke is None or machine.stroke.kind != "screw" or ratio is None:
+        return machine
+    if circuit.limit_closing is None or circuit.limit_opening is None:
+        message = (
+            "lock.stroke: where the way of the rod ends is not known; give circuit.limit_closing "
+            "and circuit.limit_opening"
+        )
+        raise MachineError([message], source="machine")
+    opened = circuit.limit_opening - circuit.overrun
+    length = circuit.limit_closing + circuit.overrun - opened
+    # half a corner of the way is covered in a whole corner of the bar
+    near = CORNER * np.array([0.0, 0.5, 1.0, 2.0])
+    moved = CORNER * np.array([0.0, 0.125, 0.5, 1.5])
+    whole = length + CORNER
+    bar = np.concatenate((lock.stroke + near, lock.stroke + whole - near[::-1]))
+    total = 2.0 * lock.stroke + whole
+    way = np.concatenate((moved, length - moved[::-1]))
+    stroke = machine.stroke.model_copy(
+        update={
+            "kind": "table",
+            "angle": ratio * total,
+            "length": length,
+            "start": opened,
+            "angle_share": (*(bar / total).tolist(), 1.0),
+            "length_share": (*(way[:-1] / length).tolist(), 1.0, 1.0),
+        }
+    )
+    circuit = circuit.model_copy(update={"limit_closing": None, "limit_opening": None})
+    return machine.model_copy(update={"stroke": stroke, "circuit": circuit})
 
 
 def angle_at(machine: Machine, position: float) -> float:
@@ -79,6 +127,7 @@ def _gear_entries(machine: Machine) -> dict[int, float]:
     back = gear.efficiency if gear.back_efficiency is None else gear.back_efficiency
     kinds = {"screw": at.SCREW, "crank": at.CRANK, "table": at.TABLE}
     ratio = stroke.ratio if stroke.kind == "screw" else stroke.angle
+    first, last = stroke.standing
     return {
         at.CLUTCH_STIFFNESS: clutch.stiffness,
         at.CLUTCH_TORQUE: clutch.torque * (1.0 - clutch.worn),
@@ -100,6 +149,9 @@ def _gear_entries(machine: Machine) -> dict[int, float]:
         at.DRY_TO: _or(gear.dry_to, -math.inf),
         at.ROD_STIFFNESS: machine.rod.stiffness,
         at.ROD_PLAY: machine.rod.play,
+        at.LOCK_TORQUE: machine.lock_torque,
+        at.UNLOCKED_FROM: -math.inf if machine.lock is None else first * (stroke.angle or 0.0),
+        at.UNLOCKED_TO: math.inf if machine.lock is None else last * (stroke.angle or 0.0),
     }
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.machine.components import Machine
-from turnout.machine.rows import machine_row, start_state, stroke_table
+from turnout.machine.rows import machine_row, start_state, stroke_table, with_lock_stroke
 from turnout.machine.steady import blind_text, shaft_travel, stall_text
 from turnout.mechanism.mechanism import DriveMachines, LawIndex, Wait
 from turnout.panel.markers import marker_offsets, movement_end, ordered_movements, start_level
@@ -43,8 +43,8 @@ def fitted_machine(panel: Panel, name: str) -> Machine:
     Returns
     -------
     Machine
-        A crank or table covers stroke and over-travels, whatever its own length. Limit contacts
-        that the machine gives itself are kept.
+        A crank or table covers stroke and over-travels, whatever its own length; so does a screw
+        with a lock bar. Limit contacts that the machine gives itself are kept.
     """
     drive = panel.drive[name]
     machine = panel.machine[drive.machine or ""]
@@ -59,7 +59,7 @@ def fitted_machine(panel: Panel, name: str) -> Machine:
     if stroke.kind != "screw":
         travel = {"start": opened, "length": closed - opened}
         changed["stroke"] = stroke.model_copy(update=travel)
-    return machine.model_copy(update=changed)
+    return with_lock_stroke(machine.model_copy(update=changed))
 
 
 def slip_force(panel: Panel, name: str) -> float:

@@ -26,7 +26,7 @@ _LAW_ALONE: dict[str, tuple[str, ...]] = {
     ),
     "drive": (
         *("stiffness", "saturation_force", "saturated_stiffness", "extension", "force", "machine"),
-        *("over_travel_open", "over_travel_closed", "gap_limit"),
+        *("over_travel_open", "over_travel_closed", "gap_limit", "lost_motion"),
     ),
     "rail": (*("stress_free", "fit_gap", "stock_rail_gap", "head_width", "gauge_widening"),),
 }

@@ -476,6 +476,9 @@ def _drive_machine(path: tuple[str, str], drive: Any, known: list[str]) -> Itera
         there = choices(dict.fromkeys(known))
         text = f' = "{drive.machine}": there is no such machine{nearest(drive.machine, known)}; '
         yield Problem((*path, "machine"), f"{text}there are {there}, or give [machine.NAME]")
+    if drive.lost_motion:
+        text = f" = {drive.lost_motion:g} m: is of markers; give machine.{drive.machine}.lock"
+        yield Problem((*path, "lost_motion"), text)
     if drive.extension is not None:
         text = ": a rod moved by a machine is linear; leave out extension and force, or the machine"
         yield Problem((*path, "extension"), text)

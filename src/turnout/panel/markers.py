@@ -108,6 +108,7 @@ def prior_positions(panel: Panel, movement: Movement, time: npt.ArrayLike) -> Fl
     for row, (name, drive) in enumerate(panel.drive.items()):
         level, target = marker_level(drive, begins, starts=starts), start_level(panel, drive)
         share = movement_fraction(movement, instants, drive=name)
+        share = share_behind_lock(panel, drive, movement, share, way=abs(target - level))
         positions[row] = np.where(share < 1.0, level + share * (target - level), target)
     return positions
 
@@ -133,7 +134,7 @@ def motion_key(
     """
     held = (panel.schedule, prior, *panel.movement.values())
     ways = [
-        (name, drive.stroke, drive.over_travel_open, drive.over_travel_closed)
+        (name, drive.stroke, drive.over_travel_open, drive.over_travel_closed, drive.lost_motion)
         for name, drive in panel.drive.items()
     ]
     return (*map(id, held), *ways), held
@@ -176,10 +177,37 @@ def marker_positions(panel: Panel, time: npt.ArrayLike) -> FloatArray:
                 found = shares[name, total] = first, last, share
             first, last, share = found
             way = target - level
+            share = share_behind_lock(panel, drive, movement, share, way=abs(way))
             of_drive[first:last] += way * share
             of_drive[last:] += way
             level = target
     return positions
+
+
+def share_behind_lock(
+    panel: Panel, drive: Drive, movement: Movement, share: FloatArray, *, way: float
+) -> FloatArray:
+    """Return the share of its way that a rail behind a clamp lock has covered.
+
+    The slide runs through the lost motion p beside the way w. A rail that opens stands for the
+    first p of it, in which it is unlocked; one that closes stands for the last p, in which it is
+    locked. So the open rail moves first, and the other one last.
+
+    Parameters
+    ----------
+    panel, drive, movement
+        Rail of the drive, its lost motion, and where the instrumented rail goes.
+    share : ndarray, shape (n,)
+        Share of its whole way that the slide has covered [-].
+    way : float
+        Way of the rail [m].
+    """
+    if drive.lost_motion == 0.0:
+        return share
+    slide = share * (way + drive.lost_motion)
+    opens = (movement.to == "open") == (panel.rail[drive.rail].closes == "+y")
+    moved = slide - drive.lost_motion if opens else slide
+    return np.asarray((moved / way).clip(0.0, 1.0))
 
 
 def marker_offsets(panel: Panel) -> FloatArray:

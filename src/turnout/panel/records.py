@@ -434,6 +434,13 @@ class Drive(Placed):
         0.0, ge=0, description="of the rod's bracket against roll of the rail [N m/rad]"
     )
     stroke: Length = Field(gt=0, description="marker travel between closed and open [m]")
+    lost_motion: Length = Field(
+        0.0,
+        ge=0,
+        le=0.3,
+        description="of a clamp lock: way of its slide before it takes a closed rail with it, and "
+        "after a closing rail is home [m]",
+    )
     over_travel_open: Length = Field(
         0.0, description="marker goes so far beyond the panel's open position [m]"
     )

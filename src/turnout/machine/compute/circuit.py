@@ -307,13 +307,16 @@ def _after_step(
 
 @compiled_part
 def set_local_faults(constants: Floats, state: Floats) -> None:
-    """Set what depends on where gear and motor stand: dry teeth, a brush of poor contact.
+    """Set what depends on where gear and motor stand: dry teeth, lock bar, a brush.
 
     It holds for the whole step that begins there, so that each step is one of constant values.
     """
     state[at.GEAR_RATIO], state[at.BRUSH_RESISTANCE] = 1.0, 0.0
     if constants[at.DRY_FROM] <= state[at.ROD_POSITION] <= constants[at.DRY_TO]:
         state[at.GEAR_RATIO] = constants[at.DRY_RATIO]
+    state[at.BAR_TORQUE] = 0.0
+    if not constants[at.UNLOCKED_FROM] < state[at.GEAR_ANGLE] < constants[at.UNLOCKED_TO]:
+        state[at.BAR_TORQUE] = constants[at.LOCK_TORQUE]
     if constants[at.CONTACT_LOSS] > 0.0:
         turns = (state[at.GEAR_ANGLE] + state[at.TWIST] + state[at.SLIP]) / (2.0 * math.pi)
         if turns - math.floor(turns) < constants[at.CONTACT_LOSS]:

@@ -11,9 +11,10 @@ A stage of length g asks for the gear speed w2 with
 where T_c is what the motor side answers (it falls with w2), F what the rod answers (it rises with
 the rod position x = X(th2), th2 = th2* + g w2), and t_g the loss of the gear: the load appears at
 the shaft as X' F / eta where it is driven, as X' F eta_b where it drives back, and as any value
-between while the gear stands. All of it rises with w2, jumps included, so there is one solution;
-it is looked for on the side of w2 that the last stage was on, and the standing gear is tried when
-that side has no solution. Nothing is smoothed and no sign is guessed.
+between while the gear stands; a lock bar adds its torque against the motion. All of it rises with
+w2, jumps included, so there is one solution; it is looked for on the side of w2 that the last stage
+was on, and the standing gear is tried when that side has no solution. Nothing is smoothed and no
+sign is guessed.
 """
 
 import math
@@ -123,7 +124,7 @@ def solve_stage(
         CONVERGED or NOT_CONVERGED.
     """
     hand, free, compliance = span
-    inertia = constants[at.GEAR_INERTIA] / g
+    inertia, bar = constants[at.GEAR_INERTIA] / g, state[at.BAR_TORQUE]
     w1, y = stage[at.SPEED], stage[at.RAIL_POSITION]
     w2 = 0.0 if state[at.LOCKED] > 0.0 else stage[at.GEAR_SPEED]
     sign = math.copysign(1.0, w2)
@@ -144,20 +145,20 @@ def solve_stage(
         if stands:
             below = load_factor(constants, state, load, -1.0)
             above = load_factor(constants, state, load, 1.0)
-            settled = state[at.LOCKED] > 0.0 or f + below * load <= 0.0 <= f + above * load
+            most = f + above * load + bar
+            settled = state[at.LOCKED] > 0.0 or f + below * load - bar <= 0.0 <= most
             if not settled:
                 stands, checked, low, high = False, True, -math.inf, math.inf
-                sign = 1.0 if f + above * load < 0.0 else -1.0
+                sign = 1.0 if most < 0.0 else -1.0
         else:
             settled = False
         if not stands:
             factor = load_factor(constants, state, load, sign)
-            f += constants[at.GEAR_DRAG] * w2 + factor * load
+            f += constants[at.GEAR_DRAG] * w2 + factor * load + bar * sign
             slope = inertia + constants[at.GEAR_DRAG] - clutch_slope
             slope += factor * g * (dx * dx * force_slope + ddx * force)
-            scale = (
-                inertia * (abs(w2) + abs(base[at.GEAR_SPEED])) + abs(clutch) + factor * abs(load)
-            )
+            scale = inertia * (abs(w2) + abs(base[at.GEAR_SPEED])) + abs(clutch)
+            scale += factor * abs(load) + bar
             settled = abs(f) <= ROUNDING * scale
             if not settled:
                 if slope <= 0.0:
@@ -341,7 +342,8 @@ def _add_gear_energy(
         return
     load = rod_position(constants, table, stage[at.GEAR_ANGLE])[1] * stage[at.ROD_FORCE]
     factor = load_factor(constants, state, load, math.copysign(1.0, w2))
-    state[at.ENERGIES + at.GEAR] += weight * (factor - 1.0) * load * w2
+    bar = state[at.BAR_TORQUE] * abs(w2)
+    state[at.ENERGIES + at.GEAR] += weight * ((factor - 1.0) * load * w2 + bar)
     state[at.ENERGIES + at.GEAR_DRAG_HEAT] += weight * constants[at.GEAR_DRAG] * w2 * w2
     state[at.ENERGIES + at.ROD_INPUT] += weight * load * w2
 

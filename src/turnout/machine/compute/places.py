@@ -68,8 +68,11 @@ the closing direction. Flags are 0.0 or 1.0.
     DRY_TO,
     CONTACT_LOSS,  # share of each turn of the motor in which a brush has poor contact
     CONTACT_RESISTANCE,  # added there [ohm]
+    LOCK_TORQUE,  # while the lock bar moves [N m]
+    UNLOCKED_FROM,  # shaft angles between which the rod moves and the bar stands [rad]
+    UNLOCKED_TO,
     CONSTANTS,
-) = range(63)
+) = range(66)
 
 (CONSTANT_FIELD, SERIES_FIELD, THREE_PHASE) = range(3)
 """Circuits of motors: torque k i; K i^2/(1 + |i|/i_s); that of the Gamma model."""
@@ -140,8 +143,9 @@ the closing direction. Flags are 0.0 or 1.0.
     HALVED,  # steps taken in halves so far
     GEAR_RATIO,  # DRY_RATIO where the gear is dry, else 1
     BRUSH_RESISTANCE,  # CONTACT_RESISTANCE while a brush has poor contact, else 0 [ohm]
+    BAR_TORQUE,  # LOCK_TORQUE while the lock bar moves, else 0 [N m]
     ENERGIES,  # the first of the sums below
-) = range(41)
+) = range(42)
 
 INTEGRATED = 12
 """So many states, from the first on, obey differential equations."""
