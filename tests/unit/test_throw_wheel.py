@@ -47,6 +47,13 @@ def test_an_object_is_levered_by_the_wheel_unless_that_is_heavy() -> None:
     assert light.least == light.under_wheel
 
 
+def test_the_energy_balance_closes_beside_the_energy_of_the_throw() -> None:
+    """Though the springs that press are stretched by some hundred kilometres."""
+    for run in (found(), found(vertical=50e3), found(vertical=112e3, course="trailing")):
+        assert run.attrs["energy_scale"] == pytest.approx(700, rel=0.3)
+        assert run.attrs["energy_residual"] < 1e-6 * run.attrs["energy_scale"]
+
+
 def test_rest_is_that_of_the_throw() -> None:
     thrown = simulate(
         load_panel(DEFAULT),
@@ -100,11 +107,12 @@ def test_machines_stand_as_markers() -> None:
 
 
 def test_a_rail_that_came_as_matrices_answers_as_its_beams(tmp_path: Path) -> None:
+    """Within micrometres: which of two feet slides first may rest on rounding."""
     panel = load_panel(DEFAULT)
     (tmp_path / "own.mat").write_bytes(export_matrices(panel)["rail_straight.mat"])
     given = panel.with_overrides({"rail.straight.matrices": str(tmp_path / "own.mat")})
     moved = gauge_under_wheel(given, lateral=(20e3, 40e3), foreign_object=TRAPPED)
-    np.testing.assert_allclose(moved["gauge"], found()["gauge"], rtol=0, atol=1e-8)
+    np.testing.assert_allclose(moved["gauge"], found()["gauge"], rtol=0, atol=2e-6)
 
 
 def test_all_that_is_not_allowed_is_said_at_once() -> None:

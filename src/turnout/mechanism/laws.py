@@ -187,8 +187,9 @@ def lay_out(panel: Panel, objects: Sequence[PlacedObject]) -> LawLayout:
     return found
 
 
-SOFT_STIFFNESS = 750e3 * 2.0**-34
-"""Of a spring that pulls with a given force wherever its end is: 0.1 m change 5e-6 N [N/m]."""
+SOFT_STIFFNESS = 750e3 * 2.0**-22
+"""Of a spring that pulls with a given force wherever its end is: 0.1 m change 0.02 N. A softer one
+is stretched further, and the energy in it leaves fewer digits for that of the rails [N/m]."""
 
 
 def law_table(

@@ -35,6 +35,7 @@ from turnout.panel.foreign_object import ForeignObject, PlacedObject, resolve_ob
 from turnout.panel.layout import SIDE
 from turnout.panel.load import LoadedPanel
 from turnout.panel.place import place_name
+from turnout.solver.energy import energy_balance
 from turnout.solver.integration import History, integrate
 from turnout.solver.outcome import NotConverged
 from turnout.solver.start import PriorMotion
@@ -122,7 +123,9 @@ def gauge_under_wheel(
     Notes
     -----
     A force F is that of a spring of stiffness k so soft that its end is :math:`F / k` away; the
-    motion of the rail changes it by less than a thousandth of a newton.
+    motion of the rail changes it by less than 0.02 N. The energy in these springs is part of the
+    balance, but not of the scale that its residual is judged by: `energy_residual` is the largest
+    of all loads, `energy_scale` that of the throw.
 
     Examples
     --------
@@ -299,16 +302,18 @@ class _Run:
         if not history.outcome.complete:
             raise NotConverged(history.outcome)
         first = round(self.rest / SCHEME.step)
-        return _Rolled(self, history, first + np.arange(self.places.size + 1))
+        _, scale = energy_balance(history.stored[: first + 1], history.ledger[: first + 1])
+        return _Rolled(self, history, first + np.arange(self.places.size + 1), scale)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Rolled:
-    """A run, and the instants at rest and with the wheel at each place."""
+    """A run, the instants at rest and with the wheel at each place, and the throw's energy [J]."""
 
     run: _Run
     history: History
     at: NDArray[np.int64]
+    scale: float
 
     def along(self) -> tuple[Floats, Floats, Floats]:
         """Return nodes [m], gauge [m] and roll at them, shape (n_places + 1, n_nodes)."""
@@ -375,6 +380,8 @@ def _dataset(
             "vertical_force_offset": offset,
             "gauge_nominal": panel.gauge.nominal,
             "gauge_limit": math.nan if panel.gauge_limit is None else panel.gauge_limit,
+            "energy_residual": max(one.history.outcome.energy_residual for one in rolled),
+            "energy_scale": rolled[0].scale,
             "scheme": SCHEME.describe(),
         },
     )
