@@ -122,6 +122,8 @@ def test_a_drive_that_slipped_or_was_switched_off_has_no_margin() -> None:
     run = run.assign_coords(direction=["opening", "closing"])
     lines = [text for heading, text in summary(run) if heading == "drive 1"]
     assert "margin to slip 4.00 kN opening, none left closing" in lines[0]
+    figures = {item.key: item.value for item in key_figures(run)}
+    assert (figures["margin:1:opening"], figures["margin:1:closing"]) == (4e3, 0.0)
     off = {"drive": "1", "to": "closed", "on": 3.0, "off": 3.5, "rest": 3.5, "outcome": "overload"}
     stopped = run.assign_attrs(machine_throws=json.dumps([{**off, "machine": "jea73"}]))
     keys = [item.key for item in key_figures(stopped) if item.key.startswith("margin")]

@@ -132,7 +132,7 @@ def _near_limits(dataset: xr.Dataset, made: list[Check]) -> list[Concern]:
     for check in made:
         if check.kind == "slip" and check.numbers and check.tight:
             place = float(dataset["drive_x"].sel(drive=check.drive))
-            left = "nothing left" if check.margin <= 0 or not check.met else (
+            left = "nothing left" if check.margin <= 0 else (
                 f"{check.left.partition(' ')[0]} kN ({100 * check.share:.1f} %) left"
             )  # fmt: skip
             found.append(

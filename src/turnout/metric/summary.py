@@ -334,7 +334,7 @@ def _machines(dataset: "xr.Dataset") -> list[tuple[str, str]]:
 
 def _margin(check: Check) -> str:
     direction = direction_of(check.movement)
-    if check.met is False or check.margin <= 0:
+    if check.margin <= 0:
         return f"none left {direction}".rstrip()
     text = f"{format_force(check.margin)} {direction}".rstrip()
     return f"{text} (only {100 * check.share:.1f} %)" if check.tight else text

@@ -135,8 +135,13 @@ class Check:
 
     @property
     def margin(self) -> float:
-        """Distance to the limit, negative beyond it."""
-        return self.limit - self.value if self.side == "below" else self.value - self.limit
+        """Distance to the limit, negative beyond it.
+
+        None is left where a check is not met on the right side of its limit, such as that of a
+        clutch that slips below its nominal force.
+        """
+        distance = self.limit - self.value if self.side == "below" else self.value - self.limit
+        return min(distance, 0.0) if self.met is False else distance
 
     @property
     def share(self) -> float:
@@ -165,7 +170,9 @@ class Check:
 
         Of a closed gap the whole limit is left.
         """
-        if not self.numbers or self.met is None or (self.margin > 0.0 and not self.met):
+        if not self.numbers or self.met is None:
+            return ""
+        if not self.met and self.margin == 0.0 and self.value != self.limit:
             return ""
         _, size = shown_unit(self.unit)
         beyond = "over" if self.side == "below" else "short"
