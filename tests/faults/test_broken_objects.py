@@ -201,7 +201,7 @@ def test_compared_throws_keep_what_the_verdict_needs(text: str, changes: dict[st
 def test_gaps_that_rest_on_a_break_are_named_beside_the_same_verdict() -> None:
     found = verdict(thrown("24.9mm ice@sleeper3, strength=6.15MPa, piece=0.7"))
     assert found.kind == "detected by TKK"
-    assert re.search(r" no break \(TKK1 25\.\d.* 1 break \(TKK1 1[78]\.", found.text)
+    assert re.search(r": no break \(TKK1 25\.\d.* 1 break \(TKK1 1[78]\.", found.text)
 
 
 @pytest.mark.parametrize("mode", ["quick", "waveform"])

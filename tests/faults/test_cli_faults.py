@@ -38,7 +38,14 @@ from turnout.throw.store import open_response
             ("--object", "13mm ice@drive1, temperature=-40degC, stiffness=300kN/m"),
             ("temperature = 233.15 K", "its strength is 25 MPa", "it cannot break", "less frost"),
         ),
-        (("--object", "13mm stone@drive1, strength=-1MPa"), ("strength = ", "must be ")),
+        (
+            ("--object", "2mm ice@drive1, piece=0.95"),
+            ("piece = 0.95", "it cannot break", "no more than 0.1 mm of its 2 mm", "smaller piece"),
+        ),
+        (
+            ("--object", "13mm stone@drive1, strength=-1MPa"),
+            ("strength = -1 MPa", "must be 1 to 200 MPa"),
+        ),
         (("--object", "13mm stone@drive1, toughness=-1MPa"), ('no "toughness"',)),
         (("--step", "1"), ("--step 1", "write the unit")),
         (("--step", "0s"), ("must be more than 0",)),

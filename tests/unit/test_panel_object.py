@@ -211,7 +211,7 @@ def test_a_kind_of_object_is_one_class(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(PanelError, match='kind = "rubber": there is no such kind'):
         parse_object(text)
     monkeypatch.setitem(OBJECT_KINDS, "rubber", Rubber())
-    with pytest.raises(PanelError, match=r"strength = 2e\+07 N/m\^2: must be 100000 to 1e\+07"):
+    with pytest.raises(PanelError, match=r"strength = 20 MPa: must be 0.1 to 10 MPa"):
         parse_object("13 mm rubber @ sleeper 6, strength = 20 MPa")
     with pytest.raises(PanelError, match="an object of kind 'rubber' has none, it has 'strength'"):
         parse_object("13 mm rubber @ sleeper 6, density = 400 kg/m^3")

@@ -337,7 +337,7 @@ def test_each_throw_of_a_sequence_has_its_verdict() -> None:
         (["--object", "5mm@drive1", "--object", "20mm ise@sleeper6"], '"20mm ise@sleeper6": kind'),
         (["--set", "link.1.lost_motion=120mm"], "at most 0.1"),
         (["--object", "20mm wood@sleeper6, density=400 kg/m^3"], "for 'snow'"),
-        (["--object", "20mm ice@sleeper6, strength=1 Pa"], "must be 500000 to"),
+        (["--object", "20mm ice@sleeper6, strength=1 Pa"], "must be 0.5 to"),
         (["--object", "20mm ice@sleeper6, length=30m"], "must be 0.001 to 10 m"),
         (["--object", "20mm ice@drive1, length=3m"], "it reaches from"),
         (["--object", "20mm ice@sleeper6, long=3m"], "nearest is 'length'"),

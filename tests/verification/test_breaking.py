@@ -76,6 +76,17 @@ def _end_gaps(item: ForeignObject, name: str) -> np.ndarray:
     return gaps
 
 
+@pytest.mark.parametrize(("friction", "least", "most"), [(0.0, 0.0, 2e-3), (0.4, 0.05, 0.2)])
+def test_friction_alone_compacts_snow_further_in_a_second_throw(
+    friction: float, least: float, most: float
+) -> None:
+    panel = PANEL.with_overrides({"chair.friction_coefficient": friction})
+    snow = ForeignObject("20 mm", "sleeper 6", kind="snow")
+    made = turnout.simulate_sequence(panel, throws=2, foreign_object=snow)
+    first, second = made["energy_object_dissipated"].values[:, -1]
+    assert least <= second / first < most
+
+
 def test_failures_within_short_steps_leave_the_energy_balanced() -> None:
     """Accelerations of pieces of 4 us have so much rounding that the balance would not close."""
     loose = {"chair.friction_coefficient": 0.10347364172798046}

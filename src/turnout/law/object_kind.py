@@ -526,9 +526,10 @@ def kind_faults(kind: str, given: Mapping[str, Any]) -> Iterator[tuple[str, str]
             yield name, f": an object of kind '{kind}' has none, {has}; for {owners}"
             continue
         limits, unit = known[name], DIMENSIONS[name].unit if name in DIMENSIONS else ""
+        scale, unit = (1e6, "MPa") if unit == PRESSURE.unit else (1.0, unit)
         if not limits.least <= value <= limits.most:
-            text = f"must be {limits.least:g} to {limits.most:g} {unit}".rstrip()
-            yield name, f" = {value:g} {unit}".rstrip() + f": {text}"
+            text = f"must be {limits.least / scale:g} to {limits.most / scale:g} {unit}".rstrip()
+            yield name, f" = {value / scale:g} {unit}".rstrip() + f": {text}"
 
 
 def filled_parameters(kind: str, given: Mapping[str, Any], *, size: float) -> dict[str, float]:

@@ -16,6 +16,7 @@ from turnout.law.object_kind import (
     filled_parameters,
     kind_faults,
 )
+from turnout.law.obstruction import NEVER
 from turnout.panel.layout import largest_opening
 from turnout.panel.markers import ordered_movements
 from turnout.panel.model import Panel
@@ -308,10 +309,10 @@ def _examined(
 
 
 def break_faults(item: ForeignObject) -> list[tuple[str, str]]:
-    """Find out whether an object that breaks is squeezed flat before it can.
+    """Find out whether an object that breaks is squeezed flat before it can, or to its piece.
 
     Its compression where its force reaches the strength must be less than its size; of a long one
-    that of its parts.
+    that of its parts. Ice with a given piece must have a first layer beside it.
     """
     of_kind = OBJECT_KINDS[item.kind]
     if not of_kind.breaks:
@@ -321,6 +322,14 @@ def break_faults(item: ForeignObject) -> list[tuple[str, str]]:
     given["length"] /= max(1, math.ceil(given["length"] / LONGEST_PART - 1e-9))
     whole = Trapped(kind=item.kind, size=size, stiffness=stiffness, **given)  # type: ignore[arg-type]
     curve, strength = of_kind.curve(whole), of_kind.strength(whole)
+    if item.piece is not None and curve.breaks == NEVER:
+        crushed = 1e3 * (1.0 - whole.piece) * size
+        text = (
+            f" = {whole.piece:g}: it cannot break, no more than {crushed:.2g} mm of its "
+            f"{1e3 * size:g} mm may be crushed, which is less than its first layer; give a smaller "
+            "piece or more size"
+        )
+        return [("piece", text)]
     reach = float(curve.breakpoints[1])
     if reach < size:
         return []

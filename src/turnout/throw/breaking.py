@@ -114,7 +114,7 @@ def break_attributes(
         return {"break_check": f"differs {how}", "break_note": note}
     attributes = {"break_check": f"alike {how}"}
     if _open_names(found):
-        attributes["break_gaps"] = f"{how[:1].upper()}{how[1:]} {outcomes(found)}"
+        attributes["break_gaps"] = f"{how[:1].upper()}{how[1:]}: {outcomes(found)}"
     return attributes
 
 
