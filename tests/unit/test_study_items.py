@@ -44,6 +44,16 @@ rows = [[1.5, 0.5, "50 mm"], [0.7, 2.0, "70 mm"]]
             np.testing.assert_allclose(chair.friction_opening, [0.0, 0.015, last])
 
 
+def test_states_of_chairs_vary_as_a_whole(tmp_path: Path) -> None:
+    more = '[[variable]]\nkey = "chair.friction_state"\nvalues = ["sound", "greased"]\n'
+    study = made(tmp_path, more, head=HEAD.partition("[set]")[0])
+    for index, state in enumerate(("sound", "greased")):
+        panel = study.panel.with_overrides(dict(study.scenario(index).overrides))
+        assert {chair.friction_state for chair in panel.chair.values()} == {state}
+    with pytest.raises(StudyError, match="no such state; nearest is 'greased'"):
+        made(tmp_path, more.replace("greased", "gresed"), head=HEAD.partition("[set]")[0])
+
+
 def test_an_item_goes_with_a_factor_of_the_whole_list(tmp_path: Path) -> None:
     head = HEAD.partition("[set]")[0].replace("sb1", "uic60-760-1-15")
     more = """

@@ -356,7 +356,8 @@ def march(
                 record.residual[0] = max(record.residual[0], residual)
         now = time + stepping.step
         count = update_obstructions(system, table, state, work, obstructions, now)
-        count = update_courses(system, table, state, work, courses, stepping.step, n, count)
+        if courses.friction.size or courses.excess.size:
+            count = update_courses(system, table, state, work, courses, stepping.step, n, count)
         update_marked(system, table, state, work, count)
         if stepping.inertia and (n + 1) % MEASURE_EVERY == 0:
             state.drift[0] = max(state.drift[0], DRIFTS)  # errors at rest may have grown

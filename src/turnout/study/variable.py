@@ -122,7 +122,8 @@ def value_kind(panel: LoadedPanel, key: str, *, factor: bool = False) -> Dimensi
     if found is not None and found.item is not None:
         kind = None if factor else _kind_of_item(panel, found)
     elif found is not None and key != VERSION:  # a list is multiplied as a whole, but not set
-        kind = (found.dimension if factor else None) if found.is_list else found.kind
+        several = found.is_list and not found.takes_text
+        kind = (found.dimension if factor else None) if several else found.kind
     if kind is None:
         names = [*OBJECT_KEYS, *RECORDER_KEYS, TEMPERATURE_KEY, *variable_keys(panel)]
         message = f"no value of this name can vary in panel {panel.name}{nearest(key, names)}"
