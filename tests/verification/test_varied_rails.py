@@ -175,6 +175,21 @@ def test_no_member_is_reduced_and_rows_are_shared() -> None:
     assert len({one.stiffness.tobytes() for one in made}) == len(made)
 
 
+def test_throws_of_one_state_share_its_rails() -> None:
+    panel = load_panel("sb2")
+    scales = {"rail.section_scale": 1.04, "rail.lateral_inertia_scale": 0.97}
+    made = [
+        build_mechanism(
+            panel.with_overrides({**scales, "chair.friction_coefficient": friction}),
+            nominal=panel,
+        )
+        for friction in (0.2, 0.3)
+    ]
+    assert made[0].nominal is not None
+    assert made[0].matrices is made[1].matrices
+    assert made[0].laws.friction_coefficient[0] != made[1].laws.friction_coefficient[0]
+
+
 def test_a_copy_of_a_panel_is_reduced_no_more_often(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -180,13 +180,14 @@ class _Frame:
     """Common parts of panels that differ in the matrices of their rails too.
 
     `rails` are without factors of sections, with fastenings of `holds`. `kept` are the linear parts
-    by the variation.
+    by the variation, `varied` those in shapes of nominal rails, of the latest panels.
     """
 
     layout: LawLayout
     rails: tuple[RailData, ...]
     holds: tuple[tuple[tuple[float, ...], ...], ...]
     kept: "LRUCache[_Kept]"
+    varied: "LRUCache[_Kept]"
 
     def rails_of(self, variation: Variation, panel: Panel) -> list[RailData]:
         """Return the rails of a variation, whose fastenings are those of a panel."""
@@ -299,8 +300,15 @@ def _kept(panel: Panel, objects: Sequence[PlacedObject], nominal: LoadedPanel | 
     frame = _frames.get(key)
     if frame is None:
         frame = _frames.put(key, _made_frame(panel, objects))
-    made = _varied(panel, frame, nominal, objects) if nominal is not None else None
-    return _full(frame, variation_of(panel), panel) if made is None else made
+    variation = variation_of(panel)
+    if nominal is None:
+        return _full(frame, variation, panel)
+    known = (variation, nominal.hash)
+    made = frame.varied.get(known)
+    if made is None:
+        made = _varied(panel, frame, nominal, objects) or _full(frame, variation, panel)
+        frame.varied.put(known, made)
+    return made
 
 
 def _full(frame: _Frame, variation: Variation, panel: Panel) -> _Kept:
@@ -437,7 +445,7 @@ def _made_frame(
     layout = lay_out(panel, objects) if layout is None else layout
     rails = tuple(_rail_data(panel, layout.rows, objects))
     # about ten megabytes each
-    return _Frame(layout, rails, variation_of(panel).holds, LRUCache[_Kept](12))
+    return _Frame(layout, rails, variation_of(panel).holds, LRUCache[_Kept](12), LRUCache[_Kept](4))
 
 
 def _made_kept(panel: Panel, frame: _Frame, data: Sequence[RailData]) -> _Kept:
