@@ -290,7 +290,10 @@ def test_checks_ask_for_no_field_that_is_called_unasked() -> None:
     assert check(draft) == []
     for family, unasked in UNASKED.items():
         draft.records[family] = {
-            name: SimpleNamespace(**{k: v for k, v in dict(record).items() if k not in unasked})
+            name: SimpleNamespace(
+                friction_states=record.friction_states,  # from a field that is asked for
+                **{k: v for k, v in dict(record).items() if k not in unasked},
+            )
             for name, record in getattr(panel, family).items()
         }
     assert check(draft) == []

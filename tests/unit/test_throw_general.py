@@ -57,6 +57,8 @@ def test_six_drives() -> None:
 
 
 def test_no_stock_rail_means_no_gaps() -> None:
+    """Nor are there any after a throw of the same panel with a stock rail, whose rows are kept."""
+    looked_at(variant())
     without = (r"\[rail\.switch\.stock_rail_gap\].*?\n\n", "")
     dataset = looked_at(variant(without))
     assert np.isnan(dataset["drive_gap"]).all()

@@ -115,6 +115,6 @@ def shape_of(panel: LoadedPanel, objects: Sequence[PlacedObject]) -> Hashable:
     >>> shape_of(damped, ()) == shape_of(panel, ())
     False
     """
-    fitted = tuple([rail.fit_gap is None for rail in panel.rail.values()])
+    rails = tuple([(rail.fit_gap is None, rail.has_stock_rail) for rail in panel.rail.values()])
     places = tuple([(item.name, item.rail, item.x, item.height) for item in objects])
-    return panel.digest_without(SHAPELESS), fitted, places
+    return panel.digest_without(SHAPELESS), rails, places

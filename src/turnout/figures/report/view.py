@@ -124,7 +124,7 @@ def view(dataset: xr.Dataset) -> View:
     >>> run = xr.Dataset({"locked": ("time", [True])}, {"time": [0.0]}, {"panel": "sb1"})
     >>> print(view(run))
     sb1, locked
-      ✓ Outcome Locked: nothing is trapped, and the switch reaches its end position
+    ! Outcome Not judged: the dataset has no slip; keep the channels they need
       ✓ Locked? Yes: at the end
     """
     return View(dataset)
