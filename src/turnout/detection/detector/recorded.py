@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from turnout.detection.conditions import FORCE, UNITS
 from turnout.detection.detector.judging import CYCLE, View
 from turnout.detection.detector.throw_layout import CLOSING, OPENING, Integral, Layout, Part
+from turnout.measurement.campaign.motion_signals import longest_true_run, true_runs
 
 Floats = NDArray[np.float64]
 
@@ -245,12 +246,9 @@ def held_run(time: Floats, force: Floats) -> tuple[float, float]:
     steps = np.diff(force)
     if steps.all():  # as nearly always
         return 0.0, 0.0
-    starts = np.concatenate([[0], np.flatnonzero(steps) + 1, [force.size]])
-    lengths = np.diff(starts)
-    longest = int(np.argmax(lengths))
-    first, stop = int(starts[longest]), int(starts[longest + 1])
-    if stop - first < 2:
-        return 0.0, 0.0
+    starts, stops = true_runs(steps == 0.0)
+    longest = int(np.argmax(stops - starts))
+    first, stop = int(starts[longest]), int(stops[longest]) + 1
     others = np.delete(steps, np.arange(max(first - 1, 0), min(stop, steps.size)))
     if others.size < LEAST_OTHERS:
         return 0.0, 0.0
@@ -279,31 +277,13 @@ def value_fault(values: Floats, *, quantity: str = FORCE) -> str:
     if high == low:
         return "does not change: a dead channel"
     for limit in (high, low):
-        if abs(limit) <= 0.2 * largest or longest_run(values, limit) < CLIPPED:
+        if abs(limit) <= 0.2 * largest or longest_true_run(values == limit) < CLIPPED:
             continue
         # values that are often equal come from a coarse recorder or a simulation at rest
-        if 2 * longest_run(values[values != limit]) < CLIPPED:
+        others = values[values != limit]
+        if 2 * (longest_true_run(np.diff(others) == 0.0) + 1) < CLIPPED:
             return f"clipped at {1e-3 * limit:.2f} k{unit}"
     return ""
-
-
-def longest_run(values: Floats, limit: float | None = None) -> int:
-    """Return how many equal samples follow each other at most, of one value or of any.
-
-    Examples
-    --------
-    >>> longest_run(np.array([1.0, 2.0, 2.0, 2.0, 3.0, 3.0])), longest_run(np.ones(3), 2.0)
-    (3, 0)
-    """
-    if limit is not None:
-        count = np.count_nonzero(values == limit)
-        if count <= 1:
-            return int(count)
-    starts = np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1, [values.size]])
-    lengths = np.diff(starts)
-    if limit is not None:
-        lengths = lengths[values[starts[:-1]] == limit]
-    return int(lengths.max(initial=0))
 
 
 def known_forces(throw: Recorded, layout: Layout) -> tuple[Floats, Floats]:

@@ -18,6 +18,7 @@ from turnout.measurement.campaign.motion_signals import (
     drift,
     found_direction,
     mean_over,
+    true_runs,
     without_spikes,
 )
 
@@ -248,8 +249,7 @@ def _is_moving(forces: Floats, *, rate: float, detection: Detection) -> Flags:
 
 def _spans(active: Flags, *, rate: float, detection: Detection) -> list[tuple[int, int]]:
     """Return first and one past the last sample of each activity that is long enough."""
-    padded = np.concatenate(([False], active, [False])).astype(np.int8)
-    starts, stops = np.flatnonzero(np.diff(padded) == 1), np.flatnonzero(np.diff(padded) == -1)
+    starts, stops = true_runs(active)
     spans: list[tuple[int, int]] = []
     for start, stop in zip(starts.tolist(), stops.tolist(), strict=True):
         if spans and start - spans[-1][1] < detection.bridged * rate:

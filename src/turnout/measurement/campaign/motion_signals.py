@@ -87,6 +87,34 @@ def bridge_gaps(values: Floats) -> Floats:
     return np.asarray(np.interp(index, index[known], values[known]))
 
 
+def true_runs(flags: Flags) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the first sample of each run of true flags, and one past its last.
+
+    Parameters
+    ----------
+    flags : ndarray of bool, shape (n,)
+
+    Examples
+    --------
+    >>> true_runs(np.array([True, True, False, True]))
+    (array([0, 3]), array([2, 4]))
+    """
+    steps = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False]))))
+    return steps[::2], steps[1::2]
+
+
+def longest_true_run(flags: Flags) -> int:
+    """Return the length of the longest run of true flags.
+
+    Examples
+    --------
+    >>> longest_true_run(np.array([True, True, False, True]))
+    2
+    """
+    starts, stops = true_runs(flags)
+    return int((stops - starts).max(initial=0))
+
+
 def spikes(values: Floats, *, rate: float, least: float) -> Flags:
     """Flag the samples that stand alone: a spike of one or two samples that is gone again at once.
 

@@ -12,6 +12,7 @@ from turnout.measurement.campaign.find_throws import FoundThrow
 from turnout.measurement.campaign.motion_signals import (
     Floats,
     bridge_gaps,
+    longest_true_run,
     mean_over,
     spikes,
     without_spikes,
@@ -444,20 +445,6 @@ def hum_faults(
             text += "; means over 20 ms cancel it" if cancelled else ""
             faults.append(Fault("mains hum", name, text, excludes=not cancelled))
     return faults
-
-
-def longest_true_run(flags: np.ndarray) -> int:
-    """Return the length of the longest run of true flags.
-
-    Examples
-    --------
-    >>> longest_true_run(np.array([True, True, False, True]))
-    2
-    """
-    padded = np.concatenate(([False], flags, [False])).astype(np.int8)
-    steps = np.diff(padded)
-    starts, stops = np.flatnonzero(steps == 1), np.flatnonzero(steps == -1)
-    return int((stops - starts).max()) if starts.size else 0
 
 
 # A line is looked for in overlapping parts of a movement, of so many periods at least.
