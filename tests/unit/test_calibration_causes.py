@@ -29,19 +29,19 @@ from turnout.calibration.predict import predicted
 from turnout.calibration.sensors import common_lead
 from turnout.calibration.stages import default_plan
 from turnout.core.errors import SolverError
-from turnout.measurement.chain.recorder_response import LowPass, RecorderResponse
+from turnout.measurement.chain.recorder import LowPass, Recorder
 from turnout.panel.load import LoadedPanel, load_panel
 
-AVERAGE = RecorderResponse(average=0.3)
-FILTER = RecorderResponse(low_pass=LowPass(corner=1.5))
+AVERAGE = Recorder(average=0.3)
+FILTER = Recorder(low_pass=LowPass(corner=1.5))
 
 
-def of_order_4(kind: str) -> RecorderResponse:
-    return RecorderResponse(low_pass=LowPass(kind=kind, order=4, corner=1.5))
+def of_order_4(kind: str) -> Recorder:
+    return Recorder(low_pass=LowPass(kind=kind, order=4, corner=1.5))
 
 
 def recorded(
-    by: RecorderResponse, *, stated: RecorderResponse, late: float = 0.0, count: int = 3
+    by: Recorder, *, stated: Recorder, late: float = 0.0, count: int = 3
 ) -> list[MeasuredMovement]:
     """Movements behind a recorder that the channel map states or not, begun late by so much [s]."""
     made = []
@@ -65,7 +65,7 @@ def search_of(whole: Misfit) -> CauseSearch:
 
 def averaged(*, stated: float = 0.0) -> list[MeasuredMovement]:
     """Movements of a recorder that averages over 0.3 s, which the map states or not."""
-    return recorded(AVERAGE, stated=RecorderResponse(average=stated))
+    return recorded(AVERAGE, stated=Recorder(average=stated))
 
 
 def cause_of(panel: LoadedPanel, name: str) -> Cause:
@@ -86,15 +86,15 @@ def cause_of(panel: LoadedPanel, name: str) -> Cause:
         # It was taken for a mean over the past, and values were 7 deviations off.
         (of_order_4("bessel"), None, 'kind = "bessel", order = 4, corner = "1.'),
         (of_order_4("butterworth"), None, 'kind = "butterworth", order = 4, corner = "1.'),
-        (RecorderResponse(rate=4.0), None, 'recorded_rate = "4'),
+        (Recorder(rate=4.0), None, 'recorded_rate = "4'),
     ],
     ids=["average", "filter", "bessel", "butterworth", "rate"],
 )
 def test_what_a_recorder_does_is_found_and_the_remedy_named(
-    by: RecorderResponse, size: object, remedy: str
+    by: Recorder, size: object, remedy: str
 ) -> None:
     count = 6 if by is AVERAGE else 3
-    search = search_of(misfit(recorded(by, stated=RecorderResponse(), count=count)))
+    search = search_of(misfit(recorded(by, stated=Recorder(), count=count)))
     cause = search.tested[0]
     assert not search.misses
     assert (cause.name, cause.fitted) == ("recorder filter", True)
@@ -135,7 +135,7 @@ def test_a_search_ends_after_its_throws_and_says_so(monkeypatch: pytest.MonkeyPa
 
 
 @pytest.mark.parametrize("by", [AVERAGE, FILTER], ids=["average", "filter"])
-def test_what_the_map_states_is_no_cause(by: RecorderResponse) -> None:
+def test_what_the_map_states_is_no_cause(by: Recorder) -> None:
     whole = misfit(recorded(by, stated=by))
     found = fit(whole, PARAMETERS, TRUE)
     assert found.values["k"] == pytest.approx(TRUE["k"], rel=5e-3)
@@ -165,7 +165,7 @@ def test_rails_that_differ_by_less_than_anybody_could_say_are_no_cause() -> None
 
 def test_a_mean_over_the_past_is_not_taken_for_samples_far_apart_and_a_lead_of_motors() -> None:
     # Samples far apart delay nothing: with them all movements begin half a mean later than marked.
-    whole = misfit(recorded(RecorderResponse(average=0.1), stated=RecorderResponse()))
+    whole = misfit(recorded(Recorder(average=0.1), stated=Recorder()))
     near = fit(whole, PARAMETERS, TRUE, rough=True)
     before = brief_fit(whole, PARAMETERS, TRUE, near=near)
     causes = candidate_causes(load_panel("sb1"), PARAMETERS)
@@ -181,8 +181,8 @@ def test_a_mean_over_the_past_is_not_taken_for_samples_far_apart_and_a_lead_of_m
 
 
 def test_a_lead_of_the_motors_beside_samples_far_apart_stays() -> None:
-    by = RecorderResponse(rate=10.0)
-    search = search_of(misfit(recorded(by, stated=RecorderResponse(), late=0.05)))
+    by = Recorder(rate=10.0)
+    search = search_of(misfit(recorded(by, stated=Recorder(), late=0.05)))
     assert search.tested[0].text.startswith("the recorder takes")
     assert common_lead(search.found) == pytest.approx(0.05, abs=0.005)
     assert search.found.values["k"] == pytest.approx(TRUE["k"], rel=5e-3)

@@ -13,7 +13,7 @@ from turnout.calibration.predict import predicted
 from turnout.calibration.validation.grid import Grid
 from turnout.core.toml import parse_toml
 from turnout.measurement.chain.apply import apply_chain, parse_channel_map
-from turnout.measurement.chain.recorder_response import LowPass, RecorderResponse
+from turnout.measurement.chain.recorder import LowPass, Recorder
 from turnout.measurement.recording import RecordedChannel, Recording
 
 
@@ -66,18 +66,18 @@ def row(rate: float, **attributes: object) -> xr.Dataset:
 
 def test_each_channel_has_the_rate_of_its_own_column() -> None:
     """A load cell of 10 samples a second must not smear the rods beside it."""
-    assert _recorder(row(20.0), "drive_force.1") == RecorderResponse(rate=20.0)
-    assert _recorder(row(75.0), "drive_force.1") == RecorderResponse(rate=75.0)
-    assert _recorder(row(1000.0), "drive_force.1") == RecorderResponse()
+    assert _recorder(row(20.0), "drive_force.1") == Recorder(rate=20.0)
+    assert _recorder(row(75.0), "drive_force.1") == Recorder(rate=75.0)
+    assert _recorder(row(1000.0), "drive_force.1") == Recorder()
     stated = row(1000.0, recorded_rate=25.0)
-    assert _recorder(stated, "drive_force.1") == RecorderResponse(rate=25.0)
+    assert _recorder(stated, "drive_force.1") == Recorder(rate=25.0)
     mixed = row(1000.0, force_rates='{"m": {"object_force": 10.0}}')
-    assert _recorder(mixed, "object_force") == RecorderResponse(rate=10.0)
-    assert _recorder(mixed, "drive_force.1") == RecorderResponse()
+    assert _recorder(mixed, "object_force") == Recorder(rate=10.0)
+    assert _recorder(mixed, "drive_force.1") == Recorder()
 
 
 def test_a_validation_has_the_recorder_that_a_fit_has() -> None:
-    recorder = RecorderResponse(low_pass=LowPass(corner=1.5), average=0.1)
+    recorder = Recorder(low_pass=LowPass(corner=1.5), average=0.1)
     bare = movement("m", rng=np.random.default_rng(0))
     item = replace(bare, signals=(replace(bare.signals[0], recorder=recorder),))
     made = response(TRUE)

@@ -31,10 +31,10 @@ from turnout.measurement.campaign.sheet_checks import (
     order_remarks,
     series_remarks,
 )
-from turnout.measurement.chain.recorder_response import (
+from turnout.measurement.chain.recorder import (
     LowPass,
-    RecorderResponse,
-    recorder_response_of,
+    Recorder,
+    stated_recorder,
 )
 from turnout.measurement.formats import file_format
 from turnout.measurement.formats.file_format import WRITERS, read_recording
@@ -348,7 +348,7 @@ def test_the_map_states_gains_and_the_recorder(tmp_path: Path) -> None:
     assert built.dataset is not None
     assert built.dataset.attrs["gain_uncertainty"] == '{"drive_force.1": 0.002}'
     assert built.dataset.attrs["clock_uncertainty"] == 1e-5
-    assert recorder_response_of(built.dataset.attrs) == RecorderResponse(
+    assert stated_recorder(built.dataset.attrs) == Recorder(
         average=0.1, low_pass=LowPass(kind="bessel", order=4, corner=6.0), rate=20.0
     )
 

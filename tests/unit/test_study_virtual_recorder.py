@@ -11,14 +11,14 @@ from turnout.core.errors import FileError, PanelError
 from turnout.measurement.campaign.build_campaign import build_campaign_dataset
 from turnout.measurement.chain.apply import load_channel_map
 from turnout.measurement.chain.channel_map import typed_recorder
-from turnout.measurement.chain.recorder_response import NO_RESPONSE, LowPass, RecorderResponse
+from turnout.measurement.chain.recorder import PERFECT, LowPass, Recorder
 from turnout.panel.load import load_panel
 from turnout.study.virtual.campaign_plan import CampaignPlan, check_plan, virtual_plan
 from turnout.study.virtual.disturbance import QUIET, add_disturbance
 from turnout.study.virtual.make_campaign import make_virtual_campaign
 from turnout.throw.store import open_response
 
-AVERAGE = RecorderResponse(average=0.1)
+AVERAGE = Recorder(average=0.1)
 
 
 def test_a_ramp_lags_behind_a_mean_by_half_its_time_and_behind_a_filter_by_its_delay() -> None:
@@ -27,7 +27,7 @@ def test_a_ramp_lags_behind_a_mean_by_half_its_time_and_behind_a_filter_by_its_d
     ramp = 1000.0 * time
     averaged = AVERAGE.recorded(time, ramp, phase=0.0)
     np.testing.assert_allclose(averaged[200:], ramp[200:] - 50.0, atol=1e-6)
-    filtered = RecorderResponse(low_pass=LowPass(corner=6.0)).recorded(time, ramp, phase=0.0)
+    filtered = Recorder(low_pass=LowPass(corner=6.0)).recorded(time, ramp, phase=0.0)
     delay = np.sqrt(2.0) / (2.0 * np.pi * 6.0)
     np.testing.assert_allclose(filtered[1000:], ramp[1000:] - 1000.0 * delay, atol=1e-3)
 
@@ -35,17 +35,17 @@ def test_a_ramp_lags_behind_a_mean_by_half_its_time_and_behind_a_filter_by_its_d
 def test_samples_are_joined_by_straight_lines_and_differ_with_their_phase() -> None:
     time = np.arange(1000) / 1000.0
     bend = np.maximum(0.0, time - 0.513)
-    seen = [RecorderResponse(rate=20.0).recorded(time, bend, phase=p) for p in (0.1, 0.6)]
+    seen = [Recorder(rate=20.0).recorded(time, bend, phase=p) for p in (0.1, 0.6)]
     for phase, row in zip((0.1, 0.6), seen, strict=True):
         at = np.round(1000 * (np.arange(1, 18) + phase) / 20.0).astype(int)
         np.testing.assert_allclose(row[at], bend[at], atol=1e-9)
     assert np.abs(seen[0] - seen[1]).max() > 0.005
     # In the mean over the phase it is what a fit is compared with.
     mean = np.mean(
-        [RecorderResponse(rate=20.0).recorded(time, bend, phase=p) for p in np.arange(0, 1, 0.02)],
+        [Recorder(rate=20.0).recorded(time, bend, phase=p) for p in np.arange(0, 1, 0.02)],
         axis=0,
     )
-    expected = RecorderResponse(rate=20.0).applied(time, bend)
+    expected = Recorder(rate=20.0).applied(time, bend)
     np.testing.assert_allclose(mean[100:900], expected[100:900], atol=2e-4)
 
 
@@ -68,8 +68,8 @@ def test_the_map_states_the_recorder_unless_it_is_hidden(stated: bool, tmp_path:
         places=(), object_free=1, formats=(".csv",), recorder=AVERAGE, recorder_stated=stated
     )
     make_virtual_campaign(sb2_panel(), tmp_path / "made", plan=plan)
-    known = load_channel_map(tmp_path / "made" / "channels.toml").recorder_response()
-    assert known == (AVERAGE if stated else NO_RESPONSE)
+    known = load_channel_map(tmp_path / "made" / "channels.toml").recorder()
+    assert known == (AVERAGE if stated else PERFECT)
     built = build_campaign_dataset(tmp_path / "made")
     assert built.dataset is not None
     assert built.recorder == (AVERAGE.text if stated else "")
@@ -85,7 +85,7 @@ def test_the_map_states_the_recorder_unless_it_is_hidden(stated: bool, tmp_path:
 
 def test_a_recorder_that_cannot_be_is_refused_with_all_that_is_wrong() -> None:
     found = typed_recorder(low_pass='{ kind = "rc", corner = "6 Hz" }', rate="20 Hz")
-    assert found == RecorderResponse(low_pass=LowPass(kind="rc", order=1, corner=6.0), rate=20.0)
+    assert found == Recorder(low_pass=LowPass(kind="rc", order=1, corner=6.0), rate=20.0)
     with pytest.raises(FileError) as caught:
         typed_recorder(average="0.1", low_pass="{ kind = ", rate="400 Hz")
     lines = str(caught.value).splitlines()

@@ -30,12 +30,12 @@ from turnout.calibration.evaluate import Response
 from turnout.calibration.parameter import Fitted, Parameter, free_parameter
 from turnout.calibration.stages import MILLIMETRE, known_to
 from turnout.core.errors import PanelError
-from turnout.measurement.chain.recorder_response import (
+from turnout.measurement.chain.recorder import (
     BESSEL,
     BUTTERWORTH,
     RC,
     LowPass,
-    RecorderResponse,
+    Recorder,
 )
 from turnout.panel.load import LoadedPanel
 
@@ -82,7 +82,7 @@ def _recorders() -> list[Cause]:
     """Return what a recorder may do to forces, each with its delay as size."""
     average = _recorder_cause(
         "recorder.average",
-        lambda size: RecorderResponse(average=size),
+        lambda size: Recorder(average=size),
         lambda made: (
             f"averages over {made.average:.3g} s; state it in the channel map as "
             f'recorded_average = "{made.average:.3g} s"'
@@ -93,7 +93,7 @@ def _recorders() -> list[Cause]:
     filters = [
         _recorder_cause(
             f"recorder.{kind}" if number < 2 else f"recorder.{kind}.{order}",
-            lambda size, kind=kind, order=order: RecorderResponse(  # type: ignore[misc]
+            lambda size, kind=kind, order=order: Recorder(  # type: ignore[misc]
                 low_pass=LowPass(kind=kind, order=order, corner=1.0 / (2.0 * np.pi * size))
             ),
             lambda made: (
@@ -107,7 +107,7 @@ def _recorders() -> list[Cause]:
     ]
     sampling = _recorder_cause(
         "recorder.interval",
-        lambda size: RecorderResponse(rate=1.0 / size),
+        lambda size: Recorder(rate=1.0 / size),
         lambda made: (
             f"takes {made.rate:.3g} samples a second, and the file holds lines between them; state "
             f'it in the channel map as recorded_rate = "{made.rate:.3g} Hz"'
@@ -120,8 +120,8 @@ def _recorders() -> list[Cause]:
 
 def _recorder_cause(
     key: str,
-    made: Callable[[float], RecorderResponse],
-    text: Callable[[RecorderResponse], str],
+    made: Callable[[float], Recorder],
+    text: Callable[[Recorder], str],
     *,
     tries: tuple[float, ...],
     least: float,

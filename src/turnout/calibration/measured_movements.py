@@ -13,11 +13,11 @@ from turnout.calibration.stages import ANY, NONE, Selection, spread
 from turnout.core.errors import MeasurementError, PanelError
 from turnout.core.problems import choices
 from turnout.measurement.campaign.sheet_checks import exchange_remarks
-from turnout.measurement.chain.recorder_response import (
+from turnout.measurement.chain.recorder import (
     LEAST_INTERVAL,
-    NO_RESPONSE,
-    RecorderResponse,
-    recorder_response_of,
+    PERFECT,
+    Recorder,
+    stated_recorder,
 )
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel
@@ -53,7 +53,7 @@ class Signal:
         Centres of the bins from the onset [s].
     values : ndarray, shape (n,)
         Means over the bins; NaN where nothing was recorded.
-    recorder : RecorderResponse
+    recorder : Recorder
         What the recorder makes of it before it is kept.
     """
 
@@ -61,7 +61,7 @@ class Signal:
     drive: str
     time: Floats
     values: Floats
-    recorder: RecorderResponse = NO_RESPONSE
+    recorder: Recorder = PERFECT
 
     @property
     def name(self) -> str:
@@ -152,12 +152,12 @@ def observe(
     return tuple(movements)
 
 
-def _recorder(row: xr.Dataset, key: str) -> RecorderResponse:
+def _recorder(row: xr.Dataset, key: str) -> Recorder:
     """Return what the recorder makes of a force of a movement; few samples are lines between them.
 
     `key` is that of the channel map, such as "drive_force.1".
     """
-    stated = recorder_response_of(row.attrs)
+    stated = stated_recorder(row.attrs)
     time = row["time"].values
     of_columns = json.loads(str(row.attrs.get("force_rates", "{}")))
     rates = [

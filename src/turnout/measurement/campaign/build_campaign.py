@@ -35,7 +35,7 @@ from turnout.measurement.campaign.sheet_checks import (
 )
 from turnout.measurement.chain.apply import load_channel_map, map_hash, stated_uncertainties
 from turnout.measurement.chain.channel_map import ChannelMap
-from turnout.measurement.chain.recorder_response import recorder_response_of
+from turnout.measurement.chain.recorder import stated_recorder
 from turnout.measurement.quality.channel_faults import MEASURED, Limits
 from turnout.measurement.quality.judge import Expected, ThrowQuality, judge_recording
 from turnout.measurement.quality.throw_faults import (
@@ -179,7 +179,7 @@ class BuiltCampaign:
     @property
     def recorder(self) -> str:
         """Response of the recorder to forces, in words; empty if none is stated."""
-        return recorder_response_of(self.dataset.attrs).text if self.dataset is not None else ""
+        return stated_recorder(self.dataset.attrs).text if self.dataset is not None else ""
 
 
 def build_campaign_dataset(
@@ -425,7 +425,7 @@ def _dataset(
         attributes["gain_uncertainty"] = json.dumps(stated)
     if channel_map.clock_uncertainty is not None:
         attributes["clock_uncertainty"] = float(channel_map.clock_uncertainty)
-    attributes |= channel_map.recorder_response().attributes()
+    attributes |= channel_map.recorder().attributes()
     slow = {run.name: dict(piece.force_rates) for run, piece, _ in usable if piece.force_rates}
     if slow:
         attributes["force_rates"] = json.dumps(slow)

@@ -38,12 +38,12 @@ from turnout.core.units import (
     parse_quantity,
     unit_factor,
 )
-from turnout.measurement.chain.recorder_response import (
+from turnout.measurement.chain.recorder import (
     HIGHEST_ORDER,
     LEAST_INTERVAL,
     RC,
     LowPass,
-    RecorderResponse,
+    Recorder,
 )
 from turnout.measurement.formats.assemble import tidy_unit
 
@@ -395,10 +395,10 @@ class ChannelMap(Record):
     drive_power: dict[str, AnySensor] = Field({}, description="by the name of the drive")
     object_force: AnySensor | None = None
 
-    def recorder_response(self) -> RecorderResponse:
+    def recorder(self) -> Recorder:
         """Return the response of the recorder in every force channel."""
         stated = self.recorded_filter
-        return RecorderResponse(
+        return Recorder(
             low_pass=stated.low_pass() if stated is not None else None,
             average=self.recorded_average or 0.0,
             # Samples that are closer change nothing that is compared.
@@ -435,7 +435,7 @@ def _hint(error: Any, keys: list[str]) -> str:
 
 def typed_recorder(
     *, average: str | None = None, low_pass: str | None = None, rate: str | None = None
-) -> RecorderResponse:
+) -> Recorder:
     """Return a recorder's response from the texts that a channel map takes.
 
     Parameters
@@ -479,7 +479,7 @@ def typed_recorder(
         )
     if problems:
         raise FileError("\n".join(problems))
-    return ChannelMap.model_validate(given).recorder_response()
+    return ChannelMap.model_validate(given).recorder()
 
 
 def _filter_table(text: str) -> object:

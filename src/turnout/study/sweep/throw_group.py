@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.measurement.chain.recorder import Recorder, recorded_force
+from turnout.measurement.chain.recorder import PERFECT, Recorder
 from turnout.mechanism.mechanism import LawIndex
 from turnout.panel.load import LoadedPanel
 from turnout.panel.markers import marker_offsets
@@ -174,10 +174,10 @@ def lay_together(runs: Sequence[ThrowSignals]) -> AlikeThrows:
         if run.clutches is not None:
             drives, slip = run.clutches
             flags[drives] = slip
-    recorded, perfect = force, Recorder()
-    if any(run.recorder != perfect for run in runs):
+    recorded = force
+    if any(run.recorder != PERFECT for run in runs):
         recorded = np.array(
-            [recorded_force(one, time, run.recorder) for one, run in zip(force, runs, strict=True)]
+            [run.recorder.recorded(time, one) for one, run in zip(force, runs, strict=True)]
         )
     kept = time[::stride][: runs[0].watched.seen.shape[0]]
     gaps = split_gaps_of(panel, [run.watched.seen.T for run in runs], kept, kind=np.float32)

@@ -15,7 +15,7 @@ from turnout.core.provenance import version
 from turnout.measurement.campaign.run_sheet import SheetRow
 from turnout.measurement.chain.apply import raw_from_physical
 from turnout.measurement.chain.channel_map import ChannelMap
-from turnout.measurement.chain.recorder_response import NO_RESPONSE, RecorderResponse
+from turnout.measurement.chain.recorder import PERFECT, Recorder
 from turnout.measurement.formats.file_format import WRITERS
 from turnout.study.virtual.campaign_plan import Case
 
@@ -45,9 +45,7 @@ def synthetic_note(panel: str, *, machines: int = 0, drives: int = 1) -> str:
     return f"{note}{which} follow an assumed law"
 
 
-def channel_map_text(
-    drives: Sequence[str], *, note: str, recorder: RecorderResponse = NO_RESPONSE
-) -> str:
+def channel_map_text(drives: Sequence[str], *, note: str, recorder: Recorder = PERFECT) -> str:
     """Return a channel map for strain-gauged rods, clamps and a load cell.
 
     Parameters
@@ -56,7 +54,7 @@ def channel_map_text(
         Names of the drives.
     note : str
         Origin, as stated in the file.
-    recorder : RecorderResponse
+    recorder : Recorder
         Response of the recorder to forces, as stated in the file.
     """
     lines = [f"# {note}", 'title = "strain-gauged drive rods, current clamps, a load cell"']

@@ -12,7 +12,7 @@ from turnout.core.scheme import Scheme
 from turnout.core.units import LENGTH, parse_quantity
 from turnout.measurement.campaign.run_sheet import LOAD_CELL_FROM, normal_place
 from turnout.measurement.chain.monitoring import Monitoring, check_monitoring
-from turnout.measurement.chain.recorder_response import NO_RESPONSE, RecorderResponse
+from turnout.measurement.chain.recorder import PERFECT, Recorder
 from turnout.measurement.formats.file_format import WRITERS
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel
@@ -76,7 +76,7 @@ class CampaignPlan:
         With which the truth is integrated.
     monitoring : Monitoring, optional
         A system in service that stores currents and powers beside the recordings.
-    recorder : RecorderResponse
+    recorder : Recorder
         Response of the recorder to forces.
     recorder_stated : bool
         Whether the channel map states it.
@@ -96,7 +96,7 @@ class CampaignPlan:
     law: CurrentLaw = field(default_factory=CurrentLaw)
     scheme: Scheme = field(default_factory=Scheme)
     monitoring: Monitoring | None = None
-    recorder: RecorderResponse = NO_RESPONSE
+    recorder: Recorder = PERFECT
     recorder_stated: bool = True
 
     def __post_init__(self) -> None:
@@ -175,7 +175,7 @@ def virtual_plan(
     seed: int = 0,
     scheme: Scheme | None = None,
     monitoring: Monitoring | None = None,
-    recorder: RecorderResponse = NO_RESPONSE,
+    recorder: Recorder = PERFECT,
     recorder_stated: bool = True,
 ) -> CampaignPlan:
     """Return a plan from typed options.
@@ -196,7 +196,7 @@ def virtual_plan(
         With which the truth is integrated.
     monitoring : Monitoring, optional
         Stores currents and powers beside the recordings.
-    recorder, recorder_stated : RecorderResponse, bool
+    recorder, recorder_stated : Recorder, bool
         As in `CampaignPlan`.
 
     Raises

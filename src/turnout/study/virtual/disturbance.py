@@ -1,13 +1,12 @@
 """Errors of a measuring chain: noise, drift, hum, cross-talk, quantisation, a wrong clock."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
 
 from turnout.core.errors import FileError
-from turnout.measurement.chain.recorder import Recorder, clocked, recorder_faults
-from turnout.measurement.chain.recorder_response import NO_RESPONSE, RecorderResponse
+from turnout.measurement.chain.recorder import PERFECT, Recorder, clocked, recorder_faults
 
 CHANNELS = ("drive_force", "drive_current", "object_force")
 
@@ -88,7 +87,7 @@ def add_disturbance(
     *,
     rng: np.random.Generator,
     disturbance: Disturbance | None = None,
-    response: RecorderResponse = NO_RESPONSE,
+    response: Recorder = PERFECT,
 ) -> xr.Dataset:
     """Return a recording with all that a measuring chain adds.
 
@@ -100,7 +99,7 @@ def add_disturbance(
         Source of the random numbers.
     disturbance : Disturbance, optional
         How much of each.
-    response : RecorderResponse
+    response : Recorder
         Response of the recorder to forces and their noise, before the converter.
 
     Returns
@@ -119,7 +118,7 @@ def add_disturbance(
     chosen = disturbance or Disturbance()
     time = dataset["time"].values
     seen = dataset.copy()
-    recorder = Recorder(clock_rate=chosen.clock_rate, clock_offset=chosen.clock_offset)
+    clock = Recorder(clock_rate=chosen.clock_rate, clock_offset=chosen.clock_offset)
     # All channels of a recorder are sampled at the same times.
     phase = float(rng.uniform()) if response.rate else 0.0
     mixed = _add_cross_talk(dataset, chosen.cross_talk)
@@ -129,12 +128,11 @@ def add_disturbance(
         kind: Transducer = getattr(chosen, name)
         rows = [
             _disturb_channel(row, time, kind=kind, mains=chosen.mains, rng=rng)
-            for row in clocked(np.atleast_2d(mixed[name].values), time, recorder)
+            for row in clocked(np.atleast_2d(mixed[name].values), time, clock)
         ]
-        if response and name.endswith("force"):
-            rows = [response.recorded(time, row, phase=phase) for row in rows]
-        rows = [_converted(row, kind.step) for row in rows]
-        values = np.array(rows).reshape(dataset[name].shape)
+        made = response if name.endswith("force") else PERFECT
+        made = replace(made, resolution=kind.step)
+        values = made.recorded(time, np.array(rows), phase=phase).reshape(dataset[name].shape)
         seen[name] = (dataset[name].dims, values, dataset[name].attrs)
     return seen
 
@@ -164,8 +162,3 @@ def _disturb_channel(
     hum += np.sin(6.0 * np.pi * mains * time + phases[1]) / 3.0
     drift = kind.drift * rng.standard_normal() * (time - time[0]) / max(time[-1] - time[0], 1e-9)
     return np.asarray(row + kind.noise * rng.standard_normal(row.size) + kind.hum * hum + drift)
-
-
-def _converted(row: np.ndarray, step: float) -> np.ndarray:
-    """Return a signal as a converter with a step gives it out; none for zero."""
-    return np.asarray(np.round(row / step) * step if step > 0 else row)

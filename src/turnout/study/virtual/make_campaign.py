@@ -16,7 +16,7 @@ from turnout.core.toml import parse_toml
 from turnout.measurement.campaign.build_campaign import stack_movements
 from turnout.measurement.campaign.recorded_throw import RecordedThrow
 from turnout.measurement.chain.apply import parse_channel_map
-from turnout.measurement.chain.recorder_response import NO_RESPONSE
+from turnout.measurement.chain.recorder import PERFECT
 from turnout.panel.load import LoadedPanel
 from turnout.panel.markers import ordered_movements
 from turnout.study.virtual.campaign_files import (
@@ -114,7 +114,7 @@ def make_virtual_campaign(
     _claim(folder, panel, plan)
     machines = sum(drive.machine is not None for drive in panel.drive.values())
     note = synthetic_note(panel.name, machines=machines, drives=len(panel.drive))
-    stated = plan.recorder if plan.recorder_stated else NO_RESPONSE
+    stated = plan.recorder if plan.recorder_stated else PERFECT
     map_text = channel_map_text(list(panel.drive), note=note, recorder=stated)
     write_atomic(folder / CHANNELS, map_text)
     series, oversized = _with_room(panel, series_of(plan, directions))

@@ -8,12 +8,12 @@ from turnout.core.errors import MeasurementError
 from turnout.core.toml import parse_toml
 from turnout.measurement.chain.apply import map_hash, parse_channel_map
 from turnout.measurement.chain.channel_map import ChannelMap
-from turnout.measurement.chain.recorder_response import (
+from turnout.measurement.chain.recorder import (
     LowPass,
-    RecorderResponse,
+    Recorder,
     between_samples,
     low_passed,
-    recorder_response_of,
+    stated_recorder,
 )
 
 TIME = np.arange(4000) * 1e-3
@@ -116,19 +116,19 @@ def test_what_the_map_states_is_what_a_dataset_says() -> None:
         'recorded_average = "20 ms"\nrecorded_rate = "25 Hz"\n'
         'recorded_filter = { kind = "rc", corner = "6 Hz" }\n'
     )
-    stated = whole.recorder_response()
-    assert stated == RecorderResponse(
+    stated = whole.recorder()
+    assert stated == Recorder(
         low_pass=LowPass(kind="rc", order=1, corner=6.0), average=0.02, rate=25.0
     )
-    assert recorder_response_of(stated.attributes()) == stated
+    assert stated_recorder(stated.attributes()) == stated
     assert "an RC low-pass of order 1 at 6 Hz" in stated.text
     plain = mapped("")
-    assert not plain.recorder_response()
-    assert plain.recorder_response().attributes() == {}
+    assert not plain.recorder()
+    assert plain.recorder().attributes() == {}
     # Campaigns that state nothing are not read again.
     assert map_hash(plain) != map_hash(whole)
     # Samples as close as these change nothing.
-    assert not mapped('recorded_rate = "1 kHz"\n').recorder_response()
+    assert not mapped('recorded_rate = "1 kHz"\n').recorder()
 
 
 @pytest.mark.parametrize(
