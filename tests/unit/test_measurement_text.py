@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from turnout.core.errors import FileError, MeasurementError
+from turnout.measurement.chain.skeleton import skeleton
 from turnout.measurement.formats.file_format import read_recording
 from turnout.measurement.formats.text_table import csv_bytes
 from turnout.measurement.recording import RecordedChannel, Recording
@@ -150,3 +151,28 @@ def test_empty_lines_that_may_be_samples_are_said(tmp_path: Path, place: int, sa
     lines.insert(place, "")
     recording = read_recording(written(tmp_path, "\n".join(lines) + "\n"))
     assert recording.problems == (("check the time: 1 empty line is left out",) if said else ())
+
+
+@pytest.mark.parametrize(
+    ("heading", "mark", "expected"),
+    [
+        ("t [s] F [N] I1 [A]", " ", {"F": "N", "I1": "A"}),
+        ("t (s) F (N) I1 (A)", " ", {"F": "N", "I1": "A"}),
+        ("t F I1\n[s] [N] [A]", " ", {"F": "N", "I1": "A"}),
+        ("Zeit/s;Kraft 1/kN;Rod 2 mV/V", ";", {"Kraft 1": "kN", "Rod 2": "mV/V"}),
+        ("Zeit/s;Kraft/kN;Strom/A", ";", {"Kraft": "kN", "Strom": "A"}),
+        # The last letter of I_A may be a phase.
+        ("t_s,F_N,I_A", ",", {"F_N": "N", "I_A": ""}),
+        ("t_s,force_kN,current_A", ",", {"force_kN": "kN", "current_A": "A"}),
+    ],
+)
+def test_units_at_the_end_of_a_name(
+    tmp_path: Path, heading: str, mark: str, expected: dict[str, str]
+) -> None:
+    rows = [mark.join(f"{value:.3f}" for value in (0.01 * n, n**0.5, 2.0)) for n in range(20)]
+    recording = read_recording(written(tmp_path, "\n".join([heading, *rows, ""])))
+    found = {name: channel.unit for name, channel in recording.channels.items()}
+    assert found == expected
+    assert {channel.rate for channel in recording.channels.values()} == {100.0}
+    force, unit = next(iter(expected.items()))
+    assert f'column = "{force}"\nunit = "{unit}"\nkind = "scaled"' in skeleton(recording)

@@ -38,6 +38,16 @@ UNIT_WORDS = {
 _OVERLOAD = (9.89e37, 9.92e37)
 _LARGEST_RATE, _LEAST_RATE, _LATEST_START, _LARGEST_RATIO = 1e7, 0.1, 1e6, 1e4
 _BEHIND = re.compile(r"(.*?\S)(\s/\s|\s+in\s+|,\s*|\s+)(\S+)")
+# Name and unit without a blank: as a quotient, or as the end of a name in a program.
+_QUOTIENT = re.compile(r"([^/]*[^\s/])/(\S+)")
+_ENDING = re.compile(r".*[^\W_]_(?:([^\W_]{2,})|(N|A|V|W))")
+# A single letter may be a phase (I_A) or the neutral (U_N) unless the name says the quantity.
+_QUANTITY_OF = {
+    "N": re.compile(r"f\d*_.*|.*(?:force|kraft|rod|stange).*", re.IGNORECASE),
+    "A": re.compile(r".*(?:current|strom|ström).*", re.IGNORECASE),
+    "V": re.compile(r".*(?:voltage|spannung|spänning).*", re.IGNORECASE),
+    "W": re.compile(r".*(?:power|leistung|effekt).*", re.IGNORECASE),
+}
 _NO_UNIT_BEHIND = frozenset(("-", "1", "%", "min", "deg", "rad"))
 _NAME_AND_UNIT = re.compile(r"(.*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))\s*\Z", re.DOTALL)
 
@@ -84,6 +94,8 @@ def split_unit(text: str) -> tuple[str, str]:
     (('Rod 1', 'mV/V'), ('force (left)', ''), ('AI 3', ''))
     >>> split_unit("t / ms"), split_unit("I in A"), split_unit("Rod 1")
     (('t', 'ms'), ('I', 'A'), ('Rod 1', ''))
+    >>> split_unit("Kraft/N"), split_unit("F_N"), split_unit("I_A"), split_unit("mV/V")
+    (('Kraft', 'N'), ('F_N', 'N'), ('I_A', ''), ('mV/V', ''))
     """
     text = text.strip()
     match = _NAME_AND_UNIT.fullmatch(text)
@@ -91,6 +103,18 @@ def split_unit(text: str) -> tuple[str, str]:
         unit = (match[2] if match[2] is not None else match[3]).strip()
         if match[2] is not None or not unit or is_unit(unit):
             return match[1], tidy_unit(unit)
+    match = _QUOTIENT.fullmatch(text)
+    if (
+        match
+        and not is_unit(text.split()[-1])
+        and is_unit(match[2])
+        and match[2] not in _NO_UNIT_BEHIND
+    ):
+        return match[1], tidy_unit(match[2])
+    if match := _ENDING.fullmatch(text):
+        unit = match[1] or (match[2] if _QUANTITY_OF[match[2]].fullmatch(text) else "")
+        if unit in UNIT_TEXTS and unit not in _NO_UNIT_BEHIND:
+            return text, tidy_unit(unit)
     match = _BEHIND.fullmatch(text)
     # "Rod A" is a name, "I in A" and "Force kN" end in a unit.
     if match is None or not is_unit(match[3]) or match[3] in _NO_UNIT_BEHIND:

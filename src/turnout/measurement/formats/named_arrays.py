@@ -97,7 +97,7 @@ def columns_of_arrays(
             continue
         if vector is not None:
             shown, axis = _named(name), _time_of(name, vector.size, times)
-            unit = units.get(name, "") or split_unit(name)[1]
+            unit = units.get(name, "") or split_unit(_last(name))[1]
             columns.append(_timed(shown, vector, tidy_unit(unit), axis, clock))
         elif array.ndim == 2 and min(array.shape) <= MOST_COLUMNS:
             columns += _of_matrix(name, array, texts, times, clock)
@@ -191,7 +191,8 @@ def _holds_time(name: str, values: NDArray[Any], unit: str, clock: StatedClock |
 
 def _named(name: str) -> str:
     match = _DEWESOFT.fullmatch(name)
-    return match[2] if match else split_unit(name)[0]
+    last = _last(name)
+    return match[2] if match else name.removesuffix(last) + split_unit(last)[0]
 
 
 def _time_of(name: str, size: int, times: Mapping[str, TimeAxis]) -> TimeAxis | None:

@@ -3,6 +3,7 @@
 import codecs
 import csv
 import io
+import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -215,9 +216,13 @@ def _best(lines: Sequence[str]) -> tuple[str, str, int, int] | None:
     return best
 
 
+_SPACED = re.compile(r"[^\s\[(]\S*[ \t]+(?:\[[^\s\[\]]*\]|\([^\s()]*\))(?!\S)|\S+")
+"""Cells between spaces; a unit in brackets belongs to the name before it."""
+
+
 def _cells(line: str, separator: str) -> list[str]:
     if separator == " ":
-        return line.split()
+        return _SPACED.findall(line)
     if not line.strip():
         return []
     return [
