@@ -307,8 +307,8 @@ def virtual_command(
     ),
     monitoring: str | None = option(
         "--monitoring RATE",
-        "Write currents and powers as a monitoring system stores them too, such as '25 Hz': "
-        "folder monitoring, a CSV file for each throw.",
+        "Write currents and powers as a monitoring system stores them too, such as '25 Hz' or "
+        "'zyj7': folder monitoring, a CSV file for each throw.",
     ),
     together: TogetherOption = [],  # noqa: B006 - typer copies it
     recorded_filter: str | None = option(

@@ -263,13 +263,18 @@ def throw_lines(throw: "MachineThrow") -> list[str]:
 def monitor_command(
     run: Path = argument("RUN", "Result of a throw whose drives are machines."),
     out: Path = option("--out -o FILE", "File to write (.csv, .mat or .h5).", default=...),
-    rate: str = option("--rate RATE", "Values a second, usually 25 to 100 Hz.", default="50 Hz"),
-    together: TogetherOption = [],  # noqa: B006 - typer copies it
-    current_step: str = option(
-        "--current-step CURRENT", "Resolution; '0 A' for none.", default="0.01 A"
+    rate: str = option(
+        "--rate RATE",
+        "Values a second, usually 25 to 100 Hz; or 'zyj7', 'switchmonitor'.",
+        default="50 Hz",
     ),
-    power_step: str = option(
-        "--power-step POWER", "Resolution; '0 W' for none, '19.6 W' in some systems.", default="1 W"
+    together: TogetherOption = [],  # noqa: B006 - typer copies it
+    current_step: str | None = option(
+        "--current-step CURRENT",
+        "Resolution, default 0.01 A or that of the system; '0 A' for none.",
+    ),
+    power_step: str | None = option(
+        "--power-step POWER", "Resolution, default 1 W or that of the system; '0 W' for none."
     ),
     as_json: JsonOption = False,
     quiet: QuietOption = False,

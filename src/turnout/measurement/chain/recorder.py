@@ -232,7 +232,7 @@ class Recorder:
             seen = np.array(rows).reshape(seen.shape)
         if (self.gain, self.offset) != (1.0, 0.0):
             seen = self.gain * seen + self.offset
-        return self.resolution * np.round(seen / self.resolution) if self.resolution > 0.0 else seen
+        return in_steps(seen, self.resolution)
 
     def _sampled(self, time: Floats, values: Floats, phase: float) -> Floats:
         """Return straight lines between the samples that it takes of a filtered signal."""
@@ -290,6 +290,17 @@ def recorder_faults(name: str, value: float) -> Iterator[str]:
     if not limits.least <= value <= limits.most:
         unit = limits.kind.unit if isinstance(limits.kind, Dimension) else ""
         yield f"must be {limits.least:g} to {limits.most:g} {unit}".rstrip()
+
+
+def in_steps(values: Floats, step: float) -> Floats:
+    """Return values as a converter with a step gives them out; as they are for a step of 0.
+
+    Examples
+    --------
+    >>> in_steps(np.array([0.4, 1.6]), 1.0)
+    array([0., 2.])
+    """
+    return np.asarray(step * np.round(values / step)) if step > 0.0 else values
 
 
 def clocked(values: Floats, time: Floats, recorder: Recorder) -> Floats:
