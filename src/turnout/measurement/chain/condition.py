@@ -14,6 +14,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from turnout.core.channels import label
 from turnout.core.moving_average import moving_average, window_samples
+from turnout.measurement.campaign.motion_signals import bridge_gaps
 from turnout.measurement.recording import RecordedChannel
 
 ORDER = 4
@@ -81,9 +82,9 @@ def lowpass(values: Values, *, rate: float, cutoff: float, order: int = ORDER) -
     if values.shape[-1] < least:
         message = f"{values.shape[-1]} samples are too few for this filter; it needs {least}"
         raise ValueError(message)
-    bridged, holes = _bridged(values)
+    bridged = np.apply_along_axis(bridge_gaps, -1, values)
     smooth = np.asarray(sosfiltfilt(sections, bridged, axis=-1), dtype=np.float64)
-    smooth[holes] = np.nan
+    smooth[~np.isfinite(values)] = np.nan
     return smooth
 
 
@@ -242,20 +243,6 @@ def resample(channel: RecordedChannel, values: Values, *, time: Values) -> Value
     if step * channel.rate > 1.5:
         values = moving_average(values, rate=channel.rate, window=step)
     return np.interp(time, channel.time, values)
-
-
-def _bridged(values: Values) -> tuple[Values, NDArray[np.bool_]]:
-    """Return values with straight lines over missing ones, and flags of these."""
-    holes = ~np.isfinite(values)
-    if not holes.any():
-        return values, holes
-    index = np.arange(values.shape[-1])
-    bridged = np.zeros_like(values)
-    for row in np.ndindex(values.shape[:-1]):
-        there = ~holes[row]
-        if there.any():
-            bridged[row] = np.interp(index, index[there], values[row][there])
-    return bridged, holes
 
 
 def _rest(values: Values, rate: float, start: float, end: float) -> tuple[Values, float]:

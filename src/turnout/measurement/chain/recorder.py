@@ -19,7 +19,6 @@ from turnout.core.units import FORCE, TIME, Dimension
 
 Floats = NDArray[np.float64]
 BUTTERWORTH, BESSEL, RC = "butterworth", "bessel", "rc"
-KINDS = (BUTTERWORTH, BESSEL, RC)
 HIGHEST_ORDER = 8
 # Means over less time than this [s], and samples closer than this, change nothing that is compared.
 LEAST_AVERAGE, LEAST_INTERVAL = 1e-6, 4e-3
