@@ -17,14 +17,15 @@ from turnout.study.virtual.disturbance import QUIET, Disturbance, add_disturbanc
 ROWS = """
 [[together]]
 keys = [
-    "recorder.gain", "recorder.offset", "recorder.resolution",
+    "recorder.gain", "recorder.offset", "recorder.resolution", "recorder.saturation",
     "recorder.clock_rate", "recorder.clock_offset",
 ]
 rows = [
-    [1.0, "0 N", "0 N", 0.0, "0 s"],
-    [1.02, "50 N", "0 N", 0.0, "0 s"],
-    [1.0, "0 N", "6 N", 0.0, "0 s"],
-    [1.0, "0 N", "0 N", 1e-4, "10 ms"],
+    [1.0, "0 N", "0 N", "0 N", 0.0, "0 s"],
+    [1.02, "50 N", "0 N", "0 N", 0.0, "0 s"],
+    [1.0, "0 N", "6 N", "0 N", 0.0, "0 s"],
+    [1.0, "0 N", "0 N", "0 N", 1e-4, "10 ms"],
+    [1.0, "0 N", "0 N", "500 N", 0.0, "0 s"],
 ]
 """
 
@@ -42,6 +43,8 @@ def test_what_a_recorder_changes_and_what_it_does_not(tmp_path: Path) -> None:
         late = np.interp((time - 0.01) / 1.0001, time, force[0, drive])
         np.testing.assert_allclose(force[3, drive], late, atol=0.02 * np.abs(force[0]).max())
         assert np.abs(force[3, drive] - force[0, drive]).max() > 50.0
+    np.testing.assert_allclose(force[4], np.clip(force[0], -500.0, 500.0), atol=1e-3)
+    assert np.abs(force[0]).max() > 500.0
     peak = made["peak_force"].sel(direction="closing").values
     np.testing.assert_allclose(peak[1], 1.02 * peak[0] + 50.0, rtol=1e-12)
     for name in ("force_margin", "end_gap", "slipped", "end_locked", "drive_gap", "object_force"):

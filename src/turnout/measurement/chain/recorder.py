@@ -94,6 +94,9 @@ ERRORS: Mapping[str, RecorderError] = MappingProxyType(
         "resolution": RecorderError(
             FORCE, 0.0, 0.0, 1e3, "0.4 to 6 N", "computed: 24 kN over 16 and 12 bits"
         ),
+        "saturation": RecorderError(
+            FORCE, 0.0, 0.0, 1e6, "12 kN", "computed: half of 24 kN, the range of a converter"
+        ),
         "clock_rate": RecorderError(
             float, 0.0, -0.01, 0.01, "± 1e-4", "assumption: quartz to 100 ppm, untuned"
         ),
@@ -124,6 +127,8 @@ class Recorder:
         Recorded force without load [N].
     resolution : float
         Step of the converter [N], of a current [A]; 0 for none.
+    saturation : float
+        Largest recorded force of either sign [N]; 0 for none.
     clock_rate : float
         Share by which the recorder's clock runs fast [-].
     clock_offset : float
@@ -136,7 +141,7 @@ class Recorder:
 
     .. math:: \hat F(s) = g F\left(\frac{s - s_0}{1 + r}\right) + F_0,
 
-    rounded to the resolution. Currents have the clock alone.
+    clipped at the saturation and rounded to the resolution. Currents have the clock alone.
 
     Examples
     --------
@@ -150,6 +155,7 @@ class Recorder:
     gain: float = 1.0
     offset: float = 0.0
     resolution: float = 0.0
+    saturation: float = 0.0
     clock_rate: float = 0.0
     clock_offset: float = 0.0
 
@@ -231,6 +237,8 @@ class Recorder:
             seen = np.array(rows).reshape(seen.shape)
         if (self.gain, self.offset) != (1.0, 0.0):
             seen = self.gain * seen + self.offset
+        if self.saturation > 0.0:
+            seen = np.clip(seen, -self.saturation, self.saturation)
         return in_steps(seen, self.resolution)
 
     def _sampled(self, time: Floats, values: Floats, phase: float) -> Floats:
