@@ -30,6 +30,7 @@ KINDS = (
     "sampling rate",
     "mains hum",
     "truncated",
+    "triggered",
     "spikes",
     "drift",
     "zero offset",
