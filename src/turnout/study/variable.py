@@ -290,9 +290,8 @@ def recorder_of(by_key: Mapping[str, Value]) -> Recorder:
     >>> recorder_of({"recorder.clock_rate": 5e-5, "object.size": 0.013}).clock_rate
     5e-05
     """
-    return Recorder(
-        **{name: float(by_key[key]) for name in ERRORS if (key := f"recorder.{name}") in by_key}
-    )
+    errors = {name: float(by_key[key]) for name in ERRORS if (key := f"recorder.{name}") in by_key}
+    return Recorder(**errors)  # type: ignore[arg-type]
 
 
 def format_value(variable: Variable, value: Value) -> str:
