@@ -10,13 +10,14 @@ import xarray as xr
 from turnout.figures.draw import draw_sheet
 from turnout.figures.report.page import Page, Picture, Section, Table
 from turnout.figures.sheet import Level, Line, Moment, Row, Sheet
-from turnout.figures.style import rendered
+from turnout.figures.style import COLOURS, rendered
 from turnout.metric.least_gauge import least_gauges, wheel_findings
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MILLI, KILO = 1e3, 1e-3
+BLACK = len(COLOURS) - 1
 
 
 def gauge_sheet(dataset: xr.Dataset) -> Sheet:
@@ -35,7 +36,11 @@ def gauge_sheet(dataset: xr.Dataset) -> Sheet:
     x, wheel = dataset["x"].values, dataset["wheel"].values
     nominal, limit = (float(dataset.attrs[f"gauge_{name}"]) for name in ("nominal", "limit"))
     rest = MILLI * (dataset["gauge_at_rest"].values - nominal)
-    along, at_wheel = [Line(label="at rest", x=x, y=rest)], list[Line]()
+    along, at_wheel = [Line(label="at rest", x=x, y=rest, colour=BLACK)], list[Line]()
+    colours, dashes = (
+        {force: number for number, force in enumerate(np.unique(dataset[name]).tolist())}
+        for name in ("lateral_force", "vertical_force")
+    )
     for number in range(dataset.sizes["load"]):
         one = dataset.isel(load=number)
         lateral, vertical = (float(one[name]) for name in ("lateral_force", "vertical_force"))
@@ -43,7 +48,8 @@ def gauge_sheet(dataset: xr.Dataset) -> Sheet:
         gauge = MILLI * (one["gauge"].transpose("wheel", "x").values - nominal)
         own = gauge[np.arange(wheel.size), np.searchsorted(x, wheel - 1e-9)]
         for lines, places, values in ((along, x, gauge.min(axis=0)), (at_wheel, wheel, own)):
-            lines.append(Line(label=name, x=places, y=values, colour=number + 1, dash=number + 1))
+            colour, dash = colours[lateral] % BLACK, dashes[vertical]
+            lines.append(Line(label=name, x=places, y=values, colour=colour, dash=dash))
     objects: list[dict[str, Any]] = json.loads(dataset.attrs["foreign_objects"])
     levels = () if np.isnan(limit) else (Level(MILLI * (limit - nominal), "least gauge allowed"),)
     return Sheet(
@@ -51,7 +57,8 @@ def gauge_sheet(dataset: xr.Dataset) -> Sheet:
         title=f"{dataset.attrs['title']}, rail {dataset.attrs['rail']} closed",
         caption="Above the least gauge at each place while the wheel rolls over the rail, below "
         "the gauge where the wheel is. An object keeps the rail away from its stock rail; a wheel "
-        "levers it about the object, so that the least gauge can be elsewhere.",
+        "levers it about the object, so that the least gauge can be elsewhere. Colours tell "
+        "the lateral force Y, dashes the vertical force Q.",
         x_label="x from the toe [m]",
         rows=(
             Row("Least gauge less\nnominal [mm]", tuple(along), levels),
