@@ -12,7 +12,7 @@ from turnout.calibration.load_study import load_study
 from turnout.calibration.matching import match
 from turnout.calibration.matching.ensemble import study_text
 from turnout.calibration.matching.fact_emulator import Emulation, fit_emulator
-from turnout.calibration.matching.facts import Facts, Sum, Term, facts_text, load_facts, read_facts
+from turnout.calibration.matching.facts import PACKAGE, Facts, Sum, Term, load_facts, read_facts
 from turnout.calibration.matching.match import MatchProgress, match_panel
 from turnout.calibration.matching.measures import MEASURES
 from turnout.calibration.matching.meet_facts import Thrower, evaluate, holds, in_order, panel_at
@@ -20,6 +20,7 @@ from turnout.calibration.matching.propose import farthest_points, plausible_poin
 from turnout.calibration.matching.remaining import gains, ranges
 from turnout.cli.main import app
 from turnout.core.errors import FileError, StudyError
+from turnout.core.library import text_in_library
 from turnout.core.toml import parse_toml
 from turnout.panel.load import load_panel
 
@@ -203,7 +204,8 @@ def test_a_wrong_file_is_refused_with_the_place(old: str, new: str, words: str) 
 def test_the_library_file_has_an_origin_for_every_range_and_fact() -> None:
     facts = load_facts("paper-facts")
     assert [item.name for item in facts.parameters if not item.origin] == []
-    named = [line for line in facts_text("paper-facts").splitlines() if line.startswith("name = ")]
+    text = text_in_library(PACKAGE, "paper-facts", kind="facts file")
+    named = [line for line in text.splitlines() if line.startswith("name = ")]
     assert len(named) > len(facts.facts) > 20
 
 

@@ -122,7 +122,7 @@ def gauge_command(
         output.figure(plot, lambda: plot_gauge(dataset))
     if as_json:
         output.json(gauge_record(dataset, found, classes), units=GAUGE_UNITS)
-    if strict and _narrow(dataset, found):
+    if strict and _least(found) < float(dataset.attrs["gauge_limit"]):
         raise typer.Exit(FINDINGS)
 
 
@@ -147,9 +147,9 @@ def _forces(option: str, texts: Sequence[str]) -> list[float]:
     return [read_texts({option: text}, read)[option] for text in texts]
 
 
-def _narrow(dataset: "xr.Dataset", found: "Sequence[LeastGauges]") -> bool:
-    """Return True if the panel's limit is not met for some load."""
-    return min(item.least for item in found) < float(dataset.attrs["gauge_limit"])
+def _least(found: "Sequence[LeastGauges]") -> float:
+    """Return the least gauge of all loads [m]."""
+    return min(item.least for item in found)
 
 
 def gauge_lines(
@@ -172,10 +172,10 @@ def gauge_lines(
             f"drive {' and '.join(sorted(slipping))} reaches its saturation force under the wheel"
         )
         yield f"{'drives':<16}{text}"
-    least, limit = min(item.least for item in found), float(attributes["gauge_limit"])
+    least, limit = _least(found), float(attributes["gauge_limit"])
     if limit == limit:
         text = f"at least {1e3 * limit:g} mm required"
-        narrow = _narrow(dataset, found)
+        narrow = least < limit
         text = f"TOO NARROW: {1e3 * least:.1f} mm, {text}" if narrow else text
         yield f"{'limit':<16}{coloured(text, 'bad') if narrow else text}"
     nominal = float(attributes["gauge_nominal"])
@@ -193,7 +193,7 @@ def gauge_record(
 ) -> dict[str, Any]:
     """Return the least gauges for each load as plain data, in SI."""
     attributes = dataset.attrs
-    least = min(item.least for item in found)
+    least = _least(found)
     return {
         **{name: attributes[name] for name in ("panel", "panel_hash", "rail", "course")},
         **{name: attributes[name] for name in ("gauge_nominal", "gauge_limit")},

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 FORMS = (".pdf", ".png", ".svg")
 Draw = Callable[..., Mapping[str, bytes]] | None
-"""What draws the further figures of a page, as files by name."""
+"""Function that draws the further figures of a page, as files by name."""
 # In the folder that `turnout validate -o` fills.
 VALIDATION = "validation.nc"
 

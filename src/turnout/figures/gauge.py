@@ -11,7 +11,7 @@ from turnout.figures.draw import draw_sheet
 from turnout.figures.report.page import Page, Picture, Section, Table
 from turnout.figures.sheet import Level, Line, Moment, Row, Sheet
 from turnout.figures.style import COLOURS, rendered
-from turnout.metric.least_gauge import least_gauges, wheel_findings
+from turnout.metric.least_gauge import gauges_of_load, least_gauges, wheel_findings
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -45,11 +45,11 @@ def gauge_sheet(dataset: xr.Dataset) -> Sheet:
         one = dataset.isel(load=number)
         lateral, vertical = (float(one[name]) for name in ("lateral_force", "vertical_force"))
         name = f"Y {KILO * lateral:g} kN, Q {KILO * vertical:g} kN"
-        gauge = MILLI * (one["gauge"].transpose("wheel", "x").values - nominal)
-        own = gauge[np.arange(wheel.size), np.searchsorted(x, wheel - 1e-9)]
+        gauge, own, _ = gauges_of_load(one)
         for lines, places, values in ((along, x, gauge.min(axis=0)), (at_wheel, wheel, own)):
             colour, dash = colours[lateral] % BLACK, dashes[vertical]
-            lines.append(Line(label=name, x=places, y=values, colour=colour, dash=dash))
+            y = MILLI * (values - nominal)
+            lines.append(Line(label=name, x=places, y=y, colour=colour, dash=dash))
     objects: list[dict[str, Any]] = json.loads(dataset.attrs["foreign_objects"])
     levels = () if np.isnan(limit) else (Level(MILLI * (limit - nominal), "least gauge allowed"),)
     return Sheet(

@@ -1,4 +1,4 @@
-"""States of a slide chair by name: level of friction, what it is at rest, and how it follows speed.
+"""States of a slide chair by name: friction in motion and at rest, and its course over speed.
 
 Rows of `FRICTION_STATES` are data: a new state is a new row. Levels count against that of a sound
 chair, whose coefficient a panel gives, so that a calibrated coefficient scales all states alike.
@@ -17,7 +17,7 @@ SOUND = 0.4
 FASTEST = 1.0
 """Speed from which on a coefficient stays as it is [m/s]; feet slide at 0.1 m/s at most."""
 STRIBECK_SPEED = 0.005
-"""Speed at which half of what is more at rest is left, unless given [m/s]."""
+"""Speed at which half of the excess at rest is left, unless given [m/s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +31,7 @@ class FrictionCurve:
     static_ratio : float
         Coefficient at rest over that in motion [-].
     stribeck_speed : float
-        Speed at which half of what is more at rest is left [m/s].
+        Speed at which half of the excess at rest is left [m/s].
     rise : float
         Share by which the coefficient rises per speed [s/m].
     """

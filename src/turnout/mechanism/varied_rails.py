@@ -15,7 +15,7 @@ The static shapes are those of the nominal rail, so the interface of a varied on
 an error of second order in the variation. Scales, and the mean stiffness of fastenings in a
 direction, that are further than half a `STEP` from the nominal ones belong to another nominal rail,
 a whole number of steps away, with shapes of its own. The error at the corners of that range is
-estimated by `variation_error`; a rail that exceeds `MOST_ERROR` is reduced anew.
+estimated by `variation_error`; a rail that exceeds `MOST_ERROR` gets shapes of its own.
 """
 
 import itertools
@@ -40,7 +40,7 @@ Floats = NDArray[np.float64]
 STEP = 1.25
 """Ratio of the scales of neighbouring nominal rails."""
 MOST_SUPPORT = 1.15
-"""A rail with a fastening stiffer or softer than the nominal one by more is reduced anew."""
+"""A rail with a fastening stiffer or softer than the nominal one by more gets shapes of its own."""
 MOST_ERROR = 3e-3
 """Largest error of the interface compliance, relative to the root of the diagonal entries [-]."""
 _NODES = 7

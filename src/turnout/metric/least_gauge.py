@@ -6,17 +6,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from turnout.core.errors import PanelError
-from turnout.core.files import user_path
-from turnout.core.library import names_a_file, text_in_library
+from turnout.core.library import open_toml
 from turnout.core.problems import choices, nearest, show_value
-from turnout.core.toml import TomlFile, parse_toml, read_toml
 from turnout.core.units import LENGTH, SPEED, parse_quantity
 from turnout.metric.finding import HEADLINE, Finding, Severity
 
 if TYPE_CHECKING:
     import xarray as xr
+
+Floats = NDArray[np.float64]
 
 DEFAULT_LIMITS = "immediate-action"
 """Limits of the library that are taken unless others are named."""
@@ -82,11 +83,22 @@ def least_gauges(dataset: "xr.Dataset") -> list[LeastGauges]:
     return [_least_of(dataset.isel(load=number)) for number in range(dataset.sizes["load"])]
 
 
+def gauges_of_load(one: "xr.Dataset") -> tuple[Floats, Floats, NDArray[np.intp]]:
+    """Return the gauge by place of the wheel and node, and at the wheel [m], with its nodes.
+
+    Parameters
+    ----------
+    one : xarray.Dataset
+        One load of a dataset from `turnout.gauge_under_wheel`.
+    """
+    gauge, wheel = one["gauge"].transpose("wheel", "x").values, one["wheel"].values
+    own = np.searchsorted(one["x"].values, wheel - 1e-9)
+    return gauge, gauge[np.arange(wheel.size), own], own
+
+
 def _least_of(one: "xr.Dataset") -> LeastGauges:
     x, wheel, places = one["x"].values, one["wheel"].values, one["place"].values
-    rest, gauge = one["gauge_at_rest"].values, one["gauge"].transpose("wheel", "x").values
-    own = np.searchsorted(x, wheel - 1e-9)
-    at_wheel = gauge[np.arange(wheel.size), own]
+    rest, (gauge, at_wheel, own) = one["gauge_at_rest"].values, gauges_of_load(one)
     lowest, least = int(at_wheel.argmin()), divmod(int(gauge.argmin()), x.size)
     force = abs(one["drive_force"]).max("wheel")
     over = (force >= one["saturation_force"]).values
@@ -188,7 +200,7 @@ def load_gauge_limits(name_or_path: str | Path) -> GaugeLimits:
     >>> [item.narrowing for item in load_gauge_limits("immediate-action").classes]
     [0.009, 0.008, 0.007]
     """
-    file = _open(name_or_path)
+    file = open_toml("turnout.metric", name_or_path, kind="table of limits")
     problems: list[str] = []
     found = list(_classes(file.data.get("class"), problems))
     problems += [
@@ -204,13 +216,6 @@ def load_gauge_limits(name_or_path: str | Path) -> GaugeLimits:
     if problems:
         raise PanelError(problems, source=f"limits of gauge {file.source}")
     return GaugeLimits(str(file.data.get("name", file.source)), tuple(found))
-
-
-def _open(name_or_path: str | Path) -> TomlFile:
-    if names_a_file(name_or_path):
-        return read_toml(user_path(str(name_or_path)))
-    name = str(name_or_path)
-    return parse_toml(text_in_library("turnout.metric", name, kind="table of limits"), source=name)
 
 
 def _classes(given: Any, problems: list[str]) -> Iterator[GaugeClass]:

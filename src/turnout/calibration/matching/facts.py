@@ -19,7 +19,7 @@ from turnout.calibration.matching.facts_file import (
 from turnout.calibration.matching.measures import MEASURES, SHARE
 from turnout.core.errors import PanelError, StudyError
 from turnout.core.json_files import to_plain
-from turnout.core.library import names_in_library, open_toml, text_in_library
+from turnout.core.library import open_toml
 from turnout.core.problems import choices, describe_error, nearest, show_value
 from turnout.core.provenance import content_hash
 from turnout.core.toml import TomlFile
@@ -168,16 +168,6 @@ def _applied(how: str, own: Any, value: float) -> Any:
     if isinstance(own, tuple):
         return [_applied(how, item, value) for item in own]
     return float(own) + value if how == "add" else float(own) * value
-
-
-def facts_names() -> tuple[str, ...]:
-    """List the facts files that come with the program."""
-    return names_in_library(PACKAGE)
-
-
-def facts_text(name: str) -> str:
-    """Return the TOML text of a library facts file, to start an own one from."""
-    return text_in_library(PACKAGE, name, kind="facts file")
 
 
 def load_facts(name_or_path: str | Path) -> Facts:

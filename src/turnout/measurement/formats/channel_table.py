@@ -164,9 +164,7 @@ def throw_recordings(table: Table, throws: Sequence[str]) -> dict[str, Recording
     """
     found: dict[str, Recording | FileError] = {}
     try:
-        _sort_columns(table)
-        _name_axes(table)
-        parts, by = _throws(table)
+        parts, by = _sorted_throws(table)
     except ValueError as error:
         return dict.fromkeys(throws, FileError(f"{table.source}: {error}"))
     for throw in throws:
@@ -196,16 +194,20 @@ def table_columns(table: Table, *, throw: str | None = None) -> list[FileColumn]
         When it holds several throws and none is chosen, or a time is none.
     """
     try:
-        _sort_columns(table)
-        _name_axes(table)
-        parts, by = _throws(table)
-        cut = _cut(table, parts, by, throw)
+        cut = _cut(table, *_sorted_throws(table), throw)
         columns = _channel_columns(cut)
     except ValueError as error:
         message = f"{table.source}: {error}"
         raise FileError(message) from None
     table.problems[:] = cut.problems
     return columns
+
+
+def _sorted_throws(table: Table) -> tuple[dict[str, Rows], str]:
+    """Sort the columns and find the times among them; return `_throws` of the table."""
+    _sort_columns(table)
+    _name_axes(table)
+    return _throws(table)
 
 
 def _label(table: Table, place: int) -> str:

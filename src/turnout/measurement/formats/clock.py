@@ -220,7 +220,7 @@ class StatedClock:
     def read(
         self, key: str, values: Sequence[object], *, unit: str = "", decimal: str | None = "."
     ) -> bool:
-        """Take what a key and its values state; return False if they state nothing of the clock.
+        """Take a rate, start or date from a key and its values; return False if there is none.
 
         Raises
         ------

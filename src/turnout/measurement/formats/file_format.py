@@ -27,7 +27,7 @@ SNIFFED_BYTES = 600
 _HDF5_MARK = b"\x89HDF\r\n\x1a\n"
 _ARCHIVE, _OLD_OFFICE = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
 ARCHIVED_NAME = 30
-"""Where an archive names its first file [byte]."""
+"""Place of the name of the first file of an archive [byte]."""
 WORKBOOKS = (".xlsx", ".xlsm", ".xls", ".ods")
 # Formats that are not read, by their first bytes, and the way out.
 FOREIGN = (

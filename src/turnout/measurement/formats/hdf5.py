@@ -163,7 +163,7 @@ def read_hdf5(path: Path, *, allow_outside: bool = False) -> Recording:
 
 
 class _Found:
-    """What the datasets of a file hold, as they are met."""
+    """Contents of the datasets of a file, as they are met."""
 
     def __init__(self, content: Content, source: str) -> None:
         self.content, self.source = content, source
@@ -175,7 +175,7 @@ class _Found:
         self.problems: list[str] = []
 
     def take(self, name: str, item: h5py.Dataset) -> None:
-        """Take a dataset by what it holds."""
+        """Take a dataset as a table, a number or a channel."""
         last = name.rsplit("/", 1)[-1]
         wanted = last.lower() in (*NAME_LISTS, "units") or item.size == 1 or is_time_name(last)
         if item.dtype.kind in "OS" and wanted:

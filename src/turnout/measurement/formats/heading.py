@@ -1,4 +1,4 @@
-"""Lines above the numbers of a table: names, units, and what they state about the clock.
+"""Lines above the numbers of a table: names, units, and rates, starts and dates in words.
 
 Loggers and oscilloscopes write up to a page there. A line that begins with a label (Sample rate,
 INTERVAL, VERT_UNITS, TraceName) states something for the whole table or for each column; of the

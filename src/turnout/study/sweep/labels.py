@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from turnout.metric.features import FEATURES, run_features
 from turnout.study.sweep.throw_group import AlikeThrows, ThrowSignals
+from turnout.throw.breaking import BLOW_SHARE, COARSE_BLOW_SHARE
 from turnout.throw.checks import OF_WHEELS, SWITCHED_OFF, Check, sensor_judges
 from turnout.throw.lock_and_control import (
     contact_labels,
@@ -31,8 +32,8 @@ Values = dict[str, tuple[tuple[str, ...], NDArray[np.generic]]]
 LABELS = {
     "object_force_peak": (
         "N",
-        "largest force on foreign objects; the peak of a blow is off by up to 22 % in mode quick, "
-        "4 % in mode waveform",
+        "largest force on foreign objects; the peak of a blow is off by up to "
+        f"{COARSE_BLOW_SHARE} % in mode quick, {BLOW_SHARE} % in mode waveform",
     ),
     "object_force_end": ("N", "force on foreign objects at the end"),
     "object_trapped": ("1", "whether a foreign object was touched and is still there at the end"),
