@@ -121,9 +121,11 @@ def test_wrong_text_of_a_command_line(text: str, message: str) -> None:
 
 def test_wrong_values_are_all_reported() -> None:
     with pytest.raises(PanelError) as caught:
-        ForeignObject(-0.01, 3.6, rail=2, height="1 kN", stiffness=math.inf, appears=-1.0)  # type: ignore[arg-type]
+        ForeignObject(
+            -0.01, 3.6, rail=2, height="1 kN", stiffness=math.inf, appears=-1.0, face_slope=1.2
+        )  # type: ignore[arg-type]
     keys = [problem.split(" ")[0] for problem in caught.value.problems]
-    assert keys == ["size", "height", "stiffness", "appears", "at", "rail"]
+    assert keys == ["size", "height", "stiffness", "appears", "face_slope", "at", "rail"]
 
 
 @pytest.mark.parametrize(

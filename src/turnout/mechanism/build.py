@@ -391,7 +391,9 @@ def _placed(panel: Panel, objects: Sequence[PlacedObject], nominal: LoadedPanel 
     if not objects:
         return _Placed(bare.linear, bare.frame.layout, bare.linear.rows, ())
     base = bare.base or bare
-    places = tuple([(item.name, item.rail, item.x, item.height) for item in objects])
+    places = tuple(
+        [(item.name, item.rail, item.x, item.height, item.face_slope) for item in objects]
+    )
     varied = base is not bare
     found = base.placed.get((varied, places))
     if found is None:

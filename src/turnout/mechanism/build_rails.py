@@ -224,6 +224,18 @@ def approach_ends(panel: Panel, name: str, *, x: float, height: float) -> list[t
     return ends
 
 
+def object_ends(panel: Panel, item: PlacedObject) -> list[tuple[str, Point]]:
+    """Return the points whose sum is the approach of a switch rail to its stock rail at an object.
+
+    On a sloping face the force is normal to it: with `face_slope` t its work is that of the lateral
+    force along ``u_y - t u_z``, so that t times the force lifts the switch rail.
+    """
+    ends = approach_ends(panel, item.rail, x=item.x, height=item.height)
+    if item.face_slope:
+        ends.append((item.rail, Point(item.x, "uz", z=item.height, sign=-item.face_slope)))
+    return ends
+
+
 def foot_points(panel: Panel, name: str, chair: Chair) -> tuple[Point, ...]:
     """Return the points of a switch rail's underside that a chair carries; see `rail_feet`."""
     return rail_feet(panel, name, {"": chair})[""]

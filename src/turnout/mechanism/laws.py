@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from turnout.core.errors import MechanicsError
 from turnout.law.table import LawTable, LawTableBuilder, SharedTableParts
-from turnout.mechanism.build_rails import SIGN, approach_ends, rail_feet, stands_on
+from turnout.mechanism.build_rails import SIGN, approach_ends, object_ends, rail_feet, stands_on
 from turnout.mechanism.mechanism import LawIndex, Point
 from turnout.mechanism.object_laws import add_bond, add_object
 from turnout.mechanism.travel import Travel, drive_at, unloaded_gap
@@ -86,7 +86,8 @@ class LawLayout:
     stops : tuple of RailStops
         Those with stops.
     contacts, chairs : ndarray of int, shape (n_contacts,)
-        Laws of the feet on chairs, and the number of the chair of each; frictions have this order.
+        Laws of the feet on plates and rollers of chairs, and the number of the chair of each, of
+        rollers after all chairs; frictions have this order.
     closed : ndarray of int, shape (n_contacts,)
         Segments in which these laws have a force.
     further : tuple of int
@@ -140,11 +141,12 @@ def lay_out(panel: Panel, objects: Sequence[PlacedObject]) -> LawLayout:
         chairs = {k: chair for k, chair in panel.chair.items() if stands_on(chair.rails, rail_name)}
         for name, feet in rail_feet(panel, rail_name, chairs).items():
             key = (rail_name, name)
-            contacts, frictions = _add_chair(rows, laws, rail_name, chairs[name], feet)
-            index.chair[key], index.chair_friction[key] = contacts, frictions
-            names += [f"chair {name} of rail {rail_name}"] * len(contacts)
-            feet_names += [f"chair {name} of rail {rail_name}"] * len(frictions)
-            feet_of += [(contact, numbers[name]) for contact in contacts]
+            for group, contacts in enumerate(
+                _add_chair(rows, laws, index, key, chairs[name], feet)
+            ):
+                feet_of += [(law, group * len(numbers) + numbers[name]) for law in contacts]
+                names += [f"chair {name} of rail {rail_name}"] * len(contacts)
+                feet_names += [f"chair {name} of rail {rail_name}"] * len(contacts)
         for name, stop, kind in _stops(panel):
             if rail.has_stock_rail and stands_on(stop.rails, rail_name):
                 index.stop[rail_name, name] = _add_stop(rows, laws, panel, rail_name, stop)
@@ -153,7 +155,7 @@ def lay_out(panel: Panel, objects: Sequence[PlacedObject]) -> LawLayout:
     for name, drive in panel.drive.items():
         index.drive[name] = len(names)
         names.append(f"drive {name}")
-        further.append(rows.add((drive.rail, Point(drive.x, "uy", z=drive.height))))
+        further.append(rows.add(*_rod_end(drive)))
     for name, link in panel.link.items():
         index.link[name] = len(names)
         names.append(f"link {name}")
@@ -183,7 +185,7 @@ def lay_out(panel: Panel, objects: Sequence[PlacedObject]) -> LawLayout:
     )
     found = bare.with_objects([item.name for item in objects])
     for item in objects:
-        rows.add(*approach_ends(panel, item.rail, x=item.x, height=item.height))
+        rows.add(*object_ends(panel, item))
     return found
 
 
@@ -259,7 +261,16 @@ def _stops_by_rail(panel: Panel, index: LawIndex) -> tuple[RailStops, ...]:
 CHAIR_VALUES = attrgetter(
     "clearance", "normal_stiffness", "friction_coefficient", "stick_stiffness"
 )
-"""Values of a chair that its laws have."""
+"""Values of a chair that the laws of its plate have."""
+
+
+def _roller_values(chair: Chair) -> tuple[float, float, float, float]:
+    """Return the same of its roller; a foot sticks to it as to the plate."""
+    lift = chair.roller_lift or 0.0
+    return (
+        *(chair.clearance - lift, chair.roller_stiffness),
+        *(chair.roller_friction, chair.stick_stiffness),
+    )
 
 
 def _fill_chairs_and_stops(
@@ -269,7 +280,10 @@ def _fill_chairs_and_stops(
 
     A stop's clearance counts from the rail's stress-free shape.
     """
-    by_chair = np.array([CHAIR_VALUES(chair) for chair in panel.chair.values()]).reshape(-1, 4)
+    values = [CHAIR_VALUES(chair) for chair in panel.chair.values()]
+    if layout.index.roller:
+        values += [_roller_values(chair) for chair in panel.chair.values()]
+    by_chair = np.array(values).reshape(-1, 4)
     of_feet = by_chair.T.take(layout.chairs, axis=1)  # unlike an index it leaves no gaps
     clearance, normal_stiffness, friction_coefficient, stick_stiffness = of_feet
     table.offset[layout.contacts] = clearance
@@ -288,19 +302,41 @@ def _stops(panel: Panel) -> list[tuple[str, Stop, str]]:
 
 
 def _add_chair(
-    rows: LawRows, laws: LawTableBuilder, rail: str, chair: Chair, feet: tuple[Point, ...]
+    rows: LawRows,
+    laws: LawTableBuilder,
+    index: LawIndex,
+    key: tuple[str, str],
+    chair: Chair,
+    feet: tuple[Point, ...],
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Add a contact and a friction law for each foot point of a chair, still without values."""
+    """Add a contact and a friction law for each foot point, still without values.
+
+    Returns
+    -------
+    plate, roller : tuple of int
+        Contacts; frictions have their order.
+    """
+    rail = key[0]
     slide = rows.add((rail, Point(chair.x, "uy", z=chair.foot_height)))
-    contacts, frictions = [], []
-    for foot in feet:
-        row = rows.add((rail, replace(foot, sign=-1.0)))
-        contact = laws.add_contact(row, stiffness=0.0, clearance=0.0, base_closed=True)
-        contacts.append(contact)
-        frictions.append(
-            laws.add_friction(slide, normal=contact, friction_coefficient=0.0, stick_stiffness=0.0)
-        )
-    return tuple(contacts), tuple(frictions)
+    downs = [rows.add((rail, replace(foot, sign=-1.0))) for foot in feet]
+
+    def carried() -> tuple[tuple[int, ...], tuple[int, ...]]:
+        contacts, frictions = [], []
+        for row in downs:
+            contact = laws.add_contact(row, stiffness=0.0, clearance=0.0, base_closed=True)
+            contacts.append(contact)
+            frictions.append(
+                laws.add_friction(
+                    slide, normal=contact, friction_coefficient=0.0, stick_stiffness=0.0
+                )
+            )
+        return tuple(contacts), tuple(frictions)
+
+    index.chair[key], index.chair_friction[key] = carried()
+    if chair.roller_lift is None:
+        return index.chair[key], ()
+    index.roller[key], index.roller_friction[key] = carried()
+    return index.chair[key], index.roller[key]
 
 
 def _add_stop(rows: LawRows, laws: LawTableBuilder, panel: Panel, name: str, stop: Stop) -> int:
@@ -338,6 +374,18 @@ def _add_rod(laws: LawTableBuilder, row: int, panel: Panel, drive: Drive, number
         input_index=number,
         base_segment=len(ends) // 2,
     )
+
+
+def _rod_end(drive: Drive) -> list[tuple[str, Point]]:
+    """Return the points whose sum is the way of a rod's rail end.
+
+    A stiff rod whose machine end neither lifts nor carries a moment turns about it: with
+    `rod_slope` t its rail end goes by ``u_y + t u_z``, so that t times its force acts upwards.
+    """
+    ends = [(drive.rail, Point(drive.x, "uy", z=drive.height))]
+    if drive.rod_slope:
+        ends.append((drive.rail, Point(drive.x, "uz", z=drive.height, sign=drive.rod_slope)))
+    return ends
 
 
 def _link_ends(panel: Panel, link: Link) -> list[Point]:

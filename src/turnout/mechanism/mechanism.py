@@ -274,8 +274,8 @@ class LawIndex:
     """Indices of the laws of each family in the law table, by name.
 
     Keys are (rail, name) where a family stands on several rails, else the name. A chair has one
-    contact and one friction law for each foot point; long objects have several parts, each with a
-    law in `object` by its own name.
+    contact and one friction law for each foot point, and so has a roller on it; long objects have
+    several parts, each with a law in `object` by its own name.
     """
 
     drive: dict[str, int] = field(default_factory=dict)
@@ -284,6 +284,8 @@ class LawIndex:
     stop: dict[tuple[str, str], int] = field(default_factory=dict)
     chair: dict[tuple[str, str], tuple[int, ...]] = field(default_factory=dict)
     chair_friction: dict[tuple[str, str], tuple[int, ...]] = field(default_factory=dict)
+    roller: dict[tuple[str, str], tuple[int, ...]] = field(default_factory=dict)
+    roller_friction: dict[tuple[str, str], tuple[int, ...]] = field(default_factory=dict)
     bond: dict[tuple[str, str], int] = field(default_factory=dict)
     object: dict[str, int] = field(default_factory=dict)
     object_parts: dict[str, tuple[str, ...]] = field(default_factory=dict)

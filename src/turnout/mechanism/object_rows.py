@@ -2,7 +2,7 @@ r"""Rows of foreign objects on the rails: at nodes, and between them.
 
 Between nodes, the rails stay the same for all places of an object.
 
-A point of a rail between two nodes follows the cubic through lateral displacement and slope at
+A point of a rail between two nodes follows the cubic through displacement and slope at
 both, and the linear course of the roll. What a rail yields at such a point beyond its reduced
 coordinates,
 
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from turnout.beam.craig_bampton import Superelement
 from turnout.beam.spectrum import Factor, factorise
 from turnout.core.errors import MechanicsError
-from turnout.mechanism.build_rails import approach_ends
+from turnout.mechanism.build_rails import object_ends
 from turnout.mechanism.mechanism import RailBody, RailData
 from turnout.mechanism.reduce import superelement_of
 from turnout.mechanism.structure import Structure, form_rows
@@ -36,7 +36,9 @@ Ints = NDArray[np.intp]
 
 AT_A_PLACE = 1e-6
 """An object nearer than this to a place on a rail stands at its node [m]."""
-UY, RX, RZ, PER_NODE = 1, 3, 5, 6
+RX, PER_NODE = 3, 6
+CUBIC = {"uy": (1, 5, 1.0), "uz": (2, 4, -1.0)}
+"""Displacement and rotation of a node, and the slope that the rotation makes, by direction."""
 
 
 def is_off_node(panel: Panel, item: PlacedObject) -> bool:
@@ -58,8 +60,8 @@ def is_off_node(panel: Panel, item: PlacedObject) -> bool:
     )
 
 
-def offnode_row(nodes: Floats, *, x: float, z: float) -> tuple[Ints, Floats]:
-    """Return the nodal displacements that move a point sideways, and their weights.
+def offnode_row(nodes: Floats, *, x: float, z: float, direction: str = "uy") -> tuple[Ints, Floats]:
+    """Return the nodal displacements that move a point on the reference line, and their weights.
 
     Parameters
     ----------
@@ -67,6 +69,8 @@ def offnode_row(nodes: Floats, *, x: float, z: float) -> tuple[Ints, Floats]:
         Places of the nodes, rising [m].
     x, z : float
         Place of the point and its height above the foot line [m].
+    direction : {"uy", "uz"}
+        Of its displacement; roll moves it sideways alone.
 
     Returns
     -------
@@ -85,9 +89,11 @@ def offnode_row(nodes: Floats, *, x: float, z: float) -> tuple[Ints, Floats]:
     s = (x - nodes[left]) / length
     r = 1.0 - s
     first, second = PER_NODE * left, PER_NODE * (left + 1)
-    at = [first + UY, first + RZ, second + UY, second + RZ, first + RX, second + RX]
-    weights = [r * r * (1.0 + 2.0 * s), length * s * r * r, s * s * (1.0 + 2.0 * r)]
-    weights += [-length * s * s * r, -z * r, -z * s]
+    shift, turn, slope = CUBIC[direction]
+    arm = z if direction == "uy" else 0.0
+    at = [first + shift, first + turn, second + shift, second + turn, first + RX, second + RX]
+    weights = [r * r * (1.0 + 2.0 * s), slope * length * s * r * r, s * s * (1.0 + 2.0 * r)]
+    weights += [-slope * length * s * s * r, -arm * r, -arm * s]
     return np.array(at), np.array(weights)
 
 
@@ -105,10 +111,10 @@ def approach_row(panel: Panel, item: PlacedObject, bodies: Sequence[RailBody]) -
     """
     row = np.zeros(sum(body.count for body in bodies))
     by_name = {body.name: body for body in bodies}
-    for name, point in approach_ends(panel, item.rail, x=item.x, height=item.height):
+    for name, point in object_ends(panel, item):
         body = by_name[name]
-        at, weights = offnode_row(body.x, x=point.x, z=point.z)
-        row[body.first : body.first + body.count] = point.sign * (weights @ body.recovery[at])
+        at, weights = offnode_row(body.x, x=point.x, z=point.z, direction=point.direction)
+        row[body.first : body.first + body.count] += point.sign * (weights @ body.recovery[at])
     return row
 
 
@@ -190,7 +196,7 @@ def node_rows(
     rows = []
     for item in objects:
         row = np.zeros(sum(body.count for body in bodies))
-        for name, point in approach_ends(panel, item.rail, x=item.x, height=item.height):
+        for name, point in object_ends(panel, item):
             data, body = by_name[name]
             if data.matrices is None and np.round(point.x, 9) not in data.x:
                 return None

@@ -23,6 +23,7 @@ _LAW_ALONE: dict[str, tuple[str, ...]] = {
         *("friction_coefficient", "normal_stiffness", "stick_stiffness", "clearance"),
         *("friction_opening", "friction_factor", "friction_state"),
         *("static_ratio", "stribeck_speed", "friction_rise"),
+        *("roller_lift", "roller_stiffness", "roller_friction"),
     ),
     "drive": (
         *("stiffness", "saturation_force", "saturated_stiffness", "extension", "force", "machine"),
@@ -116,5 +117,8 @@ def shape_of(panel: LoadedPanel, objects: Sequence[PlacedObject]) -> Hashable:
     False
     """
     rails = tuple([(rail.fit_gap is None, rail.has_stock_rail) for rail in panel.rail.values()])
-    places = tuple([(item.name, item.rail, item.x, item.height) for item in objects])
-    return panel.digest_without(SHAPELESS), rails, places
+    places = tuple(
+        [(item.name, item.rail, item.x, item.height, item.face_slope) for item in objects]
+    )
+    rollers = tuple([chair.roller_lift is not None for chair in panel.chair.values()])
+    return panel.digest_without(SHAPELESS), rails, rollers, places

@@ -232,7 +232,8 @@ def _rail_systems(mechanism: Mechanism, data: list[RailData], count: int) -> Ite
         mine = slice(body.first, body.first + body.count)
         chairs = [
             law
-            for (rail, _), feet in mechanism.index.chair.items()
+            for family in (mechanism.index.chair, mechanism.index.roller)
+            for (rail, _), feet in family.items()
             if rail == body.name
             for law in feet
         ]

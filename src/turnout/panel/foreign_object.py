@@ -37,7 +37,7 @@ _DIMENSIONS = {
     "disappears": TIME,
     **DIMENSIONS,
 }
-PANEL_DEFAULTS = ("rail", "height", "stiffness", "appears", "disappears")
+PANEL_DEFAULTS = ("rail", "height", "stiffness", "face_slope", "appears", "disappears")
 """Fields that an object takes from the panel if left out."""
 
 
@@ -60,6 +60,9 @@ class ForeignObject:
         z of its contact with the switch rail [m].
     stiffness : float or str, optional
         In compression only [N/m].
+    face_slope : float, optional
+        Vertical over lateral force on the switch rail, which is lifted where it is positive: the
+        slope of a planed face against the vertical, or of a wedge below the rail [-].
     appears, disappears : float or str, optional
         When it is placed and taken away [s].
     kind : str
@@ -95,6 +98,7 @@ class ForeignObject:
     rail: str | None = None
     height: float | str | None = None
     stiffness: float | str | None = None
+    face_slope: float | None = None
     appears: float | str | None = None
     disappears: float | str | None = None
     kind: str = "spring"
@@ -116,10 +120,14 @@ class ForeignObject:
                 object.__setattr__(self, name, _quantity(name, value, dimension))
             except ValueError as error:
                 problems.append(f"{name} = {show_value(value)}: {error}")
-        if self.piece is not None and (
-            isinstance(self.piece, bool) or not isinstance(self.piece, int | float)
-        ):
-            problems.append(f"piece = {show_value(self.piece)}: must be a plain number")
+        for name in ("piece", "face_slope"):
+            value = getattr(self, name)
+            if value is not None and (
+                isinstance(value, bool) or not isinstance(value, int | float)
+            ):
+                problems.append(f"{name} = {show_value(value)}: must be a plain number")
+        if isinstance(self.face_slope, int | float) and not -1.0 <= self.face_slope <= 1.0:
+            problems.append(f"face_slope = {show_value(self.face_slope)}: must be from -1 to 1")
         texts: dict[str, Any] = {"at": self.at, "rail": self.rail or "", "kind": self.kind}
         problems += [
             f"{name} = {show_value(value)}: must be text"
@@ -150,6 +158,8 @@ class PlacedObject(Trapped):
         Its name in the panel, or its number among those given.
     x, height : float
         Place of its contact with the switch rail [m].
+    face_slope : float
+        Vertical over lateral force on the switch rail [-].
     rail : str
         Switch rail that traps it.
     appears, disappears : float
@@ -164,6 +174,7 @@ class PlacedObject(Trapped):
     height: float
     appears: float
     disappears: float
+    face_slope: float = 0.0
     whole: str = ""
 
 
@@ -258,6 +269,7 @@ def _place(panel: Panel, name: str, item: ForeignObject, x: float) -> PlacedObje
         x=x,
         rail=rail,
         height=float(item.height or 0.0),
+        face_slope=float(item.face_slope or 0.0),
         stiffness=float(item.stiffness or 0.0),
         appears=_onset(panel, rail) if item.appears is None else float(item.appears),
         disappears=math.inf if item.disappears is None else float(item.disappears),

@@ -349,6 +349,22 @@ class Chair(OnRails):
     frozen_force: Force = Field(
         0.0, ge=0, description="a rail is frozen to it where it rests, until this lateral force [N]"
     )
+    roller_lift: Length | None = Field(
+        None,
+        ge=0,
+        le=0.02,
+        description="height above the plate at which a roller on springs begins to carry the "
+        "unloaded foot [m]; default no roller",
+    )
+    roller_stiffness: Stiffness = Field(
+        5e5, gt=0, description="of the roller's spring a foot point [N/m]"
+    )
+    roller_friction: float = Field(
+        0.03,
+        ge=0,
+        le=2,
+        description="of a rail that runs on the roller, 0.02 to 0.05 as a rule [-]",
+    )
     friction_opening: LengthList | None = Field(
         None,
         description="friction along the stroke: openings from the closed position, rising from 0, "
@@ -430,6 +446,13 @@ class Drive(Placed):
 
     rail: str = Field(description="the switch rail it is connected to")
     height: Length = Field(0.0, ge=-1, le=1, description="z of the rod connection [m]")
+    rod_slope: float = Field(
+        0.0,
+        ge=-1,
+        le=1,
+        description="rise of the line from the rod's machine end to its rail end over its way in "
+        "+y: vertical over lateral force on the rail, a push lifts where it is positive [-]",
+    )
     roll_stiffness: AngularStiffness = Field(
         0.0, ge=0, description="of the rod's bracket against roll of the rail [N m/rad]"
     )
@@ -571,6 +594,13 @@ class ObjectDefaults(Record):
     rail: str = Field(description="switch rail that traps it")
     height: Length = Field(ge=-1, le=1, description="z of its contact with the switch rail [m]")
     stiffness: Stiffness = Field(gt=0, description="in compression only [N/m]")
+    face_slope: float = Field(
+        0.0,
+        ge=-1,
+        le=1,
+        description="of the face that it presses on, against the vertical: vertical over lateral "
+        "force on the switch rail, which is lifted where it is positive [-]",
+    )
     appears: Time | None = Field(
         None, ge=0, description="when it is placed; default onset of the last closing [s]"
     )
@@ -587,6 +617,9 @@ class PanelObject(Record):
     rail: str | None = Field(None, description="switch rail that traps it")
     height: Length | None = Field(None, ge=-1, le=1, description="z of its contact [m]")
     stiffness: Stiffness | None = Field(None, gt=0, description="in compression only [N/m]")
+    face_slope: float | None = Field(
+        None, ge=-1, le=1, description="vertical over lateral force on the switch rail [-]"
+    )
     appears: Time | None = Field(None, ge=0, description="when it is placed [s]")
     disappears: Time | None = Field(None, gt=0, description="when it is taken away [s]")
     kind: Annotated[str, NameIn(OBJECT_KINDS)] = Field(

@@ -438,7 +438,7 @@ def channel_rows(
     named = (
         *(panel.rail, panel.stock_rail, panel.chair, panel.stop, panel.stud, panel.drive),
         *(panel.link, panel.sensor, panel.object_defaults, index.drive, index.object, index.link),
-        *(index.chair, index.chair_friction, index.stop),
+        *(index.chair, index.chair_friction, index.roller, index.roller_friction, index.stop),
     )
     values = (*wanted, panel.instrumented_rail, None if x is None else x.tobytes())
     arrays, rows = dict[str, Floats](), list[WeightedRows]()

@@ -185,14 +185,25 @@ def lasting_dents(mechanism: Mechanism, history: History) -> Floats:
 
 
 def chair_block(panel: Panel, mechanism: Mechanism) -> RowBlock:
-    """Return normal force and friction on the rail at every chair, summed over its foot points."""
+    """Return normal force and friction on the rail at every chair, summed over plate and roller."""
     index, chairs = mechanism.index, list(itertools.product(panel.rail, panel.chair))
-    normal = _sums_at("law_force", chairs, index.chair)
+    normal = _sums_at("law_force", chairs, _joined(index.chair, index.roller))
     # 0.0 - F: no negative zeros of friction
-    friction = _sums_at("friction_force", chairs, index.chair_friction, minus=True)
+    frictions = _joined(index.chair_friction, index.roller_friction)
+    friction = _sums_at("friction_force", chairs, frictions, minus=True)
     shape, count = (len(panel.rail), len(panel.chair)), len(chairs)
     parts = {"chair_normal_force": (0, shape), "chair_friction_force": (count, shape)}
     return RowBlock([(normal, count), (friction, count)], parts)
+
+
+def _joined(
+    plates: Mapping[tuple[str, str], tuple[int, ...]],
+    rollers: Mapping[tuple[str, str], tuple[int, ...]],
+) -> Mapping[tuple[str, str], tuple[int, ...]]:
+    """Return the laws of feet on the plate and on the roller of every chair."""
+    return (
+        {key: (*own, *rollers.get(key, ())) for key, own in plates.items()} if rollers else plates
+    )
 
 
 def _sums_at(
