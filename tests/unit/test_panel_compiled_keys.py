@@ -2,17 +2,14 @@
 
 import pickle
 from copy import deepcopy
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from turnout.core.errors import PanelError
-from turnout.panel import check_rails
-from turnout.panel.check import _all_checks, check
+from turnout.panel.check import checks_that_read
 from turnout.panel.compiled_keys import CompiledKeys
 from turnout.panel.load import LoadedPanel, load_panel
-from turnout.panel.validate import ASKED_ALONE, validate_document
 
 FIRST: dict[str, Any] = {
     "chair.friction_coefficient": 0.2,
@@ -101,20 +98,24 @@ def test_texts_are_read_with_the_whole_document() -> None:
     assert made.drive["1"].stiffness == 81e3
 
 
-def test_only_the_checks_of_what_is_asked_for_alone_ask_for_it() -> None:
-    """All others pass on records without these fields."""
-    draft = validate_document(load_panel("uic60-760-1-15").document)
-    for family, alone in ASKED_ALONE.items():
-        draft.records[family] = {
-            name: SimpleNamespace(**{k: v for k, v in dict(record).items() if k not in alone})
-            for name, record in draft.records[family].items()
-        }
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(check_rails, "_drive_saturated", lambda *given: iter(()))
-        patch.setitem(_all_checks(), "slips at rest", lambda draft: iter(()))
-        assert check(draft) == []
-    with pytest.raises(AttributeError, match="stiffness"):
-        check(draft)
+@pytest.mark.parametrize(
+    ("field", "checks"),
+    [
+        (("drive", "stiffness"), ("saturation of drives", "slips at rest")),
+        (("chair", "friction_coefficient"), ()),
+        (("rail", "fit_gap"), ("plain", "stock_rail", "rail", "slips at rest")),
+        (("rail", "matrices"), ("rail",)),
+        (("movement", "start"), ("schedule",)),
+        (("gravity", ""), ()),
+    ],
+    ids=str,
+)
+def test_checks_that_read_a_field_are_found(
+    field: tuple[str, str], checks: tuple[str, ...]
+) -> None:
+    """Also through what is derived from it, as `has_stock_rail` is from `fit_gap`."""
+    panel = load_panel("uic60-760-1-15").with_overrides({"lock.rule": "raw gap"})
+    assert checks_that_read({field}, panel.__dict__, {}) == checks
 
 
 def test_a_machine_is_valid_as_a_whole() -> None:

@@ -1,7 +1,6 @@
 """Overrides: broad and narrow keys, every family, new objects, what matches nothing."""
 
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,11 +8,9 @@ from pydantic import BaseModel
 
 from turnout.core.errors import PanelError
 from turnout.panel import load
-from turnout.panel.check import check
 from turnout.panel.compiled_keys import CompiledKeys
 from turnout.panel.load import library_text, load_panel
 from turnout.panel.model import FAMILIES, PANEL_KEYS
-from turnout.panel.validate import UNASKED, validate_document
 
 PANEL = load_panel("uic60-760-1-15-symmetric")
 
@@ -281,26 +278,6 @@ def test_a_value_of_a_family_is_read_for_each_member_that_had_an_own_one() -> No
     assert every.chair["5"].clearance == 0.001
     assert every.chair["4"].clearance == PANEL.chair["4"].clearance
     assert every.hash == load_panel(PANEL.source).with_overrides(dict(every.overrides)).hash
-
-
-def test_checks_ask_for_no_field_that_is_called_unasked() -> None:
-    """A record without these fields passes all checks between records."""
-    panel = load_panel("uic60-760-1-15")
-    draft = validate_document(panel.document)
-    assert check(draft) == []
-    for family, unasked in UNASKED.items():
-        draft.records[family] = {
-            name: SimpleNamespace(
-                friction_states=record.friction_states,  # from a field that is asked for
-                **{k: v for k, v in dict(record).items() if k not in unasked},
-            )
-            for name, record in getattr(panel, family).items()
-        }
-    assert check(draft) == []
-    for record in draft.records["chair"].values():
-        del record.x
-    with pytest.raises(AttributeError, match="'x'"):
-        check(draft)
 
 
 def test_a_key_of_machines_that_the_panel_has_not_yet() -> None:

@@ -9,7 +9,7 @@ Checks of the schedule: order, overlap, ramps, tables.
 """
 
 import itertools
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from functools import cache, partial
 from typing import Any
 
@@ -43,10 +43,10 @@ from turnout.panel.check_shape import (
 from turnout.panel.foreign_object import from_record, object_faults
 from turnout.panel.library_members import MACHINES
 from turnout.panel.lock_rule import LOCK_RULES
-from turnout.panel.model import Panel
+from turnout.panel.model import FAMILIES, Panel
 from turnout.panel.place import SAME_PLACE
 from turnout.panel.records import Movement, ScaledSection
-from turnout.panel.validate import Draft, Partial, until_unknown
+from turnout.panel.validate import Draft, Field, NotedRecords, Partial, until_unknown
 
 _SAME_TIME = 1e-9
 _TABLE_KEYS = ("table_time", "table_fraction", "table_file")
@@ -175,7 +175,7 @@ def check(draft: Draft, *, only: Iterable[str] | None = None) -> list[Problem]:
     """
     checks = _all_checks()
     names = checks if only is None else only
-    found = [problem for name in names for problem in draft.checked(name, checks[name])]
+    found = [problem for name in names for problem in checks[name](draft)]
     if objects := draft.records["object"]:
         blocked = {problem.path[0] for problem in (*draft.problems, *found) if problem.path}
         records = {name: draft.records[name] for name in Panel.model_fields}
@@ -186,9 +186,30 @@ def check(draft: Draft, *, only: Iterable[str] | None = None) -> list[Problem]:
     return [_shared(draft, problem) for problem in found]
 
 
-def names_of_checks() -> tuple[str, ...]:
-    """Return the names of all checks, in their order."""
-    return tuple(_all_checks())
+def checks_that_read(
+    changed: Set[Field], records: Mapping[str, Any], given: Mapping[str, object]
+) -> tuple[str, ...]:
+    """Return the names of the checks of a valid panel that read what changes, in their order.
+
+    Parameters
+    ----------
+    changed : set of (str, str)
+        Families and fields, of which a value may change.
+    records : mapping of str to object
+        Value by field name of `Panel`.
+    given : mapping of str to object
+        What overrides set, by dotted place.
+    """
+    noted = NotedRecords(records)
+    names = {name: tuple(records[name]) for name in FAMILIES}
+    found = []
+    for name, of_name in _all_checks().items():
+        noted.read.clear()
+        for _ in of_name(Draft(records=noted, names=names, given=given)):
+            pass  # what it finds is found again when values are set
+        if not noted.read.isdisjoint(changed):
+            found.append(name)
+    return tuple(found)
 
 
 @cache

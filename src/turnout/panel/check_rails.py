@@ -18,7 +18,7 @@ from turnout.law.friction_state import FASTEST, FRICTION_STATES
 from turnout.panel.library_members import library_outline_names
 from turnout.panel.profile import outline_points, section_columns
 from turnout.panel.records import Drive, Profile, SectionTable
-from turnout.panel.validate import Draft, Partial, until_unknown, values_of
+from turnout.panel.validate import Draft, Partial, until_unknown
 
 Path = tuple[str, ...]
 _POSITIVE = (
@@ -125,9 +125,8 @@ def check_drive_table(path: Path, drive: Drive) -> Iterator[Problem]:
 def check_saturations(draft: Draft) -> Iterator[Problem]:
     """Check that the saturated stiffness does not exceed the stiffness.
 
-    Apart from `_drive`, since most studies change no other fields of drives (`ASKED_ALONE`).
+    Apart from `_drive`, since most studies change no other fields of drives.
     """
-    draft.records.asked.add(values_of("drive"))
     for name, drive in draft.records["drive"].items():
         yield from until_unknown(_drive_saturated(("drive", name), drive))
 

@@ -11,7 +11,7 @@ from turnout.panel.check_rails import check_drive_table, check_profile, unknown_
 from turnout.panel.place import SAME_PLACE
 from turnout.panel.profile import evaluate_profile
 from turnout.panel.records import Drive, Rail
-from turnout.panel.validate import Draft, Partial, until_unknown, values_of
+from turnout.panel.validate import Draft, Partial, until_unknown
 
 MOST_CONTRADICTION = 0.5e-3
 """So far a typed shape may be from the stroke at a drive [m]."""
@@ -115,7 +115,6 @@ def slips_at_rest(draft: Draft) -> Iterator[Problem]:
     Refused, unless an override has set stiffness, slip level or force table of the drive, and none
     the over-travel. That follows from the document alone, so a stored panel can be made again.
     """
-    draft.records.asked.add(values_of("drive"))
     for name in draft.names["drive"]:
         yield from until_unknown(_refused_at_rest(draft, name))
 

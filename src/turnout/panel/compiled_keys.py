@@ -13,12 +13,12 @@ from typing import Any
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from turnout.core.keys import Path, put
-from turnout.panel.check import check, names_of_checks
+from turnout.panel.check import check, checks_that_read
 from turnout.panel.document import Document
 from turnout.panel.matrices import check_matrices
 from turnout.panel.model import FAMILIES, Panel
 from turnout.panel.override import covers, is_given, key_places
-from turnout.panel.validate import Draft, field_check, field_reader, read_by, with_values
+from turnout.panel.validate import Draft, field_check, field_reader, with_values
 
 Reader = Callable[[object], Any]
 NUMBERS = (float, int, list, tuple)
@@ -76,14 +76,11 @@ class DerivedPanel:
     ----------
     records : dict of str to object
         Value by field name of `Panel`, valid.
-    asked : mapping of str to frozenset of str
-        What each check read, by its name.
     overrides : dict of str to object
         Value by key of all that was set, broad keys first.
     """
 
     records: dict[str, Any]
-    asked: Mapping[str, frozenset[str]]
     overrides: dict[str, object]
 
 
@@ -97,8 +94,6 @@ class CompiledKeys:
         Of the panel, by field name of `Panel`.
     document : Document
         Its tables.
-    asked : mapping of str to frozenset of str
-        What each check read of it, by its name.
     overrides : dict of str to object
         Its own overrides that no key covers.
     keys : tuple of str
@@ -120,7 +115,6 @@ class CompiledKeys:
 
     records: Mapping[str, Any]
     document: Document
-    asked: Mapping[str, frozenset[str]]
     overrides: dict[str, object]
     keys: tuple[str, ...]
     fields: frozenset[tuple[str, str]]
@@ -138,14 +132,12 @@ class CompiledKeys:
             records = self._records(overrides)
         except ValidationError:
             return None
-        draft = Draft(given=self.given, asked=dict(self.asked))
-        draft.records.update(records)
-        draft.names.update(self.names)
+        draft = Draft(records=records, names=dict(self.names), given=self.given)
         matrices = self.document.matrices
         if check(draft, only=self.checks) or any(check_matrices(draft.records, matrices)):
             return None
         applied = {key: overrides[key] for key in self.keys}
-        return DerivedPanel(records, draft.asked, self.overrides | applied)
+        return DerivedPanel(records, self.overrides | applied)
 
     def _records(self, overrides: Mapping[str, object]) -> dict[str, Any]:
         found = dict(self.records)
@@ -175,7 +167,6 @@ WHOLE = ""
 def compile_keys(
     panel: Panel,
     document: Document,
-    asked: Mapping[str, frozenset[str]],
     own: Mapping[str, object],
     keys: tuple[str, ...],
 ) -> CompiledKeys | None:
@@ -187,8 +178,6 @@ def compile_keys(
         The panel.
     document : Document
         Its tables.
-    asked : mapping of str to frozenset of str
-        What each check read of it, by its name.
     own : mapping of str to object
         Its overrides.
     keys : tuple of str
@@ -217,30 +206,29 @@ def compile_keys(
             return None
     members: dict[str, dict[str, tuple[_Field, ...]]] = {}
     shared: dict[tuple[object, ...], _Field] = {}
-    changed = set(plain)
     for (family, member), fields in of_members.items():
         made = _fields_of(FAMILIES[family], document.tree[family][member], fields, family, shared)
         if made is None:
             return None
         members.setdefault(family, {})[member] = made
-        changed |= read_by(family, fields)
     whole = dict.fromkeys(".".join(place) for place in last)
     kept = {name: v for name, v in document.given.items() if not is_given(name, whole)}
     fields_set = {(family, field) for (family, _), fields in of_members.items() for field in fields}
+    changed = frozenset(fields_set | {(name, "") for name in plain})
+    given = dict.fromkeys((*kept, *whole))
     return CompiledKeys(
         records=panel.__dict__,
         document=document,
-        asked=asked,
         overrides={k: v for k, v in own.items() if not any(covers(key, k) for key in ordered)},
         keys=ordered,
-        fields=frozenset(fields_set | {(name, "") for name in plain}),
+        fields=changed,
         plain=tuple(
             _Field(name, document.tree.get(name), tuple(values), field_reader(name))
             for name, values in plain.items()
         ),
         members=members,
-        checks=tuple(name for name in names_of_checks() if not asked[name].isdisjoint(changed)),
-        given=dict.fromkeys((*kept, *whole)),
+        checks=checks_that_read(changed, panel.__dict__, given),
+        given=given,
         names={name: tuple(getattr(panel, name)) for name in FAMILIES},
     )
 

@@ -61,15 +61,12 @@ class CheckedDocument:
         With the columns of schedule files and the matrices that its tables name.
     records : mapping of str to object
         Value by field name of `Panel`; valid where there are no problems.
-    asked : mapping of str to frozenset of str
-        Fields of `Panel` that each check read, by the name of the check.
     problems : tuple of Problem
         In the order of the panel's keys, unknown keys first; empty for a valid panel.
     """
 
     document: Document
     records: Mapping[str, Any]
-    asked: Mapping[str, frozenset[str]]
     problems: tuple[Problem, ...]
 
 
@@ -99,7 +96,6 @@ def check_document(document: Document, *, folder: Path | None) -> CheckedDocumen
     return CheckedDocument(
         document=replace(document, tables=filled.tables, matrices=matrices),
         records=draft.records,
-        asked=draft.asked,
         problems=tuple(sorted(found, key=_key_order)),
     )
 
@@ -160,7 +156,6 @@ class LoadedPanel(Panel):
     _source: str = PrivateAttr(default="panel")
     _folder: Path | None = PrivateAttr(default=None)
     _hash: str = PrivateAttr(default="")
-    _asked: Mapping[str, frozenset[str]] = PrivateAttr(default_factory=dict)
     _own: _Own = PrivateAttr(default_factory=_Own)
     _base: "LoadedPanel | None" = PrivateAttr(default=None)
     _differs: frozenset[tuple[str, str]] = PrivateAttr(default=frozenset())
@@ -291,14 +286,14 @@ class LoadedPanel(Panel):
         made = None if keys is None else keys.derive(overrides)
         if keys is not None and made is not None:
             panel = with_values(self, made.records)
-            panel._document, panel._asked = _PendingDocument(self.document, overrides), made.asked
+            panel._document = _PendingDocument(self.document, overrides)
             panel._base, panel._differs, panel._overrides = self, keys.fields, made.overrides
         else:
             document, found, applied = apply_overrides(self.document, overrides)
             checked = check_document(document, folder=self._folder)
             refuse([*problems, *found, *checked.problems], heading="overrides")
             panel = with_values(self, dict(checked.records))
-            panel._document, panel._asked = checked.document, checked.asked
+            panel._document = checked.document
             panel._base, panel._differs = None, frozenset()
             panel._overrides = supersede(self._overrides, applied)
         panel._hash, panel._own = "", _Own()
@@ -308,7 +303,7 @@ class LoadedPanel(Panel):
         """Return keys compiled for this panel, or None if they cannot be."""
         known = self._own.compiled
         if keys not in known:
-            made = compile_keys(self, self.document, self._asked, self._overrides, keys)
+            made = compile_keys(self, self.document, self._overrides, keys)
             if len(known) >= MOST_COMPILED:
                 known.clear()
             known[keys] = made
@@ -380,7 +375,6 @@ class LoadedPanel(Panel):
         panel = cls.model_construct(**checked.records)
         panel._document = checked.document
         panel._overrides = dict(overrides)
-        panel._asked = checked.asked
         panel._source = source
         panel._folder = folder
         return panel

@@ -1,10 +1,11 @@
 """From the tree of a document to records, collecting every problem instead of the first."""
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cache
+from types import FunctionType
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, TypeAdapter, ValidationError, create_model
@@ -52,33 +53,49 @@ def until_unknown(problems: Iterator[Problem]) -> Iterator[Problem]:
         yield from problems
 
 
-class AccessTracker(dict[str, Any]):
-    """Values by field name of `Panel` that record each access."""
+Field = tuple[str, str]
+"""A family and a field of its members; the second is empty for a value that is no family's."""
 
-    def __init__(self, note: Callable[[str], str] = str) -> None:
-        super().__init__()
-        self.asked: set[str] = set()
-        self._note = note
+
+class NotedRecord:
+    """A record in place of which it notes the fields that are read."""
+
+    def __init__(self, record: BaseModel, family: str, read: set[Field]) -> None:
+        self._record, self._family, self._read = record, family, read
+
+    def __getattr__(self, name: str) -> Any:
+        """Return a value; what is derived from others is found from these."""
+        of_class = getattr(type(self._record), name, None)
+        if isinstance(of_class, property) and of_class.fget is not None:
+            return of_class.fget(self)
+        if isinstance(of_class, FunctionType):
+            return of_class.__get__(self)
+        fields = type(self._record).model_fields
+        self._read.update((self._family, each) for each in ([name] if name in fields else fields))
+        return getattr(self._record, name)
+
+
+class NotedRecords(dict[str, Any]):
+    """Values by field name of a valid `Panel` that note which of them, and which fields, are read.
+
+    Attributes
+    ----------
+    read : set of (str, str)
+        What has been read.
+    """
+
+    def __init__(self, records: Mapping[str, Any]) -> None:
+        self.read: set[Field] = set()
+        super().__init__(records)
+        for family in FAMILIES:
+            members = records[family].items()
+            self[family] = {n: NotedRecord(record, family, self.read) for n, record in members}
 
     def __getitem__(self, name: str) -> Any:
-        """Return a value and note its name."""
-        self.asked.add(self._note(name))
+        """Return a value, which is noted unless it is a family."""
+        if name not in FAMILIES:
+            self.read.add((name, ""))
         return super().__getitem__(name)
-
-    def get(self, name: str, default: Any = None) -> Any:
-        """Return a value, or the default, and note its name."""
-        self.asked.add(self._note(name))
-        return super().get(name, default)
-
-
-def members_of(family: str) -> str:
-    """Return the key for the names of a family's members among the inputs of checks."""
-    return f"members of {family}"
-
-
-def values_of(family: str) -> str:
-    """Return the key for the values of a family in `ASKED_ALONE`."""
-    return f"values of {family}"
 
 
 @dataclass(slots=True)
@@ -98,23 +115,13 @@ class Draft:
         Values (family, member, field) that come from the family, not from the member.
     given : mapping of str to object
         Values set by overrides, by dotted place.
-    asked : dict of str to frozenset
-        Fields, and families of which it takes the names alone, that each check read, by its name.
     """
 
-    records: AccessTracker = field(default_factory=AccessTracker)
-    names: AccessTracker = field(default_factory=lambda: AccessTracker(members_of))
+    records: dict[str, Any] = field(default_factory=dict)
+    names: dict[str, tuple[str, ...]] = field(default_factory=dict)
     problems: list[Problem] = field(default_factory=list)
     shared: frozenset[Path] = frozenset()
     given: Mapping[str, object] = field(default_factory=dict)
-    asked: dict[str, frozenset[str]] = field(default_factory=dict)
-
-    def checked(self, name: str, check: Callable[["Draft"], Iterable[Problem]]) -> list[Problem]:
-        """Return the problems that a check finds, and note its inputs."""
-        self.records.asked, self.names.asked = asked = set[str](), set[str]()
-        found = list(check(self))
-        self.asked[name] = frozenset(asked[0] | asked[1])
-        return found
 
 
 def validate_document(document: Document) -> Draft:
@@ -138,29 +145,6 @@ def validate_document(document: Document) -> Draft:
         else:
             _plain(name, tree, draft)
     return draft
-
-
-UNASKED = {"chair": frozenset(("friction_coefficient", "normal_stiffness", "stick_stiffness"))}
-"""Fields of families that no check between records asks for."""
-
-ASKED_ALONE = {"drive": frozenset(("stiffness", "saturated_stiffness", "saturation_force"))}
-"""Fields of families that a check of these alone reads, or checks that always run."""
-
-
-def read_by(family: str, fields: Iterable[str]) -> set[str]:
-    """Return the keys for some fields of a family's members among the inputs of checks.
-
-    Examples
-    --------
-    >>> read_by("chair", ["friction_coefficient"]), read_by("drive", ["stiffness"])
-    (set(), {'values of drive'})
-    >>> read_by("drive", ["stiffness", "x"])
-    {'drive'}
-    """
-    asked = set(fields) - UNASKED.get(family, frozenset())
-    if not asked:
-        return set()
-    return {values_of(family) if asked <= ASKED_ALONE.get(family, frozenset()) else family}
 
 
 def field_reader(name: str) -> Callable[[object], Any]:
