@@ -18,6 +18,7 @@ from turnout.study.sweep import throw_group as alike_throws
 from turnout.throw.gaps import split_gaps, split_gaps_of
 from turnout.throw.simulate import simulate
 
+BETWEEN_INSTANTS = (0.5012, 0.5016)
 FURTHER = ("drive_force", "drive_slipping", "object_force", "drive_gap", "stop_force")
 
 
@@ -37,6 +38,7 @@ def _scenarios(study: Study) -> list[Scenario]:
         replace(plain, foreign_objects=two),
         replace(plain, foreign_objects=(ice,)),
         replace(plain, overrides={"drive.1.machine": "sb3"}),
+        *(replace(plain, overrides={"movement.return.start": at}) for at in BETWEEN_INSTANTS),
     ]
 
 
@@ -61,7 +63,7 @@ def test_rows_are_those_of_each_throw_alone(tmp_path: Path, channels: tuple[str,
     assert len(set(stored["end_locked"])) == 2
 
 
-def test_throws_of_other_movements_do_not_lie_in_one_array(
+def test_throws_whose_onsets_lie_between_other_instants_do_not_lie_in_one_array(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     study, groups = small_study(tmp_path, count=4), list[list[int]]()
@@ -72,10 +74,11 @@ def test_throws_of_other_movements_do_not_lie_in_one_array(
 
     monkeypatch.setattr(sweep_row, "group_by_layout", grouped)
     changes = ({}, {"movement.return.start": 0.5}, {"chair.friction_coefficient": 0.3}, {})
+    changes += tuple({"movement.return.start": at} for at in BETWEEN_INSTANTS)
     sweep_row.throw_scenarios(
         study, [replace(study.scenario(0), overrides=changed) for changed in changes]
     )
-    assert groups == [[0, 2, 3], [1]]
+    assert groups == [[0, 2, 3], [1], [4, 5]]
 
 
 def test_numbers_are_stored_in_single_precision_and_flags_as_they_are() -> None:

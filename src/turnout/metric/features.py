@@ -123,6 +123,7 @@ def run_features(
     limits: Floats,
     travel: Floats | None = None,
     current: Floats | None = None,
+    onsets: Floats | None = None,
 ) -> Floats:
     """Return the features of a run from bare arrays.
 
@@ -140,6 +141,8 @@ def run_features(
         Of the markers, positive closing; the n rows repeat until there is one for each drive [m].
     current : ndarray, shape (n_drives, n_times), optional
         Of the motors, of either sign [A].
+    onsets : ndarray, shape (n_drives, n_spans), optional
+        Of the movements of each row, between the same instants as those of `spans` [s].
 
     Returns
     -------
@@ -148,17 +151,18 @@ def run_features(
     """
     bounds = [span.start for span in spans[1:]] + [np.inf]
     values = np.full((len(FEATURES), force.shape[0], len(DIRECTIONS)), np.nan)
-    for span, until in zip(spans, bounds, strict=True):
+    for number, (span, until) in enumerate(zip(spans, bounds, strict=True)):
         column, turned = (1, False) if span.to == "closed" else (0, True)
         first, last = np.searchsorted(time, [span.start - TIME_TOLERANCE, until - TIME_TOLERANCE])
         part = slice(int(first), int(last))
         values[:, :, column] = _features(
-            time[part] - span.start,
+            time[part],
             -force[:, part] if turned else force[:, part],
             travel=None if travel is None else -travel[:, part] if turned else travel[:, part],
             current=None if current is None else current[:, part],
             limits=limits,
             length=span.end - span.start,
+            onsets=np.full(force.shape[0], span.start) if onsets is None else onsets[:, number],
         )
     return values
 
@@ -215,23 +219,28 @@ def movement_features(
         current=None if current is None else current[np.newaxis],
         limits=np.array([limit]),
         length=length,
+        onsets=np.zeros(1),
     )
     one: Floats = found[:, 0]
     return one
 
 
 def _features(
-    elapsed: Floats,
+    time: Floats,
     effort: Floats,
     *,
     travel: Floats | None,
     current: Floats | None,
     limits: Floats,
     length: float,
+    onsets: Floats,
 ) -> Floats:
-    """Return the features of many drives in one movement at once, shape (n_features, n_drives)."""
+    """Return the features of many drives in one movement at once, shape (n_features, n_drives).
+
+    `time` is that of the run, `onsets` are those of the movement of each drive [s].
+    """
     found = np.full((len(FEATURES), effort.shape[0]), np.nan)
-    if elapsed.size < 3:
+    if time.size < 3:
         return found
     effort = np.require(effort, np.float64, ["C", "W"])  # as kernels take it
     travel = None if travel is None else np.require(travel, np.float64, ["C", "W"])
@@ -242,31 +251,41 @@ def _features(
     some = np.isfinite(peak)
     if not some.any():
         return found
-    held = max(1, round(WINDOW * (elapsed.size - 1) / (elapsed[-1] - elapsed[0])))
+    held = max(1, round(WINDOW * (time.size - 1) / (time[-1] - time[0])))
     duration = np.full(peak.size, length)
     if travel is not None:
         integrate_work(effort, travel, found[6])
-        arrived = elapsed[np.minimum(moving + 1, elapsed.size - 1)]
-        duration = np.where(moving >= 0, arrived, 0.0)
+        arrived = time[np.minimum(moving + 1, time.size - 1)]
+        duration = np.where(moving >= 0, arrived - onsets, 0.0)
     elif current is not None:
-        moves = elapsed >= 0.0
-        duration = np.array([running_time(elapsed[moves], row[moves])[1] for row in current])
-    plateau = _plateaus(elapsed, effort, duration)
-    onset, slope = _build_ups(elapsed, effort, plateau)
-    found[:6] = onset, slope, peak, elapsed[at], plateau, effort[:, -held:].mean(axis=1)
+        elapsed = [time - onset for onset in onsets.tolist()]
+        duration = np.array(
+            [
+                running_time(t[t >= 0.0], i[t >= 0.0])[1]
+                for t, i in zip(elapsed, current, strict=True)
+            ]
+        )
+    plateau = _plateaus(time, effort, onsets, duration)
+    rise, slope = _build_ups(time, effort, plateau)
+    ends = effort[:, -held:].mean(axis=1)
+    found[:6] = rise - onsets, slope, peak, time[at] - onsets, plateau, ends
     found[7] = duration
-    found[8] = np.where(slip >= 0, elapsed[slip], np.nan)
+    found[8] = np.where(slip >= 0, time[slip] - onsets, np.nan)
     found[:, ~some] = np.nan
     return found
 
 
-def _plateaus(elapsed: Floats, effort: Floats, duration: Floats) -> Floats:
+def _plateaus(time: Floats, effort: Floats, onsets: Floats, duration: Floats) -> Floats:
     """Return the median in the middle of the movement of each row [N]."""
     found = np.full(duration.size, np.nan)
-    lasting, of_each = np.unique(duration, return_inverse=True)  # mostly a few
-    for number, (low, high) in enumerate(np.searchsorted(elapsed, np.outer(lasting, MIDDLE))):
+    cases, of_case = np.unique(np.stack((onsets, duration)), axis=1, return_inverse=True)
+    middle = [
+        np.searchsorted(time - start, np.multiply(length, MIDDLE)) for start, length in cases.T
+    ]
+    bounds, of_each = np.unique(np.array(middle)[of_case.ravel()], axis=0, return_inverse=True)
+    for number, (low, high) in enumerate(bounds.tolist()):  # mostly a few
         if high > low:
-            alike = of_each == number if lasting.size > 1 else slice(None)
+            alike = of_each == number if len(bounds) > 1 else slice(None)
             found[alike] = _medians(effort[alike, low:high])
     return found
 
@@ -280,21 +299,21 @@ def _medians(values: Floats) -> Floats:
     return np.where(np.isnan(rising[:, -1]), np.nan, middle)  # NaN comes last
 
 
-def _build_ups(elapsed: Floats, effort: Floats, plateau: Floats) -> tuple[Floats, Floats]:
+def _build_ups(time: Floats, effort: Floats, plateau: Floats) -> tuple[Floats, Floats]:
     """Return onset [s] and slope [N/s] of the last rise of each row to its largest filtered effort.
 
     NaN where there is none.
     """
-    rate = (elapsed.size - 1) / (elapsed[-1] - elapsed[0])
-    half = min(window_samples(WINDOW, rate=rate) // 2, elapsed.size - 1)
-    scratch, places = np.empty((3, elapsed.size)), np.empty((plateau.size, 2), dtype=np.int64)
+    rate = (time.size - 1) / (time[-1] - time[0])
+    half = min(window_samples(WINDOW, rate=rate) // 2, time.size - 1)
+    scratch, places = np.empty((3, time.size)), np.empty((plateau.size, 2), dtype=np.int64)
     heights, level = np.full((plateau.size, 2), np.nan), row_levels(effort)
     rising = (LOW, HIGH)
     find_rises(effort, level, plateau, half, LEAST_RISE, rising, scratch, places, heights)
     first, last = places.T
     with np.errstate(divide="ignore", invalid="ignore"):
-        slope = (heights[:, 1] - heights[:, 0]) / (elapsed[last] - elapsed[first])
-    return np.where(first >= 0, elapsed[first], np.nan), np.where(first >= 0, slope, np.nan)
+        slope = (heights[:, 1] - heights[:, 0]) / (time[last] - time[first])
+    return np.where(first >= 0, time[first], np.nan), np.where(first >= 0, slope, np.nan)
 
 
 def _of_campaign(dataset: "xr.Dataset") -> "xr.Dataset":

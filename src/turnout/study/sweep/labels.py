@@ -20,7 +20,7 @@ from turnout.throw.lock_and_control import (
     force_margins,
 )
 from turnout.throw.route import sensor_rails
-from turnout.throw.slip import TIME_TOLERANCE, Span, late_movements, slip_onsets, switched_off_by
+from turnout.throw.slip import slip_onsets, switched_off_by
 from turnout.throw.verdict import KINDS, Kind, TrappedItem, judge_objects, kind_of
 
 Floats = NDArray[np.float64]
@@ -83,10 +83,12 @@ def compute_labels(throws: AlikeThrows) -> Values:
 def _drive_features(throws: AlikeThrows) -> Values:
     """Return the features of each drive and movement, the drives of all throws at once."""
     count = len(throws.runs)
+    onsets = np.array([[item.start for item in run.moved] for run in throws.runs])
     found = run_features(
         throws.time,
         throws.recorded_force.reshape(-1, throws.time.size),
-        spans=throws.spans,
+        spans=throws.runs[0].spans,
+        onsets=np.repeat(onsets, throws.force.shape[1], axis=0),
         limits=throws.slip_limits.ravel(),
         travel=throws.displacement.reshape(-1, throws.time.size),
     )
@@ -118,18 +120,9 @@ def _state_labels(throws: AlikeThrows) -> Values:
     for name, (dims, values) in states.items():
         found[f"end_{name}"] = (dims[:-1], values[..., -1])
         found[f"rest_{name}"] = (dims, values)
-    if _late(throws)[-1]:
+    if first.late()[-1]:
         found["end_locked"] = ((), np.full(len(throws.runs), UNKNOWN_LOGICAL, np.int8))
     return found
-
-
-def _late(throws: AlikeThrows) -> list[bool]:
-    """Return for each movement whether it is not over at its end; one value without movements."""
-    first, spans = throws.runs[0], _periods(throws)
-    machines = [name for name, drive in first.panel.drive.items() if drive.machine is not None]
-    end = float(throws.time[-1])
-    late = late_movements(spans, end=end, made=first.duties, machines=machines)
-    return [span in late for span, _ in spans]
 
 
 def _contact_labels(throws: AlikeThrows) -> Values:
@@ -177,12 +170,12 @@ def _verdicts(
     throws: AlikeThrows, found: Values, items: Sequence[Sequence[TrappedItem]]
 ) -> NDArray[np.int8]:
     """Return the kind of verdict on each throw, by its place in `KINDS`."""
-    narrow, spans, late = _narrow(throws, found).tolist(), _periods(throws), _late(throws)
-    rests, after = _rests(throws)
+    narrow, first = _narrow(throws, found).tolist(), throws.runs[0]
+    late, (rests, after) = first.late(), first.at_rest()
     refused = ~found.pop("rest_locked")[1][:, np.newaxis, rests].astype(bool)
     if "rest_in_control" in found:
         out = ~found.pop("rest_in_control")[1][..., rests].astype(bool)
-        out &= _asked(throws, [spans[movement][0] for movement in after])
+        out &= _asked(first, after)
         refused = np.concatenate([refused, out], axis=1)
     refused[..., np.array(late)[after]] = True  # not judged
     onsets = _slip_onsets(throws)
@@ -196,12 +189,13 @@ def _verdicts(
         elif plain[number]:
             kind = "undetected object" if any(item.trapped for item in own) else kind
         else:
-            checks = _slip_checks(throws, number, onsets[number])
-            checks += _rest_checks(throws, refused[number], (rests, after), late)
+            run = throws.runs[number]
+            checks = _slip_checks(run, onsets[number])
+            checks += _rest_checks(run, refused[number], (rests, after), late)
             if narrow[number]:
                 room = OF_WHEELS[0]
                 checks.append(Check(kind=room, name=room, criterion=room, met=False))
-            kind = kind_of(judge_objects(own, checks, spans), checks, late=any(late))
+            kind = kind_of(judge_objects(own, checks, run.periods), checks, late=any(late))
         made[number] = KINDS.index(kind)
     return made
 
@@ -217,28 +211,9 @@ def _narrow(throws: AlikeThrows, found: Values) -> Flags:
     return narrow
 
 
-def _periods(throws: AlikeThrows) -> list[tuple[Span | None, float]]:
-    """Return each movement with the onset of the next one [s]."""
-    until = [item.until for item in throws.runs[0].moved]
-    return list(zip(throws.spans, until, strict=True)) or [(None, math.inf)]
-
-
-def _rests(throws: AlikeThrows) -> tuple[Ints, Ints]:
-    """Return which of `throws.rests` are at rest, and the number of the movement before each.
-
-    An object may be taken out while a rail moves.
-    """
-    spans, times = _periods(throws), throws.time[throws.rests]
-    starts, ends = np.array([(s.start, s.end) if s else (0.0, 0.0) for s, _ in spans]).T
-    after = np.maximum(np.searchsorted(starts, times + TIME_TOLERANCE, side="right") - 1, 0)
-    last = np.append(np.diff(after) > 0, True)
-    at_rest = np.flatnonzero(last | (times >= ends[after] - TIME_TOLERANCE))
-    return at_rest, after[at_rest]
-
-
-def _asked(throws: AlikeThrows, spans: Sequence[Span | None]) -> Flags:
+def _asked(run: ThrowSignals, after: Ints) -> Flags:
     """Return whether each sensor is on the rail that is closed at rests after some movements."""
-    panel = throws.runs[0].panel
+    panel, spans = run.panel, [run.periods[movement][0] for movement in after]
     rails, instrumented = sensor_rails(panel), panel.instrumented_rail
     asked = [
         sensor_judges(
@@ -252,7 +227,7 @@ def _asked(throws: AlikeThrows, spans: Sequence[Span | None]) -> Flags:
 
 def _slip_onsets(throws: AlikeThrows) -> Floats:
     """Return when each drive first slips in each movement, shape (n, n_drives, n_movements) [s]."""
-    spans, flags = _periods(throws), throws.slipping
+    spans, flags = throws.runs[0].periods, throws.slipping
     onsets = np.full((*flags.shape[:2], len(spans)), np.nan)
     some = flags.any(axis=(1, 2))
     if some.any():
@@ -260,9 +235,8 @@ def _slip_onsets(throws: AlikeThrows) -> Floats:
     return onsets
 
 
-def _slip_checks(throws: AlikeThrows, number: int, onsets: Floats) -> list[Check]:
+def _slip_checks(run: ThrowSignals, onsets: Floats) -> list[Check]:
     """Return the slips of one throw."""
-    run = throws.runs[number]
     return [
         Check(
             kind="slip",
@@ -273,16 +247,16 @@ def _slip_checks(throws: AlikeThrows, number: int, onsets: Floats) -> list[Check
             movement=span,
         )
         for drive, times in zip(run.panel.drive, onsets.tolist(), strict=True)
-        for time, (span, _) in zip(times, _periods(throws), strict=True)
+        for time, (span, _) in zip(times, run.periods, strict=True)
         if not math.isnan(time)
     ]
 
 
 def _rest_checks(
-    throws: AlikeThrows, refused: Flags, asked: tuple[Ints, Ints], late: Sequence[bool]
+    run: ThrowSignals, refused: Flags, asked: tuple[Ints, Ints], late: Sequence[bool]
 ) -> list[Check]:
     """Return the locks and sensors of one throw that are not met, or not judged."""
-    times, spans = throws.time[throws.rests[asked[0]]].tolist(), _periods(throws)
+    times, spans = run.watched.time[run.watched.rests[asked[0]]].tolist(), run.periods
     return [
         Check(
             kind="control" if row else "lock",
@@ -308,7 +282,7 @@ def object_labels(throws: AlikeThrows, contact: Floats) -> Values:
     """
     force = throws.on_objects["object_force"][1].astype(np.float64, copy=False)
     slipped, onset = np.zeros(force.shape, dtype=np.bool_), 0
-    for span in throws.spans:
+    for span in throws.runs[0].spans:
         onset = int(np.searchsorted(throws.time, span.start - 1e-9))
         effort = throws.force[..., onset:]
         # At the onset of a movement a drive may still hold with the force of the one before.

@@ -1,9 +1,11 @@
 """Signals of many throws at once: forces, markers, slips and gaps over time.
 
 Arrays of a single throw are so small that calling NumPy takes longer than what it does, so signals
-of throws that have their instants and movements in common lie in one array, a throw after another.
+of throws that have the instants before and after each onset in common lie in one array, a throw
+after another.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -27,10 +29,11 @@ from turnout.throw.signals import (
     object_rows,
     slip_forces,
 )
-from turnout.throw.slip import Span
+from turnout.throw.slip import TIME_TOLERANCE, Span, late_movements
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
+Ints = NDArray[np.int64]
 Variables = dict[str, Channel]
 
 GAPS = ("drive_gap", "sensor_gap")
@@ -91,17 +94,49 @@ class ThrowSignals:
         """The movements with their directions."""
         return tuple(Span(item.name, item.to, item.start, item.end) for item in self.moved)
 
+    @property
+    def periods(self) -> list[tuple[Span | None, float]]:
+        """Each movement with the onset of the next one [s]; one of the whole run without any."""
+        return list(zip(self.spans, [item.until for item in self.moved], strict=True)) or [
+            (None, math.inf)
+        ]
+
+    def late(self) -> list[bool]:
+        """Return for each movement whether it is not over at its end; one value without any."""
+        machines = [name for name, drive in self.panel.drive.items() if drive.machine is not None]
+        end = float(self.watched.time[-1])
+        late = late_movements(self.periods, end=end, made=self.duties, machines=machines)
+        return [span in late for span, _ in self.periods]
+
+    def at_rest(self) -> tuple[Ints, Ints]:
+        """Return which of the rests are at rest, and the number of the movement before each.
+
+        An object may be taken out while a rail moves.
+        """
+        times = self.watched.time[self.watched.rests]
+        starts, ends = np.array([(i.start, i.end) for i in self.moved] or [(0.0, 0.0)]).T
+        after = np.maximum(np.searchsorted(starts, times + TIME_TOLERANCE, side="right") - 1, 0)
+        last = np.append(np.diff(after) > 0, True)
+        found = np.flatnonzero(last | (times >= ends[after] - TIME_TOLERANCE))
+        return found, after[found]
+
+    def layout(self) -> tuple[object, ...]:
+        """Return where among the instants its movements lie, and which of them are over."""
+        time, starts = self.watched.time, np.array([item.start for item in self.moved])
+        onsets = [time.searchsorted(starts - early).tobytes() for early in (0.0, TIME_TOLERANCE)]
+        rests = [part.tobytes() for part in (self.watched.rests, *self.at_rest())]
+        ways = [(item.name, item.to, item.unfinished) for item in self.moved]
+        return (*ways, *self.late(), time.size, float(time[-1]), *onsets, *rests)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AlikeThrows:
-    """Signals of n throws with the same instants, movements, and numbers of drives and sensors.
+    """Signals of n throws with the same instants and numbers of movements, drives and sensors.
 
     Attributes
     ----------
     runs : sequence of ThrowSignals
-        The throws.
-    spans : tuple of Span
-        Their movements.
+        The throws; between the same instants their movements begin, and are over or not.
     time : ndarray, shape (n_times,)
         Every instant that the solver kept [s].
     force, recorded_force : ndarray, shape (n, n_drives, n_times)
@@ -126,7 +161,6 @@ class AlikeThrows:
     """
 
     runs: Sequence[ThrowSignals]
-    spans: tuple[Span, ...]
     time: Floats
     force: Floats
     recorded_force: Floats
@@ -145,15 +179,14 @@ def group_by_layout(runs: Sequence[ThrowSignals]) -> list[list[int]]:
     """Return the numbers of throws whose signals fit in one array, group by group."""
     found: dict[tuple[object, ...], list[int]] = {}
     for number, run in enumerate(runs):
-        panel, time, seen = run.panel, run.watched.time, run.watched.seen
+        panel, seen = run.panel, run.watched.seen
         lock = (panel.lock.rule, panel.schedule.starts, panel.instrumented_rail, *panel.rail)
         counts = (len(panel.drive), len(panel.sensor), run.watched.stride)
         objects: object = run.watched.effort.shape
         if len(run.index.object_parts) > 1:
             objects = tuple(map(tuple, object_rows(run.index)))
         own = [(name, *v.shape) for name, (_, v) in (*run.kept.items(), *run.labels.items())]
-        instants = (time.size, float(time[-1]), run.watched.rests.tobytes())
-        key = (run.moved, instants, seen.shape, counts, objects, lock, *own)
+        key = (run.layout(), seen.shape, counts, objects, lock, *own)
         found.setdefault(key, []).append(number)
     return list(found.values())
 
@@ -187,7 +220,6 @@ def lay_together(runs: Sequence[ThrowSignals]) -> AlikeThrows:
     limits = [state_limits(run.panel) for run in runs]
     return AlikeThrows(
         runs=runs,
-        spans=runs[0].spans,
         time=time,
         force=force,
         recorded_force=recorded,
