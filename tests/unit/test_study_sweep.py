@@ -363,7 +363,7 @@ def test_slips_with_and_without_an_object(
     later = contact if np.isnan(contact) else closing + contact
     spans = [Span("a", "open", opening, opening + 2.0), Span("b", "closed", closing, closing + 2.0)]
     together = SimpleNamespace(  # of three throws, the first and last without slips
-        spans=spans,
+        runs=[SimpleNamespace(spans=spans)],
         time=time,
         force=np.stack([0 * force, force, 0 * force])[:, np.newaxis],
         slipping=np.stack([0 * force, np.abs(force), 0 * force])[:, np.newaxis] >= 9.0,
