@@ -20,7 +20,7 @@ from benchmarks.page import EVIDENCE, put
 from turnout.calibration.case import load_panel_or_case
 from turnout.calibration.matching.facts import Facts, Sum, Term, load_facts
 from turnout.calibration.matching.match import Matching, match_panel
-from turnout.calibration.matching.meet_facts import Thrower, panel_at
+from turnout.calibration.matching.meet_facts import thrower_at
 from turnout.calibration.matching.propose import farthest_points
 from turnout.calibration.matching.remaining import (
     answer_rows,
@@ -132,7 +132,7 @@ def visible(facts: Facts, point: Any, friction: float) -> float:
     """Return the smallest size seen at sleeper 6 at a friction [m]."""
     change = (("chair.friction_coefficient", friction),)
     term = Term("visible size", "sleeper 6", "", change, 1.0)
-    return Thrower(panel_at(facts, point)).sum(Sum(name="f", terms=(term,), unit="m"))
+    return thrower_at(facts, point).sum(Sum(name="f", terms=(term,), unit="m"))
 
 
 def further(folder: Path, facts: Facts, points: Any, *, checked: int) -> list[dict[str, Any]]:

@@ -236,6 +236,54 @@ def test_the_library_study_has_fifty_panels_that_meet_the_facts() -> None:
         assert holds(fact, thrower.sum(fact, among=tuple(early))), fact.name
 
 
+DRIVEN = """
+schema_version = 1
+name = "driven"
+panel = "uic60-760-1-15"
+
+[machines]
+"drive.1.machine" = "jea73"
+"drive.2.machine" = "jea73-drive2"
+"machine.jea73-drive2.clutch.torque" = "1.5 N m"
+
+[[parameter]]
+name = "efficiency"
+keys = ["machine.jea73-drive2.gear.efficiency"]
+minimum = 0.7
+maximum = 0.9
+
+[[fact]]
+name = "current"
+measure = "closing current"
+of = "2"
+grows = ["5 mm@sleeper 6", "13 mm@sleeper 6", "16 mm@sleeper 6"]
+least = "0 A"
+
+[[fact]]
+name = "force"
+measure = "end force"
+of = "2"
+least = "4 kN"
+"""
+
+
+def test_currents_are_those_of_machines_and_forces_those_of_the_panel() -> None:
+    facts = read_facts(parse_toml(DRIVEN, source="driven"))
+    assert [item.name for item in facts.facts[:2]] == [
+        "current, 13 mm after 5 mm",
+        "current, 16 mm after 13 mm",
+    ]
+    worn, sound = (evaluate(facts, np.array([share])) for share in (0.0, 1.0))
+    assert worn.accepted
+    assert worn.throws == 4
+    assert worn.values[0] > 1.1 * sound.values[0] > 0.05  # less efficient: more current per newton
+    assert worn.values[2] == sound.values[2]
+    assert "machine" not in study_text(facts, np.array([[0.5]]), name="s").split("[[together]]")[1]
+    wrong = TOY.replace('"plateau force"', '"closing current"').replace(" N", " mA")
+    with pytest.raises(StudyError, match="give .machines."):
+        read_facts(parse_toml(wrong, source="toy"))
+
+
 def test_the_visible_size_is_the_least_that_changes_an_end_force() -> None:
     """A held force is the same whatever lies there until it is touched: the size follows it."""
     panel = load_panel("uic60-760-1-15")

@@ -209,7 +209,7 @@ class _Throw:
         self.open_criteria = criteria_of(rule, closes=False) if self.criteria else ()
         self.single_rail = "rail" in dataset.coords and dataset["rail"].size == 1
         self.sensor_gap = self._rows("sensor", "sensor_gap", len(self.sensors))
-        limits = dataset["sensor_limit"].values if "sensor_limit" in dataset else math.nan
+        limits = dataset["sensor_limit"].values if known and "sensor_limit" in dataset else math.nan
         self.sensor_limit = np.broadcast_to(limits, len(self.sensors)).tolist()
         self.slips = {(slip.drive, slip.movement): slip for slip in self._slips()}
         self.states = states = self._states()

@@ -26,12 +26,15 @@ def study_text(facts: Facts, points: Floats, *, name: str) -> str:
     name : str
         Of the study.
     """
-    units = {key: unit for parameter in facts.parameters for key, unit in _keys(facts, parameter)}
+    of_panel = [item for item in facts.parameters if not item.of_machine]
+    units = {key: unit for parameter in of_panel for key, unit in _keys(facts, parameter)}
     keys = list(units)
     rows = []
     for point in points:
         values: dict[str, Any] = {}
         for parameter, share in zip(facts.parameters, point, strict=True):
+            if parameter.of_machine:
+                continue
             value = float(parameter.value(np.asarray(share)))
             if parameter.apply == "multiply":
                 values |= dict.fromkeys(parameter.keys, value)
@@ -39,7 +42,7 @@ def study_text(facts: Facts, points: Floats, *, name: str) -> str:
         given = {key: item for key, item in facts.overrides(point).items() if key in units}
         values = given | values
         rows.append(f"    [{', '.join(_written(values[key], units[key]) for key in keys)}],")
-    factors = [key for item in facts.parameters if item.apply == "multiply" for key in item.keys]
+    factors = [key for item in of_panel if item.apply == "multiply" for key in item.keys]
     ranges = "\n".join(f"# {line}" for line in _range_lines(facts))
     return f"""\
 # {len(points)} panels that meet the facts of {facts.name}, found by `turnout panel match`.

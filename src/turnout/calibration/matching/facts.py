@@ -30,6 +30,8 @@ from turnout.study.variable import value_kind
 
 Floats = NDArray[np.float64]
 PACKAGE = "turnout.calibration.matching"
+OF_MACHINES = "machine."
+"""How keys of machines begin."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,6 +64,11 @@ class Parameter:
     unit: str
     origin: str
 
+    @property
+    def of_machine(self) -> bool:
+        """True if it is a value of a machine, which the panel alone does not have."""
+        return self.keys[0].startswith(OF_MACHINES)
+
     def value(self, share: Floats) -> Floats:
         """Return values at shares of the range, 0 to 1, in SI."""
         if self.scale == "log":
@@ -78,6 +85,11 @@ class Term:
     object: str
     changes: tuple[tuple[str, Any], ...]
     factor: float
+
+    @property
+    def throw(self) -> tuple[str, tuple[tuple[str, Any], ...], bool]:
+        """What tells its throw from others: object, changed values, and whether by machines."""
+        return self.object, self.changes, MEASURES[self.measure].by_machines
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,6 +143,8 @@ class Facts:
         What is not known.
     facts, measurements, answers : tuple of Sum
         What must hold, what could be measured, and what is reported.
+    machines : tuple of (str, object)
+        Values that make drives machines, in throws whose currents are measured.
     """
 
     name: str
@@ -141,18 +155,22 @@ class Facts:
     facts: tuple[Sum, ...]
     measurements: tuple[Sum, ...]
     answers: tuple[Sum, ...]
+    machines: tuple[tuple[str, Any], ...] = ()
 
     @property
     def digest(self) -> str:
         """Content hash of all that determines which panels are tried and accepted."""
         parameters = [replace(item, origin="") for item in self.parameters]
         facts = [replace(item, origin="") for item in self.facts]
-        return content_hash([self.seed, to_plain((parameters, facts)), self.panel.hash])
+        wanted = to_plain((parameters, facts, self.machines))
+        return content_hash([self.seed, wanted, self.panel.hash])
 
-    def overrides(self, shares: Floats) -> dict[str, object]:
-        """Return the values of the panel by key at a point of the unit cube, in SI."""
+    def overrides(self, shares: Floats, *, of_machines: bool = False) -> dict[str, object]:
+        """Return the values of the panel, or of its machines, by key at a point, in SI."""
         found: dict[str, object] = {}
         for parameter, share in zip(self.parameters, shares, strict=True):
+            if parameter.of_machine is not of_machines:
+                continue
             value = float(parameter.value(share))
             for key in parameter.keys:
                 if parameter.apply == "set":
@@ -194,12 +212,21 @@ def read_facts(file: TomlFile) -> Facts:
         record = FactsRecord.model_validate(file.data)
     except ValidationError as error:
         raise StudyError(_validation_problems(error), source=file.source) from None
-    reader = _Reader(load_named_panel(record.panel, file), file, [])
+    panel = load_named_panel(record.panel, file)
+    try:
+        by_machines = panel.with_overrides(record.machines, si=False) if record.machines else None
+    except PanelError as error:
+        raise StudyError([f"machines: {p}" for p in error.problems], source=file.source) from None
+    reader = _Reader(panel, by_machines, file, [])
     parameters = tuple(
         reader.parameter(item, number) for number, item in enumerate(record.parameter)
     )
     names = {item.name for item in parameters}
-    facts = tuple(reader.sum("fact", item, number) for number, item in enumerate(record.fact))
+    facts = tuple(
+        reader.sum("fact", each, number)
+        for number, item in enumerate(record.fact)
+        for each in item.each()
+    )
     measurements = tuple(
         reader.measurement(item, number, parameters)
         for number, item in enumerate(record.measurement)
@@ -220,6 +247,7 @@ def read_facts(file: TomlFile) -> Facts:
         facts=facts,
         measurements=measurements,
         answers=answers,
+        machines=tuple(sorted(record.machines.items())),
     )
 
 
@@ -233,9 +261,13 @@ def _validation_problems(error: ValidationError) -> list[str]:
 
 @dataclass(frozen=True, slots=True)
 class _Reader:
-    """Reads the parts of a facts file against its panel and collects all problems."""
+    """Reads the parts of a facts file against its panel and collects all problems.
+
+    `by_machines` is the panel whose drives are machines, if the file says which.
+    """
 
     panel: LoadedPanel
+    by_machines: LoadedPanel | None
     file: TomlFile
     problems: list[str]
 
@@ -264,10 +296,12 @@ class _Reader:
         """Read a parameter and hold its keys against the panel."""
         where = f"parameter {number + 1} ({record.name})"
         dimension = SHARE
+        of_machine = record.keys[0].startswith(OF_MACHINES)
+        panel = (self.by_machines if of_machine else None) or self.panel
         for key in (*record.keys, *record.complement):
             try:
-                kind = value_kind(self.panel, key, factor=record.apply == "multiply")
-                self.panel.values_at(key)
+                kind = value_kind(panel, key, factor=record.apply == "multiply")
+                panel.values_at(key)
             except (ValueError, PanelError) as error:
                 self.problems.append(f'{where}.keys: "{key}": {error}')
                 continue
@@ -355,8 +389,17 @@ class _Reader:
             measure = ""
         else:
             self._check_of(where, known.of, of)
+        base: LoadedPanel | None = self.panel
+        if known is not None and known.by_machines:
+            base = self.by_machines
+            if base is None:
+                self.problems.append(
+                    f'{where}: "{measure}" needs drives that are machines; give [machines], such '
+                    'as "drive.1.machine" = "jea73"'
+                )
+        base = base or self.panel
         try:
-            panel = self.panel.with_overrides(changes, si=False) if changes else self.panel
+            panel = base.with_overrides(changes, si=False) if changes else base
             if given:
                 resolve_objects(panel, (parse_object(given),))
             if known is not None and known.of == "place" and of:

@@ -1,5 +1,6 @@
 """A facts file: what is not known of a panel, with ranges, and facts that its throws must meet."""
 
+from itertools import pairwise
 from typing import Any, Literal
 
 from pydantic import Field
@@ -35,6 +36,10 @@ class TermRecord(Record):
     factor: float = Field(1.0, description="in the sum [-]")
 
 
+def _term(item: str, factor: float) -> TermRecord:
+    return TermRecord.model_validate({"object": item, "factor": factor})
+
+
 class SumRecord(TermRecord):
     """A measure of a throw, or the sum of several terms, which take from here what they lack."""
 
@@ -50,6 +55,21 @@ class FactRecord(SumRecord):
     late: bool = Field(
         False, description="only where all other facts hold, and not emulated: for costly ones"
     )
+    grows: list[str] = Field(
+        [], description="foreign objects; each is a fact about the change from the one before"
+    )
+
+    def each(self) -> "list[FactRecord]":
+        """Return the facts that it stands for."""
+        return [
+            self.model_copy(
+                update={
+                    "name": f"{self.name}, {item.partition('@')[0]} after {old.partition('@')[0]}",
+                    "terms": [_term(item, 1.0), _term(old, -1.0)],
+                }
+            )
+            for old, item in pairwise(self.grows)
+        ] or [self]
 
 
 class MeasurementRecord(SumRecord):
@@ -68,6 +88,9 @@ class FactsRecord(Record):
     name: str = Field(min_length=1, description="name of the file's subject")
     description: str = Field("", description="what it is, in a few sentences")
     panel: str = Field(description="library panel, or path of a panel file from this one")
+    machines: dict[str, Any] = Field(
+        {}, description="values that make drives machines, in throws whose currents are measured"
+    )
     seed: int = Field(0, ge=0, lt=2**63, description="of all random numbers")
     parameter: list[ParameterRecord] = Field(min_length=1)
     fact: list[FactRecord] = Field(min_length=1)

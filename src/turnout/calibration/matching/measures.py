@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.core.units import FORCE, FORCE_RATE, LENGTH, Dimension
+from turnout.core.units import CURRENT, FORCE, FORCE_RATE, LENGTH, Dimension
+from turnout.metric.channel_features import filtered
 from turnout.metric.features import features
 from turnout.metric.panel_check import concerns, flutter_concerns
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel
 from turnout.panel.lock_rule import LOCK_RULES, DriveStates
+from turnout.panel.markers import movement_time, ordered_movements
 from turnout.solver.watch import TIME_TOLERANCE
 from turnout.throw.slip import last_instant_at, movements
 
@@ -77,6 +79,8 @@ class Measure:
         From a throw and the name of what it is taken of to the value in SI.
     cost : int
         Processor time in throws, about; what costs more is tried later.
+    by_machines : bool
+        Whether it is one of a throw whose drives are machines.
     """
 
     dimension: Dimension
@@ -84,6 +88,7 @@ class Measure:
     of: str
     compute: Callable[[Thrown, str], float]
     cost: int = 1
+    by_machines: bool = False
 
 
 def end_forces(ds: "xr.Dataset") -> Floats:
@@ -207,6 +212,24 @@ def flangeway(thrown: Thrown, _: str) -> float:
     return float(thrown.dataset["least_flangeway"])
 
 
+def least_gauge(thrown: Thrown, _: str) -> float:
+    """Return the least track gauge at the end of a movement less its design [m]."""
+    gauge = thrown.panel.gauge
+    return float("nan") if gauge is None else float(thrown.dataset["least_gauge"]) - gauge.nominal
+
+
+def closing_current(thrown: Thrown, drive: str) -> float:
+    """Return the largest motor current in the second half of closing, averaged over 0.1 s [A].
+
+    The inrush is in the first half, and so is what an object cannot change.
+    """
+    closings = [item for _, item in ordered_movements(thrown.panel) if item.to == "closed"]
+    closing = closings[-1]
+    current = filtered(thrown.dataset["drive_current"].sel(drive=drive))
+    middle = closing.start + 0.5 * movement_time(closing, drive)
+    return float(current.sel(time=slice(middle, None)).max())
+
+
 def object_force(thrown: Thrown, _: str) -> float:
     """Return the largest force on the foreign object; 0 without any [N]."""
     return float(thrown.dataset["object_force"].max()) if "object_force" in thrown.dataset else 0.0
@@ -287,6 +310,16 @@ MEASURES: Mapping[str, Measure] = {
         SHARE, "least force margin as a share of the slip level", "drive?", least_margin
     ),
     "least flangeway": Measure(LENGTH, "least distance for the wheel", "", flangeway),
+    "least gauge": Measure(
+        LENGTH, "least track gauge less the nominal one, at the end of a movement", "", least_gauge
+    ),
+    "closing current": Measure(
+        CURRENT,
+        "largest current in the second half of closing, mean over 0.1 s, drives as machines",
+        "drive",
+        closing_current,
+        by_machines=True,
+    ),
     "object force": Measure(FORCE, "largest force on the object", "", object_force),
     "object end force": Measure(FORCE, "force on the object at the end", "", object_end_force),
     "least chair load": Measure(

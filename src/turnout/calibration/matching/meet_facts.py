@@ -24,7 +24,9 @@ SAVE = Save(
     fields=(
         *("drive_force", "drive_displacement", "drive_gap", "end_gap", "sensor_gap"),
         *("object_force", "chair_normal_force", "force_margin", "drive_slipping"),
+        *("in_control", "locked"),
         *("least_flangeway", "least_flangeway_x", "least_flangeway_rail"),
+        *("least_gauge", "drive_current"),
     )
 )
 """What measures need of a throw."""
@@ -62,10 +64,13 @@ class Thrower:
         Whose throws.
     mode : str
         Level of detail of the throws.
+    by_machines : LoadedPanel, optional
+        The same with drives that are machines, for measures of currents.
     """
 
     panel: LoadedPanel
     mode: Mode = "quick"
+    by_machines: LoadedPanel | None = None
     made: int = 0
     _values: dict[Term, float] = field(default_factory=dict)
     _panels: dict[object, LoadedPanel] = field(default_factory=dict)
@@ -86,11 +91,14 @@ class Thrower:
         return self._values[term]
 
     def _changed(self, term: Term) -> LoadedPanel:
-        if not term.changes:
-            return self.panel
-        if term.changes not in self._panels:
-            self._panels[term.changes] = self.panel.with_overrides(dict(term.changes), si=False)
-        return self._panels[term.changes]
+        _, changes, by_machines = term.throw
+        panel = (self.by_machines if by_machines else None) or self.panel
+        if not changes:
+            return panel
+        if (changes, by_machines) not in self._panels:
+            made = panel.with_overrides(dict(changes), si=False)
+            self._panels[changes, by_machines] = made
+        return self._panels[changes, by_machines]
 
     def _throw(self, panel: LoadedPanel, item: ForeignObject | None) -> "xr.Dataset":
         self.made += 1
@@ -103,8 +111,7 @@ def _of_same_throw(term: Term, among: tuple[Sum, ...]) -> list[Term]:
         other
         for item in among
         for other in item.terms
-        if (other.object, other.changes) == (term.object, term.changes)
-        and MEASURES[other.measure].cost == 1
+        if other.throw == term.throw and MEASURES[other.measure].cost == 1
     ]
 
 
@@ -119,6 +126,21 @@ def panel_at(facts: Facts, point: Floats) -> LoadedPanel:
         When its values contradict each other.
     """
     return as_written(facts.panel.with_overrides(facts.overrides(point)))
+
+
+def thrower_at(facts: Facts, point: Floats, mode: Mode = "quick") -> Thrower:
+    """Return the throws of the panel at a point of the unit cube, and of its machines.
+
+    Raises
+    ------
+    PanelError
+        When its values contradict each other.
+    """
+    panel, machines = panel_at(facts, point), None
+    if facts.machines:
+        machines = panel.with_overrides(dict(facts.machines), si=False)
+        machines = as_written(machines.with_overrides(facts.overrides(point, of_machines=True)))
+    return Thrower(panel, mode, machines)
 
 
 def is_valid(facts: Facts, point: Floats) -> bool:
@@ -151,7 +173,7 @@ def evaluate(
     """
     values = np.full(len(facts.facts), np.nan)
     try:
-        thrower = Thrower(panel_at(facts, point), mode)
+        thrower = thrower_at(facts, point, mode)
     except PanelError as error:
         return Evaluation(values=values, accepted=False, fault=error.problems[0], throws=0)
     fault = ""
@@ -180,9 +202,9 @@ def in_order(facts: Facts, *, late: bool) -> list[int]:
 
 def _cost(fact: Sum) -> tuple[int, bool]:
     """Return the cost of a fact in throws, and whether it takes more than the plain one."""
-    throws = {(term.object, term.changes) for term in fact.terms}
+    throws = {term.throw for term in fact.terms}
     further = {term: MEASURES[term.measure].cost - 1 for term in fact.terms}
-    return len(throws) + sum(further.values()), throws != {("", ())}
+    return len(throws) + sum(further.values()), throws != {("", (), False)}
 
 
 def _failed(facts: Facts, values: Floats, chosen: list[int]) -> int:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.calibration.matching.facts import Facts
-from turnout.calibration.matching.meet_facts import Thrower, panel_at
+from turnout.calibration.matching.meet_facts import thrower_at
 from turnout.core.errors import FileError
 from turnout.core.json_files import to_plain
 from turnout.core.provenance import content_hash
@@ -68,7 +68,7 @@ def survey(
     for number, point in enumerate(points):
         place = content_hash([facts.digest, list(map(float, point))])
         if place not in known:
-            thrower = Thrower(panel_at(facts, point))
+            thrower = thrower_at(facts, point)
             made = [
                 _parameter(facts, point, item.parameter)
                 if item.parameter
