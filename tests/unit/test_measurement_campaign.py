@@ -183,7 +183,9 @@ def test_a_campaign_in_one_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     (tmp_path / "channels.toml").write_text('[drive_power.1]\ncolumn = "P 1"\nkind = "scaled"\n')
     tables = []
     read = file_format.text_table
-    monkeypatch.setattr(file_format, "text_table", lambda text: tables.append(text) or read(text))
+    monkeypatch.setattr(
+        file_format, "text_table", lambda content, **of: tables.append(of) or read(content, **of)
+    )
     campaign = build_campaign_dataset(tmp_path)
     assert campaign.dataset is not None
     names = [f"throws@{number}" for number in range(417, 421)]

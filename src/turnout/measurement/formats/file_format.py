@@ -18,7 +18,6 @@ from turnout.measurement.formats.mat import mat_bytes
 from turnout.measurement.formats.text_table import (
     csv_bytes,
     read_text,
-    text_file,
     text_table,
 )
 from turnout.measurement.recording import Recording
@@ -250,7 +249,7 @@ def read_throws(
     try:
         kind = recognise_format(path)
         if not kind.reader:  # parsed once for all
-            return throw_recordings(text_table(text_file(path)), throws)
+            return throw_recordings(text_table(path.read_bytes(), source=str(path)), throws)
     except FileError as error:
         return dict.fromkeys(throws, error)
     for throw in throws:

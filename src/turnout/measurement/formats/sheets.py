@@ -1,10 +1,8 @@
 """Workbooks (.xlsx, .xls, .ods) and HTML tables: their cells as a text table."""
 
 import datetime
-import io
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -13,7 +11,7 @@ from turnout.core.problems import choices
 from turnout.measurement.formats.channel_table import table_recording
 from turnout.measurement.formats.extent import Declared
 from turnout.measurement.formats.text_dialect import encoding_of
-from turnout.measurement.formats.text_table import TextFile, text_table
+from turnout.measurement.formats.text_table import text_table
 from turnout.measurement.recording import Recording
 
 Rows = Iterable[Sequence[object]]
@@ -102,9 +100,9 @@ def _of_sheets(path: Path, sheets: Mapping[str, Rows], throw: str | None) -> Rec
         content = _text(rows).encode()
         if not content.strip():
             continue
-        text = TextFile(f"{path}, sheet '{name}'", partial(io.BytesIO, content))
         try:
-            found[name] = table_recording(text_table(text), throw=throw)
+            table = text_table(content, source=f"{path}, sheet '{name}'")
+            found[name] = table_recording(table, throw=throw)
         except FileError as error:
             reasons.append(str(error))
     if not found:

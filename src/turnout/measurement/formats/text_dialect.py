@@ -49,8 +49,6 @@ class TextLayout:
         Columns of the table.
     heading : Heading
         Names, units and clock above the numbers.
-    plain_lines : bool
-        Whether each line ends in the byte of a line feed.
     """
 
     encoding: str
@@ -59,7 +57,6 @@ class TextLayout:
     first_row: int
     width: int
     heading: Heading
-    plain_lines: bool
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -151,8 +148,7 @@ def text_layout(sample: bytes, *, source: str) -> TextLayout:
     except ValueError as error:
         message = f"{source}: {error}"
         raise FileError(message) from None
-    plain_lines = "\n" in text and not encoding.startswith("utf-16")
-    return TextLayout(encoding, separator, decimal, first_row, width, heading, plain_lines)
+    return TextLayout(encoding, separator, decimal, first_row, width, heading)
 
 
 def _unnamed_first(table: Sequence[Sequence[str]], decimal: str) -> bool:

@@ -3,11 +3,9 @@
 import io
 import re
 import warnings
-from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
-from typing import IO, Any, BinaryIO
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -30,19 +28,13 @@ MOST_FOOTER = 40
 
 
 @dataclass(frozen=True, slots=True)
-class TextFile:
-    """A text in a file, or made of another format.
-
-    Attributes
-    ----------
-    source : str
-        The file, for messages.
-    open : callable
-        Open its bytes for reading.
-    """
+class _Text:
+    """Lines above the table and the table, with plain line ends, and how they are to be read."""
 
     source: str
-    open: Callable[[], BinaryIO]
+    layout: TextLayout
+    above: list[str]
+    body: str
 
 
 def read_text(path: Path, *, throw: str | None = None) -> Recording:
@@ -63,31 +55,42 @@ def read_text(path: Path, *, throw: str | None = None) -> Recording:
     FileError
         Naming line and column of what is no number.
     """
-    return table_recording(text_table(text_file(path)), throw=throw)
+    return table_recording(text_table(path.read_bytes(), source=str(path)), throw=throw)
 
 
-def text_file(path: Path) -> TextFile:
-    """Return a file as a text."""
-    return TextFile(str(path), lambda: path.open("rb"))
-
-
-def text_table(text: TextFile) -> Table:
+def text_table(content: bytes, *, source: str) -> Table:
     """Return the table in a text.
+
+    Parameters
+    ----------
+    content : bytes
+        Of a file, or made of another format.
+    source : str
+        The file, for messages.
 
     Raises
     ------
     FileError
         When there is none, or its rows differ in width.
     """
-    with text.open() as file:
-        layout = text_layout(file.read(SAMPLE_SIZE), source=text.source)
+    layout = text_layout(content[:SAMPLE_SIZE], source=source)
     if layout.width > MOST_CHANNELS:
-        message = f"{text.source}: holds {layout.width} columns, at most {MOST_CHANNELS} are read"
+        message = f"{source}: holds {layout.width} columns, at most {MOST_CHANNELS} are read"
         raise FileError(message + "; export fewer")
-    frame, problems = _table(text, layout)
+    try:
+        whole = content.decode(layout.encoding)
+    except UnicodeDecodeError as error:
+        message = f"{source}: is no {layout.encoding} text (byte {error.start}); save it as UTF-8"
+        raise FileError(message) from None
+    if "\r" in whole:
+        whole = whole.replace("\r\n", "\n").replace("\r", "\n")
+    # Not skipped by the reader of rows, for which a quoted cell goes over lines.
+    *above, body = [*whole.split("\n", layout.first_row), ""][: layout.first_row + 1]
+    text = _Text(source, layout, above, body)
+    frame, problems = _table(text)
     stated = layout.heading.stated
     if stated.rates or stated.weak:
-        problems += _lost_lines(text, layout)
+        problems += _lost_lines(text)
     frame = _without_side_heading(frame, stated, layout)
     names = [*layout.heading.names, *[""] * layout.width]
     units = [*layout.heading.units, *[""] * layout.width]
@@ -99,30 +102,30 @@ def text_table(text: TextFile) -> Table:
     return Table(
         columns,
         stated,
-        text.source,
+        source,
         decimal=layout.decimal,
         named=any(layout.heading.names),
-        line_of=lambda row: _line_of(text, layout, row),
+        line_of=lambda row: _line_of(text, row),
         remedy=NO_TIME,
         problems=problems,
     )
 
 
-def _table(text: TextFile, layout: TextLayout) -> tuple[Any, list[str]]:
+def _table(text: _Text) -> tuple[Any, list[str]]:
     """Return the cells, columns of numbers as such, and remarks on repairs."""
-    problems: list[str] = []
+    layout, problems = text.layout, list[str]()
     rows: int | None = None
     try:
         try:
-            frame = _frame(text, layout)
+            frame = _frame(text)
         except ParserError as error:
-            rows = _footer_begins(text, layout, error)
+            rows = _footer_begins(text, error)
             if rows is None:
                 raise
-            frame = _frame(text, layout, nrows=rows)
+            frame = _frame(text, nrows=rows)
             problems.append("lines below the table are left out")
     except (ValueError, OverflowError, ParserWarning) as error:
-        raise FileError(_fault(text, layout, error)) from None
+        raise FileError(_fault(text, error)) from None
     while layout.width == 1 and len(frame) and frame.iloc[-1, 0] in ("", None):
         frame = frame.iloc[:-1]
     if layout.width == 1 and len(frame) and frame[0].dtype.kind == "f":
@@ -130,13 +133,14 @@ def _table(text: TextFile, layout: TextLayout) -> tuple[Any, list[str]]:
     frame = _without_footer(frame, layout, problems, text.source)
     # An empty line at the end is none; a row without its last cells was cut off.
     cut = len(frame) > 1 and rows is None and pd.isna(frame.iloc[-1, -1])
-    if cut and frame.iloc[:-1, -1].notna().any() and _is_cut_off(text, layout):
+    if cut and frame.iloc[:-1, -1].notna().any() and not text.body.endswith("\n"):
         frame = frame.iloc[:-1]
         problems.append("the last line is cut off and left out")
     return frame, problems
 
 
-def _frame(text: TextFile, layout: TextLayout, **options: object) -> Any:
+def _frame(text: _Text, **options: object) -> Any:
+    layout = text.layout
     separator = r"\s+" if layout.separator == " " else layout.separator
     given: dict[str, object] = {
         "sep": separator,
@@ -150,18 +154,12 @@ def _frame(text: TextFile, layout: TextLayout, **options: object) -> Any:
         "skipinitialspace": True,
         "engine": "c",
         "low_memory": False,
-        # Whatever its name: only text is read here.
-        "compression": None,
         **options,
     }
     with warnings.catch_warnings():
         # Rows longer than the heading would lose their last cells with no more than a warning.
         warnings.simplefilter("error", ParserWarning)
-        with text.open() as raw, _decoded(raw, layout) as file:
-            # Not skipped by the reader of rows, for which a quoted cell goes over lines.
-            for _ in range(layout.first_row):
-                file.readline()
-            frame = pd.read_csv(file, encoding=layout.encoding, **given)  # type: ignore[call-overload]
+        frame = pd.read_csv(io.BytesIO(text.body.encode()), **given)  # type: ignore[call-overload]
     for name in frame.columns:
         kind = frame[name].dtype
         if kind.kind == "b" or not isinstance(kind, np.dtype):
@@ -169,11 +167,6 @@ def _frame(text: TextFile, layout: TextLayout, **options: object) -> Any:
         elif kind.kind == "O":
             frame[name] = frame[name].where(frame[name].notna(), "").astype(str)
     return frame
-
-
-def _decoded(raw: BinaryIO, layout: TextLayout) -> IO[Any]:
-    """Return a text as pandas reads it fastest: as bytes, unless its lines end in another way."""
-    return raw if layout.plain_lines else io.TextIOWrapper(raw, layout.encoding)
 
 
 def _value(cell: object, decimal: str) -> bool:
@@ -217,14 +210,13 @@ def _without_footer(frame: Any, layout: TextLayout, problems: list[str], source:
     return frame
 
 
-def _footer_begins(text: TextFile, layout: TextLayout, error: Exception) -> int | None:
+def _footer_begins(text: _Text, error: Exception) -> int | None:
     """Return the rows of numbers above a line that is too wide, if it begins with a text."""
     said = str(error)
     if "Expected" not in said or " line " not in said:
         return None
     line = int(said.split(" line ")[1].split(",")[0])
-    with text.open() as raw, io.TextIOWrapper(raw, layout.encoding, "replace") as file:
-        lines = list(islice(file, layout.first_row + line - 1, None))[: MOST_FOOTER + 1]
+    lines = text.body.splitlines()[line - 1 :]
     first = lines[0].strip().strip('"') if lines else ""
     if not first[:1].isalpha() or len(lines) > MOST_FOOTER or is_stamp(first.split()[0]):
         return None
@@ -252,41 +244,27 @@ def _without_side_heading(frame: Any, stated: StatedClock, layout: TextLayout) -
     return frame.drop(columns=beside)
 
 
-def _lost_lines(text: TextFile, layout: TextLayout) -> list[str]:
+def _lost_lines(text: _Text) -> list[str]:
     """Return a remark on empty lines, which may stand for samples where a rate gives the time."""
-    with text.open() as raw, io.TextIOWrapper(raw, layout.encoding, "replace") as file:
-        above = [file.readline().strip(f" \n{layout.separator}") for _ in range(layout.first_row)]
-        inside = len(_EMPTY_LINE.findall(file.read().rstrip())) if layout.width > 1 else 0
-    before = len(above) - max((n for n, line in enumerate(above, start=1) if line), default=0)
+    filled = [bool(line.strip(f" \n{text.layout.separator}")) for line in text.above]
+    before = filled[::-1].index(True) if any(filled) else len(filled)
+    inside = len(_EMPTY_LINE.findall(text.body.rstrip())) if text.layout.width > 1 else 0
     # One line often parts a heading from its table.
     count = inside + (before if before > 1 else 0)
     what = "1 empty line is" if count == 1 else f"{count} empty lines are"
     return [f"check the time: {what} left out"] if count else []
 
 
-def _line_of(text: TextFile, layout: TextLayout, row: int) -> str:
+def _line_of(text: _Text, row: int) -> str:
     """Return the line of a row; empty lines between them are no rows."""
-    with text.open() as raw, io.TextIOWrapper(raw, layout.encoding, "replace") as file:
-        for number, line in enumerate(file):
-            if number >= layout.first_row and (layout.width == 1 or line.strip()):
-                row -= 1
-            if row < 0:
-                return f"line {number + 1}"
-    return "a line"
+    lines = enumerate(text.body.split("\n"), start=len(text.above) + 1)
+    kept = [number for number, line in lines if text.layout.width == 1 or line.strip()]
+    return f"line {kept[row]}" if row < len(kept) else "a line"
 
 
-def _is_cut_off(text: TextFile, layout: TextLayout) -> bool:
-    """Return True if the file ends without a line end."""
-    size = 2 if layout.encoding.startswith("utf-16") else 1
-    with text.open() as file:
-        file.seek(0, 2)
-        file.seek(max(file.tell() - size, 0))
-        return file.read(size).strip(b"\0") not in (b"\n", b"\r")
-
-
-def _fault(text: TextFile, layout: TextLayout, error: Exception) -> str:
+def _fault(text: _Text, error: Exception) -> str:
     """Return why a file is no table of numbers."""
-    said, source = str(error), text.source
+    said, source, layout = str(error), text.source, text.layout
     if "Expected" in said and "saw" in said:
         counted = re.sub(r"line (\d+)", lambda m: f"line {int(m[1]) + layout.first_row}", said)
         counted = counted.split("C error:")[-1].strip()
@@ -295,8 +273,6 @@ def _fault(text: TextFile, layout: TextLayout, error: Exception) -> str:
         return f"{source}: rows have more than {layout.width} columns; give all the same columns"
     if "EOF inside string" in said:
         return f"{source}: a quotation mark among the numbers is never closed; take it out"
-    if isinstance(error, UnicodeDecodeError):
-        return f"{source}: is no {layout.encoding} text (byte {error.start}); save it as UTF-8"
     return f"{source}: cannot be read as numbers ({said[:200]})"
 
 
