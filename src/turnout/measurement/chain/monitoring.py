@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -23,11 +24,12 @@ from turnout.measurement.recording import RecordedChannel, Recording
 
 Floats = NDArray[np.float64]
 
-MOST_RATE, LEAST_RATE = 1000.0, 1.0
-"""Rates that are accepted; 25 to 100 are usual [1/s]."""
-MOST_STEP = {"current_step": 100.0, "power_step": 100e3}
-"""Coarsest resolutions that are accepted [A], [W]."""
-STEP_UNITS = {"current_step": "A", "power_step": "W"}
+LIMITS = {
+    "rate": (FREQUENCY, 1.0, 1000.0),
+    "current_step": (CURRENT, 0.0, 100.0),
+    "power_step": (POWER, 0.0, 100e3),
+}
+"""Dimension of each setting, and the range that is accepted; rates of 25 to 100 are usual [SI]."""
 ROUNDING = 1e-6
 """Share of a window, and of an apparent power, that is rounding [-]."""
 COLUMNS = {
@@ -185,28 +187,18 @@ def monitoring_of(
     >>> round(monitoring_of(rate="zyj7").power_step, 1)
     19.6
     """
-    problems, groups, found = [], dict[str, Sequence[str]](), dict[str, float]()
-    chosen = SYSTEMS.get(rate, Monitoring())
-    given = {"rate": rate, "current_step": current_step, "power_step": power_step}
-    dimensions = {"rate": FREQUENCY, "current_step": CURRENT, "power_step": POWER}
-    for key, text in given.items():
-        if text is None or (key == "rate" and text in SYSTEMS):
+    problems, groups, found = list[str](), dict[str, Sequence[str]](), dict[str, Any]()
+    typed = {"current_step": current_step, "power_step": power_step}
+    for key, text in {"rate": rate, **typed}.items():
+        if text is None or text in SYSTEMS:
             continue
         try:
-            found[key] = parse_quantity(text, dimensions[key])
+            found[key] = parse_quantity(text, LIMITS[key][0])
+            problem = _beyond(key, found[key])
         except ValueError as error:
-            systems = f"; or name a system, {choices(SYSTEMS)}" if key == "rate" else ""
-            problems.append(f"--{key.replace('_', '-')} '{text}': {error}{systems}")
-    chosen = Monitoring(
-        rate=found.get("rate", chosen.rate),
-        current_step=found.get("current_step", chosen.current_step),
-        power_step=found.get("power_step", chosen.power_step),
-    )
-    typed = {
-        key: (f"--{key.replace('_', '-')} '{given[key]}'", f" {dimension.unit}")
-        for key, dimension in dimensions.items()
-    }
-    problems += _own_problems(chosen, typed=typed)
+            problem = str(error) + f"; or name a system, {choices(SYSTEMS)}" * (key == "rate")
+        if problem:
+            problems.append(f"--{key.replace('_', '-')} '{text}': {problem}")
     for text in together:
         name, sign, drives = (part.strip() for part in text.partition("="))
         members = [item.strip() for item in drives.split(",") if item.strip()]
@@ -218,7 +210,7 @@ def monitoring_of(
             groups[name] = members
     if problems:
         raise MeasurementError(problems, source="monitoring")
-    return replace(chosen, together=groups)
+    return replace(SYSTEMS.get(rate, Monitoring()), together=groups, **found)
 
 
 def check_monitoring(
@@ -293,20 +285,17 @@ def _as_drive(run: xr.Dataset) -> xr.Dataset:
     return xr.Dataset(rows, {"time": run["time"], "drive": [str(run.attrs.get("machine", "1"))]})
 
 
-def _own_problems(
-    chosen: Monitoring, *, typed: Mapping[str, tuple[str, str]] | None = None
-) -> Iterator[str]:
-    """Yield the impossible settings; `typed` are values as a user typed them, and units."""
-    limits = {
-        "rate": (LEAST_RATE, MOST_RATE),
-        **{name: (0.0, MOST_STEP[name]) for name in MOST_STEP},
-    }
-    for name, (least, most) in limits.items():
+def _own_problems(chosen: Monitoring) -> Iterator[str]:
+    for name, (dimension, *_) in LIMITS.items():
         value = getattr(chosen, name)
-        if not least <= value <= most:
-            stated = (f"{name} = {value:g} {STEP_UNITS.get(name, '1/s')}", "")
-            what, unit = (typed or {}).get(name, stated)
-            yield f"{what}: must be {least:g} to {most:g}{unit}"
+        if problem := _beyond(name, value):
+            yield f"{name} = {value:g} {dimension.unit}: {problem}"
+
+
+def _beyond(name: str, value: float) -> str:
+    """Return the fault of a setting beyond its range; empty within."""
+    dimension, least, most = LIMITS[name]
+    return "" if least <= value <= most else f"must be {least:g} to {most:g} {dimension.unit}"
 
 
 def _rate_problems(rate: float, own: float) -> Iterator[str]:
