@@ -3,7 +3,8 @@
 `Fault` and `Limits`, which all checks of a recording share, stand here too.
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
@@ -167,6 +168,35 @@ BIN = 0.02
 LEAST_REST = 10
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Channel:
+    """A measured channel of a throw.
+
+    Attributes
+    ----------
+    name, key : str
+        Such as "drive_force 2", and its variable "drive_force".
+    values : ndarray, shape (n,)
+        Samples [`unit`].
+    rate : float
+        Samples a second [1/s].
+    begin, finish : int
+        Samples at which the movement begins and ends.
+    """
+
+    name: str
+    key: str
+    values: Floats
+    rate: float
+    begin: int = 0
+    finish: int = 0
+
+    @property
+    def unit(self) -> str:
+        """Unit of the samples."""
+        return UNITS[self.key]
+
+
 def channel_faults(dataset: xr.Dataset, throw: FoundThrow, *, limits: Limits) -> list[Fault]:
     """Find the faults of each channel on its own.
 
@@ -183,108 +213,102 @@ def channel_faults(dataset: xr.Dataset, throw: FoundThrow, *, limits: Limits) ->
     -------
     list of Fault
     """
-    time = dataset["time"].values
-    rate = (time.size - 1) / float(time[-1] - time[0])
-    begin = int(np.searchsorted(time, throw.onset))
-    finish = int(np.searchsorted(time, throw.end))
-    faults: list[Fault] = []
-    for name, values, key in measured_channels(dataset):
-        if key == "drive_force" and not np.isfinite(values).any():
-            faults.append(Fault("dead channel", name, "it was not recorded"))
-            continue
-        holes = hole_fault(name, values, rate=rate, limits=limits)
-        faults += holes
-        filled = bridge_gaps(values)
-        if mostly_beyond(filled, key=key):
-            faults += unit_fault(name, filled, key=key)
-            continue
-        faults += quantisation_fault(name, filled, key=key, limits=limits)
-        teeth = spike_fault(name, filled, key=key, rate=rate, limits=limits)
-        faults += teeth
+    return [f for channel in measured_channels(dataset, throw) for f in _faults(channel, limits)]
+
+
+def _faults(raw: Channel, limits: Limits) -> Iterator[Fault]:
+    """Yield the faults of a channel; those that another one explains are not looked for."""
+    if raw.key == "drive_force" and not np.isfinite(raw.values).any():
+        yield Fault("dead channel", raw.name, "it was not recorded")
+        return
+    holes = list(hole_fault(raw, limits))
+    yield from holes
+    channel = replace(raw, values=bridge_gaps(raw.values))
+    if not mostly_beyond(channel.values, key=channel.key):
+        yield from quantisation_fault(channel, limits)
+        teeth = list(spike_fault(channel, limits))
+        yield from teeth
         if any(fault.excludes for fault in teeth):
-            continue
-        unit = unit_fault(name, filled, key=key)
-        if unit:
-            faults += unit
-            continue
-        dead = dead_fault(name, filled, begin, finish, key=key, rate=rate, limits=limits)
-        faults += dead
-        if dead:
-            continue
-        if not holes:
-            faults += run_faults(name, filled, begin, finish, limits=limits)
-        faults += hum_faults(name, filled, begin, finish, key=key, rate=rate, limits=limits)
-    return faults
+            return
+    gross = list(unit_fault(channel)) or list(dead_fault(channel, limits))
+    yield from gross
+    if gross:
+        return
+    if not holes:
+        yield from run_faults(channel, limits)
+    yield from hum_faults(channel, limits)
 
 
-def measured_channels(dataset: xr.Dataset) -> list[tuple[str, Floats, str]]:
-    """Return the name, samples and variable of each measured channel.
+def measured_channels(dataset: xr.Dataset, throw: FoundThrow | None = None) -> Iterator[Channel]:
+    """Yield each measured channel; without a throw it has no beginning and end.
 
     Examples
     --------
-    >>> data = xr.Dataset({"drive_force": (("drive", "time"), [[0.0]])}, {"drive": ["2"]})
-    >>> [(name, key) for name, _, key in measured_channels(data)]
-    [('drive_force 2', 'drive_force')]
+    >>> data = xr.Dataset(
+    ...     {"drive_force": (("drive", "time"), [[0.0, 1.0]])}, {"drive": ["2"], "time": [0.0, 0.5]}
+    ... )
+    >>> [(channel.name, channel.rate) for channel in measured_channels(data)]
+    [('drive_force 2', 2.0)]
     """
-    found: list[tuple[str, Floats, str]] = []
-    for key in MEASURED:
-        if key not in dataset:
-            continue
-        if "drive" in dataset[key].dims:
-            for drive in dataset["drive"].values:
-                found.append((f"{key} {drive}", dataset[key].sel(drive=drive).values, key))
-        else:
-            found.append((key, dataset[key].values, key))
-    return found
+    time = dataset["time"].values
+    rate = (time.size - 1) / float(time[-1] - time[0])
+    ends = (throw.onset, throw.end) if throw is not None else (time[0], time[0])
+    begin, finish = (int(np.searchsorted(time, at)) for at in ends)
+    for key in (key for key in MEASURED if key in dataset):
+        of_drives = "drive" in dataset[key].dims
+        for drive in dataset["drive"].values if of_drives else [""]:
+            row = dataset[key].sel(drive=drive) if of_drives else dataset[key]
+            yield Channel(f"{key} {drive}".rstrip(), key, row.values, rate, begin, finish)
 
 
-def hole_fault(name: str, values: Floats, *, rate: float, limits: Limits) -> list[Fault]:
+def hole_fault(channel: Channel, limits: Limits) -> Iterator[Fault]:
     """Find missing samples: one long hole, or many short ones."""
-    missing = ~np.isfinite(values)
+    missing = ~np.isfinite(channel.values)
     if not missing.any():
-        return []
-    longest, share = longest_true_run(missing) / rate, float(missing.mean())
+        return
+    longest, share = longest_true_run(missing) / channel.rate, float(missing.mean())
     text = f"{100 * share:.1f} % of the samples, {1e3 * longest:.0f} ms in a row"
-    if longest > limits.longest_hole or share > limits.missing_share:
-        allowed = f"{100 * limits.missing_share:g} % or {1e3 * limits.longest_hole:g} ms"
-        return [Fault("missing samples", name, f"{text}; at most {allowed}")]
-    return [Fault("missing samples", name, f"{text}, bridged by straight lines", excludes=False)]
+    excludes = longest > limits.longest_hole or share > limits.missing_share
+    allowed = f"at most {100 * limits.missing_share:g} % or {1e3 * limits.longest_hole:g} ms"
+    text += f"; {allowed}" if excludes else ", bridged by straight lines"
+    yield Fault("missing samples", channel.name, text, excludes=excludes)
 
 
-def spike_fault(name: str, values: Floats, *, key: str, rate: float, limits: Limits) -> list[Fault]:
+def spike_fault(channel: Channel, limits: Limits) -> Iterator[Fault]:
     """Find samples that stand alone, as a bad contact or a radio makes them.
 
     A rail that strikes an object makes a peak of a sample or two as well, so on a load cell a
     spike is remarked and excludes nothing.
     """
-    most, unit = dict(limits.most_spike).get(key, np.inf), UNITS[key]
-    found = spikes(values, rate=rate, least=most)
-    count = int(found.sum())
+    values, rate, unit = channel.values, channel.rate, channel.unit
+    most = dict(limits.most_spike).get(channel.key, np.inf)
+    count = int(spikes(values, rate=rate, least=most).sum())
     if not count:
-        return []
+        return
     height = float(np.max(np.abs(values - without_spikes(values, rate=rate, least=most))))
     what = "1 sample stands" if count == 1 else f"{count} samples stand"
     text = f"{what} up to {in_words(height, unit)} above or below the ones around, which is more "
-    return [Fault("spikes", name, f"{text}than {most:g} {unit}", excludes=key != "object_force")]
+    text += f"than {most:g} {unit}"
+    yield Fault("spikes", channel.name, text, excludes=channel.key != "object_force")
 
 
-def quantisation_fault(name: str, values: Floats, *, key: str, limits: Limits) -> list[Fault]:
+def quantisation_fault(channel: Channel, limits: Limits) -> Iterator[Fault]:
     """Find a converter with steps that are too large for its signal.
 
     Examples
     --------
     >>> coarse = 2000.0 * np.round(np.linspace(0.0, 3.0, 50))
-    >>> str(quantisation_fault("drive_force 1", coarse, key="drive_force", limits=Limits())[0])
+    >>> str(*quantisation_fault(Channel("drive_force 1", "drive_force", coarse, 1e3), Limits()))
     'quantisation of drive_force 1: it has steps of 2 kN, at most 50 N expected'
     """
-    levels = np.unique(values)
+    levels = np.unique(channel.values)
     steps = np.diff(levels)
     steps = steps[steps > 1e-9 * max(float(np.ptp(levels)), 1e-300)]
-    most, unit = dict(limits.most_step).get(key, np.inf), UNITS[key]
+    most, unit = dict(limits.most_step).get(channel.key, np.inf), channel.unit
     if not steps.size or float(steps.min()) <= most:
-        return []
+        return
     text = f"it has steps of {in_words(float(steps.min()), unit)}, at most {most:g} {unit} expected"
-    return [Fault("quantisation", name, text, excludes=False)]
+    yield Fault("quantisation", channel.name, text, excludes=False)
 
 
 def mostly_beyond(values: Floats, *, key: str) -> bool:
@@ -306,63 +330,52 @@ def in_words(value: float, unit: str) -> str:
     return f"{value:.3g} {unit}"
 
 
-def unit_fault(name: str, values: Floats, *, key: str) -> list[Fault]:
+def unit_fault(channel: Channel) -> Iterator[Fault]:
     """Find a force that no rod carries, as with newtons taken for kilonewtons.
 
     Examples
     --------
-    >>> str(unit_fault("drive_force 1", np.array([0.0, 7.2e6]), key="drive_force")[0])
+    >>> str(*unit_fault(Channel("drive_force 1", "drive_force", np.array([0.0, 7.2e6]), 1e3)))
     'unit of drive_force 1: up to 7200 kN, at most 200 kN are believed; check its unit'
     """
-    largest = float(np.max(np.abs(values), initial=0.0))
-    if UNITS[key] != "N" or largest <= MOST_FORCE:
-        return []
-    most = in_words(MOST_FORCE, "N")
-    text = f"up to {in_words(largest, 'N')}, at most {most} are believed; check its unit"
-    return [Fault("unit", name, text)]
+    largest = float(np.max(np.abs(channel.values), initial=0.0))
+    if channel.unit == "N" and largest > MOST_FORCE:
+        most = in_words(MOST_FORCE, "N")
+        text = f"up to {in_words(largest, 'N')}, at most {most} are believed; check its unit"
+        yield Fault("unit", channel.name, text)
 
 
-def dead_fault(
-    name: str,
-    values: Floats,
-    begin: int,
-    finish: int,
-    *,
-    key: str,
-    rate: float,
-    limits: Limits,
-) -> list[Fault]:
+def dead_fault(channel: Channel, limits: Limits) -> Iterator[Fault]:
     """Find a channel that does not answer to a throw.
 
     A load cell is only remarked upon: an object that the rail does not reach is not squeezed.
     """
-    around = round(0.2 * rate)
-    smooth = mean_over(values, width=round(0.1 * rate))[max(0, begin - around) : finish + around]
-    least = dict(limits.least_response).get(key, 0.0)
+    around = round(0.2 * channel.rate)
+    smooth = mean_over(channel.values, width=round(0.1 * channel.rate))
+    smooth = smooth[max(0, channel.begin - around) : channel.finish + around]
+    least = dict(limits.least_response).get(channel.key, 0.0)
     response = float(np.ptp(smooth)) if smooth.size else 0.0
     if response >= least:
-        return []
-    unit = UNITS[key]
+        return
     # Rounding errors of a constant column are no response.
-    size = response if response > 1e-6 * least else 0.0
+    size, unit = response if response > 1e-6 * least else 0.0, channel.unit
     text = f"it changes by {size:.3g} {unit} in the throw, at least {least:g} {unit} expected"
-    return [Fault("dead channel", name, text, excludes=key != "object_force")]
+    yield Fault("dead channel", channel.name, text, excludes=channel.key != "object_force")
 
 
-def run_faults(
-    name: str, values: Floats, begin: int, finish: int, *, limits: Limits
-) -> list[Fault]:
+def run_faults(channel: Channel, limits: Limits) -> Iterator[Fault]:
     """Find samples held at one value: at the edge of the range it is clipping, else a drop-out.
 
     A channel whose samples repeat at rest and after the throw has no noise to judge by, nor has one
     that is exactly constant from the first sample until the motion begins: held by chance, it
     would not wake with the motion.
     """
+    values, name, begin = channel.values, channel.name, channel.begin
     if is_noise_free(values[: max(0, begin - 5)], span=float(np.ptp(values))):
-        return []
-    repeats = repeated_share(values, begin, finish)
+        return
+    repeats = repeated_share(values, begin, channel.finish)
     if repeats > 0.7:
-        return []
+        return
     allowed = limits.least_run
     if repeats > 0.0:
         by_chance = 1.0 + np.log(CHANCE / values.size) / np.log(repeats)
@@ -370,7 +383,6 @@ def run_faults(
     largest, least = float(values.max()), float(values.min())
     span = largest - least
     rest = float(np.median(values[: max(begin, 1)]))
-    faults = []
     held = np.ones(values.size, dtype=bool)
     for edge in (largest, least):
         at_edge = np.abs(values - edge) <= 1e-9 * span
@@ -380,14 +392,13 @@ def run_faults(
         count, run = int(at_edge.sum()), longest_true_run(at_edge)
         if run >= allowed or count > max(limits.clipped_share * values.size, allowed):
             text = f"{count} samples at the edge of the range, {run} of them in a row"
-            faults.append(Fault("clipping", name, text))
+            yield Fault("clipping", name, text)
             held &= ~at_edge
     same = np.abs(np.diff(values)) <= 1e-9 * span
     run = longest_true_run(same & held[1:] & held[:-1]) + 1
     if run >= allowed:
         text = f"{run} equal samples in a row, fewer than {allowed} expected of its noise"
-        faults.append(Fault("drop-out", name, text))
-    return faults
+        yield Fault("drop-out", name, text)
 
 
 def is_noise_free(rest: Floats, *, span: float) -> bool:
@@ -418,23 +429,14 @@ def repeated_share(values: Floats, begin: int, finish: int) -> float:
     return min(shares)
 
 
-def hum_faults(
-    name: str,
-    values: Floats,
-    begin: int,
-    finish: int,
-    *,
-    key: str,
-    rate: float,
-    limits: Limits,
-) -> list[Fault]:
+def hum_faults(channel: Channel, limits: Limits) -> Iterator[Fault]:
     """Find a steady line of the mains whose amplitude is above its limit, after the inrush.
 
     A load cell that is struck rings at a few tens of hertz and dies away; mains do not.
     """
-    part = values[begin + round(0.2 * rate) : finish]
-    most, unit = dict(limits.most_hum).get(key, np.inf), UNITS[key]
-    faults = []
+    rate, unit = channel.rate, channel.unit
+    part = channel.values[channel.begin + round(0.2 * rate) : channel.finish]
+    most = dict(limits.most_hum).get(channel.key, np.inf)
     for frequency in limits.mains:
         if frequency > 0.4 * rate or part.size * frequency < 10 * rate:
             continue
@@ -444,8 +446,7 @@ def hum_faults(
             # A whole number of its periods is in each bin of 20 ms that a calibration compares.
             cancelled = frequency * BIN == round(frequency * BIN)
             text += "; means over 20 ms cancel it" if cancelled else ""
-            faults.append(Fault("mains hum", name, text, excludes=not cancelled))
-    return faults
+            yield Fault("mains hum", channel.name, text, excludes=not cancelled)
 
 
 # A line is looked for in overlapping parts of a movement, of so many periods at least.

@@ -16,7 +16,7 @@ from turnout.measurement.campaign.motion_signals import (
     force_changes,
     mean_over,
 )
-from turnout.measurement.quality.channel_faults import UNITS, Fault, Limits, measured_channels
+from turnout.measurement.quality.channel_faults import Fault, Limits, measured_channels
 
 # The part of a throw that no object has a say in yet, and its samples [s].
 EARLY, EARLY_STEP = 1.5, 0.02
@@ -126,14 +126,13 @@ def truncation_faults(throw: FoundThrow, dataset: xr.Dataset, *, least_rest: flo
 
 def drift_faults(dataset: xr.Dataset, *, limits: Limits) -> list[Fault]:
     """Find rod forces and a load cell whose zero wanders: they change alike before and after."""
-    time = dataset["time"].values
-    span = float(time[-1] - time[0])
+    span = float(dataset["time"].values[-1] - dataset["time"].values[0])
     faults = []
-    for name, values, key in measured_channels(dataset):
-        slope = drift(values, rate=(time.size - 1) / span)
-        if UNITS[key] == "N" and abs(slope) * span > limits.most_drift:
-            text = f"{slope:.3g} N/s before and after the motion, {abs(slope) * span:.3g} N in all"
-            faults.append(Fault("drift", name, f"{text}, at most {limits.most_drift:g} N"))
+    for channel in measured_channels(dataset):
+        change = abs(slope := drift(channel.values, rate=channel.rate)) * span
+        if channel.unit == "N" and change > limits.most_drift:
+            text = f"{slope:.3g} N/s before and after the motion, {change:.3g} N in all"
+            faults.append(Fault("drift", channel.name, f"{text}, at most {limits.most_drift:g} N"))
     return faults
 
 
@@ -184,14 +183,15 @@ def offset_faults(
                 faults.append(Fault("zero offset", f"drive_force {name}", text, excludes=False))
     time = dataset["time"].values
     rest = time < throw.onset - 0.01
-    for name, values, key in measured_channels(dataset):
-        known = values[rest & np.isfinite(values)]
-        if key == "drive_force" or key not in most or throw.cut_start or not known.size:
+    for channel in measured_channels(dataset):
+        known = channel.values[rest & np.isfinite(channel.values)]
+        allowed = most.get(channel.key, np.inf)
+        if channel.key == "drive_force" or throw.cut_start or not known.size:
             continue
-        level, unit = float(np.median(known)), UNITS[key]
-        if abs(level) > most[key]:
-            text = f"{level:.3g} {unit} at rest, at most {most[key]:g} {unit} expected"
-            faults.append(Fault("zero offset", name, text, excludes=False))
+        level, unit = float(np.median(known)), channel.unit
+        if abs(level) > allowed:
+            text = f"{level:.3g} {unit} at rest, at most {allowed:g} {unit} expected"
+            faults.append(Fault("zero offset", channel.name, text, excludes=False))
     return faults
 
 
