@@ -113,7 +113,7 @@ def test_training_says_so_above_its_thresholds() -> None:
 
 def test_the_limit_says_so_on_screen_and_page(capsys: pytest.CaptureFixture[str]) -> None:
     found = limit_map(toy_throws(), Conditions(), closing=0.8)
-    write_map(found, None, Output("limit"), out=None, plot=None)
+    write_map(found, None, Output("limit", files={"out": None, "plot": None}))
     assert is_said(capsys.readouterr().out)
     html = page_html(blind_zone_page(found))
     assert is_said(html)

@@ -11,15 +11,15 @@ import typer
 from turnout.cli.campaign import OutsideOption, opened_campaign
 from turnout.cli.options import (
     DEFAULT_PANEL,
-    QuietOption,
+    File,
     SetOption,
     argument,
-    check_outputs,
+    gives,
     made_folder,
     opened_panel,
     option,
 )
-from turnout.cli.output import FINDINGS, JsonOption, Output, coloured, resumable
+from turnout.cli.output import FINDINGS, Output, coloured, resumable
 from turnout.cli.watch import ProgressBar
 from turnout.core.value_text import count_text, duration_text, value_text
 from turnout.measurement.campaign.campaign_folder import throw_store
@@ -36,13 +36,16 @@ LEAST_LEFT, LEAST_THROWS = 5.0, 10
 """Below this time [s], and before so many throws, the time left is not estimated."""
 
 
+@gives(
+    "calibrate",
+    quiet=True,
+    out=File("--out -o FILE.toml", "Where the result goes.", default=Path("calibration.toml")),
+)
 def calibrate_command(
+    output: Output,
     source: Path = argument("CAMPAIGN", "Folder of a campaign, or its dataset (.nc)."),
     panel: str = option("--panel PANEL", "Library panel or panel file.", default=DEFAULT_PANEL),
     settings: SetOption = [],  # noqa: B006 - typer copies it
-    out: Path = option(
-        "--out -o FILE.toml", "Where the result goes.", default=Path("calibration.toml")
-    ),
     free: list[str] = option("--free KEY", "Fit this key of the panel too. Repeat.", default=[]),
     fix: list[str] = option("--fix KEY", "Keep the panel's value of this key. Repeat.", default=[]),
     exclude: list[str] = option(
@@ -59,8 +62,6 @@ def calibrate_command(
     strict: bool = option("--strict", "Exit code 1 if the result is not trustworthy."),
     allow_outside: OutsideOption = False,
     workers: int = option("--workers N", "Processes.", default=2, min=1),
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
 ) -> None:
     """Fit friction, drive stiffness and slip levels to a measured campaign.
 
@@ -68,7 +69,7 @@ def calibrate_command(
     from at most 20 movements of every kind; `turnout validate` uses the others. Throws are
     cached beside the campaign: after Ctrl-C run the same command to continue.
     """
-    check_outputs({"--out": out}, {"--out": (".toml",)})
+    out, quiet = Path(str(output["out"])), output.quiet
     if figures is not None:
         made_folder("--figures", figures)
     loaded = opened_panel(panel, settings)
@@ -101,16 +102,13 @@ def calibrate_command(
     calibration = outcome.calibration
     calibration.save(out)
     signals = save_signals(outcome.final, calibration, out)
-    output = Output("calibrate", as_json=as_json, quiet=quiet)
     output.show(*result_lines(calibration))
     if figures is not None:
         _draw(output, calibration, outcome.sweeps, signals, figures)
     output.wrote(out)
     output.written.append(signals_path(out))
-    if as_json:
-        record, units = calibration_record(calibration)
-        output.json(record, units=units)
-    elif not quiet or calibration.distrust:
+    output.json(calibration_record, calibration)
+    if not output.silent or (calibration.distrust and not output.as_json):
         level, lines = "bad" if calibration.distrust else "good", trust_lines(calibration)
         for line in lines:
             typer.echo(coloured(line, level) if line.startswith("verdict") else line)

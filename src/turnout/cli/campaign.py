@@ -9,16 +9,16 @@ import typer
 from turnout.cli.options import (
     FIGURES,
     CalibrationOption,
+    File,
     PanelOption,
-    QuietOption,
     SetOption,
     TogetherOption,
     argument,
-    check_outputs,
+    gives,
     opened_panel,
     option,
 )
-from turnout.cli.output import FINDINGS, JsonOption, Output, note, refuse, resumable
+from turnout.cli.output import FINDINGS, Output, note, refuse, resumable
 from turnout.cli.watch import ProgressBar, watched
 from turnout.core.value_text import count_text
 
@@ -58,7 +58,9 @@ OutsideOption = Annotated[
 
 
 @app.command("check", short_help="Check a run sheet and the quality of every movement.")
+@gives("campaign check", quiet=True)
 def campaign_check_command(
+    output: Output,
     folder: FolderArgument,
     channels: ChannelsOption = None,
     panel: str | None = option(
@@ -66,8 +68,6 @@ def campaign_check_command(
     ),
     strict: StrictOption = False,
     allow_outside: OutsideOption = False,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
 ) -> None:
     """Check a run sheet against its files, and the quality of every movement.
 
@@ -75,14 +75,12 @@ def campaign_check_command(
     """
     loaded = None if panel is None else opened_panel(panel, [])
     campaign = built_campaign(
-        folder, channels, strict=strict, allow_outside=allow_outside, quiet=quiet
+        folder, channels, strict=strict, allow_outside=allow_outside, quiet=output.quiet
     )
     if loaded is not None:
         campaign = _with_panel(campaign, loaded)
-    output = Output("campaign check", as_json=as_json, quiet=quiet)
     _show_campaign(output, campaign, remarks=True)
-    if as_json:
-        output.json(campaign_record(campaign))
+    output.json(campaign_record, campaign)
     if campaign.dataset is None or _is_exchanged(campaign):
         raise typer.Exit(FINDINGS)
 
@@ -105,60 +103,62 @@ def _with_panel(campaign: "BuiltCampaign", panel: "LoadedPanel") -> "BuiltCampai
 
 
 @app.command("build", short_help="Build one dataset of all usable movements.")
+@gives("campaign build", quiet=True, out=File("--out -o FILE.nc", "Default campaign.nc in DIR."))
 def build_command(
+    output: Output,
     folder: FolderArgument,
-    out: Path | None = option("--out -o FILE.nc", "Default campaign.nc in DIR."),
     channels: ChannelsOption = None,
     strict: StrictOption = False,
     allow_outside: OutsideOption = False,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
 ) -> None:
     """Build one dataset of all usable movements; unchanged recordings are not read again."""
-    if out is not None:
-        check_outputs({"--out": out}, {"--out": (".nc",)})
     from turnout.measurement.campaign.campaign_folder import refuse_to_write_outside
 
-    target = out if out is not None else folder / "campaign.nc"
+    target = output["out"] or folder / "campaign.nc"
     refuse_to_write_outside(target, folder)
     campaign = built_campaign(
-        folder, channels, strict=strict, allow_outside=allow_outside, quiet=quiet
+        folder, channels, strict=strict, allow_outside=allow_outside, quiet=output.quiet
     )
-    output = Output("campaign build", as_json=as_json, quiet=quiet)
     _show_campaign(output, campaign, remarks=False)
     output.dataset(target, usable_dataset(campaign, folder))
-    if as_json:
-        output.json(campaign_record(campaign))
+    output.json(campaign_record, campaign)
 
 
 @app.command("plot", short_help="Draw channels by object size, or places against sizes.")
+@gives(
+    "campaign plot",
+    json=False,
+    quiet=True,
+    out=File(
+        "--out -o FILE",
+        "Figure (.png, .pdf or .svg).",
+        FIGURES,
+        Path("campaign.png"),
+    ),
+)
 def plot_command(
+    output: Output,
     source: Path = argument("DIR", "Folder of a campaign, or its dataset (.nc)."),
     place: str | None = option(
         "--place PLACE", "Channels by size at a place; without it, the overview."
     ),
     direction: str = option("--direction WAY", "closing or opening.", default="closing"),
-    out: Path | None = option("--out -o FILE", "Figure (.png, .pdf, .svg); default campaign.png."),
     channels: ChannelsOption = None,
     allow_outside: OutsideOption = False,
-    quiet: QuietOption = False,
 ) -> None:
     """Draw channels by object size at one place, or places against sizes."""
-    target = out if out is not None else Path("campaign.png")
-    check_outputs({"--out": target}, {"--out": FIGURES})
     if direction not in ("closing", "opening"):
         refuse(f"--direction {direction}: must be closing or opening")
     place = None if place is None else _place(place)
     dataset = opened_campaign(
-        source, channels, out=target, allow_outside=allow_outside, quiet=quiet
+        source, channels, out=output["out"], allow_outside=allow_outside, quiet=output.quiet
     )
     from turnout.figures.campaign import plot_overview, plot_stacked
 
     if place is None:
-        figure = plot_overview(dataset, direction=direction)
+        output.figure(output["out"], plot_overview, dataset, direction=direction)
     else:
-        figure = plot_stacked(dataset, place=place, direction=direction)
-    Output("campaign plot", quiet=quiet).figure(target, lambda: figure)
+        output.figure(output["out"], plot_stacked, dataset, place=place, direction=direction)
 
 
 def _place(text: str) -> str:
@@ -279,7 +279,9 @@ def reasons_to_exclude(campaign: "BuiltCampaign") -> list[tuple[str, tuple[str, 
 
 
 @app.command("virtual", short_help="Make a campaign of simulated throws.")
+@gives("campaign virtual", quiet=True)
 def virtual_command(
+    output: Output,
     out: Path = option("--out -o DIR", "Folder to fill.", default=...),
     panel: PanelOption = None,
     settings: SetOption = [],  # noqa: B006 - typer copies it
@@ -324,8 +326,6 @@ def virtual_command(
         "--hide-recorder", "Leave filter, average and rate out of the channel map."
     ),
     workers: int = option("--workers N", "Processes.", default=2, min=1),
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
 ) -> None:
     """Make a campaign of simulated throws in the formats of a data acquisition system."""
     from turnout.measurement.chain.channel_map import typed_recorder
@@ -355,7 +355,7 @@ def virtual_command(
         recorder=recorder,
         recorder_stated=not hide_recorder,
     )
-    _make(loaded, out, plan, workers=workers, as_json=as_json, quiet=quiet)
+    _make(loaded, out, plan, output, workers=workers)
 
 
 def _monitoring(rate: str | None, together: list[str]) -> "Monitoring | None":
@@ -369,28 +369,22 @@ def _monitoring(rate: str | None, together: list[str]) -> "Monitoring | None":
 
 
 def _make(
-    panel: "LoadedPanel",
-    out: Path,
-    plan: "CampaignPlan",
-    *,
-    workers: int,
-    as_json: bool,
-    quiet: bool,
+    panel: "LoadedPanel", out: Path, plan: "CampaignPlan", output: Output, *, workers: int
 ) -> None:
     from turnout.core.scheme import Scheme
     from turnout.study.virtual.make_campaign import make_virtual_campaign
 
     kept = f"throws so far are in {out}, run the same command to continue"
-    with resumable(kept), watched(f"throwing {panel.name}", quiet=quiet) as watch:
+    with resumable(kept), watched(f"throwing {panel.name}", quiet=output.quiet) as watch:
         made = make_virtual_campaign(panel, out, plan=plan, workers=workers, report=watch.report)
     for failure in made.failures:
         note(f"{failure}; its series ends there")
     slips = sum(item.slipped for item in made.thrown)
     coarse = "a test of `turnout calibrate` needs throws made with --finer"
     remarks = [coarse] if plan.scheme == Scheme() else []
-    output = Output("campaign virtual", as_json=as_json, quiet=quiet)
-    if as_json:
-        record = {
+    output.written.append(out)
+    output.json(
+        lambda: {
             "panel": panel.name,
             "panel_hash": panel.hash,
             "movements": len(made.thrown),
@@ -400,8 +394,7 @@ def _make(
             "failures": made.failures,
             "remarks": remarks,
         }
-        output.written.append(out)
-        output.json(record)
+    )
     movements = count_text(len(made.thrown), "movement")
     output.show(f"{movements}, {slips} of them with slip", heading="thrown")
     if made.oversized:

@@ -11,17 +11,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from turnout.cli.options import (
-    CalibrationOption,
-    PanelArgument,
-    QuietOption,
-    SetOption,
+    File,
+    PanelOptions,
     WorkersOption,
     argument,
-    check_outputs,
-    given_panel,
+    gives,
     option,
 )
-from turnout.cli.output import FINDINGS, JsonOption, Output, json_text, note, refuse, resumable
+from turnout.cli.output import FINDINGS, Output, json_text, note, refuse, resumable
 from turnout.cli.watch import cores, watched_sweeps
 from turnout.core.value_text import count_text
 
@@ -104,10 +101,15 @@ app = typer.Typer(
 
 
 @app.command("train", short_help="Train a detector for a panel on simulated throws.")
+@gives(
+    "detect train",
+    quiet=True,
+    width=16,
+    out=File("--out -o FILE.detector", "The detector.", default=Path("switch.detector")),
+)
 def train_command(
-    panel: PanelArgument = None,
-    calibration: CalibrationOption = None,
-    settings: SetOption = [],  # noqa: B006 - typer copies it
+    output: Output,
+    panel: PanelOptions,
     study: Path | None = option("--study FILE.toml", "Population in place of the reference case."),
     sound: int | None = option("--sound N", "Sound throws; default 4000.", min=420),
     objects: int | None = option(
@@ -130,13 +132,9 @@ def train_command(
         "Keeps the throws; run the same command to continue.",
         default=Path("detector-throws"),
     ),
-    out: Path = option("--out -o FILE.detector", "The detector.", default=Path("switch.detector")),
     workers: WorkersOption = 0,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
 ) -> None:
     """Throw a population of switches with and without objects, and learn to distinguish them."""
-    check_outputs({"--out": out}, {"--out": (".detector",)})
     from turnout.calibration.load_study import load_study
     from turnout.detection.detector.allowances import Allowances
     from turnout.detection.detector.detector import Detector
@@ -145,7 +143,7 @@ def train_command(
 
     allowances = Allowances(discrepancy=discrepancy)
     counts = {"sound": sound, "objects": objects, "defects": defects, "switches": switches}
-    given, shown = given_panel(panel, settings, calibration), watched_sweeps(quiet=quiet)
+    given, shown = panel.given(), watched_sweeps(quiet=output.quiet)
     with resumable(f"throws so far are in {folder}, run the same command to continue"):
         knowledge = train_detector(
             folder,
@@ -156,14 +154,11 @@ def train_command(
             quantity=_quantity(channels),
             workers=workers or cores(),
             watch=lambda name: shown(name, "throws: "),
-            report=None if quiet else _calibrating,
+            report=None if output.quiet else _calibrating,
         )
-    Detector(knowledge).save(out)
-    output = Output("detect train", as_json=as_json, quiet=quiet, width=16)
     output.show(*training_lines(knowledge))
-    output.wrote(out)
-    if as_json:
-        output.json(_described(knowledge))
+    output.save(output["out"], Detector(knowledge).save)
+    output.json(_described, knowledge)
 
 
 def _quantity(channels: str) -> str:
@@ -211,17 +206,18 @@ def _calibrating(what: str, done: int, total: int) -> None:
 
 
 @app.command("learn", short_help="Learn a switch from its own throws without an object.")
+@gives(
+    "detect learn", out=File("--out -o FILE.detector", "The detector of the switch.", default=...)
+)
 def learn_command(
+    output: Output,
     detector: DetectorArgument,
     recordings: RecordingsArgument,
-    out: Path = option("--out -o FILE.detector", "The detector of the switch.", default=...),
     channels: ChannelsOption = None,
     reset: bool = option("--reset", "Forget what was learned, as after an adjustment."),
     unchecked: bool = option("--unchecked", "Learn throws that are not called sound, too."),
-    as_json: JsonOption = False,
 ) -> None:
     """Add sound throws of one switch to its detector; throws not called sound are left out."""
-    check_outputs({"--out": out}, {"--out": (".detector",)})
     from turnout.detection.detector.another_switch import misfit_remark
     from turnout.detection.detector.detector import Detector
 
@@ -233,9 +229,8 @@ def learn_command(
     verdicts = found.learn(throws, check=not unchecked)
     if found.known.throws == before:
         remark = misfit_remark([item.status for item in verdicts], found.knowledge.about)
-        refuse(_nothing_learned(verdicts, out) + (f"; {remark}" if remark else ""))
-    found.save(out)
-    output, known = Output("detect learn", as_json=as_json), found.known
+        refuse(_nothing_learned(verdicts, output["out"]) + (f"; {remark}" if remark else ""))
+    known = found.known
     output.show(*(item.lines()[0] for item in verdicts if item.status != "sound"))
     output.show(f"{known.throws} sound throws known")
     if known.scatter > LARGEST_USUAL_SCATTER:
@@ -243,13 +238,15 @@ def learn_command(
             f"they scatter more than is assumed (variance x {known.scatter:.1f}), which "
             "limits allow for: small objects are harder to detect"
         )
-    output.wrote(out)
-    if as_json:
-        record = {"verdicts": [asdict(item) for item in verdicts], "throws": known.throws}
-        output.json({**record, "scatter": known.scatter}, units=verdict_units(found))
+    output.save(output["out"], found.save)
+    judged = [asdict(item) for item in verdicts]
+    output.json(
+        lambda: {"verdicts": judged, "throws": known.throws, "scatter": known.scatter},
+        units=verdict_units(found),
+    )
 
 
-def _nothing_learned(verdicts: "Sequence[Verdict]", out: Path) -> str:
+def _nothing_learned(verdicts: "Sequence[Verdict]", out: Path | None) -> str:
     first = verdicts[0].lines()[0] if verdicts else "none was found"
     return (
         f"none of {len(verdicts)} throws is called sound, so nothing was learned and {out} is not "
@@ -258,13 +255,14 @@ def _nothing_learned(verdicts: "Sequence[Verdict]", out: Path) -> str:
 
 
 @app.command("run", short_help="Judge recorded throws.")
+@gives("detect run")
 def detect_run_command(
+    output: Output,
     detector: DetectorArgument,
     recordings: RecordingsArgument,
     channels: ChannelsOption = None,
     far: RateOption = 1e-3,
     strict: bool = option("--strict", "Exit code 1 where a throw is not called sound."),
-    as_json: JsonOption = False,
 ) -> None:
     """Judge throws: object or none, its place and size, gaps without sensors, other causes."""
     from turnout.detection.conditions import TRAINED
@@ -274,12 +272,12 @@ def detect_run_command(
     found = Detector.load(detector, false_alarm_rate=known_rate(far))
     verdicts = found.predict(read_recordings(recordings, channels, found))
     remark = misfit_remark([item.status for item in verdicts], found.knowledge.about)
-    output = Output("detect run", as_json=as_json)
     output.show(*(line for item in verdicts for line in item.lines()))
     output.show(_summary(verdicts), TRAINED, *([remark] if remark else []))
-    if as_json:
-        record = {"verdicts": [asdict(item) for item in verdicts], "remark": remark}
-        output.json(record, units=verdict_units(found))
+    output.json(
+        lambda: {"verdicts": [asdict(item) for item in verdicts], "remark": remark},
+        units=verdict_units(found),
+    )
     if strict and any(item.status != "sound" for item in verdicts):
         raise typer.Exit(FINDINGS)
 
@@ -292,15 +290,15 @@ def _summary(verdicts: "Sequence[Verdict]") -> str:
 
 
 @app.command("report", short_help="Write an HTML page about judged throws.")
+@gives("detect report", json=False, out=File("--out -o FILE.html", "The page.", default=...))
 def detect_report_command(
+    output: Output,
     detector: DetectorArgument,
     recordings: RecordingsArgument,
-    out: Path = option("--out -o FILE.html", "The page.", default=...),
     channels: ChannelsOption = None,
     far: RateOption = 1e-3,
 ) -> None:
     """Judge throws and write one HTML file: findings, a row a throw, trend of friction."""
-    check_outputs({"--out": out}, {"--out": (".html",)})
     from turnout.detection.detector.detector import Detector
     from turnout.figures.report.detection import detection_page
     from turnout.figures.report.page import page_html
@@ -314,7 +312,7 @@ def detect_report_command(
     }
     rows = [asdict(item) for item in verdicts]
     page = detection_page(rows, about=about, quantity=found.quantity)
-    Output("detect report").write(out, page_html(page))
+    output.write(output["out"], page_html(page))
 
 
 SETTLED = 2.0

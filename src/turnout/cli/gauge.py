@@ -7,20 +7,18 @@ from typing import TYPE_CHECKING, Any, cast
 import typer
 
 from turnout.cli.options import (
-    FIGURES,
+    DATASET,
+    FIGURE,
     CalibrationOption,
-    DatasetOption,
-    FigureOption,
     PanelArgument,
-    QuietOption,
     SetOption,
-    check_outputs,
     collect_errors,
+    gives,
     opened_panel,
     option,
     read_texts,
 )
-from turnout.cli.output import FINDINGS, INCOMPLETE, JsonOption, Output, coloured, note
+from turnout.cli.output import FINDINGS, INCOMPLETE, Output, coloured, note
 from turnout.core.errors import SolverError
 
 if TYPE_CHECKING:
@@ -37,7 +35,9 @@ GAUGE_UNITS = {
 HEADING = f"{'Y [kN]':>8}{'Q [kN]':>8}  {'gauge at the wheel [mm]':<28}least under the wheel [mm]"
 
 
+@gives("gauge", quiet=True, width=16, out=DATASET, plot=FIGURE)
 def gauge_command(
+    output: Output,
     panel: PanelArgument = None,
     objects: list[str] = option(
         "--object SIZE@PLACE", "Foreign object, such as 13mm@sleeper6. Repeatable.", default=[]
@@ -78,15 +78,9 @@ def gauge_command(
         "Limits by line speed: of the library, or a file (.toml).",
         default="immediate-action",
     ),
-    out: DatasetOption = None,
-    plot: FigureOption = None,
     strict: bool = option("--strict", "Exit code 1 if the gauge is narrower than allowed."),
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
 ) -> None:
     """Show the track gauge beside a closed rail, at rest and under a wheel that rolls along it."""
-    check_outputs({"--out": out, "--plot": plot}, {"--out": (".nc",), "--plot": FIGURES})
-    output = Output("gauge", as_json=as_json, quiet=quiet, width=16)
     from turnout.metric.least_gauge import least_gauges, load_gauge_limits
     from turnout.panel.foreign_object import parse_objects
 
@@ -97,6 +91,7 @@ def gauge_command(
         lambda: [_forces("--lateral", lateral), _forces("--vertical", vertical)],
         lambda: read_texts({"--step": step, "--offset": offset}, _length),
     )
+    from turnout.figures.gauge import plot_gauge
     from turnout.throw.wheel import gauge_under_wheel
 
     try:
@@ -114,14 +109,10 @@ def gauge_command(
         note(str(error))
         raise typer.Exit(INCOMPLETE) from None
     found = least_gauges(dataset)
-    output.show(*gauge_lines(dataset, found, classes))
-    output.dataset(out, dataset)
-    if plot is not None:
-        from turnout.figures.gauge import plot_gauge
-
-        output.figure(plot, lambda: plot_gauge(dataset))
-    if as_json:
-        output.json(gauge_record(dataset, found, classes), units=GAUGE_UNITS)
+    output.lines(gauge_lines(dataset, found, classes))
+    output.dataset(output["out"], dataset)
+    output.figure(output["plot"], plot_gauge, dataset)
+    output.json(gauge_record, dataset, found, classes, units=GAUGE_UNITS)
     if strict and _least(found) < float(dataset.attrs["gauge_limit"]):
         raise typer.Exit(FINDINGS)
 

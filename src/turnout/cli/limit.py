@@ -1,28 +1,21 @@
 """The commands `turnout limit` and `turnout plan-test`: detectable objects, and a day of tests."""
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from turnout.cli.options import (
-    FIGURES,
-    CalibrationOption,
-    FigureOption,
-    PanelArgument,
-    QuietOption,
-    SetOption,
+    FIGURE,
+    File,
+    PanelOptions,
     WorkersOption,
-    check_outputs,
-    given_panel,
+    gives,
     option,
 )
-from turnout.cli.output import JsonOption, Output, note, refuse
+from turnout.cli.output import Output, note, refuse, table
 from turnout.cli.watch import cores, watched, watched_sweeps
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     import xarray as xr
 
@@ -45,10 +38,10 @@ END_STATES = 40
 """States thrown with objects at sensors and drives, at most."""
 
 
+@gives("limit", quiet=True, out=File("--out -o FILE.nc", "Write the map (netCDF)."), plot=FIGURE)
 def limit_command(
-    panel: PanelArgument = None,
-    calibration: CalibrationOption = None,
-    settings: SetOption = [],  # noqa: B006 - typer copies it
+    output: Output,
+    panel: PanelOptions,
     channels: str = option(
         "--channels NAME",
         "force, current, power (of drives that are machines) or all.",
@@ -104,14 +97,9 @@ def limit_command(
         "Keeps the throws; run the same command to continue.",
         default=Path("limit-throws"),
     ),
-    out: Path | None = option("--out -o FILE.nc", "Write the map (netCDF)."),
-    plot: FigureOption = None,
-    as_json: JsonOption = False,
     workers: WorkersOption = 0,
-    quiet: QuietOption = False,
 ) -> None:
     """Show the smallest object that the drive forces can reveal at each place, by any method."""
-    check_outputs({"--out": out, "--plot": plot}, {"--out": (".nc",), "--plot": FIGURES})
     from turnout.detection.limit.added_equipment import read_measures
     from turnout.detection.limit.bands import limit_bands
     from turnout.detection.limit.end_positions import end_position_map, throw_ends
@@ -126,8 +114,7 @@ def limit_command(
     check_kind(kind)
     measures = list(dict.fromkeys([*(what_if or []), *(FORMS if advise else ())]))
     check_measures(measures)
-    given = given_panel(panel, settings, calibration)
-    output = Output("limit", as_json=as_json, quiet=quiet)
+    given, quiet = panel.given(), output.quiet
     watch, count = watched_sweeps(TEXTS, quiet=quiet), workers or cores()
     steps, least = steps_of(quick=quick), min(sound, QUICK_SOUND) if quick else sound
     if panels is not None or over_travel:
@@ -138,7 +125,7 @@ def limit_command(
             states=states, sound=least, steps=steps, channels=channels, kind=kind, workers=count,
             report=lambda name, sweep: watch(sweep, f"{name}, "),
         )  # fmt: skip
-        write_bands(bands, output, out=out, plot=plot)
+        write_bands(bands, output)
         return
     _check_population(given, channels, measures, quiet=quiet)
     throws = throw_all(
@@ -164,7 +151,7 @@ def limit_command(
         advise=advise, steps=steps, workers=count, report=watch,
     )  # fmt: skip
     advice = _advice(throws, conditions, read, closing) if read else None
-    write_map(found, advice, output, out=out, plot=plot)
+    write_map(found, advice, output)
 
 
 OPTIONS = {
@@ -270,31 +257,23 @@ BANDS = {
 }
 
 
-def write_bands(
-    found: "xr.Dataset", output: Output, *, out: Path | None, plot: Path | None
-) -> None:
+def write_bands(found: "xr.Dataset", output: Output) -> None:
     """Write files first, then print."""
     from turnout.detection.conditions import SIMULATED
     from turnout.detection.limit.bands import band_rows
+    from turnout.figures.limit import plot_bands
 
-    output.dataset(out, found)
-    if plot is not None:
-        from turnout.figures.limit import plot_bands
-
-        output.figure(plot, lambda: plot_bands(found))
-    rows = band_rows(found)
-    if output.as_json:
-        record = {"panels": found["panel"].to_numpy().tolist(), "bands": rows}
-        output.json(record, units=LENGTHS | BANDS)
-    elif not output.silent:
-        typer.echo(
-            f"a90 [mm] of the bound over {found.sizes['panel']} panels; in brackets the 95 % "
-            f"interval over {found.attrs['states']} drawn states; {SIMULATED}\n"
-            f"{'place':<12}{'5 %':>24}{'middle':>24}{'95 %':>24}"
-        )
-        for row in rows:
-            cells = [_with_ends(row, f"a90_{band}") for band in ("low", "middle", "high")]
-            typer.echo(f"{row['place']:<12}" + "".join(f"{cell:>24}" for cell in cells))
+    output.dataset(output["out"], found)
+    output.figure(output["plot"], plot_bands, found)
+    rows, panels = band_rows(found), found["panel"].to_numpy().tolist()
+    output.json(lambda: {"panels": panels, "bands": rows}, units=LENGTHS | BANDS)
+    output.show(
+        f"a90 [mm] of the bound over {found.sizes['panel']} panels; in brackets the 95 % "
+        f"interval over {found.attrs['states']} drawn states; {SIMULATED}"
+    )
+    bands = ("low", "middle", "high")
+    cells = ([row["place"], *(_with_ends(row, f"a90_{band}") for band in bands)] for row in rows)
+    output.lines(table({"place": -12, "5 %": 24, "middle": 24, "95 %": 24}, cells))
 
 
 def _with_ends(row: "Mapping[str, float | str | None]", name: str) -> str:
@@ -304,85 +283,91 @@ def _with_ends(row: "Mapping[str, float | str | None]", name: str) -> str:
 
 
 def write_map(
-    found: "xr.Dataset",
-    advice: "tuple[xr.Dataset, Repeat] | None",
-    output: Output,
-    *,
-    out: Path | None,
-    plot: Path | None,
+    found: "xr.Dataset", advice: "tuple[xr.Dataset, Repeat] | None", output: Output
 ) -> None:
     """Write files first, then print."""
     from turnout.detection.limit.end_positions import end_rows
     from turnout.detection.limit.known_place_map import known_rows
     from turnout.detection.limit.limit_map import rows_of
     from turnout.detection.limit.what_if import gain_rows
+    from turnout.figures.limit import plot_limit
 
-    output.dataset(out, found)
-    if plot is not None:
-        from turnout.figures.limit import plot_limit
-
-        output.figure(plot, lambda: plot_limit(found))
-    if output.as_json:
-        record = {
+    output.dataset(output["out"], found)
+    output.figure(output["plot"], plot_limit, found)
+    places = rows_of(found)
+    known = known_rows(found) if "known_pod" in found else None
+    ends = end_rows(found) if "end_pod" in found else None
+    gained = gain_rows(advice[0]) if advice else None
+    output.json(
+        lambda: {
             "conditions": found.attrs,
-            "places": rows_of(found),
-            "known_place": known_rows(found) if "known_pod" in found else None,
-            "end_positions": end_rows(found) if "end_pod" in found else None,
-            "measures": gain_rows(advice[0]) if advice else None,
+            "places": places,
+            "known_place": known,
+            "end_positions": ends,
+            "measures": gained,
             "second_throw": advice[1] if advice else None,
-        }
-        output.json(record, units=LENGTHS)
-    elif not output.silent:
-        _print(found)
-        if "known_pod" in found:
-            _print_known(known_rows(found), draws=int(found.attrs["known_draws"]))
-        if "end_pod" in found:
-            _print_ends(end_rows(found))
-        if advice:
-            _print_advice(gain_rows(advice[0]), advice[1])
+        },
+        units=LENGTHS,
+    )
+    output.lines(_map_lines(found, places))
+    if known is not None:
+        output.lines(_known_lines(known, draws=int(found.attrs["known_draws"])))
+    if ends is not None:
+        output.lines(_end_lines(ends))
+    if advice and gained is not None:
+        output.lines(_advice_lines(gained, advice[1]))
 
 
-def _print(found: "xr.Dataset") -> None:
+def _map_lines(
+    found: "xr.Dataset", rows: "Sequence[Mapping[str, float | str | None]]"
+) -> "Iterator[str]":
     from turnout.detection.conditions import SIMULATED
-    from turnout.detection.limit.limit_map import rows_of
 
     said = found.attrs
-    typer.echo(
+    yield (
         f"{said['quantities'].capitalize()} of the drives: smallest size that the bound detects "
         f"in 90 % of {said['states']} states "
         f"(discrepancy {100 * said['discrepancy']:g} %, {said['history']} sound throws known, "
         f"false-alarm rate {said['false_alarm_rate']:g}, objects: {said['object_kind']}); "
         f"optimistic: place and size are known; {SIMULATED}"
     )
-    channels = [str(name) for name in found["channel"].to_numpy()]
-    others = "".join(f"{name + ' alone':>16}" for name in channels[1:])
-    typer.echo(f"{'place':<12}{'x [m]':>7}{'touch floor':>13}{'a90 [mm]':>10}{'95 %':>15}{others}")
-    for row in rows_of(found):
-        cells = [_millimetres(row[name]) for name in ("a90", "a90_low", "a90_high")]
-        more = "".join(f"{_millimetres(row[f'a90, {name}']):>16}" for name in channels[1:])
-        typer.echo(
-            f"{row['place']:<12}{row['x']:>7.2f}{_millimetres(row['touch_floor']):>13}"
-            f"{cells[0]:>10}{cells[1] + ' ... ' + cells[2]:>15}{more}"
-        )
+    alone = [str(name) for name in found["channel"].to_numpy()[1:]]
+    columns = {"place": -12, "x [m]": 7, "touch floor": 13, "a90 [mm]": 10, "95 %": 15}
+    columns |= {f"{name} alone": 16 for name in alone}
+    yield from table(
+        columns,
+        (
+            [row["place"], f"{row['x']:.2f}", _millimetres(row["touch_floor"])]
+            + _interval(row, "a90")
+            + [_millimetres(row[f"a90, {name}"]) for name in alone]
+            for row in rows
+        ),
+    )
+
+
+def _interval(row: "Mapping[str, float | str | None]", name: str) -> list[str]:
+    """Return a length and its interval, both in millimetres."""
+    value, low, high = (_millimetres(row[name + end]) for end in ("", "_low", "_high"))
+    return [value, f"{low} ... {high}"]
 
 
 def _millimetres(value: object) -> str:
     return f"{1e3 * value:.1f}" if isinstance(value, float) else "beyond"
 
 
-def _print_known(rows: "list[dict[str, float | str | None]]", *, draws: int) -> None:
-    typer.echo(
+def _known_lines(
+    rows: "Sequence[Mapping[str, float | str | None]]", *, draws: int
+) -> "Iterator[str]":
+    yield (
         f"\nif the place is known, size and state not ({draws} sound throws drawn): the limit lies "
         "between the two"
     )
-    typer.echo(f"{'place':<12}{'a90 [mm]':>10}{'95 %':>15}")
-    for row in rows:
-        cells = [_millimetres(row[f"known_a90{end}"]) for end in ("", "_low", "_high")]
-        typer.echo(f"{row['place']:<12}{cells[0]:>10}{cells[1] + ' ... ' + cells[2]:>15}")
+    cells = ([row["place"], *_interval(row, "known_a90")] for row in rows)
+    yield from table({"place": -12, "a90 [mm]": 10, "95 %": 15}, cells)
 
 
-def _print_ends(rows: "list[Mapping[str, float | str | None]]") -> None:
-    typer.echo(
+def _end_lines(rows: "Sequence[Mapping[str, float | str | None]]") -> "Iterator[str]":
+    yield (
         f"\nend position: {'at':<10}{'limit [mm]':>11}{'shown at limit':>16}"
         f"{'shown in 90 % from [mm]':>25}  by"
     )
@@ -390,14 +375,14 @@ def _print_ends(rows: "list[Mapping[str, float | str | None]]") -> None:
         limit, share = row["gap_limit"], row["end_pod_at_limit"]
         assert isinstance(limit, float)
         assert isinstance(share, float)
-        typer.echo(
+        yield (
             f"{'':<14}{row['position']:<10}{1e3 * limit:>11.1f}{100 * share:>14.1f} %"
             f"{_millimetres(row['revealed_gap']):>25}  {row['channel']}"
         )
 
 
-def _print_advice(rows: "list[Mapping[str, float | str]]", repeat: "Repeat") -> None:
-    typer.echo(
+def _advice_lines(rows: "Sequence[Mapping[str, float | str]]", repeat: "Repeat") -> "Iterator[str]":
+    yield (
         f"\n{'measure':<26}{'gain of a90 [mm]':>17}{'95 %':>16}{'worst place [mm]':>18}{'95 %':>16}"
         "  meaning"
     )
@@ -406,32 +391,28 @@ def _print_advice(rows: "list[Mapping[str, float | str]]", repeat: "Repeat") -> 
         for name, width in (("gain", 17), ("gain_worst", 18)):
             value, low, high = (1e3 * float(row[name + end]) for end in ("", "_low", "_high"))
             text += f"{value:>{width}.2f}{f'{low:.2f} ... {high:.2f}':>16}"
-        typer.echo(f"{text}  {row['note']}")
-    typer.echo(
+        yield f"{text}  {row['note']}"
+    yield (
         f"false alarms a switch and year: {repeat.once_a_year:.3g}; {repeat.twice_a_year:.2g} if a "
         f"second throw must confirm (correlation {repeat.correlation:.2f}: independent throws "
         "would square the rate)"
     )
 
 
+@gives("plan-test", quiet=True, out=File("--out -o FILE.csv", "Write the plan."))
 def plan_test_command(
-    panel: PanelArgument = None,
-    calibration: CalibrationOption = None,
-    settings: SetOption = [],  # noqa: B006 - typer copies it
+    output: Output,
+    panel: PanelOptions,
     throws: int = option("--throws N", "Throws of the day.", default=60, min=1),
     discrepancy: float = option(
         "--discrepancy SHARE", "Of model and switch, share of the peak force.", default=0.05
     ),
-    out: Path | None = option("--out -o FILE.csv", "Write the plan."),
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
 ) -> None:
     """Plan a day of tests: objects, places and order that determine the switch and a90 best."""
-    check_outputs({"--out": out}, {"--out": (".csv",)})
     from turnout.detection.limit.day_plan import candidates, full_grid, known_after, ordered, plan
 
     conditions = conditions_of_options(discrepancy=discrepancy)
-    given = given_panel(panel, settings, calibration)
+    given, quiet = panel.given(), output.quiet
     with watched("simulating the throws to choose from", quiet=quiet) as watch:
         found = candidates(given, conditions=conditions, report=watch.report)
     with watched("choosing throws", quiet=quiet) as watch:
@@ -443,30 +424,30 @@ def plan_test_command(
          "slips": bool(found.slips[row])}
         for number, row in enumerate(chosen, 1)
     ]  # fmt: skip
-    output = Output("plan-test", as_json=as_json, quiet=quiet)
     lines = ["throw,place,size [mm],slips"]
     lines += [
         f"{row['throw']},{row['place']},{1e3 * float(str(row['size'])):g},"
         f"{'yes' if row['slips'] else 'no'}"
         for row in rows
     ]
-    output.write(out, "\n".join(lines) + "\n")
-    if as_json:
-        record = {
+    output.write(output["out"], "\n".join(lines) + "\n")
+    parameters, places = _parameter_rows(found, known, of_grid), _place_rows(known, of_grid)
+    output.json(
+        lambda: {
             "throws": len(chosen),
             "grid_throws": len(grid),
             "plan": rows,
-            "parameters": _parameter_rows(found, known, of_grid),
-            "places": _place_rows(known, of_grid),
-        }
-        output.json(record, units=dict.fromkeys(("size", "a90", "a90_95", "grid_a90_95"), "m"))
-    elif not quiet:
-        _print_plan(found, chosen, grid, known, of_grid)
+            "parameters": parameters,
+            "places": places,
+        },
+        units=dict.fromkeys(("size", "a90", "a90_95", "grid_a90_95"), "m"),
+    )
+    output.lines(_order_lines(found, chosen), _gain_lines(parameters, places, grid=len(grid)))
 
 
 def _parameter_rows(
     found: "Candidates", known: "Knowledge", of_grid: "Knowledge"
-) -> list[dict[str, object]]:
+) -> list[dict[str, Any]]:
     return [
         {"parameter": item.name, "before": item.deviation, "is_share": item.share,
          "after": item.deviation * float(after), "after_grid": item.deviation * float(grid)}
@@ -476,51 +457,53 @@ def _parameter_rows(
     ]  # fmt: skip
 
 
-def _place_rows(known: "Knowledge", of_grid: "Knowledge") -> list[dict[str, object]]:
+def _place_rows(known: "Knowledge", of_grid: "Knowledge") -> list[dict[str, Any]]:
     return [
         {"place": place, "a90": size, "a90_95": high, "grid_a90_95": of_grid.a90[place][1]}
         for place, (size, high) in known.a90.items()
     ]
 
 
-def _print_plan(
-    found: "Candidates",
-    chosen: list[int],
-    grid: list[int],
-    known: "Knowledge",
-    of_grid: "Knowledge",
-) -> None:
+def _order_lines(found: "Candidates", chosen: list[int]) -> "Iterator[str]":
+    """Yield the throws of a day, place by place."""
     from itertools import groupby
 
-    from turnout.detection.conditions import SIMULATED
-
-    typer.echo(f"{len(chosen)} throws, in this order (* a drive slips):")
+    yield f"{len(chosen)} throws, in this order (* a drive slips):"
     for place, rows in groupby(chosen, key=lambda row: found.place[row]):
         sizes = [f"{1e3 * found.size[row]:g}{'*' if found.slips[row] else ''}" for row in rows]
         what = f"{len(sizes)} sound" if place == "none" else ", ".join(sizes) + " mm"
-        typer.echo(f"  {'no object' if place == 'none' else place:<12}{what}")
-    wide = max(34, *(len(item.name) + 1 for item in found.parameters))
-    typer.echo(
-        f"\n{'standard deviation of':<{wide}}{'before':>10}{'this day':>10}"
-        f"{f'grid of {len(grid)}':>14}"
+        yield f"  {'no object' if place == 'none' else place:<12}{what}"
+
+
+def _gain_lines(
+    parameters: list[dict[str, Any]], places: list[dict[str, Any]], *, grid: int
+) -> "Iterator[str]":
+    """Yield deviations of parameters and bounds after a day of tests, beside those of a grid."""
+    from turnout.detection.conditions import SIMULATED
+
+    wide = max(34, *(len(row["parameter"]) + 1 for row in parameters))
+    columns = {"standard deviation of": -wide, "before": 10, "this day": 10, f"grid of {grid}": 14}
+    yield ""
+    yield from table(
+        columns,
+        (
+            [row["parameter"], *(_deviation(row, key) for key in ("before", "after", "after_grid"))]
+            for row in parameters
+        ),
     )
-    for row in _parameter_rows(found, known, of_grid):
-        cells = [
-            _deviation(
-                row[key], share=bool(row["is_share"]), length="travel" in str(row["parameter"])
-            )
-            for key in ("before", "after", "after_grid")
-        ]
-        typer.echo(f"{row['parameter']:<{wide}}{cells[0]:>10}{cells[1]:>10}{cells[2]:>14}")
-    typer.echo(f"\n{'bound at':<14}{'a90 [mm]':>10}{'a90/95, this day':>18}{'grid':>10}")
-    for row in _place_rows(known, of_grid):
-        cells = [f"{1e3 * float(str(row[key])):.1f}" for key in ("a90", "a90_95", "grid_a90_95")]
-        typer.echo(f"{row['place']:<14}{cells[0]:>10}{cells[1]:>18}{cells[2]:>10}")
-    typer.echo(SIMULATED)
+    yield ""
+    yield from table(
+        {"bound at": -14, "a90 [mm]": 10, "a90/95, this day": 18, "grid": 10},
+        (
+            [row["place"], *(f"{1e3 * row[key]:.1f}" for key in ("a90", "a90_95", "grid_a90_95"))]
+            for row in places
+        ),
+    )
+    yield SIMULATED
 
 
-def _deviation(value: object, *, share: bool, length: bool) -> str:
-    number = float(str(value))
-    if share:
+def _deviation(row: "Mapping[str, Any]", key: str) -> str:
+    number = float(row[key])
+    if row["is_share"]:
         return f"{100 * number:.2f} %"
-    return f"{1e3 * number:.3f} mm" if length else f"{number:.4f}"
+    return f"{1e3 * number:.3f} mm" if "travel" in row["parameter"] else f"{number:.4f}"

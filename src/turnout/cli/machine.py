@@ -10,14 +10,14 @@ import typer
 from turnout.cli.campaign import OutsideOption, opened_campaign
 from turnout.cli.options import (
     FIGURES,
-    QuietOption,
+    File,
     TogetherOption,
     argument,
-    check_outputs,
     first_sentence,
+    gives,
     option,
 )
-from turnout.cli.output import INCOMPLETE, JsonOption, Output, note, picked, print_library, refuse
+from turnout.cli.output import INCOMPLETE, Output, note, picked, print_library, refuse
 from turnout.core.errors import SolverError
 
 if TYPE_CHECKING:
@@ -42,6 +42,9 @@ app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
 )
+RECORDING = File(
+    "--out -o FILE", "File to write (.csv, .mat or .h5).", (".csv", ".mat", ".h5"), ...
+)
 MachineArgument = Annotated[str, argument("MACHINE", "Library machine, or path of a file (.toml).")]
 MachineSetOption = Annotated[
     list[str],
@@ -55,20 +58,22 @@ MachineSetOption = Annotated[
 
 
 @app.command("list")
-def machine_list_command(as_json: JsonOption = False) -> None:
+@gives("machine list")
+def machine_list_command(output: Output) -> None:
     """List the library machines."""
     from turnout.machine.machine_file import load_machines, machine_names
 
     found = {name: first_sentence(load_machines(name).description) for name in machine_names()}
-    print_library("machine list", "machines", found, as_json=as_json)
+    print_library(output, "machines", found)
 
 
 @app.command("show", short_help="Show every value with its origin, and operating points.")
+@gives("machine show")
 def machine_show_command(
+    output: Output,
     machine: MachineArgument,
     settings: MachineSetOption = [],  # noqa: B006 - typer copies it
     toml: bool = option("--toml", "Print the file of a library machine, as a template."),
-    as_json: JsonOption = False,
 ) -> None:
     """Show every value of a machine with its origin, and its steady operating points."""
     from turnout.machine.machine_file import load_machines, machine_text
@@ -79,22 +84,23 @@ def machine_show_command(
         typer.echo(machine_text(machine), nl=False)
         return
     loaded = load_machines(machine).with_settings(settings)
-    output = Output("machine show", as_json=as_json)
     output.show(*machine_lines(loaded))
-    if as_json:
-        output.json(machine_record(loaded))
+    output.json(machine_record, loaded)
 
 
 @app.command("run", short_help="Simulate a machine throwing a one-mass rail.")
+@gives(
+    "machine run",
+    width=16,
+    out=File("--out -o FILE.nc", "Write the histories (netCDF)."),
+    plot=File("--plot FILE", "Draw them (.png, .pdf or .svg).", FIGURES),
+)
 def machine_run_command(
+    output: Output,
     machine: MachineArgument,
     settings: MachineSetOption = [],  # noqa: B006 - typer copies it
-    out: Path | None = option("--out -o FILE.nc", "Write the histories (netCDF)."),
-    plot: Path | None = option("--plot FILE", "Draw them (.png, .pdf or .svg)."),
-    as_json: JsonOption = False,
 ) -> None:
     """Simulate a machine throwing a one-mass rail: current, force, events, energy."""
-    check_outputs({"--out": out, "--plot": plot}, {"--out": (".nc",), "--plot": FIGURES})
     from turnout.machine.compute.circuit import throw as kernel
     from turnout.machine.machine_file import load_machines
     from turnout.machine.one_mass_throw import throw_one_mass
@@ -108,17 +114,15 @@ def machine_run_command(
     except SolverError as error:
         note(str(error))
         raise typer.Exit(INCOMPLETE) from None
-    output = Output("machine run", as_json=as_json, width=16)
     output.show(*throw_lines(throw), *_notes(loaded, throw))
-    if out is not None or plot is not None:
+    if output["out"] or output["plot"]:
         from turnout.figures.machine import plot_machine
         from turnout.throw.machine import machine_dataset
 
         dataset = machine_dataset(throw)
-        output.dataset(out, dataset)
-        output.figure(plot, lambda: plot_machine(dataset))
-    if as_json:
-        output.json(throw_summary(throw), units=THROW_UNITS)
+        output.dataset(output["out"], dataset)
+        output.figure(output["plot"], plot_machine, dataset)
+    output.json(throw_summary, throw, units=THROW_UNITS)
     if not throw.is_balanced:
         raise typer.Exit(INCOMPLETE)
 
@@ -260,9 +264,10 @@ def throw_lines(throw: "MachineThrow") -> list[str]:
 
 
 @app.command("monitor", short_help="Sample a throw as a monitoring system in service stores it.")
+@gives("machine monitor", quiet=True, out=RECORDING)
 def monitor_command(
+    output: Output,
     run: Path = argument("RUN", "Result of a throw whose drives are machines."),
-    out: Path = option("--out -o FILE", "File to write (.csv, .mat or .h5).", default=...),
     rate: str = option(
         "--rate RATE",
         "Values a second, usually 25 to 100 Hz; or 'zyj7', 'switchmonitor'.",
@@ -276,14 +281,11 @@ def monitor_command(
     power_step: str | None = option(
         "--power-step POWER", "Resolution, default 1 W or that of the system; '0 W' for none."
     ),
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
 ) -> None:
     """Sample currents (RMS) and powers (mean) of a throw over windows, in coarse steps.
 
     The file is a recording: `turnout import` shows it.
     """
-    check_outputs({"--out": out}, {"--out": (".csv", ".mat", ".h5")})
     from turnout.measurement.chain.monitoring import (
         monitored,
         monitoring_of,
@@ -297,18 +299,17 @@ def monitor_command(
     )
     stored = monitored(open_response(run), chosen)
     recording = monitoring_recording(stored, source=f"monitoring of {run.name}, simulated")
-    write_recording(recording, out)
-    output, size = Output("machine monitor", as_json=as_json, quiet=quiet), stored.sizes["time"]
+    size = stored.sizes["time"]
     output.show(f"{size} values at {chosen.rate:g} Hz", heading="sampled")
     found = [
         {"name": name, "unit": channel.unit, "largest": float(channel.values.max())}
         for name, channel in recording.channels.items()
     ]
     output.rows("", (f"{row['name']}: at most {row['largest']:g} {row['unit']}" for row in found))
-    output.wrote(out)
-    if as_json:
-        record = {"rate": chosen.rate, "samples": size, "channels": found}
-        output.json(record, units={"rate": "1/s"})
+    output.save(output["out"], lambda path: write_recording(recording, path))
+    output.json(
+        lambda: {"rate": chosen.rate, "samples": size, "channels": found}, units={"rate": "1/s"}
+    )
 
 
 FIT_UNITS = {
@@ -320,7 +321,9 @@ FIT_UNITS = {
 
 
 @app.command("fit", short_help="Identify machines from the currents of a campaign.")
+@gives("machine fit", quiet=True)
 def fit_command(
+    output: Output,
     source: Path = argument("CAMPAIGN", "Folder of a campaign, or its dataset (.nc)."),
     series_motor: str | None = option(
         "--series-motor CURRENT",
@@ -346,8 +349,6 @@ def fit_command(
         default=[],
     ),
     allow_outside: OutsideOption = False,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
 ) -> None:
     """Identify machines from the currents of a campaign, per drive and direction.
 
@@ -373,7 +374,7 @@ def fit_command(
         from turnout.core.errors import MachineError
 
         raise MachineError(problems, source="options")
-    dataset = opened_campaign(source, None, allow_outside=allow_outside, quiet=quiet or as_json)
+    dataset = opened_campaign(source, None, allow_outside=allow_outside, quiet=output.silent)
     from turnout.calibration.machine_fit import Gauge, Sister, fit_machines
 
     fit = fit_machines(
@@ -384,10 +385,8 @@ def fit_command(
         gauges={n: Gauge(force=value, deviation=d) for n, (value, d) in gauges.items()},
         sisters={n: Sister(slope=v, spread=d, **ranges[n]) for n, (v, d) in sisters.items()},
     )
-    output = Output("machine fit", as_json=as_json, quiet=quiet)
     output.show(*fit_lines(fit))
-    if as_json:
-        output.json(fit_record(fit), units=FIT_UNITS)
+    output.json(fit_record, fit, units=FIT_UNITS)
 
 
 def _saturation(text: str | None, problems: list[str]) -> float:

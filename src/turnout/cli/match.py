@@ -4,14 +4,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from turnout.cli.options import (
-    FIGURES,
-    FigureOption,
-    QuietOption,
+    FIGURE,
+    File,
     argument,
-    check_outputs,
+    gives,
     option,
 )
-from turnout.cli.output import JsonOption, Output, resumable
+from turnout.cli.output import Output, resumable
 from turnout.cli.watch import ProgressBar
 from turnout.core.value_text import shown_unit
 
@@ -26,7 +25,14 @@ MOST_PAIR_PARAMETERS = 8
 """Parameters of the pair plot: those of which the facts leave least."""
 
 
+@gives(
+    "panel match",
+    quiet=True,
+    study=File("--study FILE.toml", "Write panels far apart as a study."),
+    plot=FIGURE,
+)
 def match_command(
+    output: Output,
     facts: str = argument("FACTS", "Facts file (.toml), or paper-facts."),
     folder: Path = option(
         "--folder DIR", "Keeps the panels; run again to continue.", default=Path("matching")
@@ -34,23 +40,18 @@ def match_command(
     count: int = option("--count N", "Accepted panels wanted.", default=200, min=10),
     most: int = option("--most N", "Panels tried at most.", default=4000, min=100),
     choose: int = option("--choose N", "Panels written to --study.", default=50, min=2),
-    study: Path | None = option("--study FILE.toml", "Write panels far apart as a study."),
-    plot: FigureOption = None,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
 ) -> None:
     """Collect panels whose throws meet facts, and rank the measurements to make next.
 
     Ranges, facts and possible measurements are in FACTS. Panels are tried in waves, drawn where
     emulators of the earlier ones leave facts possible.
     """
-    check_outputs({"--study": study, "--plot": plot}, {"--study": (".toml",), "--plot": FIGURES})
     from turnout.calibration.matching.facts import load_facts
     from turnout.calibration.matching.match import match_panel
     from turnout.calibration.matching.survey import survey
 
     read = load_facts(facts)
-    log = ProgressBar(quiet=quiet, every=SECONDS_BETWEEN_LINES)
+    log = ProgressBar(quiet=output.quiet, every=SECONDS_BETWEEN_LINES)
 
     def tried(state: "MatchProgress") -> None:
         found = f"{state.tried} panels tried, {state.accepted} of {state.wanted} accepted"
@@ -62,33 +63,22 @@ def match_command(
     with resumable("run the same command to continue"):
         found = match_panel(read, folder, count=count, most=most, report=tried)
         shown = survey(read, found.points, folder, report=surveyed)
-    output = Output("panel match", as_json=as_json, quiet=quiet)
     output.show(*match_lines(found, shown))
-    _write(output, read, shown, study=study, choose=choose, plot=plot)
-    if as_json:
-        output.json(match_record(found, shown))
+    _write(output, read, shown, choose=choose)
+    output.json(match_record, found, shown)
 
 
-def _write(
-    output: Output,
-    facts: "Facts",
-    shown: "Survey",
-    *,
-    study: Path | None,
-    choose: int,
-    plot: Path | None,
-) -> None:
+def _write(output: Output, facts: "Facts", shown: "Survey", *, choose: int) -> None:
+    from turnout.calibration.matching.ensemble import study_text
     from turnout.calibration.matching.propose import farthest_points
+    from turnout.calibration.matching.remaining import ranges
+    from turnout.figures.pairs import plot_pairs
 
+    study, plot = output["study"], output["plot"]
     if study is not None and len(shown.points):
-        from turnout.calibration.matching.ensemble import study_text
-
         chosen = shown.points[farthest_points(shown.points, choose)]
         output.write(study, study_text(facts, chosen, name=study.stem))
     if plot is not None and len(shown.points) > 2:
-        from turnout.calibration.matching.remaining import ranges
-        from turnout.figures.pairs import plot_pairs
-
         left = [item.left for item in ranges(facts, shown.points)]
         numbers = sorted(sorted(range(len(left)), key=left.__getitem__)[:MOST_PAIR_PARAMETERS])
         values, bounds = {}, {}
@@ -98,7 +88,7 @@ def _write(
             values[name] = factor * item.value(shown.points[:, number])
             bounds[name] = (factor * item.minimum, factor * item.maximum)
         title = f"{facts.name}: {len(shown.points)} panels within the stated ranges"
-        output.figure(plot, lambda: plot_pairs(values, bounds=bounds, title=title))
+        output.figure(plot, plot_pairs, values, bounds=bounds, title=title)
 
 
 def _axis(name: str, unit: str) -> tuple[str, float]:

@@ -1,14 +1,17 @@
 """Options that several commands share, and output paths checked before a long run."""
 
+import inspect
 import os
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, is_dataclass
+from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from turnout.cli.output import INCOMPLETE, INTERRUPTED, note, refuse
+from turnout.cli.output import INCOMPLETE, INTERRUPTED, Output, note, refuse
 from turnout.core.errors import FileError, TurnoutError
 
 if TYPE_CHECKING:
@@ -171,10 +174,6 @@ CalibrationOption = Annotated[
         "--calibration FILE", "Values from `turnout calibrate`; --set overrides them.", default=...
     ),
 ]
-QuietOption = Annotated[bool, option("--quiet -q", "Show nothing but errors.", default=...)]
-DatasetOption = Annotated[
-    Path | None, option("--out -o FILE.nc", "Write the dataset (netCDF).", default=...)
-]
 WorkersOption = Annotated[
     int, option("--workers N", "Processes; default one a core.", min=0, default=...)
 ]
@@ -186,9 +185,138 @@ TogetherOption = Annotated[
         default=...,
     ),
 ]
-FigureOption = Annotated[
-    Path | None, option("--plot FILE", "Write a figure (.png, .pdf or .svg).", default=...)
-]
+
+
+@dataclass(frozen=True, slots=True)
+class PanelOptions:
+    """The panel of a command, with the values that are changed of it."""
+
+    panel: PanelArgument = None
+    settings: SetOption = ()  # type: ignore[assignment]  # typer gives lists
+    calibration: CalibrationOption = None
+
+    def opened(self) -> "LoadedPanel":
+        """Return the panel, changed; the default one if none is named."""
+        return opened_panel(self.panel, self.settings, self.calibration)
+
+    def given(self) -> "LoadedPanel | None":
+        """Return the panel, changed; None if neither it nor a change is named."""
+        named = self.panel is not None or self.calibration is not None or self.settings
+        return self.opened() if named else None
+
+
+@dataclass(frozen=True, slots=True)
+class File:
+    """A file that a command writes.
+
+    Attributes
+    ----------
+    names, text : str
+        Of its option, as for `option`.
+    suffixes : tuple of str
+        Suffixes that its name may have; if empty, that of the option's value.
+    default : Path, optional
+        Where it is not given.
+    """
+
+    names: str
+    text: str
+    suffixes: tuple[str, ...] = ()
+    default: Any = None
+
+    @property
+    def option(self) -> str:
+        """Its long name."""
+        return self.names.split()[0]
+
+    @property
+    def allowed(self) -> tuple[str, ...]:
+        """Suffixes that its name may have."""
+        return self.suffixes or (Path(self.names.split()[-1]).suffix,)
+
+
+DATASET = File("--out -o FILE.nc", "Write the dataset (netCDF).")
+FIGURE = File("--plot FILE", "Write a figure (.png, .pdf or .svg).", FIGURES)
+SCHEMA = File("--out -o FILE.json", "Write it to a file.")
+QUIET = option("--quiet -q", "Show nothing but errors.", default=...)
+JSON = option("--json", "Print the result as JSON, in SI units; see docs.", default=...)
+
+
+def gives(
+    command: str,
+    *,
+    json: bool = True,
+    quiet: bool = False,
+    width: int = 12,
+    **files: File,
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a command its `Output`, by options for files, `--json` and `--quiet`.
+
+    Its other options are its parameters; one whose type is a dataclass stands for its fields. Paths
+    are checked before it begins.
+
+    Parameters
+    ----------
+    command : str
+        Such as "sweep map".
+    json : bool
+        Whether it has `--json`.
+    quiet : bool
+        Whether it has `--quiet`.
+    width : int
+        Column behind the headings of its lines.
+    **files : File
+        What it may write, by the name in its output.
+    """
+    flags = {"as_json": JSON} if json else {}
+    flags |= {"quiet": QUIET} if quiet else {}
+    made = [
+        _parameter(
+            name, Annotated[Path | None, option(item.names, item.text, default=...)], item.default
+        )
+        for name, item in files.items()
+    ] + [_parameter(name, Annotated[bool, flag], False) for name, flag in flags.items()]
+    suffixes = {item.option: item.allowed for item in files.values()}
+
+    def decorated(run: Callable[..., None]) -> Callable[..., None]:
+        records, parameters = dict[str, Any](), list[inspect.Parameter]()
+        for item in inspect.signature(run).parameters.values():
+            if is_dataclass(item.annotation):
+                records[item.name] = item.annotation
+                parameters += _of_record(item.annotation)
+            elif item.annotation is not Output:
+                parameters.append(item)
+
+        @wraps(run)
+        def called(**given: Any) -> None:
+            paths = {name: given.pop(name) for name in files}
+            check_outputs({files[name].option: path for name, path in paths.items()}, suffixes)
+            output = Output(
+                command, **{name: given.pop(name) for name in flags}, width=width, files=paths
+            )
+            for name, record in records.items():
+                given[name] = record(
+                    **{part.name: given.pop(part.name) for part in _of_record(record)}
+                )
+            run(output=output, **given)
+
+        whole = [_parameter(p.name, p.annotation, p.default) for p in parameters] + made
+        called.__signature__ = inspect.Signature(whole)  # type: ignore[attr-defined]
+        called.__annotations__ = {item.name: item.annotation for item in whole}
+        return called
+
+    return decorated
+
+
+def _parameter(name: str, annotation: Any, default: Any) -> inspect.Parameter:
+    """Return a parameter of a command's signature; one with the default `...` must be given."""
+    default = inspect.Parameter.empty if default is ... else default
+    kind = inspect.Parameter.KEYWORD_ONLY
+    return inspect.Parameter(name, kind, default=default, annotation=annotation)
+
+
+def _of_record(record: Any) -> list[inspect.Parameter]:
+    return list(inspect.signature(record).parameters.values())
 
 
 def first_sentence(text: str) -> str:
@@ -237,15 +365,6 @@ def opened_panel(
         note(f"{calibration}: {text}")
     found = known.apply(panel)
     return found.with_settings(settings) if settings else found
-
-
-def given_panel(
-    name: str | None, settings: list[str], calibration: Path | None
-) -> "LoadedPanel | None":
-    """Return the panel of a command line; None if it names neither panel nor changes."""
-    if name is None and calibration is None and not settings:
-        return None
-    return opened_panel(name, settings, calibration)
 
 
 def calibrated_panel(calibration: "Calibration", source: Path) -> "LoadedPanel":

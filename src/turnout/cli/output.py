@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
 
@@ -19,10 +19,6 @@ FINDINGS, INCOMPLETE, INTERRUPTED = 1, 3, 130
 """Exit codes: findings with --strict, no convergence or an inaccurate throw, interrupted."""
 COLOURS = {"good": typer.colors.GREEN, "look": typer.colors.YELLOW, "bad": typer.colors.RED}
 
-JsonOption = Annotated[
-    bool, typer.Option("--json", help="Print the result as JSON, in SI units; see docs.")
-]
-
 
 class Output:
     """Lines, files and JSON of one command.
@@ -37,18 +33,36 @@ class Output:
         Whether nothing is shown.
     width : int
         Column behind the headings of lines.
+    files : mapping of str to Path or None, optional
+        Files that were asked for, by the names of their options: `output["plot"]`.
     """
 
     def __init__(
-        self, command: str, *, as_json: bool = False, quiet: bool = False, width: int = 12
+        self,
+        command: str,
+        *,
+        as_json: bool = False,
+        quiet: bool = False,
+        width: int = 12,
+        files: Mapping[str, Path | None] | None = None,
     ) -> None:
-        self.command, self.as_json, self.silent = command, as_json, quiet or as_json
-        self.width, self.written = width, list[Path]()
+        self.command, self.as_json, self.quiet = command, as_json, quiet
+        self.silent = quiet or as_json
+        self.width, self.written, self._files = width, list[Path](), dict(files or {})
+
+    def __getitem__(self, name: str) -> Path | None:
+        """Return a file that was asked for, or None."""
+        return self._files[name]
 
     def show(self, *lines: str, heading: str = "") -> None:
         """Print lines, the first one behind a heading if there is one."""
         for text in () if self.silent else lines:
             typer.echo(f"{heading:<{self.width}}{text}" if heading else text)
+
+    def lines(self, *parts: Iterable[str]) -> None:
+        """Print lines that are made one by one, unless nothing is shown."""
+        for part in () if self.silent else parts:
+            self.show(*part)
 
     def rows(self, heading: str, texts: Iterable[str]) -> None:
         """Print texts in the column behind a heading, which stands at the first."""
@@ -68,24 +82,42 @@ class Output:
             write_atomic(path, content() if callable(content) else content)
             self.wrote(path)
 
-    def figure(self, path: Path | None, draw: Callable[[], Any]) -> None:
-        """Write a figure if a path is given."""
+    def save(self, path: Path | None, save: Callable[[Path], None]) -> None:
+        """Let a function write a file if there is a path."""
+        if path is not None:
+            save(path)
+            self.wrote(path)
+
+    def figure(self, path: Path | None, draw: Callable[..., Any], *given: Any, **more: Any) -> None:
+        """Write the figure that a function draws, if there is a path."""
         if path is not None:
             from turnout.figures.style import rendered
 
-            self.write(path, lambda: rendered(draw(), path.suffix))
+            self.write(path, lambda: rendered(draw(*given, **more), path.suffix))
 
     def dataset(self, path: Path | None, dataset: "xr.Dataset") -> None:
-        """Write a dataset if a path is given."""
+        """Write a dataset if there is a path."""
         if path is not None:
             from turnout.throw.store import save_response
 
-            save_response(dataset, path)
-            self.wrote(path)
+            self.save(path, lambda path: save_response(dataset, path))
 
-    def json(self, record: Mapping[str, Any], *, units: Mapping[str, str] | None = None) -> None:
-        """Print the result as one JSON object; see `json_text`."""
-        typer.echo(json_text(self.command, record, units=units, written=self.written))
+    def json(
+        self, record: Callable[..., Any], *given: Any, units: Mapping[str, str] | None = None
+    ) -> None:
+        """Print the result as one JSON object, see `json_text`, if that was asked for.
+
+        Parameters
+        ----------
+        record : callable
+            Gives it from what is given, or it and the units of its keys.
+        units : mapping of str to str, optional
+            Units of its keys where the function does not say them.
+        """
+        if self.as_json:
+            found = record(*given)
+            whole, own = found if isinstance(found, tuple) else (found, units)
+            typer.echo(json_text(self.command, whole, units=own, written=self.written))
 
 
 def json_text(
@@ -152,6 +184,28 @@ def origin_of(command: str) -> str:
     return TRAINED if command.startswith("detect ") else CAMPAIGN if command == "pod" else ""
 
 
+def table(columns: Mapping[str, int], rows: Iterable[Iterable[object]]) -> Iterator[str]:
+    """Yield the line of headings of a table, then a line for each row.
+
+    Parameters
+    ----------
+    columns : mapping of str to int
+        Width of each column by its heading; negative where texts stand at its left.
+    rows : iterable of iterable of object
+        What stands in each row, as text.
+
+    Examples
+    --------
+    >>> list(table({"place": -8, "size": 6}, [("toe", "5.0"), ("heel", "12.0")]))
+    ['place     size', 'toe        5.0', 'heel      12.0']
+    """
+    for row in (columns, *rows):
+        yield "".join(
+            f"{item!s:>{width}}" if width >= 0 else f"{item!s:<{-width}}"
+            for item, width in zip(row, columns.values(), strict=True)
+        ).rstrip()
+
+
 def coloured(text: str, level: str) -> str:
     """Return a line with its head, up to the first colon, in the colour of a level.
 
@@ -200,29 +254,17 @@ def picked(item: object, *names: str) -> dict[str, Any]:
     return {name: getattr(item, name) if item is not None else None for name in names}
 
 
-def print_schema(schema: dict[str, Any], out: Path | None) -> None:
-    """Show a JSON schema, or write it to a file."""
+def print_schema(output: Output, schema: dict[str, Any]) -> None:
+    """Show a JSON schema, or write it to the file that was asked for."""
     import json
 
-    text, output = json.dumps(schema, indent=2), Output("schema")
-    output.write(out, lambda: text + "\n")
-    output.show(*([] if out else [text]))
+    text = json.dumps(schema, indent=2)
+    output.write(output["out"], text + "\n")
+    output.show(*([] if output["out"] else [text]))
 
 
-def print_library(command: str, family: str, found: Mapping[str, str], *, as_json: bool) -> None:
-    """Print the names and descriptions of library members, such as panels.
-
-    Parameters
-    ----------
-    command, family : str
-        Such as "panel list" and "panels".
-    found : mapping of str to str
-        Description by name.
-    as_json : bool
-        Whether it is printed as JSON.
-    """
-    output = Output(command, as_json=as_json)
-    if as_json:
-        output.json({family: [{"name": name, "description": v} for name, v in found.items()]})
+def print_library(output: Output, family: str, found: Mapping[str, str]) -> None:
+    """Print the names and descriptions of members of a library, such as "panels"."""
+    output.json(lambda: {family: [{"name": n, "description": v} for n, v in found.items()]})
     width = max(map(len, found)) + 2
     output.show(*(f"{name:<{width}}{text}" for name, text in found.items()))

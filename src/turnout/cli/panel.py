@@ -10,20 +10,22 @@ from turnout.cli.match import match_command
 from turnout.cli.options import (
     DEFAULT_PANEL,
     FIGURES,
+    SCHEMA,
     CalibrationOption,
-    PanelArgument,
+    File,
+    PanelOptions,
     SetOption,
     argument,
     check_outputs,
     end_code,
     first_sentence,
+    gives,
     made_folder,
     opened_panel,
     option,
 )
 from turnout.cli.output import (
     FINDINGS,
-    JsonOption,
     Output,
     coloured,
     note,
@@ -48,51 +50,45 @@ app = typer.Typer(
 
 
 @app.command("list")
-def panel_list_command(as_json: JsonOption = False) -> None:
+@gives("panel list")
+def panel_list_command(output: Output) -> None:
     """List the library panels."""
     from turnout.panel.load import library_names, load_panel
 
     found = {name: first_sentence(load_panel(name).description) for name in library_names()}
-    print_library("panel list", "panels", found, as_json=as_json)
+    print_library(output, "panels", found)
 
 
 @app.command("show", short_help="Show plan, gaps, margins, test piece and assumptions.")
+@gives("panel show", plot=File("--plot FILE", "Draw the plan (.png, .pdf or .svg).", FIGURES))
 def panel_show_command(
-    panel: PanelArgument = None,
-    settings: SetOption = [],  # noqa: B006 - typer copies it
-    calibration: CalibrationOption = None,
-    plot: Path | None = option("--plot FILE", "Draw the plan (.png, .pdf or .svg)."),
+    output: Output,
+    panel: PanelOptions,
     throw: bool = option("--throw", "Simulate throws for gaps, force margins and the test piece."),
     values: bool = option("--values", "List every value with its origin."),
-    as_json: JsonOption = False,
 ) -> None:
     """Show a panel: plan, closed gap, force margins, test piece, assumptions."""
-    check_outputs({"--plot": plot}, {"--plot": FIGURES})
     from turnout.calibration.case import case_of
     from turnout.cli.show import PANEL_UNITS, check_throws, panel_lines, panel_record
+    from turnout.figures.plan import plot_plan
 
-    opened = opened_panel(panel, settings, calibration)
+    opened = panel.opened()
     found = check_throws(opened) if throw else None
-    output = Output("panel show", as_json=as_json)
-    if not as_json:
-        output.show(*panel_lines(opened, case=case_of(panel), thrown=found, values=values))
-    if plot is not None:
-        from turnout.figures.plan import plot_plan
-
-        output.figure(plot, lambda: plot_plan(opened, dataset=found.dataset if found else None))
-    if as_json:
-        output.json(panel_record(opened, found), units=PANEL_UNITS)
+    output.lines(panel_lines(opened, case=case_of(panel.panel), thrown=found, values=values))
+    output.figure(output["plot"], plot_plan, opened, dataset=found.dataset if found else None)
+    output.json(panel_record, opened, found, units=PANEL_UNITS)
     if found and (code := end_code(found.dataset)):
         raise typer.Exit(code)
 
 
 @app.command("new", short_help="Write a panel file to edit, with every key explained.")
+@gives("panel new")
 def new_command(
+    output: Output,
     file: Path = argument("FILE", "Panel file to write (.toml); must not exist."),
     source: str = option(
         "--from PANEL", "Library panel or panel file to start from.", default=DEFAULT_PANEL
     ),
-    as_json: JsonOption = False,
 ) -> None:
     """Write a panel file to edit: another panel's values and origins, each key explained.
 
@@ -104,14 +100,14 @@ def new_command(
         refuse(f"{file}: exists already, nothing was written; name another file")
     from turnout.panel.new_panel import new_panel_text
 
-    output = Output("panel new", as_json=as_json)
     output.write(file, lambda: new_panel_text(source, target=file))
-    if as_json:
-        output.json({"panel": file.stem, "source": source})
+    output.json(lambda: {"panel": file.stem, "source": source})
 
 
 @app.command("check", short_help="Check a panel file, and warn about small margins.")
+@gives("panel check")
 def panel_check_command(
+    output: Output,
     file: str = argument(
         "FILE", "Panel file (.toml), library panel, or case N of a study (STUDY:N)."
     ),
@@ -122,14 +118,12 @@ def panel_check_command(
         typer.Option(help="Also simulate a throw and warn about small margins."),
     ] = True,
     strict: bool = option("--strict", "Exit code 1 if there are warnings."),
-    as_json: JsonOption = False,
 ) -> None:
     """Check a panel file, report all errors, then simulate throws for margins and test pieces.
 
     Exit code 3 if the throw does not converge or is inaccurate.
     """
     panel = opened_panel(file, settings, calibration)
-    output = Output("panel check", as_json=as_json)
     output.show(f"{file}: OK ({panel.name}, hash {panel.hash[:12]})")
     from turnout.cli.show import least_pieces, thrown_alone
     from turnout.metric.panel_check import (
@@ -144,21 +138,20 @@ def panel_check_command(
     found = file_concerns(panel) if dataset is None else panel_concerns(panel, dataset)
     pieces = least_pieces(panel) if dataset is not None and dataset.attrs["complete"] else []
     found += piece_concerns(panel, pieces)
-    if as_json:
-        output.json(
-            {
-                "file": file,
-                "panel": panel.name,
-                "panel_hash": panel.hash,
-                "warnings": found,
-                "thrown": dataset is not None,
-                "complete": None if dataset is None else bool(dataset.attrs["complete"]),
-                "outcome": None if dataset is None else dataset.attrs["outcome"],
-                "lock_rule": panel.lock.rule,
-                "test_pieces": pieces,
-            },
-            units={"size": "m", "largest": "m"},
-        )
+    output.json(
+        lambda: {
+            "file": file,
+            "panel": panel.name,
+            "panel_hash": panel.hash,
+            "warnings": found,
+            "thrown": dataset is not None,
+            "complete": None if dataset is None else bool(dataset.attrs["complete"]),
+            "outcome": None if dataset is None else dataset.attrs["outcome"],
+            "lock_rule": panel.lock.rule,
+            "test_pieces": pieces,
+        },
+        units={"size": "m", "largest": "m"},
+    )
     lines = concern_lines(panel, found) if throw or found else ()
     output.show(*(coloured(line, "look" if found else "good") for line in lines))
     output.show(*piece_lines(pieces))
@@ -172,32 +165,23 @@ app.command("match", short_help="Collect panels whose throws meet facts.")(match
 
 
 @app.command("sections")
-def sections_command(
-    panel: PanelArgument = None,
-    settings: SetOption = [],  # noqa: B006 - typer copies it
-    calibration: CalibrationOption = None,
-    plot: Path | None = option("--plot FILE", "Draw them (.png, .pdf or .svg)."),
-    as_json: JsonOption = False,
-) -> None:
+@gives("panel sections", plot=File("--plot FILE", "Draw them (.png, .pdf or .svg).", FIGURES))
+def sections_command(output: Output, panel: PanelOptions) -> None:
     """Show the cross-sections along each rail."""
-    check_outputs({"--plot": plot}, {"--plot": FIGURES})
+    from turnout.metric.panel_check import planing_concerns
 
-    opened = opened_panel(panel, settings, calibration)
-    output = Output("panel sections", as_json=as_json)
-    if not as_json:
-        from turnout.metric.panel_check import planing_concerns
-
-        output.show(*section_lines(opened))
-        for concern in planing_concerns(opened):
-            note(f"warning: {concern.text}")
-    output.figure(plot, lambda: section_figure(opened, opened.instrumented_rail))
-    if as_json:
-        record, units = section_record(opened)
-        output.json(record, units=units)
+    opened = panel.opened()
+    output.lines(section_lines(opened))
+    for concern in [] if output.silent else planing_concerns(opened):
+        note(f"warning: {concern.text}")
+    output.figure(output["plot"], section_figure, opened, opened.instrumented_rail)
+    output.json(section_record, opened)
 
 
 @app.command("export", short_help="Write the matrices of every rail (.mat).")
+@gives("panel export", json=False)
 def panel_export_command(
+    output: Output,
     panel: str = argument(
         "PANEL", "Library panel, panel file (.toml), or case N of a study (STUDY:N)."
     ),
@@ -209,21 +193,18 @@ def panel_export_command(
     from turnout.metric.export import export_matrices
 
     opened = opened_panel(panel, settings, calibration)
-    folder, output = made_folder("--out", out), Output("panel export")
+    folder = made_folder("--out", out)
     for name, content in export_matrices(opened).items():
         output.write(folder / name, content)
 
 
 @app.command("schema")
-def panel_schema_command(
-    out: Path | None = option("--out -o FILE.json", "Write it to a file."),
-) -> None:
+@gives("schema", json=False, out=SCHEMA)
+def panel_schema_command(output: Output) -> None:
     """Print the JSON schema of panel files, for editors."""
-    check_outputs({"--out": out}, {"--out": (".json",)})
-
     from turnout.panel.schema import panel_schema
 
-    print_schema(panel_schema(), out)
+    print_schema(output, panel_schema())
 
 
 HEADING = (
@@ -233,45 +214,37 @@ FACTORS = (1.0, 1.25)
 
 
 @app.command("modes", short_help="Show natural frequencies, modes and flutter stability.")
+@gives(
+    "panel modes",
+    out=File("--out -o FILE.nc", "Write frequencies and shapes (netCDF)."),
+    plot=File("--plot FILE", "Draw the shapes of the panel (.png, .pdf or .svg).", FIGURES),
+)
 def modes_command(
-    panel: PanelArgument = None,
-    settings: SetOption = [],  # noqa: B006 - typer copies it
-    calibration: CalibrationOption = None,
+    output: Output,
+    panel: PanelOptions,
     count: int = option("--count N", "Modes of each system.", default=6, min=1),
-    out: Path | None = option("--out -o FILE.nc", "Write frequencies and shapes (netCDF)."),
-    plot: Path | None = option("--plot FILE", "Draw the shapes of the panel (.png, .pdf or .svg)."),
     system: str | None = option(
         "--system HEADING",
         "What --plot draws: a heading of the tables, such as 'stock rail curved'.",
     ),
     reduction: bool = option("--reduction", "Also show the error of the reduction of each rail."),
-    as_json: JsonOption = False,
 ) -> None:
     """Show natural frequencies and modes of rails and panel, and their flutter stability."""
-    check_outputs({"--out": out, "--plot": plot}, {"--out": (".nc",), "--plot": FIGURES})
-    if system is not None and plot is None:
+    if system is not None and output["plot"] is None:
         refuse(f"--system {system}: selects the modes of the figure; name its file with --plot")
-    loaded = opened_panel(panel, settings, calibration)
-
-    from turnout.metric.modes import modes
+    loaded = panel.opened()
+    from turnout.figures.modes import plot_modes
+    from turnout.metric.modes import modes, reduction_texts
 
     dataset = modes(loaded, count=count)
-    output, figure = Output("panel modes", as_json=as_json), None
-    if plot is not None:
-        from turnout.figures.modes import plot_modes
-
-        figure = plot_modes(dataset, system=system)
-    if not as_json:
-        output.show(*mode_lines(dataset), *stability_lines(loaded))
-    if reduction and not as_json:
-        from turnout.metric.modes import reduction_texts
-
+    figure = None if output["plot"] is None else plot_modes(dataset, system=system)
+    output.lines(mode_lines(dataset), stability_lines(loaded))
+    if reduction and not output.silent:
         texts = reduction_texts(loaded).items()
         output.show(*(f"\nreduction of rail {name}\n{text}" for name, text in texts))
-    output.dataset(out, dataset)
-    output.figure(plot, lambda: figure)
-    if as_json:
-        output.json(mode_record(dataset, loaded), units=MODE_UNITS)
+    output.dataset(output["out"], dataset)
+    output.figure(output["plot"], lambda: figure)
+    output.json(mode_record, dataset, loaded, units=MODE_UNITS)
 
 
 def mode_lines(dataset: "xr.Dataset") -> Iterator[str]:

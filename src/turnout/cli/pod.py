@@ -1,30 +1,36 @@
 """The command `turnout pod`: probability of detection from the table of a test campaign."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import typer
-
 from turnout.cli.options import (
+    FIGURE,
     FIGURES,
-    FigureOption,
-    QuietOption,
+    File,
     argument,
-    check_outputs,
+    gives,
     option,
     read_texts,
 )
-from turnout.cli.output import JsonOption, Output, refuse
+from turnout.cli.output import Output, refuse
 
 if TYPE_CHECKING:
     from turnout.detection.pod.pod_result import Pod
     from turnout.detection.pod.pod_table import TestThrows
 
-TABLES = (".nc", ".csv")
+TABLE = File("--out -o FILE", "Write the result (.nc), or the curve (.csv).", (".nc", ".csv"))
+ROC = File(
+    "--roc FILE",
+    "Draw detections against false alarms, with the bound of --limit at --at.",
+    FIGURES,
+)
 METRES = ("a50", "a90", "a90_95", "a90_95_profile", "required_size", "required_size_bound")
 
 
+@gives("pod", quiet=True, out=TABLE, plot=FIGURE, roc=ROC)
 def pod_command(
+    output: Output,
     results: Path = argument("RESULTS", "Table of the campaign (.csv), a row a throw."),
     threshold: str | None = option(
         "--threshold VALUE",
@@ -47,27 +53,17 @@ def pod_command(
         "likelihood.",
         default=400,
     ),
-    out: Path | None = option("--out -o FILE", "Write the result (.nc), or the curve (.csv)."),
-    plot: FigureOption = None,
-    roc: Path | None = option(
-        "--roc FILE", "Draw detections against false alarms, with the bound of --limit at --at."
-    ),
     limit: Path | None = option("--limit FILE.nc", "Map of `turnout limit -o`, for --roc."),
     at: str = option("--at PLACE", "Where the objects were, for --roc.", default="sleeper 6"),
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
 ) -> None:
     """Estimate the probability of detection over size, with a90 and a90/95."""
-    check_outputs(
-        {"--out": out, "--plot": plot, "--roc": roc},
-        {"--out": TABLES, "--plot": FIGURES, "--roc": FIGURES},
-    )
     from turnout.detection.pod.estimate import estimate_pod
-    from turnout.detection.pod.pod_result import PodModel, key_figures
+    from turnout.detection.pod.pod_result import PodModel, pod_dataset
     from turnout.detection.pod.pod_table import read_test_throws, response_value
+    from turnout.figures.pod import plot_pod
 
     throws = read_test_throws(results)
-    curves = _roc_figure(throws, roc, limit=limit, place=at)
+    curves = _roc_figure(throws, output["roc"], limit=limit, place=at)
     given = read_texts(
         {"--threshold": threshold, "--floor": floor, "--slip": slip},
         lambda _, text: response_value(text, throws=throws),
@@ -83,27 +79,26 @@ def pod_command(
         drawn=campaigns,
     )
     found = estimate_pod(throws, model)
-    output = Output("pod", as_json=as_json, quiet=quiet)
-    if out is not None:
-        output.write(out, _content(found, out.suffix.lower()))
-    if plot is not None:
-        from turnout.detection.pod.pod_result import pod_dataset
-        from turnout.figures.pod import plot_pod
+    out = output["out"]
+    output.write(out, lambda: _content(found, out.suffix.lower() if out else ""))
+    output.figure(output["plot"], lambda: plot_pod(pod_dataset(found)))
+    output.figure(output["roc"], lambda: curves)
+    output.json(pod_record, found, units=dict.fromkeys(METRES, "m"))
+    output.lines(pod_lines(found))
 
-        output.figure(plot, lambda: plot_pod(pod_dataset(found)))
-    output.figure(roc, lambda: curves)
-    if as_json:
-        record = key_figures(found) | {
-            "notes": found.notes,
-            "curve": {
-                "probability": found.probability,
-                "required_size": found.size,
-                "required_size_bound": found.size_bound,
-            },
-        }
-        output.json(record, units=dict.fromkeys(METRES, "m"))
-    elif not quiet:
-        _print(found)
+
+def pod_record(found: "Pod") -> dict[str, Any]:
+    """Return key figures, notes and the curve of a result."""
+    from turnout.detection.pod.pod_result import key_figures
+
+    return key_figures(found) | {
+        "notes": found.notes,
+        "curve": {
+            "probability": found.probability,
+            "required_size": found.size,
+            "required_size_bound": found.size_bound,
+        },
+    }
 
 
 def _roc_figure(throws: "TestThrows", path: Path | None, *, limit: Path | None, place: str) -> Any:
@@ -137,12 +132,13 @@ def _content(found: "Pod", suffix: str) -> bytes | str:
     return str(dataset[list(names)].to_dataframe().to_csv(lineterminator="\n"))
 
 
-def _print(found: "Pod") -> None:
+def pod_lines(found: "Pod") -> Iterator[str]:
+    """Yield counts, sizes and notes of a result."""
     from turnout.detection.conditions import CAMPAIGN
 
     what = "hits and misses" if found.model.threshold is None else "responses"
     effect = "differing" if found.model.grouped and found.switches > 1 else "pooled"
-    typer.echo(
+    yield (
         f"{found.throws} throws with objects ({what}) on {found.switches} "
         f"switch{'es' if found.switches != 1 else ''}, {effect}"
     )
@@ -153,15 +149,15 @@ def _print(found: "Pod") -> None:
         ("", found.a90_95_profile, "the same by plain profile likelihood"),
     )
     for name, value, text in rows:
-        typer.echo(f"{name:<8}{_millimetres(value):>10}   {text}")
+        yield f"{name:<8}{_millimetres(value):>10}   {text}"
     if found.sound_throws:
         rate = 100.0 * found.alarm_rate_high
-        typer.echo(
+        yield (
             f"false alarms: {found.alarms} of {found.sound_throws} sound throws, below "
             f"{rate:.2g} % with 95 % confidence"
         )
     for note in (*found.notes, CAMPAIGN):
-        typer.echo(f"note: {note}")
+        yield f"note: {note}"
 
 
 def _millimetres(value: float) -> str:

@@ -8,14 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from turnout.cli.options import (
-    FIGURES,
-    DatasetOption,
-    FigureOption,
+    DATASET,
+    FIGURE,
+    File,
     argument,
-    check_outputs,
+    gives,
     option,
 )
-from turnout.cli.output import JsonOption, Output, refuse
+from turnout.cli.output import Output, refuse
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -30,7 +30,14 @@ LEVELS, PLAIN_LEVELS = "▁▂▃▄▅▆▇█", "_.-:=+*#"
 COLUMN = 24
 
 
+@gives(
+    "import",
+    out=DATASET,
+    plot=FIGURE,
+    map=File("--map FILE.toml", "Write the suggested map to a file."),
+)
 def import_command(
+    output: Output,
     file: Path = argument(
         "FILE",
         "Recording: text, workbook, JSON, Dewesoft, MATLAB, HDF5, MDF, TDMS, Parquet, LabVIEW, "
@@ -41,55 +48,43 @@ def import_command(
         "Channel map (.toml), or one of the library: two-rods. Without it the file is listed "
         "and a map to edit is suggested.",
     ),
-    out: DatasetOption = None,
-    plot: FigureOption = None,
-    map_file: Path | None = option("--map FILE.toml", "Write the suggested map to a file."),
     smooth: str | None = option(
         "--smooth TIME",
         "Centred moving average, such as 0.1s; unfiltered channels are kept as well.",
     ),
     throw: str | None = option("--throw NUMBER", "Which throw of several in one table."),
     allow_outside: bool = option("--allow-outside", "Also read other files that FILE refers to."),
-    as_json: JsonOption = False,
 ) -> None:
     """Read a measurement: list and preview it, or turn it into forces and currents."""
-    check_outputs(
-        {"--out": out, "--plot": plot, "--map": map_file},
-        {"--out": (".nc",), "--plot": FIGURES, "--map": (".toml",)},
-    )
-    window = _checked(channels, out=out, map_file=map_file, smooth=smooth)
+    window = _checked(channels, output, smooth=smooth)
     from turnout.measurement.campaign.campaign_folder import refuse_to_write_outside
     from turnout.measurement.chain.apply import load_channel_map
     from turnout.measurement.formats.file_format import read_recording, recognise_format
 
-    for target in (out, plot, map_file):
-        if target is not None:
-            refuse_to_write_outside(target, file.parent)
+    for target in filter(None, map(output.__getitem__, ("out", "plot", "map"))):
+        refuse_to_write_outside(target, file.parent)
     channel_map = load_channel_map(channels) if channels is not None else None
     kind = recognise_format(file).name
     recording = read_recording(file, allow_outside=allow_outside, throw=throw)
-    output = Output("import", as_json=as_json)
     if channel_map is None:
-        _list(recording, kind, output, plot=plot, map_file=map_file)
+        _list(recording, kind, output)
     else:
-        _convert(recording, channel_map, window, output, out=out, plot=plot)
+        _convert(recording, channel_map, window, output)
 
 
-def _checked(
-    channels: str | None, *, out: Path | None, map_file: Path | None, smooth: str | None
-) -> float | None:
+def _checked(channels: str | None, output: Output, *, smooth: str | None) -> float | None:
     """Refuse conflicting options, all at once; return the filter window [s]."""
     from turnout.core.units import TIME, parse_quantity
 
     problems = []
     if channels is None:
-        given = {"--out": out, "--smooth": smooth}
+        given = {"--out": output["out"], "--smooth": smooth}
         problems += [
             f"{option}: needs --channels MAP, which assigns the columns"
             for option, value in given.items()
             if value is not None
         ]
-    elif map_file is not None:
+    elif output["map"] is not None:
         problems.append("--map: there is a channel map already; leave out --channels")
     window = None
     if smooth is not None:
@@ -104,23 +99,17 @@ def _checked(
     return window
 
 
-def _list(
-    recording: "Recording", kind: str, output: Output, *, plot: Path | None, map_file: Path | None
-) -> None:
+def _list(recording: "Recording", kind: str, output: Output) -> None:
+    from turnout.figures.recording import Trace, plot_columns
     from turnout.measurement.chain.skeleton import skeleton
 
-    output.show(*channel_lines(recording, kind))
-    if plot is not None:
-        from turnout.figures.recording import Trace, plot_columns
-
-        traces = [Trace(c.name, c.unit, c.time, c.values) for c in recording.channels.values()]
-        title = Path(recording.source).name
-        output.figure(plot, lambda: plot_columns(traces, title=title))
-    output.write(map_file, lambda: skeleton(recording))
-    if output.as_json:
-        output.json(recording_record(recording, kind, steps=SPARK_WIDTH), units=CHANNEL_UNITS)
-    elif map_file is not None:
-        output.show(f"next: edit it, then: turnout import FILE --channels {map_file} --out FILE.nc")
+    output.lines(channel_lines(recording, kind))
+    traces = [Trace(c.name, c.unit, c.time, c.values) for c in recording.channels.values()]
+    output.figure(output["plot"], plot_columns, traces, title=Path(recording.source).name)
+    output.write(output["map"], lambda: skeleton(recording))
+    output.json(recording_record, recording, kind, units=CHANNEL_UNITS)
+    if made := output["map"]:
+        output.show(f"next: edit it, then: turnout import FILE --channels {made} --out FILE.nc")
     else:
         output.show("\nA channel map to start from (--map FILE.toml writes it):\n")
         output.show(_plain(skeleton(recording)))
@@ -152,30 +141,20 @@ def channel_lines(recording: "Recording", kind: str) -> Iterator[str]:
 
 
 def _convert(
-    recording: "Recording",
-    channel_map: "ChannelMap",
-    window: float | None,
-    output: Output,
-    *,
-    out: Path | None,
-    plot: Path | None,
+    recording: "Recording", channel_map: "ChannelMap", window: float | None, output: Output
 ) -> None:
+    from turnout.figures.recording import plot_measured
     from turnout.measurement.chain.apply import apply_chain, mapped_channels
     from turnout.measurement.chain.condition import condition
 
     dataset = apply_chain(recording, channel_map)
     if window is not None:
         dataset = condition(dataset, window=window)
-    output.show(*mapped_summary(dataset, channel_map))
-    output.dataset(out, dataset)
-    if plot is not None:
-        from turnout.figures.recording import plot_measured
-
-        title = Path(recording.source).name
-        output.figure(plot, lambda: plot_measured(dataset, title=title))
-    if output.as_json:
-        record = quantity_record(dataset, mapped_channels(dataset, channel_map))
-        output.json(record, units={**CHANNEL_UNITS, "end": "s"})
+    output.lines(mapped_summary(dataset, channel_map))
+    output.dataset(output["out"], dataset)
+    output.figure(output["plot"], plot_measured, dataset, title=Path(recording.source).name)
+    rows = mapped_channels(dataset, channel_map)
+    output.json(quantity_record, dataset, rows, units={**CHANNEL_UNITS, "end": "s"})
 
 
 def mapped_summary(dataset: "xr.Dataset", channel_map: "ChannelMap") -> Iterator[str]:
@@ -223,7 +202,7 @@ CHANNEL_UNITS = {"rate": "1/s", "start": "s", "duration": "s"}
 SI_UNIT, SI_SIZE = {"kN": "N", "A": "A"}, {"kN": 1e3, "A": 1.0}
 
 
-def recording_record(recording: "Recording", kind: str, *, steps: int) -> dict[str, Any]:
+def recording_record(recording: "Recording", kind: str) -> dict[str, Any]:
     """Return the channels of a recording."""
     from turnout.measurement.recording import overview
 
@@ -231,7 +210,7 @@ def recording_record(recording: "Recording", kind: str, *, steps: int) -> dict[s
         "source": recording.source,
         "format": kind,
         "start_time": recording.start_time,
-        "channels": [overview(item, steps=steps) for item in recording.channels.values()],
+        "channels": [overview(item, steps=SPARK_WIDTH) for item in recording.channels.values()],
         "problems": recording.problems,
     }
 

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 from turnout.cli.campaign import ChannelsOption, built_campaign, reasons_to_exclude, usable_dataset
 from turnout.cli.options import (
-    QuietOption,
+    File,
     argument,
-    check_outputs,
+    gives,
     made_folder,
     opened_panel,
     option,
@@ -29,22 +29,26 @@ Draw = Callable[..., Mapping[str, bytes]] | None
 VALIDATION = "validation.nc"
 
 
+@gives(
+    "report",
+    json=False,
+    quiet=True,
+    out=File("--out -o FILE.html", "The report.", default=Path("report.html")),
+)
 def report_command(
+    output: Output,
     source: Path = argument(
         "SOURCE",
         "A run, a sequence of throws, a campaign, a validation or a map of `turnout limit` "
         "(.nc), a calibration (.toml), the folder of a campaign, a sweep or a validation.",
     ),
-    out: Path = option("--out -o FILE.html", "The report.", default=Path("report.html")),
     figures: Path | None = option("--figures DIR", "Write each figure as PDF, PNG and SVG."),
     panel: str | None = option(
         "--panel PANEL", "Panel file of a run, to list the origin of each value."
     ),
     channels: ChannelsOption = None,
-    quiet: QuietOption = False,
 ) -> None:
     """Write a self-contained HTML report about a result; it opens offline in any browser."""
-    check_outputs({"--out": out}, {"--out": (".html",)})
     folder = made_folder("--figures", figures) if figures is not None else None
     forms = FORMS if folder is not None else FORMS[:1]
     draw: Draw = None
@@ -55,7 +59,7 @@ def report_command(
     elif (source / VALIDATION).exists():
         page, draw = _file_page(source / VALIDATION, panel, forms)
     elif source.is_dir():
-        campaign = built_campaign(source, channels, strict=False, quiet=quiet)
+        campaign = built_campaign(source, channels, strict=False, quiet=output.quiet)
         page, draw = _campaign_page(
             usable_dataset(campaign, source),
             forms,
@@ -70,7 +74,7 @@ def report_command(
     if folder is not None:
         for name, content in {**_pictures(page), **(draw(suffixes=FORMS) if draw else {})}.items():
             write_atomic(folder / name, content)
-    Output("report", quiet=quiet).write(out, page_html(page))
+    output.write(output["out"], page_html(page))
 
 
 def _pictures(page: "Page") -> dict[str, bytes]:

@@ -14,21 +14,19 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from turnout.cli.options import (
-    FIGURES,
+    DATASET,
+    FIGURE,
     CalibrationOption,
-    DatasetOption,
-    FigureOption,
     PanelArgument,
-    QuietOption,
     SetOption,
-    check_outputs,
     collect_errors,
     end_code,
+    gives,
     opened_panel,
     option,
     read_texts,
 )
-from turnout.cli.output import INTERRUPTED, JsonOption, Output, coloured, note, refuse
+from turnout.cli.output import INTERRUPTED, Output, coloured, note, refuse
 from turnout.cli.watch import watched
 from turnout.core.lean_imports import import_scipy, without_packages
 
@@ -39,7 +37,9 @@ if TYPE_CHECKING:
     from turnout.throw.drift import Drift
 
 
+@gives("simulate", quiet=True, width=16, out=DATASET, plot=FIGURE)
 def simulate_command(
+    output: Output,
     panel: PanelArgument = None,
     objects: list[str] = option(
         "--object SIZE[ KIND]@PLACE[, KEY=VALUE]",
@@ -49,8 +49,6 @@ def simulate_command(
     ),
     settings: SetOption = [],  # noqa: B006 - typer copies it
     calibration: CalibrationOption = None,
-    out: DatasetOption = None,
-    plot: FigureOption = None,
     overlay: Path | None = option(
         "--overlay FILE.csv",
         "History of another program under the lines of --plot: columns 'time [s]', "
@@ -89,12 +87,9 @@ def simulate_command(
         "2 degC', friction=0.001. Repeatable.",
         default=[],
     ),
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
 ) -> None:
     """Simulate a throw, with or without trapped objects, and show how it ended."""
-    check_outputs({"--out": out, "--plot": plot}, {"--out": (".nc",), "--plot": FIGURES})
-    output = Output("simulate", as_json=as_json, quiet=quiet, width=16)
+    plot, quiet = output["plot"], output.quiet
     many = throws is not None or bool(drifts)
     if many:
         _check_many(throws, {"--plot": plot, "--overlay": overlay, "--also": also or None})
@@ -123,13 +118,10 @@ def simulate_command(
             note("interrupted before there was anything to keep")
             raise typer.Exit(INTERRUPTED) from None
         if not many or dataset.sizes["throw"] > 0:
-            if not output.silent:
-                output.show(*(sequence_lines if many else summary_lines)(dataset))
-            output.dataset(out, dataset)
+            output.lines((sequence_lines if many else summary_lines)(dataset))
+            output.dataset(output["out"], dataset)
             output.figure(plot if figure else None, lambda: figure)
-            if as_json:
-                record, units = (sequence_record if many else run_record)(dataset)
-                output.json(record, units=units)
+            output.json(sequence_record if many else run_record, dataset)
     if not dataset.attrs["complete"]:
         note(dataset.attrs["outcome_message"])
         raise typer.Exit(end_code(dataset))

@@ -11,15 +11,16 @@ import typer
 
 from turnout.cli.options import (
     FIGURES,
+    SCHEMA,
     CalibrationOption,
-    QuietOption,
+    File,
     WorkersOption,
     argument,
-    check_outputs,
     first_sentence,
+    gives,
     option,
 )
-from turnout.cli.output import FINDINGS, JsonOption, Output, note, print_schema, refuse, resumable
+from turnout.cli.output import FINDINGS, Output, note, print_schema, refuse, resumable
 from turnout.cli.watch import cores, watched
 from turnout.core.lean_imports import import_scipy
 from turnout.core.value_text import count_text, duration_text, size_text
@@ -38,38 +39,31 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 FolderArgument = Annotated[Path, argument("DIR", "Folder of a sweep.")]
-OutOption = Annotated[
-    Path | None, option("--out -o FILE", "Write a figure (.png, .pdf or .svg).", default=...)
-]
-
-
+FIGURE = File("--out -o FILE", "Write a figure (.png, .pdf or .svg).", FIGURES)
 StudyArgument = Annotated[str, argument("STUDY", "Library study, or path of a study file (.toml).")]
 
 
 @app.command("plan", short_help="Show inputs, number of throws, run time and disk space.")
+@gives("sweep plan")
 def plan_command(
+    output: Output,
     study: StudyArgument,
     calibration: CalibrationOption = None,
     workers: WorkersOption = 0,
     trials: int = option("--trials N", "Throws to time; 0 for none.", default=3, min=0),
-    as_json: JsonOption = False,
     quiet: bool = option("--quiet -q", "Show no progress."),
 ) -> None:
     """Show the inputs of a study, its number of throws, run time and disk space."""
     from turnout.figures.report.study import study_lines
 
-    loaded, output = _study(study, calibration), Output("sweep plan", as_json=as_json)
-    if not as_json:
-        output.show(*study_lines(loaded))
+    loaded = _study(study, calibration)
+    output.lines(study_lines(loaded))
     used = workers or cores()
     busy = min(used, cores())
     found = _forecast(loaded, trials, quiet=quiet) if trials else None
-    if as_json:
-        record = study_record(loaded, found, workers=busy)
-        free = shutil.disk_usage(Path.cwd()).free
-        output.json({**record, "disk_free": free}, units=PLAN_UNITS)
-    elif found is not None:
-        output.show(*_forecast_lines(loaded, found, used=used, busy=busy))
+    output.json(study_record, loaded, found, busy, units=PLAN_UNITS)
+    if found is not None:
+        output.lines(_forecast_lines(loaded, found, used=used, busy=busy))
 
 
 def _study(name: str, calibration: Path | None) -> "Study":
@@ -107,7 +101,9 @@ def _forecast_lines(loaded: "Study", found: "Forecast", *, used: int, busy: int)
 
 
 @app.command("run", short_help="Run every scenario, or continue an interrupted run.")
+@gives("sweep run", quiet=True)
 def sweep_run_command(
+    output: Output,
     study: StudyArgument,
     out: Path = option(
         "--out -o DIR", "Folder for the results; an interrupted run continues there.", default=...
@@ -116,8 +112,6 @@ def sweep_run_command(
     workers: WorkersOption = 0,
     scheduler: str | None = option("--scheduler ADDRESS", "Dask scheduler: tcp://HOST:PORT."),
     slurm: Path | None = option("--slurm PROFILE.toml", "Start workers as jobs of Slurm."),
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
 ) -> None:
     """Run every scenario of a study; the same command continues an interrupted run."""
     import_scipy()
@@ -132,7 +126,7 @@ def sweep_run_command(
     with (
         resumable(kept),
         _cluster(scheduler, slurm) as cluster,
-        watched(loaded.name, quiet=quiet) as watch,
+        watched(loaded.name, quiet=output.quiet) as watch,
     ):
         finished = throw_study(
             loaded,
@@ -143,7 +137,6 @@ def sweep_run_command(
         )
     for path in finished.damaged:
         note(f"{path}: damaged batch, computed again")
-    output = Output("sweep run", as_json=as_json, quiet=quiet)
     outcomes: Counter[str] = Counter()
     for batch in finished.batches:
         outcomes.update(batch.outcomes)
@@ -152,29 +145,28 @@ def sweep_run_command(
     again = [f"{retried} needed a second attempt with half the step"] if retried else []
     output.rows("scenarios", [counts or "all were present", *again])
     output.show(f"{out} (description: README.md)", heading="written")
-    if as_json:
-        output.written.append(out)
-        output.json(
-            {
-                "study": loaded.name,
-                "scenarios": loaded.count,
-                "computed": outcomes,
-                "retried": retried,
-                "damaged": [str(path) for path in finished.damaged],
-            }
-        )
+    output.written.append(out)
+    output.json(
+        lambda: {
+            "study": loaded.name,
+            "scenarios": loaded.count,
+            "computed": outcomes,
+            "retried": retried,
+            "damaged": [str(path) for path in finished.damaged],
+        }
+    )
 
 
 @app.command("map", short_help="Count end states, and draw maps over two inputs.")
+@gives("sweep map", out=FIGURE)
 def map_command(
+    output: Output,
     folder: FolderArgument,
-    out: OutOption = None,
     x: str = option("--x INPUT", "Input across.", default="object.size"),
     y: str | None = option("--y INPUT", "Input along; default object.at, or object.x."),
-    as_json: JsonOption = False,
 ) -> None:
     """Count the end states of a sweep, and draw forces, gaps and end states over two inputs."""
-    check_outputs({"--out": out}, {"--out": FIGURES})
+    from turnout.figures.sweep import plot_sweep_map
     from turnout.metric.sweep_map import STATES, end_state, sweep_map
     from turnout.study.sweep.read import read_labels
     from turnout.throw.verdict import break_note
@@ -183,43 +175,32 @@ def map_command(
     along = y or ("object.at" if "object.at" in labels.coords else "object.x")
     cells = sweep_map(labels, x=x, y=along)
     state = end_state(labels).to_numpy()
-    output = Output("sweep map", as_json=as_json)
     counts = {name: int((state == number).sum()) for number, name in enumerate(STATES)}
     output.show(*_missing(labels), *(f"{n:>8}  {name}" for name, n in counts.items() if n))
     output.show(*filter(None, [break_note(labels)]))
-    if out is not None:
-        from turnout.figures.sweep import plot_sweep_map
-
-        output.figure(out, lambda: plot_sweep_map(cells))
-    if as_json:
-        record, units = map_record(labels, cells)
-        output.json(record, units=units)
+    output.figure(output["out"], plot_sweep_map, cells)
+    output.json(map_record, labels, cells)
 
 
 @app.command("effects", short_help="Show Sobol indices, and draw main effects.")
+@gives("sweep effects", out=FIGURE)
 def effects_command(
+    output: Output,
     folder: FolderArgument,
-    out: OutOption = None,
     feature: list[str] = option("--feature NAME", "Label or feature; repeatable.", default=[]),
     strict: bool = option("--strict", "Exit code 1 if an output has no sensitivity."),
-    as_json: JsonOption = False,
 ) -> None:
     """Show the sensitivity of each output (Sobol indices), and draw main effects."""
-    check_outputs({"--out": out}, {"--out": FIGURES})
+    from turnout.figures.sweep import plot_sweep_effects
     from turnout.study.sweep.effects import sweep_effects
     from turnout.study.sweep.read import read_labels
 
     labels = read_labels(folder)
     found = sweep_effects(labels, names=tuple(feature) or None)
     notes = {item.output.name: UNKNOWN_INDICES for item in found if has_no_indices(item)}
-    output = Output("sweep effects", as_json=as_json)
-    output.show(*effect_lines(labels, found, notes))
-    if out is not None:
-        from turnout.figures.sweep import plot_sweep_effects
-
-        output.figure(out, lambda: plot_sweep_effects(found, title=str(labels.attrs["name"])))
-    if as_json:
-        output.json(effects_record(labels, found, notes=notes))
+    output.lines(effect_lines(labels, found, notes))
+    output.figure(output["out"], plot_sweep_effects, found, title=str(labels.attrs["name"]))
+    output.json(effects_record, labels, found, notes)
     if strict and notes:
         raise typer.Exit(FINDINGS)
 
@@ -277,24 +258,25 @@ def _weight(index: "SobolIndex") -> float:
 
 
 @app.command("export", short_help="Write a table with one row per scenario.")
-def sweep_export_command(
-    folder: FolderArgument,
-    parquet: Path | None = option("--parquet FILE", "Table (.parquet)."),
-    csv: Path | None = option("--csv FILE", "Table (.csv)."),
-    mat: Path | None = option("--mat FILE", "For MATLAB (.mat)."),
-    quiet: QuietOption = False,
-) -> None:
+@gives(
+    "sweep export",
+    json=False,
+    quiet=True,
+    parquet=File("--parquet FILE", "Table (.parquet).", (".parquet",)),
+    csv=File("--csv FILE", "Table (.csv).", (".csv",)),
+    mat=File("--mat FILE", "For MATLAB (.mat).", (".mat",)),
+)
+def sweep_export_command(output: Output, folder: FolderArgument) -> None:
     """Write inputs, outcomes, labels and features, one row per scenario."""
-    paths = {"--parquet": parquet, "--csv": csv, "--mat": mat}
-    check_outputs(paths, {option: (f".{option.strip('-')}",) for option in paths})
-    if not any(paths.values()):
+    paths = [path for name in ("parquet", "csv", "mat") if (path := output[name])]
+    if not paths:
         refuse("sweep export: name at least one of --parquet, --csv, --mat with a file")
     from turnout.study.sweep.export import export_bytes, sweep_table
 
-    table, output = sweep_table(folder), Output("sweep export", quiet=quiet)
+    table = sweep_table(folder)
     count, columns = table.shape
     output.show(f"{count} scenarios, {columns} columns", heading="table")
-    for path in filter(None, paths.values()):
+    for path in paths:
         output.write(path, export_bytes(table, path.suffix.lower()))
 
 
@@ -315,7 +297,8 @@ def _cluster(scheduler: str | None, slurm: Path | None) -> Iterator["Cluster | N
 
 
 @app.command("list")
-def sweep_list_command(as_json: JsonOption = False) -> None:
+@gives("sweep list")
+def sweep_list_command(output: Output) -> None:
     """List the library studies."""
     from turnout.calibration.load_study import load_study, study_names
 
@@ -323,12 +306,10 @@ def sweep_list_command(as_json: JsonOption = False) -> None:
         {"name": name, "throws": item.count, "description": first_sentence(item.description)}
         for name, item in ((name, load_study(name)) for name in study_names())
     ]
-    output = Output("sweep list", as_json=as_json)
     width = max(len(str(row["name"])) for row in rows) + 2
     for row in rows:
         output.show(f"{row['name']:<{width}}{row['throws']:>7} throws  {row['description']}")
-    if as_json:
-        output.json({"studies": rows})
+    output.json(lambda: {"studies": rows})
 
 
 @app.command("show")
@@ -340,21 +321,18 @@ def sweep_show_command(study: StudyArgument) -> None:
 
 
 @app.command("schema")
-def sweep_schema_command(
-    out: Path | None = option("--out -o FILE.json", "Write it to a file."),
-) -> None:
+@gives("schema", json=False, out=SCHEMA)
+def sweep_schema_command(output: Output) -> None:
     """Print the JSON schema of study files, for editors."""
-    check_outputs({"--out": out}, {"--out": (".json",)})
-
     from turnout.study.read_study import study_schema
 
-    print_schema(study_schema(), out)
+    print_schema(output, study_schema())
 
 
 PLAN_UNITS = {"throw_time": "s", "duration": "s", "disk": "byte", "disk_free": "byte"}
 
 
-def study_record(study: "Study", found: "Forecast | None", *, workers: int) -> dict[str, Any]:
+def study_record(study: "Study", found: "Forecast | None", workers: int) -> dict[str, Any]:
     """Return the size of a study and, after trial throws, its time and disk space."""
     return {
         "study": study.name,
@@ -369,6 +347,7 @@ def study_record(study: "Study", found: "Forecast | None", *, workers: int) -> d
         "duration": found.duration(study.count, workers=workers) if found else None,
         "disk": found.disk(study) if found else None,
         "faults": found.faults if found else [],
+        "disk_free": shutil.disk_usage(Path.cwd()).free,
     }
 
 
@@ -396,7 +375,7 @@ def map_record(labels: "xr.Dataset", cells: "xr.Dataset") -> tuple[dict[str, Any
 
 
 def effects_record(
-    labels: "xr.Dataset", found: "Sequence[OutputEffects]", *, notes: Mapping[str, str]
+    labels: "xr.Dataset", found: "Sequence[OutputEffects]", notes: Mapping[str, str]
 ) -> dict[str, Any]:
     """Return Sobol indices and main effects of each output."""
     return {

@@ -14,13 +14,13 @@ from turnout.cli.options import (
     SetOption,
     argument,
     calibrated_panel,
+    gives,
     made_folder,
     opened_panel,
     option,
 )
 from turnout.cli.output import (
     FINDINGS,
-    JsonOption,
     Output,
     coloured,
     note,
@@ -43,7 +43,9 @@ PAGE, TABLE, DATASET = "validation.md", "movements.csv", "validation.nc"
 MAP, COMPARISON = "errors.png", "comparison.png"
 
 
+@gives("validate")
 def validate_command(
+    output: Output,
     source: Path = argument("CAMPAIGN", "Folder of a campaign, or its dataset (.nc)."),
     calibration: Path = option("--calibration FILE", "From `turnout calibrate`.", default=...),
     out: Path | None = option("--out -o DIR", "Write page, table, dataset and figures."),
@@ -56,7 +58,6 @@ def validate_command(
     allow_outside: OutsideOption = False,
     workers: int = option("--workers N", "Processes.", default=2, min=1),
     strict: bool = option("--strict", "Exit code 1 if the calibration is not valid."),
-    as_json: JsonOption = False,
     quiet: bool = option("--quiet -q", "Show only the verdict."),
 ) -> None:
     """Predict every movement of a campaign and judge those not used in the fit."""
@@ -90,8 +91,7 @@ def validate_command(
 
         found = validate(dataset, loaded, known, evaluator=evaluator, report=report)
     verdict = judge(found)
-    output = Output("validate", as_json=as_json)
-    if not (quiet or as_json):
+    if not (quiet or output.as_json):
         output.show(*acceptance_lines(verdict), *notes(found))
     if out is not None:
         _write(output, out, found, verdict, place=place)
@@ -105,9 +105,8 @@ def validate_command(
             compared = compare_laws(
                 dataset, loaded, known, drive=laws, evaluator=evaluator, report=watch.report
             )
-        output.show(*law_lines(compared))
-    if as_json:
-        output.json(validation_record(verdict, notes(found), compared), units=VALIDATION_UNITS)
+        output.lines(law_lines(compared))
+    output.json(validation_record, verdict, notes(found), compared, units=VALIDATION_UNITS)
     if strict and not verdict.accepted:
         raise typer.Exit(FINDINGS)
 
