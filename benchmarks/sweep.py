@@ -25,13 +25,14 @@ from typing import Any
 from benchmarks.page import write_section
 from benchmarks.sweep_page import section
 from turnout.calibration.load_study import load_study
+from turnout.core.progress import Progress
 from turnout.study.read_study import scheme_for
 from turnout.study.study import Study
 from turnout.study.sweep.batch import batch_variables, throw_batch
 from turnout.study.sweep.batch_bytes import file_bytes
 from turnout.study.sweep.folder import JOURNAL
 from turnout.study.sweep.read import open_batches, read_labels
-from turnout.study.sweep.run import SweepProgress, throw_study
+from turnout.study.sweep.run import throw_study
 from turnout.throw.simulate import compile_kernels
 
 FULL = """
@@ -146,7 +147,7 @@ class Reported:
     def __init__(self) -> None:
         self._next = 0.0
 
-    def __call__(self, state: SweepProgress) -> None:
+    def __call__(self, state: Progress) -> None:
         """Print one line."""
         if time.monotonic() < self._next and state.done < state.total:
             return

@@ -8,9 +8,7 @@ switches that have no file.
 import hashlib
 import json
 import shutil
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -33,13 +31,12 @@ from benchmarks.detection.switch_throws import SwitchThrows, throws_of_switch
 from turnout.core.errors import FileError
 from turnout.core.files import atomic_path, make_folder, write_atomic
 from turnout.core.provenance import version
+from turnout.core.workers import Workers
 from turnout.detection.conditions import SIMULATED
 from turnout.detection.detector.throw_layout import Layout, throw_features
 from turnout.detection.detector.training import layout_of_panel
 from turnout.study.sweep.read import last_values, open_batches
-from turnout.study.sweep.run import local_pool, throw_study
-from turnout.throw.compilation import must_compile
-from turnout.throw.simulate import compile_kernels
+from turnout.study.sweep.run import sweep_workers, throw_study
 
 Floats = NDArray[np.float64]
 Report = Callable[[int, int], None]
@@ -98,12 +95,12 @@ def make_throws(
     switches = switches_of(counts)
     (folder / SWITCHES).mkdir(exist_ok=True)
     paths = [folder / SWITCHES / f"{item.number:03d}.nc" for item in switches]
-    with shared_pool(workers) as pool:
+    with sweep_workers(workers) as processes:
         for done, (switch, path) in enumerate(zip(switches, paths, strict=True)):
             if report is not None:
                 report(done, len(switches))
             if not path.exists():
-                _throw_switch(switch, counts, path, pool=pool, workers=workers)
+                _throw_switch(switch, counts, path, workers=processes)
     _join(paths, whole, digest=digest, counts=counts)
     shutil.rmtree(folder / SWITCHES)
     if report is not None:
@@ -134,42 +131,10 @@ def claim_folder(folder: Path, digest: str, counts: Counts) -> None:
     write_atomic(path, json.dumps(about | {"turnout": version()}, indent=1) + "\n")
 
 
-class _Shared(Executor):
-    """An executor that sweeps take in turn and none of them ends."""
-
-    def __init__(self, own: Executor) -> None:
-        self._own = own
-
-    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        return self._own.submit(fn, *args, **kwargs)
-
-    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Leave it open."""
-
-
-@contextmanager
-def shared_pool(workers: int) -> Iterator[Callable[[], Executor]]:
-    """Give a function that returns the executor of all sweeps."""
-    if must_compile():
-        compile_kernels()
-    own = local_pool(workers) if workers > 1 else ThreadPoolExecutor(1)
-    try:
-        yield lambda: _Shared(own)
-    finally:
-        own.shutdown(wait=False, cancel_futures=True)
-
-
-def _throw_switch(
-    switch: Switch,
-    counts: Counts,
-    path: Path,
-    *,
-    pool: Callable[[], Executor],
-    workers: int,
-) -> None:
+def _throw_switch(switch: Switch, counts: Counts, path: Path, *, workers: Workers) -> None:
     throws = throws_of_switch(switch, counts)
     sweep = path.with_suffix("")
-    throw_study(throws.plan.study, sweep, workers=workers, pool=pool)
+    throw_study(throws.plan.study, sweep, workers=workers)
     with open_batches(sweep) as dataset:
         found = collected(switch, throws, dataset)
     with atomic_path(path) as temporary:

@@ -9,6 +9,7 @@ import json
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from pickle import dumps  # its length is the size of a model; nothing is read that way
 from typing import Any
@@ -42,10 +43,10 @@ from benchmarks.detection.verdicts import Verdicts, read_verdicts, write_verdict
 from turnout.core.errors import StudyError
 from turnout.core.files import write_atomic
 from turnout.core.json_files import to_plain
-from turnout.core.processes import Tasks, closing_pool, worker_processes
 from turnout.core.provenance import content_hash
 from turnout.core.sources import digest_of_sources
 from turnout.core.threads import one_blas_thread
+from turnout.core.workers import Workers
 from turnout.detection.detector.allowances import Allowances
 
 RESULTS = "results"
@@ -215,24 +216,28 @@ def _results(
     folder: Path, missing: Sequence[Piece], data: dict[str, str], *, workers: int
 ) -> Iterator[tuple[Piece, dict[str, Any]]]:
     """Yield the results of pieces as they come."""
-    if min(workers, len(missing)) <= 1:
-        for own, name in missing:
-            yield (own, name), _run_piece(folder, own, name, data[own.track])
-        return
     fault: BaseException | None = None
-    with closing_pool(worker_processes(min(workers, len(missing)))) as pool:
-        tasks: Tasks[dict[str, Any]] = Tasks(pool)
-        futures = {
-            tasks.submit(_run_piece, folder, own, name, data[own.track]): (own, name)
-            for own, name in missing
-        }
-        for future in tasks.all_done():
-            if future.exception() is None:
-                yield futures[future], future.result()
-            fault = fault or future.exception()
-        # the others first: what a method lacks is not to cost hours of them
-        if fault is not None:
-            raise fault
+    count = min(workers, len(missing))
+    jobs = [partial(_tried_piece, folder, own, name, data[own.track]) for own, name in missing]
+    with Workers(count if count > 1 else 0) as processes:
+        for number, found in processes.run(jobs):
+            if isinstance(found, Exception):
+                fault = fault or found
+            else:
+                yield missing[number], found
+    # the others first: what a method lacks is not to cost hours of them
+    if fault is not None:
+        raise fault
+
+
+def _tried_piece(
+    folder: Path, conditions: Conditions, name: str, data: str
+) -> dict[str, Any] | Exception:
+    """Return the results of a piece, or why there are none."""
+    try:
+        return _run_piece(folder, conditions, name, data)
+    except Exception as error:  # noqa: BLE001 - raised once the others are done
+        return error
 
 
 def _run_piece(folder: Path, conditions: Conditions, name: str, data: str) -> dict[str, Any]:

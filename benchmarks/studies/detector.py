@@ -52,6 +52,7 @@ from benchmarks.studies.detector_sets import JUDGED_SEED, SOFT_KINDS, Sizes, Thr
 from benchmarks.studies.detector_unknown import SEVERE, unknown_figures
 from turnout.calibration.load_study import load_study
 from turnout.core.files import write_atomic
+from turnout.core.progress import Pace, Progress
 from turnout.core.sources import digest_of_sources
 from turnout.core.threads import one_blas_thread
 from turnout.detection.alarm_threshold import RATES
@@ -153,14 +154,14 @@ def detector_file(throws: Throws, setting: Setting, folder: Path) -> tuple[Path,
         sets = throws.sets("train")
         counts = {name: len(item.level) for name, item in sets.items()}
         about = {"panel": throws.plans["train"][SOUND].study.panel.name, "throws": counts}
-        found = knowledge_of_sets(sets, setting, report=_progress)
+        found = knowledge_of_sets(sets, setting, pace=Pace(_progress))
         Detector(replace(found, about=about)).save(path)
     return path, made
 
 
-def _progress(what: str, done: int, total: int) -> None:
-    if done % 20 == 0:
-        print(f"{what}: {done} of {total}", flush=True)
+def _progress(state: Progress) -> None:
+    if state.done % 20 == 0:
+        print(f"{state.stage}: {state.done} of {state.total}", flush=True)
 
 
 def figures_of(knowledge: Knowledge, throws: Throws, kept: Path) -> dict[str, Callable[[], object]]:

@@ -10,6 +10,7 @@ import xarray as xr
 
 from turnout.calibration.load_study import load_study
 from turnout.core.files import write_atomic
+from turnout.core.progress import Pace, Progress
 from turnout.core.scheme import Scheme
 from turnout.core.sources import THROWS, digest_of_sources
 from turnout.detection.detector.throw_layout import Layout
@@ -39,7 +40,6 @@ from turnout.study.defects import OTHER_RAIL, Row, chair_factor, defect, over_tr
 from turnout.study.read_study import scheme_for
 from turnout.study.scenario import Output
 from turnout.study.study import Study
-from turnout.study.sweep.run import SweepProgress
 
 KIND = "object.kind"
 SEED = 700_000
@@ -281,7 +281,9 @@ class Throws:
                 print(f"{path}: {SAMPLE} of its throws thrown again are the same", flush=True)
                 _keep(path, plan, sources, arrays)
         if arrays is None:
-            made = throw_plans({name: plan}, place, workers=self._workers, report=show)[name]
+            made = throw_plans({name: plan}, place, workers=self._workers, pace=Pace(show(name)))[
+                name
+            ]
             arrays = read(plan, made)
             _keep(path, plan, sources, arrays)
         return arrays
@@ -374,7 +376,7 @@ class Watch:
     def __init__(self, name: str) -> None:
         self._name, self._next = name, 0.0
 
-    def __call__(self, state: SweepProgress) -> None:
+    def __call__(self, state: Progress) -> None:
         """Print the progress at each tenth."""
         if state.done >= self._next * state.total or state.done == state.total:
             self._next = np.floor(10.0 * state.done / state.total + 1.0) / 10.0

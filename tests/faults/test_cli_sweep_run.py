@@ -10,8 +10,9 @@ from typer.testing import CliRunner
 from turnout.cli.main import app
 from turnout.cli.watch import progress_line
 from turnout.core.errors import FileError, TurnoutError
+from turnout.core.progress import Progress
 from turnout.study.sweep.read import read_labels
-from turnout.study.sweep.run import SweepProgress, throw_study
+from turnout.study.sweep.run import throw_study
 
 CLI = CliRunner()
 
@@ -80,6 +81,6 @@ def test_a_damaged_batch_is_named(swept: Path, tmp_path: Path) -> None:
 
 
 def test_progress_is_one_line() -> None:
-    state = SweepProgress(done=50, failed=2, total=250, rate=4.0)
+    state = Progress(done=50, failed=2, total=250, rate=4.0, left=50.0)
     assert progress_line(state) == "50 of 250 done, 2 failed, 4 a second, 50 s left"
-    assert progress_line(SweepProgress(0, 0, 9, 0.0)) == "0 of 9 done"
+    assert progress_line(Progress(0, 0, 9)) == "0 of 9 done"

@@ -22,9 +22,10 @@ from tests.faults.sweep_process import (
 from tests.unit.sweeps import batch_names, here, small_study, study_file
 
 from turnout.core.files import make_durable
+from turnout.core.progress import Progress
 from turnout.study.sweep import run
 from turnout.study.sweep.read import open_batches
-from turnout.study.sweep.run import SweepProgress, throw_study
+from turnout.study.sweep.run import throw_study
 
 pytestmark = pytest.mark.skipif(
     not Path("/proc/self/task").exists(), reason="finds the processes of a run in /proc"
@@ -68,7 +69,7 @@ def test_a_batch_is_on_the_disk_before_it_counts(
         make_durable(paths)
         waited.extend(path.name for path in paths)
 
-    def report(state: SweepProgress) -> None:
+    def report(state: Progress) -> None:
         counted.add((state.done, len(waited)))
 
     monkeypatch.setattr(run, "make_durable", wait)

@@ -1,7 +1,6 @@
 """Slopes that are shared by repeats, and taken at their word."""
 
 from collections.abc import Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -26,6 +25,7 @@ from turnout.calibration.misfit import Misfit, framed, jacobian
 from turnout.calibration.movement_effects import update_movement_effects
 from turnout.core.errors import SolverError
 from turnout.core.scheme import Scheme
+from turnout.core.workers import Workers
 from turnout.panel.load import load_panel
 
 
@@ -138,39 +138,18 @@ def test_work_counts_what_each_kind_of_throw_takes() -> None:
     assert works == sorted(works)
 
 
-class _Pool:
-    """Stands for processes: keeps what it is given."""
-
-    def __init__(self) -> None:
-        self.given: list[object] = []
-
-    def submit(self, what: object, *_: object) -> Future[None]:
-        self.given.append(what)
-        return Future()
-
-
 def test_processes_begin_before_there_is_anything_to_throw(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    pool, ended = _Pool(), list[object]()
-
-    def started(workers: int, *_: object) -> _Pool:
-        assert workers == 2
-        return pool
-
-    monkeypatch.setattr(evaluate, "worker_processes", started)
-    monkeypatch.setattr(evaluate, "end_pool", ended.append)
+    started: list[object] = []
+    monkeypatch.setattr(Workers, "start", lambda self, job: started.append((self.count, job)))
     panel = load_panel("sb1")
-    with throw_processes(panel, 2, tmp_path / "none") as given:
-        assert given is pool
-        assert len(pool.given) == 2
-        assert not ended
-    assert ended == [pool]
-    with throw_processes(panel, 1, tmp_path / "none") as given:
-        assert given is None
+    with throw_processes(panel, 2, tmp_path / "none"):
+        assert [count for count, _ in started] == [2]
     (tmp_path / "kept.npz").touch()
     with throw_processes(panel, 2, tmp_path) as given:
-        assert given is None
+        assert given.idle
+    assert len(started) == 1
 
 
 def test_an_evaluator_throws_with_processes_that_it_is_given(tmp_path: Path) -> None:
@@ -179,10 +158,9 @@ def test_an_evaluator_throws_with_processes_that_it_is_given(tmp_path: Path) -> 
         ThrowInputs(overrides={"chair.friction_coefficient": mu}, quick=True) for mu in (0.3, 0.4)
     ]
     with (
-        throw_processes(panel, 2, tmp_path / "none") as pool,
-        Evaluator(panel, workers=2, pool=pool) as evaluator,
+        throw_processes(panel, 2, tmp_path / "none") as processes,
+        Evaluator(panel, workers=processes) as evaluator,
     ):
-        assert isinstance(pool, ProcessPoolExecutor)
         found = evaluator.responses(throws)
         assert evaluator.work == 2.0
     with Evaluator(panel) as alone:

@@ -4,21 +4,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks.detection.make_throws import shared_pool
+from tests.unit.sweeps import here
 
 from turnout.cli.limit import TEXTS
+from turnout.core.progress import Pace, Progress
+from turnout.core.workers import Workers
 from turnout.detection.floor import touched
 from turnout.detection.reference import reference_study
 from turnout.detection.throws import (
-    Report,
     floor_study,
     gaps_at,
     objects_study,
+    places_of,
     stored_throws,
     throw_all,
 )
 from turnout.study.sweep.read import open_batches
-from turnout.study.sweep.run import throw_study
+from turnout.study.sweep.run import throw_studies
 
 PLACES = {"sleeper 6": (0.5e-3, 12e-3)}
 
@@ -27,24 +29,26 @@ PLACES = {"sleeper 6": (0.5e-3, 12e-3)}
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two states: sound, with gaps kept, and with objects too thin and thick enough."""
     place, study = tmp_path_factory.mktemp("limit"), reference_study(count=2)
-    with shared_pool(1) as pool:
-        throw_study(study, place / "sound", pool=pool)
-        throw_study(floor_study(study), place / "floor", pool=pool)
-        throw_study(objects_study(study, PLACES), place / "objects", pool=pool)
+    studies = {
+        place / "sound": study,
+        place / "floor": floor_study(study),
+        place / "objects": objects_study(study, PLACES),
+    }
+    throw_studies(studies, pool=here)
     return place
 
 
 def test_a_kind_has_a_folder_of_its_own_and_is_reported_as_objects(tmp_path: Path) -> None:
-    reported: list[str] = []
-
-    def report(name: str) -> Report:
-        reported.append(name)
-        return lambda state: None
-
-    given = throw_all(
-        None, tmp_path, sound=2, states=1, steps=(2e-3,), kind="ice", report=report
-    )  # fmt: skip
-    assert set(reported) <= set(TEXTS)  # the command knows how to show each
+    reported: list[Progress] = []
+    with Workers(1, pool=here) as workers:
+        given = throw_all(
+            None, tmp_path, sound=2, states=1, steps=(2e-3,), kind="ice",
+            workers=workers, pace=Pace(reported.append),
+        )  # fmt: skip
+    assert {state.stage for state in reported} <= {"", *TEXTS, "objects-ice"}
+    each = len(places_of(reference_study(count=1).panel))
+    assert {state.total for state in reported} == {2 + 1 + each}  # known from the start
+    assert [reported[at].done for at in (0, -1)] == [0, 3 + each]
     assert {item.name for item in tmp_path.iterdir()} >= {"sound", "floor", "objects-ice"}
     again = stored_throws(None, tmp_path, kind="ice")
     np.testing.assert_array_equal(again.change, given.change)

@@ -5,6 +5,8 @@ import os
 import signal
 import threading
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from typing import Any
 
 import pytest
 from tests.faults.terminal import run_code
@@ -13,13 +15,13 @@ from turnout.core.errors import FileError
 from turnout.core.processes import (
     FreshProcesses,
     Tasks,
-    closing_pool,
     end_pool,
     held_interrupt,
     worker_processes,
 )
+from turnout.core.workers import Workers
 from turnout.study.sweep import worker as sweep_work
-from turnout.study.sweep.run import local_pool
+from turnout.study.sweep.run import sweep_workers
 
 
 def test_what_a_process_loads_first_is_light() -> None:
@@ -30,12 +32,15 @@ def test_what_a_process_loads_first_is_light() -> None:
 
 @pytest.mark.usefixtures("worker_processes")
 def test_the_collector_rests_until_all_is_loaded() -> None:
-    with local_pool(1) as pool:
-        assert not pool.submit(gc.isenabled).result()
-        pool.submit(sweep_work.initialize_worker).result()
-        assert pool.submit(gc.isenabled).result()
-        assert pool.submit(gc.get_threshold).result()[0] == sweep_work.GC_THRESHOLD
-        assert pool.submit(gc.get_freeze_count).result() > 10_000
+    with sweep_workers(1) as workers:
+        jobs = [
+            *(gc.isenabled, sweep_work.initialize_worker, gc.isenabled),
+            *(gc.get_threshold, gc.get_freeze_count),
+        ]
+        found: dict[int, Any] = dict(workers.run(jobs))
+    assert (found[0], found[2]) == (False, True)
+    assert found[3][0] == sweep_work.GC_THRESHOLD
+    assert found[4] > 10_000
 
 
 @pytest.mark.usefixtures("worker_processes")
@@ -54,9 +59,9 @@ def test_ctrl_c_while_python_starts_does_not_reach_it() -> None:
 def test_an_ended_process_is_an_error_that_says_what_to_do() -> None:
     with (
         pytest.raises(FileError, match="run the same command to continue"),
-        closing_pool(worker_processes(1)) as pool,
+        Workers(1) as workers,
     ):
-        pool.submit(os._exit, 1).result()
+        list(workers.run([partial(os._exit, 1)]))
 
 
 @pytest.mark.usefixtures("worker_processes")

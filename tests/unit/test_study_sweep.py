@@ -17,6 +17,7 @@ from tests.unit.sweeps import batch_names, here, small_study, variables_of
 from turnout.calibration.load_study import load_study
 from turnout.core.errors import FileError
 from turnout.core.json_files import sealed_json
+from turnout.core.progress import Progress
 from turnout.core.scheme import Scheme
 from turnout.metric.features import FEATURES, features
 from turnout.solver.outcome import Code, Outcome
@@ -30,7 +31,7 @@ from turnout.study.sweep.batch_index import label_arrays, read_index
 from turnout.study.sweep.folder import lock_folder
 from turnout.study.sweep.labels import object_labels
 from turnout.study.sweep.read import open_batches, read_labels
-from turnout.study.sweep.run import SweepProgress, throw_study
+from turnout.study.sweep.run import throw_study
 from turnout.throw.simulate import PlannedThrow, Solved, simulate, solve_planned
 from turnout.throw.slip import Span
 
@@ -117,7 +118,7 @@ def test_any_part_is_that_of_the_whole(whole: Path) -> None:
 def test_what_is_missing_is_said_and_thrown_and_comes_to_the_same_bits(
     study: Study, whole: Path, tmp_path: Path
 ) -> None:
-    reported: list[SweepProgress] = []
+    reported: list[Progress] = []
     shutil.copytree(whole, tmp_path / "s")
     names = batch_names(whole)
     assert len(names) == 3

@@ -14,13 +14,14 @@ import pytest
 from tests.unit.sweeps import batch_names, here, small_study
 
 from turnout.core.errors import FileError
+from turnout.core.progress import Progress
 from turnout.study.study import Study
 from turnout.study.sweep.cluster import (
     make_slurm_cluster,
     read_profile,
     scheduler_cluster,
 )
-from turnout.study.sweep.run import SweepProgress, throw_study
+from turnout.study.sweep.run import throw_study
 
 distributed = pytest.importorskip("distributed", reason="pip install 'turnout[sweep]'")
 
@@ -108,7 +109,7 @@ def test_a_worker_that_is_killed_costs_at_most_its_batch(
     with distributed.Client(address) as client:
         client.wait_for_workers(2, timeout=60)
 
-    def kill_one_at_the_first_batch(state: SweepProgress) -> None:
+    def kill_one_at_the_first_batch(state: Progress) -> None:
         if state.done > 0:
             workers[0].kill()
 

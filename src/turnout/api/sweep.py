@@ -1,6 +1,5 @@
 """Run and open studies of many throws."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -11,12 +10,12 @@ import xarray as xr
 from turnout.calibration.load_study import load_study
 from turnout.core.errors import StudyError
 from turnout.core.html_table import html_table
+from turnout.core.progress import Report
 from turnout.metric.sweep_map import STATES, end_state, sweep_map
 from turnout.study.study import Study
 from turnout.study.sweep.effects import sweep_effects
 from turnout.study.sweep.export import sweep_table
 from turnout.study.sweep.read import open_batches, read_labels
-from turnout.study.sweep.run import SweepProgress
 from turnout.study.sweep.run import throw_study as run_batches
 
 if TYPE_CHECKING:
@@ -113,7 +112,7 @@ def run_sweep(
     *,
     out: Path | str,
     workers: int = 1,
-    report: Callable[[SweepProgress], None] | None = None,
+    report: Report | None = None,
 ) -> Sweep:
     """Throw every scenario of a study into a folder.
 

@@ -1,7 +1,6 @@
 """Calibrate a panel to a campaign, stage by stage."""
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -76,6 +75,7 @@ from turnout.core.errors import PanelError
 from turnout.core.provenance import provenance
 from turnout.core.scheme import Scheme
 from turnout.core.threads import one_blas_thread
+from turnout.core.workers import Workers
 from turnout.panel.load import LoadedPanel
 
 Floats = NDArray[np.float64]
@@ -117,8 +117,7 @@ def calibrate(
     plan: CalibrationPlan | None = None,
     exclude: Sequence[str] = (),
     folder: Path | None = None,
-    workers: int = 1,
-    pool: ProcessPoolExecutor | None = None,
+    workers: int | Workers = 1,
     scheme: Scheme | None = None,
     uncertainty: Uncertainty | None = None,
     posterior: bool = False,
@@ -139,10 +138,8 @@ def calibrate(
         Movements to leave out.
     folder : Path, optional
         Where throws are kept; the same call continues after a stop.
-    workers : int
-        Processes that simulate at the same time, at least 1.
-    pool : ProcessPoolExecutor, optional
-        Those processes, from `throw_processes`; by default they start with the first throws.
+    workers : int or Workers
+        Processes that simulate at the same time, at least 1, or those of `throw_processes`.
     scheme : Scheme, optional
         Step, cut-off and tolerances of every throw; by default those of `Scheme()`.
     uncertainty : Uncertainty, optional
@@ -179,7 +176,7 @@ def calibrate(
     # Matrices are small: threads would cost four times what the fits themselves take.
     with (
         one_blas_thread(),
-        Evaluator(panel, folder=folder, workers=workers, pool=pool, scheme=scheme) as evaluator,
+        Evaluator(panel, folder=folder, workers=workers, scheme=scheme) as evaluator,
     ):
         evaluator.on_throw = lambda: watch.report_state(evaluator)
         rods = rod_warnings(dataset, movements, evaluator)

@@ -3,9 +3,9 @@
 import gc
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Self, cast
@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from turnout.core.errors import FileError, TurnoutError
 from turnout.core.files import make_folder, write_atomic
-from turnout.core.processes import Tasks, end_pool, no_broken_pool, worker_processes
 from turnout.core.provenance import content_hash, version
 from turnout.core.scheme import Scheme
 from turnout.core.stored_arrays import arrays_from_bytes, arrays_to_bytes
 from turnout.core.threads import one_blas_thread
+from turnout.core.workers import Workers
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel
 from turnout.solver.outcome import Code
@@ -118,14 +118,12 @@ class Evaluator:
         What throws change.
     folder : Path or None
         Where throws are kept, so that a run that was stopped goes on; None keeps nothing.
-    workers : int
-        Processes; with one, all is done in this one.
+    workers : int or Workers
+        Processes; with one, all is done in this one. Or those of `throw_processes`.
     scheme, quick : Scheme
         Numerical choices, and those for throws that may be quick.
     on_throw : callable or None
         Called after each throw.
-    pool : ProcessPoolExecutor or None
-        Processes from `throw_processes`, which outlive this; without them it starts its own.
     made, reused : int
         Throws simulated, and taken from the folder.
     work : float
@@ -134,22 +132,23 @@ class Evaluator:
 
     panel: LoadedPanel
     folder: Path | None = None
-    workers: int = 1
+    workers: int | Workers = 1
     scheme: Scheme = field(default_factory=Scheme)
     quick: Scheme = field(default_factory=lambda: QUICK)
     on_throw: Callable[[], None] | None = None
-    pool: ProcessPoolExecutor | None = None
     made: int = 0
     reused: int = 0
     work: float = 0.0
     _known: "OrderedDict[str, Response]" = field(default_factory=OrderedDict)
-    _pool: ProcessPoolExecutor | None = None
+    _running: ExitStack = field(default_factory=ExitStack)
+    _processes: Workers = field(default_factory=lambda: Workers(0))
     _shared: dict[tuple[bool, ...], str] = field(default_factory=dict)
 
     def __enter__(self) -> Self:
         """Make the folder; processes start when there is something to do."""
         if self.folder is not None:
             make_folder(self.folder)
+        self._processes = self._running.enter_context(_workers_of(self.panel, self.workers))
         return self
 
     def __exit__(
@@ -159,9 +158,7 @@ class Evaluator:
         trace: TracebackType | None,
     ) -> None:
         """End the processes, at once after Ctrl-C."""
-        if self._pool is not None:
-            end_pool(self._pool)
-            self._pool = None
+        self._running.__exit__(kind, error, trace)
 
     def responses(self, throws: Sequence[ThrowInputs]) -> list[Response]:
         """Return the response of each throw; equal ones are made once.
@@ -198,19 +195,14 @@ class Evaluator:
 
     def _made(self, missing: Mapping[str, ThrowInputs]) -> Iterator[tuple[str, Response]]:
         jobs = [(key, throw, self._scheme_of(throw)) for key, throw in missing.items()]
-        pool = self.pool or self._pool
-        if self.workers <= 1 or (len(jobs) <= 1 and pool is None):
+        processes = self._processes
+        if processes.count < 1 or (len(jobs) <= 1 and processes.idle):
             for key, throw, scheme in jobs:
                 yield key, simulate_throw(self.panel, throw, scheme)
             return
-        if pool is None:
-            pool = self._pool = worker_processes(self.workers, _begin_worker, self.panel)
-        with no_broken_pool():
-            tasks: Tasks[list[tuple[str, Response]]] = Tasks(pool)
-            for some in _messages(jobs):
-                tasks.submit(_simulate_in_worker, some)
-            for future in tasks.all_done():
-                yield from future.result()
+        messages = [partial(_simulate_in_worker, some) for some in _messages(jobs)]
+        for _, found in processes.run(messages):
+            yield from found
 
     def _scheme_of(self, throw: ThrowInputs) -> Scheme:
         if throw.fine:
@@ -291,32 +283,30 @@ def _messages(jobs: Sequence[Job]) -> list[list[Job]]:
 
 
 @contextmanager
-def throw_processes(
-    panel: LoadedPanel, workers: int, folder: Path
-) -> Iterator[ProcessPoolExecutor | None]:
+def throw_processes(panel: LoadedPanel, workers: int, folder: Path) -> Iterator[Workers]:
     """Start processes for an `Evaluator` at once, so that they load while this one still reads.
+
+    Where throws are kept already, perhaps none is missing, and they start when one is.
 
     Parameters
     ----------
     panel, workers, folder
         As of the `Evaluator`.
-
-    Yields
-    ------
-    ProcessPoolExecutor or None
-        None with one process, and where throws are kept already, so that perhaps none is missing.
     """
-    if workers <= 1 or (folder.is_dir() and any(folder.iterdir())):
-        yield None
+    with _workers_of(panel, workers) as processes:
+        if not (folder.is_dir() and any(folder.iterdir())):
+            processes.start(_throw_once)
+        yield processes
+
+
+@contextmanager
+def _workers_of(panel: LoadedPanel, workers: int | Workers) -> Iterator[Workers]:
+    """Give the workers that run already, or so many for this block; one works in this process."""
+    if isinstance(workers, Workers):
+        yield workers
         return
-    pool = worker_processes(workers, _begin_worker, panel)
-    try:
-        tasks: Tasks[None] = Tasks(pool)
-        for _ in range(workers):  # each starts one
-            tasks.submit(_throw_once)
-        yield pool
-    finally:
-        end_pool(pool)
+    with Workers(workers if workers > 1 else 0, panel, prepare=_begin_worker) as found:
+        yield found
 
 
 # What a worker process throws; sent once, so that it keeps what is prepared from it.

@@ -81,7 +81,7 @@ def calibrate_command(
     kept = "throws so far are cached, run the same command to continue"
     log = ProgressBar(quiet=quiet, every=SECONDS_BETWEEN_LINES)
     # Processes load while the campaign is read.
-    with resumable(kept), throw_processes(loaded, workers, throw_store(source)) as pool:
+    with resumable(kept), throw_processes(loaded, workers, throw_store(source)) as processes:
         dataset = opened_campaign(source, None, out=out, allow_outside=allow_outside, quiet=quiet)
         from turnout.calibration.calibrate import calibrate
 
@@ -91,8 +91,7 @@ def calibrate_command(
             plan=plan,
             exclude=exclude,
             folder=throw_store(source),
-            workers=workers,
-            pool=pool,
+            workers=processes,
             posterior=posterior,
             advise=advise,
             report=None if quiet else lambda state: log.say(stage_line(state)),

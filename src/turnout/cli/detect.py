@@ -19,7 +19,7 @@ from turnout.cli.options import (
     option,
 )
 from turnout.cli.output import FINDINGS, Output, json_text, note, refuse, resumable
-from turnout.cli.watch import cores, watched_sweeps
+from turnout.cli.watch import cores, watched
 from turnout.core.value_text import count_text
 
 if TYPE_CHECKING:
@@ -136,6 +136,7 @@ def train_command(
 ) -> None:
     """Throw a population of switches with and without objects, and learn to distinguish them."""
     from turnout.calibration.load_study import load_study
+    from turnout.core.progress import Pace
     from turnout.detection.detector.allowances import Allowances
     from turnout.detection.detector.detector import Detector
     from turnout.detection.detector.train_detector import train_detector
@@ -143,8 +144,11 @@ def train_command(
 
     allowances = Allowances(discrepancy=discrepancy)
     counts = {"sound": sound, "objects": objects, "defects": defects, "switches": switches}
-    given, shown = panel.given(), watched_sweeps(quiet=output.quiet)
-    with resumable(f"throws so far are in {folder}, run the same command to continue"):
+    given = panel.given()
+    with (
+        resumable(f"throws so far are in {folder}, run the same command to continue"),
+        watched("throws", quiet=output.quiet) as watch,
+    ):
         knowledge = train_detector(
             folder,
             panel=given,
@@ -153,8 +157,7 @@ def train_command(
             allowances=allowances,
             quantity=_quantity(channels),
             workers=workers or cores(),
-            watch=lambda name: shown(name, "throws: "),
-            report=None if output.quiet else _calibrating,
+            pace=Pace(watch.sweep),
         )
     output.show(*training_lines(knowledge))
     output.save(output["out"], Detector(knowledge).save)
@@ -198,11 +201,6 @@ def training_lines(knowledge: "Knowledge") -> list[str]:
             "share no section)"
         )
     return lines
-
-
-def _calibrating(what: str, done: int, total: int) -> None:
-    if done == total or done % 20 == 0:
-        typer.echo(f"{what}: {done} of {total} histories", err=True)
 
 
 @app.command("learn", short_help="Learn a switch from its own throws without an object.")

@@ -1,5 +1,7 @@
 """The commands `turnout limit` and `turnout plan-test`: detectable objects, and a day of tests."""
 
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,14 +13,16 @@ from turnout.cli.options import (
     gives,
     option,
 )
-from turnout.cli.output import Output, note, refuse, table
-from turnout.cli.watch import cores, watched, watched_sweeps
+from turnout.cli.output import Output, note, refuse, resumable, table
+from turnout.cli.watch import cores, watched
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Sequence
 
     import xarray as xr
 
+    from turnout.core.progress import Pace
+    from turnout.core.workers import Workers
     from turnout.detection.limit.bands import Member
     from turnout.detection.limit.day_plan import Candidates, Knowledge
     from turnout.detection.limit.what_if import Measure, Repeat
@@ -115,43 +119,59 @@ def limit_command(
     measures = list(dict.fromkeys([*(what_if or []), *(FORMS if advise else ())]))
     check_measures(measures)
     given, quiet = panel.given(), output.quiet
-    watch, count = watched_sweeps(TEXTS, quiet=quiet), workers or cores()
     steps, least = steps_of(quick=quick), min(sound, QUICK_SOUND) if quick else sound
     if panels is not None or over_travel:
         _of_one_panel({"--known-place": known_place, "--ends": ends, "--what-if": bool(measures)})
         members = _members(panels, given, over_travel=over_travel, most=most)
-        bands = limit_bands(
-            members, folder, conditions,
-            states=states, sound=least, steps=steps, channels=channels, kind=kind, workers=count,
-            report=lambda name, sweep: watch(sweep, f"{name}, "),
-        )  # fmt: skip
+        with _throwing(workers, quiet=quiet) as (processes, pace):
+            bands = limit_bands(
+                members, folder, conditions,
+                states=states, sound=least, steps=steps, channels=channels, kind=kind,
+                workers=processes, pace=pace,
+            )  # fmt: skip
         write_bands(bands, output)
         return
     _check_population(given, channels, measures, quiet=quiet)
-    throws = throw_all(
-        given, folder,
-        sound=max(least, states), states=states, channels=channels, steps=steps, kind=kind,
-        workers=count, report=watch,
-    )  # fmt: skip
     closing = closing_time(given)
-    _warn([too_few_sound(throws, closing=closing)], quiet=quiet)
+    with _throwing(workers, quiet=quiet) as (processes, pace):
+        throws = throw_all(
+            given, folder,
+            sound=max(least, states), states=states, channels=channels, steps=steps, kind=kind,
+            workers=processes, pace=pace,
+        )  # fmt: skip
+        _warn([too_few_sound(throws, closing=closing)], quiet=quiet)
+        if ends:
+            own = throw_ends(
+                given, folder, throws,
+                states=min(states, END_STATES), workers=processes, pace=pace,
+            )  # fmt: skip
+        read = read_measures(
+            measures, given, folder, throws, conditions,
+            advise=advise, steps=steps, workers=processes, pace=pace,
+        )  # fmt: skip
     found = limit_map(throws, conditions, closing=closing)
     if known_place:
         known = _known_place(throws, conditions, closing, quiet=quiet)
         found = found.merge(known, combine_attrs="no_conflicts")
     if ends:
-        own = throw_ends(
-            given, folder, throws,
-            states=min(states, END_STATES), workers=count, report=watch("ends"),
-        )  # fmt: skip
         positions = end_position_map(throws, own, conditions, closing=closing)
         found = found.merge(positions, combine_attrs="no_conflicts")
-    read = read_measures(
-        measures, given, folder, throws, conditions,
-        advise=advise, steps=steps, workers=count, report=watch,
-    )  # fmt: skip
     advice = _advice(throws, conditions, read, closing) if read else None
     write_map(found, advice, output)
+
+
+@contextmanager
+def _throwing(workers: int, *, quiet: bool) -> "Iterator[tuple[Workers, Pace]]":
+    """Give processes for all throws of the command, and what counts them."""
+    from turnout.core.progress import Pace
+    from turnout.study.sweep.run import sweep_workers
+
+    with (
+        resumable("the same command continues with the throws in --folder"),
+        watched("throws", texts=TEXTS, quiet=quiet) as watch,
+        sweep_workers(workers or cores()) as processes,
+    ):
+        yield processes, Pace(watch.sweep)
 
 
 OPTIONS = {

@@ -115,13 +115,13 @@ def sweep_run_command(
 ) -> None:
     """Run every scenario of a study; the same command continues an interrupted run."""
     import_scipy()
-    from turnout.study.sweep.folder import check_folder
+    from turnout.study.sweep.folder import check_folder, study_identity
     from turnout.study.sweep.run import throw_study
 
     if scheduler is not None and slurm is not None:
         refuse("--scheduler and --slurm: use only one")
     loaded = _study(study, calibration)
-    check_folder(out, loaded)
+    check_folder(out, study_identity(loaded))
     kept = f"the batches in {out} are complete, run the same command to continue"
     with (
         resumable(kept),

@@ -1,20 +1,21 @@
 """Progress on stderr: a bar on a terminal, a plain line now and then elsewhere."""
 
 import functools
+import math
 import os
 import sys
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from turnout.core.value_text import duration_text
 
 if TYPE_CHECKING:
-    from rich.progress import Progress
+    from rich.progress import Progress as Bar
 
-    from turnout.study.sweep.run import SweepProgress
+    from turnout.core.progress import Progress
 
 FIRST_LINE_AFTER = 2.0
 SECONDS_BETWEEN_LINES = 5.0
@@ -23,15 +24,27 @@ COMPILING = "compiling kernels, first run only (20 to 60 s)"
 TICK_ON_TERMINAL, TICK = 1.0, 15.0
 
 
-def watched(text: str, *, quiet: bool = False) -> "ProgressBar":
-    """Return a watch that announces compilation, and a cache that cannot be written."""
+def watched(
+    text: str, *, texts: Mapping[str, str] = MappingProxyType({}), quiet: bool = False
+) -> "ProgressBar":
+    """Return a watch that announces compilation, and a cache that cannot be written.
+
+    Parameters
+    ----------
+    text : str
+        Names what is watched.
+    texts : mapping of str to str
+        In place of it, words for the stages of a run.
+    quiet : bool
+        Whether nothing is shown.
+    """
     from turnout.throw.compilation import cache_fault, must_compile
 
     compiling = must_compile()
     fault = cache_fault()
     if fault and not quiet:
         _print_once(fault)
-    return ProgressBar(text, compiling=compiling, quiet=quiet)
+    return ProgressBar(text, texts=texts, compiling=compiling, quiet=quiet)
 
 
 @functools.cache
@@ -49,13 +62,14 @@ class ProgressBar:
         self,
         text: str = "",
         *,
+        texts: Mapping[str, str] = MappingProxyType({}),
         compiling: bool = False,
         quiet: bool = False,
         every: float = SECONDS_BETWEEN_LINES,
     ) -> None:
-        self._text, self._quiet, self._every = text, quiet, every
+        self._text, self._quiet, self._every, self._texts = text, quiet, every, texts
         self._clock = _Clock() if compiling and not quiet else None
-        self._bar: Progress | None = None
+        self._bar: Bar | None = None
         self._due = time.monotonic() + FIRST_LINE_AFTER
 
     def __enter__(self) -> "ProgressBar":
@@ -100,9 +114,10 @@ class ProgressBar:
         if not self._quiet and now >= self._due:
             self._line(text, now)
 
-    def sweep(self, state: "SweepProgress") -> None:
+    def sweep(self, state: "Progress") -> None:
         """Show done, failed, rate and time left of many throws."""
-        self.report(state.done, state.total, said=progress_line(state))
+        text = self._texts.get(state.stage, state.stage) if state.stage else ""
+        self.report(state.done, state.total, text=text, said=progress_line(state))
 
     def _line(self, text: str, now: float) -> None:
         self._due = now + self._every
@@ -129,42 +144,15 @@ class ProgressBar:
         self._bar.update(task, description=self._text, completed=done, total=total, s=said)
 
 
-def watched_sweeps(
-    texts: Mapping[str, str] = MappingProxyType({}), *, quiet: bool
-) -> "Callable[..., Callable[[SweepProgress], None]]":
-    """Return a maker of one watch per sweep; a finished one takes its bar off the screen.
-
-    Parameters
-    ----------
-    texts : mapping of str to str
-        Words for the names of sweeps.
-    quiet : bool
-        Whether nothing is shown.
-    """
-    shown: list[ProgressBar] = []
-
-    def watch(name: str, of: str = "") -> "Callable[[SweepProgress], None]":
-        for before in shown:
-            before.__exit__()
-        shown[:] = [watched(of + texts.get(name, name), quiet=quiet).__enter__()]
-
-        def report(state: "SweepProgress") -> None:
-            shown[0].sweep(state)
-            if state.done == state.total:
-                shown[0].__exit__()
-
-        return report
-
-    return watch
-
-
-def progress_line(state: "SweepProgress") -> str:
+def progress_line(state: "Progress") -> str:
     """Return the progress of a sweep in one line."""
     text = f"{state.done} of {state.total} done"
     if state.failed:
         text += f", {state.failed} failed"
     if state.rate:
-        text += f", {state.rate:.3g} a second, {duration_text(state.left)} left"
+        text += f", {state.rate:.3g} a second"
+    if state.done < state.total and state.left < math.inf:
+        text += f", {duration_text(state.left)} left"
     return text
 
 

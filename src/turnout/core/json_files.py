@@ -8,8 +8,9 @@ import json
 import math
 import types
 import typing
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -22,6 +23,7 @@ from turnout.core.toml import read_bytes
 T = TypeVar("T")
 _TYPES: dict[str, type] = {"float": float, "str": str, "bool": bool}
 """Types that can be values, by the name that stands for them in a file."""
+_PLAIN = {float, int, str, bool, type(None)}
 _NAMES = {float: "a number", int: "an integer", str: "a text", bool: "true or false"}
 
 
@@ -47,11 +49,21 @@ def to_plain(value: Any, *, nonfinite: Callable[[float], Any] = str) -> Any:
         return to_plain(items, nonfinite=nonfinite)
     if isinstance(value, Mapping):
         return {str(key): to_plain(item, nonfinite=nonfinite) for key, item in value.items()}
+    if isinstance(value, list | tuple) and _is_plain(value):
+        return list(value)
     if isinstance(value, np.ndarray | list | tuple):
         return [to_plain(item, nonfinite=nonfinite) for item in value]
     if isinstance(value, float):
         return float(value) if math.isfinite(value) else nonfinite(float(value))
     return value.item() if isinstance(value, np.generic) else value
+
+
+def _is_plain(values: Sequence[Any]) -> bool:
+    """Return True if all values of a list are plain already, such as a row of a table."""
+    kinds = set(map(type, values))
+    if not kinds <= _PLAIN:
+        return False
+    return float not in kinds or all(math.isfinite(v) for v in values if type(v) is float)
 
 
 def from_plain(kind: type[T], value: object, *, where: str = "") -> T:
@@ -92,6 +104,8 @@ def _read(kind: Any, value: Any, where: str) -> Any:
         return _record(kind, value, where)
     if origin is tuple:
         _expect(isinstance(value, list), "a list", value, where)
+        if set(map(type, value)) <= _plain_types(inner[0]):
+            return tuple(value)
         return tuple(_read(inner[0], item, f"{where} {n}") for n, item in enumerate(value, 1))
     if origin is np.ndarray:
         return _array(value, where)
@@ -99,6 +113,17 @@ def _read(kind: Any, value: Any, where: str) -> Any:
         _expect(isinstance(value, dict), "a table", value, where)
         return {key: _read(inner[1], item, _place(where, key)) for key, item in value.items()}
     return _single(kind, value, where)
+
+
+@cache
+def _plain_types(kind: Any) -> frozenset[type]:
+    """Return the types of values that are of a kind as they are; none of records and lists."""
+    inner = typing.get_args(kind)
+    if typing.get_origin(kind) in (typing.Union, types.UnionType):
+        return frozenset().union(*map(_plain_types, inner))
+    if kind is float:
+        return frozenset((float, int))
+    return frozenset((kind,)) if kind in _NAMES else frozenset()
 
 
 def _single(kind: type, value: Any, where: str) -> Any:
@@ -157,14 +182,16 @@ CHECKSUM = "checksum"
 
 
 def sealed_json(content: Mapping[str, Any]) -> str:
-    """Return plain data as JSON text with a checksum beside the other keys.
+    """Return plain data as JSON text with a checksum beside the other keys, a key in a line.
 
     Raises
     ------
     TypeError, ValueError
         When the content is not plain data, or a number is not finite.
     """
-    return json.dumps({**content, CHECKSUM: content_hash(dict(content))}, indent=1)
+    whole = {**content, CHECKSUM: content_hash(dict(content))}
+    lines = [f" {json.dumps(key)}: {json.dumps(value)}" for key, value in whole.items()]
+    return "{\n" + ",\n".join(lines) + "\n}"
 
 
 def read_sealed(path: Path, *, largest: int) -> tuple[dict[str, Any], str]:

@@ -10,7 +10,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from functools import partial
 from multiprocessing.context import SpawnContext, SpawnProcess
@@ -152,39 +152,6 @@ def held_interrupt() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
         if came:
             signal.raise_signal(signal.SIGINT)
-
-
-@contextmanager
-def closing_pool(pool: Executor) -> Iterator[Executor]:
-    """Close a pool; on an error or Ctrl-C do not wait for the tasks under way.
-
-    Raises
-    ------
-    FileError
-        When a process was ended from outside.
-    """
-    try:
-        with no_broken_pool():
-            yield pool
-    except BaseException:
-        end_pool(pool)
-        raise
-    pool.shutdown(wait=True)
-
-
-@contextmanager
-def no_broken_pool() -> Iterator[None]:
-    """Say in a `FileError` that a worker process was ended from outside."""
-    try:
-        yield
-    except BrokenExecutor:
-        from turnout.core.errors import FileError
-
-        message = (
-            "a worker process was ended from outside, often because memory ran out; what was "
-            "simulated is kept: run the same command to continue, with fewer --workers"
-        )
-        raise FileError(message) from None
 
 
 def end_pool(pool: Executor) -> None:

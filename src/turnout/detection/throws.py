@@ -5,7 +5,7 @@ closing of the first states, at a few instants; the same first states with an ob
 in growing sizes.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from turnout.core.errors import StudyError
 from turnout.core.files import make_folder
+from turnout.core.progress import Pace
+from turnout.core.workers import Workers
 from turnout.detection.conditions import FORCE
 from turnout.detection.drive_quantities import read_signals, signals_of
 from turnout.detection.floor import touch_floor
@@ -35,11 +37,10 @@ from turnout.study.random_inputs import TemperatureLaw
 from turnout.study.scenario import Output
 from turnout.study.study import Study
 from turnout.study.sweep.read import last_values, open_batches
-from turnout.study.sweep.run import SweepProgress, throw_study
+from turnout.study.sweep.run import running, throw_studies
 from turnout.study.variable import Variable, value_kind
 
 Floats = NDArray[np.float64]
-Report = Callable[[SweepProgress], None]
 
 SOUND, FLOOR, OBJECTS = "sound", "floor", "objects"
 OBJECT_INPUTS, KIND_INPUT = ("object.at", "object.size"), "object.kind"
@@ -234,8 +235,8 @@ def throw_all(
     steps: Sequence[float] = STEPS,
     over_travel: float | None = None,
     kind: str = ELASTIC,
-    workers: int = 1,
-    report: Callable[[str], Report] | None = None,
+    workers: int | Workers = 1,
+    pace: Pace | None = None,
 ) -> Throws:
     """Throw what is missing of the three sweeps in a folder, and read them.
 
@@ -255,35 +256,47 @@ def throw_all(
         As `reference_study` takes it [m].
     kind : str
         Of the objects; those of another kind lie beside them in the folder.
-    workers : int
+    workers : int or Workers
         Processes.
-    report : callable, optional
-        Given the name of a sweep, returns what watches it.
+    pace : Pace, optional
+        Counts the throws.
     """
     whole = reference_study(panel, count=sound, over_travel=over_travel)
     first = reference_study(panel, count=states, over_travel=over_travel)
     signals = signals_of(whole.panel, channels)
     make_folder(folder)
 
-    def run(study: Study, name: str, *, own: str = "") -> xr.Dataset:
-        watch = report(name) if report is not None else None
-        kept = folder / (own or name)
-        throw_study(study, kept, workers=workers, report=watch)
-        return checked_throws(open_batches(kept), panel=study.panel.name)
+    where, pace, own = places_of(whole.panel), pace or Pace(), of_kind(OBJECTS, kind)
+    counts = throw_counts(panel, sound=sound, states=states, steps=steps, kind=kind)
+    for name, count in counts.items():
+        pace.plan(name, count)
+    with running(workers) as processes:
 
-    where = places_of(whole.panel)
-    x = np.array(list(where.values()))
-    gaps = gaps_at(run(floor_study(first), FLOOR), x, rail=whole.panel.object_defaults.rail)
-    refuse_open_end(whole.panel, where, gaps)
-    sizes = sizes_beyond(touch_floor(gaps), steps)
-    rows = {place: tuple(map(float, sizes[i])) for i, place in enumerate(where)}
-    with_objects = objects_study(first, rows, kind=kind)
-    sound_set = run(whole, SOUND)
-    object_set = run(with_objects, OBJECTS, own=of_kind(OBJECTS, kind))
+        def run(studies: Mapping[str, Study]) -> list[xr.Dataset]:
+            kept = {folder / name: study for name, study in studies.items()}
+            throw_studies(kept, workers=processes, pace=pace)
+            return [checked_throws(open_batches(path), panel=whole.panel.name) for path in kept]
+
+        x = np.array(list(where.values()))
+        (floor,) = run({FLOOR: floor_study(first)})
+        gaps = gaps_at(floor, x, rail=whole.panel.object_defaults.rail)
+        refuse_open_end(whole.panel, where, gaps)
+        sizes = sizes_beyond(touch_floor(gaps), steps)
+        rows = {place: tuple(map(float, sizes[i])) for i, place in enumerate(where)}
+        with_objects = objects_study(first, rows, kind=kind)
+        sound_set, object_set = run({SOUND: whole, own: with_objects})
     found = throws_from(
         whole, sound_set, object_set, gap=gaps, where=where, sizes=sizes, signals=signals
     )
     return replace(found, kind=kind)
+
+
+def throw_counts(
+    panel: LoadedPanel | None, *, sound: int, states: int, steps: Sequence[float], kind: str
+) -> dict[str, int]:
+    """Return the throws of each of the sweeps of `throw_all`, by folder."""
+    each = len(places_of(reference_study(panel, count=1).panel)) * len(steps)
+    return {FLOOR: states, SOUND: sound, of_kind(OBJECTS, kind): states * each}
 
 
 def checked_throws(dataset: xr.Dataset, *, panel: str) -> xr.Dataset:

@@ -3,12 +3,15 @@
 Each throw is used several times, with its own discrepancy, noise and timing.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+import itertools
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.core.progress import Pace
 from turnout.detection.alarm_threshold import RATES, thresholds_of
 from turnout.detection.detector.interval_widths import (
     AT_ONCE,
@@ -58,8 +61,6 @@ LEAST_CAUSE = float(np.log(20.0))
 """Support below which no other cause is named [-]."""
 LEAST_SPEED = float(np.log(1e6))
 """The same for another speed, since an onset found some 10 ms off looks like a little of it [-]."""
-
-Report = Callable[[int, int], None]
 
 
 def _least_support(cause: str) -> float:
@@ -240,6 +241,11 @@ def _errors(knowledge: Knowledge, seed: int) -> Errors:
     return Errors(knowledge.errors(), part=knowledge.layout.part, rng=rng)
 
 
+def thresholds_after(history: int) -> str:
+    """Return the name of what is counted while thresholds are taken."""
+    return f"thresholds after {history} throws"
+
+
 def calibrate_history(
     folds: Sequence[Fold],
     throws: ThrowSet,
@@ -250,7 +256,7 @@ def calibrate_history(
     draws: int = 4,
     again: int = 24,
     seed: int = 0,
-    report: Report | None = None,
+    pace: Pace | None = None,
 ) -> list[Calibrated]:
     """Return what holds after a history, from repeated throws of some switches.
 
@@ -273,8 +279,8 @@ def calibrate_history(
         Uses of each throw after a history.
     seed : int
         Of chance.
-    report : callable, optional
-        Called with how many histories are done, and of how many.
+    pace : Pace, optional
+        Counts the histories.
 
     Returns
     -------
@@ -287,11 +293,15 @@ def calibrate_history(
     judged: dict[str, list[tuple[Floats, ...]]] = {part: [] for part in alone}
     tried: list[tuple[Knowledge, Expectation, list[Tried]]] = []
     switches: list[NDArray[np.intp]] = []
-    for done, (switch, draw) in enumerate((s, d) for s in numbers for d in range(draws)):
+    pace = pace or Pace()
+    pace.begin(kind := thresholds_after(history), len(numbers) * draws)
+    began = time.perf_counter()
+    for switch, draw in itertools.product(numbers, range(draws)):
         turn = int(switch) % len(folds)
         knowledge, drawn = folds[turn].knowledge, errors[turn]
         own = throws.of(throws.switch == switch)
         if len(own.level) <= history:
+            pace.count(kind, cost=0.0)
             continue
         known, later = known_and_later(own, history=history, draw=draw, rng=drawn.rng)
         fixed = drawn.of_switches(1)
@@ -306,8 +316,8 @@ def calibrate_history(
         for part in alone:
             view = make_view(knowledge, part=part, known=expected)
             judged[part] += [_said_of_sound(view, rows) for rows in features]
-        if report is not None:
-            report(done + 1, len(numbers) * draws)
+        pace.count(kind, cost=time.perf_counter() - began)
+        began = time.perf_counter()
     return [
         _calibrated(
             folds[0].knowledge,

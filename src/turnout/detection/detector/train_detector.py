@@ -1,8 +1,7 @@
 """Train a detector: throw a population, learn, and calibrate on what was held back."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +9,9 @@ from numpy.typing import NDArray
 
 from turnout.core.errors import StudyError
 from turnout.core.files import make_folder
+from turnout.core.progress import Pace
 from turnout.core.threads import one_blas_thread
+from turnout.core.workers import Workers
 from turnout.detection.conditions import FORCE
 from turnout.detection.detector.allowances import Allowances
 from turnout.detection.detector.calibrating import (
@@ -37,7 +38,6 @@ from turnout.detection.reference import NOMINAL_FRICTION, reference_study
 from turnout.detection.throws import nominal_amplitude, of_kind
 from turnout.panel.load import LoadedPanel
 from turnout.study.study import Study
-from turnout.study.sweep.run import SweepProgress
 
 FOLDS = 8
 """Parts of the switches; thresholds of each come from a detector that learned from the others. Of
@@ -59,8 +59,6 @@ def sets_of_kinds() -> tuple[str, ...]:
 LEAST_COUNT = 420
 """Sound throws to ask for: of what is not held back, `LEAST_SOUND` must end."""
 
-Report = Callable[[str, int, int], None]
-
 
 def train_detector(
     folder: Path,
@@ -70,9 +68,8 @@ def train_detector(
     counts: Counts | None = None,
     allowances: Allowances | None = None,
     quantity: str = FORCE,
-    workers: int = 1,
-    watch: Callable[[str], Callable[[SweepProgress], None]] | None = None,
-    report: Report | None = None,
+    workers: int | Workers = 1,
+    pace: Pace | None = None,
 ) -> Knowledge:
     """Train a detector for a panel; interrupted, the same call goes on.
 
@@ -90,12 +87,10 @@ def train_detector(
         Assumed beside the population.
     quantity : str
         What of the drives is judged: "force", and of machines "current" or "power".
-    workers : int
+    workers : int or Workers
         Processes.
-    watch : callable, optional
-        Given the name of a sweep, returns what watches it.
-    report : callable, optional
-        Called with what is calibrated, and how far it is.
+    pace : Pace, optional
+        Counts throws, and histories that thresholds are taken from.
     """
     population = study or reference_study(panel)
     chosen = counts or Counts()
@@ -119,7 +114,7 @@ def train_detector(
         for name, plan in training_plans(population, chosen).items()
         if competes(name, setting)
     }
-    datasets = throw_plans(plans, folder, workers=workers, report=watch)
+    datasets = throw_plans(plans, folder, workers=workers, pace=pace)
     sets = {name: read_set(plans[name], datasets[name], setting.layout, quantity) for name in plans}
     about = {
         "panel": population.panel.name,
@@ -128,7 +123,7 @@ def train_detector(
         "quantity": quantity,
         "throws": {name: len(item.level) for name, item in sets.items()},
     }
-    return replace(knowledge_of_sets(sets, setting, report=report), about=about)
+    return replace(knowledge_of_sets(sets, setting, pace=pace), about=about)
 
 
 def knowledge_of_sets(
@@ -138,7 +133,7 @@ def knowledge_of_sets(
     draws: int = 16,
     history_draws: int = 2,
     histories: tuple[int, ...] = HISTORIES,
-    report: Report | None = None,
+    pace: Pace | None = None,
 ) -> Knowledge:
     """Learn from all throws; take thresholds from a detector that did not see some of them.
 
@@ -154,8 +149,8 @@ def knowledge_of_sets(
         Histories that are drawn for each switch.
     histories : tuple of int
         Sound throws known, that thresholds are taken for beside none.
-    report : callable, optional
-        Called with what is calibrated, and how far it is.
+    pace : Pace, optional
+        Counts the histories that thresholds are taken from.
     """
     with one_blas_thread():
         # thresholds do not depend on the kind of an object
@@ -166,7 +161,7 @@ def knowledge_of_sets(
             draws=draws,
             history_draws=history_draws,
             histories=histories,
-            report=report,
+            pace=pace,
         )
         return with_calibration(teach(sets, setting), calibrated)
 
@@ -254,7 +249,7 @@ def _calibrations(
     draws: int,
     history_draws: int,
     histories: tuple[int, ...],
-    report: Report | None,
+    pace: Pace | None,
 ) -> list[Calibrated]:
     """Return what throws that a detector did not see say of it, without and with a history."""
     parts = [CYCLE, CLOSING] if len(folds[0].knowledge.layout.parts) > 1 else [CYCLE]
@@ -268,6 +263,6 @@ def _calibrations(
             alone=alone,
             objects=repeated.get(after_history(OBJECT)),
             draws=history_draws,
-            report=report and partial(report, f"thresholds after {number} throws"),
+            pace=pace,
         )
     return calibrated

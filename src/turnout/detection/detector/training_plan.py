@@ -30,6 +30,7 @@ from turnout.study.design import Axis, Design
 from turnout.study.random_inputs import TemperatureLaw
 from turnout.study.sampling import FIELDS
 from turnout.study.scenario import Output, Value
+from turnout.study.seeds import generators
 from turnout.study.study import Study
 from turnout.study.variable import Variable, value_kind
 
@@ -126,29 +127,44 @@ class Population:
         }
 
     def row(self, state: int, *, switch: int | None = None) -> Row:
-        """Return a sound throw: what changes from throw to throw of one state, the rest of another.
+        """Return the row of `rows` of one state."""
+        return self.rows([state], switches=None if switch is None else [switch])[0]
+
+    def rows(self, states: Sequence[int], *, switches: Sequence[int] | None = None) -> list[Row]:
+        """Return sound throws: what changes from throw to throw of one state, the rest of another.
 
         Parameters
         ----------
-        state : int
+        states : sequence of int
             From 0.
-        switch : int, optional
-            State that gives what is fixed; default the same one.
+        switches : sequence of int, optional
+            For each the state that gives what is fixed; default the same one.
         """
-        inputs = dict(self._drawn.scenario(state).inputs)
-        if switch is not None and switch != state:
-            fixed = self._drawn.scenario(switch).inputs
-            inputs |= {name: fixed[name] for name in self.of_switch}
-        block = state // BLOCK * BLOCK
         slow = [name for name in self.of_switch if name.endswith(SLOW)]
-        if slow and switch is None and block != state:
-            rolled = self._drawn.scenario(block).inputs
-            inputs |= {name: rolled[name] for name in slow}
-        row = {name: inputs[name] for name in self._drawn.variables}
-        field = {}
-        for number, item in enumerate(self._drawn.fields):
-            rng = np.random.default_rng([self._drawn.seed, FIELDS, number, state])
-            field = item.values(rng)
+        fixed, names = list(switches or states), list(self.of_switch)
+        if slow and switches is None:
+            fixed, names = [state // BLOCK * BLOCK for state in states], slow
+        needed = list(dict.fromkeys([*states, *fixed]))
+        drawn = dict(zip(needed, self._drawn.scenarios_of(needed), strict=True))
+        fields = [
+            item.drawn(generators([self._drawn.seed, FIELDS, number], states)).tolist()
+            for number, item in enumerate(self._drawn.fields)
+        ]
+        found = []
+        for place, (state, switch) in enumerate(zip(states, fixed, strict=True)):
+            inputs = {name: drawn[state].inputs[name] for name in self._drawn.variables}
+            inputs |= {name: drawn[switch].inputs[name] for name in names}
+            field = {
+                chair: value
+                for item, values in zip(self._drawn.fields, fields, strict=True)
+                for chair, value in zip(item.members, values[place], strict=True)
+            }
+            found.append(self._row(inputs, field))
+        return found
+
+    def _row(self, inputs: Row, field: Mapping[str, float]) -> Row:
+        """Return a row with chairs, drives and motors as they are, and no object."""
+        row = dict(inputs)
         for chair in self.chairs:
             row[chair_factor(chair)] = field.get(chair.removesuffix(OTHER_RAIL), 1.0)
         for drive, record in self.study.panel.drive.items():

@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from turnout.core.progress import Pace
+from turnout.core.workers import Workers
 from turnout.detection.detector.training_plan import (
     HISTORY,
     OBJECT,
@@ -21,9 +23,7 @@ from turnout.law.object_kind import OBJECT_KINDS
 from turnout.study.defects import DEFECTS, Change, Row, later_changes, trained_changes
 from turnout.study.study import Study
 from turnout.study.sweep.read import open_batches
-from turnout.study.sweep.run import SweepProgress, throw_study
-
-Report = Callable[[SweepProgress], None]
+from turnout.study.sweep.run import throw_studies
 
 TEST_SEED = 500_000
 """Added to the seed of a study for switches that a detector is judged on [-]."""
@@ -90,7 +90,7 @@ def training_plans(study: Study, counts: Counts, *, seed: int = 0) -> dict[str, 
     """
     population = Population(study, seed=seed)
     places = np.array(list(places_of(study.panel).values()))
-    sound = [population.row(state) for state in range(counts.sound)]
+    sound = population.rows(range(counts.sound))
     plans = {SOUND: population.plan(SOUND, sound)} if sound else {}
     test = seed != 0
     if counts.objects:
@@ -145,12 +145,9 @@ def _history_plans(
     """
     population = Population(study, seed=seed + HISTORY_SEED)
     rng = np.random.default_rng([study.seed, seed, 8])
-    rows, switch = [], []
-    for number in range(counts.switches):
-        for repeat in range(counts.repeats):
-            state = number * counts.repeats + repeat
-            rows.append(population.row(state, switch=number * counts.repeats))
-            switch.append(number)
+    states = range(counts.switches * counts.repeats)
+    switch = [state // counts.repeats for state in states]
+    rows = population.rows(states, switches=[number * counts.repeats for number in switch])
     plans = {HISTORY: population.plan(HISTORY, rows, switch=switch)}
     if not counts.objects_each:
         return plans
@@ -216,14 +213,11 @@ def throw_plans(
     plans: Mapping[str, Plan],
     folder: Path,
     *,
-    workers: int = 1,
-    report: Callable[[str], Report] | None = None,
+    workers: int | Workers = 1,
+    pace: Pace | None = None,
 ) -> dict[str, xr.Dataset]:
-    """Throw what is missing of some sweeps, and open them."""
-    found = {}
-    for name, plan in plans.items():
-        watch = report(name) if report is not None else None
-        path = folder / name.replace(", ", "-").replace(" ", "-")
-        throw_study(plan.study, path, workers=workers, report=watch)
-        found[name] = open_batches(path)
-    return found
+    """Throw what is missing of some sweeps, all in the same processes, and open them."""
+    paths = {name: folder / name.replace(", ", "-").replace(" ", "-") for name in plans}
+    studies = {paths[name]: plan.study for name, plan in plans.items()}
+    throw_studies(studies, workers=workers, pace=pace)
+    return {name: open_batches(path) for name, path in paths.items()}

@@ -13,7 +13,7 @@ gap that sound throws of all friction levels exceed at the rate of false alarms.
 """
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -22,6 +22,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.core.errors import StudyError
+from turnout.core.progress import Pace
+from turnout.core.workers import Workers
 from turnout.detection.conditions import Conditions
 from turnout.detection.drive_quantities import ALL
 from turnout.detection.limit.limit_map import limit_map
@@ -29,7 +31,6 @@ from turnout.detection.limit.what_if import ADDED, EQUIPMENT, Measure, read_meas
 from turnout.detection.reference import reference_study, switch_inputs
 from turnout.detection.throws import (
     STEPS,
-    Report,
     Throws,
     closing_time,
     few_instants,
@@ -40,7 +41,7 @@ from turnout.detection.throws import (
 )
 from turnout.panel.load import LoadedPanel, panel_from_document
 from turnout.study.sweep.read import last_values, open_batches
-from turnout.study.sweep.run import throw_study
+from turnout.study.sweep.run import throw_studies
 
 Floats = NDArray[np.float64]
 
@@ -116,8 +117,8 @@ def read_sensors(
     folder: Path,
     throws: Throws,
     *,
-    workers: int = 1,
-    report: Callable[[str], Report] | None = None,
+    workers: int | Workers = 1,
+    pace: Pace | None = None,
 ) -> Readings:
     """Throw what is missing of the states with objects again, and keep gaps and forces at stops.
 
@@ -129,10 +130,10 @@ def read_sensors(
         That of `throw_all`.
     throws : Throws
         From there.
-    workers : int
+    workers : int or Workers
         Processes.
-    report : callable, optional
-        Given the name of a sweep, returns what watches it.
+    pace : Pace, optional
+        Counts the throws.
     """
     used = np.flatnonzero(throws.states < STATES)
     study = reference_study(panel, count=STATES)
@@ -141,20 +142,19 @@ def read_sensors(
         for place, row in zip(throws.places, throws.sizes, strict=True)
     }
     rail = study.panel.object_defaults.rail
-    found = {}
-    for name, own, made in (
-        (READINGS_SOUND, READINGS_SOUND, study),
-        (READINGS, of_kind(READINGS, throws.kind), objects_study(study, sizes, kind=throws.kind)),
-    ):
-        watch = report(name) if report is not None else None
-        kept = few_instants(made, "gap", "stop_force", title=READINGS)
-        throw_study(kept, folder / own, workers=workers, report=watch)
-        found[name] = open_batches(folder / own)
+    names = READINGS_SOUND, of_kind(READINGS, throws.kind)
+    made = study, objects_study(study, sizes, kind=throws.kind)
+    kept = {
+        folder / name: few_instants(item, "gap", "stop_force", title=READINGS)
+        for name, item in zip(names, made, strict=True)
+    }
+    throw_studies(kept, workers=workers, pace=pace)
+    sound, objects = map(open_batches, kept)
     rows = throws.states[used]
-    gap, x = _last(found[READINGS], "gap", rail=rail)
-    sound_gap, _ = _last(found[READINGS_SOUND], "gap", rail=rail)
-    force, stop_x = _last(found[READINGS], "stop_force", rail=rail)
-    sound_force, _ = _last(found[READINGS_SOUND], "stop_force", rail=rail)
+    gap, x = _last(objects, "gap", rail=rail)
+    sound_gap, _ = _last(sound, "gap", rail=rail)
+    force, stop_x = _last(objects, "stop_force", rail=rail)
+    sound_force, _ = _last(sound, "stop_force", rail=rail)
     shape = (STATES, len(throws.places), throws.sizes.shape[1], -1)
     return Readings(
         gap=gap.reshape(shape)[rows], sound_gap=sound_gap[rows],
@@ -289,8 +289,8 @@ def drive_measure(
     conditions: Conditions,
     *,
     steps: Sequence[float] = STEPS,
-    workers: int = 1,
-    report: Callable[[str], Report] | None = None,
+    workers: int | Workers = 1,
+    pace: Pace | None = None,
 ) -> Measure:
     """Throw the reference case with a further drive, in a folder of its own inside the given one.
 
@@ -308,10 +308,10 @@ def drive_measure(
         Discrepancy, history.
     steps : sequence of float
         As `throw_all` took them [m].
-    workers : int
+    workers : int or Workers
         Processes.
-    report : callable, optional
-        Given the name of a sweep, returns what watches it.
+    pace : Pace, optional
+        Counts the throws.
     """
     equipment = equipment_of(text)
     assert equipment is not None
@@ -321,7 +321,7 @@ def drive_measure(
     given = throw_all(
         made, folder / f"drive-{x:g}", sound=DRIVE_SOUND, states=STATES, steps=steps,
         channels=quantities.pop() if len(quantities) == 1 else ALL, kind=throws.kind,
-        workers=workers, report=report,
+        workers=workers, pace=pace,
     )  # fmt: skip
     kept = np.array([place in throws.places for place in given.places])
     given = replace(
@@ -345,8 +345,8 @@ def read_measures(
     *,
     advise: bool = False,
     steps: Sequence[float] = STEPS,
-    workers: int = 1,
-    report: Callable[[str], Report] | None = None,
+    workers: int | Workers = 1,
+    pace: Pace | None = None,
 ) -> list[Measure]:
     """Return what measures mean, and throw what those at the rail need.
 
@@ -366,10 +366,10 @@ def read_measures(
         Whether to add sensors and a drive where a90 is largest.
     steps : sequence of float
         As `throw_all` took them [m].
-    workers : int
+    workers : int or Workers
         Processes.
-    report : callable, optional
-        Given the name of a sweep, returns what watches it.
+    pace : Pace, optional
+        Counts the throws.
     """
     inputs = switch_inputs(reference_study(panel, count=1))
     wanted = list(dict.fromkeys(" ".join(text.split()) for text in texts))
@@ -385,19 +385,12 @@ def read_measures(
         elif equipment[0] == "drive":
             found.append(
                 drive_measure(
-                    text,
-                    panel,
-                    folder,
-                    throws,
-                    conditions,
-                    steps=steps,
-                    workers=workers,
-                    report=report,
+                    text, panel, folder, throws, conditions, steps=steps, workers=workers, pace=pace
                 )
             )
         else:
             if readings is None:
-                readings = read_sensors(panel, folder, throws, workers=workers, report=report)
+                readings = read_sensors(panel, folder, throws, workers=workers, pace=pace)
             found.append(sensor_measure(text, throws, readings, conditions))
     return found
 

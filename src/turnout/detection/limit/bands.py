@@ -3,7 +3,7 @@
 Each panel has a folder of its own, in which its throws are kept; a run that was stopped goes on.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,17 +14,20 @@ from numpy.typing import NDArray
 
 from turnout.calibration.load_study import load_study
 from turnout.core.errors import StudyError
+from turnout.core.progress import Pace
+from turnout.core.workers import Workers
 from turnout.detection.conditions import FORCE, Conditions
 from turnout.detection.limit.limit_map import limit_map
 from turnout.detection.throws import (
     ELASTIC,
     QUICK_SOUND,
     QUICK_STEPS,
-    Report,
     closing_time,
     throw_all,
+    throw_counts,
 )
 from turnout.panel.load import LoadedPanel, load_panel
+from turnout.study.sweep.run import running
 
 Floats = NDArray[np.float64]
 
@@ -132,8 +135,8 @@ def limit_bands(
     steps: Sequence[float] = QUICK_STEPS,
     channels: str = FORCE,
     kind: str = ELASTIC,
-    workers: int = 1,
-    report: Callable[[str, str], Report] | None = None,
+    workers: int | Workers = 1,
+    pace: Pace | None = None,
 ) -> xr.Dataset:
     """Return a90 at each place for each panel, and its bands.
 
@@ -153,10 +156,10 @@ def limit_bands(
         What is evaluated.
     kind : str
         Of the objects.
-    workers : int
+    workers : int or Workers
         Processes.
-    report : callable, optional
-        Given the name of a panel and that of a sweep, returns what watches it.
+    pace : Pace, optional
+        Counts the throws.
 
     Returns
     -------
@@ -164,20 +167,20 @@ def limit_bands(
         `a90` and `touch_floor` over panel and place, `a90_band` with its interval over share and
         place.
     """
-    maps = []
-    for member in members:
-        throws = throw_all(
-            member.panel, folder / member.name,
-            sound=max(sound, states), states=states, channels=channels, steps=steps,
-            over_travel=member.over_travel, kind=kind, workers=workers,
-            report=None if report is None else _named(report, member.name),
-        )  # fmt: skip
-        maps.append(limit_map(throws, conditions, closing=closing_time(member.panel)))
+    maps, pace = [], pace or Pace()
+    most = max(sound, states)
+    first = throw_counts(members[0].panel, sound=most, states=states, steps=steps, kind=kind)
+    for name, count in first.items():
+        pace.plan(name, len(members) * count)
+    with running(workers) as processes:
+        for member in members:
+            throws = throw_all(
+                member.panel, folder / member.name,
+                sound=most, states=states, channels=channels, steps=steps,
+                over_travel=member.over_travel, kind=kind, workers=processes, pace=pace,
+            )  # fmt: skip
+            maps.append(limit_map(throws, conditions, closing=closing_time(member.panel)))
     return bands_of([member.name for member in members], maps)
-
-
-def _named(report: Callable[[str, str], Report], panel: str) -> Callable[[str], Report]:
-    return lambda sweep: report(panel, sweep)
 
 
 def bands_of(names: Sequence[str], maps: Sequence[xr.Dataset]) -> xr.Dataset:

@@ -14,16 +14,18 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
+from turnout.core.progress import Pace
 from turnout.core.threads import one_blas_thread
+from turnout.core.workers import Workers
 from turnout.detection.drive_quantities import read_signals, stored_channels
 from turnout.detection.limit.bound import probability_of_detection
 from turnout.detection.limit.limit_map import SoundThrows, smallest_seen, sound_throws
 from turnout.detection.reference import Conditions, reference_study
-from turnout.detection.throws import Report, Throws, objects_study
+from turnout.detection.throws import Throws, objects_study
 from turnout.panel.load import LoadedPanel
 from turnout.study.study import Study
 from turnout.study.sweep.read import last_values, open_batches
-from turnout.study.sweep.run import throw_study
+from turnout.study.sweep.run import throw_studies
 
 Floats = NDArray[np.float64]
 
@@ -120,8 +122,8 @@ def throw_ends(
     throws: Throws,
     *,
     states: int,
-    workers: int = 1,
-    report: Report | None = None,
+    workers: int | Workers = 1,
+    pace: Pace | None = None,
 ) -> EndThrows:
     """Throw what is missing of a sweep beside those of `throw_all`, and read it.
 
@@ -135,14 +137,14 @@ def throw_ends(
         From there.
     states : int
         The first ones, at most as many as were thrown with objects there.
-    workers : int
+    workers : int or Workers
         Processes.
-    report : callable, optional
-        Watches the sweep.
+    pace : Pace, optional
+        Counts the throws.
     """
     study = reference_study(panel, count=states)
     positions = positions_of(study.panel)
-    throw_study(ends_study(study, positions), folder / ENDS, workers=workers, report=report)
+    throw_studies({folder / ENDS: ends_study(study, positions)}, workers=workers, pace=pace)
     found = open_batches(folder / ENDS)
     shape = (states, len(positions), len(SHARES))
     until = slice(None, throws.time[-1] + 1e-9)  # some waited longer for machines

@@ -98,15 +98,15 @@ def study_identity(study: Study) -> Identity:
     )
 
 
-def claim_folder(folder: Path, study: Study, *, text: str) -> None:
+def claim_folder(folder: Path, wanted: Identity, *, text: str) -> None:
     """Make a folder that of a study, or find that it is; call this under its lock.
 
     Parameters
     ----------
     folder : Path
         Of the sweep.
-    study : Study
-        Study to throw.
+    wanted : Identity
+        Of the study to throw.
     text : str
         The study as `serialize_study` gives it.
 
@@ -115,8 +115,7 @@ def claim_folder(folder: Path, study: Study, *, text: str) -> None:
     FileError
         When it is that of another study or version, or holds something else; it is not touched.
     """
-    wanted = study_identity(study)
-    check_folder(folder, study)
+    check_folder(folder, wanted)
     try:
         (folder / BATCHES).mkdir(exist_ok=True)
     except OSError as error:
@@ -131,8 +130,8 @@ def claim_folder(folder: Path, study: Study, *, text: str) -> None:
     write_atomic(folder / STUDY, text)
 
 
-def check_folder(folder: Path, study: Study) -> None:
-    """Refuse a folder that is not empty and not that of this study, before anything is made.
+def check_folder(folder: Path, wanted: Identity) -> None:
+    """Refuse a folder that is not empty and not that of a study, before anything is made.
 
     A damaged `sweep.json` is no reason where the batches themselves say that they are of this
     study; `claim_folder` replaces it.
@@ -143,7 +142,7 @@ def check_folder(folder: Path, study: Study) -> None:
         Naming what is there and the remedy.
     """
     refuse_file(folder)
-    path, wanted = folder / IDENTITY, study_identity(study)
+    path = folder / IDENTITY
     if path.exists():
         found, fault = _load_identity(path)
         if found is not None:

@@ -23,7 +23,7 @@ from turnout.study.sweep.batch import (
 )
 from turnout.study.sweep.batch_bytes import file_bytes
 from turnout.study.sweep.folder import BATCHES
-from turnout.study.sweep.row import OUTCOMES
+from turnout.study.sweep.row import OUTCOMES, UNUSABLE
 from turnout.study.sweep.stored_study import load_stored_study
 from turnout.throw.simulate import compile_kernels
 
@@ -73,6 +73,16 @@ class BatchDone:
     processor: float
     build_time: float
     size: int
+
+    @property
+    def count(self) -> int:
+        """Scenarios in all."""
+        return sum(self.outcomes.values())
+
+    @property
+    def failed(self) -> int:
+        """Scenarios that were to be thrown and gave no numbers."""
+        return sum(self.outcomes.get(name, 0) for name in UNUSABLE)
 
 
 def make_batch(

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +11,9 @@ import numpy as np
 import xarray as xr
 
 from turnout.core.files import write_atomic
-from turnout.core.processes import Tasks, closing_pool, worker_processes
 from turnout.core.running_current import running_time
 from turnout.core.stored_arrays import arrays_from_bytes, arrays_to_bytes
+from turnout.core.workers import Workers
 from turnout.measurement.campaign.find_throws import FoundThrow
 from turnout.measurement.campaign.recorded_throw import RecordedThrow
 from turnout.measurement.campaign.run_sheet import LOAD_CELL_FROM
@@ -36,7 +37,6 @@ FIELDS = (
 POWERS = ("drive_power", "drive_apparent_power")
 # Rest and hold that the truth keeps around a throw, as a build of the campaign does [s].
 KEPT_AROUND = 1.0
-POLL = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -94,18 +94,10 @@ def run_jobs(
         if report is not None:
             report(len(list((folder / STATE).glob("*.npz"))), total)
 
-    if workers <= 1:
-        for job in jobs:
-            make_series(job, report=report_one)
-        return
-    with closing_pool(worker_processes(min(workers, len(jobs)))) as pool:
-        tasks: Tasks[None] = Tasks(pool)
-        for job in jobs:
-            tasks.submit(make_series, job)
-        while tasks.waiting:
-            done = tasks.next_done(timeout=POLL)
-            if done is not None:
-                done.result()
+    many = min(workers, len(jobs))
+    with Workers(many if many > 1 else 0) as processes:
+        made = [partial(make_series, job, report=None if many > 1 else report_one) for job in jobs]
+        for _ in processes.run(made, wait=report_one):
             report_one()
 
 

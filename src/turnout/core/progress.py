@@ -1,0 +1,101 @@
+"""Progress of many throws, whoever makes them."""
+
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """Progress of a run of many throws.
+
+    Attributes
+    ----------
+    done, failed, total : int
+        Throws that are kept, those of them that failed, and all.
+    rate : float
+        Throws a second in this run, 0 before the first.
+    left : float
+        Time left [s]; infinite while it is not known.
+    stage : str
+        Kind of the latest throws.
+    """
+
+    done: int
+    failed: int
+    total: int
+    rate: float = 0.0
+    left: float = float("inf")
+    stage: str = ""
+
+
+Report = Callable[[Progress], None]
+
+
+class Pace:
+    """Counts throws of several kinds, and expects those left to take as long as others of theirs.
+
+    A kind of which there is none yet is expected to take as long as those that are known.
+
+    Parameters
+    ----------
+    report : callable, optional
+        Called with the progress of all.
+    """
+
+    def __init__(self, report: Report | None = None) -> None:
+        self._report = report
+        self._rest, self._later = Counter[str](), Counter[str]()
+        self._costs: dict[str, float] = {}
+        self._there, self._made, self._failed, self._work = 0, 0, 0, 0.0
+        self._stage = ""
+        self._began = time.monotonic()
+
+    def plan(self, kind: str, throws: int) -> None:
+        """Expect at least so many throws after those that were begun."""
+        self._later[kind] = max(self._later[kind], throws)
+
+    def begin(self, kind: str, throws: int, *, there: int = 0) -> None:
+        """Expect throws that are made now, of which some are there already."""
+        self._later[kind] = max(0, self._later[kind] - throws)
+        self._rest[kind] += throws - there
+        self._there += there
+
+    def count(self, kind: str, throws: int = 1, *, failed: int = 0, cost: float = 1.0) -> None:
+        """Count throws that are done, and report.
+
+        Parameters
+        ----------
+        kind : str
+            One that was begun.
+        throws, failed : int
+            All of them, and those that failed.
+        cost : float
+            Of all of them: their time [s], or any other measure of it.
+        """
+        self._rest[kind] -= throws
+        self._made += throws
+        self._failed += failed
+        self._work += cost
+        self._costs[kind] = cost / max(throws, 1)
+        self._stage = kind
+        self.emit()
+
+    def emit(self) -> None:
+        """Report the progress."""
+        if self._report is not None:
+            self._report(self.progress())
+
+    def progress(self) -> Progress:
+        """Return the progress so far."""
+        passed = max(time.monotonic() - self._began, 1e-9)
+        rest = +(self._rest + self._later)
+        left = 0.0 if not rest else float("inf")
+        if rest and self._work:
+            usual = self._work / self._made
+            work = sum(count * self._costs.get(kind, usual) for kind, count in rest.items())
+            left = passed * work / self._work
+        done = self._there + self._made
+        total = done + rest.total()
+        return Progress(done, self._failed, total, self._made / passed, left, self._stage)
