@@ -6,6 +6,8 @@ else a damped Newton descent of the energy on all degrees of freedom, written he
 of the largest displacement.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -15,6 +17,7 @@ from turnout.core.errors import MechanicsError
 from turnout.core.scheme import Scheme
 from turnout.law.table import LawTable, LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism
+from turnout.solver.equilibrium import equilibrium_segments
 from turnout.solver.integration import History, integrate
 
 SOFT, BEND = 1e3, 0.01
@@ -164,3 +167,19 @@ def test_a_start_without_equilibrium_is_an_outcome_with_nothing_kept() -> None:
     assert history.outcome.code.name == "NO_EQUILIBRIUM"
     assert history.time.size == history.g.shape[0] == 0
     assert "no static equilibrium" in history.outcome.message()
+
+
+def test_the_search_of_segments_ends_where_they_stay(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A step within the segments ends at the minimum, though rounding goes on beside it."""
+    mechanism, solved, lstsq = rail_like(0, n_rows=12), [], np.linalg.lstsq
+    monkeypatch.setattr(
+        "turnout.solver.equilibrium.np.linalg.lstsq",
+        lambda *given: (solved.append(1), lstsq(*given))[1],
+    )
+    held = np.zeros_like(mechanism.stiffness)
+    held[::3, ::3] = 1e12 * np.eye(len(held[::3]))
+    stiff = replace(mechanism.matrices, stiffness=mechanism.stiffness + held)
+    mechanism = replace(mechanism, matrices=stiff)
+    acting = np.ones(mechanism.laws.row.size, dtype=np.int64)
+    equilibrium_segments(mechanism, inputs=np.zeros(0), present=acting)
+    assert len(solved) <= 5

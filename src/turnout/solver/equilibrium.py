@@ -36,8 +36,8 @@ from turnout.solver.solve import (
 from turnout.solver.state import State
 from turnout.solver.system import Floats, Ints, System
 
-ITERATIONS = 300
-"""Most Newton steps."""
+ITERATIONS = 100
+"""Most Newton steps; some ten are usual."""
 REFINEMENTS = 8
 """Most refinements of a static solution that change its contact set."""
 
@@ -79,8 +79,9 @@ def equilibrium_segments(mechanism: Mechanism, *, inputs: Floats, present: Ints)
         while energy(u + share * direction) > energy_u + 1e-4 * share * descent and share > 1e-9:
             share *= 0.5
         u = u + share * direction
-        if np.abs(direction).max() <= 1e-12 * max(float(np.abs(u).max()), 1e-6):
-            break
+        segments = _find_segments(table, (rows @ u)[table.row] - zero)
+        if share == 1.0 and np.array_equal(segments, _find_segments(table, e)):
+            break  # a whole step within them ends at the minimum
     return _find_segments(table, (rows @ u)[table.row] - zero)
 
 
