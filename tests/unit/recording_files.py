@@ -10,7 +10,7 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-from scipy.io import savemat
+from scipy.io import netcdf_file, savemat
 from tests.unit.recording_kinds import BOTH, COUNT, CURRENT, FORCE, STEP, Read
 
 Write = Callable[[Path], object]
@@ -231,6 +231,39 @@ ARRAYS = {"Force": FORCE, "Current": CURRENT}
 SWAPPED: Read = dict(reversed(BOTH.items()))
 
 
+def series(values: Any, unit: str, **clock: Any) -> dict[str, Any]:
+    """Return what MATLAB makes of a time series that becomes a structure."""
+    return {"Data": values, "DataInfo": {"Units": unit}, "Time": [], "TimeInfo": {}, **clock}
+
+
+def signals(**columns: Any) -> dict[str, Any]:
+    """Return a structure with time of Simulink."""
+    held = np.zeros(len(columns), [("values", object), ("label", object)])
+    for place, (name, values) in enumerate(columns.items()):
+        held[place] = values.reshape(1, 1, -1), name
+    return {"time": TIME[:, None], "signals": held, "blockName": "model/Scope"}
+
+
+def netcdf3(
+    *, time: tuple[Any, str] | None = None, rate: float | None = None, packed: bool = False
+) -> Write:
+    def write(path: Path) -> None:
+        with netcdf_file(path, "w", version=2 if packed else 1) as opened:
+            opened.createDimension("time", COUNT)
+            if rate is not None:
+                opened.sample_rate = rate
+            if time is not None:
+                opened.createVariable("time", "d", ("time",))[:] = time[0]
+                opened.variables["time"].units = time[1]
+            for name, values in ARRAYS.items():
+                item = opened.createVariable(name, "h" if packed else "d", ("time",))
+                item[:] = np.rint(values * 1000) if packed else values
+                if packed:
+                    item.scale_factor = np.float64(0.001)
+
+    return write
+
+
 def mat(content: dict[str, Any], **options: Any) -> Write:
     return lambda path: savemat(path, content, **options)
 
@@ -271,6 +304,24 @@ NAMED: list[File] = [
     ("MATLAB, structures", ".mat",
      mat({"a": {"t": TIME, "Force": FORCE}, "b": {"t": TIME + 1.0, "Current": CURRENT}}),
      {"a.Force": (25.0, 0.0), "b.Current": (25.0, 1.0)}),
+    ("Simulink, structure with time", ".mat", mat({"scope": signals(**ARRAYS)}), BOTH),
+    ("Simulink, tout", ".mat", mat({"tout": TIME[:, None], "Force": FORCE}),
+     {"Force": (25.0, 0.0)}),
+    ("time series in ms", ".mat",
+     mat({"Force": series(FORCE, "kN", Time=TIME * 1e3, TimeInfo={"Units": "milliseconds"}),
+          "Current": series(CURRENT, "A", Time=TIME, TimeInfo={"Units": "seconds"})}), BOTH),
+    ("time series, even", ".mat",
+     mat({"a": {**series(FORCE, "kN", TimeInfo={"Units": "milliseconds", "Start": 0.0,
+                                               "Increment": 40.0}), "Name": "Force"}}),
+     {"Force": (25.0, 0.0)}),
+    ("time series over frames", ".mat",
+     mat({"a": series(FORCE, "kN", Time=TIME, TimeInfo={"Units": "frames"})}),
+     ("'frames' is no unit of time",)),
+    ("netCDF 3", ".nc", netcdf3(time=(TIME, "s")), BOTH),
+    ("netCDF 3, CF time", ".nc",
+     netcdf3(time=(np.arange(COUNT) * 40.0, "milliseconds since 2026-11-28 08:14:00")), BOTH),
+    ("netCDF 3, packed", ".nc", netcdf3(rate=25.0, packed=True), BOTH),
+    ("netCDF 3, no time", ".nc", netcdf3(), ("neither times nor a sample rate",)),
 ]  # fmt: skip
 
 

@@ -228,7 +228,7 @@ def _check_rising(time: NDArray[np.float64]) -> None:
         message = f"the time of sample {int(np.argmin(finite)) + 1} is no number"
         raise ValueError(message)
     steps = np.diff(time)
-    if time[-1] <= time[0] or np.any(steps < 0):
+    if np.any(steps < 0):
         at = int(np.argmin(steps)) + 1
         message = f"time must rise; it goes from {time[at - 1]:.6g} to {time[at]:.6g} s"
         raise ValueError(message)

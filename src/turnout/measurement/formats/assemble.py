@@ -20,7 +20,7 @@ _UNITS = """
 V mV kV µV uV V/V mV/V µV/V uV/V A mA kA Ohm Ω W kW MW mW VA kVA var F H Hz kHz MHz dB
 N kN MN daN Nm kNm mNm N·m N*m kN·m bar mbar Pa hPa kPa MPa GPa J kJ Wh kWh g kg t
 N/mm2 N/mm² N/m kN/m um/m µm/m μm/m ue µe με µε m/m mm/m µStrain uStrain m mm cm um µm km
-m/s mm/s m/s2 m/s^2 m/s² km/h kph rpm 1/min U/min s ms us µs ns min h °C degC °F K deg
+m/s mm/s m/s2 m/s^2 m/s² km/h kph rpm 1/min U/min s ms us µs ns min h d °C degC °F K deg
 ° rad rad/s °/s mrad % ‰ - 1 l/min 1/s S/s kS/s MS/s Sa/s kSa/s
 """
 UNIT_TEXTS = frozenset(_UNITS.split())

@@ -18,6 +18,7 @@ from turnout.measurement.formats.assemble import FileColumn, assemble_recording
 from turnout.measurement.formats.clock import (
     StatedClock,
     is_abscissa_name,
+    is_date_name,
     is_index_name,
     is_signal_name,
     is_throw_name,
@@ -31,6 +32,7 @@ from turnout.measurement.formats.time_axis import (
     LARGEST_DEPARTURE,
     TimeAxis,
     counts,
+    day_zero,
     is_date,
     is_stamp,
     may_be_time,
@@ -314,13 +316,16 @@ def _name_axes(table: Table) -> None:
     """Find the columns of numbers that are times."""
     rate = table.stated.rate()
     single = rate[0] if rate else None
+    days = _days(table)
     for place in sorted(table.values):
         column, values = table.columns[place], table.values[place]
         given = values[: _count(values)]
         named, letter = is_time_name(column.name), len(squeezed(column.name)) == 1
         rises = place == 0 and rises_evenly(given)
-        if not named and not (
-            is_time_unit(column.unit) and (rises or is_abscissa_name(column.name))
+        if (
+            not named
+            and place not in days
+            and not (is_time_unit(column.unit) and (rises or is_abscissa_name(column.name)))
         ):
             continue
         if letter and column.unit and not is_time_unit(column.unit):
@@ -332,7 +337,8 @@ def _name_axes(table: Table) -> None:
         if rate is not None and not is_time_unit(column.unit) and index:
             continue  # an index beside a rate
         try:
-            axis = numeric_axis(given, name=column.name, unit=column.unit)
+            unit = "d" if place in days else column.unit
+            axis = numeric_axis(given, name=column.name, unit=unit)
         except ValueError as error:
             message = f"column '{column.name}': {error}"
             raise ValueError(message) from None
@@ -347,6 +353,25 @@ def _name_axes(table: Table) -> None:
             table.axes[0] = TimeAxis(table.values.pop(0))
             if single is None:
                 table.problems.append("column 1 rises evenly and is taken for the time [s]")
+
+
+def _days(table: Table) -> set[int]:
+    """Return the columns of days in numbers; a time of day beside one is added to it."""
+    found = set()
+    for place, column in enumerate(table.columns):
+        values = table.values.get(place)
+        if values is None or column.unit or not is_date_name(column.name):
+            continue
+        if day_zero(values[: _count(values)]) is None:
+            continue
+        found.add(place)
+        parts = table.values.get(place + 1)
+        if parts is None or not is_time_name(table.columns[place + 1].name):
+            continue
+        given = parts[: _count(parts)]
+        if np.all(given >= 0) and np.all(given < 1) and np.all(values == np.rint(values)):
+            table.values[place] = values + table.values.pop(place + 1)
+    return found
 
 
 def _index_axis(table: Table, rate: float) -> None:
@@ -475,8 +500,10 @@ def _signal_column(table: Table, *, any_name: bool = False) -> int | None:
 def _channel_columns(table: Table) -> list[FileColumn]:
     """Return the channels of one throw with their times."""
     columns = _long_columns(table) or [*_curve_columns(table), *_wide_columns(table)]
-    for place in sorted(table.texts):
-        table.problems.append(f"column '{_label(table, place)}' is left out: it holds no numbers")
+    for place, texts in sorted(table.texts.items()):
+        dates = all(is_date(text) for text in texts if text.strip())
+        what = "dates without a time of day" if dates else "no numbers"
+        table.problems.append(f"column '{_label(table, place)}' is left out: it holds {what}")
     for shown in table.stated.doubtful if table.stated.rate() is None else ():
         table.problems.append(f"'{shown}' is not taken for the sample rate")
     return columns

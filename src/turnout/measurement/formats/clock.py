@@ -65,7 +65,7 @@ _TIME = re.compile(
     r"(?:data\d+)?(?:relative|elapsed|rel|utc|local|unix|epoch|system|sample)?"
     r"(?:time|times|zeit|tid|temps|tiempo|tempo|t|timestamp|timestamps|zeitstempel|tidsst[aä]mpel|"
     r"datetime|date&time|dateandtime|date/time|datumzeit|datumuhrzeit|datum/zeit|datum/uhrzeit|"
-    r"uhrzeit|tidpunkt|xvalue|timeaxis|timevec(?:tor)?|zeitachse|zeitvektor|epoch|posix|posixtime|"
+    r"uhrzeit|tidpunkt|xvalue|timeaxis|timevec(?:tor)?|zeitachse|zeitvektor|tout|epoch|posix|posixtime|"
     r"datenum|serialdate|abstime|reltime)"
     r"(?:\d*-?(?:default|standard|messrate).*)?(?P<unit>sec|ms|us|ns|s)?"
 )
@@ -107,6 +107,11 @@ def unit_in_name(name: str) -> str:
     """Return the unit of time at the end of a name: "time_ms" -> "ms"; empty if there is none."""
     match = _TIME.fullmatch(squeezed(name))
     return (match["unit"] or "") if match and not squeezed(name).endswith("times") else ""
+
+
+def is_date_name(name: str) -> bool:
+    """Return True if a column of this name holds days, as soon as its numbers may be some."""
+    return squeezed(name) in ("date", "datum", "day")
 
 
 def is_abscissa_name(name: str) -> bool:

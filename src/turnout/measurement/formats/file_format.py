@@ -42,8 +42,7 @@ FOREIGN = (
     (b"7z\xbc\xaf", "a 7-Zip archive; unpack it"),
     (b"Rar!", "a RAR archive; unpack it"),
     (b"%PDF", "a PDF; export the table as CSV"),
-    (b"CDF\x01", "a netCDF file of version 3; save it as netCDF 4"),
-    (b"CDF\x02", "a netCDF file of version 3; save it as netCDF 4"),
+    (b"CDF\x05", "a netCDF file with 64-bit data (CDF-5); save it as netCDF 4"),
     (b"\x93NUMPY", "a NumPy array; save it as CSV or HDF5 with its sample rate"),
     (b"SQLite format 3", "a database; export its table as CSV"),
     (b"{\\rtf", "a formatted text (RTF); save it as plain text"),
@@ -147,6 +146,7 @@ FORMATS = (
         "mat:read_hdf5_or_mat73",
         refers=True,
     ),
+    FileFormat("netCDF", (), _begins(b"CDF\x01", b"CDF\x02"), "hdf5:read_netcdf3"),
     FileFormat(
         "workbook",
         WORKBOOKS,

@@ -1,4 +1,4 @@
-"""HDF5 files: a dataset for each channel, with its unit and rate as attributes.
+"""HDF5 and netCDF files: a dataset for each channel, with its unit and rate as attributes.
 
 A file from elsewhere can refer to any other file of the machine (external links and storage,
 virtual datasets), link groups in circles, and declare shapes that nothing fills. So each dataset is
@@ -13,6 +13,7 @@ from typing import Any
 
 import h5py
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.core.errors import FileError
@@ -143,30 +144,48 @@ def read_hdf5(path: Path, *, allow_outside: bool = False) -> Recording:
         When it holds no channel, refers to other files or declares too much.
     """
     with h5py.File(path, "r") as file:
-        found = _Found(Content(path, file, allow_outside=allow_outside), str(path))
+        content = Content(path, file, allow_outside=allow_outside)
+        found = _Found(str(path))
         try:
-            for name, item in found.content.datasets():
-                found.take(name, item)
+            for name, item in content.datasets():
+                found.take_dataset(name, item, content)
             found.take_groups(file)
-            attributes = _attributes(file)
-            columns, problems = columns_of_arrays(found.arrays, found.texts, found.units)
         except ValueError as error:
             message = f"{path}: {error}"
             raise FileError(message) from None
-    return assemble_recording(
-        [*found.columns, *columns],
-        source=str(path),
-        start_time=_first(attributes, START_TIMES) or None,
-        problems=[*found.content.problems, *found.problems, *problems, *_empty(found.empty)],
-        remedy=NO_TIME,
-    )
+        found.problems = [*content.problems, *found.problems]
+        return found.recording(_attributes(file))
+
+
+def read_netcdf3(path: Path) -> Recording:
+    """Read a netCDF file of the classic format or with 64-bit offsets, as `read_hdf5` does.
+
+    Raises
+    ------
+    FileError
+        When it holds no channel or declares too much.
+    """
+    found = _Found(str(path))
+    with xr.open_dataset(path, engine="scipy", decode_cf=False) as file:
+        Declared(path).add(sum(item.size for item in file.variables.values()))
+        attributes = {str(key).lower(): value for key, value in file.attrs.items()}
+        try:
+            for name, item in file.variables.items():
+                own = {str(key).lower(): value for key, value in item.attrs.items()}
+                found.take(str(name), item.to_numpy(), own)
+        except ValueError as error:
+            message = f"{path}: {error}"
+            raise FileError(message) from None
+    if (rate := stated_clock(attributes).rate()) is not None:
+        found.arrays.setdefault("sample_rate", np.array(rate[0]))
+    return found.recording(attributes)
 
 
 class _Found:
     """Contents of the datasets of a file, as they are met."""
 
-    def __init__(self, content: Content, source: str) -> None:
-        self.content, self.source = content, source
+    def __init__(self, source: str) -> None:
+        self.source = source
         self.arrays: dict[str, NDArray[Any]] = {}
         self.units: dict[str, str] = {}
         self.texts: dict[str, list[str]] = {}
@@ -174,25 +193,46 @@ class _Found:
         self.empty: list[str] = []
         self.problems: list[str] = []
 
-    def take(self, name: str, item: h5py.Dataset) -> None:
-        """Take a dataset as a table, a number or a channel."""
+    def recording(self, attributes: dict[str, Any]) -> Recording:
+        """Return the recording of all that was taken from a file with these attributes."""
+        try:
+            columns, problems = columns_of_arrays(self.arrays, self.texts, self.units)
+        except ValueError as error:
+            message = f"{self.source}: {error}"
+            raise FileError(message) from None
+        return assemble_recording(
+            [*self.columns, *columns],
+            source=self.source,
+            start_time=_first(attributes, START_TIMES) or None,
+            problems=[*self.problems, *problems, *_empty(self.empty)],
+            remedy=NO_TIME,
+        )
+
+    def take_dataset(self, name: str, item: h5py.Dataset, content: Content) -> None:
+        """Take a dataset of HDF5 as a table, a list of texts, a number or a channel."""
         last = name.rsplit("/", 1)[-1]
         wanted = last.lower() in (*NAME_LISTS, "units") or item.size == 1 or is_time_name(last)
         if item.dtype.kind in "OS" and wanted:
-            self.texts[name] = [_text(value) for value in np.ravel(self.content.read(item))]
+            self.texts[name] = [_text(value) for value in np.ravel(content.read(item))]
         if item.dtype.names:
-            self._take_table(name, item)
-        if item.dtype.kind not in "biuf" or item.ndim > 2:
+            self._take_table(name, content.read(item), _attributes(item))
+        if item.dtype.kind in "biuf" and item.ndim <= 2:
+            self.take(name, content.read(item) if item.size else np.zeros(0), _attributes(item))
+
+    def take(self, name: str, held: Any, attributes: dict[str, Any]) -> None:
+        """Take an array with its attributes as a number or a channel; texts are left out."""
+        held = np.asarray(held)
+        if held.dtype.kind not in "biuf" or held.ndim > 2:
             return
-        if not item.size:
+        if not held.size:
             self.empty.append(name)
             return
-        attributes = _attributes(item)
+        last = name.rsplit("/", 1)[-1]
         clock = stated_clock(attributes, own=True)
         rate, unit = clock.rate(), _first(attributes, UNITS)
-        values = _unpacked(self.content.read(item), attributes)
+        values = _unpacked(held, attributes)
         since = " since " in unit or (is_time_unit(unit) and is_time_name(last))
-        if rate is None or item.ndim > 1 or since:
+        if rate is None or held.ndim > 1 or since:
             if rate is not None:
                 self.arrays[f"{name}/sample_rate"] = np.array(rate[0])
             self.arrays[name], self.units[name] = values, unit
@@ -203,17 +243,15 @@ class _Found:
             FileColumn(shown, values, tidy_unit(unit), described, rate=rate[0], start=clock.start)
         )
 
-    def _take_table(self, name: str, item: h5py.Dataset) -> None:
-        cells = self.content.read(item)
-        units = {key: _text(value) for key, value in _attributes(item).items()}
+    def _take_table(self, name: str, cells: Any, attributes: dict[str, Any]) -> None:
+        units = {key: _text(value) for key, value in attributes.items()}
         columns = [
             TableColumn(field, _cells(cells[field]), units.get(f"{field.lower()}_unit", ""))
             for field in cells.dtype.names
             if cells[field].ndim == 1
         ]
-        table = Table(
-            columns, stated_clock(_attributes(item)), f"{self.source}: '{name}'", alone=False
-        )
+        source = f"{self.source}: '{name}'"
+        table = Table(columns, stated_clock(attributes), source, alone=False)
         self.columns += table_columns(table)
         self.problems += table.problems
 
@@ -240,9 +278,8 @@ def _cells(column: NDArray[Any]) -> NDArray[Any]:
     return np.array([_text(cell) for cell in column], dtype=object)
 
 
-def _unpacked(held: Any, attributes: dict[str, Any]) -> NDArray[Any]:
+def _unpacked(values: NDArray[Any], attributes: dict[str, Any]) -> NDArray[Any]:
     """Return values that CF packs (scale_factor, add_offset), NaN where one is missing."""
-    values: NDArray[Any] = np.asarray(held)
     missing = np.zeros(values.shape, dtype=bool)
     for key in ("_fillvalue", "missing_value"):
         if key in attributes and values.dtype.kind in "iuf":

@@ -155,7 +155,9 @@ def _objects(
 def _recording(content: Mapping[str, Any], path: Path, *, objects: bool) -> Recording:
     arrays: dict[str, NDArray[Any]] = {}
     texts: dict[str, list[str]] = {}
-    for name, value in _flat(content):
+    units: dict[str, str] = {}
+    labels: dict[str, str] = {}
+    for name, value in _flat(content, "", units, labels):
         if isinstance(value, str):
             texts[name] = [value]
         elif _is_texts(value):
@@ -169,7 +171,7 @@ def _recording(content: Mapping[str, Any], path: Path, *, objects: bool) -> Reco
         columns, problems = _own_variable(arrays, texts), list[str]()
     else:
         try:
-            columns, problems = columns_of_arrays({**arrays, **dates}, texts)
+            columns, problems = columns_of_arrays({**arrays, **dates}, texts, units, labels)
         except ValueError as error:
             message = f"{path}: {error}"
             raise FileError(message) from None
@@ -206,20 +208,49 @@ def _own_variable(
     ]
 
 
-def _flat(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield the variables of a file by dotted names; structures are opened."""
+def _flat(
+    content: Mapping[str, Any], prefix: str, units: dict[str, str], labels: dict[str, str]
+) -> Iterator[tuple[str, Any]]:
+    """Yield the variables of a file by dotted names; structures are opened.
+
+    Units and names of signals that Simulink states are added to `units` and `labels`.
+    """
     for name, value in content.items():
-        fields = _fields(value)
-        if fields is not None and "values" in fields and isinstance(fields.get("label"), str):
-            # A signal of Simulink's "Structure With Time".
-            yield fields["label"] or f"{prefix}{name}", fields["values"]
+        fields, path = _fields(value), f"{prefix}{name}"
+        if fields is not None and {"Time", "Data", "TimeInfo"} <= set(fields):
+            labels[f"{path}.Data"] = _text_in(fields, "Name") or path
+            units[f"{path}.Data"] = _text_in(_fields(fields.get("DataInfo")) or {}, "Units")
+            clock = _fields(fields["TimeInfo"]) or {}
+            zero = _text_in(clock, "StartDate")
+            units[f"{path}.Time"] = _text_in(clock, "Units") + f" since {zero}" * bool(zero)
+            yield f"{path}.Time", _times_in(fields["Time"], fields["Data"], clock)
+            yield f"{path}.Data", np.squeeze(fields["Data"])
+        elif fields is not None and "values" in fields and "label" in fields:
+            labels[f"{path}.values"] = _text_in(fields, "label")
+            yield f"{path}.values", np.squeeze(fields["values"])
         elif fields is not None:
-            yield from _flat(fields, f"{prefix}{name}.")
+            yield from _flat(fields, f"{path}.", units, labels)
         elif isinstance(value, np.ndarray) and value.dtype.kind == "O" and _are_structures(value):
             inner = {f"{name} {n}": item for n, item in enumerate(value.ravel(), start=1)}
-            yield from _flat(inner, prefix)
+            yield from _flat(inner, prefix, units, labels)
         else:
-            yield f"{prefix}{name}", value
+            yield path, value
+
+
+def _text_in(fields: Mapping[str, Any], key: str) -> str:
+    """Return a text in a structure; empty if there is none."""
+    return value.strip() if isinstance(value := fields.get(key), str) else ""
+
+
+def _times_in(time: Any, data: Any, clock: Mapping[str, Any]) -> Any:
+    """Return the times of a series, which may state an even step in their place."""
+    step = clock.get("Increment")
+    if np.size(time) or not isinstance(step, int | float):
+        return time
+    start = clock.get("Start")
+    return (start if isinstance(start, int | float) else 0.0) + step * np.arange(
+        max(np.shape(data))
+    )
 
 
 def _fields(value: Any) -> Mapping[str, Any] | None:

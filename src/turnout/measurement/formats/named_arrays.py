@@ -30,6 +30,7 @@ def columns_of_arrays(
     arrays: Mapping[str, NDArray[Any]],
     texts: Mapping[str, Sequence[str]],
     units: Mapping[str, str] | None = None,
+    labels: Mapping[str, str] | None = None,
 ) -> tuple[list[FileColumn], list[str]]:
     """Find the channels among named arrays.
 
@@ -45,6 +46,8 @@ def columns_of_arrays(
         Lists of texts, by name.
     units : mapping of str to str, optional
         Unit by name of the array, where the file states it.
+    labels : mapping of str to str, optional
+        Name of the channel by name of the array, where the file states another one.
 
     Returns
     -------
@@ -59,7 +62,7 @@ def columns_of_arrays(
     >>> columns[0].name, columns[0].time
     ('rod', array([0.   , 0.001, 0.002]))
     """
-    units, problems = units or {}, list[str]()
+    units, labels, problems = units or {}, labels or {}, list[str]()
     flat = {name: _vector(array) for name, array in arrays.items()}
     stated = _stated_clocks(
         {
@@ -96,11 +99,11 @@ def columns_of_arrays(
             problems.append(f"array '{name}' is empty: no sample recorded")
             continue
         if vector is not None:
-            shown, axis = _named(name), _time_of(name, vector.size, times)
+            shown, axis = labels.get(name) or _named(name), _time_of(name, vector.size, times)
             unit = units.get(name, "") or split_unit(_last(name))[1]
             columns.append(_timed(shown, vector, tidy_unit(unit), axis, clock))
         elif array.ndim == 2 and min(array.shape) <= MOST_COLUMNS:
-            columns += _of_matrix(name, array, texts, times, clock)
+            columns += _of_matrix(name, array, texts, times, clock, labels.get(name) or name)
         else:
             problems.append(f"array '{name}' has the shape {array.shape} and is no channel")
     return columns, problems
@@ -213,10 +216,11 @@ def _of_matrix(
     texts: Mapping[str, Sequence[str]],
     times: Mapping[str, TimeAxis],
     clock: StatedClock | None,
+    label: str,
 ) -> list[FileColumn]:
     table = array if array.shape[0] >= array.shape[1] else array.T
     count = table.shape[1]
-    names = _list(texts, NAME_LISTS, count) or [f"{name} {i}" for i in range(1, count + 1)]
+    names = _list(texts, NAME_LISTS, count) or [f"{label} {i}" for i in range(1, count + 1)]
     units = _list(texts, UNIT_LISTS, count) or [""] * count
     time = _time_of(name, table.shape[0], times)
     first = 0

@@ -139,12 +139,11 @@ def numeric_axis(values: Floats, *, name: str = "", unit: str = "") -> TimeAxis:
     for scale in (factor,) if given else (1.0, 1e-3, 1e-6, 1e-9):
         if _UNIX[0] <= first * scale <= _UNIX[1]:
             return _from_first(values, scale, first * scale, "Unix time")
-    if _UNIX[0] <= first * factor - _LABVIEW <= _UNIX[1]:
+    days_from = day_zero(values)
+    if days_from is not None and (factor == DAY or (not given and 0 < step < _LARGEST_DAY_STEP)):
+        return _from_first(values, DAY, (first - days_from) * DAY, "days")
+    if factor != DAY and _UNIX[0] <= first * factor - _LABVIEW <= _UNIX[1]:
         return _from_first(values, factor, first * factor - _LABVIEW, "seconds since 1904")
-    if not given or factor == DAY:
-        for least, most, zero in _DAYS:
-            if least <= first <= most and 0 < step < _LARGEST_DAY_STEP:
-                return _from_first(values, DAY, (first - zero) * DAY, "days")
     if not given and 0.01 <= first < 1.0 and 0 < step < _LARGEST_SHARE_STEP:
         message = "may be seconds or parts of a day; write the unit behind its name, 'Time (d)'"
         raise ValueError(message)
@@ -155,6 +154,22 @@ def numeric_axis(values: Floats, *, name: str = "", unit: str = "") -> TimeAxis:
         )
         raise ValueError(message)
     return TimeAxis(values if factor == 1.0 else values * factor)
+
+
+def day_zero(values: Floats) -> float | None:
+    """Return the number of 1 January 1970 among days of Excel, MATLAB or Julius Caesar.
+
+    None if the numbers are no such days of 2000 to 2100.
+
+    Examples
+    --------
+    >>> day_zero(np.array([45363.3, 45363.4])), day_zero(np.array([45.0]))
+    (25569.0, None)
+    """
+    for least, most, zero in _DAYS:
+        if values.size and np.all((values >= least) & (values <= most)):
+            return zero
+    return None
 
 
 def counts(values: Floats) -> bool:
