@@ -96,6 +96,8 @@ class Table:
         Name of the line that holds a row.
     remedy : str
         What to do where the time is unknown.
+    title : str
+        Name of its sheet; empty where the file has none.
     alone : bool
         Whether the file holds nothing else, so that one of its throws may be chosen.
     values : dict of int to ndarray
@@ -117,6 +119,7 @@ class Table:
     named: bool = True
     line_of: Callable[[int], str] = _row_number
     remedy: str = ""
+    title: str = ""
     alone: bool = True
     values: dict[int, Floats] = field(default_factory=dict)
     axes: dict[int, TimeAxis] = field(default_factory=dict)
@@ -126,22 +129,49 @@ class Table:
     problems: list[str] = field(default_factory=list)
 
 
-def table_recording(table: Table, *, throw: str | None = None) -> Recording:
-    """Return the recording in a table.
+def recordings_of(
+    held: "Recording | Table | Sequence[Table | FileError]", throws: Sequence[str] = ()
+) -> list[Recording | FileError]:
+    """Return the recording that a file holds, or a recording for each of some throws of a table.
 
     Parameters
     ----------
-    table : Table
-        Its columns and what is stated beside them.
-    throw : str, optional
-        Which throw of several in one table.
+    held : Recording, Table or sequence of Table or FileError
+        As a reader found it; several are the sheets of a workbook.
+    throws : sequence of str
+        Labels of the throws, as the table has them; none where the file holds one.
+
+    Returns
+    -------
+    list of Recording or FileError
+        One, or one a throw: the error of each that cannot be read.
 
     Raises
     ------
     FileError
-        When it holds several throws and none is chosen, or no channel; naming what is wrong.
+        When it holds several throws and none is chosen, or nothing can be read.
     """
-    return _assembled(table, table_columns(table, throw=throw))
+    if isinstance(held, Recording):
+        return [held]
+    if isinstance(held, Table):
+        return _of_throws(held, throws) if throws else [table_recording(held)]
+    tables = [item for item in held if isinstance(item, Table)]
+    if throws:
+        with_throws = [table for table in tables if len(_sorted_throws(table)[0]) > 1]
+        if len(with_throws) == 1:
+            return _of_throws(with_throws[0], throws)
+    return [_of_sheets(held)]
+
+
+def table_recording(table: Table) -> Recording:
+    """Return the recording in a table.
+
+    Raises
+    ------
+    FileError
+        When it holds several throws, or no channel; naming what is wrong.
+    """
+    return _assembled(table, table_columns(table))
 
 
 def _assembled(table: Table, columns: list[FileColumn]) -> Recording:
@@ -154,49 +184,63 @@ def _assembled(table: Table, columns: list[FileColumn]) -> Recording:
     )
 
 
-def throw_recordings(table: Table, throws: Sequence[str]) -> dict[str, Recording | FileError]:
-    """Return several throws of a table, or the error of each that cannot be read.
-
-    Parameters
-    ----------
-    table : Table
-        Its columns and what is stated beside them.
-    throws : sequence of str
-        Labels of the throws.
-    """
-    found: dict[str, Recording | FileError] = {}
+def _of_throws(table: Table, throws: Sequence[str]) -> list[Recording | FileError]:
+    """Return several throws of a table, or the error of each that cannot be read."""
+    found: list[Recording | FileError] = []
     try:
         parts, by = _sorted_throws(table)
-    except ValueError as error:
-        return dict.fromkeys(throws, FileError(f"{table.source}: {error}"))
+    except FileError as error:
+        return [error] * len(throws)
     for throw in throws:
         try:
             cut = _cut(table, parts, by, throw)
-            found[throw] = _assembled(cut, _channel_columns(cut))
+            found.append(_assembled(cut, _channel_columns(cut)))
         except FileError as error:
-            found[throw] = error
+            found.append(error)
         except ValueError as error:
-            found[throw] = FileError(f"{table.source}: {error}")
+            found.append(FileError(f"{table.source}: {error}"))
     return found
 
 
-def table_columns(table: Table, *, throw: str | None = None) -> list[FileColumn]:
-    """Return the channels of a table with their times; remarks are added to its problems.
+def _of_sheets(tables: Sequence[Table | FileError]) -> Recording:
+    """Return the recording of all tables with numbers; several give their names to channels."""
+    found: dict[str, Recording] = {}
+    reasons: list[str] = []
+    for table in tables:
+        try:
+            if isinstance(table, FileError):
+                raise table
+            found[table.title] = table_recording(table)
+        except FileError as error:
+            reasons.append(str(error))
+    throws = [reason for reason in reasons if "throws in one table" in reason]
+    if not found or throws:
+        raise FileError(throws[0] if throws else "; ".join(reasons))
+    if len(found) == 1:
+        return next(iter(found.values()))
+    channels = {
+        f"{name}/{item.name}": replace(item, name=f"{name}/{item.name}")
+        for name, recording in found.items()
+        for item in recording.channels.values()
+    }
+    starts = {recording.start_time for recording in found.values()}
+    problems = [text for recording in found.values() for text in recording.problems]
+    if len(starts) > 1:
+        problems.append(f"check the time: the sheets {choices(found)} start at different times")
+    first = next(iter(found.values()))
+    return Recording(channels, first.source, first.start_time, tuple(problems))
 
-    Parameters
-    ----------
-    table : Table
-        Its columns and what is stated beside them.
-    throw : str, optional
-        Which throw of several in one table.
+
+def table_columns(table: Table) -> list[FileColumn]:
+    """Return the channels of a table with their times; remarks are added to its problems.
 
     Raises
     ------
     FileError
-        When it holds several throws and none is chosen, or a time is none.
+        When it holds several throws, or a time is none.
     """
     try:
-        cut = _cut(table, *_sorted_throws(table), throw)
+        cut = _cut(table, *_sorted_throws(table), None)
         columns = _channel_columns(cut)
     except ValueError as error:
         message = f"{table.source}: {error}"
@@ -207,8 +251,12 @@ def table_columns(table: Table, *, throw: str | None = None) -> list[FileColumn]
 
 def _sorted_throws(table: Table) -> tuple[dict[str, Rows], str]:
     """Sort the columns and find the times among them; return `_throws` of the table."""
-    _sort_columns(table)
-    _name_axes(table)
+    try:
+        _sort_columns(table)
+        _name_axes(table)
+    except ValueError as error:
+        message = f"{table.source}: {error}"
+        raise FileError(message) from None
     return _throws(table)
 
 

@@ -10,14 +10,13 @@ from typing import Any
 
 from turnout.core.errors import FileError
 from turnout.core.files import require_regular_file, write_atomic
-from turnout.measurement.formats.channel_table import throw_recordings
+from turnout.measurement.formats.channel_table import recordings_of
 from turnout.measurement.formats.comtrade import is_comtrade
 from turnout.measurement.formats.hdf5 import hdf5_bytes
 from turnout.measurement.formats.isolated import read_isolated
 from turnout.measurement.formats.mat import mat_bytes
 from turnout.measurement.formats.text_table import (
     csv_bytes,
-    read_text,
     text_table,
 )
 from turnout.measurement.recording import Recording
@@ -224,7 +223,11 @@ def read_recording(
     """
     path = Path(path)
     try:
-        return _read(path, recognise_format(path), allow_outside=allow_outside, throw=throw)
+        throws = () if throw is None else (throw,)
+        (found,) = _read(path, recognise_format(path), allow_outside=allow_outside, throws=throws)
+        if isinstance(found, FileError):
+            raise found
+        return found
     except FileError as error:
         # What a message quotes from a damaged file may hold anything.
         text = "".join(char if char.isprintable() else " " for char in str(error))
@@ -245,40 +248,31 @@ def read_throws(
     allow_outside : bool
         Whether a file may take samples from other files.
     """
-    found: dict[str, Recording | FileError] = {}
     try:
-        kind = recognise_format(path)
-        if not kind.reader:  # parsed once for all
-            return throw_recordings(text_table(path.read_bytes(), source=str(path)), throws)
+        found = _read(path, recognise_format(path), allow_outside=allow_outside, throws=throws)
     except FileError as error:
         return dict.fromkeys(throws, error)
-    for throw in throws:
-        try:
-            found[throw] = _read(path, kind, allow_outside=allow_outside, throw=throw)
-        except FileError as error:
-            found[throw] = error
-    return found
+    return dict(zip(throws, found, strict=True))
 
 
-def _read(path: Path, kind: FileFormat, *, allow_outside: bool, throw: str | None) -> Recording:
-    options: dict[str, object] = {}
-    if throw is not None:
-        if not kind.tables:
-            message = f"{path}: a {kind.name} file holds one throw; leave out the choice '{throw}'"
-            raise FileError(message)
-        options["throw"] = throw
+def _read(
+    path: Path, kind: FileFormat, *, allow_outside: bool, throws: Sequence[str]
+) -> list[Recording | FileError]:
+    """Return the recording of a file, or one a throw; FileError when none can be read."""
+    if throws and not kind.tables:
+        message = f"{path}: a {kind.name} file holds one throw; leave out the choice '{throws[0]}'"
+        raise FileError(message)
     if not kind.reader:
-        return read_text(path, throw=throw)
+        return recordings_of(text_table(path.read_bytes(), source=str(path)), throws)
     for package in kind.packages:
         require(package, extra=kind.extra, purpose=f"{path}: {kind.name} files", load=False)
-    if kind.refers:
-        options["allow_outside"] = allow_outside
     return read_isolated(
         path,
         reader=f"turnout.measurement.formats.{kind.reader}",
         kind=kind.name.removesuffix(" 7.3"),
         packages=kind.packages,
-        **options,
+        throws=throws,
+        **({"allow_outside": allow_outside} if kind.refers else {}),
     )
 
 

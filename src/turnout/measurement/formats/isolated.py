@@ -11,6 +11,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ import numpy as np
 
 from turnout.core.errors import FileError
 from turnout.measurement.formats.extent import most_memory, most_seconds
-from turnout.measurement.formats.reader_process import ARRAYS, EXHAUSTED, FAULT
+from turnout.measurement.formats.reader_process import ARRAYS, EXHAUSTED, FAULT, RECORDINGS
 from turnout.measurement.recording import RecordedChannel, Recording
 
 # To load the packages of a reader: their own time, whatever the file [s].
@@ -95,8 +96,14 @@ _kept: list[RecordingReader] = []
 
 
 def read_isolated(
-    path: Path, *, reader: str, kind: str, packages: tuple[str, ...] = (), **options: object
-) -> Recording:
+    path: Path,
+    *,
+    reader: str,
+    kind: str,
+    packages: Sequence[str] = (),
+    throws: Sequence[str] = (),
+    **options: object,
+) -> list[Recording | FileError]:
     """Read a file by a reader in a process of its own.
 
     Parameters
@@ -107,8 +114,10 @@ def read_isolated(
         Module and function: "turnout.measurement.formats.hdf5:read_hdf5".
     kind : str
         What files of this kind are called.
-    packages : tuple of str
+    packages : sequence of str
         What the reader loads, which does not count as time of the file.
+    throws : sequence of str
+        Which throws of several in one table; none for the one recording of a file.
     **options
         Arguments of the reader.
 
@@ -125,6 +134,7 @@ def read_isolated(
             "kind": kind,
             "reader": reader,
             "packages": packages,
+            "throws": throws,
             "folder": folder,
             "memory": most_memory(size),
             "seconds": seconds,
@@ -148,8 +158,8 @@ def read_isolated(
         if not reply:
             raise FileError(_crash(path, kind, code))
         if FAULT in reply:
-            raise FileError(str(reply[FAULT]).replace(str(path.absolute()), str(path)))
-        return _recording(path, reply, Path(folder))
+            raise _fault(path, reply)
+        return _recordings(path, reply[RECORDINGS], Path(folder))
 
 
 def _reader() -> RecordingReader:
@@ -167,13 +177,26 @@ def _end() -> None:
         _kept.pop().close()
 
 
-def _recording(path: Path, reply: dict[str, Any], folder: Path) -> Recording:
+def _fault(path: Path, reply: dict[str, Any]) -> FileError:
+    return FileError(str(reply[FAULT]).replace(str(path.absolute()), str(path)))
+
+
+def _recordings(
+    path: Path, replies: list[dict[str, Any]], folder: Path
+) -> list[Recording | FileError]:
+    found: list[Recording | FileError] = []
     with np.load(folder / ARRAYS, allow_pickle=False) as arrays:
-        channels = {
-            item["name"]: RecordedChannel(values=arrays[str(number)], **item)
-            for number, item in enumerate(reply["channels"])
-        }
-    return Recording(channels, str(path), reply["start_time"], tuple(reply["problems"]))
+        for reply in replies:
+            if FAULT in reply:
+                found.append(_fault(path, reply))
+                continue
+            channels = {
+                item["name"]: RecordedChannel(**{**item, "values": arrays[item["values"]]})
+                for item in reply["channels"]
+            }
+            problems = tuple(reply["problems"])
+            found.append(Recording(channels, str(path), reply["start_time"], problems))
+    return found
 
 
 def _crash(path: Path, kind: str, code: int) -> str:

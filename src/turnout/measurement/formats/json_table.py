@@ -15,7 +15,7 @@ from turnout.measurement.formats.assemble import (
     split_unit,
     tidy_unit,
 )
-from turnout.measurement.formats.channel_table import Table, TableColumn, table_recording
+from turnout.measurement.formats.channel_table import Table, TableColumn
 from turnout.measurement.formats.clock import StatedClock, is_time_name, squeezed
 from turnout.measurement.formats.extent import Declared
 from turnout.measurement.formats.text_dialect import encoding_of
@@ -29,15 +29,13 @@ _UNITS = ("unit", "units")
 _LARGEST_DEPTH = 5
 
 
-def read_json(path: Path, *, throw: str | None = None) -> Recording:
+def read_json(path: Path) -> Recording | Table:
     """Read a table in JSON: a list of rows, lists by name, channels with their samples.
 
     Parameters
     ----------
     path : Path
         JSON, or one row in JSON a line.
-    throw : str, optional
-        Which throw of several in one table.
 
     Raises
     ------
@@ -53,7 +51,7 @@ def read_json(path: Path, *, throw: str | None = None) -> Recording:
         held = _lines(text, path, error)
     stated = StatedClock()
     try:
-        return _recording(path, held, stated, throw)
+        return _found(path, held, stated)
     except ValueError as error:
         message = f"{path}: {error}"
         raise FileError(message) from None
@@ -73,7 +71,7 @@ def _none(path: Path, error: json.JSONDecodeError) -> list[Any]:
     raise FileError(message)
 
 
-def _recording(path: Path, held: Any, stated: StatedClock, throw: str | None) -> Recording:
+def _found(path: Path, held: Any, stated: StatedClock) -> Recording | Table:
     units: dict[str, str] = {}
     for _ in range(_LARGEST_DEPTH):
         table = _columns(held)
@@ -101,7 +99,7 @@ def _recording(path: Path, held: Any, stated: StatedClock, throw: str | None) ->
     for name, cells in table.items():
         bare, unit = split_unit(name)
         columns.append(TableColumn(bare, cells, tidy_unit(units.get(name, "")) or unit))
-    return table_recording(Table(columns, stated, str(path), remedy=NO_TIME), throw=throw)
+    return Table(columns, stated, str(path), remedy=NO_TIME)
 
 
 def _tables_in(held: Any) -> bool:

@@ -6,17 +6,16 @@ import numpy as np
 
 from turnout.core.errors import FileError
 from turnout.measurement.formats.assemble import split_unit, tidy_unit
-from turnout.measurement.formats.channel_table import Table, TableColumn, table_recording
+from turnout.measurement.formats.channel_table import Table, TableColumn
 from turnout.measurement.formats.clock import StatedClock
 from turnout.measurement.formats.numbers import numbers
 from turnout.measurement.formats.text_dialect import encoding_of
-from turnout.measurement.recording import Recording
 
 _END = "***End_of_Header***"
 _SEPARATORS = {"tab": "\t", "comma": ",", "semicolon": ";"}
 
 
-def read_lvm(path: Path) -> Recording:
+def read_lvm(path: Path) -> Table:
     """Read a LabVIEW measurement file.
 
     Raises
@@ -67,7 +66,7 @@ def read_lvm(path: Path) -> Recording:
         else:
             bare, unit = "Time", "s"
         columns.append(TableColumn(bare, np.array(cells, dtype=object), unit))
-    return table_recording(Table(columns, stated, str(path), decimal=decimal, alone=False))
+    return Table(columns, stated, str(path), decimal=decimal, alone=False)
 
 
 def _pair(line: str) -> tuple[str, str]:

@@ -19,7 +19,6 @@ from turnout.measurement.formats.channel_table import (
     Table,
     TableColumn,
     table_columns,
-    table_recording,
 )
 from turnout.measurement.formats.clock import StatedClock
 from turnout.measurement.formats.extent import Declared
@@ -276,7 +275,7 @@ def read_uff(path: Path) -> Recording:
 NO_PARQUET_TIME = "give a column 'time' [s], or 'sample_rate' among the metadata of the table"
 
 
-def read_parquet(path: Path, *, throw: str | None = None) -> Recording:
+def read_parquet(path: Path) -> Table:
     """Read the numeric columns of a Parquet file; the others become problems.
 
     Units are in the column's metadata (`unit`) or its name. The time is a column called time, in
@@ -286,8 +285,6 @@ def read_parquet(path: Path, *, throw: str | None = None) -> Recording:
     ----------
     path : Path
         Parquet file.
-    throw : str, optional
-        Which throw of several in one table.
 
     Raises
     ------
@@ -314,8 +311,7 @@ def read_parquet(path: Path, *, throw: str | None = None) -> Recording:
             if len(v) < 100
         }
     )
-    table = Table(columns, stated, str(path), remedy=NO_PARQUET_TIME)
-    return table_recording(table, throw=throw)
+    return Table(columns, stated, str(path), remedy=NO_PARQUET_TIME)
 
 
 def _text_of(metadata: Any, key: str) -> str | None:

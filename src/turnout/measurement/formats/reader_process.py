@@ -17,10 +17,14 @@ from typing import Any
 import numpy as np
 
 from turnout.core.errors import FileError
+from turnout.measurement.formats.channel_table import recordings_of
 from turnout.measurement.recording import Recording
 
 ARRAYS = "arrays.npz"
 FAULT = "fault"
+RECORDINGS = "recordings"
+FIELDS = ("name", "unit", "rate", "start", "description")
+"""Of a channel, beside its samples."""
 EXHAUSTED = "exhausted"
 """Whether the process is to be ended, as a file took all that it may take."""
 
@@ -36,8 +40,8 @@ def read_requested(request: dict[str, Any]) -> dict[str, Any]:
         return {FAULT: message + "install turnout again"}
     limit_memory(int(request["memory"]))
     try:
-        recording = read(path, **request["options"])
-        return write_reply(recording, Path(request["folder"]))
+        found = recordings_of(read(path, **request["options"]), request["throws"])
+        return {RECORDINGS: write_reply(found, Path(request["folder"]))}
     except FileError as error:
         return {FAULT: str(error)}
     except MemoryError:
@@ -54,25 +58,23 @@ def read_requested(request: dict[str, Any]) -> dict[str, Any]:
         return {FAULT: message}
 
 
-def write_reply(recording: Recording, folder: Path) -> dict[str, Any]:
-    """Leave the samples of a recording in a folder; return all else."""
-    channels = list(recording.channels.values())
-    arrays: dict[str, Any] = {f"{i}": item.values for i, item in enumerate(channels)}
+def write_reply(found: list[Recording | FileError], folder: Path) -> list[dict[str, Any]]:
+    """Leave the samples of recordings in a folder; return all else of each, or its fault."""
+    replies: list[dict[str, Any]] = []
+    arrays: dict[str, Any] = {}
+    for recording in found:
+        if isinstance(recording, FileError):
+            replies.append({FAULT: str(recording)})
+            continue
+        channels = []
+        for item in recording.channels.values():
+            fields = {key: getattr(item, key) for key in FIELDS}
+            channels.append({**fields, "values": f"{len(arrays)}"})
+            arrays[f"{len(arrays)}"] = item.values
+        problems, start = recording.problems, recording.start_time
+        replies.append({"start_time": start, "problems": problems, "channels": channels})
     np.savez(folder / ARRAYS, **arrays)
-    return {
-        "start_time": recording.start_time,
-        "problems": recording.problems,
-        "channels": [
-            {
-                "name": item.name,
-                "unit": item.unit,
-                "rate": float(item.rate),
-                "start": float(item.start),
-                "description": item.description,
-            }
-            for item in channels
-        ],
-    }
+    return replies
 
 
 def limit_memory(more: int) -> None:

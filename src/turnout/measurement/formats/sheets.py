@@ -7,30 +7,26 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 from turnout.core.errors import FileError
-from turnout.core.problems import choices
-from turnout.measurement.formats.channel_table import table_recording
+from turnout.measurement.formats.channel_table import Table
 from turnout.measurement.formats.extent import Declared
 from turnout.measurement.formats.text_dialect import encoding_of
 from turnout.measurement.formats.text_table import text_table
-from turnout.measurement.recording import Recording
 
 Rows = Iterable[Sequence[object]]
 
 
-def read_workbook(path: Path, *, throw: str | None = None) -> Recording:
+def read_workbook(path: Path) -> list[Table | FileError]:
     """Read the sheets of a workbook that hold numbers.
 
     Parameters
     ----------
     path : Path
         Workbook of Excel or LibreOffice.
-    throw : str, optional
-        Which throw of several in one table.
 
     Raises
     ------
     FileError
-        When no sheet can be read, with the reason of each.
+        When all sheets are empty.
     """
     import python_calamine
 
@@ -41,29 +37,27 @@ def read_workbook(path: Path, *, throw: str | None = None) -> Recording:
             sheet = book.get_sheet_by_name(name)
             declared.add(sheet.total_height * sheet.total_width)
             sheets[name] = sheet.to_python(skip_empty_area=False)
-    return _of_sheets(path, sheets, throw)
+    return _tables(path, sheets)
 
 
-def read_html(path: Path, *, throw: str | None = None) -> Recording:
+def read_html(path: Path) -> list[Table | FileError]:
     """Read the tables of an HTML file, as monitoring servers write them under the name .xls.
 
     Parameters
     ----------
     path : Path
         HTML file.
-    throw : str, optional
-        Which throw of several in one table.
 
     Raises
     ------
     FileError
-        When no table can be read, with the reason of each.
+        When all tables are empty.
     """
     content = path.read_bytes()
     parser = _Tables()
     parser.feed(content.decode(encoding_of(content), errors="replace"))
     sheets = {f"table {n}": rows for n, rows in enumerate(parser.tables, start=1)}
-    return _of_sheets(path, sheets, throw)
+    return _tables(path, sheets)
 
 
 class _Tables(HTMLParser):
@@ -92,38 +86,22 @@ class _Tables(HTMLParser):
             self._cells[-1] += data
 
 
-def _of_sheets(path: Path, sheets: Mapping[str, Rows], throw: str | None) -> Recording:
-    """Return the recording of all sheets with numbers; several give their names to channels."""
-    found: dict[str, Recording] = {}
-    reasons: list[str] = []
+def _tables(path: Path, sheets: Mapping[str, Rows]) -> list[Table | FileError]:
+    """Return the table of each sheet that is not empty, or why it holds none."""
+    found: list[Table | FileError] = []
     for name, rows in sheets.items():
         content = _text(rows).encode()
         if not content.strip():
             continue
         try:
             table = text_table(content, source=f"{path}, sheet '{name}'")
-            found[name] = table_recording(table, throw=throw)
+            found.append(replace(table, title=name))
         except FileError as error:
-            reasons.append(str(error))
+            found.append(error)
     if not found:
-        message = "; ".join(reasons) or f"{path}: its sheets are empty"
+        message = f"{path}: its sheets are empty"
         raise FileError(message)
-    throws = [reason for reason in reasons if "throws in one table" in reason]
-    if throws:
-        raise FileError(throws[0])
-    if len(found) == 1:
-        ((_, only),) = found.items()
-        return replace(only, source=str(path))
-    channels = {
-        f"{name}/{item.name}": replace(item, name=f"{name}/{item.name}")
-        for name, recording in found.items()
-        for item in recording.channels.values()
-    }
-    starts = {recording.start_time for recording in found.values()}
-    problems = [text for recording in found.values() for text in recording.problems]
-    if len(starts) > 1:
-        problems.append(f"check the time: the sheets {choices(found)} start at different times")
-    return Recording(channels, str(path), next(iter(starts)), tuple(problems))
+    return found
 
 
 def _text(rows: Rows) -> str:

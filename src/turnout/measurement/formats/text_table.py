@@ -4,7 +4,6 @@ import io
 import re
 import warnings
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from pandas.errors import ParserError, ParserWarning
 
 from turnout.core.errors import FileError, MeasurementError
 from turnout.core.problems import choices
-from turnout.measurement.formats.channel_table import Table, TableColumn, table_recording
+from turnout.measurement.formats.channel_table import Table, TableColumn
 from turnout.measurement.formats.clock import StatedClock
 from turnout.measurement.formats.extent import MOST_CHANNELS
 from turnout.measurement.formats.numbers import EMPTY, is_number
@@ -37,29 +36,11 @@ class _Text:
     body: str
 
 
-def read_text(path: Path, *, throw: str | None = None) -> Recording:
-    """Read a text file of numbers, whatever its separators, decimal marks and headings.
+def text_table(content: bytes, *, source: str) -> Table:
+    """Return the table in a text, whatever its separators, decimal marks and headings.
 
     Empty cells and overloads are missing samples (NaN). A last line that was cut off is left out,
     and so are statistics below the table.
-
-    Parameters
-    ----------
-    path : Path
-        Text file.
-    throw : str, optional
-        Which throw of several in one table.
-
-    Raises
-    ------
-    FileError
-        Naming line and column of what is no number.
-    """
-    return table_recording(text_table(path.read_bytes(), source=str(path)), throw=throw)
-
-
-def text_table(content: bytes, *, source: str) -> Table:
-    """Return the table in a text.
 
     Parameters
     ----------
