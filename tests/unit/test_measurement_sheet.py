@@ -1,5 +1,6 @@
 """Run sheets in CSV and TOML: what they say, and every mistake in them at once."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -181,3 +182,49 @@ def test_repeats_are_numbered_in_the_order_of_the_sheet(tmp_path: Path) -> None:
     first = "a,closing,0,none\nb,closing,0,none\n"
     path.write_text("file,direction,size [mm],place\n" + first, encoding="utf-8")
     assert [run.repeat for run in read_sheet(path).runs] == [1, 2]
+
+
+def test_a_pattern_finds_recordings_and_reads_columns_from_their_names(tmp_path: Path) -> None:
+    for name in ("N_1.csv", "R_2.csv", "other.csv"):
+        path = tmp_path / "day 1" / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text("Sample rate: 25 Hz\nP [W]\n" + "300\n" * 9, encoding="utf-8")
+    head = "# files: **/{direction}_{repeat}.csv\n# closing: N\n# opening: R, back\n"
+    sheet = sheet_of(head, tmp_path)
+    assert [(run.file, run.direction, run.repeat) for run in sheet.runs] == [
+        ("day 1/N_1.csv", "closing", 1),
+        ("day 1/R_2.csv", "opening", 2),
+    ]
+    line = "file,direction,size [mm],place\nday 1/N_1.csv,back,13,sleeper 6\n"
+    runs = sheet_of(head + line, tmp_path).runs
+    assert [(run.direction, run.size) for run in runs] == [("opening", 0.013), ("opening", 0.0)]
+
+
+@pytest.mark.parametrize(
+    ("pattern", "words"),
+    [
+        ("{when}.csv", "in braces may stand, once each, 'direction'"),
+        ("../*.csv", "must be a pattern of names within the folder"),
+        ("*.mat", "there is no such file"),
+    ],
+)
+def test_a_pattern_that_finds_nothing_is_refused(tmp_path: Path, pattern: str, words: str) -> None:
+    with pytest.raises(MeasurementError, match=words):
+        sheet_of(f"# files: {pattern}\n", tmp_path)
+
+
+def test_directions_stand_in_a_column_of_the_table(tmp_path: Path) -> None:
+    throws = [
+        {"id": 7 + k, "way": "NR"[k % 2], "power": [300.0 + n for n in range(9)]} for k in range(3)
+    ]
+    text = json.dumps({"sample_rate": 25, "throws": throws})
+    (tmp_path / "throws.json").write_text(text, encoding="utf-8")
+    head = "# files: throws.json\n# closing: N\n# opening: R\n"
+    runs = sheet_of(head + "# direction_column: way\n", tmp_path).runs
+    assert [(run.throw, run.direction) for run in runs] == [
+        ("1", "closing"),
+        ("2", "opening"),
+        ("3", "closing"),
+    ]
+    with pytest.raises(MeasurementError, match="throw 1: has no column 'direction' that holds one"):
+        sheet_of(head + "# direction_column: direction\n", tmp_path)

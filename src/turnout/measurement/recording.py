@@ -1,7 +1,7 @@
 """A recording: evenly sampled channels, each with its own rate, and an overview of them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,12 +73,15 @@ class Recording:
         Date and time of the start in ISO 8601, where the file states it.
     problems : tuple of str
         Parts that could not be read or had to be mended, a sentence each.
+    labels : mapping of str to str
+        Cells that are the same in all rows of a table, by column; `throw` is which of several.
     """
 
     channels: Mapping[str, RecordedChannel]
     source: str
     start_time: str | None = None
     problems: tuple[str, ...] = ()
+    labels: Mapping[str, str] = field(default_factory=dict)
 
     def channel(self, name: str) -> RecordedChannel:
         """Return a channel by its name.

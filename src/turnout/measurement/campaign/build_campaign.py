@@ -232,7 +232,7 @@ def build_campaign_dataset(
         for path in (sheet_file, *([folder / CHANNEL_FILE] if channels is None else [])):
             refuse_outside(path, folder)
     refuse_links_outside(folder / STORE, folder)
-    sheet = read_sheet(sheet_file)
+    sheet = read_sheet(sheet_file, allow_outside=allow_outside)
     check_files(sheet, folder, allow_outside=allow_outside)
     channel_map = load_channel_map(channels if channels is not None else folder / CHANNEL_FILE)
     pieces, reused = _pieces(

@@ -122,7 +122,8 @@ def recorded_throws(
             continue
         if run.throw and not held:
             throws = list(dict.fromkeys(item.throw for item in runs if item.throw))
-            held = read_throws(path, throws, allow_outside=allow_outside)
+            read = read_throws(path, throws, allow_outside=allow_outside)
+            held = dict(zip(throws, read, strict=True))
         if run.throw not in found:
             one = held.get(run.throw)
             found[run.throw] = _found(

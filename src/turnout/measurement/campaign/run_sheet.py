@@ -14,7 +14,10 @@ from turnout.core.errors import FileError, MeasurementError
 from turnout.core.problems import choices, nearest, show_value
 from turnout.core.toml import decode, parse_toml, read_bytes
 from turnout.core.units import LENGTH, parse_quantity
+from turnout.measurement.campaign.campaign_folder import is_outside
 from turnout.measurement.campaign.motion_signals import CLOSING, OPENING
+from turnout.measurement.formats.file_format import read_throws
+from turnout.measurement.recording import Recording
 
 # A larger object does not fit into any flangeway: its unit is wrong [m].
 LARGEST_SIZE = 0.2
@@ -116,10 +119,14 @@ def parse_yes_no(value: Any) -> bool:
 
 
 SHEETS = ("runs.csv", "runs.toml")
+NOT_RECORDINGS = {*SHEETS, "channels.toml", "truth.nc", "campaign.nc"}
 LOAD_CELL_FROM = 0.013
 NEEDED = ("file", "direction", "size", "place")
 OPTIONAL = ("throw", "movement", "repeat", "slip", "load_cell", "remark")
-HEADINGS = ("title", "panel", "synthetic", "load_cell_from")
+HEADINGS = (
+    *("title", "panel", "synthetic", "load_cell_from"),
+    *("files", "direction_column", CLOSING, OPENING),
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -223,13 +230,15 @@ def find_sheet(folder: Path | str) -> Path:
     return found[0]
 
 
-def read_sheet(path: Path | str) -> RunSheet:
+def read_sheet(path: Path | str, *, allow_outside: bool = False) -> RunSheet:
     r"""Read a run sheet.
 
     Parameters
     ----------
     path : path-like
-        CSV or TOML file with a row for each movement.
+        CSV or TOML file with a row for each movement, or a heading that finds the recordings.
+    allow_outside : bool
+        Whether directions may be looked up in recordings outside the folder of the sheet.
 
     Returns
     -------
@@ -270,12 +279,21 @@ def read_sheet(path: Path | str) -> RunSheet:
         for name in headings
         if name not in HEADINGS
     ]
+    folder = path.parent
+    rows += _found_rows(headings, {str(row.get("file")) for _, row in rows}, folder, problems)
+    if column := str(headings.get("direction_column", "")):
+        rows = _with_directions(rows, column, folder, problems, allow_outside=allow_outside)
+    words = {
+        word.strip().lower(): name
+        for name in (CLOSING, OPENING)
+        for word in str(headings.get(name, name)).split(",")
+    }
     runs = []
     for where, row in rows:
-        run = _run(where, row, mounted_from=mounted_from, problems=problems)
+        run = _run(where, row, words, mounted_from=mounted_from, problems=problems)
         if run is not None:
             runs.append(run)
-    if not rows:
+    if not rows and "files" not in headings:
         problems.append("names no movement; give a line for each")
     runs = _numbered(runs)
     problems += _duplicates(runs)
@@ -288,7 +306,75 @@ def read_sheet(path: Path | str) -> RunSheet:
     )
 
 
-def _toml_rows(text: str, path: Path) -> tuple[dict[str, Any], list[tuple[str, Mapping[str, Any]]]]:
+Rows = list[tuple[str, Mapping[str, Any]]]
+_IN_BRACES = re.compile(r"\{(\w+)\}")
+_WILD = {"**/": r"(?:.*/)?", "*": r"[^/]*", "?": r"[^/]"}
+
+
+def _found_rows(
+    headings: Mapping[str, Any], named: set[str], folder: Path, problems: list[str]
+) -> Rows:
+    """Return a row for each recording that the heading `files` finds and no row names.
+
+    A name of a column in braces stands for its value: "day */{direction} {repeat}.csv".
+    """
+    pattern = str(headings.get("files", ""))
+    names = _IN_BRACES.findall(pattern)
+    wrong = [name for name in names if name not in (*NEEDED[1:], *OPTIONAL)]
+    if wrong or len(set(names)) < len(names):
+        allowed = choices((*NEEDED[1:], *OPTIONAL))
+        problems.append(f'files = "{pattern}": in braces may stand, once each, {allowed}')
+    elif ".." in pattern or Path(pattern).is_absolute():
+        problems.append(f'files = "{pattern}": must be a pattern of names within the folder')
+    if problems or not pattern:
+        return []
+    parts = re.split(r"(\{\w+\}|\*\*/|\*|\?)", pattern)
+    named_parts = {part: f"(?P<{part[1:-1]}>[^/]+?)" for part in parts if part.startswith("{")}
+    expression = re.compile(
+        "".join({**_WILD, **named_parts}.get(part, re.escape(part)) for part in parts)
+    )
+    rows: Rows = []
+    for path in sorted(folder.glob(_IN_BRACES.sub("*", pattern))):
+        name = path.relative_to(folder).as_posix()
+        match = expression.fullmatch(name)
+        if match and path.is_file() and name not in named and name not in NOT_RECORDINGS:
+            rows.append((name, {"file": name, "size": "0 m", "place": "none", **match.groupdict()}))
+    if not rows:
+        problems.append(f'files = "{pattern}": there is no such file beside those of the lines')
+    return rows
+
+
+def _with_directions(
+    rows: Rows, column: str, folder: Path, problems: list[str], *, allow_outside: bool
+) -> Rows:
+    """Return rows whose directions stand in a column of the recording; one for each throw of it."""
+    found: Rows = []
+    read: dict[str, list[Recording | FileError]] = {}
+    for where, row in rows:
+        name = str(row.get("file", "")).strip()
+        if row.get("direction") or not name:
+            found.append((where, row))
+            continue
+        if name not in read:
+            outside = not allow_outside and is_outside(folder / name, folder)
+            read[name] = [] if outside else read_throws(folder / name, allow_outside=allow_outside)
+        there = [item for item in read[name] if isinstance(item, Recording)]
+        problems += [f"{where}: {item}" for item in read[name] if isinstance(item, FileError)]
+        wanted = str(row.get("throw", "")).strip()
+        for item in there or [Recording({}, name)]:
+            throw = item.labels.get("throw", "")
+            if wanted in ("", throw):
+                place = f"{where}, throw {throw}" if throw else where
+                more = {"throw": throw} if throw else {}
+                if column in item.labels:
+                    found.append((place, {**row, **more, "direction": item.labels[column]}))
+                elif item.channels:
+                    text = f"has no column '{column}' that holds one direction; there are "
+                    problems.append(f"{place}: {text}{choices(item.labels) or 'none'}")
+    return found
+
+
+def _toml_rows(text: str, path: Path) -> tuple[dict[str, Any], Rows]:
     data = parse_toml(text, source=str(path)).data
     runs = data.pop("run", [])
     data.pop("schema_version", None)
@@ -298,7 +384,7 @@ def _toml_rows(text: str, path: Path) -> tuple[dict[str, Any], list[tuple[str, M
     return data, [(f"run {number}", run) for number, run in enumerate(runs, 1)]
 
 
-def _csv_rows(text: str, path: Path) -> tuple[dict[str, Any], list[tuple[str, Mapping[str, Any]]]]:
+def _csv_rows(text: str, path: Path) -> tuple[dict[str, Any], Rows]:
     headings: dict[str, Any] = {}
     lines: list[tuple[int, str]] = []
     for number, line in enumerate(text.splitlines(), 1):
@@ -308,13 +394,15 @@ def _csv_rows(text: str, path: Path) -> tuple[dict[str, Any], list[tuple[str, Ma
                 headings[key.strip()] = value.strip()
         elif line.strip(" ,;\t"):
             lines.append((number, line))
+    if not lines and "files" in headings:
+        return headings, []
     if not lines:
         message = "has no line with the names of the columns"
         raise MeasurementError([message], source=str(path))
     separator = max(",;\t", key=lines[0][1].count)
     header = _cells(*lines[0], separator, path)
     names, units = zip(*(_column(cell) for cell in header), strict=True)
-    rows: list[tuple[str, Mapping[str, Any]]] = []
+    rows: Rows = []
     for number, line in lines[1:]:
         cells = [cell.strip() for cell in _cells(number, line, separator, path)]
         row: dict[str, Any] = {}
@@ -353,7 +441,12 @@ def _column(cell: str) -> tuple[str, str]:
 
 
 def _run(
-    where: str, row: Mapping[str, Any], *, mounted_from: float, problems: list[str]
+    where: str,
+    row: Mapping[str, Any],
+    words: Mapping[str, str],
+    *,
+    mounted_from: float,
+    problems: list[str],
 ) -> SheetRow | None:
     """Make a run of a row, or add its faults."""
     allowed = (*NEEDED, *OPTIONAL)
@@ -376,7 +469,11 @@ def _run(
     values = {
         "throw": str(row.get("throw", "")).strip(),
         "movement": read("movement", whole_number, 1),
-        "direction": read("direction", direction_name, CLOSING),
+        "direction": read(
+            "direction",
+            lambda value: words.get(str(value).strip().lower()) or direction_name(value),
+            CLOSING,
+        ),
         "repeat": read("repeat", whole_number, 0),
         "slip": read("slip", parse_yes_no, None),
         "load_cell": read("load_cell", parse_yes_no, size >= mounted_from - 1e-9),

@@ -16,13 +16,12 @@ from turnout.core.errors import MeasurementError
 from turnout.core.problems import nearest
 from turnout.core.saturating_force import saturates
 from turnout.measurement.campaign.campaign_folder import PERMIT, describe_target, is_outside
-from turnout.measurement.campaign.run_sheet import SHEETS, RunSheet, SheetRow
+from turnout.measurement.campaign.run_sheet import NOT_RECORDINGS, RunSheet, SheetRow
 from turnout.measurement.formats.file_format import FORMATS
 
 # How much more one rod must rise than any other, by how much on average [N], and in how many
 # movements with an object at a drive.
 SWAPPED, LEAST_RISE, LEAST_VOTES = 1.5, 50.0, 2
-NOT_RECORDINGS = {*SHEETS, "channels.toml", "truth.nc", "campaign.nc"}
 
 
 def recordings_in(folder: Path) -> list[str]:

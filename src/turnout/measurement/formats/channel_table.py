@@ -50,6 +50,10 @@ Rows = NDArray[np.intp]
 # A column with fewer numbers than this share is one of texts, else its texts are errors.
 _LEAST_NUMBERS = 0.1
 _MOST_SIGNALS = 256
+ALL = ("*",)
+"""In place of the labels of throws: all that a table holds."""
+THROW = "throw"
+"""Label of a recording that is one of several throws."""
 # A column without a unit that steps less or more than this may not be in seconds [s].
 _USUAL_STEP = (1e-5, 0.5)
 
@@ -139,7 +143,7 @@ def recordings_of(
     held : Recording, Table or sequence of Table or FileError
         As a reader found it; several are the sheets of a workbook.
     throws : sequence of str
-        Labels of the throws, as the table has them; none where the file holds one.
+        Labels of the throws, as the table has them, or `ALL`; none where the file holds one.
 
     Returns
     -------
@@ -174,14 +178,22 @@ def table_recording(table: Table) -> Recording:
     return _assembled(table, table_columns(table))
 
 
-def _assembled(table: Table, columns: list[FileColumn]) -> Recording:
-    return assemble_recording(
+def _assembled(table: Table, columns: list[FileColumn], throw: str = "") -> Recording:
+    recording = assemble_recording(
         columns,
         source=table.source,
         start_time=table.stated.start_time,
         problems=table.problems,
         remedy=table.remedy,
     )
+    labels = {THROW: throw} if throw else {}
+    for place, cells in table.texts.items():
+        if len(set(cells)) == 1:
+            labels.setdefault(_label(table, place), cells[0].strip())
+    for place, values in table.values.items():
+        if values.size and np.all(values == values[0]):
+            labels.setdefault(_label(table, place), f"{values[0]:.9g}")
+    return replace(recording, labels=labels)
 
 
 def _of_throws(table: Table, throws: Sequence[str]) -> list[Recording | FileError]:
@@ -191,10 +203,12 @@ def _of_throws(table: Table, throws: Sequence[str]) -> list[Recording | FileErro
         parts, by = _sorted_throws(table)
     except FileError as error:
         return [error] * len(throws)
+    if tuple(throws) == ALL:
+        throws = list(parts) if len(parts) > 1 else [""]
     for throw in throws:
         try:
-            cut = _cut(table, parts, by, throw)
-            found.append(_assembled(cut, _channel_columns(cut)))
+            cut = _cut(table, parts, by, throw or None)
+            found.append(_assembled(cut, _channel_columns(cut), throw))
         except FileError as error:
             found.append(error)
         except ValueError as error:

@@ -10,7 +10,7 @@ from typing import Any
 
 from turnout.core.errors import FileError
 from turnout.core.files import require_regular_file, write_atomic
-from turnout.measurement.formats.channel_table import recordings_of
+from turnout.measurement.formats.channel_table import ALL, recordings_of
 from turnout.measurement.formats.comtrade import is_comtrade
 from turnout.measurement.formats.hdf5 import hdf5_bytes
 from turnout.measurement.formats.isolated import read_isolated
@@ -235,8 +235,8 @@ def read_recording(
 
 
 def read_throws(
-    path: Path, throws: Sequence[str], *, allow_outside: bool = False
-) -> dict[str, Recording | FileError]:
+    path: Path, throws: Sequence[str] = ALL, *, allow_outside: bool = False
+) -> list[Recording | FileError]:
     """Read several throws of one table, or the error of each that cannot be read.
 
     Parameters
@@ -244,15 +244,15 @@ def read_throws(
     path : Path
         File that holds a table.
     throws : sequence of str
-        Labels of the throws, as its column or the order of the table has them.
+        Labels of the throws, as its column or the order of the table has them; all by default, each
+        with its own among its labels.
     allow_outside : bool
         Whether a file may take samples from other files.
     """
     try:
-        found = _read(path, recognise_format(path), allow_outside=allow_outside, throws=throws)
+        return _read(path, recognise_format(path), allow_outside=allow_outside, throws=throws)
     except FileError as error:
-        return dict.fromkeys(throws, error)
-    return dict(zip(throws, found, strict=True))
+        return [error] * len(throws)
 
 
 def _read(
@@ -260,6 +260,8 @@ def _read(
 ) -> list[Recording | FileError]:
     """Return the recording of a file, or one a throw; FileError when none can be read."""
     if throws and not kind.tables:
+        if tuple(throws) == ALL:
+            return _read(path, kind, allow_outside=allow_outside, throws=())
         message = f"{path}: a {kind.name} file holds one throw; leave out the choice '{throws[0]}'"
         raise FileError(message)
     if not kind.reader:

@@ -194,8 +194,9 @@ def _recordings(
                 item["name"]: RecordedChannel(**{**item, "values": arrays[item["values"]]})
                 for item in reply["channels"]
             }
+            whole = {key: reply[key] for key in ("start_time", "labels")}
             problems = tuple(reply["problems"])
-            found.append(Recording(channels, str(path), reply["start_time"], problems))
+            found.append(Recording(channels, str(path), problems=problems, **whole))
     return found
 
 

@@ -71,8 +71,8 @@ def write_reply(found: list[Recording | FileError], folder: Path) -> list[dict[s
             fields = {key: getattr(item, key) for key in FIELDS}
             channels.append({**fields, "values": f"{len(arrays)}"})
             arrays[f"{len(arrays)}"] = item.values
-        problems, start = recording.problems, recording.start_time
-        replies.append({"start_time": start, "problems": problems, "channels": channels})
+        whole = {key: getattr(recording, key) for key in ("start_time", "problems", "labels")}
+        replies.append({**whole, "channels": channels})
     np.savez(folder / ARRAYS, **arrays)
     return replies
 
