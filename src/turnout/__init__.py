@@ -65,6 +65,8 @@ NAMES = {
     "Sweep": "turnout.api.sweep",
     "run_sweep": "turnout.api.sweep",
     "open_sweep": "turnout.api.sweep",
+    "compile": "turnout.study.compiled:compile_throws",
+    "CompiledThrows": "turnout.study.compiled",
     # Detection
     "read_test_throws": "turnout.detection.pod.pod_table",
     "TestThrows": "turnout.detection.pod.pod_table",

@@ -53,6 +53,8 @@ from turnout.panel.foreign_object import ForeignObject as ForeignObject
 from turnout.panel.load import LoadedPanel as LoadedPanel
 from turnout.panel.load import library_names as panel_names
 from turnout.solver.outcome import NotConverged as NotConverged
+from turnout.study.compiled import CompiledThrows as CompiledThrows
+from turnout.study.compiled import compile_throws as compile
 from turnout.throw.drift import Drift as Drift
 from turnout.throw.machine import machine_dataset as machine_dataset
 from turnout.throw.save import Save as Save
@@ -65,6 +67,7 @@ from turnout.throw.wheel import gauge_under_wheel as gauge_under_wheel
 __all__ = [
     "CalibrationResult",
     "Campaign",
+    "CompiledThrows",
     "Drift",
     "FileError",
     "ForeignObject",
@@ -93,6 +96,7 @@ __all__ = [
     "analyse_outline",
     "build_campaign",
     "calibrate",
+    "compile",
     "detection",
     "estimate_pod",
     "features",

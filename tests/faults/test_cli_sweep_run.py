@@ -1,6 +1,7 @@
 """What the commands of a sweep say to input that is not as it should be."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 from scipy.io import loadmat
@@ -9,8 +10,10 @@ from typer.testing import CliRunner
 
 from turnout.cli.main import app
 from turnout.cli.watch import progress_line
-from turnout.core.errors import FileError, TurnoutError
+from turnout.core.errors import FileError, MechanicsError, TurnoutError
 from turnout.core.progress import Progress
+from turnout.panel.load import LoadedPanel
+from turnout.study.sweep import row as sweep_row
 from turnout.study.sweep.read import read_labels
 from turnout.study.sweep.run import throw_study
 
@@ -84,3 +87,26 @@ def test_progress_is_one_line() -> None:
     state = Progress(done=50, failed=2, total=250, rate=4.0, left=50.0)
     assert progress_line(state) == "50 of 250 done, 2 failed, 4 a second, 50 s left"
     assert progress_line(Progress(0, 0, 9)) == "0 of 9 done"
+
+
+def test_scenarios_without_results_are_named_and_none_at_all_is_exit_code_2(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Rails that cannot be reduced, of one scenario and of all."""
+    monkeypatch.setattr("turnout.core.workers.worker_processes", lambda *_: here())
+    study, made = study_file(tmp_path, count=3), sweep_row.plan_throw
+    bad = [small_study(tmp_path, count=3).scenario(2).overrides["chair.friction_coefficient"]]
+
+    def plan(panel: LoadedPanel, *given: Any, **named: Any) -> Any:
+        if not bad or panel.chair["1"].friction_coefficient == bad[0]:
+            message = "a mass matrix is not positive"
+            raise MechanicsError(message)
+        return made(panel, *given, **named)
+
+    monkeypatch.setattr(sweep_row, "plan_throw", plan)
+    some = CLI.invoke(app, ["sweep", "run", str(study), "-o", str(tmp_path / "some")])
+    assert some.exit_code == 0, some.output
+    assert "1 of 3 scenarios gave no results" in some.output
+    assert "scenario 2 (state 2): a mass matrix is not positive" in some.output
+    bad.clear()
+    assert "3 of 3 scenarios gave no results" in refused("run", study, "-o", tmp_path / "none")

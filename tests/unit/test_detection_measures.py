@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 from tests.unit.detection_throws import CLOSING, toy_map, toy_throws
+from tests.unit.sweeps import here
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
 from turnout.core.errors import StudyError
+from turnout.core.workers import Workers
 from turnout.detection.limit import day_plan
 from turnout.detection.limit.bound import repeated_alarm_rate
 from turnout.detection.limit.day_plan import (
@@ -278,7 +280,8 @@ def test_a_day_without_throws_is_refused() -> None:
 
 @pytest.mark.long
 def test_a_day_on_the_default_panel_determines_what_it_should() -> None:
-    of = candidates(sizes=(10e-3, 18e-3))
+    with Workers(1, pool=here) as workers:
+        of = candidates(sizes=(10e-3, 18e-3), workers=workers)
     known = known_after(of, plan(of, 24))
     assert known.deviations.max() < 0.5
     assert known.a90["sleeper 6"][0] == pytest.approx(11e-3, abs=3e-3)

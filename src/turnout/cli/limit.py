@@ -427,14 +427,18 @@ def plan_test_command(
     discrepancy: float = option(
         "--discrepancy SHARE", "Of model and switch, share of the peak force.", default=0.05
     ),
+    workers: WorkersOption = 0,
 ) -> None:
     """Plan a day of tests: objects, places and order that determine the switch and a90 best."""
+    from turnout.core.progress import Pace
     from turnout.detection.limit.day_plan import candidates, full_grid, known_after, ordered, plan
 
     conditions = conditions_of_options(discrepancy=discrepancy)
     given, quiet = panel.given(), output.quiet
     with watched("simulating the throws to choose from", quiet=quiet) as watch:
-        found = candidates(given, conditions=conditions, report=watch.report)
+        found = candidates(
+            given, conditions=conditions, workers=workers or cores(), pace=Pace(watch.sweep)
+        )
     with watched("choosing throws", quiet=quiet) as watch:
         chosen = ordered(found, plan(found, throws, report=watch.report))
     grid = full_grid(found)

@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     from turnout.study.sweep.cluster import Cluster
     from turnout.study.sweep.forecast import Forecast
 
+MOST_FAULTS = 5
+"""Scenarios without results of which a run says why."""
 app = typer.Typer(
     help="Many throws from one study file: list, show, plan, run, map, effects, export, schema.",
     no_args_is_help=True,
@@ -137,6 +139,11 @@ def sweep_run_command(
         )
     for path in finished.damaged:
         note(f"{path}: damaged batch, computed again")
+    failed = sum(batch.failed for batch in finished.batches)
+    faults = [text for batch in finished.batches for text in batch.faults][:MOST_FAULTS]
+    lost = f"{failed} of {loaded.count} scenarios gave no results:\n  - " + "\n  - ".join(faults)
+    if 0 < failed < loaded.count:
+        note(lost)
     outcomes: Counter[str] = Counter()
     for batch in finished.batches:
         outcomes.update(batch.outcomes)
@@ -155,6 +162,8 @@ def sweep_run_command(
             "damaged": [str(path) for path in finished.damaged],
         }
     )
+    if failed == loaded.count:
+        refuse(lost)
 
 
 @app.command("map", short_help="Count end states, and draw maps over two inputs.")

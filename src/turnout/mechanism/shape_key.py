@@ -43,6 +43,33 @@ SHAPELESS = frozenset(
     + [(family, field) for family, fields in _VARIED.items() for field in fields]
 )
 """Families and fields of a panel that shape neither rows nor meshes."""
+_MOTION = ("schedule", "movement")
+
+
+def change_of(place: Sequence[str]) -> str:
+    """Return what another value at a place of a panel's document changes in a mechanism.
+
+    Parameters
+    ----------
+    place : sequence of str
+        Such as ("chair", "5", "friction_coefficient").
+
+    Examples
+    --------
+    >>> change_of(("drive", "1", "stiffness")), change_of(("chair", "1", "x"))
+    ('laws', 'rails and their shapes')
+    >>> change_of(("rail", "straight", "section_scale")), change_of(("movement", "return", "start"))
+    ('rails in nominal shapes', 'motion')
+    """
+    family, fields = place[0], {*place[1:]}
+    if family in _MOTION:
+        return "motion"
+    if fields & {*_VARIED.get(family, ())}:
+        return "rails in nominal shapes"
+    alone = family in _NO_SHAPE or fields & {*_LAW_ALONE.get(family, ())}
+    return "laws" if alone else "rails and their shapes"
+
+
 _scales_of, _holds_of = attrgetter(*_SCALES), attrgetter(*_HOLDS)
 
 

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from turnout.detection.drive_quantities import stored_channels
 from turnout.detection.reference import FRICTION, PER_THROW, SLIP_LEVEL, TEMPERATURE
 from turnout.panel.load import LoadedPanel, panel_from_document
+from turnout.study.compiled import compile_throws
 from turnout.study.defects import (
-    CHAIR_FRICTION,
     DEFECT_FIELDS,
     OTHER_RAIL,
     Rng,
@@ -26,13 +26,11 @@ from turnout.study.defects import (
     over_travel,
     supply_voltage,
 )
-from turnout.study.design import Axis, Design
 from turnout.study.random_inputs import TemperatureLaw
 from turnout.study.sampling import FIELDS
-from turnout.study.scenario import Output, Value
+from turnout.study.scenario import Value
 from turnout.study.seeds import generators
 from turnout.study.study import Study
-from turnout.study.variable import Variable, value_kind
 
 OBJECT_AT, OBJECT_SIZE, OBJECT_KIND = "object.x", "object.size", "object.kind"
 SMALLEST, LIKELIEST, LARGEST = 1e-3, 6e-3, 31e-3
@@ -120,6 +118,7 @@ class Population:
         self.per_throw = tuple(name for name in study.variables if name in PER_THROW)
         self.of_switch = tuple(name for name in study.variables if name not in PER_THROW)
         self.chairs = tuple(self.study.panel.chair)
+        self._factors = frozenset(map(chair_factor, self.chairs))
         self._defects = {
             defect(drive, field): _defect_key(self.study.panel, drive, field)
             for drive in self.study.panel.drive
@@ -210,26 +209,23 @@ class Population:
         """
         names = tuple(rows[0])
         panel = self.study.panel
-        kept = tuple(dict.fromkeys((*CHANNELS, *stored_channels(panel))))
-        keys = {item.name: item for item in self.study.variables.values()}
-        variables = {}
-        for item in names:
-            if item in keys:
-                variables[item] = keys[item]
-            else:
-                key = self._defects.get(item, item)
-                factor = item != key or item.endswith(CHAIR_FRICTION)
-                kind = value_kind(panel, key, factor=factor)
-                variables[item] = Variable(name=item, key=key, kind=kind, factor=factor)
-        axis = Axis(names=names, rows=tuple(tuple(row[n] for n in names) for row in rows))
-        design = Design(axes=(axis,), drawn=(), method="random", draws=1, copula=None, seed=0)
+        known = {item.name: item for item in self.study.variables.values()}
+        keys = {n: known[n].key if n in known else self._defects.get(n, n) for n in names}
+        factors = [n for n in names if n not in known and (n != keys[n] or n in self._factors)]
+        made = compile_throws(
+            panel,
+            keys,
+            factors=[*factors, *(item.name for item in known.values() if item.factor)],
+            channels=tuple(dict.fromkeys((*CHANNELS, *stored_channels(panel)))),
+            rate=self.study.output.rate,
+        ).study([[row[n] for n in names] for row in rows])
         study = replace(
             self.study,
             name=f"{self.study.name}, {name}",
-            design=design,
-            variables=variables,
+            design=made.design,
+            variables=made.variables,
             fields=(),
-            output=Output(rate=self.study.output.rate, channels=kept),
+            output=made.output,
         )
         count = len(rows)
         start = max(panel.movement, key=lambda key: float(panel.movement[key].start))

@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from turnout.core.errors import StudyError
-from turnout.core.scheme import Scheme
+from turnout.core.progress import Pace
 from turnout.core.threads import one_blas_thread
+from turnout.core.workers import Workers
 from turnout.detection.conditioning import conditioned
 from turnout.detection.features import (
     discrepancy_covariance,
@@ -34,8 +35,7 @@ from turnout.detection.reference import FRICTION, Conditions, reference_study, s
 from turnout.detection.throws import closing_time, places_of
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel
-from turnout.throw.signals import drive_signals
-from turnout.throw.simulate import solve_placed
+from turnout.study.compiled import compile_throws, thrown
 
 Floats = NDArray[np.float64]
 Report = Callable[[int, int], None]
@@ -157,7 +157,8 @@ def candidates(
     *,
     conditions: Conditions | None = None,
     sizes: Sequence[float] = SIZES,
-    report: Report | None = None,
+    workers: int | Workers = 1,
+    pace: Pace | None = None,
 ) -> Candidates:
     """Simulate the throws among which a plan chooses, with their sensitivities.
 
@@ -169,8 +170,10 @@ def candidates(
         Discrepancy, noise, rate of false alarms.
     sizes : sequence of float
         At each place [m].
-    report : callable, optional
-        Called with throws done and of how many.
+    workers : int or Workers
+        Processes.
+    pace : Pace, optional
+        Counts the throws.
     """
     conditions = conditions if conditions is not None else Conditions()
     study = reference_study(panel, count=1)
@@ -179,26 +182,31 @@ def candidates(
     tests = [(NO_OBJECT, 0.0)]
     tests += [(place, float(size)) for place in places_of(nominal) for size in sizes]
     tests = [item for item in tests if _fits(nominal, *item)]
-    panels = [nominal, *(_changed(nominal, item) for item in parameters)]
-    force, done = [], 0
-    time = np.arange(0.0, nominal.schedule.end + 0.5 / conditions.rate, 1.0 / conditions.rate)
-    slips = np.zeros(len(tests), dtype=np.bool_)
-    for number, changed in enumerate(panels):
-        row = []
-        for test, (place, size) in enumerate(tests):
-            values, slipped = _forces(changed, place, size, time=time, scheme=study.scheme)
-            row.append(values)
-            if number == 0:
-                slips[test] = slipped
-            done += 1
-            if report is not None:
-                report(done, len(panels) * len(tests))
-        force.append(row)
+    panels = {"nominal": nominal} | {item.name: _changed(nominal, item) for item in parameters}
+    anywhere = next(iter(places_of(nominal)))
+    rows = [(place if size else anywhere, size) for place, size in tests]
+    studies = {
+        name: compile_throws(
+            changed, ("object.at", "object.size"), scheme=study.scheme,
+            channels=("drive_force", "drive_slipping"), rate=conditions.rate,
+        ).study(rows, name=name)
+        for name, changed in panels.items()
+    }  # fmt: skip
+    made = thrown(studies, workers=workers, pace=pace)
+    ended = np.all([item["outcome"].astype(str) == "complete" for item in made.values()], axis=0)
+    if not ended[0]:
+        message = f"the throw without an object did not end: {made['nominal']['reason'].item(0)}"
+        raise StudyError([message], source="plan-test")
+    tests = [test for test, kept in zip(tests, ended, strict=True) if kept]
+    forces = [item["drive_force"].to_numpy()[ended].astype(np.float64) for item in made.values()]
+    force, slipping = np.array(forces), made["nominal"]["drive_slipping"].to_numpy()[ended]
+    slips = np.any(slipping > 0, axis=(1, 2))
+    time = made["nominal"]["time"].to_numpy()
     means = _grouped(window_means(time, closing=closing_time(nominal)))
-    features = features_of(np.array(force), means)
+    features = features_of(force, means)
     scale = np.array([item.deviation / item.step for item in parameters])
     change = np.moveaxis(features[1:] - features[0], 0, -1) * scale
-    amplitude = np.abs(np.array(force[0][0])).max(axis=-1)
+    amplitude = np.abs(force[0, 0]).max(axis=-1)
     total = discrepancy_covariance(time, means, amplitude=amplitude, conditions=conditions)
     noise = noise_covariance(
         means,
@@ -211,7 +219,7 @@ def candidates(
         size=np.array([size for _, size in tests]),
         features=features[0],
         sensitivity=change,
-        slips=slips,
+        slips=np.asarray(slips),
         fixed=conditions.fixed_share * total,
         own=(1.0 - conditions.fixed_share) * total + noise,
         parameters=parameters,
@@ -238,17 +246,6 @@ def _changed(panel: LoadedPanel, item: Parameter) -> LoadedPanel:
     value = float(np.mean(list(panel.values_at(item.name).values())))
     moved = value * (1.0 + item.step) if item.share else value + item.step
     return panel.with_overrides({item.name: moved})
-
-
-def _forces(
-    panel: LoadedPanel, place: str, size: float, *, time: Floats, scheme: Scheme
-) -> tuple[Floats, bool]:
-    """Return drive forces at some instants, and whether a drive slips."""
-    solved = solve_placed(panel, resolve_objects(panel, _objects(place, size)), scheme=scheme)
-    signals = drive_signals(panel, solved.mechanism, solved.history)
-    instants = solved.history.time
-    force = np.array([np.interp(time, instants, row) for row in signals["drive_force"][1]])
-    return force, bool(np.any(signals["drive_slipping"][1]))
 
 
 def _grouped(means: Floats) -> Floats:

@@ -35,6 +35,9 @@ MMAP_THRESHOLD, TRIM_THRESHOLD = 32 << 20, 1 << 30
 # So many more objects made than let go before the collector looks at them.
 GC_THRESHOLD = 50_000
 
+MOST_FAULTS = 3
+"""Scenarios without results of which a batch says why."""
+
 # A worker of a cluster may have several threads; the caches and HDF5 want one.
 _batch_lock = threading.Lock()
 
@@ -61,6 +64,8 @@ class BatchDone:
         The part of the solver's time in which mechanisms were built [s].
     size : int
         Of the file [bytes].
+    faults : tuple of str
+        Why the first of the scenarios without results have none.
     """
 
     number: int
@@ -73,6 +78,7 @@ class BatchDone:
     processor: float
     build_time: float
     size: int
+    faults: tuple[str, ...] = ()
 
     @property
     def count(self) -> int:
@@ -134,6 +140,11 @@ def make_batch(
         processor=processor,
         build_time=sum(row.solver.build for row in rows),
         size=len(content),
+        faults=tuple(
+            f"scenario {row.scenario.index} ({row.scenario.name}): {row.reason}"
+            for row in rows
+            if row.outcome in UNUSABLE
+        )[:MOST_FAULTS],
     )
 
 
