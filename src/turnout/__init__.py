@@ -65,8 +65,8 @@ NAMES = {
     "Sweep": "turnout.api.sweep",
     "run_sweep": "turnout.api.sweep",
     "open_sweep": "turnout.api.sweep",
-    "compile": "turnout.study.compiled:compile_throws",
-    "CompiledThrows": "turnout.study.compiled",
+    "compile": "turnout.study.throw_table:compile_throws",
+    "CompiledThrows": "turnout.study.throw_table",
     # Detection
     "read_test_throws": "turnout.detection.pod.pod_table",
     "TestThrows": "turnout.detection.pod.pod_table",

@@ -53,8 +53,8 @@ from turnout.panel.foreign_object import ForeignObject as ForeignObject
 from turnout.panel.load import LoadedPanel as LoadedPanel
 from turnout.panel.load import library_names as panel_names
 from turnout.solver.outcome import NotConverged as NotConverged
-from turnout.study.compiled import CompiledThrows as CompiledThrows
-from turnout.study.compiled import compile_throws as compile
+from turnout.study.throw_table import CompiledThrows as CompiledThrows
+from turnout.study.throw_table import compile_throws as compile
 from turnout.throw.drift import Drift as Drift
 from turnout.throw.machine import machine_dataset as machine_dataset
 from turnout.throw.save import Save as Save

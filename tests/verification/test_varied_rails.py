@@ -152,6 +152,20 @@ def test_fastenings_vary_in_the_shapes_of_the_nominal_ones(factor: float) -> Non
     assert np.abs(nominal - wanted).max() > 2 * np.abs(force - wanted).max()
 
 
+def test_chairs_frozen_to_varied_rails_hold_them_as_those_of_rails_reduced_anew(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The nominal panel has no ice, so its rails are condensed with a bond of any strength."""
+    study = population("uic60-760-1-15")
+    scenario = replace(study.scenario(1001), foreign_objects=())
+    frozen = {f"chair.{name}.frozen_force": 400.0 for name in ("5", "6")}
+    compare(
+        study,
+        [replace(scenario, overrides={**scenario.overrides, **frozen})],
+        monkeypatch,
+    )
+
+
 def test_no_member_is_reduced_and_rows_are_shared() -> None:
     clear_mechanisms()
     study = population("sb2")

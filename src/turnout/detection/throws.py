@@ -299,18 +299,20 @@ def throw_counts(
     return {FLOOR: states, SOUND: sound, of_kind(OBJECTS, kind): states * each}
 
 
-def checked_throws(dataset: xr.Dataset, *, panel: str) -> xr.Dataset:
-    """Return a sweep of sound throws, refused where most of them cannot be made."""
+def checked_throws(
+    dataset: xr.Dataset, *, panel: str, of: str = "the population", source: str = "limit"
+) -> xr.Dataset:
+    """Return a sweep, refused if most of its throws cannot be made."""
     outcome = dataset["outcome"].astype(str).to_numpy()
     lost = outcome != "complete"
     if lost.mean() > MOST_LOST:
         reasons = dataset["reason"].astype(str).to_numpy()[lost] if "reason" in dataset else [""]
         first = reasons[0] or outcome[lost][0]
         message = (
-            f"{int(lost.sum())} of {lost.size} throws of the population of panel {panel} did not "
+            f"{int(lost.sum())} of {lost.size} throws of {of} of panel {panel} did not "
             f"end; check the panel (turnout panel check). The first: {first}"
         )
-        raise StudyError([message], source="limit")
+        raise StudyError([message], source=source)
     return dataset
 
 

@@ -82,6 +82,10 @@ def dent_of(item: PlacedObject) -> float:
     return item.of_kind.curve(item).lasting(item.deepest)
 
 
+ANY_BOND = 1e3
+"""Strength of the ice on chairs of a nominal panel that has none [N]."""
+
+
 def add_bond(laws: LawTableBuilder, row: int, chair: Chair, *, feet: int) -> None:
     """Add the ice between a rail and a chair, as stiff as sticking feet, without values of place.
 
@@ -92,12 +96,13 @@ def add_bond(laws: LawTableBuilder, row: int, chair: Chair, *, feet: int) -> Non
     row : int
         Lateral displacement of the feet.
     chair : Chair
-        With the force at which the ice breaks.
+        With the force at which the ice breaks; a nominal one without ice has a bond of any
+        strength, for the stiffness that its rails are condensed with.
     feet : int
         Foot points of the rail on it.
     """
     stiffness = feet * chair.stick_stiffness
-    reach = chair.frozen_force / stiffness
+    reach = (chair.frozen_force or ANY_BOND) / stiffness
     laws.add_piecewise(
         row,
         breakpoints=(-reach, reach),

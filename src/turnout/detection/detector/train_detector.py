@@ -35,7 +35,7 @@ from turnout.detection.detector.training_sets import (
 )
 from turnout.detection.drive_quantities import signals_of
 from turnout.detection.reference import NOMINAL_FRICTION, reference_study
-from turnout.detection.throws import nominal_amplitude, of_kind
+from turnout.detection.throws import checked_throws, nominal_amplitude, of_kind
 from turnout.panel.load import LoadedPanel
 from turnout.study.study import Study
 
@@ -115,6 +115,9 @@ def train_detector(
         if competes(name, setting)
     }
     datasets = throw_plans(plans, folder, workers=workers, pace=pace)
+    for name, made in datasets.items():
+        about_it = {"panel": population.panel.name, "of": f'set "{name}"', "source": "detect train"}
+        checked_throws(made, **about_it)
     sets = {name: read_set(plans[name], datasets[name], setting.layout, quantity) for name in plans}
     about = {
         "panel": population.panel.name,

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from turnout.detection.drive_quantities import stored_channels
 from turnout.detection.reference import FRICTION, PER_THROW, SLIP_LEVEL, TEMPERATURE
 from turnout.panel.load import LoadedPanel, panel_from_document
-from turnout.study.compiled import compile_throws
 from turnout.study.defects import (
     DEFECT_FIELDS,
     OTHER_RAIL,
@@ -31,6 +30,7 @@ from turnout.study.sampling import FIELDS
 from turnout.study.scenario import Value
 from turnout.study.seeds import generators
 from turnout.study.study import Study
+from turnout.study.throw_table import compile_throws
 
 OBJECT_AT, OBJECT_SIZE, OBJECT_KIND = "object.x", "object.size", "object.kind"
 SMALLEST, LIKELIEST, LARGEST = 1e-3, 6e-3, 31e-3

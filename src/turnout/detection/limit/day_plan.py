@@ -35,7 +35,7 @@ from turnout.detection.reference import FRICTION, Conditions, reference_study, s
 from turnout.detection.throws import closing_time, places_of
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel
-from turnout.study.compiled import compile_throws, thrown
+from turnout.study.throw_table import compile_throws, thrown
 
 Floats = NDArray[np.float64]
 Report = Callable[[int, int], None]

@@ -215,7 +215,7 @@ class Sweep:
             raise FileError(message)
 
     def job(self, number: int, *, durable: bool) -> Callable[[], BatchDone]:
-        """Return what makes a batch, in whatever process."""
+        """Return the job of a batch, for any process."""
         code = digest_of_sources(THROWS)
         return partial(make_batch, str(self.folder), self._digest, code, number, durable=durable)
 

@@ -14,6 +14,8 @@ from turnout.panel.stored import panel_data, panel_from_data
 from turnout.study.study import Study
 
 STUDY = "study.json"
+MOST_STUDIES = 24
+"""Studies that a process keeps: of a detector there are 15, of 3 MB each."""
 LARGEST_STUDY = 1_000_000_000
 """Of a study file; rails that come as matrices may be large [bytes]."""
 
@@ -70,7 +72,7 @@ def serialize_study(study: Study) -> str:
     return text
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=MOST_STUDIES)
 def load_stored_study(folder: Path, digest: str) -> Study:
     """Return the study of a folder as its run has left it for the processes that throw it.
 

@@ -24,7 +24,7 @@ from turnout.study.sweep.batch import (
 from turnout.study.sweep.batch_bytes import file_bytes
 from turnout.study.sweep.folder import BATCHES
 from turnout.study.sweep.row import OUTCOMES, UNUSABLE
-from turnout.study.sweep.stored_study import load_stored_study
+from turnout.study.sweep.stored_study import MOST_STUDIES, load_stored_study
 from turnout.throw.simulate import compile_kernels
 
 # Of malloc.h in the GNU C library: the size from which on an array gets memory of its own from the
@@ -120,10 +120,10 @@ def make_batch(
         raise FileError(message)
     with _batch_lock:
         initialize_worker()
-        began, used = time.perf_counter(), time.process_time()
         place = Path(folder)
-        study = load_stored_study(place, digest)
-        rows = throw_batch(study, cached_batches(place, digest)[number])
+        study, chains = load_stored_study(place, digest), cached_batches(place, digest)[number]
+        began, used = time.perf_counter(), time.process_time()
+        rows = throw_batch(study, chains)
         origin = BatchOrigin(study=digest, version=version(), code=code, batch=str(number))
         content = file_bytes(batch_variables(study, rows), origin=origin)
         path = write_batch(place / BATCHES, number, content, durable=durable)
@@ -176,7 +176,7 @@ def retain_freed_memory() -> None:
         adjust(M_TRIM_THRESHOLD, TRIM_THRESHOLD)
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=MOST_STUDIES)
 def cached_batches(folder: Path, digest: str) -> list[tuple[Sequence[int], ...]]:
     """Return the chains of each batch of the study of a folder."""
     return plan_batches(load_stored_study(folder, digest))

@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from turnout.core.errors import PanelError, StudyError, TurnoutError
-from turnout.core.problems import show_value
+from turnout.core.errors import StudyError, TurnoutError
+from turnout.core.problems import nearest, show_value
 from turnout.core.progress import Pace, Report
 from turnout.core.scheme import Scheme
 from turnout.core.workers import MakePool, Workers
@@ -43,6 +43,7 @@ from turnout.study.variable import (
     Variable,
     foreign_objects,
     value_kind,
+    variable_keys,
 )
 
 if TYPE_CHECKING:
@@ -55,7 +56,7 @@ _log = logging.getLogger("turnout")
 
 @dataclass(frozen=True, slots=True)
 class KeyEffect:
-    """What a key changes.
+    """Effect of a key on a panel and its mechanism.
 
     Attributes
     ----------
@@ -96,7 +97,7 @@ class CompiledThrows:
 
     @property
     def effects(self) -> dict[str, KeyEffect]:
-        """What each column changes."""
+        """Effect of each column."""
         return {name: _effect(self.panel, item, self.law) for name, item in self.variables.items()}
 
     def study(self, rows: Iterable[Sequence[Value]], *, name: str = "throws") -> Study:
@@ -199,7 +200,7 @@ class CompiledThrows:
         return self._checked(found, faults)
 
     def _checked(self, found: "xr.Dataset", faults: dict[int, str]) -> "xr.Dataset":
-        """Return results with their faults stated; StudyError where there are only these."""
+        """Return results with their faults stated; StudyError if there are only these."""
         outcome, reason = (found[name].astype(str).to_numpy() for name in ("outcome", "reason"))
         for number in np.flatnonzero(outcome != COMPLETE).tolist():
             if number not in faults:
@@ -233,7 +234,7 @@ class CompiledThrows:
         return table
 
     def _object_faults(self, row: Sequence[Value]) -> list[str]:
-        """Return what is wrong with the object of a row."""
+        """Return the faults of the object of a row."""
         keys = [item.key for item in self.variables.values()]
         try:
             foreign_objects(dict(zip(keys, row, strict=True)))
@@ -294,10 +295,10 @@ def compile_throws(
         factor = name in factors
         try:
             kind = value_kind(panel, key, factor=factor)
-            if PANEL_KEYS.find(key) is not None:
-                panel.values_at(key)
-        except PanelError as error:
-            problems += error.problems
+            of_panel = key not in OBJECT_KEYS and PANEL_KEYS.find(key)
+            if of_panel and not PANEL_KEYS.places(panel.document.tree, key):
+                near = nearest(key, variable_keys(panel))
+                problems.append(f"{key}: matches nothing in panel {panel.name}{near}")
         except ValueError as error:
             problems.append(f"{key}: {error}")
         else:

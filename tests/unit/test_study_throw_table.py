@@ -12,8 +12,8 @@ from tests.unit.sweeps import batch_names, here
 from turnout.core.errors import MechanicsError, StudyError
 from turnout.core.scheme import Scheme
 from turnout.panel.load import LoadedPanel, load_panel
-from turnout.study.compiled import CompiledThrows, compile_throws
 from turnout.study.sweep import row as sweep_row
+from turnout.study.throw_table import CompiledThrows, compile_throws
 from turnout.throw.simulate import simulate
 
 FRICTION, SCALE = "chair.friction_coefficient", "rail.section_scale"
