@@ -15,6 +15,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.core.lru_cache import LRUCache
 from turnout.machine.components import Machine
 from turnout.machine.rows import machine_row, start_state, stroke_table, with_lock_stroke
 from turnout.machine.steady import blind_text, shaft_travel, stall_text
@@ -23,6 +24,7 @@ from turnout.panel.markers import marker_offsets, movement_end, ordered_movement
 from turnout.panel.model import Panel
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 WITHOUT_TIME_OUT = 30.0
 """From its contactor on a schedule waits so long for a machine without a time-out [s]."""
@@ -155,6 +157,11 @@ def schedule_waits(panel: Panel) -> tuple[Wait, ...]:
     return tuple(found)
 
 
+# Throws share what their overrides leave as it is: it is named by identity, and kept beside so that
+# nothing else takes its place.
+_made = LRUCache[tuple[DriveMachines, list[object]]](64)
+
+
 def drive_machines(panel: Panel, index: LawIndex) -> DriveMachines | None:
     """Return the machines of a panel's drives, or None if all are markers.
 
@@ -168,6 +175,18 @@ def drive_machines(panel: Panel, index: LawIndex) -> DriveMachines | None:
     names = tuple(name for name, drive in panel.drive.items() if drive.machine is not None)
     if not names:
         return None
+    laws = np.array([index.drive[name] for name in names], dtype=np.int64)
+    machines = [panel.machine[panel.drive[name].machine or ""] for name in names]
+    shared = [panel.movement, panel.rail, *machines]
+    key = (*panel.drive.values(), panel.schedule, laws.tobytes(), *map(id, shared))
+    kept = _made.get(key)
+    if kept is None:
+        kept = _made.put(key, (_fitted_machines(panel, names, laws), shared))
+    return kept[0]
+
+
+def _fitted_machines(panel: Panel, names: tuple[str, ...], laws: Ints) -> DriveMachines:
+    """Return the machines of some drives; `laws` are those of their rods."""
     records = tuple(fitted_machine(panel, name) for name in names)
     inputs = [number for number, name in enumerate(panel.drive) if name in names]
     constants = [machine_row(machine) for machine in records]
@@ -180,7 +199,7 @@ def drive_machines(panel: Panel, index: LawIndex) -> DriveMachines | None:
         names=names,
         records=records,
         inputs=np.array(inputs, dtype=np.int64),
-        laws=np.array([index.drive[name] for name in names], dtype=np.int64),
+        laws=laws,
         constants=np.array(constants),
         tables=_stacked([stroke_table(machine.stroke)[:-1] for machine in records], more=1),
         commands=_stacked([command_times(panel, name) for name in names]),

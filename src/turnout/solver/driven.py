@@ -1,8 +1,9 @@
 """Machines of drives in a run: arranged for the kernels, and what they leave behind."""
 
 import functools
+import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -19,8 +20,9 @@ from turnout.mechanism.mechanism import DriveMachines, Mechanism
 from turnout.solver.duty import Duty, machine_duties
 from turnout.solver.outcome import Code
 from turnout.solver.prepared_run import Grid, PreparedRun
-from turnout.solver.rods import Rods
+from turnout.solver.rods import Rods, all_stand, store_rods
 from turnout.solver.scratch import acquire_buffer
+from turnout.solver.seen import give_place
 
 Floats = NDArray[np.float64]
 
@@ -51,6 +53,10 @@ LOSSES = {
     "clutch": (at.CLUTCH,),
 }
 """Sums of a machine's own losses by what they are."""
+_BALANCE = np.zeros(at.SUMS)
+"""Weights of the sums of a machine in its energy balance."""
+_BALANCE[[at.SUPPLY, at.HAND]] = 1.0
+_BALANCE[[*itertools.chain(*LOSSES.values()), at.INTO_STORES, at.ROD_INPUT]] = -1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,9 +98,11 @@ class MachineHistory:
     shift : ndarray, shape (n,)
         Input less rod position [m].
     states : ndarray, shape (n_times, n, STATES)
-        See `turnout.machine.compute.places`.
-    given : ndarray, shape (n_times, n)
-        Work of the rod ends on the rods, by the sums of the rails [J].
+        See `turnout.machine.compute.places`; of a watched run the first TRACED of them.
+    booked : ndarray, shape (n_booked, n, STATES)
+        All states where energies are stored, which a watched run does at some instants alone.
+    given : ndarray, shape (n_booked, n)
+        Work of the rod ends on the rods there, by the sums of the rails [J].
     events : tuple of tuple of (float, str)
         Time [s] and what happened, machine by machine.
     imbalance : float
@@ -111,6 +119,7 @@ class MachineHistory:
     inputs: NDArray[np.int64]
     shift: Floats
     states: Floats
+    booked: Floats
     given: Floats
     events: tuple[tuple[tuple[float, str], ...], ...]
     imbalance: float
@@ -137,13 +146,13 @@ class MachineHistory:
         states = self.states[number + (share > 0.5)]  # flags and times of switching
         states[:, :, CONTINUOUS] = between(self.states[:, :, CONTINUOUS])
         positions[:, self.inputs] = states[:, :, at.ROD_POSITION] + self.shift
-        return replace(self, time=instants, states=states, given=between(self.given))
+        given = between(self.given)
+        return replace(self, time=instants, states=states, booked=states, given=given)
 
     def select(self, index: NDArray[np.int64] | slice) -> "MachineHistory":
         """Return the history at some of its instants; what was done on commands stays."""
-        chosen = replace(
-            self, time=self.time[index], states=self.states[index], given=self.given[index]
-        )
+        states, given = self.states[index], self.given[index]
+        chosen = replace(self, time=self.time[index], states=states, booked=states, given=given)
         chosen.__dict__["duties"] = self.duties  # found with every instant
         return chosen
 
@@ -164,32 +173,32 @@ class MachineHistory:
 
     @cached_property
     def _energies(self) -> Floats:
-        """Sums of energy, shape (n_sums, n_times, n) [J]."""
-        return np.ascontiguousarray(self.states[:, :, at.ENERGIES :].transpose(2, 0, 1))
+        """Sums of energy, shape (n_sums, n_booked, n) [J]."""
+        return np.ascontiguousarray(self.booked[:, :, at.ENERGIES :].transpose(2, 0, 1))
 
     def sums(self, *places: int) -> Floats:
-        """Return sums of energy over time, shape (n_times, n) [J]."""
+        """Return sums of energy over time, shape (n_booked, n) [J]."""
         return functools.reduce(np.add, (self._energies[place] for place in places))
 
     @cached_property
     def losses(self) -> Mapping[str, Floats]:
-        """What each machine lost by `LOSSES`, shape (n_times, n) [J]."""
+        """What each machine lost by `LOSSES`, shape (n_booked, n) [J]."""
         return {name: self.sums(*places) for name, places in LOSSES.items()}
 
     @cached_property
     def stored(self) -> Floats:
-        """Change of energy in coil, inertias and clutch, shape (n_times, n) [J]."""
+        """Change of energy in coil, inertias and clutch, shape (n_booked, n) [J]."""
         energy = np.zeros(self.given.shape)
         for state, constant in STORES.items():
-            energy += 0.5 * self.constants[:, constant] * self.states[:, :, state] ** 2
+            energy += 0.5 * self.constants[:, constant] * self.booked[:, :, state] ** 2
         for number, machine in enumerate(self.records):
             kind = machine.motor.of_kind
-            energy[:, number] += kind.field_energies(self.constants[number], self.states[:, number])
+            energy[:, number] += kind.field_energies(self.constants[number], self.booked[:, number])
         return np.asarray(energy - energy[0])
 
     @cached_property
     def numerical(self) -> Floats:
-        """What the schemes lose, shape (n_times, n) [J].
+        """What the schemes lose, shape (n_booked, n) [J].
 
         In what a machine stores, and where its work into the rod by its own sums differs from that
         by the sums of the rails.
@@ -197,11 +206,13 @@ class MachineHistory:
         own = self.sums(at.INTO_STORES) - self.stored
         return np.asarray(own + self.sums(at.ROD_INPUT) - self.given)
 
-    @cached_property
+    @property
     def residual(self) -> Floats:
-        """Residual of the energy balance of each machine, shape (n_times, n) [J]."""
-        spent = sum(self.losses.values(), self.stored + self.numerical + self.given)
-        return np.asarray(self.sums(at.SUPPLY, at.HAND) - spent)
+        """Residual of the energy balance of each machine, shape (n_booked, n) [J].
+
+        What is stored and given to the rails is in `numerical` too, and leaves the sums alone.
+        """
+        return np.asarray(self.booked[:, :, at.ENERGIES :] @ _BALANCE)
 
     def with_balance(self, residual: float, scale: float) -> tuple[float, float]:
         """Add the machines to residual and scale of the rails' balance [J]."""
@@ -213,7 +224,7 @@ class MachineHistory:
 
 
 def sum_machines(values: Floats) -> Floats:
-    """Return the sum over machines of values of shape (n_times, n), column by column.
+    """Return the sum over machines of values of shape (n_booked, n), column by column.
 
     NumPy sums along short rows far more slowly.
     """
@@ -253,7 +264,11 @@ def new_rods(run: PreparedRun, mechanism: Mechanism, scheme: Scheme, count: int)
         )
         raise SolverError(message)
     n = len(given.names)
-    size = count * n * at.STATES
+    width = at.TRACED if run.record.places.size else at.STATES
+    size = count * n * width
+    memory = np.empty(size) if width < at.STATES else acquire_buffer(size)[:size]
+    kept = memory.reshape(count, n, width)
+    books = run.record.stored.shape[0]
     rods = Rods(
         constants=run_constants(given, scheme),
         tables=given.tables,
@@ -277,10 +292,22 @@ def new_rods(run: PreparedRun, mechanism: Mechanism, scheme: Scheme, count: int)
         force=np.zeros(n),
         given=np.zeros(n),
         left=np.zeros(1),
-        kept=acquire_buffer(size)[:size].reshape(count, n, at.STATES),
-        kept_given=np.zeros((count, n)),
+        kept=kept,
+        booked=kept if width == at.STATES else np.empty((books, n, at.STATES)),
+        booked_given=np.empty((books, n)),
+        stood=np.ones(n, dtype=np.int64),
+        wait=np.zeros(2, dtype=np.int64),
     )
     return shared_record(rods)
+
+
+def most_places(machines: DriveMachines, grid: Grid, ends: Sequence[float]) -> int:
+    """Return the most instants that a watched run with machines keeps whole as it goes on.
+
+    Where a machine comes to rest, and at each stop of the schedule up to four, and `ends`.
+    """
+    commands = int(np.isfinite(machines.commands[:, :, 0]).sum())
+    return commands + len(grid.stops) * (4 + len(ends))
 
 
 def start_rods(run: PreparedRun) -> None:
@@ -292,7 +319,7 @@ def start_rods(run: PreparedRun) -> None:
     rods.rod_before[:] = rods.state[:, at.ROD_POSITION]
     rods.force[:] = run.work.force[rods.law]
     rods.state[:, at.ROD_FORCE] = -rods.force
-    rods.kept[0] = rods.state
+    store_rods(rods, run.state, run.record, run.positions[0], 0)
 
 
 March = Callable[[int, int], tuple[Code, int]]
@@ -300,7 +327,11 @@ March = Callable[[int, int], tuple[Code, int]]
 
 
 def march_schedule(
-    run: PreparedRun, grid: Grid, inputs: Callable[[Floats], Floats], march: March
+    run: PreparedRun,
+    grid: Grid,
+    inputs: Callable[[Floats], Floats],
+    march: March,
+    ends: Sequence[float] = (),
 ) -> tuple[Code, int, tuple[Pause, ...]]:
     """March to the end of the schedule, which pauses while machines that it waits for move.
 
@@ -314,6 +345,8 @@ def march_schedule(
         Marker positions by the time of the schedule, as `integrate` takes them.
     march : callable
         From one step to another.
+    ends : sequence of float
+        Of movements of markers, by the time of the schedule; a watched run is kept whole there [s].
 
     Returns
     -------
@@ -323,29 +356,51 @@ def march_schedule(
     pauses, code, done, late = list[Pause](), Code.COMPLETE, 0, 0
     commands = np.zeros((0, 0, 2)) if run.rods is None else run.rods.commands.copy()
     for stop in grid.stops:
+        _keep_whole(run, [stop.step + late])
         code, done = march(done, stop.step + late)
         pauses.append(Pause(stop.time + late * run.stepping.step, 0.0))
         if code == Code.COMPLETE and stop.longest and _is_moving(run):
             begun, last = done, min(done + stop.longest, grid.room)
             pauses[-1] = replace(pauses[-1], length=math.inf)
             _postpone(run, commands, inputs, pauses, done)
-            while code == Code.COMPLETE and done < last and _is_moving(run):
-                code, done = march(done, min(done + grid.check, last))
+            code, done = _march_to_rest(run, march, (done, last, grid.check))
             if code == Code.COMPLETE:
-                code, done = march(done, min(done + stop.rest, grid.room))
+                _keep_whole(run, [rest := min(done + stop.rest, grid.room)])
+                code, done = march(done, rest)
             late += done - begun
             pauses[-1] = replace(pauses[-1], length=(done - begun) * run.stepping.step)
             _postpone(run, commands, inputs, pauses, done)
+            _keep_whole(run, [late + e / run.stepping.step for e in ends if e > stop.time])
         if code != Code.COMPLETE:
             break
+        if _is_moving(run) and done < grid.room:
+            _keep_whole(run, [done + run.stepping.stride])  # the end of an unfinished movement
     return code, done, tuple(pauses)
+
+
+def _march_to_rest(run: PreparedRun, march: March, steps: tuple[int, int, int]) -> tuple[Code, int]:
+    """March until all machines stand; `steps` are the first, the last, and from check to check."""
+    done, last, every = steps
+    if run.rods is None:
+        return march(done, last)
+    _keep_whole(run, [last])
+    run.rods.wait[:] = every, done
+    found = march(done, last)
+    run.rods.wait[0] = 0
+    return found
+
+
+def _keep_whole(run: PreparedRun, steps: Iterable[float]) -> None:
+    """Let a watched run keep the first stored instants from some steps on whole."""
+    for step in steps:
+        row = math.ceil(step / run.stepping.stride - 1e-6)
+        if row < run.record.places.shape[0]:
+            give_place(run.record, row)
 
 
 def _is_moving(run: PreparedRun) -> bool:
     """Return whether a motor is on, or a gear still turns."""
-    if run.rods is None:
-        return False
-    return bool((run.rods.state[:, [at.ENERGISED, at.GEAR_SPEED]] != 0.0).any())
+    return run.rods is not None and not all_stand(run.rods)
 
 
 def _postpone(
@@ -360,14 +415,23 @@ def _postpone(
         later = slice(len(pauses), None)  # a pause precedes each movement but the first
         total = sum(item.length for item in pauses)
         run.rods.commands[:, later, 0] = commands[:, later, 0] + total
+    if run.rods is not None and run.rods.input.size == run.positions.shape[1]:
+        return
     times = run.stepping.step * np.arange(done + 1, len(run.positions), dtype=np.float64)
     run.positions[done + 1 :] = inputs(schedule_time(times, pauses)).T
 
 
 def machine_history(
-    run: PreparedRun, mechanism: Mechanism, kept: int, pauses: tuple[Pause, ...]
+    run: PreparedRun,
+    mechanism: Mechanism,
+    kept: int,
+    booked: slice | NDArray[np.int64],
+    pauses: tuple[Pause, ...],
 ) -> MachineHistory | None:
-    """Return what the machines of a run left behind, up to a number of stored instants."""
+    """Return what the machines of a run left behind, up to a number of stored instants.
+
+    `booked` are the rows of their energies.
+    """
     rods, given = run.rods, mechanism.machines
     if rods is None or given is None:
         return None
@@ -381,9 +445,10 @@ def machine_history(
         inputs=given.inputs,
         shift=given.shift,
         states=rods.kept[:kept],
-        given=rods.kept_given[:kept],
+        booked=rods.booked[booked],
+        given=rods.booked_given[booked],
         events=tuple(
-            tuple((float(time), at.EVENT_TEXTS[int(event)]) for time, event in rows[:count])
+            tuple((time, at.EVENT_TEXTS[int(event)]) for time, event in rows[:count].tolist())
             for rows, count in zip(rods.log, counts, strict=True)
         ),
         imbalance=float(rods.left[0]),

@@ -25,6 +25,7 @@ from turnout.solver.driven import (
     Pause,
     machine_history,
     march_schedule,
+    most_places,
     new_rods,
     schedule_time,
     start_rods,
@@ -45,7 +46,14 @@ from turnout.solver.record import kept_obstructions, trim_record
 from turnout.solver.seen import StepRecord, seen_weights
 from turnout.solver.start import PriorMotion, StartPlan, find_start, plan_start
 from turnout.solver.state import COUNT_FLIPS, COUNT_HALVED, COUNT_ITERATIONS
-from turnout.solver.watch import Watch, Watched, WatchPlan, plan_watch, trim_watched
+from turnout.solver.watch import (
+    Watch,
+    Watched,
+    WatchPlan,
+    plan_watch,
+    rest_instants,
+    trim_watched,
+)
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -152,8 +160,7 @@ def integrate(
     report : callable, optional
         Called with steps done and steps in all.
     watch : Watch, optional
-        What alone is wanted of the run. It is not heeded where drives are machines, or instants
-        lie between the steps.
+        What alone is wanted of the run. It is not heeded where instants lie between the steps.
 
     Returns
     -------
@@ -223,11 +230,13 @@ def plan_run(
         grid = choose_grid(mechanism, scheme, end, waits)
         arrangement = arrange(mechanism, scheme)
         watched = None
-        if watch is not None and mechanism.machines is None and not grid.filled_in:
-            interval = scheme.step * grid.stride
+        if watch is not None and not grid.filled_in:
+            interval, further = scheme.step * grid.stride, 0
+            if (machines := mechanism.machines) is not None:
+                further = most_places(machines, grid, watch.whole)
             places, laws = arrangement.system.row_place, arrangement.laws
             weights = seen_weights(watch.seen(arrangement.condensed), laws, places)
-            watched = (plan_watch(watch, interval, grid.n_stored), weights)
+            watched = (plan_watch(watch, interval, grid.n_stored, further=further), weights)
         positions = np.ascontiguousarray(inputs(_times(scheme.step, grid.room + 1)).T)
         if mechanism.machines is not None:
             positions = positions.copy()  # machines write to them, and throws may share them
@@ -284,11 +293,12 @@ def _carry_out(given: RunPlan, report: Callable[[int, int], None] | None) -> His
             def march(first: int, last: int) -> tuple[Code, int]:
                 return _march_in_chunks(run, (first, last, grid.n_steps), report, thread)
 
-            code, done, pauses = march_schedule(run, grid, inputs, march)
+            ends = () if plan is None else plan.watch.whole
+            code, done, pauses = march_schedule(run, grid, inputs, march, ends)
     kept = 0 if code in WITHOUT_START else done // stride + 1
-    of_energy = kept if plan is None else plan.balanced_before(kept)
-    balance = energy_balance(run.record.stored[:of_energy], run.record.ledger[:of_energy])
-    machines = machine_history(run, mechanism, kept, pauses)
+    booked = slice(kept) if plan is None else plan.places_of(2, kept)
+    balance = energy_balance(run.record.stored[booked], run.record.ledger[booked])
+    machines = machine_history(run, mechanism, kept, booked, pauses)
     if machines is not None:
         balance = machines.with_balance(*balance)
     if code == Code.COMPLETE and not is_closed(*balance):
@@ -341,9 +351,13 @@ def _assemble_history(
     first = np.where(np.isinf(state.law_first), np.nan, state.law_first)
     if plan is not None:
         if outcome.complete:
-            every = {"time": instants, "inputs": positions, "law_first": first}
+            rests = plan.rests
+            if machines is not None:
+                onsets = [item.begin + item.length for item in machines.pauses[:-1]]
+                rests = rest_instants(instants, sorted({*plan.watch.taken, *onsets}))
+            every = {"time": instants, "inputs": positions, "law_first": first, "rests": rests}
             watched = trim_watched(run.record, plan, **every, law_placed=placed)
-        whole = plan.whole_instants[: plan.whole_before(instants.size)]
+        whole = plan.whole(instants.size)
         instants, positions = instants[whole], positions[whole]
     return History(
         time=instants,
@@ -408,7 +422,7 @@ def _march_in_chunks(
             began = time.perf_counter()
             last = min(done + chunk, until)
             number, done = call_interruptible(thread, run.work.stop, _march, run, done, last)
-            if number != Code.COMPLETE:
+            if number != Code.COMPLETE or done < last:  # machines that it waited for have arrived
                 return Code(number), done
             took = max(time.perf_counter() - began, 1e-3)
             chunk = max(1, round(chunk * min(REPORT_INTERVAL / took, 4.0)))

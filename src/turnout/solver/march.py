@@ -37,9 +37,12 @@ from turnout.solver.quasistatic import advance_static
 from turnout.solver.rods import (
     Rods,
     accept_rods,
+    have_arrived,
     iterate_rods,
     meet_rods,
     move_rods,
+    repeat_rods,
+    rods_may_stay,
     store_rods,
 )
 from turnout.solver.scratch import Work
@@ -309,6 +312,8 @@ def march(
 ) -> tuple[int, int]:
     """Step from instant `first` to instant `last`; return the outcome code and the instant reached.
 
+    It ends early where machines that it waits for have arrived.
+
     Parameters
     ----------
     inputs : ndarray, shape (n_steps + 1, n_inputs)
@@ -332,9 +337,13 @@ def march(
             switch_level(system, table, state, work, stepping, whole)
         count = switch_laws(system, table, state, work, time + stepping.step)
         update_marked(system, table, state, work, count)
-        pair = (inputs[n], inputs[n + 1])
-        if rods is None and stepping.inertia and _stands_still(state, stepping, tolerances, pair):
+        pair, free = (inputs[n], inputs[n + 1]), True
+        if rods is not None:
+            free = rods_may_stay(rods, pair, (time, stepping.step))
+        if free and stepping.inertia and _stands_still(state, stepping, tolerances, pair):
             code = STOPPED if work.stop[0] else CONVERGED
+            if rods is not None:
+                repeat_rods(rods, (time, stepping.step))
         elif stepping.inertia:
             code = _advance(
                 system, table, state, work, tolerances, stepping, nominal, pair, time,
@@ -347,7 +356,7 @@ def march(
             return code, n
         remaining -= 1
         if rods is not None:
-            store_rods(rods, state, inputs[n + 1], row + 1 if remaining == 0 else -1)
+            store_rods(rods, state, record, inputs[n + 1], row + 1 if remaining == 0 else -1)
         if remaining == 0:
             row, remaining = row + 1, stepping.stride
             store_instant(system, table, state, work, record, row)
@@ -361,6 +370,9 @@ def march(
         update_marked(system, table, state, work, count)
         if stepping.inertia and (n + 1) % MEASURE_EVERY == 0:
             state.drift[0] = max(state.drift[0], DRIFTS)  # errors at rest may have grown
+        if rods is not None:  # noqa: SIM102, as above
+            if have_arrived(rods, n + 1):
+                return CONVERGED, n + 1
     return CONVERGED, last
 
 

@@ -62,8 +62,9 @@ def empty_record(
     }
     counts = dict.fromkeys(widths, count)
     if plan is not None:
-        counts |= dict.fromkeys(("q", "g", "friction", "law"), plan.whole_instants.size)
-        counts |= dict.fromkeys(("stored", "ledger"), plan.balanced_instants.size)
+        whole, _, balanced = (rows + plan.further for rows in plan.counts)
+        counts |= dict.fromkeys(("q", "g", "friction", "law"), whole)
+        counts |= dict.fromkeys(("stored", "ledger"), balanced)
     total = sum(counts[name] * width for name, width in widths.items())
     memory = _at_a_large_page(total) if plan is None else empty_in_lines(total)
     at, arrays = 0, dict[str, NDArray[Any]]()
@@ -99,15 +100,16 @@ def trim_record(
 ) -> StepRecord:
     """Return what is stored whole of the first `count` instants, without padding."""
     n_modes = system.load.size
-    energies: slice | Ints = slice(count)
+    at: slice | Ints = slice(count)
+    energies = at
     if plan is not None:
-        count = plan.whole_before(count)
-        energies = plan.whole_balanced[:count]
+        at = plan.places_of(0, count)
+        energies = plan.places[plan.whole(count), 2]
     return StepRecord(
-        q=record.q[:count, :n_modes],
-        g=record.g[:count, : system.row_place.size],
-        friction=record.friction[:count, : laws.friction_row.size],
-        law=record.law[:count, : laws.row.size],
+        q=record.q[at, :n_modes],
+        g=record.g[at, : system.row_place.size],
+        friction=record.friction[at, : laws.friction_row.size],
+        law=record.law[at, : laws.row.size],
         stored=record.stored[energies],
         ledger=record.ledger[energies],
         residual=record.residual,

@@ -11,10 +11,18 @@ import math
 from typing import NamedTuple
 
 from turnout.kernels.compiled import compiled, compiled_part
+from turnout.kernels.vector import copy
 from turnout.law.table import LawTable
 from turnout.machine.compute import places as at
-from turnout.machine.compute.couple import Machines, Room, accept_machines, try_machines
+from turnout.machine.compute.couple import (
+    Machines,
+    Room,
+    accept_machines,
+    machines_repeat,
+    try_machines,
+)
 from turnout.solver.scratch import Work
+from turnout.solver.seen import StepRecord, give_place
 from turnout.solver.solve import CONVERGED, NOT_CONVERGED, Tolerances, iterate_contact_set
 from turnout.solver.state import State
 from turnout.solver.system import Floats, Ints, System
@@ -54,8 +62,14 @@ class Rods(NamedTuple):
     left : ndarray, shape (1,)
         Largest movement of a rod end that was left over when a step was accepted [m].
     kept : ndarray, shape (n_stored, n, STATES)
-        States at the stored instants.
-    kept_given : ndarray, shape (n_stored, n)
+        States at the stored instants; of a watched run the first TRACED of them.
+    booked, booked_given : ndarray, shapes (n_booked, n, STATES), (n_booked, n)
+        States, and work of the rod ends [J], where the energies of the rails are stored.
+    stood : ndarray of int, shape (n,)
+        1 where a machine has come to rest since it was on.
+    wait : ndarray of int, shape (2,)
+        A march ends early where all machines stand, at every so many steps from a step; 0: it
+        does not.
     """
 
     constants: Floats
@@ -84,7 +98,10 @@ class Rods(NamedTuple):
     given: Floats
     left: Floats
     kept: Floats
-    kept_given: Floats
+    booked: Floats
+    booked_given: Floats
+    stood: Ints
+    wait: Ints
 
 
 @compiled_part
@@ -224,13 +241,68 @@ def accept_rods(
 
 
 @compiled
-def store_rods(rods: Rods, state: State, inputs: Floats, row: int) -> None:
-    """Write the inputs of the rods, and their machines where an instant is stored."""
+def all_stand(rods: Rods) -> bool:
+    """Return whether all motors are off, and their gears at rest."""
+    for k in range(rods.input.size):
+        if rods.state[k, at.ENERGISED] != 0.0 or rods.state[k, at.GEAR_SPEED] != 0.0:
+            return False
+    return True
+
+
+@compiled_part
+def have_arrived(rods: Rods, step: int) -> bool:
+    """Return whether a march that waits for the machines ends at a step."""
+    every = rods.wait[0]
+    return every > 0 and (step - rods.wait[1]) % every == 0 and all_stand(rods)
+
+
+@compiled
+def rods_may_stay(rods: Rods, inputs: tuple[Floats, Floats], span: tuple[float, float]) -> bool:
+    """Return whether the machines may do again what they did in the last step, with standing rods.
+
+    Parameters
+    ----------
+    inputs : tuple of ndarray, shape (n_inputs,)
+        At the start and end of the step; those of the rods at its end are written if so [m].
+    span : tuple of float
+        Its start and length [s].
+    """
+    machines, room = _machines_of(rods)
+    if not machines_repeat(machines, rods.state, span, room):
+        return False
+    for number in rods.input:
+        inputs[1][number] = inputs[0][number]
+    return True
+
+
+@compiled
+def repeat_rods(rods: Rods, span: tuple[float, float]) -> None:
+    """Let the machines do again what they did in the last step."""
+    machines, room = _machines_of(rods)
+    accept_machines(machines, rods.state, rods.trial, span, room)
+
+
+@compiled
+def store_rods(rods: Rods, state: State, record: StepRecord, inputs: Floats, row: int) -> None:
+    """Write the inputs of the rods, and their machines where an instant is stored.
+
+    A watched run keeps an instant whole at which a machine has come to rest.
+    """
     for k in range(rods.input.size):
         inputs[rods.input[k]] = state.inputs[rods.input[k]]
     if row < 0:
         return
+    listed = record.places.shape[0] > 0
     for k in range(rods.input.size):
-        rods.kept_given[row, k] = rods.given[k]
-        for place in range(rods.state.shape[1]):
-            rods.kept[row, k, place] = rods.state[k, place]
+        if rods.state[k, at.ENERGISED] > 0.0:
+            rods.stood[k] = 0
+        elif rods.stood[k] == 0 and rods.state[k, at.GEAR_SPEED] == 0.0:
+            rods.stood[k] = 1
+            if listed:
+                give_place(record, row)
+        copy(rods.state[k], rods.kept[row, k])
+    booked = record.places[row, 2] if listed else row
+    if booked >= 0:
+        for k in range(rods.input.size):
+            copy(rods.state[k], rods.booked[booked, k])
+            rods.booked_given[booked, k] = rods.given[k]

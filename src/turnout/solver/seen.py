@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from turnout.core.lru_cache import LRUCache
-from turnout.kernels.compiled import compiled_loop, compiled_part
+from turnout.kernels.compiled import compiled, compiled_loop, compiled_part
 from turnout.kernels.lanes import (
     LANES,
     broadcast,
@@ -83,10 +83,11 @@ class StepRecord(NamedTuple):
 
     Of a watched run `places` are, of each stored instant, the row of `q`, `g`, `friction` and `law`
     in which it is stored whole, that of `seen`, and that of `stored` and `ledger`, -1 for none;
-    without entries every instant has its own. `effort` are the forces of the laws `watched` at all
-    instants [N]; `seen` displacements [m] are `seen_load` under the constant load and the sum over
-    the places, modes, laws and frictions of ``..._list`` with a row of weights in ``..._rows`` for
-    each. The lists fill whole cache lines; `picked` is scratch for the longest.
+    without entries every instant has its own. So many rows of each are `given` (`give_place`).
+    `effort` are the forces of the laws `watched` at all instants [N]; `seen` displacements [m] are
+    `seen_load` under the constant load and the sum over the places, modes, laws and frictions of
+    ``..._list`` with a row of weights in ``..._rows`` for each. The lists fill whole cache lines;
+    `picked` is scratch for the longest.
 
     `cached` is 1 if the first four are stored through the processor's caches, 0 if past them.
     """
@@ -100,6 +101,7 @@ class StepRecord(NamedTuple):
     residual: Floats
     v: Floats
     places: Ints = np.zeros((0, 3), dtype=np.int64)
+    given: Ints = np.zeros(3, dtype=np.int64)
     watched: Ints = np.zeros(0, dtype=np.int64)
     effort: Floats = np.zeros((0, 0))
     seen: Floats = np.zeros((0, 0))
@@ -171,6 +173,16 @@ def _listed(weights: Floats, width: int) -> tuple[Ints, Floats]:
     rows = zeros_in_lines(count, width)
     rows[: used.size, : weights.shape[0]] = weights[:, used].T
     return as_unsigned(np.pad(used, (0, count - used.size))), rows
+
+
+@compiled
+def give_place(record: StepRecord, at: int) -> None:
+    """Let a stored instant that is still to come be stored whole, seen, and with its energies."""
+    rooms = (record.q.shape[0], record.seen.shape[0], record.stored.shape[0])
+    for column in range(3):
+        if record.places[at, column] < 0 and record.given[column] < rooms[column]:
+            record.places[at, column] = record.given[column]
+            record.given[column] += 1
 
 
 @compiled_loop

@@ -41,6 +41,8 @@ class Watch:
         The first stored instants from these times on are stored whole, and the last one [s].
     rests : sequence of float
         The last stored instants before these times are seen too, as the last one of all is [s].
+    taken : sequence of float
+        Those of `rests` that no wait for machines postpones; the others are onsets of movements.
     count : int
         Number of rows that are to be seen.
     seen : callable
@@ -53,6 +55,7 @@ class Watch:
     rests: Sequence[float]
     count: int
     seen: Callable[[CondensedRails], SeenRows]
+    taken: Sequence[float] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,31 +101,28 @@ class WatchPlan:
     """Which stored instants have which place in a record.
 
     `places` are those of `StepRecord`; of what is seen the instants that are wanted regularly come
-    first. `whole_instants` and `balanced_instants` are the numbers of the instants that are stored
-    whole, and with energies, as the last one is. `n_seen` instants are seen, `n_regular` of them
-    regularly; `whole_balanced` are the places of energies of whole instants, `rests` the numbers of
-    the instants of `Watched.rests`.
+    first. `counts` of instants are stored whole, seen, and stored with
+    energies, as the last one is; a run with machines has places for `further` ones, which it gives
+    as it goes on. `rests` are the numbers of the instants of `Watched.rests`, by the schedule.
     """
 
     watch: Watch
     places: Ints
-    whole_instants: Ints
-    balanced_instants: Ints
-    whole_balanced: Ints
+    counts: tuple[int, int, int]
     rests: Ints
-    n_seen: int
-    n_regular: int
+    further: int = 0
 
-    def whole_before(self, count: int) -> int:
-        """Return how many of the first `count` stored instants are stored whole."""
-        return int(self.whole_instants.searchsorted(count))
+    def whole(self, count: int) -> Ints:
+        """Return which of the first `count` instants are stored whole."""
+        return np.flatnonzero(self.places[:count, 0] >= 0)
 
-    def balanced_before(self, count: int) -> int:
-        """Return of how many of the first `count` stored instants the energies are stored."""
-        return int(self.balanced_instants.searchsorted(count))
+    def places_of(self, column: int, count: int) -> Ints:
+        """Return the places in a column of those of the first `count` instants that have one."""
+        rows = self.places[:count, column]
+        return rows[rows >= 0]
 
 
-def plan_watch(watch: Watch, interval: float, count: int) -> WatchPlan:
+def plan_watch(watch: Watch, interval: float, count: int, *, further: int = 0) -> WatchPlan:
     """Choose the places of stored instants in the record of a watched run.
 
     Parameters
@@ -133,6 +133,8 @@ def plan_watch(watch: Watch, interval: float, count: int) -> WatchPlan:
         Time between stored instants [s].
     count : int
         Of stored instants.
+    further : int
+        Instants that may be given places during the run, with `give_place`.
 
     Examples
     --------
@@ -145,13 +147,14 @@ def plan_watch(watch: Watch, interval: float, count: int) -> WatchPlan:
     [0, -1, -1, 1, -1, -1, 2]
     """
     times = tuple(watch.whole), tuple(watch.rests)
-    return WatchPlan(watch, *_places(*times, watch.stride, interval, count))
+    places, counts, rests = _places(*times, watch.stride, interval, count)
+    return WatchPlan(watch, places.copy() if further else places, counts, rests, further)
 
 
 @lru_cache(maxsize=16)
 def _places(
     wanted: tuple[float, ...], rests: tuple[float, ...], stride: int, interval: float, count: int
-) -> tuple[Ints, Ints, Ints, Ints, Ints, int, int]:
+) -> tuple[Ints, tuple[int, int, int], Ints]:
     """Return all of a `WatchPlan` but what is wanted."""
     times = interval * np.arange(count, dtype=np.float64)
     first = np.searchsorted(times, np.array(wanted, dtype=np.float64) - TIME_TOLERANCE)
@@ -165,10 +168,9 @@ def _places(
     places = np.full((count, 3), -1, dtype=np.int64)
     for column, chosen in enumerate((whole, seen, balanced)):
         places[chosen, column] = np.arange(chosen.size)
-    found = places, whole, balanced, places[whole, 2], rest
-    for part in found:
+    for part in (places, rest):
         part.flags.writeable = False
-    return *found, seen.size, regular.size
+    return places, (whole.size, seen.size, balanced.size), rest
 
 
 def rest_instants(time: Floats, rests: Sequence[float]) -> Ints:
@@ -183,8 +185,8 @@ def rest_instants(time: Floats, rests: Sequence[float]) -> Ints:
     return np.append(np.maximum(before, 0), time.size - 1)
 
 
-# Throws that share rails and times share what their records hold before they begin. It is named by
-# identity, and kept beside so that nothing else takes its place.
+# Throws that share rails share what their records hold before they begin. It is named by identity,
+# and kept beside so that nothing else takes its place.
 _templates = LRUCache[tuple[StepRecord, object]](128)  # some 2 kB each
 
 
@@ -204,10 +206,10 @@ def watched_record(
         Of what is seen.
     """
     arrays["effort"] = np.empty((len(plan.watch.laws), plan.places.shape[0]))
-    arrays["seen"] = empty_in_lines(plan.n_seen, weights.seen_load.size)
+    arrays["seen"] = empty_in_lines(plan.counts[1] + plan.further, weights.seen_load.size)
     shared = {name: part for name, part in weights._asdict().items() if part.ndim > 1}
     shared["places"] = plan.places
-    key = (id(plan.places), id(weights), tuple(plan.watch.laws))
+    key = (id(weights), plan.counts, tuple(plan.watch.laws))
     kept = _templates.get(key)
     if kept is None:
         nothing: dict[str, NDArray[Any]] = dict.fromkeys(arrays, np.zeros((0, 0)))
@@ -216,6 +218,7 @@ def watched_record(
             **weights._asdict(),
             residual=np.zeros(1),
             places=plan.places,
+            given=np.array(plan.counts),
             watched=np.asarray(plan.watch.laws, dtype=np.int64),
             picked=np.zeros(max(part.size for part in weights if part.ndim == 1)),
         )
@@ -229,20 +232,21 @@ def trim_watched(
     *,
     time: Floats,
     inputs: Floats,
+    rests: Ints,
     law_first: Floats,
     law_placed: Floats,
 ) -> Watched:
     """Return what a run to its last instant left; of all its instants, as of `Watched`."""
-    count = plan.watch.count
+    count, regular = plan.watch.count, -(-time.size // plan.watch.stride)
     return Watched(
         time=time,
         inputs=inputs,
         law_first=law_first,
         law_placed=law_placed,
         stride=plan.watch.stride,
-        seen=record.seen[: plan.n_regular, :count],
-        rests=plan.rests,
-        seen_rests=record.seen[plan.places[plan.rests, 1], :count],
+        seen=record.seen[:regular, :count],
+        rests=rests,
+        seen_rests=record.seen[plan.places[rests, 1], :count],
         laws=tuple(plan.watch.laws),
-        effort=record.effort,
+        effort=record.effort[:, : time.size],
     )

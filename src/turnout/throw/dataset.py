@@ -27,6 +27,7 @@ from turnout.throw.drives import (
     duties,
     duty_records,
     machine_energies,
+    machine_labels,
     machine_signals,
     machine_slips,
     machine_supplies,
@@ -139,7 +140,7 @@ def response_channels(
     arrays = channel_rows(panel, mechanism, motion, save)
     channels = drive_channels(panel, arrays["drive_force"], history.inputs)
     machine_slips(history, np.asarray(channels["drive_slipping"][1]))
-    channels |= machine_signals(panel, history)
+    channels |= machine_signals(panel, history) | machine_labels(panel, history)
     moved = moved_throws(panel, history)
     if "object" in arrays:
         channels |= object_channels(mechanism.index, arrays["object"])

@@ -101,6 +101,13 @@ def moved_throws(panel: Panel, history: History) -> tuple[DirectedMovement, ...]
     return tuple(found)
 
 
+def marker_ends(panel: Panel) -> list[float]:
+    """Return when the last marker arrives in each movement [s]; nothing if all are machines."""
+    markers = [name for name, drive in panel.drive.items() if drive.machine is None]
+    moved = [panel.movement[throw.name] for throw in throws(panel)] if markers else []
+    return [item.start + max(movement_time(item, name) for name in markers) for item in moved]
+
+
 def duty_records(panel: Panel, made: Sequence[Duty], end: float) -> str:
     """Return the work of the machines until the end of a run [s] as JSON text, for attributes."""
     fed = machine_supplies(panel)
@@ -155,40 +162,52 @@ def machine_supplies(panel: Panel) -> dict[str, dict[str, float | None]]:
 
 
 def machine_signals(panel: Panel, history: History) -> dict[str, Channel]:
-    """Return the channels of machines; none if all drives are markers.
+    """Return the channels of machines over time; none if all drives are markers.
 
-    `drive_slipping` is not among them, see `machine_slips`.
+    `drive_slipping` is not among them, see `machine_slips`. A watched run has no `clutch_heat`.
     """
     machines = history.machines
     if machines is None:
         return {}
-    state, made = machines.states, duties(history)
+    state = machines.states
 
     def of_drives(values: Floats) -> Channel:
         found = np.full((len(panel.drive), values.shape[0]), np.nan)
         found[machines.inputs] = values.T
         return ("drive", "time"), found
 
-    voltage, lead = state[:, :, at.SUPPLIED], state[:, :, at.CURRENT]
-    power, apparent = np.empty_like(lead), np.empty_like(lead)
-    kinds = [machine.motor.of_kind for machine in machines.records]
-    for number, (kind, constants) in enumerate(zip(kinds, machines.constants, strict=True)):
-        power[:, number], apparent[:, number] = kind.powers(constants, state[:, number])
-    alternating = any(kind.alternating for kind in kinds)
-    rated = np.array([nominal_voltage(each.motor, each.supply) for each in machines.records])
-    places = [machine.circuit.measured_current for machine in machines.records]
-    current = np.where(np.array(places) == "supply", power / rated, lead)
-    return {
-        "drive_current": of_drives(current),
-        "drive_voltage": of_drives(voltage),
+    power, apparent = np.empty((2, *state.shape[:2]))
+    for number in range(len(machines.names)):
+        power[:, number], apparent[:, number] = _powers(machines, number)
+    alternating = any(machine.motor.of_kind.alternating for machine in machines.records)
+    currents = [_current(machines, number) for number in range(len(machines.names))]
+    found = {
+        "drive_current": of_drives(np.stack(currents, axis=1)),
+        "drive_voltage": of_drives(state[:, :, at.SUPPLIED]),
         "drive_power": of_drives(power),
         **({"drive_apparent_power": of_drives(apparent)} if alternating else {}),
         "motor_speed": of_drives(state[:, :, at.SPEED]),
         "clutch_slip": of_drives(state[:, :, at.SLIP]),
-        "clutch_heat": of_drives(machines.sums(at.CLUTCH)),
         "drive_state": _states(panel, machines),
-        **_duty_labels(panel, made, machines, np.abs(current)),
     }
+    if history.watched is None:
+        found["clutch_heat"] = of_drives(machines.sums(at.CLUTCH))
+    return found
+
+
+def _powers(machines: MachineHistory, number: int) -> tuple[Floats, Floats]:
+    """Return active [W] and apparent power [V A] of a machine over time."""
+    kind = machines.records[number].motor.of_kind
+    return kind.powers(machines.constants[number], machines.states[:, number])
+
+
+def _current(machines: MachineHistory, number: int) -> Floats:
+    """Return the current of a machine over time where it is measured [A]."""
+    machine = machines.records[number]
+    if machine.circuit.measured_current == "supply":
+        return _powers(machines, number)[0] / nominal_voltage(machine.motor, machine.supply)
+    lead: Floats = machines.states[:, number, at.CURRENT]
+    return lead
 
 
 def _clutch_slips(machines: MachineHistory) -> NDArray[np.bool_]:
@@ -200,13 +219,15 @@ def _clutch_slips(machines: MachineHistory) -> NDArray[np.bool_]:
 def _found_slips(machines: MachineHistory) -> NDArray[np.bool_]:
     found = np.zeros((len(machines.names), machines.time.size), dtype=np.bool_)
     for number, (machine, events) in enumerate(zip(machines.records, machines.events, strict=True)):
-        slip, travel = machines.states[:, number, at.SLIP], shaft_travel(machine)
+        slip = machines.states[:, number, at.SLIP]
+        goes_on = np.abs(np.diff(slip, prepend=slip[:1])) > SLIP_ROUNDING
+        if not goes_on.any():
+            continue
         ons = [time for time, text in events if text == "on"]
         first = np.maximum(np.searchsorted(machines.time, ons, side="right") - 1, 0)
         begun = np.searchsorted(ons, machines.time, side="right") - 1
         before = np.where(begun >= 0, slip[first[begun]] if ons else 0.0, 0.0)
-        goes_on = np.abs(np.diff(slip, prepend=slip[:1])) > SLIP_ROUNDING
-        found[number] = goes_on & (np.abs(slip - before) * travel > LEAST_SLIP)
+        found[number] = goes_on & (np.abs(slip - before) * shaft_travel(machine) > LEAST_SLIP)
     return found
 
 
@@ -232,7 +253,7 @@ def machine_slips(history: History, flags: NDArray[np.bool_]) -> None:
             continue
         later = [d.on for d in made if d.drive == duty.drive and d.on > duty.on]
         until = min(later, default=np.inf)
-        flags[rows[duty.drive]] |= (history.time >= duty.off) & (history.time < until)
+        flags[rows[duty.drive]] |= (machines.time >= duty.off) & (machines.time < until)
 
 
 def _states(panel: Panel, machines: MachineHistory) -> Channel:
@@ -245,21 +266,23 @@ def _states(panel: Panel, machines: MachineHistory) -> Channel:
     return ("drive", "time"), found
 
 
-def _duty_labels(
-    panel: Panel, made: Sequence[Duty], machines: MachineHistory, current: Floats
-) -> dict[str, Channel]:
-    """Return throw time and currents of the last throw in each direction, opening first."""
-    names, time = list(panel.drive), machines.time
+def machine_labels(panel: Panel, history: History) -> dict[str, Channel]:
+    """Return throw time and currents of the last throw in each direction, opening first.
+
+    Nothing if all drives are markers.
+    """
+    machines, names = history.machines, list(panel.drive)
+    if machines is None:
+        return {}
     found = np.full((3, len(names), 2), np.nan)
-    for duty in made:
-        row = current[:, machines.names.index(duty.drive)]
+    currents = [np.abs(_current(machines, number)) for number in range(len(machines.names))]
+    for duty in machines.duties:
+        row = currents[machines.names.index(duty.drive)]
         off = duty.off if np.isfinite(duty.off) else np.inf
+        last = max(off - FINAL_CURRENT_WINDOW, duty.on)
+        bounds = np.searchsorted(machines.time, [duty.on + INRUSH, last, off]).tolist()
         means = [
-            row[begin:end].mean() if end > begin else np.nan
-            for begin, end in (
-                np.searchsorted(time, [duty.on + INRUSH, off]),
-                np.searchsorted(time, [max(off - FINAL_CURRENT_WINDOW, duty.on), off]),
-            )
+            row[begin : bounds[2]].mean() if bounds[2] > begin else np.nan for begin in bounds[:2]
         ]
         place = names.index(duty.drive), int(duty.to == "closed")
         found[(slice(None), *place)] = duty.off - duty.on, *means

@@ -16,6 +16,7 @@ from turnout.law.table import Floats
 from turnout.machine.compute import places as at
 from turnout.machine.compute.induction import lose_phase
 from turnout.machine.compute.machine_step import (
+    FIRST,
     SECOND,
     accept_step,
     span_of,
@@ -37,6 +38,8 @@ LEAST_LEVEL = 0.05
 """Share of the level of the new clutch that heat and wear leave at least."""
 REACHED = 1e-12
 """Share of its level by which a clutch may be below it and count as slipping."""
+REPEATED = 1e-9
+"""Share by which a state may still change within a step that counts as one of many alike."""
 
 
 # --- the clutch from step to step
@@ -50,7 +53,7 @@ def kinetic_level(constants: Floats, state: Floats) -> float:
     return float(constants[at.CLUTCH_TORQUE] * max(share, LEAST_LEVEL))
 
 
-@compiled
+@compiled_part
 def update_clutch(constants: Floats, state: Floats, step: float) -> None:
     """Let breakaway, temperature and wear follow from the end of a step of a length [s]."""
     kinetic, stiffness = kinetic_level(constants, state), constants[at.CLUTCH_STIFFNESS]
@@ -467,7 +470,7 @@ def advance(
         time = min(end, instant) if h == left else time + h
 
 
-@compiled
+@compiled_part
 def try_plain_step(
     constants: Floats,
     rail: Floats,
@@ -502,7 +505,40 @@ def try_plain_step(
     return not (at_limit or _turns_round(constants, state, work))
 
 
-@compiled
+@compiled_part
+def repeats_step(
+    constants: Floats,
+    rail: Floats,
+    commands: Floats,
+    state: Floats,
+    span: tuple[float, float],
+    work: Floats,
+) -> bool:
+    """Return whether a span would be as the one before, which was one step or rest.
+
+    The gear stands, and motor and clutch, if they turn, do so as in both stages of that step;
+    nothing switches, and nothing depends on angles or on heat.
+    """
+    time, end = span[0], span[0] + span[1]
+    if (
+        state[at.GEAR_SPEED] != 0.0
+        or next_instant(constants, state, commands, time) <= end + INSTANT
+    ):
+        return False
+    if rests(constants, rail, state):
+        return True
+    varies = constants[at.LEVEL_PER_KELVIN] != 0.0 or constants[at.LEVEL_PER_JOULE] != 0.0
+    if varies or constants[at.CONTACT_LOSS] > 0.0:
+        return False
+    first, second = work[FIRST], work[SECOND]
+    for place in range(at.INTEGRATED):
+        change = max(abs(second[place] - first[place]), abs(state[place] - second[place]))
+        if not change <= REPEATED * abs(second[place]):
+            return False
+    return True
+
+
+@compiled_part
 def accept_plain_step(
     constants: Floats,
     rail: Floats,

@@ -14,9 +14,15 @@ state: a step may be tried as often as it takes the mechanism to settle, and is 
 from typing import NamedTuple
 
 from turnout.kernels.compiled import compiled, compiled_part
+from turnout.kernels.vector import copy
 from turnout.law.table import Floats
 from turnout.machine.compute import places as at
-from turnout.machine.compute.circuit import accept_plain_step, advance, try_plain_step
+from turnout.machine.compute.circuit import (
+    accept_plain_step,
+    advance,
+    repeats_step,
+    try_plain_step,
+)
 from turnout.machine.compute.machine_step import SECOND
 from turnout.machine.compute.motor import supply_current
 
@@ -60,19 +66,13 @@ class Room(NamedTuple):
         Time and event.
     plain : ndarray, shape (n,)
         1 where the step was solved without its end being worked out: of `trial` only rod position
-        and force are those at its end.
+        and force are those at its end. 0 once something has switched at its end.
     """
 
     rails: Floats
     work: Floats
     log: Floats
     plain: Floats
-
-
-@compiled_part
-def _copy_row(row: Floats, to: Floats) -> None:
-    for k in range(row.size):
-        to[k] = row[k]
 
 
 @compiled_part
@@ -140,7 +140,7 @@ def try_machines(
     for number in range(count):
         trial[number, at.ROD_FORCE] = state[number, at.ROD_FORCE]
         if shared:
-            _copy_row(state[number], trial[number])
+            copy(state[number], trial[number])
     for _ in range(SWEEPS):
         for number in range(count):
             rail = room.rails[number]
@@ -160,7 +160,7 @@ def try_machines(
             drop, across = 0.0, 0.0
             if shared:
                 drop, across = _others_current(machines, trial, number)
-            _copy_row(state[number], trial[number])
+            copy(state[number], trial[number])
             trial[number, at.SHARED_DROP] = machines.shared_resistance * drop
             trial[number, at.SHARED_DROP_ACROSS] = machines.shared_resistance * across
             code = advance(*of_machine, commands, trial[number], span, work, room.log[number])
@@ -198,8 +198,9 @@ def accept_machines(
     """Make the end of a step that `try_machines` has tried last the state."""
     for number in range(state.shape[0]):
         if room.plain[number] == 0.0:
-            _copy_row(trial[number], state[number])
+            copy(trial[number], state[number])
             continue
+        logged = state[number, at.EVENTS]
         accept_plain_step(
             machines.constants[number],
             room.rails[number],
@@ -210,3 +211,23 @@ def accept_machines(
             room.work[number],
             room.log[number],
         )
+        if state[number, at.EVENTS] > logged:
+            room.plain[number] = 0.0
+
+
+@compiled
+def machines_repeat(
+    machines: Machines, state: Floats, span: tuple[float, float], room: Room
+) -> bool:
+    """Return whether a step would be as the one accepted last, which may be accepted again."""
+    for number in range(state.shape[0]):
+        if room.plain[number] == 0.0 or not repeats_step(
+            machines.constants[number],
+            room.rails[number],
+            machines.commands[number],
+            state[number],
+            span,
+            room.work[number],
+        ):
+            return False
+    return True

@@ -15,7 +15,7 @@ phases in `turnout.machine.compute.induction`; the functions above `clutch_torqu
 
 import math
 
-from turnout.kernels.compiled import compiled, compiled_part
+from turnout.kernels.compiled import compiled_part
 from turnout.law.table import Floats
 from turnout.machine.compute import places as at
 from turnout.machine.compute.induction import (
@@ -253,7 +253,7 @@ def _residual(
     return residual, inertia + viscous + clutch_slope - torque_slope, scale, clutch, clutch_slope, i
 
 
-@compiled
+@compiled_part
 def motor_side(
     constants: Floats,
     state: Floats,

@@ -117,26 +117,26 @@ the closing direction. Flags are 0.0 or 1.0.
     SLIP,  # of the clutch, th1 - th2 - a [rad]
     ROD_POSITION,  # x [m]
     ROD_FORCE,  # [N]
+    ENERGISED,
+    DIRECTION,  # 1 closing, -1 opening
+    SUPPLIED,  # voltage at the motor circuit [V]
+    ARMATURE_OPEN,
+    LOCKED,
+    SHARED_DROP,  # voltage that the other machines on the supply take [V], set from outside;
+    # of an induction motor the part along the supply's voltage, peak
+    SHARED_DROP_ACROSS,  # its part a quarter of a turn ahead, 0 of a direct current
+    PHASE_LOST,  # 1: one conductor of an induction motor's supply is open
     CLUTCH_TEMPERATURE,  # above ambient [K]
     HEAT_COUNTED,  # heat of the clutch that is in its temperature already [J]
     SLIPPING,  # sign of the slip while the clutch is at its kinetic level, else 0
     LEVEL,  # torque at which the clutch slips now [N m]
-    ENERGISED,
-    DIRECTION,  # 1 closing, -1 opening
-    SUPPLIED,  # voltage at the motor circuit [V]
     CIRCUIT_RESISTANCE,  # [ohm]
-    ARMATURE_OPEN,
     STILL_TORQUE,  # dry friction torque at the motor, T_0 and brake [N m]
-    LOCKED,
     HAND_SINCE,  # time at which the hand began to turn [s]
     HAND_ON,
     CONTACTOR_TIME,  # of the last closing [s]
     CUTOFF_TIME,  # planned [s], inf without a plan
     OVERLOAD_SINCE,  # [s], inf while the current is below
-    SHARED_DROP,  # voltage that the other machines on the supply take [V], set from outside;
-    # of an induction motor the part along the supply's voltage, peak
-    SHARED_DROP_ACROSS,  # its part a quarter of a turn ahead, 0 of a direct current
-    PHASE_LOST,  # 1: one conductor of an induction motor's supply is open
     NEXT_COMMAND,  # index of the next command
     LOCK_ALLOWED,  # 0: the limit contact may not act, set from outside
     EVENTS,  # number logged
@@ -149,6 +149,8 @@ the closing direction. Flags are 0.0 or 1.0.
 
 INTEGRATED = 12
 """So many states, from the first on, obey differential equations."""
+TRACED = 23
+"""So many states, from the first on, are those that the channels over time follow from."""
 
 # --- sums of power times step by the scheme's own weights [J] -----------------------------------
 (

@@ -8,13 +8,13 @@ rail, positive when it pushes it home.
 
 import math
 
-from turnout.kernels.compiled import compiled, compiled_part
+from turnout.kernels.compiled import compiled_part
 from turnout.law.table import Floats
 from turnout.machine.compute import places as at
 from turnout.machine.compute.motor import ITERATIONS, ROUNDING
 
 
-@compiled
+@compiled_part
 def rod_position(constants: Floats, table: Floats, angle: float) -> tuple[float, float, float]:
     """Return the rod position and its first two derivatives over the shaft angle.
 
@@ -83,7 +83,7 @@ def bed_force(rail: Floats, y: float) -> tuple[float, float, float]:
     return force, slope, scale
 
 
-@compiled
+@compiled_part
 def rail_side(
     constants: Floats,
     rail: Floats,

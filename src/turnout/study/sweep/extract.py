@@ -19,9 +19,23 @@ from turnout.panel.load import LoadedPanel
 from turnout.solver.integration import History
 from turnout.solver.watch import Watch, Watched, rest_instants
 from turnout.study.study import Study
-from turnout.study.sweep.throw_group import GAPS, STACKED_CHANNELS, ThrowSignals, single_precision
+from turnout.study.sweep.throw_group import (
+    GAPS,
+    OF_DRIVES,
+    STACKED_CHANNELS,
+    ThrowSignals,
+    single_precision,
+)
 from turnout.throw.dataset import response_channels
-from turnout.throw.drives import as_thrown, duties, machine_signals, machine_slips, moved_throws
+from turnout.throw.drives import (
+    as_thrown,
+    duties,
+    machine_labels,
+    machine_signals,
+    machine_slips,
+    marker_ends,
+    moved_throws,
+)
 from turnout.throw.gaps import gaps_over_time, watched_gaps
 from turnout.throw.lock_and_control import distance_ends
 from turnout.throw.recovery import Motion, recover_motion
@@ -34,7 +48,11 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Variables = dict[str, Channel]
 
-WATCHED = ("drive_force", "drive_displacement", "drive_slipping", "object_force", *GAPS)
+OF_MACHINES = (
+    *("drive_current", "drive_voltage", "drive_power", "drive_apparent_power"),
+    *("motor_speed", "clutch_slip", "drive_state"),
+)
+WATCHED = (*OF_DRIVES, "object_force", *GAPS, *OF_MACHINES)
 """Channels that a watched throw gives."""
 
 
@@ -42,25 +60,27 @@ def watch_of(study: Study, panel: LoadedPanel) -> Callable[[Mechanism], Watch] |
     """Return the watch of a throw of a mechanism, or None if its whole history is needed."""
     if not {*study.output.channels} <= {*WATCHED}:
         return None
-    ends = [throw.end for throw in throws(panel)]
+    ends = marker_ends(panel)
     count = 2 * (len(panel.drive) + len(panel.sensor))
 
     def watch(mechanism: Mechanism) -> Watch:
         laws, seen = watched_laws(panel, mechanism), watched_gaps(panel, mechanism)
-        rests = _rests(panel, mechanism)
-        return Watch(laws, output_stride(study), ends, rests, count, seen)
+        rests, taken = _rests(panel, mechanism)
+        return Watch(laws, output_stride(study), ends, rests, count, seen, taken)
 
     return watch
 
 
-def _rests(panel: LoadedPanel, mechanism: Mechanism) -> list[float]:
-    """Return the times before which the switch may rest [s].
+def _rests(panel: LoadedPanel, mechanism: Mechanism) -> tuple[list[float], list[float]]:
+    """Return the times before which the switch may rest, and those of them that are certain [s].
 
-    Onsets of the movements that follow others, and removals of objects.
+    Onsets of the movements that follow others, which machines may postpone, and removals of
+    objects.
     """
-    onsets = {throw.until for throw in throws(panel)}
-    taken = mechanism.laws.disappears[list(mechanism.index.object.values())].tolist()
-    return sorted(time for time in onsets.union(taken) if math.isfinite(time))
+    removals = mechanism.laws.disappears[list(mechanism.index.object.values())].tolist()
+    taken = [time for time in removals if math.isfinite(time)]
+    onsets = {throw.until for throw in throws(panel) if math.isfinite(throw.until)}
+    return sorted(onsets.union(taken)), taken
 
 
 def watched_laws(panel: LoadedPanel, mechanism: Mechanism) -> list[int]:
@@ -88,14 +108,13 @@ def extract_signals(
     mechanism, history = solved.mechanism, solved.history
     given, panel = panel, as_thrown(panel, history)
     motion, moved = recover_motion(mechanism, history), moved_throws(panel, history)
-    labels = object_memory(mechanism, history)
+    labels = object_memory(mechanism, history) | machine_labels(panel, history)
     watched, kept = history.watched, Variables()
+    if watched is None or {*study.output.channels} & {*OF_MACHINES}:
+        kept = _kept_of_machines(study, panel, history, recorder)
     if watched is None:
         watched = _watched_of(study, panel, motion, mechanism)
-        of_machines = machine_signals(panel, history)
-        labels |= {name: value for name, value in of_machines.items() if "time" not in value[0]}
-        kept = _kept_of_machines(study, of_machines, history.time, recorder)
-        kept |= _further_channels(study, given, solved, known={*of_machines, *STACKED_CHANNELS})
+        kept |= _further_channels(study, given, solved, known={*kept, *STACKED_CHANNELS})
     return ThrowSignals(
         panel=panel,
         index=mechanism.index,
@@ -118,20 +137,20 @@ def _clutches(panel: LoadedPanel, history: History) -> tuple[list[int], Flags] |
     """Return the drives that are machines, and when their clutches slip; None without machines."""
     if history.machines is None:
         return None
-    flags = np.zeros((len(panel.drive), history.time.size), dtype=np.bool_)
+    flags = np.zeros((len(panel.drive), history.machines.time.size), dtype=np.bool_)
     machine_slips(history, flags)
     drives = list(history.machines.inputs)
     return drives, flags[drives]
 
 
 def _kept_of_machines(
-    study: Study, signals: Variables, time: Floats, recorder: Recorder
+    study: Study, panel: LoadedPanel, history: History, recorder: Recorder
 ) -> Variables:
     """Return the kept channels of machines, currents as a recorder gives them."""
     found, stride = Variables(), output_stride(study)
-    for name, (dims, values) in signals.items():
-        if name in study.output.channels and "time" in dims:
-            is_current = name == "drive_current"
+    for name, (dims, values) in machine_signals(panel, history).items():
+        if history.machines is not None and name in study.output.channels:
+            is_current, time = name == "drive_current", history.machines.time
             seen = clocked(np.asarray(values), time, recorder) if is_current else values
             found[name] = (dims, single_precision(seen[..., ::stride]))
     return found
@@ -152,7 +171,7 @@ def _further_channels(
 def _watched_of(study: Study, panel: LoadedPanel, motion: Motion, mechanism: Mechanism) -> Watched:
     """Return the results of a watched throw from a whole history, gaps only if they are wanted."""
     history, laws = motion.history, watched_laws(panel, mechanism)
-    rests = rest_instants(history.time, _rests(panel, mechanism))
+    rests = rest_instants(history.time, _rests(panel, mechanism)[0])
     gaps, resting = _recovered_gaps(study, panel, motion, rests)
     return Watched(
         time=history.time,
