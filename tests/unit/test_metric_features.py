@@ -49,6 +49,16 @@ def test_a_rise_made_by_hand() -> None:
     assert found["marker_work"] == pytest.approx(work, rel=2e-3)
 
 
+def test_vibration_is_that_about_a_mean_that_may_rise() -> None:
+    """Of a swing of 5 Hz the mean over 0.3 s takes sin(pi 1.5) / (pi 1.5), of a rise all of it."""
+    swing = 100.0 * TIME + 40.0 * np.sin(2 * np.pi * 5.0 * TIME)
+    found = named(movement_features(TIME, swing, length=2.0))
+    assert found["vibration"] == pytest.approx(
+        40.0 / np.sqrt(2) * (1 + 1 / (1.5 * np.pi)), rel=0.01
+    )
+    assert named(movement_features(TIME, 100.0 * TIME, length=2.0))["vibration"] < 1e-9
+
+
 @pytest.mark.parametrize("closing", [True, False])
 def test_effort_counts_in_the_direction_of_the_movement(closing: bool) -> None:
     found = features(run_of(EFFORT, closing=closing)).sel(drive="1")

@@ -26,6 +26,7 @@ from turnout.law.friction import curve_arrays, no_courses
 from turnout.law.friction_state import FRICTION_STATES, FrictionCurve
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism
+from turnout.metric.features import features
 from turnout.panel.load import load_panel
 from turnout.solver.integration import History
 from turnout.throw.simulate import simulate
@@ -254,10 +255,8 @@ def thrown(**chair: object):
 
 
 def vibration(dataset) -> float:
-    """Return the rms of Drive 1's force about its mean over 0.3 s, on the way of the return [N]."""
-    force = dataset["drive_force"].sel(drive="1")
-    around = force.rolling(time=75, center=True).mean()
-    return float(np.sqrt(((force - around).sel(time=slice(5.3, 7.3)) ** 2).mean()))
+    """Return that of Drive 1 on the way of the return [N]."""
+    return float(features(dataset)["vibration"].sel(drive="1", direction="closing"))
 
 
 def test_vibration_grows_as_chairs_run_dry_and_lubrication_removes_it() -> None:

@@ -29,6 +29,8 @@ LEAST_RISE = 50.0
 LOW, HIGH = 0.1, 0.9
 # The plateau is looked for between these shares of a movement [-].
 MIDDLE = (0.25, 0.75)
+# Vibration is what the effort has beside its mean over this [s]: above 3 Hz, stick-slip of rails.
+SLOW = 0.3
 # A marker nearer than this to its last place has arrived [m].
 ARRIVED = 1e-9
 
@@ -54,6 +56,9 @@ FEATURES: Mapping[str, Feature] = {
         Feature("marker_work", "J", "work of the marker"),
         Feature("duration", "s", "from the onset until the drive has arrived"),
         Feature("slip_time", "s", "when the drive first slips"),
+        Feature(
+            "vibration", "N", "effort about its mean over 0.3 s in that half, root mean square"
+        ),
     )
 }
 """Every feature; times count from the onset of the movement."""
@@ -265,7 +270,7 @@ def _features(
                 for t, i in zip(elapsed, current, strict=True)
             ]
         )
-    plateau = _plateaus(time, effort, onsets, duration)
+    plateau, found[9] = _plateaus(time, effort, onsets, duration)
     rise, slope = _build_ups(time, effort, plateau)
     ends = effort[:, -held:].mean(axis=1)
     found[:6] = rise - onsets, slope, peak, time[at] - onsets, plateau, ends
@@ -275,9 +280,13 @@ def _features(
     return found
 
 
-def _plateaus(time: Floats, effort: Floats, onsets: Floats, duration: Floats) -> Floats:
-    """Return the median in the middle of the movement of each row [N]."""
-    found = np.full(duration.size, np.nan)
+def _plateaus(
+    time: Floats, effort: Floats, onsets: Floats, duration: Floats
+) -> tuple[Floats, Floats]:
+    """Return median and vibration in the middle of the movement of each row [N]."""
+    found, swing = np.full((2, duration.size), np.nan)
+    rate = (time.size - 1) / (time[-1] - time[0])
+    half = window_samples(SLOW, rate=rate) // 2
     cases, of_case = np.unique(np.stack((onsets, duration)), axis=1, return_inverse=True)
     middle = [
         np.searchsorted(time - start, np.multiply(length, MIDDLE)) for start, length in cases.T
@@ -287,7 +296,21 @@ def _plateaus(time: Floats, effort: Floats, onsets: Floats, duration: Floats) ->
         if high > low:
             alike = of_each == number if len(bounds) > 1 else slice(None)
             found[alike] = _medians(effort[alike, low:high])
-    return found
+            if half and low >= half and high + half <= time.size:
+                swing[alike] = _swings(effort[alike, low - half : high + half], half)
+    return found, swing
+
+
+def _swings(values: Floats, half: int) -> Floats:
+    """Return the root mean square of rows about their means over ``2 half + 1`` samples.
+
+    Half a window at either end serves the means alone.
+    """
+    inner = values[:, half : values.shape[1] - half]
+    sums = np.cumsum(np.pad(values - inner[:, :1], ((0, 0), (1, 0))), axis=1)
+    width = 2 * half + 1
+    means = (sums[:, width:] - sums[:, :-width]) / width + inner[:, :1]
+    return np.sqrt(np.square(inner - means).mean(axis=1))
 
 
 def _medians(values: Floats) -> Floats:
