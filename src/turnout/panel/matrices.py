@@ -36,6 +36,8 @@ NEEDED = ("stiffness", "mass", "table_x", "table_direction")
 MOST_FILE_BYTES = 2_000_000_000
 LARGEST_UNPACKED = 1_000_000_000
 _COMPRESSED, _CHUNK = 15, 1 << 20
+HEAD_BYTES = 116
+"""Bytes of text at the head of a file of version 5, for readers."""
 SYMMETRIC = 1e-9
 """Largest difference of a matrix from its transpose, as a share of its largest entry."""
 
@@ -71,7 +73,8 @@ def matrices_bytes(matrices: RailMatrices, *, extra: Mapping[str, object]) -> by
     from scipy.io import savemat  # takes long to load, and few panels have matrices
 
     savemat(target, content, format="5", do_compression=True, oned_as="column")
-    return stream.getvalue()
+    # the text at its head names the time at which it was written
+    return FORMAT.ljust(HEAD_BYTES).encode() + stream.getvalue()[HEAD_BYTES:]
 
 
 def read_rail_matrices(path: Path) -> tuple[RailMatrices | None, list[str]]:
@@ -89,13 +92,17 @@ def read_rail_matrices(path: Path) -> tuple[RailMatrices | None, list[str]]:
     problems : list of str
         Everything that is, each with its remedy.
     """
+    try:
+        return matrices_of_bytes(read_bytes(path, largest=MOST_FILE_BYTES))
+    except FileError as error:
+        return None, [str(error)]
+
+
+def matrices_of_bytes(content: bytes) -> tuple[RailMatrices | None, list[str]]:
+    """Read the matrices of one rail from the content of a file, as `read_rail_matrices` does."""
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadError
 
-    try:
-        content = read_bytes(path, largest=MOST_FILE_BYTES)
-    except FileError as error:
-        return None, [str(error)]
     if not _fits_unpacked(content):
         return None, [f"holds more than {LARGEST_UNPACKED} bytes once unpacked; reduce the rail"]
     try:
@@ -212,6 +219,12 @@ class _Reader:
         if getattr(given, "ndim", 0) != 2 or given.dtype.kind not in "fiub":
             self.problems.append(f"{name} must be a matrix of real numbers")
             return None
+        if hasattr(given, "check_format"):
+            try:
+                given.check_format(full_check=True)
+            except ValueError as error:
+                self.problems.append(f"{name} is damaged: {error}; save it again")
+                return None
         matrix: sp.csr_array = sp.csr_array(given).astype(np.float64)
         if not np.isfinite(matrix.data).all():
             self.problems.append(f"{name} holds numbers that are not finite")

@@ -7,23 +7,19 @@ was read from other files beside them: the panel can be made again where none of
 import base64
 import binascii
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
-
-import numpy as np
-import scipy.sparse as sp
 
 from turnout.core.toml import Origin
 from turnout.core.units import SI
 from turnout.panel.document import Document
 from turnout.panel.load import LoadedPanel, panel_from_document
+from turnout.panel.matrices import matrices_bytes, matrices_of_bytes
 from turnout.panel.records import RailMatrices
 
 SI_MARK = "$si"
 """Key of a number that Python code gave in SI, for which a file would need a unit."""
-_SPARSE = ("stiffness", "mass", "damping", "rows")
-_ARRAYS = ("unit_weight", "x", "z")
-_NUMBERS = ("<f8", "<i4", "<i8")
 
 
 def panel_data(panel: LoadedPanel) -> dict[str, Any]:
@@ -111,60 +107,20 @@ def _unmarked(value: Any) -> Any:
     return [_unmarked(item) for item in value] if isinstance(value, list) else value
 
 
-def _of_matrices(given: RailMatrices) -> dict[str, Any]:
-    """Return the matrices of a rail; arrays keep their bits as base64."""
-    found: dict[str, Any] = {
-        "direction": list(given.direction),
-        "with_supports": bool(given.with_supports),
-        "digest": given.digest,
-    }
-    for name in _ARRAYS:
-        values = getattr(given, name)
-        found[name] = None if values is None else _of_array(values)
-    for name in _SPARSE:
-        matrix = getattr(given, name)
-        found[name] = None if matrix is None else _of_sparse(matrix)
-    return found
-
-
-def _of_sparse(matrix: sp.csr_array) -> dict[str, Any]:
-    parts = {name: _of_array(getattr(matrix, name)) for name in ("data", "indices", "indptr")}
-    return {"shape": list(matrix.shape), **parts}
-
-
-def _of_array(values: np.ndarray) -> dict[str, str]:
-    little = np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("<"))
-    return {"dtype": little.dtype.str, "base64": base64.b64encode(little.tobytes()).decode()}
+def _of_matrices(given: RailMatrices) -> dict[str, str]:
+    """Return the matrices of a rail: the content of a file of them, which keeps their bits."""
+    content = base64.b64encode(matrices_bytes(given, extra={})).decode()
+    return {"digest": given.digest, "base64": content}
 
 
 def _to_matrices(data: Mapping[str, Any]) -> RailMatrices:
-    found: dict[str, Any] = {
-        "direction": tuple(map(str, data["direction"])),
-        "with_supports": bool(data["with_supports"]),
-        "digest": str(data["digest"]),
-    }
-    for name in _ARRAYS:
-        found[name] = None if data[name] is None else _to_array(data[name])
-    for name in _SPARSE:
-        found[name] = None if data[name] is None else _to_sparse(data[name])
-    return RailMatrices(**found)
-
-
-def _to_sparse(data: Mapping[str, Any]) -> sp.csr_array:
-    parts = tuple(_to_array(data[name]) for name in ("data", "indices", "indptr"))
-    rows, columns = data["shape"]
-    matrix = sp.csr_array(parts, shape=(int(rows), int(columns)))
-    matrix.check_format(full_check=True)
-    return matrix
-
-
-def _to_array(data: Mapping[str, Any]) -> np.ndarray:
-    if data["dtype"] not in _NUMBERS:
-        message = f"an array of '{data['dtype']}'; allowed are {', '.join(_NUMBERS)}"
-        raise ValueError(message)
     try:
         content = base64.b64decode(data["base64"], validate=True)
     except binascii.Error as error:
-        message = f"an array cannot be read ({error})"
+        message = f"matrices of a rail cannot be read ({error})"
         raise ValueError(message) from None
-    return np.frombuffer(content, dtype=data["dtype"]).copy()
+    matrices, problems = matrices_of_bytes(content)
+    if matrices is None:
+        message = f"matrices of a rail cannot be read ({'; '.join(problems)})"
+        raise ValueError(message)
+    return replace(matrices, digest=str(data["digest"]))
