@@ -99,23 +99,22 @@ def test_texts_are_read_with_the_whole_document() -> None:
 
 
 @pytest.mark.parametrize(
-    ("field", "checks"),
+    ("field", "tables"),
     [
-        (("drive", "stiffness"), ("saturation of drives", "slips at rest")),
-        (("chair", "friction_coefficient"), ()),
-        (("rail", "fit_gap"), ("plain", "stock_rail", "rail", "slips at rest")),
-        (("rail", "matrices"), ("rail",)),
-        (("movement", "start"), ("schedule",)),
-        (("gravity", ""), ()),
+        (("drive", "stiffness"), {"drive"}),
+        (("chair", "friction_coefficient"), set()),
+        (("rail", "fit_gap"), {"lock", "stock_rail", "rail", "drive"}),
+        (("rail", "matrices"), {"rail"}),
+        (("movement", "start"), {"schedule"}),
+        (("gravity", ""), set()),
     ],
     ids=str,
 )
-def test_checks_that_read_a_field_are_found(
-    field: tuple[str, str], checks: tuple[str, ...]
-) -> None:
+def test_checks_that_read_a_field_are_found(field: tuple[str, str], tables: set[str]) -> None:
     """Also through what is derived from it, as `has_stock_rail` is from `fit_gap`."""
     panel = load_panel("uic60-760-1-15").with_overrides({"lock.rule": "raw gap"})
-    assert checks_that_read({field}, panel.__dict__, {}) == checks
+    found = checks_that_read({field}, panel.__dict__, {})
+    assert {name.partition(" ")[0] for name in found} == tables
 
 
 def test_a_machine_is_valid_as_a_whole() -> None:

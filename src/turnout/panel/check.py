@@ -3,9 +3,8 @@
 Cross checks: what no single record of a panel can know about the others.
 
 Every check works on what could be validated so far, so that its problems are reported together
-with those of single fields. It falls silent where it needs a value that is wrong itself.
-
-Checks of the schedule: order, overlap, ramps, tables.
+with those of single fields. It falls silent where it needs a value that is wrong itself. `CHECKS`
+has those of single records by their table, `BETWEEN` the others.
 """
 
 import itertools
@@ -13,23 +12,23 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from functools import cache, partial
 from typing import Any
 
+from turnout.core.keys import Path
 from turnout.core.library import names_in_library
 from turnout.core.problems import Problem, choices, nearest, show_value
 from turnout.core.units import is_finite
 from turnout.panel.check_rails import (
-    ON_ONE_RAIL,
+    OF_SECTIONS,
+    Check,
+    alone,
     check_drive_table,
-    check_friction,
-    check_outline,
-    check_outline_section,
-    check_planed_section,
-    check_saturations,
-    check_section,
+    check_friction_course,
+    check_friction_curve,
+    check_saturation,
     check_section_kinds,
     check_section_name,
-    check_stock_fastening,
-    check_stock_rail,
     find_section,
+    more_than,
+    names_known,
     rails_of,
     rising_fault,
     unknown_name,
@@ -45,31 +44,19 @@ from turnout.panel.library_members import MACHINES
 from turnout.panel.lock_rule import LOCK_RULES
 from turnout.panel.model import FAMILIES, Panel
 from turnout.panel.place import SAME_PLACE
-from turnout.panel.records import Movement, ScaledSection
+from turnout.panel.records import Movement, ScaledSection, Schedule
 from turnout.panel.validate import Draft, Field, NotedRecords, Partial, until_unknown
 
 _SAME_TIME = 1e-9
 _TABLE_KEYS = ("table_time", "table_fraction", "table_file")
 
 
-def check_schedule(draft: Draft) -> Iterator[Problem]:
-    """Find problems of the movements, each and among each other."""
-    drives = draft.names["drive"]
-    for name, movement in draft.records["movement"].items():
-        yield from until_unknown(_movement(("movement", name), movement, drives))
-        yield from until_unknown(_table(("movement", name), movement))
-    yield from until_unknown(_sequence(draft, drives))
-    yield from until_unknown(_end(draft, drives))
-    yield from until_unknown(_cycles(draft))
-
-
 def _times(movement: Movement, drives: tuple[str, ...]) -> list[float]:
     return [movement.duration + movement.extra_time.get(drive, 0.0) for drive in drives]
 
 
-def _movement(
-    path: tuple[str, str], movement: Movement, drives: tuple[str, ...]
-) -> Iterator[Problem]:
+def _movement(draft: Draft, path: Path, movement: Movement) -> Iterator[Problem]:
+    drives = draft.names["drive"]
     for drive, extra in movement.extra_time.items():
         if drive not in drives:
             text = f": there is no such drive{nearest(drive, drives)}; there are {choices(drives)}"
@@ -83,7 +70,7 @@ def _movement(
         yield Problem((*path, "ramp"), text)
 
 
-def _table(path: tuple[str, ...], movement: Movement) -> Iterator[Problem]:
+def _table(path: Path, movement: Movement) -> Iterator[Problem]:
     given = [key for key in _TABLE_KEYS if getattr(movement, key) is not None]
     if movement.shape != "table":
         for key in given:
@@ -119,9 +106,9 @@ def _in_order(draft: Draft) -> list[tuple[str, Movement]]:
     return sorted(draft.records["movement"].items(), key=lambda item: float(item[1].start))
 
 
-def _sequence(draft: Draft, drives: tuple[str, ...]) -> Iterator[Problem]:
+def _sequence(draft: Draft, path: Path, schedule: Schedule) -> Iterator[Problem]:
     """Refuse movements that overlap or go to the present position of the panel."""
-    position = draft.records["schedule"].starts
+    position, drives = schedule.starts, draft.names["drive"]
     before, free_from = "", 0.0
     for name, movement in _in_order(draft):
         if before and movement.start < free_from - _SAME_TIME:
@@ -135,22 +122,22 @@ def _sequence(draft: Draft, drives: tuple[str, ...]) -> Iterator[Problem]:
         before, free_from = name, max(end, free_from)
 
 
-def _end(draft: Draft, drives: tuple[str, ...]) -> Iterator[Problem]:
-    end = draft.records["schedule"].end
+def _end(draft: Draft, path: Path, schedule: Schedule) -> Iterator[Problem]:
+    end, drives = schedule.end, draft.names["drive"]
     for name, movement in _in_order(draft):
         arrival = movement.start + max(_times(movement, drives), default=movement.duration)
         if arrival > end + _SAME_TIME:
             text = f" = {end:g} s: movement '{name}' only ends at {arrival:g} s"
-            yield Problem(("schedule", "end"), text)
+            yield Problem((*path, "end"), text)
 
 
-def _cycles(draft: Draft) -> Iterator[Problem]:
+def _cycles(draft: Draft, path: Path, schedule: Schedule) -> Iterator[Problem]:
     """Refuse cycles before the run that do not end where it starts, loaded."""
-    schedule, movements = draft.records["schedule"], _in_order(draft)
+    movements = _in_order(draft)
     returns = movements and movements[-1][1].to == schedule.starts
     if schedule.loaded_by == "cycles" and not (schedule.loaded and returns):
         remedy = f"a last movement to {schedule.starts}" if schedule.loaded else "loaded = true"
-        yield Problem(("schedule", "loaded_by"), f' = "cycles": needs {remedy}')
+        yield Problem((*path, "loaded_by"), f' = "cycles": needs {remedy}')
 
 
 _HAVE_PLACES = ("chair", "fastening", "stop", "stud", "drive", "link", "back_drive")
@@ -216,25 +203,32 @@ def checks_that_read(
 def _all_checks() -> dict[str, Callable[[Draft], Iterable[Problem]]]:
     """Return all checks by name."""
     checks: dict[str, Callable[[Draft], Iterable[Problem]]] = {
-        "plain": _plain,
-        "between rails": _between_rails,
-        "section kinds": check_section_kinds,
-        "schedule": check_schedule,
-        "machines": check_machines,
+        f"{table} {number}": partial(_each, table=table, check_one=check_one)
+        for table, own in CHECKS.items()
+        for number, check_one in enumerate(own)
     }
-    checks |= {family: partial(_each, family=family) for family in _CHECKS}
-    checks["saturation of drives"] = check_saturations
-    checks["slips at rest"] = slips_at_rest
+    checks |= {
+        name: partial(_all_at_once, check_all=check_all) for name, check_all in BETWEEN.items()
+    }
     return checks | {
         f"places of {name}": partial(_same_places, family=name) for name in _HAVE_PLACES
     }
 
 
-def _each(draft: Draft, family: str) -> Iterator[Problem]:
-    """Check the members of a family one by one."""
-    check_one = _CHECKS[family]
-    for name, record in draft.records[family].items():
-        yield from until_unknown(check_one(draft, (family, name), record))
+def _each(draft: Draft, table: str, check_one: Check) -> Iterator[Problem]:
+    """Make a check of the members of a family one by one, or of a table."""
+    found = draft.records[table]
+    members = (
+        {(table, name): found[name] for name in found} if table in FAMILIES else {(table,): found}
+    )
+    for path, record in members.items():
+        yield from until_unknown(check_one(draft, path, record))
+
+
+def _all_at_once(
+    draft: Draft, check_all: Callable[[Draft], Iterator[Problem]]
+) -> Iterator[Problem]:
+    return until_unknown(check_all(draft))
 
 
 def _shared(draft: Draft, problem: Problem) -> Problem:
@@ -245,73 +239,48 @@ def _shared(draft: Draft, problem: Problem) -> Problem:
     return problem
 
 
-def _plain(draft: Draft) -> Iterator[Problem]:
+def _instrumented(draft: Draft, path: Path, given: Any) -> Iterator[Problem]:
     names = draft.names["rail"]
-    instrumented = draft.records["instrumented_rail"]
-    if not isinstance(instrumented, Partial) and names and instrumented not in names:
-        yield Problem(("instrumented_rail",), unknown_name("rail", instrumented, names))
-    yield from until_unknown(_object_defaults(draft))
-    yield from until_unknown(_damping(draft))
-    yield from until_unknown(_lock(draft))
+    if not isinstance(given, Partial) and names and given not in names:
+        yield Problem(path, unknown_name("rail", given, names))
 
 
-def _object_defaults(draft: Draft) -> Iterator[Problem]:
-    rail, names = draft.records["object_defaults"].rail, draft.names["rail"]
-    if rail not in names:
-        yield Problem(("object_defaults", "rail"), unknown_name("rail", rail, names))
-
-
-def _damping(draft: Draft) -> Iterator[Problem]:
-    path, frequencies = ("damping", "frequencies"), draft.records["damping"].frequencies
+def _damping(path: Path, damping: Any) -> Iterator[Problem]:
+    path, frequencies = (*path, "frequencies"), damping.frequencies
     if min(frequencies) <= 0:
         yield Problem(path, f" = {show_value(frequencies)}: every frequency must be more than 0")
     elif any(after <= before for before, after in itertools.pairwise(frequencies)):
         yield Problem(path, f" = {show_value(frequencies)}: must rise")
 
 
-def _lock(draft: Draft) -> Iterator[Problem]:
-    rule = draft.records["lock"].rule
+def _lock(draft: Draft, path: Path, lock: Any) -> Iterator[Problem]:
+    rule = lock.rule
     if not all(criterion.needs_stock_rail for criterion in LOCK_RULES[rule]):
         return
     for name, rail in draft.records["rail"].items():
         if not rail.has_stock_rail:
             text = f": rail '{name}' has no stock rail, so no gap; give it fit_gap, or \"no slip\""
-            yield Problem(("lock", "rule"), f' = "{rule}"{text}')
+            yield Problem((*path, "rule"), f' = "{rule}"{text}')
 
 
-def _between_rails(draft: Draft) -> Iterator[Problem]:
-    def ways() -> Iterator[Problem]:
-        rails = draft.records["rail"].values()
-        if len({rail.closes for rail in rails}) < len(rails) == 2:
-            text = ': two rails must close opposite ways, one "+y" and one "-y"'
-            yield Problem(("rail",), text)
-
-    yield from until_unknown(ways())
+def _opposite_ways(draft: Draft) -> Iterator[Problem]:
+    rails = draft.records["rail"].values()
+    if len({rail.closes for rail in rails}) < len(rails) == 2:
+        text = ': two rails must close opposite ways, one "+y" and one "-y"'
+        yield Problem(("rail",), text)
 
 
-def _rail(draft: Draft, path: tuple[str, str], rail: Any) -> Iterator[Problem]:
-    yield from until_unknown(_rail_closes(draft, path, rail))
-    yield from until_unknown(_rail_section(draft, path, rail))
-    yield from until_unknown(_rail_support(draft, path, rail))
-    yield from until_unknown(_rail_elements(draft, rail))
-    yield from until_unknown(_rail_factors(path, rail))
-    yield from until_unknown(check_shape(draft, path, rail))
-    edge = rail.running_edge
-    if edge and edge.maximum <= edge.minimum:
-        text = f" = {edge.maximum:g} m: must be more than minimum, {edge.minimum:g} m"
-        yield Problem((*path, "running_edge", "maximum"), text)
-    if rail.end <= rail.start:
-        yield Problem(
-            (*path, "end"), f" = {rail.end:g} m: must be more than start, {rail.start:g} m"
-        )
+def _running_edge(path: Path, rail: Any) -> Iterator[Problem]:
+    if rail.running_edge is not None:
+        yield from more_than((*path, "running_edge"), rail.running_edge, "minimum", "maximum")
 
 
-def _rail_closes(draft: Draft, path: tuple[str, str], rail: Any) -> Iterator[Problem]:
+def _rail_closes(draft: Draft, path: Path, rail: Any) -> Iterator[Problem]:
     if path[1] == draft.records["instrumented_rail"] and rail.closes != "+y":
         yield Problem((*path, "closes"), ' = "-y": the instrumented rail must close "+y"')
 
 
-def _rail_section(draft: Draft, path: tuple[str, str], rail: Any) -> Iterator[Problem]:
+def _rail_section(draft: Draft, path: Path, rail: Any) -> Iterator[Problem]:
     yield from check_section_name(draft, path, rail.section)
     kind, section = find_section(draft, rail.section) or ("", Partial())
     if kind == "outline_section":
@@ -324,7 +293,7 @@ def _rail_section(draft: Draft, path: tuple[str, str], rail: Any) -> Iterator[Pr
         yield Problem((*path, "running_edge"), text)
 
 
-def _rail_support(draft: Draft, path: tuple[str, str], rail: Any) -> Iterator[Problem]:
+def _rail_support(draft: Draft, path: Path, rail: Any) -> Iterator[Problem]:
     """Refuse a rail that nothing holds along the track: it has no equilibrium."""
     if rail.heel == "clamped":
         return
@@ -337,7 +306,7 @@ def _rail_support(draft: Draft, path: tuple[str, str], rail: Any) -> Iterator[Pr
         yield Problem((*path, "heel"), text)
 
 
-def _rail_elements(draft: Draft, rail: Any) -> Iterator[Problem]:
+def _rail_elements(draft: Draft, path: Path, rail: Any) -> Iterator[Problem]:
     length = draft.records["discretisation"].element_length
     count = (rail.end - rail.start) / length
     if count > _MOST_ELEMENTS:
@@ -345,7 +314,7 @@ def _rail_elements(draft: Draft, rail: Any) -> Iterator[Problem]:
         yield Problem(("discretisation", "element_length"), text)
 
 
-def _rail_factors(path: tuple[str, str], rail: Any) -> Iterator[Problem]:
+def _rail_factors(path: Path, rail: Any) -> Iterator[Problem]:
     if rail.matrices is None:
         return
     for key in ScaledSection.model_fields:
@@ -354,13 +323,8 @@ def _rail_factors(path: tuple[str, str], rail: Any) -> Iterator[Problem]:
             yield Problem((*path, key), f"{text} those, or leave this out")
 
 
-def _section(draft: Draft, path: tuple[str, str], table: Any) -> Iterator[Problem]:
-    yield from check_section(path, table)
-
-
-def _standing(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:
-    """Check that the rails of a record, one, some or all, exist and reach its place."""
-    yield from until_unknown(_rails_exist(draft, path, record))
+def _at_its_place(draft: Draft, path: Path, record: Any) -> Iterator[Problem]:
+    """Check that the rails of a record, one, some or all, reach its place."""
     x = record.x
     for name in rails_of(path[0], record, draft):
         yield from until_unknown(
@@ -368,31 +332,23 @@ def _standing(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Prob
         )
 
 
-def _rails_exist(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:
-    names = draft.names["rail"]
-    if path[0] in ON_ONE_RAIL:
-        if record.rail is not None and record.rail not in names:
-            yield Problem((*path, "rail"), unknown_name("rail", record.rail, names))
-        return
+def _rails_once(path: Path, record: Any) -> Iterator[Problem]:
     given = record.rails
     if given is None:
         return
-    for rail in given:
-        if rail not in names:
-            yield Problem((*path, "rails"), unknown_name("rail", rail, names))
     if not given:
         yield Problem((*path, "rails"), " = []: names no rail; leave it out for all rails")
     if len(set(given)) < len(given):
         yield Problem((*path, "rails"), f" = {show_value(given)}: names the same rail twice")
 
 
-def _on_rail(path: tuple[str, str], x: float, name: str, rail: Any) -> Iterator[Problem]:
+def _on_rail(path: Path, x: float, name: str, rail: Any) -> Iterator[Problem]:
     if rail.start < rail.end and not rail.start <= x <= rail.end:
         text = f" = {x:g} m: is off rail '{name}', {rail.start:g} ... {rail.end:g} m"
         yield Problem((*path, "x"), text)
 
 
-def _sleeper(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:
+def _sleeper(draft: Draft, path: Path, record: Any) -> Iterator[Problem]:
     rails = draft.records["rail"].values()
     if not rails:
         return
@@ -403,9 +359,7 @@ def _sleeper(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Probl
         )
 
 
-def _chair(draft: Draft, path: tuple[str, str], chair: Any) -> Iterator[Problem]:
-    yield from until_unknown(_standing(draft, path, chair))
-    yield from check_friction(path, chair)
+def _feet(path: Path, chair: Any) -> Iterator[Problem]:
     feet = chair.foot_offsets
     if feet is not None and len(feet) > _MOST_FEET:
         text = f": {len(feet)} foot points, at most {_MOST_FEET}; give those of the edges"
@@ -414,45 +368,12 @@ def _chair(draft: Draft, path: tuple[str, str], chair: Any) -> Iterator[Problem]
         yield Problem((*path, "foot_offsets"), f" = {show_value(feet)}: the same foot point twice")
 
 
-def _drive(draft: Draft, path: tuple[str, str], drive: Any) -> Iterator[Problem]:
-    yield from until_unknown(_standing(draft, path, drive))
-    yield from until_unknown(check_drive_table(path, drive))
+def _reaches(path: Path, drive: Any) -> Iterator[Problem]:
     reaches = {"open": drive.over_travel_open, "closed": drive.over_travel_closed}
     for place, reach in reaches.items():
         if drive.stroke + reach <= 0:
             text = f" = {reach:g} m: takes away the whole stroke, {drive.stroke:g} m"
             yield Problem((*path, f"over_travel_{place}"), text)
-
-
-def _link(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:
-    yield from _standing(draft, path, record)
-    remedy = "change the stroke of the drives to move a rail further"
-    yield from until_unknown(check_adjustment(path, record, remedy=remedy))
-
-
-def _back_drive(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:
-    yield from _standing(draft, path, record)
-    yield from until_unknown(check_back_drive(draft, path, record))
-
-
-_CHECKS = {
-    "stock_rail": check_stock_rail,
-    "stock_fastening": check_stock_fastening,
-    "rail": _rail,
-    "section": _section,
-    "outline": check_outline,
-    "outline_section": check_outline_section,
-    "planed_section": check_planed_section,
-    "chair": _chair,
-    "fastening": _standing,
-    "stop": _standing,
-    "stud": _standing,
-    "drive": _drive,
-    "link": _link,
-    "back_drive": _back_drive,
-    "sensor": _standing,
-    "sleeper": _sleeper,
-}
 
 
 def _same_places(draft: Draft, family: str) -> Iterator[Problem]:
@@ -462,7 +383,7 @@ def _same_places(draft: Draft, family: str) -> Iterator[Problem]:
 
 
 def _same_place(
-    draft: Draft, path: tuple[str, str], record: Any, seen: dict[tuple[str, int], str]
+    draft: Draft, path: Path, record: Any, seen: dict[tuple[str, int], str]
 ) -> Iterator[Problem]:
     family, name = path
     if not is_finite(record.x / SAME_PLACE):
@@ -475,24 +396,24 @@ def _same_place(
             return
 
 
-def _object(panel: Panel, path: tuple[str, str], record: Any, *, sized: bool) -> Iterator[Problem]:
+def _object(panel: Panel, path: Path, record: Any, *, sized: bool) -> Iterator[Problem]:
     """Check an object of the panel; its size only if all inputs of the opening are valid."""
     for key, text in object_faults(panel, from_record(record), sized=sized):
         yield Problem((*path, key), text)
 
 
-def check_machines(draft: Draft) -> Iterator[Problem]:
-    """Find drives whose machine is not there or does not go with the rest of the drive."""
-    known = [*draft.names["machine"], *names_in_library(MACHINES)]
+def _supplies(draft: Draft) -> Iterator[Problem]:
+    """Refuse drives whose machines share a supply and do not agree on it."""
     shared: dict[str, Any] = {}
     for name, drive in draft.records["drive"].items():
-        yield from until_unknown(_drive_machine(("drive", name), drive, known))
         yield from until_unknown(_supply(("drive", name), drive, draft.records["machine"], shared))
 
 
-def _drive_machine(path: tuple[str, str], drive: Any, known: list[str]) -> Iterator[Problem]:
+def _drive_machine(draft: Draft, path: Path, drive: Any) -> Iterator[Problem]:
+    """Check that the machine of a drive is there and goes with the rest of the drive."""
     if drive.machine is None:
         return
+    known = [*draft.names["machine"], *names_in_library(MACHINES)]
     if drive.machine not in known:
         there = choices(dict.fromkeys(known))
         text = f' = "{drive.machine}": there is no such machine{nearest(drive.machine, known)}; '
@@ -506,7 +427,7 @@ def _drive_machine(path: tuple[str, str], drive: Any, known: list[str]) -> Itera
 
 
 def _supply(
-    path: tuple[str, str], drive: Any, machines: dict[str, Any], shared: dict[str, Any]
+    path: Path, drive: Any, machines: dict[str, Any], shared: dict[str, Any]
 ) -> Iterator[Problem]:
     """Refuse machines that share a supply and do not agree on it."""
     if drive.machine is None or drive.machine not in machines:
@@ -532,3 +453,51 @@ def _supply(
 def _source(machine: Any) -> str:
     """Return the supply that a machine needs; machines that share one must need the same."""
     return str(machine.motor.of_kind.source(machine.motor, machine.supply))
+
+
+_STANDING: tuple[Check, ...] = (names_known("rails", "rail"), alone(_rails_once), _at_its_place)
+_ON_ONE: tuple[Check, ...] = (names_known("rail", "rail"), _at_its_place)
+
+CHECKS: Mapping[str, tuple[Check, ...]] = {
+    "instrumented_rail": (_instrumented,),
+    "object_defaults": (names_known("rail", "rail"),),
+    "damping": (alone(_damping),),
+    "lock": (_lock,),
+    "movement": (_movement, alone(_table)),
+    "schedule": (_sequence, _end, _cycles),
+    **OF_SECTIONS,
+    "rail": (
+        _rail_closes,
+        _rail_section,
+        _rail_support,
+        _rail_elements,
+        alone(_rail_factors),
+        check_shape,
+        alone(_running_edge),
+        alone(partial(more_than, low="start", high="end")),
+    ),
+    "chair": (*_STANDING, alone(check_friction_course), alone(check_friction_curve), alone(_feet)),
+    "fastening": _STANDING,
+    "stop": _STANDING,
+    "stud": _STANDING,
+    "drive": (
+        *_ON_ONE,
+        alone(check_drive_table),
+        alone(_reaches),
+        alone(check_saturation),
+        slips_at_rest,
+        _drive_machine,
+    ),
+    "link": (*_STANDING, alone(check_adjustment)),
+    "back_drive": (*_STANDING, check_back_drive, alone(check_adjustment)),
+    "sensor": _ON_ONE,
+    "sleeper": (_sleeper,),
+}
+"""Checks of a table, or of each member of a family."""
+
+BETWEEN: Mapping[str, Callable[[Draft], Iterator[Problem]]] = {
+    "opposite ways": _opposite_ways,
+    "section kinds": check_section_kinds,
+    "supplies": _supplies,
+}
+"""Checks of several records at once."""

@@ -6,21 +6,24 @@ gaps, elastic laws of drives.
 """
 
 import itertools
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from turnout.core.keys import Path
 from turnout.core.problems import Problem, choices, nearest, show_value
 from turnout.law.friction_state import FASTEST, FRICTION_STATES
 from turnout.panel.library_members import library_outline_names
 from turnout.panel.profile import outline_points, section_columns
 from turnout.panel.records import Drive, Profile, SectionTable
-from turnout.panel.validate import Draft, Partial, until_unknown
+from turnout.panel.validate import Draft, Partial
 
-Path = tuple[str, ...]
+Check = Callable[[Draft, Path, Any], Iterator[Problem]]
+"""Yields the problems of a record at a path."""
 _POSITIVE = (
     "area",
     "second_moment_vertical",
@@ -41,6 +44,31 @@ def rising_fault(values: Sequence[float], *, unit: str) -> str:
         if after <= before:
             return f"must rise, but {after:g} {unit} comes after {before:g} {unit}"
     return ""
+
+
+def alone(check: Callable[[Path, Any], Iterator[Problem]]) -> Check:
+    """Return a check of a record that looks at no others."""
+    return lambda _, path, record: check(path, record)
+
+
+def names_known(key: str, family: str) -> Check:
+    """Return a check that a key of a record names members of a family, one or several."""
+
+    def check(draft: Draft, path: Path, record: Any) -> Iterator[Problem]:
+        given, names = getattr(record, key), draft.names[family]
+        for name in [given] if isinstance(given, str) else given or ():
+            if name not in names:
+                yield Problem((*path, key), unknown_name(family.replace("_", " "), name, names))
+
+    return check
+
+
+def more_than(path: Path, record: Any, low: str, high: str) -> Iterator[Problem]:
+    """Check that one length of a record is more than another."""
+    below, above = getattr(record, low), getattr(record, high)
+    if above <= below:
+        text = f" = {above:g} m: must be more than {low}, {below:g} m"
+        yield Problem((*path, high), text)
 
 
 def check_profile(path: Path, profile: float | Profile, *, what: str = "gap") -> Iterator[Problem]:
@@ -122,16 +150,8 @@ def check_drive_table(path: Path, drive: Drive) -> Iterator[Problem]:
         yield Problem((*path, "force"), ": the law must pass through the origin, 0 N at 0 m")
 
 
-def check_saturations(draft: Draft) -> Iterator[Problem]:
-    """Check that the saturated stiffness does not exceed the stiffness.
-
-    Apart from `_drive`, since most studies change no other fields of drives.
-    """
-    for name, drive in draft.records["drive"].items():
-        yield from until_unknown(_drive_saturated(("drive", name), drive))
-
-
-def _drive_saturated(path: tuple[str, str], drive: Any) -> Iterator[Problem]:
+def check_saturation(path: Path, drive: Any) -> Iterator[Problem]:
+    """Check that the saturated stiffness does not exceed the stiffness."""
     if drive.saturated_stiffness > drive.stiffness:
         text = (
             f" = {drive.saturated_stiffness:g} N/m: must not be more than stiffness, "
@@ -155,7 +175,7 @@ def find_section(draft: Draft, name: object) -> tuple[str, Any] | None:
 
 
 def check_section_name(
-    draft: Draft, path: tuple[str, ...], name: object, *, kinds: tuple[str, ...] = SECTION_KINDS
+    draft: Draft, path: Path, name: object, *, kinds: tuple[str, ...] = SECTION_KINDS
 ) -> Iterator[Problem]:
     """Say that a rail names no section of the kinds that it may have."""
     found = find_section(draft, name)
@@ -179,7 +199,7 @@ def check_section_kinds(draft: Draft) -> Iterator[Problem]:
                 yield Problem((kind, name), text)
 
 
-def check_outline(draft: Draft, path: tuple[str, str], outline: Any) -> Iterator[Problem]:
+def check_outline(draft: Draft, path: Path, outline: Any) -> Iterator[Problem]:
     """Refuse points that enclose no section."""
     where = (*path, "points")
     given = np.array(outline.points)
@@ -221,19 +241,9 @@ def _extent(where: tuple[str, ...], points: npt.NDArray[np.float64]) -> Iterator
         yield Problem(where, f"{text}, shift the drawing by {-1e3 * lowest:.4g} mm")
 
 
-def check_outline_section(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:
+def check_outline_section(draft: Draft, path: Path, record: Any) -> Iterator[Problem]:
     """Check that the outline of a prismatic section exists."""
     yield from _named_outline(draft, (*path, "outline"), record.outline)
-
-
-def check_planed_section(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:
-    """Check outlines, stations and lowering of a planed section."""
-    for key in ("outline", "stock_outline"):
-        yield from until_unknown(_planing_outline(draft, (*path, key), record, key))
-    yield from until_unknown(_offsets(path, record, "running_edge_offset"))
-    yield from until_unknown(_offsets(path, record, "lowering_offset"))
-    yield from until_unknown(_lowering(path, record))
-    yield from until_unknown(_lowest(draft, path, record))
 
 
 def first_crossing(points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64] | None:
@@ -281,7 +291,7 @@ def _cross(a: npt.NDArray[np.float64], b: npt.NDArray[np.float64]) -> npt.NDArra
     return product
 
 
-def _named_outline(draft: Draft, path: tuple[str, ...], name: str) -> Iterator[Problem]:
+def _named_outline(draft: Draft, path: Path, name: str) -> Iterator[Problem]:
     names = draft.names["outline"]
     if name not in names:
         known = list(dict.fromkeys((*names, *library_outline_names())))
@@ -289,17 +299,17 @@ def _named_outline(draft: Draft, path: tuple[str, ...], name: str) -> Iterator[P
         yield Problem(path, f" = {show_value(name)}: {text}")
 
 
-def _planing_outline(
-    draft: Draft, path: tuple[str, ...], record: Any, key: str
-) -> Iterator[Problem]:
-    name = getattr(record, key)
+def check_planing_outline(draft: Draft, path: Path, record: Any, key: str) -> Iterator[Problem]:
+    """Check that an outline of a planed section exists, with its running edge."""
+    name, path = getattr(record, key), (*path, key)
     yield from _named_outline(draft, path, name)
     outline = draft.records["outline"].get(name, Partial())
     if outline.running_edge is None:
         yield Problem(path, f" = {show_value(name)}: that outline lacks running_edge")
 
 
-def _offsets(path: tuple[str, str], record: Any, key: str) -> Iterator[Problem]:
+def check_offsets(path: Path, record: Any, key: str) -> Iterator[Problem]:
+    """Check that the stations of a planed section rise from 0 or more."""
     values = getattr(record, key)
     fault = rising_fault(values, unit="m")
     if fault:
@@ -308,7 +318,8 @@ def _offsets(path: tuple[str, str], record: Any, key: str) -> Iterator[Problem]:
         yield Problem((*path, key), f": must be at least 0, the first is {values[0]:g} m")
 
 
-def _lowering(path: tuple[str, str], record: Any) -> Iterator[Problem]:
+def check_lowering(path: Path, record: Any) -> Iterator[Problem]:
+    """Check that a lowering goes down, with a value for each station."""
     if len(record.lowering) != len(record.lowering_offset):
         text = (
             f": has {len(record.lowering)} entries, lowering_offset {len(record.lowering_offset)}"
@@ -319,7 +330,7 @@ def _lowering(path: tuple[str, str], record: Any) -> Iterator[Problem]:
         yield Problem((*path, "lowering"), text)
 
 
-def _lowest(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:
+def check_lowest(draft: Draft, path: Path, record: Any) -> Iterator[Problem]:
     """Refuse a lowering that leaves nothing above the underside of the switch rail."""
     outline = draft.records["outline"].get(record.stock_outline, Partial())
     height = float(outline_points(outline.points, symmetric=outline.symmetric)[:, 1].max())
@@ -351,13 +362,8 @@ def rails_of(family: str, record: Any, draft: Draft) -> list[str]:
     return list(draft.names["rail"]) if record.rails is None else list(record.rails)
 
 
-def check_stock_rail(draft: Draft, path: tuple[str, str], stock: Any) -> Iterator[Problem]:
-    """Check a flexible stock rail: the rail that it faces, its extent, that something holds it."""
-    yield from until_unknown(_stock_rail_faces(draft, path, stock))
-    yield from until_unknown(_stock_rail_section(draft, path, stock))
-    if stock.end <= stock.start:
-        text = f" = {stock.end:g} m: must be more than start, {stock.start:g} m"
-        yield Problem((*path, "end"), text)
+def check_stock_rail_held(draft: Draft, path: Path, stock: Any) -> Iterator[Problem]:
+    """Refuse a flexible stock rail that nothing holds along the track."""
     fastenings = draft.records["stock_fastening"].values()
     held = any(f.stiffness_x > 0 and (f.rails is None or path[1] in f.rails) for f in fastenings)
     if stock.ends == "free" and not held:
@@ -365,7 +371,8 @@ def check_stock_rail(draft: Draft, path: tuple[str, str], stock: Any) -> Iterato
         yield Problem((*path, "ends"), text)
 
 
-def _stock_rail_section(draft: Draft, path: tuple[str, str], stock: Any) -> Iterator[Problem]:
+def check_stock_rail_section(draft: Draft, path: Path, stock: Any) -> Iterator[Problem]:
+    """Check that a flexible stock rail has a section that does not vary."""
     kinds = ("section", "outline_section")
     yield from check_section_name(draft, path, stock.section, kinds=kinds)
     kind, section = find_section(draft, stock.section) or ("", Partial())
@@ -374,7 +381,8 @@ def _stock_rail_section(draft: Draft, path: tuple[str, str], stock: Any) -> Iter
         yield Problem((*path, "section"), text)
 
 
-def _stock_rail_faces(draft: Draft, path: tuple[str, str], stock: Any) -> Iterator[Problem]:
+def check_stock_rail_faces(draft: Draft, path: Path, stock: Any) -> Iterator[Problem]:
+    """Check the rail that a flexible stock rail faces, and that it reaches its stops."""
     names = draft.names["rail"]
     if stock.faces not in names:
         yield Problem((*path, "faces"), unknown_name("rail", stock.faces, names))
@@ -395,7 +403,7 @@ def _stock_rail_faces(draft: Draft, path: tuple[str, str], stock: Any) -> Iterat
                 yield Problem(path, text)
 
 
-def check_stock_fastening(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:
+def check_stock_fastening(draft: Draft, path: Path, record: Any) -> Iterator[Problem]:
     """Check that a fastening of stock rails stands on one."""
     names = draft.names["stock_rail"]
     for rail in names if record.rails is None else record.rails:
@@ -412,13 +420,8 @@ LARGEST_RISE = 20.0
 """Largest coefficient over that in motion at any speed [-]."""
 
 
-def check_friction(path: tuple[str, str], chair: Any) -> Iterator[Problem]:
-    """Find the faults of the friction of a chair along the stroke and over speed."""
-    yield from until_unknown(_course_faults(path, chair))
-    yield from until_unknown(_curve_faults(path, chair))
-
-
-def _course_faults(path: tuple[str, str], chair: Any) -> Iterator[Problem]:
+def check_friction_course(path: Path, chair: Any) -> Iterator[Problem]:
+    """Find the faults of the friction of a chair along the stroke."""
     opening, factor = chair.friction_opening, chair.friction_factor
     states = chair.friction_states
     if opening is None and factor is None:
@@ -433,7 +436,8 @@ def _course_faults(path: tuple[str, str], chair: Any) -> Iterator[Problem]:
         yield Problem((*path, "friction_factor"), "every factor must be 0 to 10")
 
 
-def _curve_faults(path: tuple[str, str], chair: Any) -> Iterator[Problem]:
+def check_friction_curve(path: Path, chair: Any) -> Iterator[Problem]:
+    """Find the faults of the friction of a chair over speed."""
     names, opening = chair.friction_states, chair.friction_opening or ()
     for name in names:
         if name not in FRICTION_STATES:
@@ -454,3 +458,26 @@ def _curve_faults(path: tuple[str, str], chair: Any) -> Iterator[Problem]:
         )
         text += f"{FASTEST:g} m/s, at most {LARGEST_RISE:g} times; give {LARGEST_RISE - 1:g} s/m or"
         yield Problem((*path, "friction_rise"), f"{text} less")
+
+
+OF_SECTIONS: Mapping[str, tuple[Check, ...]] = {
+    "section": (alone(check_section),),
+    "outline": (check_outline,),
+    "outline_section": (check_outline_section,),
+    "planed_section": (
+        partial(check_planing_outline, key="outline"),
+        partial(check_planing_outline, key="stock_outline"),
+        alone(partial(check_offsets, key="running_edge_offset")),
+        alone(partial(check_offsets, key="lowering_offset")),
+        alone(check_lowering),
+        check_lowest,
+    ),
+    "stock_rail": (
+        check_stock_rail_faces,
+        check_stock_rail_section,
+        alone(partial(more_than, low="start", high="end")),
+        check_stock_rail_held,
+    ),
+    "stock_fastening": (check_stock_fastening,),
+}
+"""Checks of sections and stock rails, by their family."""

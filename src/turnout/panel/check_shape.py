@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from turnout.core.keys import Path
 from turnout.core.lru_cache import LRUCache
 from turnout.core.problems import Problem
 from turnout.panel.check_rails import check_drive_table, check_profile, unknown_name
@@ -17,7 +18,7 @@ MOST_CONTRADICTION = 0.5e-3
 """So far a typed shape may be from the stroke at a drive [m]."""
 
 
-def check_shape(draft: Draft, path: tuple[str, str], rail: Any) -> Iterator[Problem]:
+def check_shape(draft: Draft, path: Path, rail: Any) -> Iterator[Problem]:
     """Check the input of a rail's shape and gauge, and a typed shape against the strokes."""
     if rail.gauge_widening is not None:
         yield from check_profile((*path, "gauge_widening"), rail.gauge_widening, what="widening")
@@ -38,7 +39,7 @@ def check_shape(draft: Draft, path: tuple[str, str], rail: Any) -> Iterator[Prob
     yield from until_unknown(_against_strokes(draft, path, rail))
 
 
-def _against_strokes(draft: Draft, path: tuple[str, str], rail: Any) -> Iterator[Problem]:
+def _against_strokes(draft: Draft, path: Path, rail: Any) -> Iterator[Problem]:
     if rail.stock_rail_gap is None or rail.independent_shape:
         return
     for name in _moved_by(draft, path[1]):
@@ -75,30 +76,32 @@ def _drives_of(records: Mapping[str, Any], rail: str) -> list[str]:
     return at_links
 
 
-def check_back_drive(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:
+def check_back_drive(draft: Draft, path: Path, record: Any) -> Iterator[Problem]:
     """Check that a back drive takes its motion from a drive at another place."""
-    names = draft.names["drive"]
-    if record.drive not in names:
-        yield Problem((*path, "drive"), unknown_name("drive", record.drive, names))
+    if record.drive not in draft.names["drive"]:
+        yield Problem((*path, "drive"), unknown_name("drive", record.drive, draft.names["drive"]))
         return
     at = draft.records["drive"][record.drive].x
     if abs(record.x - at) < SAME_PLACE:
         text = f" = {record.x:g} m: is the place of drive '{record.drive}' itself; move it away"
         yield Problem((*path, "x"), text)
-    remedy = "change its ratio to move its place further"
-    yield from check_adjustment(path, record, remedy=remedy)
 
 
+MORE = {
+    "link": "change the stroke of the drives to move a rail further",
+    "back_drive": "change its ratio to move its place further",
+}
+"""Remedies in place of a larger adjustment."""
 MOST_ADJUSTMENT = 10e-3
 """Greatest lengthening or shortening of a linkage by its adjusters in the field [m]."""
 
 
-def check_adjustment(path: tuple[str, str], linkage: Any, *, remedy: str) -> Iterator[Problem]:
+def check_adjustment(path: Path, linkage: Any) -> Iterator[Problem]:
     """Check that a linkage is not adjusted by so much that a rail cannot close."""
     if abs(linkage.adjustment) > MOST_ADJUSTMENT:
         text = (
             f" = {1e3 * linkage.adjustment:g} mm: at most {1e3 * MOST_ADJUSTMENT:g} mm either way, "
-            f"or the rails cannot close; {remedy}"
+            f"or the rails cannot close; {MORE[path[0]]}"
         )
         yield Problem((*path, "adjustment"), text)
 
@@ -109,18 +112,13 @@ _STUDIED = ("stiffness", "saturation_force", "extension", "force")
 _REACHES = ("over_travel_closed", "over_travel_open")
 
 
-def slips_at_rest(draft: Draft) -> Iterator[Problem]:
-    """Find drives that press a closed rail so hard that they slip without moving.
+def slips_at_rest(draft: Draft, path: Path, drive: Any) -> Iterator[Problem]:
+    """Refuse a drive that presses a closed rail so hard that it slips without moving.
 
-    Refused, unless an override has set stiffness, slip level or force table of the drive, and none
-    the over-travel. That follows from the document alone, so a stored panel can be made again.
+    Unless an override has set stiffness, slip level or force table of the drive, and none the
+    over-travel. That follows from the document alone, so a stored panel can be made again.
     """
-    for name in draft.names["drive"]:
-        yield from until_unknown(_refused_at_rest(draft, name))
-
-
-def _refused_at_rest(draft: Draft, name: str) -> Iterator[Problem]:
-    given, drive = draft.given, draft.records["drive"][name]
+    given, name = draft.given, path[1]
     studied = any(f"drive.{name}.{key}" in given for key in _STUDIED)
     refused = [key for key in _REACHES if not studied or f"drive.{name}.{key}" in given]
     for rail, key, fit in pressed_home(draft.records, name) if refused else ():
@@ -132,7 +130,7 @@ def _refused_at_rest(draft: Draft, name: str) -> Iterator[Problem]:
             f" = {1e3 * reach:g} mm: presses rail '{rail}' home with {force / 1e3:.2f} kN, so that "
             f"the drive slips at rest, at {limit / 1e3:g} kN; give less than {1e3 * most:.2f} mm"
         )
-        yield Problem(("drive", name, key), text)
+        yield Problem((*path, key), text)
 
 
 def pressed_home(records: Mapping[str, Any], name: str) -> Iterator[tuple[str, str, float]]:
