@@ -8,10 +8,8 @@ import typer
 
 from turnout.cli.options import (
     FIGURES,
-    CalibrationOption,
     File,
-    PanelOption,
-    SetOption,
+    NamedPanelOptions,
     TogetherOption,
     argument,
     gives,
@@ -282,10 +280,8 @@ def reasons_to_exclude(campaign: "BuiltCampaign") -> list[tuple[str, tuple[str, 
 @gives("campaign virtual", quiet=True)
 def virtual_command(
     output: Output,
+    panel: NamedPanelOptions,
     out: Path = option("--out -o DIR", "Folder to fill.", default=...),
-    panel: PanelOption = None,
-    settings: SetOption = [],  # noqa: B006 - typer copies it
-    calibration: CalibrationOption = None,
     seed: int = option("--seed N", "Seed of the random numbers.", default=0, min=0),
     places: list[str] = option(
         "--place PLACE", "Default all sleepers and drives. Repeat.", default=[]
@@ -337,7 +333,7 @@ def virtual_command(
     )
     if hide_recorder and not recorder:
         refuse("--hide-recorder: there is nothing to hide; give --recorded-average, for example")
-    loaded = opened_panel(panel, settings, calibration)
+    loaded = panel.opened()
     if finer:
         loaded = finer_panel(loaded)
     defects = {"clutch": worn_clutch, "soft build-up": soft_build_up}

@@ -9,12 +9,9 @@ import typer
 from turnout.cli.options import (
     DATASET,
     FIGURE,
-    CalibrationOption,
-    PanelArgument,
-    SetOption,
+    PanelOptions,
     collect_errors,
     gives,
-    opened_panel,
     option,
     read_texts,
 )
@@ -38,12 +35,10 @@ HEADING = f"{'Y [kN]':>8}{'Q [kN]':>8}  {'gauge at the wheel [mm]':<28}least und
 @gives("gauge", quiet=True, width=16, out=DATASET, plot=FIGURE)
 def gauge_command(
     output: Output,
-    panel: PanelArgument = None,
+    panel: PanelOptions,
     objects: list[str] = option(
         "--object SIZE@PLACE", "Foreign object, such as 13mm@sleeper6. Repeatable.", default=[]
     ),
-    settings: SetOption = [],  # noqa: B006 - typer copies it
-    calibration: CalibrationOption = None,
     lateral: list[str] = option(
         "--lateral FORCE",
         "Flange force Y on the rail, towards its stock rail. Repeatable.",
@@ -85,7 +80,7 @@ def gauge_command(
     from turnout.panel.foreign_object import parse_objects
 
     loaded, foreign, classes, forces, lengths = collect_errors(
-        lambda: opened_panel(panel, settings, calibration),
+        panel.opened,
         lambda: parse_objects(objects),
         lambda: load_gauge_limits(limits),
         lambda: [_forces("--lateral", lateral), _forces("--vertical", vertical)],

@@ -174,17 +174,6 @@ def _throwing(workers: int, *, quiet: bool) -> "Iterator[tuple[Workers, Pace]]":
         yield processes, Pace(watch.sweep)
 
 
-OPTIONS = {
-    "discrepancy": "--discrepancy",
-    "machine_discrepancy": "--machine-discrepancy",
-    "false_alarm_rate": "--far",
-    "history": "--history",
-    "kernel": "--kernel",
-    "rate": "--rate",
-}
-"""Options of the command line, by the field of `Conditions` that they set."""
-
-
 def conditions_of_options(**values: float | int | str) -> "Conditions":
     """Return conditions; refuse meaningless values by option, warn about an exact model."""
     from types import SimpleNamespace
@@ -195,7 +184,8 @@ def conditions_of_options(**values: float | int | str) -> "Conditions":
 
     faults = condition_faults(SimpleNamespace(**values))
     if faults:
-        listed = [f"{OPTIONS[name]} {given}: {text}" for name, (given, text) in faults.items()]
+        names = {name: name.replace("_", "-") for name in faults} | {"false_alarm_rate": "far"}
+        listed = [f"--{names[name]} {given}: {text}" for name, (given, text) in faults.items()]
         raise StudyError(listed, source="options")
     if values.get("discrepancy") == 0.0:
         note("--discrepancy 0: no model is exact; the result is far too good")

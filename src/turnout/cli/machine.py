@@ -1,7 +1,7 @@
 """The commands `turnout machine ...`."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -84,8 +84,9 @@ def machine_show_command(
         typer.echo(machine_text(machine), nl=False)
         return
     loaded = load_machines(machine).with_settings(settings)
-    output.show(*machine_lines(loaded))
-    output.json(machine_record, loaded)
+    record = machine_record(loaded)
+    output.lines(machine_lines(loaded, record))
+    output.json(lambda: record)
 
 
 @app.command("run", short_help="Simulate a machine throwing a one-mass rail.")
@@ -114,7 +115,8 @@ def machine_run_command(
     except SolverError as error:
         note(str(error))
         raise typer.Exit(INCOMPLETE) from None
-    output.show(*throw_lines(throw), *_notes(loaded, throw))
+    record = throw_summary(throw)
+    output.show(*throw_lines(throw, record), *_notes(loaded, throw))
     if output["out"] or output["plot"]:
         from turnout.figures.machine import plot_machine
         from turnout.throw.machine import machine_dataset
@@ -122,7 +124,7 @@ def machine_run_command(
         dataset = machine_dataset(throw)
         output.dataset(output["out"], dataset)
         output.figure(output["plot"], plot_machine, dataset)
-    output.json(throw_summary, throw, units=THROW_UNITS)
+    output.json(lambda: record, units=THROW_UNITS)
     if not throw.is_balanced:
         raise typer.Exit(INCOMPLETE)
 
@@ -136,17 +138,17 @@ def machine_record(loaded: "LoadedMachines") -> dict[str, Any]:
     return {"name": loaded.name, "description": loaded.description, "values": rows}
 
 
-def machine_lines(loaded: "LoadedMachines") -> list[str]:
-    """Return the lines of `turnout machine show`."""
+def machine_lines(loaded: "LoadedMachines", record: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the values of a machine as its record has them, and its operating points."""
+    from turnout.core.problems import show_value
     from turnout.machine.steady import steady_lines
 
-    lines = [f"{loaded.name}: {loaded.description}"]
-    for key, value in _values(loaded):
-        source = loaded.origin_text(key)
-        lines.append(f"  {key:<44}{_shown(value):>16} {loaded.unit_of(key):<12}{source}")
+    yield f"{loaded.name}: {loaded.description}"
+    for row in record["values"]:
+        value = show_value(row["value"])
+        yield f"  {row['key']:<44}{value:>16} {row['unit']:<12}{row['origin']}"
     for name, machine in loaded.machine.items():
-        lines += [f"steady, {name}", *steady_lines(machine)]
-    return lines
+        yield from (f"steady, {name}", *steady_lines(machine))
 
 
 def _values(loaded: "LoadedMachines") -> list[tuple[str, Any]]:
@@ -170,12 +172,6 @@ def _leaves(prefix: str, value: Any) -> list[tuple[str, Any]]:
             for leaf in _leaves(f"{prefix}.{key}" if prefix else key, item)
         ]
     return [(prefix, value)]
-
-
-def _shown(value: Any) -> str:
-    from turnout.core.problems import show_value
-
-    return show_value(value)
 
 
 def throw_summary(throw: "MachineThrow") -> dict[str, Any]:
@@ -232,9 +228,8 @@ def _notes(loaded: "LoadedMachines", throw: "MachineThrow") -> list[str]:
     return lines
 
 
-def throw_lines(throw: "MachineThrow") -> list[str]:
-    """Return the lines of `turnout machine run`."""
-    found = throw_summary(throw)
+def throw_lines(throw: "MachineThrow", found: Mapping[str, Any]) -> list[str]:
+    """Return a throw, and what its summary says, as the lines of `turnout machine run`."""
     events = ", ".join(f"{text} {time:.4f} s" for time, text in throw.events)
     switched = found["energised_time"]
     seconds = f", energised {switched:.4f} s" if switched is not None else ""

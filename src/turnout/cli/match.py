@@ -1,7 +1,8 @@
 """The command `turnout panel match`: panels that meet facts, from ranges of unknown values."""
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from turnout.cli.options import (
     FIGURE,
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from turnout.calibration.matching.facts import Facts
     from turnout.calibration.matching.match import Matching, MatchProgress
     from turnout.calibration.matching.remaining import Gain, Range
-    from turnout.calibration.matching.survey import Survey
+    from turnout.calibration.matching.survey import Floats, Survey
 
 SECONDS_BETWEEN_LINES = 10.0
 MOST_PAIR_PARAMETERS = 8
@@ -63,9 +64,10 @@ def match_command(
     with resumable("run the same command to continue"):
         found = match_panel(read, folder, count=count, most=most, report=tried)
         shown = survey(read, found.points, folder, report=surveyed)
-    output.show(*match_lines(found, shown))
+    record = match_record(found, shown)
+    output.show(*match_lines(found, shown.points, record))
     _write(output, read, shown, choose=choose)
-    output.json(match_record, found, shown)
+    output.json(lambda: record)
 
 
 def _write(output: Output, facts: "Facts", shown: "Survey", *, choose: int) -> None:
@@ -97,7 +99,7 @@ def _axis(name: str, unit: str) -> tuple[str, float]:
     return (f"{name} [{shown}]" if shown else name), 1.0 / size
 
 
-def match_record(found: "Matching", shown: "Survey") -> dict[str, object]:
+def match_record(found: "Matching", shown: "Survey") -> dict[str, Any]:
     """Return a matching for `--json`, in SI."""
     from turnout.calibration.matching.remaining import answer_rows, combinations, gains, ranges
 
@@ -135,40 +137,30 @@ def waves(found: "Matching") -> list[dict[str, float]]:
     return rows
 
 
-def match_lines(found: "Matching", shown: "Survey") -> list[str]:
-    """Return a matching as lines for the screen."""
-    from turnout.calibration.matching.remaining import (
-        FEWEST,
-        answer_rows,
-        combinations,
-        fixed_direction,
-        gains,
-        ranges,
-    )
+def match_lines(found: "Matching", points: "Floats", record: Mapping[str, Any]) -> list[str]:
+    """Return a matching, and what its record says, as lines for the screen."""
+    from turnout.calibration.matching.remaining import FEWEST, fixed_direction
 
-    facts, points = found.facts, shown.points
-    throws = sum(item.throws for item in found.tried) + shown.throws
-    minutes = sum(item.seconds for item in found.tried) / 60.0
+    facts, minutes = found.facts, record["processor_time"] / 60.0
     lines = [
         f"{len(points)} of {len(found.tried)} panels meet all {len(facts.facts)} facts "
-        f"({throws} throws, {minutes:.0f} min of processor time)"
+        f"({record['throws']} throws, {minutes:.0f} min of processor time)"
     ]
     if len(points) < FEWEST:
         return [*lines, f"too few to describe; at least {FEWEST} are needed"]
     lines += ["", f"{'parameter':<26}{'stated':>22}{'5 ... 95 % accepted':>26}{'left':>7}"]
-    lines += [_range_line(item) for item in ranges(facts, points)]
-    pairs = combinations(facts, points)
+    lines += [_range_line(item) for item in record["ranges"]]
+    pairs = record["combinations"]
     lines += ["", "strongly correlated (rank):" if pairs else "no pair is strongly correlated"]
     lines += [f"  {item.first} and {item.second}: {item.correlation:+.2f}" for item in pairs]
     fixed = ", ".join(f"{share:+.2f} {name}" for share, name in fixed_direction(facts, points))
     lines += ["", f"fixed most, in shares of the ranges: {fixed}"]
     if facts.measurements:
         lines += ["", f"{'further measurement':<44}{'precision':>12}{'panels left':>13}"]
-        ranked = gains(facts, points, shown.measured, shown.answers)
-        lines += [_gain_line(item) for item in ranked]
+        lines += [_gain_line(item) for item in record["measurements"]]
     if facts.answers:
         lines += ["", f"{'answer':<52}{'5 %':>10}{'50 %':>10}{'95 %':>10}"]
-        lines += [_answer_line(row) for row in answer_rows(facts.answers, shown.answers)]
+        lines += [_answer_line(row) for row in record["answers"]]
     return lines
 
 

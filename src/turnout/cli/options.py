@@ -206,6 +206,13 @@ class PanelOptions:
 
 
 @dataclass(frozen=True, slots=True)
+class NamedPanelOptions(PanelOptions):
+    """The panel of a command that names it by an option."""
+
+    panel: PanelOption = None
+
+
+@dataclass(frozen=True, slots=True)
 class File:
     """A file that a command writes.
 

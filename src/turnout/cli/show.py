@@ -10,9 +10,12 @@ import numpy as np
 from turnout.cli.watch import watched
 from turnout.figures.report.values import assumption_lines, value_groups, value_lines
 from turnout.mechanism.rest import resting_gap
+from turnout.metric.summary import ending_fault, wheel_texts
 from turnout.panel.layout import extent, stands_at
 from turnout.panel.lock_rule import rules_text
 from turnout.panel.unusual import unusual_values
+from turnout.throw.checks import checks, direction_of, margins
+from turnout.throw.slip import last_instant_at
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -171,11 +174,9 @@ def panel_lines(
     yield from ("", "PLAN, the closing direction of the instrumented rail upwards")
     yield from plan_lines(panel)
     yield ""
-    if thrown is not None and not thrown.dataset.attrs["complete"]:
-        what = "INACCURATE" if thrown.dataset.attrs["outcome"] == "inaccurate" else "NOT COMPLETE"
-        yield f"THROW {what}: {thrown.dataset.attrs['outcome_message']}"
-        if not thrown.dataset.sizes["time"]:
-            thrown = None
+    if thrown is not None and (fault := ending_fault(thrown.dataset)):
+        yield f"THROW {fault}"
+        thrown = thrown if thrown.dataset.sizes["time"] else None
     yield from _unusual(panel)
     yield from _closed_gap(panel, thrown)
     yield ""
@@ -221,8 +222,6 @@ def closed_gaps(
         return x, {name: gap for name, gap in gaps.items() if gap is not None}
     if not thrown.dataset.sizes["time"]:
         return np.empty(0), {}
-    from turnout.throw.slip import last_instant_at
-
     ends = {
         name: last_instant_at(thrown.dataset, to="closed" if rail.closes == "+y" else "open")
         for name, rail in panel.rail.items()
@@ -254,8 +253,6 @@ def _margins(thrown: CheckThrows | None) -> Iterator[str]:
     if thrown is None:
         yield f"  {NEEDS_THROW}"
         return
-    from turnout.throw.checks import checks, direction_of, margins
-
     yield f"  {'drive':<8}{'direction':<12}{'largest':>10}{'slip level':>12}{'margin':>11}{'':>9}"
     for item in margins(checks(thrown.dataset)):
         note = "   near its slip level" if item.tight else ""
@@ -268,8 +265,6 @@ def _margins(thrown: CheckThrows | None) -> Iterator[str]:
 
 def _rooms(panel: "LoadedPanel", thrown: CheckThrows | None) -> Iterator[str]:
     """Yield the least flangeway, and the least gauge of a panel with data of it."""
-    from turnout.metric.summary import wheel_texts
-
     texts = {} if thrown is None else wheel_texts(thrown.dataset)
     unknown = "not known: the rails need running_edge, head_width and fit_gap"
     rooms = [("flangeway", "open")] + ([] if panel.gauge is None else [("gauge", "closed")])
@@ -318,15 +313,12 @@ def _bushing_note(panel: "LoadedPanel") -> Iterator[str]:
         "Gaps are raw. A drive at the end of its stroke holds the rail through its bushing, which "
         "stretches by force / stiffness: "
     )
+    drives = sorted(panel.drive.items(), key=lambda item: item[1].extension is not None)
     parts = [
-        f"drive {name} by {1e6 / drive.stiffness:.2f} mm for each kN"
-        for name, drive in panel.drive.items()
-        if drive.extension is None
-    ]
-    parts += [
         f"drive {name} by its table"
-        for name, drive in panel.drive.items()
         if drive.extension is not None
+        else f"drive {name} by {1e6 / drive.stiffness:.2f} mm for each kN"
+        for name, drive in drives
     ]
     text += f"{', '.join(parts)}. Lock is refused: {rules_text()}."
     yield from textwrap.wrap(text, WIDTH)
@@ -383,8 +375,6 @@ PANEL_UNITS = {
 
 def panel_record(panel: "LoadedPanel", thrown: CheckThrows | None = None) -> dict[str, Any]:
     """Return a panel with every value and its origin, and the results of its throws."""
-    from turnout.throw.checks import checks, direction_of, margins
-
     x, gaps = closed_gaps(panel, thrown)
     record: dict[str, Any] = {
         "panel": panel.name,

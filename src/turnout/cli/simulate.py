@@ -16,13 +16,10 @@ import typer
 from turnout.cli.options import (
     DATASET,
     FIGURE,
-    CalibrationOption,
-    PanelArgument,
-    SetOption,
+    PanelOptions,
     collect_errors,
     end_code,
     gives,
-    opened_panel,
     option,
     read_texts,
 )
@@ -40,15 +37,13 @@ if TYPE_CHECKING:
 @gives("simulate", quiet=True, width=16, out=DATASET, plot=FIGURE)
 def simulate_command(
     output: Output,
-    panel: PanelArgument = None,
+    panel: PanelOptions,
     objects: list[str] = option(
         "--object SIZE[ KIND]@PLACE[, KEY=VALUE]",
         "Foreign object, such as 13mm@sleeper6, '5 mm @ x = 3.6 m' or '20mm ice@sleeper6, "
         "length=2m' (an unknown kind lists all). Repeatable.",
         default=[],
     ),
-    settings: SetOption = [],  # noqa: B006 - typer copies it
-    calibration: CalibrationOption = None,
     overlay: Path | None = option(
         "--overlay FILE.csv",
         "History of another program under the lines of --plot: columns 'time [s]', "
@@ -99,7 +94,7 @@ def simulate_command(
         from turnout.panel.foreign_object import parse_objects
 
         parts = (
-            lambda: opened_panel(panel, settings, calibration),
+            panel.opened,
             lambda: parse_objects(objects),
             lambda: _scheme(
                 mode or ("quick" if many else "waveform"), step=step, cutoff=cutoff, every=every

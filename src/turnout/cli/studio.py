@@ -6,23 +6,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from turnout.cli.options import (
-    CalibrationOption,
-    PanelOption,
-    SetOption,
-    opened_panel,
-    option,
-)
-from turnout.cli.output import INTERRUPTED, note
+from turnout.cli.options import NamedPanelOptions, gives, option
+from turnout.cli.output import INTERRUPTED, Output, note
 
 if TYPE_CHECKING:
     from turnout.web.studio import Opened
 
 
+@gives("studio", json=False)
 def studio_command(
-    panel: PanelOption = None,
-    settings: SetOption = [],  # noqa: B006 - typer copies it
-    calibration: CalibrationOption = None,
+    output: Output,
+    panel: NamedPanelOptions,
     campaign: Path | None = option(
         "--campaign DIR", "Measured campaign to overlay on simulated throws."
     ),
@@ -32,13 +26,13 @@ def studio_command(
     ] = True,
 ) -> None:
     """Open an interactive page in the browser; it runs locally."""
-    loaded = opened_panel(panel, settings, calibration)
+    loaded = panel.opened()
     opened = _opened(campaign) if campaign is not None else None
     from turnout.web.serve import serve
     from turnout.web.studio import Studio
 
     try:
-        serve(Studio(loaded, opened), port=port, browser=browser, announce=typer.echo)
+        serve(Studio(loaded, opened), port=port, browser=browser, announce=output.show)
     except KeyboardInterrupt:
         note("the studio has ended")
         raise typer.Exit(INTERRUPTED) from None

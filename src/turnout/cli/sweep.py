@@ -176,19 +176,18 @@ def map_command(
 ) -> None:
     """Count the end states of a sweep, and draw forces, gaps and end states over two inputs."""
     from turnout.figures.sweep import plot_sweep_map
-    from turnout.metric.sweep_map import STATES, end_state, sweep_map
+    from turnout.metric.sweep_map import sweep_map
     from turnout.study.sweep.read import read_labels
-    from turnout.throw.verdict import break_note
 
     labels = read_labels(folder)
     along = y or ("object.at" if "object.at" in labels.coords else "object.x")
     cells = sweep_map(labels, x=x, y=along)
-    state = end_state(labels).to_numpy()
-    counts = {name: int((state == number).sum()) for number, name in enumerate(STATES)}
-    output.show(*_missing(labels), *(f"{n:>8}  {name}" for name, n in counts.items() if n))
-    output.show(*filter(None, [break_note(labels)]))
+    found = map_record(labels, cells)
+    counts = found[0]["states"].items()
+    output.show(*_missing(labels), *(f"{n:>8}  {name}" for name, n in counts if n))
+    output.show(*filter(None, [found[0].get("break_note")]))
     output.figure(output["out"], plot_sweep_map, cells)
-    output.json(map_record, labels, cells)
+    output.json(lambda: found)
 
 
 @app.command("effects", short_help="Show Sobol indices, and draw main effects.")

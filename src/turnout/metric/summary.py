@@ -204,14 +204,27 @@ def _fates(dataset: "xr.Dataset") -> list[str]:
 
 
 def _run(dataset: "xr.Dataset") -> str:
-    attributes = dataset.attrs
-    if attributes.get("complete", True):
-        end = float(dataset["time"][-1])
-        text = f"complete, {end:g} s of motion in {attributes.get('wall_time', math.nan):.2f} s"
-        waited = sum(json.loads(attributes.get("schedule_waits", "[]")))
-        return f"{text}; the schedule waited {waited:.2f} s for machines" if waited else text
+    if fault := ending_fault(dataset):
+        return fault
+    attributes, end = dataset.attrs, float(dataset["time"][-1])
+    text = f"complete, {end:g} s of motion in {attributes.get('wall_time', math.nan):.2f} s"
+    waited = sum(json.loads(attributes.get("schedule_waits", "[]")))
+    return f"{text}; the schedule waited {waited:.2f} s for machines" if waited else text
+
+
+def ending_fault(dataset: "xr.Dataset") -> str:
+    """Return the fault by which a run is not complete or inaccurate; empty if there is none.
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> ending_fault(xr.Dataset(attrs={"complete": False, "outcome_message": "no step"}))
+    'NOT COMPLETE: no step'
+    """
+    if dataset.attrs.get("complete", True):
+        return ""
     what = "INACCURATE" if ends_inaccurate(dataset) else "NOT COMPLETE"
-    return f"{what}: {attributes.get('outcome_message', 'ended early')}"
+    return f"{what}: {dataset.attrs.get('outcome_message', 'ended early')}"
 
 
 def start_difference(dataset: "xr.Dataset") -> dict[str, float]:
