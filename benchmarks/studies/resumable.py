@@ -1,14 +1,15 @@
 """Numbered pieces of a long job, each a line of a file: a killed job continues."""
 
 import argparse
-import json
-import multiprocessing
-import signal
 import sys
-import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
+
+from turnout.core.kept_lines import append_line, read_lines
+from turnout.core.progress import Pace
+from turnout.core.workers import Workers
 
 Record = dict[str, Any]
 RESULTS = "results.jsonl"
@@ -17,12 +18,8 @@ SAID = 100
 
 
 def read_records(folder: Path) -> list[Record]:
-    """Return the results by index; a line that a kill left unfinished is left out."""
-    path = folder / RESULTS
-    if not path.exists():
-        return []
-    lines = path.read_bytes().split(b"\n")[:-1]
-    found = {record["index"]: record for record in map(json.loads, lines)}
+    """Return the results by index; a line that a kill left unfinished is dropped."""
+    found = {record["index"]: record for record in read_lines(folder / RESULTS)}
     return [found[index] for index in sorted(found)]
 
 
@@ -43,18 +40,14 @@ def run_missing(
     folder.mkdir(parents=True, exist_ok=True)
     known = {record["index"] for record in read_records(folder)}
     missing = [index for index in range(count) if index not in known]
-    path, began = folder / RESULTS, time.monotonic()
-    if path.exists():
-        whole = path.read_bytes()
-        path.write_bytes(whole[: whole.rfind(b"\n") + 1])
-    every = max(1, len(missing) // SAID)
-    with path.open("ab", buffering=0) as file:
-        for done, record in enumerate(make(missing), 1):
-            file.write(json.dumps(record).encode() + b"\n")
-            left = (time.monotonic() - began) / done * (len(missing) - done)
-            if done % every == 0 or done == len(missing):
-                text = f"{done} of {len(missing)}, {left / 60:.0f} min left"
-                print(text, file=sys.stderr, flush=True)
+    pace, every = Pace(), max(1, len(missing) // SAID)
+    pace.begin("", len(missing))
+    for done, record in enumerate(make(missing), 1):
+        append_line(folder / RESULTS, record)
+        pace.count("")
+        if done % every == 0 or done == len(missing):
+            left = pace.progress().left / 60
+            print(f"{done} of {len(missing)}, {left:.0f} min left", file=sys.stderr, flush=True)
     return [record for record in read_records(folder) if record["index"] < count]
 
 
@@ -65,9 +58,13 @@ def run_numbered(
 
     `job` is a function of a module, as worker processes load it.
     """
-    context = multiprocessing.get_context("spawn")
-    with context.Pool(workers, _deaf) as pool:
-        return run_missing(lambda missing: pool.imap_unordered(job, missing), count, folder=folder)
+    with Workers(workers) as processes:
+
+        def made(missing: list[int]) -> Iterator[Record]:
+            for _, record in processes.run([partial(job, index) for index in missing]):
+                yield record
+
+        return run_missing(made, count, folder=folder)
 
 
 def command_line(
@@ -90,7 +87,3 @@ def command_line(
     except KeyboardInterrupt:
         print("interrupted; run the same command to continue", file=sys.stderr)
         sys.exit(130)
-
-
-def _deaf() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -1,6 +1,8 @@
 """History matching: emulators, regions, facts files, waves that resume, and what comes of them."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +15,7 @@ from turnout.calibration.matching import match
 from turnout.calibration.matching.ensemble import study_text
 from turnout.calibration.matching.fact_emulator import Emulation, fit_emulator
 from turnout.calibration.matching.facts import PACKAGE, Facts, Sum, Term, load_facts, read_facts
-from turnout.calibration.matching.match import MatchProgress, match_panel
+from turnout.calibration.matching.match import match_panel
 from turnout.calibration.matching.measures import MEASURES
 from turnout.calibration.matching.meet_facts import Thrower, evaluate, holds, in_order, panel_at
 from turnout.calibration.matching.propose import farthest_points, plausible_points
@@ -21,7 +23,9 @@ from turnout.calibration.matching.remaining import gains, ranges
 from turnout.cli.main import app
 from turnout.core.errors import FileError, StudyError
 from turnout.core.library import text_in_library
+from turnout.core.progress import Progress
 from turnout.core.toml import parse_toml
+from turnout.core.workers import Workers
 from turnout.panel.load import load_panel
 
 TOY = """
@@ -155,15 +159,16 @@ def test_a_matching_is_what_it_says_and_resumes_to_the_same(toy: Facts, tmp_path
             assert 600.0 <= item.values[0] <= 900.0
     assert evaluate(toy, whole.points[0]).accepted
 
-    def interrupt(state: MatchProgress) -> None:
-        if state.tried == 15:
+    def interrupt(state: Progress) -> None:
+        if state.done == 15:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         match_panel(toy, tmp_path / "cut", count=8, most=120, report=interrupt)
     with (tmp_path / "cut" / match.TRIED).open("a") as file:
         file.write('{"wave": 0, "sha')  # a line that was cut off
-    again = match_panel(toy, tmp_path / "cut", count=8, most=120)
+    with Workers(2, pool=partial(ThreadPoolExecutor, 1)) as workers:  # they come in any order
+        again = match_panel(toy, tmp_path / "cut", count=8, most=120, workers=workers)
     assert [str(replace(item, seconds=0.0)) for item in again.tried] == [
         str(replace(item, seconds=0.0)) for item in whole.tried
     ]

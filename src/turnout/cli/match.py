@@ -7,21 +7,21 @@ from typing import TYPE_CHECKING, Any
 from turnout.cli.options import (
     FIGURE,
     File,
+    WorkersOption,
     argument,
     gives,
     option,
 )
 from turnout.cli.output import Output, resumable
-from turnout.cli.watch import ProgressBar
+from turnout.cli.watch import cores, watched
 from turnout.core.value_text import shown_unit
 
 if TYPE_CHECKING:
     from turnout.calibration.matching.facts import Facts
-    from turnout.calibration.matching.match import Matching, MatchProgress
+    from turnout.calibration.matching.match import Matching
     from turnout.calibration.matching.remaining import Gain, Range
     from turnout.calibration.matching.survey import Floats, Survey
 
-SECONDS_BETWEEN_LINES = 10.0
 MOST_PAIR_PARAMETERS = 8
 """Parameters of the pair plot: those of which the facts leave least."""
 
@@ -41,6 +41,7 @@ def match_command(
     count: int = option("--count N", "Accepted panels wanted.", default=200, min=10),
     most: int = option("--most N", "Panels tried at most.", default=4000, min=100),
     choose: int = option("--choose N", "Panels written to --study.", default=50, min=2),
+    workers: WorkersOption = 0,
 ) -> None:
     """Collect panels whose throws meet facts, and rank the measurements to make next.
 
@@ -48,22 +49,19 @@ def match_command(
     emulators of the earlier ones leave facts possible.
     """
     from turnout.calibration.matching.facts import load_facts
-    from turnout.calibration.matching.match import match_panel
+    from turnout.calibration.matching.match import match_panel, panel_workers
     from turnout.calibration.matching.survey import survey
 
     read = load_facts(facts)
-    log = ProgressBar(quiet=output.quiet, every=SECONDS_BETWEEN_LINES)
-
-    def tried(state: "MatchProgress") -> None:
-        found = f"{state.tried} panels tried, {state.accepted} of {state.wanted} accepted"
-        log.say(f"turnout: wave {state.wave + 1}: {found}")
-
-    def surveyed(done: int, total: int) -> None:
-        log.say(f"turnout: measurements and answers: panel {done} of {total}")
-
-    with resumable("run the same command to continue"):
-        found = match_panel(read, folder, count=count, most=most, report=tried)
-        shown = survey(read, found.points, folder, report=surveyed)
+    with (
+        resumable("run the same command to continue"),
+        watched("panels", quiet=output.quiet) as watch,
+        panel_workers(read, workers or cores()) as processes,
+    ):
+        found = match_panel(
+            read, folder, count=count, most=most, workers=processes, report=watch.sweep
+        )
+        shown = survey(read, found.points, folder, workers=processes, report=watch.sweep)
     record = match_record(found, shown)
     output.show(*match_lines(found, shown.points, record))
     _write(output, read, shown, choose=choose)

@@ -1,9 +1,12 @@
 """Match a panel to facts, wave by wave; every panel tried is kept in a folder and never again."""
 
-import json
+import gc
 import time
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +17,10 @@ from turnout.calibration.matching.facts import Facts, Sum
 from turnout.calibration.matching.meet_facts import evaluate, is_valid
 from turnout.calibration.matching.propose import latin_hypercube, plausible_points
 from turnout.core.errors import FileError, StudyError
-from turnout.core.files import make_folder, write_atomic
-from turnout.core.json_files import to_plain
+from turnout.core.kept_lines import append_line, claim_for, read_lines
+from turnout.core.progress import Pace, Report
 from turnout.core.threads import one_blas_thread
+from turnout.core.workers import Workers
 
 Floats = NDArray[np.float64]
 
@@ -40,8 +44,8 @@ class Tried:
 
     Attributes
     ----------
-    wave : int
-        From 0.
+    wave, number : int
+        From 0, and its place among the panels of the wave.
     share : float
         Of the ranges that its wave was drawn from, as the emulators say [-].
     point, values : tuple of float
@@ -57,6 +61,7 @@ class Tried:
     """
 
     wave: int
+    number: int
     share: float
     point: tuple[float, ...]
     values: tuple[float, ...]
@@ -64,17 +69,6 @@ class Tried:
     fault: str
     throws: int
     seconds: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MatchProgress:
-    """How far a matching is: panels tried, at most, accepted of how many, and the wave."""
-
-    tried: int
-    most: int
-    accepted: int
-    wanted: int
-    wave: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -105,7 +99,8 @@ def match_panel(
     *,
     count: int = 200,
     most: int = 2000,
-    report: Callable[[MatchProgress], None] | None = None,
+    workers: int | Workers = 1,
+    report: Report | None = None,
 ) -> Matching:
     """Collect panels that meet all facts.
 
@@ -119,6 +114,8 @@ def match_panel(
         Accepted panels wanted; the wave in which the last is found is finished.
     most : int
         Panels tried at most.
+    workers : int or Workers
+        Processes; with one, all is done in this one. Or those of `panel_workers`.
     report : callable, optional
         Called after every panel.
 
@@ -127,34 +124,56 @@ def match_panel(
     FileError
         When the folder holds a matching of other facts, or cannot be written.
     """
-    _claim(folder, facts)
+    names = [item.name for item in facts.parameters] + [item.name for item in facts.facts]
+    identity = {"name": facts.name, "digest": facts.digest, "columns": names}
+    claim_for(folder, HEAD, identity, what="a matching of other facts or ranges")
     tried = _read(folder, facts)
-    wave = 0
-    while True:
-        before = [item for item in tried if item.wave < wave]
-        if sum(item.accepted for item in before) >= count or len(before) >= most:
-            return Matching(facts=facts, tried=tuple(tried))
-        wanted = min(WAVE if wave else FIRST_WAVE, most - len(before))
-        known = sum(item.wave == wave for item in tried)
-        if known < wanted:
-            with one_blas_thread():  # small matrices: threads would take ten times as long
-                points, share = _points(facts, before, wave)
-            if not len(points):
-                message = "the emulators leave no panel whose values go together; widen the ranges"
-                raise StudyError([message], source=facts.name)
-            for point in points[known:wanted]:
-                tried.append(_try(facts, point, wave, share))
-                _append(folder, tried[-1])
-                if report is not None:
-                    report(_progress(tried, most=most, wanted=count))
-        wave += 1
+    pace, wave = Pace(report), 0
+    with panel_workers(facts, workers) as processes:
+        while True:
+            before = [item for item in tried if item.wave < wave]
+            accepted = sum(item.accepted for item in before)
+            if accepted >= count or len(before) >= most:
+                return Matching(facts=facts, tried=tuple(tried))
+            wanted = min(WAVE if wave else FIRST_WAVE, most - len(before))
+            there = frozenset(item.number for item in tried if item.wave == wave)
+            stage = f"wave {wave + 1}, {accepted} of {count} panels accepted before"
+            pace.begin(stage, wanted, there=len(there))
+            if len(there) < wanted:
+                own = _Wave(number=wave, wanted=wanted, there=there)
+                for made in _missing_panels(facts, before, own, processes):
+                    append_line(folder / TRIED, made)
+                    tried.append(made)
+                    pace.count(stage, failed=bool(made.fault), cost=made.seconds)
+                tried.sort(key=lambda item: (item.wave, item.number))
+            wave += 1
 
 
-def _progress(tried: list[Tried], *, most: int, wanted: int) -> MatchProgress:
-    accepted = sum(item.accepted for item in tried)
-    return MatchProgress(
-        tried=len(tried), most=most, accepted=accepted, wanted=wanted, wave=tried[-1].wave
-    )
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Wave:
+    """A wave of panels: its number, those that are wanted, and which of them are there."""
+
+    number: int
+    wanted: int
+    there: frozenset[int]
+
+
+def _missing_panels(
+    facts: Facts, before: list[Tried], wave: _Wave, processes: Workers
+) -> Iterator[Tried]:
+    """Try the panels of a wave that are missing, and yield them as they are done."""
+    with one_blas_thread():  # small matrices: threads would take ten times as long
+        points, share = _points(facts, before, wave.number)
+    if not len(points):
+        message = "the emulators leave no panel whose values go together; widen the ranges"
+        raise StudyError([message], source=facts.name)
+    jobs = [
+        partial(_try, point, wave.number, number, share)
+        for number, point in enumerate(points[: wave.wanted])
+        if number not in wave.there
+    ]
+    for _, made in processes.run(jobs):
+        yield made
 
 
 def _points(facts: Facts, before: list[Tried], wave: int) -> tuple[Floats, float]:
@@ -244,11 +263,38 @@ def _misses(facts: Facts, values: Floats, early: list[int]) -> Floats:
     return total
 
 
-def _try(facts: Facts, point: Floats, wave: int, share: float) -> Tried:
+_facts: list[Facts] = []
+"""Of the panels that this process tries; sent once."""
+
+
+def begin_panels(facts: Facts) -> None:
+    """Keep the facts that panels of this process are held against."""
+    _facts[:] = [facts]
+    gc.enable()
+
+
+@contextmanager
+def panel_workers(facts: Facts, workers: int | Workers) -> Iterator[Workers]:
+    """Give the processes that try panels; one works in this process."""
+    begin_panels(facts)
+    if isinstance(workers, Workers):
+        yield workers
+        return
+    with Workers(workers if workers > 1 else 0, facts, prepare=begin_panels) as found:
+        yield found
+
+
+def panel_facts() -> Facts:
+    """Return the facts that panels of this process are held against."""
+    return _facts[0]
+
+
+def _try(point: Floats, wave: int, number: int, share: float) -> Tried:
     began = time.process_time()
-    found = evaluate(facts, point, failures=FAILURES if wave else None)
+    found = evaluate(panel_facts(), point, failures=FAILURES if wave else None)
     return Tried(
         wave=wave,
+        number=number,
         share=share,
         point=tuple(map(float, point)),
         values=tuple(map(float, found.values)),
@@ -259,56 +305,22 @@ def _try(facts: Facts, point: Floats, wave: int, share: float) -> Tried:
     )
 
 
-def _claim(folder: Path, facts: Facts) -> None:
-    """Make the folder, or refuse one that belongs to other facts."""
-    head = folder / HEAD
-    if head.exists():
-        try:
-            digest = json.loads(head.read_text(encoding="utf-8")).get("digest")
-        except (OSError, ValueError, AttributeError) as error:
-            message = f"{head}: cannot be read ({error}); name another folder"
-            raise FileError(message) from None
-        if digest != facts.digest:
-            message = f"{folder}: holds a matching of other facts or ranges; name another folder"
-            raise FileError(message)
-        return
-    make_folder(folder)
-    names = [item.name for item in facts.parameters] + [item.name for item in facts.facts]
-    content = {"name": facts.name, "digest": facts.digest, "columns": names}
-    write_atomic(head, json.dumps(content, indent=1, ensure_ascii=False) + "\n")
-
-
-def _append(folder: Path, item: Tried) -> None:
-    line = json.dumps(to_plain(item, nonfinite=str), ensure_ascii=False)
-    try:
-        with (folder / TRIED).open("a", encoding="utf-8") as file:
-            file.write(f"{line}\n")
-    except OSError as error:
-        message = f"{folder / TRIED}: cannot be written ({error.strerror}); free space or rights"
-        raise FileError(message) from None
-
-
 def _read(folder: Path, facts: Facts) -> list[Tried]:
-    """Read the panels that were tried; a last line that was cut off is dropped from the file."""
-    path = folder / TRIED
-    if not path.exists():
-        return []
-    text = path.read_text(encoding="utf-8")
-    whole = text[: text.rfind("\n") + 1]
-    if whole != text:
-        write_atomic(path, whole)
-    found = []
-    for number, line in enumerate(whole.splitlines(), 1):
+    """Read the panels that were tried; those of older files are in the order of their numbers."""
+    path, found = folder / TRIED, list[Tried]()
+    counted = Counter[int]()
+    for line, record in enumerate(read_lines(path), 1):
         try:
-            record = json.loads(line)
+            record.setdefault("number", counted[record["wave"]])
+            counted[record["wave"]] += 1
             record["point"] = tuple(map(float, record["point"]))
             record["values"] = tuple(map(float, record["values"]))
             item = Tried(**record)
         except (ValueError, TypeError, KeyError) as error:
-            message = f"{path}, line {number}: is damaged ({error}); remove the line or the folder"
+            message = f"{path}, line {line}: is damaged ({error}); remove the line or the folder"
             raise FileError(message) from None
         if len(item.values) != len(facts.facts) or len(item.point) != len(facts.parameters):
-            message = f"{path}, line {number}: belongs to other facts; name another folder"
+            message = f"{path}, line {line}: belongs to other facts; name another folder"
             raise FileError(message)
         found.append(item)
-    return found
+    return sorted(found, key=lambda item: (item.wave, item.number))

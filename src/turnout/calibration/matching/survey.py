@@ -1,22 +1,25 @@
 """What the accepted panels show: measurements and answers of the facts, kept in a folder."""
 
-import json
-from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from turnout.calibration.matching.facts import Facts
+from turnout.calibration.matching.match import panel_facts, panel_workers
 from turnout.calibration.matching.meet_facts import thrower_at
-from turnout.core.errors import FileError
 from turnout.core.json_files import to_plain
+from turnout.core.kept_lines import append_line, read_lines
+from turnout.core.progress import Pace, Report
 from turnout.core.provenance import content_hash
+from turnout.core.workers import Workers
 
 Floats = NDArray[np.float64]
 
 SURVEYED = "surveyed.jsonl"
+STAGE = "measurements and answers"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -46,7 +49,8 @@ def survey(
     points: Floats,
     folder: Path,
     *,
-    report: Callable[[int, int], None] | None = None,
+    workers: int | Workers = 1,
+    report: Report | None = None,
 ) -> Survey:
     """Throw the accepted panels for measurements and answers; what a folder holds is not repeated.
 
@@ -58,59 +62,50 @@ def survey(
         Accepted panels.
     folder : Path
         Of the matching.
+    workers : int or Workers
+        Processes, as of `match_panel`.
     report : callable, optional
-        Called with panels done and panels in all.
+        Called after every panel.
     """
     wanted = (*facts.measurements, *facts.answers)
     key = content_hash(to_plain([[item.terms, item.parameter] for item in wanted]))
-    known = _known(folder / SURVEYED, key)
-    values, throws = [], 0
-    for number, point in enumerate(points):
-        place = content_hash([facts.digest, list(map(float, point))])
-        if place not in known:
-            thrower = thrower_at(facts, point)
-            made = [
-                _parameter(facts, point, item.parameter)
-                if item.parameter
-                else thrower.sum(item, among=wanted)
-                for item in wanted
-            ]
-            known[place] = (made, thrower.made)
-            record = {"key": key, "place": place, "values": made, "throws": thrower.made}
-            _append(folder / SURVEYED, record)
-        values.append(known[place][0])
-        throws += known[place][1]
-        if report is not None:
-            report(number + 1, len(points))
-    table = np.array(values).reshape(len(points), len(wanted))
-    count = len(facts.measurements)
+    known = {
+        line["place"]: (line["values"], int(line["throws"]))
+        for line in read_lines(folder / SURVEYED)
+        if line.get("key") == key
+    }
+    places = [content_hash([facts.digest, list(map(float, point))]) for point in points]
+    missing = {place: at for at, place in enumerate(places) if place not in known}
+    pace = Pace(report)
+    pace.begin(STAGE, len(places), there=len(places) - len(missing))
+    with panel_workers(facts, workers) as processes:
+        jobs = [partial(_surveyed, points[at]) for at in missing.values()]
+        for number, (values, throws) in processes.run(jobs):
+            place = list(missing)[number]
+            known[place] = values, throws
+            line = {"key": key, "place": place, "values": values, "throws": throws}
+            append_line(folder / SURVEYED, line)
+            pace.count(STAGE)
+    found = [known[place] for place in places]
+    table = np.array([values for values, _ in found], dtype=np.float64)
+    table, count = table.reshape(len(points), len(wanted)), len(facts.measurements)
+    throws = sum(made for _, made in found)
     return Survey(points=points, measured=table[:, :count], answers=table[:, count:], throws=throws)
+
+
+def _surveyed(point: Floats) -> tuple[list[float], int]:
+    """Return measurements and answers of a panel, and the throws that were made for them."""
+    facts = panel_facts()
+    thrower, wanted = thrower_at(facts, point), (*facts.measurements, *facts.answers)
+    values = [
+        _parameter(facts, point, item.parameter)
+        if item.parameter
+        else thrower.sum(item, among=wanted)
+        for item in wanted
+    ]
+    return values, thrower.made
 
 
 def _parameter(facts: Facts, point: Floats, name: str) -> float:
     number = [item.name for item in facts.parameters].index(name)
     return float(facts.parameters[number].value(point[number]))
-
-
-def _known(path: Path, key: str) -> dict[str, tuple[list[float], int]]:
-    """Read what is known of the same measurements and answers; a line cut off is skipped."""
-    found: dict[str, tuple[list[float], int]] = {}
-    if not path.exists():
-        return found
-    for line in path.read_text(encoding="utf-8").splitlines():
-        try:
-            record = json.loads(line)
-            if record["key"] == key:
-                found[record["place"]] = (record["values"], int(record["throws"]))
-        except (ValueError, KeyError, TypeError):
-            continue
-    return found
-
-
-def _append(path: Path, record: dict[str, object]) -> None:
-    try:
-        with path.open("a", encoding="utf-8") as file:
-            file.write(f"{json.dumps(record)}\n")
-    except OSError as error:
-        message = f"{path}: cannot be written ({error.strerror}); free space or rights"
-        raise FileError(message) from None
