@@ -1,5 +1,6 @@
 """A folder of recordings becomes one dataset; what is excluded or odd is said, never dropped."""
 
+import json
 import zipfile
 from dataclasses import replace
 from pathlib import Path
@@ -400,6 +401,27 @@ def test_a_rod_that_some_recordings_lack_costs_that_rod_alone(tmp_path: Path) ->
     assert built.excluded == ()
     assert any("dead channel of drive_force 2: it was not recorded" in t for t in built.remarks)
     assert not any("missing samples" in text for text in built.remarks)
+
+
+def test_one_current_of_two_machines_is_named_as_such(tmp_path: Path) -> None:
+    folder = copied(tmp_path)
+    channels = folder / "channels.toml"
+    text = channels.read_text(encoding="utf-8")
+    assert "[drive_current.2]" in text
+    head, _, second = text.partition("[drive_current.2]")
+    rest = second[second.index("[") :]
+    text = head.replace("[drive_current.1]", '[drive_current."1+2"]') + rest
+    channels.write_text(text, encoding="utf-8")
+    built = build_campaign_dataset(folder)
+    assert built.excluded == ()
+    assert not any("drive_current" in text or "1+2" in text for text in built.remarks)
+    assert built.dataset is not None
+    assert json.loads(built.dataset.attrs["together"]) == {"1+2": ["1", "2"]}
+    assert bool(built.dataset["drive_current"].sel(drive="1+2").notnull().any())
+    assert observe(built.dataset, sb2_panel())
+    channels.write_text(text.replace("drive_force.1]", 'drive_force."1+3"]'), encoding="utf-8")
+    with pytest.raises(MeasurementError, match=r"drive_force\.1\+3: .* a force is of one drive"):
+        build_campaign_dataset(folder)
 
 
 def test_a_unit_that_file_and_map_state_otherwise_is_remarked_upon(tmp_path: Path) -> None:

@@ -153,3 +153,9 @@ def test_rows_tell_how_well_a_calibration_is_known() -> None:
         "calibrated, 1 mV/V is 2 kN +- 29 %, zero at 0.1667 +- 0.34 mV/V, "
         "at most 17 % of the range off the line (3 points)"
     )
+
+
+def test_one_current_for_two_machines_is_none_of_the_second() -> None:
+    given = recording(("Current 1+2", "A"), ("Power 1 and 2", "W"))
+    channel_map = parse_channel_map(parse_toml(skeleton(given), source="map"))
+    assert list(channel_map.drive_current) == list(channel_map.drive_power) == ["1+2"]

@@ -13,6 +13,7 @@ from turnout.calibration.stages import ANY, NONE, Selection, spread
 from turnout.core.errors import MeasurementError, PanelError
 from turnout.core.problems import choices
 from turnout.measurement.campaign.sheet_checks import exchange_remarks
+from turnout.measurement.chain.channel_map import drives_together
 from turnout.measurement.chain.recorder import (
     LEAST_INTERVAL,
     PERFECT,
@@ -258,7 +259,8 @@ def _problems(dataset: xr.Dataset, panel: LoadedPanel, exclude: Sequence[str]) -
         for name in exclude
         if name not in names
     ]
-    unknown = [str(name) for name in dataset["drive"].values if str(name) not in panel.drive]
+    names = [str(name) for name in dataset["drive"].values]
+    unknown = [n for n in names if n not in panel.drive and not drives_together(n)]
     if unknown:
         problems.append(
             f"drive {choices(unknown)}: not in panel {panel.name}, which has "

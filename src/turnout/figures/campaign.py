@@ -160,6 +160,7 @@ def campaign_channels(dataset: xr.Dataset) -> list[ChannelRow]:
             rows += [
                 ChannelRow(f"Drive {drive}\n{label}", dataset[name].sel(drive=drive), factor)
                 for drive in dataset["drive"].values
+                if np.isfinite(dataset[name].sel(drive=drive).values).any()
             ]
     return rows
 

@@ -34,7 +34,7 @@ from turnout.measurement.campaign.sheet_checks import (
     slip_remarks,
 )
 from turnout.measurement.chain.apply import load_channel_map, map_hash, stated_uncertainties
-from turnout.measurement.chain.channel_map import ChannelMap
+from turnout.measurement.chain.channel_map import ChannelMap, drives_together
 from turnout.measurement.chain.recorder import stated_recorder
 from turnout.measurement.quality.channel_faults import MEASURED, Limits
 from turnout.measurement.quality.judge import Expected, ThrowQuality, judge_recording
@@ -418,6 +418,9 @@ def _dataset(
         "filter": "moving average over 0.1 s",
         "excluded": json.dumps(out),
     }
+    names = [str(name) for name in dataset["drive"].values]
+    if together := {name: drives_together(name) for name in names if drives_together(name)}:
+        attributes["together"] = json.dumps(together)
     if sheet.panel:
         attributes["sheet_panel"] = sheet.panel
     stated = stated_uncertainties(channel_map)

@@ -28,6 +28,7 @@ from turnout.measurement.chain.channel_map import (
     OF_DRIVES,
     AnySensor,
     ChannelMap,
+    drives_together,
     map_problem,
     raw_unit,
 )
@@ -73,6 +74,12 @@ def parse_channel_map(file: TomlFile) -> ChannelMap:
         if dimension is not FORCE and sensor.gain_uncertainty is not None
     ]
     for key, _, sensor in sensors(channel_map):
+        quantity, _, name = key.partition(".")
+        if "+" in name and (quantity == "drive_force" or not drives_together(name)):
+            twice.append(
+                f"{key}: a name such as '1+2' is that of one current, voltage or power for the "
+                "machines of two drives; a force is of one drive"
+            )
         for column in (sensor.column, *sensor.phases):
             if column in used:
                 twice.append(f'{key}.column = "{column}": is also that of {used[column]}')

@@ -149,6 +149,18 @@ OF_DRIVES: dict[str, Dimension] = {
 """Quantities that each drive may have, and their dimensions."""
 
 
+def drives_together(name: str) -> tuple[str, ...]:
+    """Return the drives that a name joins, as of one current for two machines; else none.
+
+    Examples
+    --------
+    >>> drives_together("1+2"), drives_together("1")
+    (('1', '2'), ())
+    """
+    names = tuple(part.strip() for part in name.split("+"))
+    return names if len(names) > 1 and all(names) and len({*names}) == len(names) else ()
+
+
 @dataclass(frozen=True, slots=True)
 class RawUnit:
     """A unit of a column: its text, its dimension and its size in SI."""

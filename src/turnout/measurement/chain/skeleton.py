@@ -38,6 +38,7 @@ _PHASES = ("123", "abc", "uvw", "rst")
 # Three clamps are those of three drives.
 _CLAMPS = re.compile(r"clamp|zange", re.IGNORECASE)
 _NUMBER = re.compile(r"\d+")
+_TOGETHER = re.compile(r"(\d+)\s*(?:\+|&|and|und|och)\s*(\d+)")
 
 _ROD_KEYS = """\
 kind = "strain bridge"
@@ -70,6 +71,7 @@ HEAD = """\
 #   offset = "0.02 mV/V"                       reading at no load
 #   tare = { start = "0 s", end = "0.5 s" }    rest whose mean is taken off
 #   phases = ["I2", "I3"]                      columns of the other phases of the same drive
+# One current or power for the machines of two drives: [drive_current."1+2"].
 # A sensor calibrated by known loads: kind = "calibrated",
 #   readings = { unit = "mV/V", values = [0.0, 0.25] }, loads = { unit = "kN", values = [0, 4] }
 # What the recorder does to all forces, here above the first table:
@@ -202,6 +204,10 @@ def _key(guess: _Guess, name: str, taken: set[str]) -> str | None:
     quantity = guess.quantity
     if quantity == "object_force":
         return quantity if quantity not in taken else None
+    together = _TOGETHER.search(name)
+    if together and quantity != "drive_force":
+        key = f'{quantity}."{together[1]}+{together[2]}"'
+        return key if key not in taken else None
     numbers = [] if guess.phases else _NUMBER.findall(name)
     wanted = f"{quantity}.{numbers[-1]}" if numbers else ""
     if wanted and wanted not in taken:

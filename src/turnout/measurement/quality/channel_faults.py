@@ -256,8 +256,13 @@ def measured_channels(dataset: xr.Dataset, throw: FoundThrow | None = None) -> I
     begin, finish = (int(np.searchsorted(time, at)) for at in ends)
     for key in (key for key in MEASURED if key in dataset):
         of_drives = "drive" in dataset[key].dims
+        anything = bool(np.isfinite(dataset[key].values).any())
         for drive in dataset["drive"].values if of_drives else [""]:
             row = dataset[key].sel(drive=drive) if of_drives else dataset[key]
+            # One current for two machines is no force, and theirs are no currents of their own.
+            own = "+" not in str(drive) if key == "drive_force" else not anything
+            if not (own or np.isfinite(row.values).any()):
+                continue
             yield Channel(f"{key} {drive}".rstrip(), key, row.values, rate, begin, finish)
 
 
