@@ -157,14 +157,17 @@ def throw_rows(dataset: xr.Dataset) -> list[tuple[str, list[Curve]]]:
         for number, name in enumerate(dataset["sensor"].values, start=len(gaps)):
             values = dataset["sensor_gap"].sel(sensor=name).values * MILLI
             gaps.append(Curve(str(name), values, number))
+    measured = dataset.attrs.get("kind") == "measurement"
     powers = _of_drives(dataset, "drive_power", 1.0)  # of machines, which have currents then
-    currents = _of_drives(dataset, "drive_current", 1.0) if powers else []
+    currents = _of_drives(dataset, "drive_current", 1.0) if powers or measured else []
+    if not measured:
+        powers, currents = ([_averaged(c, dataset) for c in of] for of in (powers, currents))
     place = "Rod end\nposition [mm]" if powers else "Marker\nposition [mm]"
     return [
         ("Object force\n[kN]", objects),
         ("Drive force\non rail [kN]", forces),
-        ("Motor current,\n0.1 s mean [A]", [_averaged(curve, dataset) for curve in currents]),
-        ("Power drawn,\n0.1 s mean [W]", [_averaged(curve, dataset) for curve in powers]),
+        ("Motor current,\n0.1 s mean [A]", currents),
+        ("Power drawn,\n0.1 s mean [W]", powers),
         (place, _of_drives(dataset, "drive_displacement", MILLI)),
         ("Gap to stock\nrail [mm]", gaps),
     ]

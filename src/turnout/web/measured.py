@@ -21,7 +21,7 @@ from turnout.measurement.chain.apply import (
     mapped_channels,
     parse_channel_map,
 )
-from turnout.measurement.chain.channel_map import ChannelMap
+from turnout.measurement.chain.channel_map import ChannelMap, drives_together
 from turnout.measurement.chain.condition import condition
 from turnout.measurement.formats.file_format import read_recording, recognise_format
 from turnout.measurement.formats.history import READ, read_history
@@ -29,7 +29,10 @@ from turnout.measurement.recording import Recording, overview
 from turnout.metric.channel_features import filtered
 from turnout.throw.slip import movements
 
-DRAWN = ("drive_force", "object_force", "drive_displacement", "drive_gap")
+DRAWN = (
+    *("drive_force", "object_force", "drive_displacement", "drive_gap"),
+    *("drive_current", "drive_power"),
+)
 WHOLE = "whole"
 # Differences between measurement and model: channel, its row, what its lines are called.
 DIFFERENCES = {"drive_force": "Drive force", "object_force": "Object force"}
@@ -193,7 +196,8 @@ def recorded_movements(
 def shifted(measured: Measured, run: xr.Dataset) -> xr.Dataset:
     """Return a measured movement on the time of a run: onsets of the same direction meet.
 
-    Drives are those of the run; if the run has no such movement, its first one is used.
+    Drives are those of the run and currents of several together; if the run has no such movement,
+    its first one is used.
     """
     if measured.direction == WHOLE:
         return measured.dataset.assign_attrs(title=measured.title)
@@ -204,8 +208,8 @@ def shifted(measured: Measured, run: xr.Dataset) -> xr.Dataset:
         time=measured.dataset["time"].values + (going[-1] if going else 0.0)
     )
     if "drive" in moved.coords:
-        known = run["drive"].values
-        moved = moved.reindex(drive=known)
+        several = [str(name) for name in moved["drive"].values if drives_together(str(name))]
+        moved = moved.reindex(drive=[*map(str, run["drive"].values), *several])
     return moved.assign_attrs(title=measured.title)
 
 

@@ -354,7 +354,10 @@ class TaskHandler:
         measured = self._movement(task.options["mark"])
         _, dataset = self._thrown(request, question)
         sheet = throw_sheet(shifted(measured, dataset))
-        apart = replace(sheet, rows=tuple(differences(measured, dataset)))
+        drawn = {row.label for row in throw_sheet(dataset).rows}
+        # Rows that the run lacks, such as powers beside markers, stand below.
+        others = [row for row in sheet.rows if row.label not in drawn]
+        apart = replace(sheet, rows=(*differences(measured, dataset), *others))
         return Reply.of(sheet_record(sheet) | {"differences": sheet_record(apart)["rows"]})
 
     def _movement(self, mark: str) -> Measured:

@@ -18,7 +18,7 @@ from turnout.measurement.campaign.motion_signals import bridge_gaps
 from turnout.measurement.recording import RecordedChannel
 
 ORDER = 4
-FILTERED = ("drive_force", "drive_current", "object_force")
+FILTERED = ("drive_force", "drive_current", "drive_power", "object_force")
 # Two times are the same when they differ by less than this part of a step.
 SAME_STEP = 1e-3
 # A channel map may ask for a higher rate than the recording has, up to so many times.
