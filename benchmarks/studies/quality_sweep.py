@@ -21,6 +21,8 @@ from turnout.measurement.quality.channel_faults import Limits
 from turnout.measurement.quality.judge import Expected, ThrowQuality, judge_recording
 
 PAGE = EVIDENCE / "measurement-quality.md"
+RECORDINGS = "Recordings of other programs"
+"""Section of the page that `benchmarks.studies.recordings` writes."""
 FIRST_SEED, TRIALS, SOUND = 13_000, 24, 144
 SIZES, FRICTIONS = (0.0, 0.013, 0.026), (0.38, 0.4, 0.42)
 RATE = 1000.0
@@ -328,7 +330,9 @@ def main() -> None:
         (sweep, [rate_seen(level, sweep.kind, trials=TRIALS) for level in sweep.levels])
         for sweep in sweeps()
     ]
-    PAGE.write_text(page(found, false_alarms(trials=SOUND, first=TRIALS)), encoding="utf-8")
+    _, *others = PAGE.read_text(encoding="utf-8").partition(f"\n## {RECORDINGS}\n")
+    text = page(found, false_alarms(trials=SOUND, first=TRIALS))
+    PAGE.write_text(text + "".join(others), encoding="utf-8")
 
 
 if __name__ == "__main__":

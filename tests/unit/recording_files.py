@@ -305,6 +305,8 @@ NAMED: list[File] = [
      mat({"a": {"t": TIME, "Force": FORCE}, "b": {"t": TIME + 1.0, "Current": CURRENT}}),
      {"a.Force": (25.0, 0.0), "b.Current": (25.0, 1.0)}),
     ("Simulink, structure with time", ".mat", mat({"scope": signals(**ARRAYS)}), BOTH),
+    ("MATLAB, complex numbers", ".mat", mat({"t": TIME, "Force": FORCE + 1j}),
+     ("'Force' is left out: its numbers are complex",)),
     ("Simulink, tout", ".mat", mat({"tout": TIME[:, None], "Force": FORCE}),
      {"Force": (25.0, 0.0)}),
     ("time series in ms", ".mat",

@@ -155,6 +155,7 @@ def _objects(
 def _recording(content: Mapping[str, Any], path: Path, *, objects: bool) -> Recording:
     arrays: dict[str, NDArray[Any]] = {}
     texts: dict[str, list[str]] = {}
+    remarks: list[str] = []
     units: dict[str, str] = {}
     labels: dict[str, str] = {}
     for name, value in _flat(content, "", units, labels):
@@ -162,10 +163,14 @@ def _recording(content: Mapping[str, Any], path: Path, *, objects: bool) -> Reco
             texts[name] = [value]
         elif _is_texts(value):
             texts[name] = [item if isinstance(item, str) else "" for item in np.ravel(value)]
-        elif isinstance(value, np.ndarray | int | float) and np.asarray(value).dtype.kind in "biuf":
-            arrays[name] = np.asarray(value)
+        elif isinstance(value, np.ndarray | int | float | complex):
+            array = np.asarray(value)
+            if array.dtype.kind in "biuf":
+                arrays[name] = array
+            elif array.dtype.kind == "c":
+                remarks.append(f"array '{name}' is left out: its numbers are complex")
     single = {name: array for name, array in arrays.items() if array.size == 1}
-    dates, tables, remarks = _objects(path, single) if objects else ({}, [], [])
+    dates, tables, found = _objects(path, single) if objects else ({}, [], [])
     start_time = next((v[0] for k, v in texts.items() if k.lower().endswith("start_time")), None)
     if f"{_PREFIX}variables" in texts and f"{_PREFIX}rates" in arrays:
         columns, problems = _own_variable(arrays, texts), list[str]()
@@ -179,7 +184,7 @@ def _recording(content: Mapping[str, Any], path: Path, *, objects: bool) -> Reco
         [*columns, *tables],
         source=str(path),
         start_time=start_time or None,
-        problems=[*problems, *remarks],
+        problems=[*problems, *remarks, *found],
         remedy=NO_TIME,
     )
 

@@ -63,7 +63,9 @@ def _check_matrix(content: memoryview, order: str) -> None:
         and parts[0][1][0 if order == "<" else 3] == OPAQUE
     ):
         return  # an object, whose values stand elsewhere
-    if len(parts) < 3 or [kind for kind, _ in parts[:2]] != [6, 5] or parts[2][0] not in (1, 2):
+    kinds = [kind for kind, _ in parts[:3]]
+    # Some programs write unsigned dimensions, and names in UTF-8.
+    if len(parts) < 3 or kinds[0] != 6 or kinds[1] not in (5, 6) or kinds[2] not in (1, 2, 16):
         message = "a variable lacks its flags, dimensions or name"
         raise ValueError(message)
     flags, dimensions = parts[0][1], parts[1][1]
