@@ -305,19 +305,13 @@ def overview(channel: RecordedChannel, *, steps: int = 40) -> ChannelOverview:
     some = bool(there.any())
     least = float(np.min(values, where=there, initial=np.inf)) if some else np.nan
     largest = float(np.max(values, where=there, initial=-np.inf)) if some else np.nan
-    with np.errstate(over="ignore"):
-        return _overview(channel, there, least, largest, steps)
-
-
-def _overview(
-    channel: RecordedChannel, there: NDArray[np.bool_], least: float, largest: float, steps: int
-) -> ChannelOverview:
-    """Return the figures; those of values near the largest number there is may be infinite."""
-    values, some = channel.values, bool(there.any())
     edges = np.linspace(0, values.size, min(steps, values.size) + 1).astype(int)
     parts = [values[a:b][there[a:b]] for a, b in zip(edges[:-1], edges[1:], strict=True)]
-    course = np.array([part.mean() if part.size else np.nan for part in parts])
-    span = largest - least
+    with np.errstate(over="ignore"):  # of values near the largest number there is
+        course = np.array([part.mean() if part.size else np.nan for part in parts])
+        mean = float(np.mean(values, where=there)) if some else np.nan
+        span = largest - least
+        scaled = (course - least) / span if span > 0 else np.where(np.isnan(course), np.nan, 0.5)
     return ChannelOverview(
         name=channel.name,
         unit=channel.unit,
@@ -328,7 +322,7 @@ def _overview(
         samples=values.size,
         missing=int(values.size - np.count_nonzero(there)),
         least=least,
-        mean=float(np.mean(values, where=there)) if some else np.nan,
+        mean=mean,
         largest=largest,
-        course=(course - least) / span if span > 0 else np.where(np.isnan(course), np.nan, 0.5),
+        course=scaled,
     )

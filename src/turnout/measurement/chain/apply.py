@@ -222,25 +222,11 @@ def raw_from_physical(dataset: xr.Dataset, channel_map: ChannelMap) -> Recording
 
 
 def map_hash(channel_map: ChannelMap) -> str:
-    """Hash the content of a channel map, whatever its file looks like."""
-    return content_hash(_plain(_without_new(channel_map.model_dump())))
+    """Hash what a channel map states, whatever its file looks like.
 
-
-# Keys that came later: a map without them keeps its hash, so that nothing is read again.
-_LATER = (
-    *("gain_uncertainty", "clock_uncertainty"),
-    *("recorded_average", "recorded_filter", "recorded_rate"),
-    *("drive_voltage", "drive_power", "phases"),
-)
-
-
-def _without_new(value: Any) -> Any:
-    """Return nested data without later keys that are not stated."""
-    if not isinstance(value, dict):
-        return value
-    nothing: tuple[Any, ...] = (None, {}, [])
-    kept = {k: item for k, item in value.items() if item not in nothing or k not in _LATER}
-    return {key: _without_new(item) for key, item in kept.items()}
+    Keys that it leaves out do not count: a new one costs nobody a second reading.
+    """
+    return content_hash(_plain(channel_map.model_dump(exclude_defaults=True)))
 
 
 def stated_uncertainties(channel_map: ChannelMap) -> dict[str, float]:

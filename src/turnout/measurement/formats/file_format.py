@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from turnout.core.errors import FileError
-from turnout.core.files import require_regular_file, write_atomic
+from turnout.core.files import read_fault, require_regular_file, write_atomic
 from turnout.measurement.formats.channel_table import ALL, recordings_of
 from turnout.measurement.formats.comtrade import is_comtrade
 from turnout.measurement.formats.hdf5 import hdf5_bytes
@@ -301,19 +301,12 @@ def _is_text(head: bytes) -> bool:
 
 def _head(path: Path) -> bytes:
     """Return the first bytes of a file that is there, is readable and is not empty."""
+    require_regular_file(path)
     try:
-        require_regular_file(path)
         with path.open("rb") as file:
             head = file.read(SNIFFED_BYTES)
-    except FileNotFoundError:
-        message = f"{path}: no such file; check the path (the current folder is {Path.cwd()})"
-        raise FileError(message) from None
-    except PermissionError:
-        message = f"{path}: is not readable; check its permissions"
-        raise FileError(message) from None
     except (OSError, ValueError) as error:
-        message = f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})"
-        raise FileError(message) from None
+        raise FileError(read_fault(path, error)) from None
     if not head.strip():
         message = f"{path}: the file is empty"
         raise FileError(message)

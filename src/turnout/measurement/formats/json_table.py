@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +16,10 @@ from turnout.measurement.formats.assemble import (
     split_unit,
     tidy_unit,
 )
-from turnout.measurement.formats.channel_table import Table, TableColumn
+from turnout.measurement.formats.channel_table import Table, TableColumn, table_columns
 from turnout.measurement.formats.clock import StatedClock, is_time_name, squeezed
 from turnout.measurement.formats.extent import Declared
 from turnout.measurement.formats.text_dialect import encoding_of
-from turnout.measurement.formats.time_axis import numeric_axis
 from turnout.measurement.recording import Recording
 
 NO_TIME = "give a column 'Time (s)' or a key 'sample_rate' [1/s]"
@@ -92,7 +92,7 @@ def _found(path: Path, held: Any, stated: StatedClock) -> Recording | Table:
     else:
         message = f"its table is nested deeper than {_LARGEST_DEPTH}"
         raise ValueError(message)
-    if isinstance(held, list) and (channels := _channels(held, stated)):
+    if isinstance(held, list) and (channels := _channels(held, stated, str(path))):
         start_time = stated.start_time
         return assemble_recording(channels, source=str(path), start_time=start_time, remedy=NO_TIME)
     columns = []
@@ -173,37 +173,25 @@ def _are_numbers(values: list[Any]) -> bool:
     return all(value is None or type(value) in (int, float) for value in values)
 
 
-def _channels(held: list[Any], stated: StatedClock) -> list[FileColumn]:
+def _channels(held: list[Any], stated: StatedClock, source: str) -> list[FileColumn]:
     """Return channels that each have their name, clock and samples; none if it is no such list."""
     found: list[FileColumn] = []
-    rate = stated.rate()
     for item in held:
         keys = {squeezed(str(key)): key for key in item}
         values = next((item[keys[k]] for k in _VALUES if k in keys), None)
         name = next((str(item[keys[k]]) for k in _NAMES if k in keys), None)
         if name is None or not isinstance(values, list) or not _are_numbers(values):
             return []
+        bare, unit = split_unit(name)
+        unit = tidy_unit(next((str(item[keys[k]]) for k in _UNITS if k in keys), unit))
+        times = {str(k): v for k, v in item.items() if is_time_name(str(k)) and isinstance(v, list)}
         own = StatedClock()
         for key, value in item.items():
             if isinstance(value, str | int | float):
                 own.read(str(key), [value])
-        own_rate = own.rate() or rate
-        bare, unit = split_unit(name)
-        unit = next((str(item[keys[k]]) for k in _UNITS if k in keys), unit)
-        times = next(
-            (item[k] for k in item if is_time_name(str(k)) and isinstance(item[k], list)), None
-        )
-        axis = None if times is None else numeric_axis(np.array(times, dtype=np.float64))
-        found.append(
-            FileColumn(
-                bare,
-                np.array([np.nan if v is None else v for v in values], dtype=np.float64),
-                tidy_unit(unit),
-                time=None if axis is None else axis.seconds,
-                begin=None if axis is None else axis.begin,
-                rate=own_rate[0] if own_rate else None,
-                start=own.start,
-            )
-        )
+        clock = own if own.rate() else replace(own, rates=stated.rates)
+        columns = [TableColumn(key, _cells(cells)) for key, cells in times.items()]
+        columns.append(TableColumn(bare, _cells(values), unit))
+        found += table_columns(Table(columns, clock, source, remedy=NO_TIME, alone=False))
     distinct = len({column.name for column in found}) == len(found)
     return found if distinct else []
