@@ -561,7 +561,9 @@ def _signal_column(table: Table, *, any_name: bool = False) -> int | None:
 
 def _channel_columns(table: Table) -> list[FileColumn]:
     """Return the channels of one throw with their times."""
-    columns = _long_columns(table) or [*_curve_columns(table), *_wide_columns(table)]
+    columns = _long_columns(table)
+    if not columns:
+        columns = _curve_columns(table) if table.curves else _wide_columns(table)
     for place, texts in sorted(table.texts.items()):
         dates = all(is_date(text) for text in texts if text.strip())
         what = "dates without a time of day" if dates else "no numbers"
@@ -572,9 +574,21 @@ def _channel_columns(table: Table) -> list[FileColumn]:
 
 
 def _curve_columns(table: Table) -> list[FileColumn]:
-    rate = table.stated.rate()
+    """Return the curves in cells; a cell beside them may state their rate, interval or start."""
+    stated = replace(table.stated, rates=[*table.stated.rates], weak=[*table.stated.weak])
+    for place, values in table.values.items():
+        if values.size and np.all(values == values[0]):
+            column = table.columns[place]
+            stated.read(column.name, [float(values[0])], unit=column.unit)
+    rate = stated.rate()
+    begin = next((axis.begin for axis in table.axes.values()), None)
     times = [p for p in table.curves if is_time_name(table.columns[p].name)]
-    time = table.curves[times[0]][0] if times else None
+    axis = None
+    for place in times[:1]:
+        column, cells = table.columns[place], np.concatenate(table.curves[place])
+        axis = numeric_axis(cells, name=column.name, unit=column.unit)
+    time = None if axis is None else axis.seconds
+    begin = begin if axis is None or axis.begin is None else axis.begin
     found = []
     for place, curves in table.curves.items():
         if place in times:
@@ -588,7 +602,8 @@ def _curve_columns(table: Table) -> list[FileColumn]:
                 column.description,
                 time=time,
                 rate=rate[0] if rate and time is None else None,
-                start=table.stated.start,
+                start=stated.start,
+                begin=begin,
             )
         )
     return found
@@ -673,8 +688,6 @@ def _channels(table: Table) -> list[int]:
         if headless or index:
             shown = f"column '{_label(table, place)}'"
             table.problems.append(f"{shown} is left out: it counts samples and is no time")
-        elif table.curves:
-            continue  # a number beside a curve in one cell
         elif is_throw_name(name) and values.size and np.all(values == values[0]):
             table.problems.append(f"column '{name}' is left out: it numbers the throw")
         else:
