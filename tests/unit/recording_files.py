@@ -368,14 +368,15 @@ BEGIN = np.datetime64("2026-11-28T08:14:00", "us")
 WAVE = {"wf_increment": STEP, "wf_start_time": BEGIN}
 
 
-def mdf(*, sync: int | None = None, later: float = 0.0) -> Write:
+def mdf(*, sync: int | None = None, later: float = 0.0, unit: str = "s") -> Write:
     def write(path: Path) -> None:
         asammdf = optional("asammdf")
         with asammdf.MDF() as opened:
             opened.append([asammdf.Signal(FORCE, TIME, name="Force", unit="kN")])
             opened.append([asammdf.Signal(CURRENT, TIME + later, name="Current", unit="A")])
-            if sync is not None:
-                for group in opened.groups:
+            for group in opened.groups:
+                group.channels[0].unit = unit
+                if sync is not None:
                     group.channels[0].sync_type = sync
             opened.save(path, overwrite=True)
 
@@ -415,6 +416,8 @@ OPTIONAL: list[File] = [
     ("TDMS, no increment", ".tdms", tdms(first={"wf_increment": 0.0}), ("neither times nor",)),
     ("MDF", ".mf4", mdf(), BOTH),
     ("MDF, a later group", ".mf4", mdf(later=1.5), {"Force": (25.0, 0.0), "Current": (25.0, 1.5)}),
+    ("MDF, master in ms", ".mf4", mdf(unit="ms"), dict.fromkeys(BOTH, (25_000.0, 0.0))),
+    ("MDF, master in no time", ".mf4", mdf(unit="rev"), ("'rev' is no unit of time",)),
     ("MDF over a distance", ".mf4", mdf(sync=3), ("recorded over a distance",)),
     ("Parquet, moments", ".parquet", parquet({"when": MOMENTS, **ARRAYS}), BOTH),
     ("Parquet, index of moments", ".parquet", parquet(ARRAYS, index=MOMENTS), BOTH),

@@ -364,6 +364,11 @@ LOGGERS: list[Kind] = [
      "LabVIEW Measurement\t\nSeparator\tTab\nDecimal_Separator\t.\nX_Columns\tNo\n"
      "***End_of_Header***\t\n\t\nChannels\t2\t\nY_Unit_Label\tkN\tA\nX0\t0.0\t0.0\n"
      "Delta_X\t0.04\t0.04\n***End_of_Header***\t\t\nForce\tCurrent\tComment\n" + rows("\t"), BOTH),
+    ("LabVIEW over a frequency",
+     "LabVIEW Measurement\t\nSeparator\tTab\nX_Columns\tNo\n***End_of_Header***\t\n"
+     "Channels\t2\t\nX_Dimension\tFrequency\tFrequency\nX0\t0.0\t0.0\nDelta_X\t0.04\t0.04\n"
+     "***End_of_Header***\t\t\nForce\tCurrent\tComment\n" + rows("\t"),
+     ("recorded over frequency, not over time",)),
 ]  # fmt: skip
 
 THROWS: list[Kind] = [

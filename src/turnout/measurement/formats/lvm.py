@@ -45,6 +45,10 @@ def read_lvm(path: Path) -> Table:
     # Per channel a value in each column of samples; times take a column each or none.
     places = [n for n, name in enumerate(names) if name.lower() != "x_value"]
     by_channel = {key: _of_channels(values, count) for key, values in own.items()}
+    over = {value.lower() for value in by_channel.get("x_dimension", [])} - {"time"}
+    if over:
+        message = f"{path}: is recorded over {', '.join(sorted(over))}, not over time"
+        raise FileError(message)
     with_times = facts.get("x_columns", "One").lower() != "no"
     stated = StatedClock()
     if not with_times:

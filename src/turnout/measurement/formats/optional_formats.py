@@ -20,7 +20,7 @@ from turnout.measurement.formats.channel_table import (
     TableColumn,
     table_columns,
 )
-from turnout.measurement.formats.clock import StatedClock
+from turnout.measurement.formats.clock import StatedClock, is_time_unit, seconds_of
 from turnout.measurement.formats.extent import Declared
 from turnout.measurement.formats.named_arrays import stated_clock
 from turnout.measurement.formats.time_axis import moments_axis
@@ -122,7 +122,8 @@ def _mdf_times(opened: Any, group: Any, number: int, master: int | None) -> Any:
     if kind is not None:
         message = f"its group is recorded over {kind} ('{channel.name}'), not over time"
         raise ValueError(message)
-    return np.asarray(opened.get_master(number), dtype=np.float64)
+    unit = str(opened.get_channel_unit(group=number, index=master) or "")
+    return np.asarray(opened.get_master(number), dtype=np.float64) * seconds_of(unit)
 
 
 def _mdf_column(opened: Any, name: str, place: tuple[int, int], time: Any) -> FileColumn:
@@ -267,7 +268,9 @@ def read_uff(path: Path) -> Recording:
             continue
         unit = tidy_unit(str(item.get("ordinate_axis_units_lab", "")).strip())
         unit = "" if unit.upper() == "NONE" else unit
-        time = np.asarray(item["x"], dtype=np.float64)
+        label = str(item.get("abscissa_axis_units_lab", "")).strip()
+        factor = seconds_of(label) if is_time_unit(label) else 1.0
+        time = factor * np.asarray(item["x"], dtype=np.float64)
         columns.append(FileColumn(name, np.asarray(item["data"]), unit, time=time))
     return assemble_recording(columns, source=str(path), problems=problems)
 
