@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from turnout.measurement.formats.assemble import FileColumn, split_unit, tidy_unit
 from turnout.measurement.formats.clock import StatedClock, is_time_name, is_time_unit
 from turnout.measurement.formats.time_axis import (
+    LARGEST_DEPARTURE,
     TimeAxis,
     is_stamp,
     may_be_time,
@@ -160,10 +161,13 @@ def _folder(name: str) -> str:
 def _timed(
     name: str, values: NDArray[Any], unit: str, axis: TimeAxis | None, clock: StatedClock | None
 ) -> FileColumn:
-    if axis is not None:
-        time, begin = axis.seconds, axis.begin
-        return FileColumn(name, values, unit, time=time, begin=begin, remark=axis.remark)
     rate = clock.rate() if clock is not None else None
+    if axis is not None:
+        time, begin, remark = axis.seconds, axis.begin, axis.remark
+        step = float(np.median(np.diff(time))) if time.size > 1 else 0.0
+        if rate is not None and abs(rate[0] * step - 1.0) > LARGEST_DEPARTURE:
+            remark = f"check the time: its times are {step:.6g} s apart, {rate[0]:.6g} Hz is stated"
+        return FileColumn(name, values, unit, time=time, begin=begin, remark=remark)
     if clock is None or rate is None:
         return FileColumn(name, values, unit)
     return FileColumn(name, values, unit, rate=rate[0], start=clock.start)
