@@ -101,20 +101,20 @@ def test_texts_are_read_with_the_whole_document() -> None:
 @pytest.mark.parametrize(
     ("field", "tables"),
     [
-        (("drive", "stiffness"), {"drive"}),
-        (("chair", "friction_coefficient"), set()),
-        (("rail", "fit_gap"), {"lock", "stock_rail", "rail", "drive"}),
-        (("rail", "matrices"), {"rail"}),
-        (("movement", "start"), {"schedule"}),
-        (("gravity", ""), set()),
+        (("drive", "stiffness"), ["drive"]),
+        (("chair", "friction_coefficient"), []),
+        (("rail", "fit_gap"), ["drive", "lock", "rail", "stock_rail"]),
+        (("rail", "matrices"), ["rail"]),
+        (("movement", "start"), ["schedule"]),
+        (("gravity", ""), []),
     ],
     ids=str,
 )
-def test_checks_that_read_a_field_are_found(field: tuple[str, str], tables: set[str]) -> None:
+def test_checks_that_read_a_field_are_found(field: tuple[str, str], tables: list[str]) -> None:
     """Also through what is derived from it, as `has_stock_rail` is from `fit_gap`."""
     panel = load_panel("uic60-760-1-15").with_overrides({"lock.rule": "raw gap"})
     found = checks_that_read({field}, panel.__dict__, {})
-    assert {name.partition(" ")[0] for name in found} == tables
+    assert sorted({name.partition(" ")[0] for name in found}) == tables
 
 
 def test_a_machine_is_valid_as_a_whole() -> None:
