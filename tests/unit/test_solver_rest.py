@@ -76,14 +76,6 @@ def test_the_motion_after_rest_is_that_of_rails_that_were_solved_for() -> None:
     np.testing.assert_allclose(stirred.record.g[1:], expected, rtol=0.0, atol=tolerance)
 
 
-def test_rest_is_interrupted_too() -> None:
-    run, _ = thrown()
-    half = round(0.5 * BEGINS / SCHEME.step)
-    assert marched(run, 0, half) == [Code.COMPLETE, half]
-    run.work.stop[0] = 1
-    assert marched(run, half, half + 5) == [Code.INTERRUPTED, half]
-
-
 @pytest.mark.parametrize("chunk", [1, 7])
 def test_rest_does_not_depend_on_how_a_march_is_split(chunk: int) -> None:
     whole, _ = thrown()

@@ -1,6 +1,6 @@
 """Worker processes: fresh, quick to start, deaf to Ctrl-C, and ended with the run.
 
-A new process loads this module before anything else, so it imports nothing else of turnout.
+A new process loads this module before anything else, so it imports little else of turnout.
 """
 
 import gc
@@ -18,6 +18,8 @@ from multiprocessing.process import BaseProcess
 from queue import Empty, SimpleQueue
 from types import ModuleType
 from typing import Any, Generic, ParamSpec, TypeVar
+
+from turnout.core.interrupt import held_interrupt
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -135,23 +137,6 @@ class Tasks(Generic[T]):
         while self.waiting:
             if (future := self.next_done(timeout=POLL_INTERVAL)) is not None:
                 yield future
-
-
-@contextmanager
-def held_interrupt() -> Iterator[None]:
-    """Hold Ctrl-C back until the end, then pass it on to the program."""
-    main = threading.current_thread() is threading.main_thread()
-    if not main or signal.getsignal(signal.SIGINT) is None:  # not Python's to hold
-        yield
-        return
-    came: list[int] = []
-    before = signal.signal(signal.SIGINT, lambda number, _: came.append(number))
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-        if came:
-            signal.raise_signal(signal.SIGINT)
 
 
 def end_pool(pool: Executor) -> None:

@@ -17,7 +17,6 @@ from turnout.solver.solution import evaluate_deviation_forces, gather_modes, sol
 from turnout.solver.solve import (
     CONVERGED,
     NOT_CONVERGED,
-    STOPPED,
     Tolerances,
     evaluate,
     mark_law,
@@ -174,8 +173,6 @@ def follow_path(
     _assemble_path_start(system, table, state, work, inertia, viscosity)
     share, stalled = 0.0, 0
     for _ in range(EVENTS):
-        if work.stop[0]:
-            return STOPPED
         if stalled >= EVENTS_AT_ONE_PLACE:
             break
         _solve_at(system, table, state, work, inputs, 1.0)

@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -10,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.errors import SolverError
+from turnout.core.interrupt import held_interrupt
 from turnout.core.scheme import Scheme
 from turnout.core.threads import one_blas_thread
-from turnout.kernels.interrupt import call_interruptible, one_thread
 from turnout.law.obstruction import Obstructions
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism, Wait
@@ -58,8 +57,8 @@ from turnout.solver.watch import (
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-# Progress is reported, and other signals than Ctrl-C are handled, after so many seconds [s], the
-# first time after so many steps; Ctrl-C ends a run within a step.
+# Progress is reported, and Ctrl-C ends a run, after so many seconds [s]; the first time after so
+# many steps.
 REPORT_INTERVAL, FIRST_REPORT, FIRST_WITHOUT_REPORT = 0.1, 100, 4000
 # Outcomes without a single instant.
 WITHOUT_START = (Code.NO_EQUILIBRIUM, Code.NO_LOADED_START)
@@ -284,17 +283,16 @@ def _carry_out(given: RunPlan, report: Callable[[int, int], None] | None) -> His
     if rods is not None:
         run = replace(run, rods=rods)
     _compile_march(run, after_motion=given.start is not None)
-    with one_thread() as thread:
-        code, done = find_start(run, arrangement, thread, given.start), 0
-        if code == Code.COMPLETE:
-            start_rods(run)
-            store_instant(run.system, run.table, run.state, run.work, run.record, 0)
+    code, done = find_start(run, arrangement, given.start), 0
+    if code == Code.COMPLETE:
+        start_rods(run)
+        store_instant(run.system, run.table, run.state, run.work, run.record, 0)
 
-            def march(first: int, last: int) -> tuple[Code, int]:
-                return _march_in_chunks(run, (first, last, grid.n_steps), report, thread)
+        def march(first: int, last: int) -> tuple[Code, int]:
+            return _march_in_chunks(run, (first, last, grid.n_steps), report)
 
-            ends = () if plan is None else plan.watch.whole
-            code, done, pauses = march_schedule(run, grid, inputs, march, ends)
+        ends = () if plan is None else plan.watch.whole
+        code, done, pauses = march_schedule(run, grid, inputs, march, ends)
     kept = 0 if code in WITHOUT_START else done // stride + 1
     booked = slice(kept) if plan is None else plan.places_of(2, kept)
     balance = energy_balance(run.record.stored[booked], run.record.ledger[booked])
@@ -409,7 +407,6 @@ def _march_in_chunks(
     run: PreparedRun,
     steps: tuple[int, int, int],
     report: Callable[[int, int], None] | None,
-    thread: Executor | None,
 ) -> tuple[Code, int]:
     """March in chunks of about `REPORT_INTERVAL`, and report after each.
 
@@ -421,7 +418,8 @@ def _march_in_chunks(
         while done < until:
             began = time.perf_counter()
             last = min(done + chunk, until)
-            number, done = call_interruptible(thread, run.work.stop, _march, run, done, last)
+            with held_interrupt():
+                number, done = _march(run, done, last)
             if number != Code.COMPLETE or done < last:  # machines that it waited for have arrived
                 return Code(number), done
             took = max(time.perf_counter() - began, 1e-3)
@@ -430,8 +428,7 @@ def _march_in_chunks(
                 report(done, max(n_steps, until))
     except KeyboardInterrupt:  # between two kernels
         return Code.INTERRUPTED, done
-    stopped = bool(run.work.stop[0])  # in the last kernel, after its last step
-    return (Code.INTERRUPTED if stopped else Code.COMPLETE), done
+    return Code.COMPLETE, done
 
 
 def _name_unconverged(mechanism: Mechanism, run: PreparedRun) -> tuple[str, ...]:

@@ -50,7 +50,6 @@ from turnout.solver.seen import StepRecord, store_seen
 from turnout.solver.solve import (
     CONVERGED,
     NOT_CONVERGED,
-    STOPPED,
     Tolerances,
     evaluate,
     iterate_contact_set,
@@ -212,7 +211,7 @@ def _advance(
             copy(begin, state.inputs)
             fails |= code == PASSED
             level += 1
-            if level > stepping.halvings or code == STOPPED:
+            if level > stepping.halvings:
                 return code
             state.counters[COUNT_HALVED] += 1
             h = stepping.step / (1 << level)
@@ -341,7 +340,7 @@ def march(
         if rods is not None:
             free = rods_may_stay(rods, pair, (time, stepping.step))
         if free and stepping.inertia and _stands_still(state, stepping, tolerances, pair):
-            code = STOPPED if work.stop[0] else CONVERGED
+            code = CONVERGED
             if rods is not None:
                 repeat_rods(rods, (time, stepping.step))
         elif stepping.inertia:

@@ -21,7 +21,6 @@ from turnout.solver.solution import gather_modes, solve_displacements
 from turnout.solver.solve import (
     CONVERGED,
     NOT_FINITE,
-    STOPPED,
     Tolerances,
     evaluate,
     save_contact_set,
@@ -61,8 +60,6 @@ def advance_static(
     progress, stalled = 0.0, 0
     save_contact_set(state, work)
     while stalled < EVENTS_AT_ONE_PLACE:
-        if work.stop[0]:
-            return STOPPED
         _solve_at(system, table, state, work, inputs_end, inputs_end, 1.0)
         copy(state.g, work.g_end)
         _solve_at(system, table, state, work, inputs_start, inputs_end, 0.0)

@@ -124,8 +124,7 @@ class Work(NamedTuple):
     - ``argument``, ``force``, ``trial``, ``limit``: laws and frictions at the last solution;
     - ``input_force``: force of the inputs on their rows [N], zero on rows without an input;
     - ``unconverged``: flags the rows that still changed when a step was given up;
-    - ``changed``: whether `LAWS` and `FRICTIONS` may have changed since the contact set was saved;
-    - ``stop``: set on Ctrl-C to end the work between two solutions.
+    - ``changed``: whether `LAWS` and `FRICTIONS` may have changed since the contact set was saved.
     """
 
     row: Floats
@@ -161,7 +160,6 @@ class Work(NamedTuple):
     inputs_start: Floats
     inputs_end: Floats
     changed: Ints
-    stop: Ints
 
 
 def new_work(system: System, table: LawTable) -> Work:
@@ -213,6 +211,5 @@ def new_work(system: System, table: LawTable) -> Work:
             inputs_start=np.zeros(n_inputs),
             inputs_end=np.zeros(n_inputs),
             changed=np.ones(2, dtype=np.int64),
-            stop=np.zeros(1, dtype=np.int64),
         )
     )

@@ -30,7 +30,7 @@ from turnout.solver.solution import gather_modes, solve_displacements
 from turnout.solver.state import COUNT_ITERATIONS, State, set_segment
 from turnout.solver.system import Floats, Ints, System
 
-CONVERGED, NOT_CONVERGED, NOT_FINITE, STOPPED = 0, 1, 2, 4
+CONVERGED, NOT_CONVERGED, NOT_FINITE = 0, 1, 2
 
 NO_NUMBERS = -1
 """In place of a number of rows: displacements are NaN or infinite."""
@@ -257,8 +257,6 @@ def iterate_contact_set(
     for iteration in range(tolerances.iterations):
         solve_displacements(system, table, state, work)
         state.counters[COUNT_ITERATIONS] += 1
-        if work.stop[0]:
-            return STOPPED
         one_at_a_time = ALL_AT_ONCE * iteration >= tolerances.iterations
         count = update_contact_set(system, table, state, work, tolerances, one_at_a_time)
         if count == 0:

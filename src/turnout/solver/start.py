@@ -10,7 +10,6 @@ that they allow, with an energy balance of its own.
 """
 
 from collections.abc import Callable, Hashable
-from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import cast
@@ -20,7 +19,6 @@ from numpy.typing import NDArray
 
 from turnout.core.lru_cache import LRUCache
 from turnout.core.scheme import Scheme
-from turnout.kernels.interrupt import call_interruptible
 from turnout.kernels.shared_record import SharedRecord, clone_record
 from turnout.law.friction import SLIP_FORWARD
 from turnout.law.table import LawTable
@@ -155,7 +153,6 @@ def plan_start(arrangement: Arrangement, scheme: Scheme, prior: PriorMotion) -> 
 def find_start(
     run: PreparedRun,
     arrangement: Arrangement,
-    thread: Executor | None,
     plan: StartPlan | None,
 ) -> Code:
     """Put the state of a run where it starts.
@@ -166,8 +163,6 @@ def find_start(
         From `prepare`; nothing has moved yet.
     arrangement : Arrangement
         What it was prepared from.
-    thread : Executor or None
-        For the kernels.
     plan : StartPlan, optional
         The motion before the start, from `plan_start`.
 
@@ -179,25 +174,23 @@ def find_start(
     if plan is None:
         code = start_at_rest(run, arrangement.mechanism)
     else:
-        code = _start_after(run, arrangement, thread, plan)
+        code = _start_after(run, arrangement, plan)
     if run.obstructions.law.size:
         freeze(run.table, run.state, run.obstructions)
     return code
 
 
-def _start_after(
-    run: PreparedRun, arrangement: Arrangement, thread: Executor | None, plan: StartPlan
-) -> Code:
+def _start_after(run: PreparedRun, arrangement: Arrangement, plan: StartPlan) -> Code:
     """Start from where a prior motion leaves the rails; what is trapped or frozen comes later."""
     left = _cache.get(plan.key)
     if left is None:
         motion = prepare(plan.setup)
         most = MOST_CYCLES if plan.cyclic else 1
-        code, slid = _move(motion, arrangement.mechanism, thread, most)
+        code, slid = _move(motion, arrangement.mechanism, most)
         if not slid and not plan.cyclic:
             motion.give_back(record=True)
             motion = prepare(_set_up_whole(arrangement, plan))
-            code, _ = _move(motion, arrangement.mechanism, thread)
+            code, _ = _move(motion, arrangement.mechanism)
         if code != Code.COMPLETE:
             run.work.unconverged[:] = motion.work.unconverged
             return code
@@ -258,9 +251,7 @@ def _without_timed_laws(arrangement: Arrangement) -> LawTable:
     return table
 
 
-def _move(
-    motion: PreparedRun, mechanism: Mechanism, thread: Executor | None, most: int = 1
-) -> tuple[Code, bool]:
+def _move(motion: PreparedRun, mechanism: Mechanism, most: int = 1) -> tuple[Code, bool]:
     """Move the rails as before a start, from equilibrium without friction.
 
     A motion of which there may be more than one is repeated until the forces of the inputs repeat.
@@ -273,9 +264,7 @@ def _move(
     repeats = False
     for _ in range(most):
         forces = motion.state.input_law_force.copy()
-        code, _ = call_interruptible(thread, motion.work.stop, _call_march, motion, last)
-        if code == Code.INTERRUPTED or motion.work.stop[0]:
-            raise KeyboardInterrupt
+        code, _ = _call_march(motion, last)
         if code != Code.COMPLETE:
             return Code.NO_LOADED_START, False
         change = np.abs(motion.state.input_law_force - forces)
@@ -320,10 +309,7 @@ def _state_left(motion: PreparedRun, frame: Frame) -> _StateLeft:
 
 
 def _start_from(run: PreparedRun, left: _StateLeft) -> Code:
-    """Bring the rails to rest with the contact set and the anchors that a motion left.
-
-    Like `start_at_rest` it takes a limited number of solutions, for which no thread is woken.
-    """
+    """Bring the rails to rest with the contact set and the anchors that a motion left."""
     system, table, state, work = run.system, run.table, run.state, run.work
     _set_present(run)
     set_segments(table, state, left.segment)
