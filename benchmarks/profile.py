@@ -13,7 +13,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from benchmarks.machine import load, machine
@@ -21,7 +20,7 @@ from benchmarks.page import METHODS, write_section
 from benchmarks.schemes import MODES
 from turnout.core.scheme import Scheme
 from turnout.core.threads import one_blas_thread
-from turnout.kernels import compiler  # noqa: F401 - for the types of records
+from turnout.kernels.compiled import compiled
 from turnout.kernels.vector import add_weighted_rows
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.load import load_panel
@@ -93,11 +92,10 @@ def repeated(body: str) -> Callable[..., None]:
     names = {module.__name__.rpartition(".")[2]: module for module in modules}
     text = f"def loop(s, t, st, w, sp, rec, n):\n    for _ in range(n):\n        {body}\n"
     exec(text, names)
-    loop: Callable[..., None] = numba.njit(_nrt=False, error_model="numpy")(names["loop"])
-    return loop
+    return compiled(names["loop"])
 
 
-@numba.njit(_nrt=False, error_model="numpy")
+@compiled
 def flips(s, t, st, w, sp, rec, n):  # type: ignore[no-untyped-def]  # noqa: D103
     row = t.friction_row[3]
     for _ in range(n):
@@ -105,7 +103,7 @@ def flips(s, t, st, w, sp, rec, n):  # type: ignore[no-untyped-def]  # noqa: D10
         update_row(s, t, st, row, w.row, False)
 
 
-@numba.njit(_nrt=False, error_model="numpy")
+@compiled
 def products(s, t, st, w, sp, rec, n):  # type: ignore[no-untyped-def]  # noqa: D103
     for _ in range(n):
         add_weighted_rows(w.q_pred[:40], st.mode_columns[:40], st.columns[0])

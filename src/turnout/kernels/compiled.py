@@ -10,22 +10,31 @@ import functools
 import hashlib
 import inspect
 import os
+import re
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar, cast
 
 from turnout.core.cache_folder import safe_folder, user_cache_folder
+from turnout.core.errors import TurnoutError
+from turnout.core.files import write_atomic
 from turnout.core.sources import KERNELS, digest_of_sources
 from turnout.kernels.arguments import Kind, add_argument, describe
+from turnout.kernels.machine_code import (
+    SUFFIX,
+    MachineCode,
+    built_code,
+    callable_code,
+    machine_digest,
+)
 
 P = ParamSpec("P")
 T = TypeVar("T")
 
 CACHE_VARIABLE = "NUMBA_CACHE_DIR"
 """Environment variable with the folder of compiled kernels, for child processes and Numba."""
-
-SUFFIX = ".kernel"
 
 
 def kernel_cache_folder() -> Path:
@@ -53,6 +62,10 @@ _ROOT = Path(__file__).parents[1]
 _lock = threading.RLock()
 
 
+every_kernel = list["Kernel"]()
+"""All kernels that this process has defined."""
+
+
 class Kernel:
     """A function that is compiled when it is called, or comes compiled from the cache.
 
@@ -64,6 +77,8 @@ class Kernel:
         Whether it is compiled into what calls it; for a loop, arrays that are written overlap none.
     cache_hits : int
         How often machine code came from the cache in this process.
+    ready : dict
+        Machine code in this process, by the kinds of its arguments.
     """
 
     def __init__(self, function: Callable[..., Any], *, loop: bool, part: bool) -> None:
@@ -71,7 +86,8 @@ class Kernel:
         self.py_func, self.loop, self.part = function, loop, part
         self.cache_hits = 0
         self._count = function.__code__.co_argcount
-        self._ready: dict[tuple[Kind, ...], Callable[[list[Any]], Any]] = {}
+        self.ready: dict[tuple[Kind, ...], Callable[[list[Any]], Any]] = {}
+        every_kernel.append(self)
 
     def __call__(self, *args: Any, **named: Any) -> Any:
         """Call the machine code for arguments of these kinds."""
@@ -84,17 +100,18 @@ class Kernel:
         for value in args:
             add_argument(value, words, kinds)
         key = tuple(kinds)
-        call = self._ready.get(key)
+        call = self.ready.get(key)
         if call is None:
-            call = self._prepare(key)
+            _make_ready([(self, key)])
+            call = self.ready[key]
         return call(words)
 
     @property
     def _numba_type_(self) -> Any:
         """Numba's type of this kernel for kernels that call it."""
-        from numba.core.types import Dispatcher
+        import numba
 
-        return Dispatcher(self.dispatcher)
+        return numba.typeof(self.dispatcher)  # type: ignore[no-untyped-call]
 
     @functools.cached_property
     def dispatcher(self) -> Any:
@@ -103,25 +120,19 @@ class Kernel:
 
         return inner_dispatcher(self.py_func, loop=self.loop, part=self.part)
 
-    @property
-    def is_loaded(self) -> bool:
-        """True if this process has machine code of this kernel."""
-        return bool(self._ready)
-
     def is_kept(self) -> bool:
-        """Return True if machine code of this kernel is in use here, or in the cache."""
-        if self._ready:
+        """Return True if machine code of this kernel is in use, built ahead, or in the cache."""
+        begin = f"{self.full_name}-"
+        if self.ready or any(name.startswith(begin) for name in built_code().results):
             return True
-        from turnout.kernels.machine_code import machine_digest
-
         folder = os.environ.get(CACHE_VARIABLE)
-        pattern = f"{self.full_name}-*-{machine_digest()}{SUFFIX}"
+        pattern = f"{begin}*-{machine_digest()}{SUFFIX}"
         return folder is not None and any(Path(folder).glob(pattern))
 
     @property
     def full_name(self) -> str:
         """Module and name, such as "turnout.solver.march.march"."""
-        return f"{self.py_func.__module__}.{self.py_func.__qualname__}"
+        return re.sub(r"[^\w.]", "_", f"{self.py_func.__module__}.{self.py_func.__qualname__}")
 
     def identity(self, kinds: tuple[Kind, ...]) -> str | None:
         """Return a name of the machine code for arguments of some kinds that no other one has.
@@ -142,30 +153,67 @@ class Kernel:
 
     def file_for(self, kinds: tuple[Kind, ...]) -> Path | None:
         """Return the file of the machine code for arguments of some kinds; None without one."""
-        from turnout.kernels.machine_code import machine_digest
-
         folder, identity = os.environ.get(CACHE_VARIABLE), self.identity(kinds)
         if folder is None or identity is None:
             return None
         return Path(folder) / f"{identity}-{machine_digest()}{SUFFIX}"
 
-    def _prepare(self, kinds: tuple[Kind, ...]) -> Callable[[list[Any]], Any]:
-        """Load the machine code for arguments of some kinds, or compile and keep it."""
-        from turnout.kernels.machine_code import MachineCode, callable_code, kept_code
+    def load(self, kinds: tuple[Kind, ...]) -> bool:
+        """Load machine code that was built ahead, or lies in the cache; False if there is none."""
+        identity, code = self.identity(kinds), built_code()
+        if identity is None:
+            return False
+        if identity not in code.results:
+            file = self.file_for(kinds)
+            kept = None if file is None else MachineCode.from_file(file)
+            if kept is None or identity not in kept.results:
+                return False
+            code = kept
+            self.cache_hits += 1
+        self.ready[kinds] = callable_code(code, identity, kinds)
+        return True
 
-        def compile_code() -> MachineCode:
-            from turnout.kernels.compiler import compile_kernel
+    def take(self, code: MachineCode, entry: str, kinds: tuple[Kind, ...]) -> None:
+        """Load and keep machine code that was just made for arguments of some kinds."""
+        self.ready[kinds] = callable_code(code, entry, kinds)
+        file = self.file_for(kinds)
+        if file is not None:
+            with suppress(OSError, TurnoutError):  # without a cache it is made again
+                write_atomic(file, code.to_bytes(), durable=False)
 
-            name = self.identity(kinds) or f"{self.full_name}-{os.urandom(16).hex()}"
-            return compile_kernel(self.dispatcher, kinds, name=name)
 
-        with _lock:
-            if kinds in self._ready:
-                return self._ready[kinds]
-            code, hit = kept_code(self.file_for(kinds), compile_code)
-            self.cache_hits += hit
-            self._ready[kinds] = callable_code(code, kinds)
-            return self._ready[kinds]
+Wanted = tuple[Kernel, tuple[Kind, ...]]
+
+
+def prepare_kernels(*calls: tuple[Callable[..., Any], Sequence[Any]]) -> None:
+    """Load kernels for calls with these arguments, and compile those that are not in the cache.
+
+    What several of these call is optimised once.
+    """
+    wanted = list[Wanted]()
+    for kernel, args in calls:
+        kinds: list[Kind] = []
+        for value in args:
+            add_argument(value, [], kinds)
+        wanted.append((cast("Kernel", kernel), tuple(kinds)))
+    _make_ready(wanted)
+
+
+def _make_ready(wanted: Sequence[Wanted]) -> None:
+    with _lock:
+        missing = [(kernel, kinds) for kernel, kinds in wanted if kinds not in kernel.ready]
+        missing = [(kernel, kinds) for kernel, kinds in missing if not kernel.load(kinds)]
+        if missing:
+            from turnout.kernels.compiler import compile_kernels
+
+            names = [
+                kernel.identity(kinds) or f"{kernel.full_name}-{os.urandom(16).hex()}"
+                for kernel, kinds in missing
+            ]
+            parts = [(kernel.dispatcher, kinds) for kernel, kinds in missing]
+            code = compile_kernels(parts, names)
+            for (kernel, kinds), name in zip(missing, names, strict=True):
+                kernel.take(code, name, kinds)
 
 
 def compiled(function: Callable[P, T]) -> Callable[P, T]:

@@ -1,219 +1,214 @@
 """Compile kernels with Numba; imported only if a kernel is not in the cache.
 
-Numba optimises each kernel with all that it calls and makes machine code of it, and does the same
-again for whatever calls that kernel. Only the few kernels that Python calls need this. Every kernel
-is therefore compiled to plain intermediate code, which is kept for other kernels that call it; what
-Python calls is this code behind an entry that reads arguments from memory, optimised once, with all
-that it calls. This halves the time of a first start and changes no bit.
+Numba turns a kernel and all that it calls into intermediate code, behind an entry that reads
+arguments from words in memory and stores its result there. LLVM, by llvmlite, then optimises the
+whole and makes an object of it. Only names that Numba and llvmlite document are used here, so that
+any Numba will do; it optimises each kernel for itself as well, though, and makes machine code of it
+that nobody calls. `turnout.kernels.plain_code` takes this away for versions of Numba it knows.
 """
 
 import os
-from collections.abc import Callable
-from contextlib import suppress
+import re
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numba
 import numpy as np
-from llvmlite import ir
-from llvmlite.binding import parse_bitcode
-from numba.core import cgutils, types
-from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
-from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import CR_FIELDS, CompilerBase, CompileResult, DefaultPassBuilder
-from numba.core.compiler_lock import global_compiler_lock
-from numba.core.registry import CPUDispatcher
-from numba.np.arrayobj import make_array, populate_array
+from llvmlite import binding, ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
 
 import turnout.kernels.inverse_code
 import turnout.kernels.lane_code
 import turnout.kernels.memory_code  # noqa: F401 - it registers what kernels call
+from turnout.core.files import write_atomic
 from turnout.kernels.arguments import ARRAY, LOGICAL, NOTHING, NUMBER, TUPLE, WHOLE, Kind
-from turnout.kernels.index_code import index_from_front
-from turnout.kernels.machine_code import DIGEST_SIZE, MachineCode, digest_of, machine_digest
+from turnout.kernels.intrinsic import array_value
+from turnout.kernels.machine_code import (
+    BUILDER_VARIABLE,
+    LAPACK,
+    LEVELS,
+    MachineCode,
+    built_file,
+    name_lapack,
+)
 from turnout.kernels.record_code import record_type
 from turnout.kernels.shared_record import RecordKind
 
-CACHE_FOLDER = os.environ.get("NUMBA_CACHE_DIR", "")
-# Numba unpickles what it keeps there; `turnout.kernels.compiled` chose a folder of the user alone.
-setattr(numba.config, "CACHE_DIR", CACHE_FOLDER)  # noqa: B010
-
 _WORD = ir.IntType(64)
+config: Any = numba.config
+_PLAIN: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
+"""Options of all that is compiled: it raises no exception of its own and counts no references."""
+LIBRARIES = frozenset(
+    ["malloc", "free", "memcpy", "memmove", "memset", "fma", "sqrt", "exp", "log", "pow"]
+    + ["sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "hypot"]
+)
+"""Functions of the libraries of C that kernels may call."""
+_RAISING = "gil_ensure|gil_release|do_raise|unpickle|runtime_build_excinfo_struct"
+"""Functions of Numba's runtime by which an exception comes to Python."""
+_RUNTIME = re.compile(rf'^declare ([^@\n]*)(@"?(?:_?Py\w+|numba_(?:{_RAISING}))"?\(.*\)).*$')
+_VARIABLE = re.compile(r'^(@"?_?Py\w*"?) = external (.*global) ([^,\n]*)')
 
 
-class _PlainCode(JITCodeLibrary):
-    """Code of a kernel for other kernels: neither optimised nor made machine code."""
-
-    def _optimize_final_module(self) -> None:
-        pass
-
-    def _finalize_final_module(self) -> None:
-        self._finalize_dynamic_globals()
-        self._finalized = True
+def _machine(processor: str, features: str) -> Any:
+    """Return a machine that makes code for a processor."""
+    binding.initialize_native_target()
+    binding.initialize_native_asmprinter()
+    return binding.Target.from_default_triple().create_target_machine(
+        cpu=processor, features=features, opt=3, jit=True, codemodel="jitdefault"
+    )
 
 
-class _WholeCode(JITCodeLibrary):
-    """Code of a kernel with its entry: optimised, and made an object instead of loaded."""
+@cache
+def _this_machine() -> Any:
+    """Return a machine that makes code for this processor, or the one that Numba is told."""
+    if config.CPU_NAME:
+        return _machine(config.CPU_NAME, config.CPU_FEATURES or "")
+    return _machine(binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten())
 
-    def _finalize_final_module(self) -> None:
-        self._finalized = True
 
-    def to_object(self) -> bytes:
-        """Return the object."""
-        found: bytes = self._codegen._tm.emit_object(self._final_module)
+@cache
+def plain_code() -> Any:
+    """Return the module that restricts Numba to intermediate code; None for an unknown version."""
+    if os.environ.get(BUILDER_VARIABLE) == "public":
+        return None
+    from turnout.kernels import plain_code as found
+
+    if found.is_known():
         return found
+    print(f"the first start takes longer with numba {numba.__version__}", file=sys.stderr)
+    return None
 
 
-class _Inner(CompilerBase):
-    """Compile a kernel to plain code."""
-
-    def compile_extra(self, func: Any) -> CompileResult:
-        """Compile; Numba calls this while no other thread compiles."""
-        with index_from_front():
-            found: CompileResult = super().compile_extra(func)
-            return found
-
-    def define_pipelines(self) -> list[object]:
-        """Return the pipeline of Numba, which then ends with plain code."""
-        state = self.state
-        state.flags.no_cpython_wrapper = True
-        state.flags.no_compile = True
-        codegen = state.targetctx.codegen()
-        state.library = _PlainCode(codegen, state.func_id.func_qualname)
-        pipeline: object = DefaultPassBuilder.define_nopython_pipeline(state)
-        return [pipeline]
-
-
-class _InnerLoop(_Inner):
-    """Compile with the flag `noalias`: no array that is written overlaps another.
-
-    Without it a vectorised loop over several arrays begins with overlap checks, which short loops
-    do not repay.
-    """
-
-    def define_pipelines(self) -> list[object]:
-        """Return the pipeline with the flag set."""
-        self.state.flags.noalias = True
-        return super().define_pipelines()
-
-
-class _PlainCodeFiles(CompileResultCacheImpl):
-    """Plain code of a kernel in the cache."""
-
-    def get_filename_base(self, fullname: str, abiflags: str) -> str:
-        """Return the beginning of the names of its files."""
-        return f"inner.{super().get_filename_base(fullname, abiflags)}.{machine_digest()}"
-
-    def reduce(self, cres: Any) -> Any:
-        """Return the stored form of compiled code."""
-        cres.fndesc.typemap = cres.fndesc.calltypes = None  # of the compiler, and large
-        code = cres.library._final_module.as_bitcode()
-        return cres.library.name, code, cres.fndesc, cres.signature, cres.reload_init
-
-    def rebuild(self, target_context: Any, payload: Any) -> Any:
-        """Return compiled code from its stored form."""
-        name, code, fndesc, signature, reload_init = payload
-        library = _PlainCode(target_context.codegen(), name)
-        library._final_module = parse_bitcode(code)
-        library._finalize_final_module()
-        known = {"fndesc": fndesc, "signature": signature, "reload_init": reload_init}
-        blank: dict[str, Any] = dict.fromkeys(CR_FIELDS)
-        known |= {"library": library, "target_context": target_context}
-        return CompileResult(**blank | known | {"lifted": (), "entry_point": library})
-
-
-class _DigestedFiles(IndexDataCacheFile):
-    """Files of Numba's cache whose data end with a digest, by which damage is detected."""
-
-    def _load_data(self, name: str) -> Any:
-        content = Path(self._data_path(name)).read_bytes()
-        if digest_of(content[:-DIGEST_SIZE]) != content[-DIGEST_SIZE:]:
-            msg = "plain code in the cache is damaged"
-            raise ValueError(msg)
-        return super()._load_data(name)  # which passes over what follows its data
-
-    def _dump(self, obj: Any) -> bytes:
-        content = bytes(super()._dump(obj))
-        return content + digest_of(content)
-
-
-class _PlainCodeCache(FunctionCache):
-    """Cache of the plain code of kernels; if it cannot serve, code is compiled again."""
-
-    _impl_class = _PlainCodeFiles
-
-    def __init__(self, function: Any) -> None:
-        super().__init__(function)
-        self._cache_file = _DigestedFiles(
-            cache_path=self._cache_path,
-            filename_base=self._impl.filename_base,
-            source_stamp=self._impl.locator.get_source_stamp(),
-        )
-
-    def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return kept code; None if there is none for these arguments, or it is damaged."""
-        try:
-            found = super().load_overload(sig, target_context)
-        except Exception:  # whatever comes of unpickling what is damaged
-            with suppress(OSError):
-                self.flush()
-            return None
-        # Two processes may have given one name to the code of different arguments.
-        return found if found is not None and found.signature.args == tuple(sig) else None
-
-    def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep code, if the folder takes it."""
-        with suppress(OSError):
-            super().save_overload(sig, data)
-
-
-class _InnerKernel(CPUDispatcher):
-    """A kernel as Numba has it; its code has no address of its own."""
-
-    def enable_caching(self) -> None:
-        """Keep the plain code: another kernel may need it later."""
-        self._cache = _PlainCodeCache(self.py_func)
-
-    def add_overload(self, cres: Any) -> None:
-        """Register compiled code under a mark in place of an address."""
-        found = cres._replace(entry_point=object())
-        mark, code = found.entry_point, found.library
-        self.targetctx.insert_user_function(mark, found.fndesc, [code])
-        self.overloads[tuple(found.signature.args)] = found
-
-
-def inner_dispatcher(function: Callable[..., Any], *, loop: bool, part: bool) -> CPUDispatcher:
-    """Return the dispatcher of Numba for a kernel."""
+def inner_dispatcher(function: Callable[..., Any], *, loop: bool, part: bool) -> Any:
+    """Return a kernel as Numba has it."""
     options: dict[str, Any] = {
-        "nopython": True,
-        "error_model": "numpy",
-        "_nrt": False,
+        **_PLAIN,
+        "no_cpython_wrapper": True,
         "no_cfunc_wrapper": True,  # no kernel is passed to another one
         # Left out where it is false, a kernel would take it over from the one that calls it first.
         "forceinline": loop or part,
     }
-    compiler = _InnerLoop if loop else _Inner
-    inner = _InnerKernel(function, targetoptions=options, pipeline_class=compiler)
-    if CACHE_FOLDER:
-        inner.enable_caching()
-    return inner
+    found = plain_code()
+    return numba.njit(**options, **({} if found is None else found.options(loop)))(function)
 
 
-def compile_kernel(dispatcher: Any, kinds: tuple[Kind, ...], *, name: str) -> MachineCode:
-    """Return the machine code of a kernel for arguments of some kinds, its entry with a name."""
-    given = tuple(_type_of(kind) for kind in kinds)
-    with global_compiler_lock:
-        dispatcher.compile(given)
-        inner = dispatcher.overloads[given]
-        result = _result_kind(inner.signature.return_type)
-        context = dispatcher.targetctx
-        library = _WholeCode(context.codegen(), name)
-        module = library.create_ir_module(name)
-        _write_entry(context, module, name, inner)
-        library.add_ir_module(module)
-        library.add_linking_library(inner.library)
-        library.finalize()
-        return MachineCode(name, result, library.to_object())
+Parts = Sequence[tuple[Any, tuple[Kind, ...]]]
+"""Dispatchers, each with the kinds of its arguments."""
+
+
+def compile_kernels(parts: Parts, names: Sequence[str]) -> MachineCode:
+    """Return the machine code of kernels for this processor, their entries named."""
+    return _codes(parts, names, [_this_machine()])[0]
+
+
+def build_ahead(parts: Parts, names: Sequence[str]) -> list[Path]:
+    """Write the machine code of kernels for each of `LEVELS` beside the sources."""
+    machines = [_machine(level, "") for level in LEVELS]
+    files = [built_file(level) for level in LEVELS]
+    for file, code in zip(files, _codes(parts, names, machines), strict=True):
+        file.parent.mkdir(exist_ok=True)
+        write_atomic(file, code.to_bytes())
+    return files
+
+
+def _codes(parts: Parts, names: Sequence[str], machines: Sequence[Any]) -> list[MachineCode]:
+    given = zip(parts, names, strict=True)
+    found = [_intermediate_code(dispatcher, kinds, name) for (dispatcher, kinds), name in given]
+    texts, results = [text for text, _ in found], [result for _, result in found]
+    return [
+        MachineCode(dict(zip(names, results, strict=True)), _object_of(texts, names, machine))
+        for machine in machines
+    ]
+
+
+def _intermediate_code(dispatcher: Any, kinds: tuple[Kind, ...], name: str) -> tuple[str, Kind]:
+    """Return the code of a kernel and of all that it calls, and the kind of its result.
+
+    The code holds ``int64 name(void *words)``, which returns 1 when all went well.
+    """
+    name_lapack()
+    read, results = _reader(kinds), list[Any]()
+    write = _writer(results)
+    wanted = types.int64(types.int64)
+
+    def entry(words: int) -> int:
+        write(words, dispatcher(*read(words)))
+        return 1
+
+    found = plain_code()
+    with _unoptimised() if found is None else found.made():
+        function = numba.cfunc(wanted, **_PLAIN)(entry)
+        text = function.inspect_llvm()
+    return _without_runtime(text.replace(function.native_name, name)), _result_kind(results[0])
+
+
+@contextmanager
+def _unoptimised() -> Iterator[None]:
+    """Switch Numba's optimisation off for a while."""
+    _have_compiled()
+    before = config.OPT
+    config.OPT = type(before)(0)
+    try:
+        yield
+    finally:
+        config.OPT = before
+
+
+@cache
+def _have_compiled() -> None:
+    """Compile something: how well Numba makes machine code is settled the first time."""
+    numba.njit("float64(float64)", cache=False)(lambda x: x)
+
+
+def _without_runtime(text: str) -> str:
+    """Return code with empty functions in place of those that raise an exception in Python.
+
+    An entry then returns zero where a kernel fails. What is missing in an object ends the process.
+    """
+    lines = []
+    for line in text.splitlines():
+        called, variable = _RUNTIME.match(line), _VARIABLE.match(line)
+        if called:
+            kind, rest = called[1].split()[-1], called[2].replace("...", "")
+            value = "void" if kind == "void" else f"{kind} zeroinitializer"
+            line = f"define internal {kind} {rest} {{ ret {value} }}"
+        elif variable:
+            line = f"{variable[1]} = internal {variable[2]} {variable[3]} zeroinitializer"
+        lines.append(line)
+    return "\n".join(lines)
+
+
+def _object_of(texts: Sequence[str], entries: Sequence[str], machine: Any) -> bytes:
+    """Return an object of some code, which has been optimised as a whole.
+
+    Raises
+    ------
+    TypeError
+        If a kernel calls what is in no process without Numba.
+    """
+    whole = binding.parse_assembly(texts[0])
+    for text in texts[1:]:
+        whole.link_in(binding.parse_assembly(text))
+    for function in whole.functions:
+        if not function.is_declaration and function.name not in entries:
+            function.linkage = "internal"
+    tuning = binding.create_pipeline_tuning_options(speed_level=3)
+    tuning.loop_vectorization, tuning.slp_vectorization = True, False
+    passes = binding.create_pass_builder(machine, tuning)
+    passes.getModulePassManager().run(whole, passes)
+    declared = {function.name for function in whole.functions if function.is_declaration}
+    missing = {name for name in declared if not name.startswith(("llvm.", LAPACK))} - LIBRARIES
+    if missing:
+        msg = f"{entries[0]}: calls {', '.join(sorted(missing))}, which no kernel can"
+        raise TypeError(msg)
+    found: bytes = machine.emit_object(whole)
+    return found
 
 
 def _type_of(kind: Kind) -> types.Type:
@@ -256,28 +251,42 @@ def _result_kind(kind: Any) -> Kind:
     raise TypeError(msg)
 
 
-def _write_entry(context: Any, module: Any, name: str, inner: Any) -> None:
-    """Write ``int name(void *words)``, which calls the kernel and stores its result there."""
-    kind = ir.FunctionType(ir.IntType(32), [_WORD.as_pointer()])
-    function = ir.Function(module, kind, name)
-    builder = ir.IRBuilder(function.append_basic_block("entry"))
-    words = _Words(context, builder, function.args[0])
-    given = [words.read(argument) for argument in inner.signature.args]
-    callee = context.declare_function(module, inner.fndesc)
-    result = inner.signature.return_type
-    status, value = context.call_conv.call_function(
-        builder, callee, result, inner.signature.args, given
-    )
-    words.at = 0
-    words.write(value, result)
-    builder.ret(status.code)
+def _reader(kinds: tuple[Kind, ...]) -> Any:
+    """Return a function for kernels that reads arguments of some kinds from words."""
+    given = types.Tuple([_type_of(kind) for kind in kinds])
+
+    @intrinsic
+    def read(_typing: Any, words: Any) -> Any:
+        def build(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+            return _Words(context, builder, args[0]).read(given)
+
+        return given(words), build
+
+    return read
+
+
+def _writer(results: list[Any]) -> Any:
+    """Return a function for kernels that writes a result to words; its type is put in a list."""
+
+    @intrinsic
+    def write(_typing: Any, words: Any, result: Any) -> Any:
+        results.append(result)
+
+        def build(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+            _Words(context, builder, args[0]).write(args[1], result)
+            return context.get_dummy_value()
+
+        return types.none(words, result), build
+
+    return write
 
 
 class _Words:
     """Words of eight bytes that an entry reads, and then writes, one after the other."""
 
-    def __init__(self, context: Any, builder: Any, words: Any) -> None:
-        self.context, self.builder, self.words, self.at = context, builder, words, 0
+    def __init__(self, context: Any, builder: Any, address: Any) -> None:
+        self.context, self.builder, self.at = context, builder, 0
+        self.words = builder.inttoptr(address, _WORD.as_pointer())
 
     def _next(self) -> Any:
         place = self.builder.gep(self.words, [ir.Constant(_WORD, self.at)])
@@ -290,7 +299,10 @@ class _Words:
     def read(self, kind: Any) -> Any:
         """Return an argument as Numba has it."""
         if isinstance(kind, types.Array):
-            return self._read_array(kind)
+            data = self._read()
+            shape = [self._read() for _ in range(kind.ndim)]
+            strides = [self._read() for _ in range(kind.ndim)]
+            return array_value(self.context, self.builder, kind, data, shape, strides)
         if isinstance(kind, types.BaseTuple):
             return self.context.make_tuple(
                 self.builder, kind, [self.read(one) for one in _items(kind)]
@@ -303,22 +315,6 @@ class _Words:
         if isinstance(kind, types.Boolean):
             return self.builder.icmp_unsigned("!=", word, ir.Constant(_WORD, 0))
         return word
-
-    def _read_array(self, kind: Any) -> Any:
-        array = make_array(kind)(self.context, self.builder)
-        address = self._read()
-        shape = [self._read() for _ in range(kind.ndim)]
-        strides = [self._read() for _ in range(kind.ndim)]
-        size = self.context.get_abi_sizeof(self.context.get_data_type(kind.dtype))
-        populate_array(
-            array,
-            data=self.builder.inttoptr(address, array.data.type),
-            shape=shape,
-            strides=strides,
-            itemsize=ir.Constant(_WORD, size),
-            meminfo=None,
-        )
-        return array._getvalue()
 
     def write(self, value: Any, kind: Any) -> None:
         """Write a result."""

@@ -1,12 +1,12 @@
 """Functions whose code in kernels is emitted by hand; imported only to compile kernels."""
 
-from collections.abc import Callable
+import inspect
+from collections.abc import Callable, Sequence
 from typing import Any
 
-from numba.core import types
-from numba.core.imputils import lower_builtin
-from numba.core.typing.templates import AbstractTemplate, infer_global, signature
-from numba.np.arrayobj import make_array
+from llvmlite import ir
+from numba import types
+from numba.extending import lower_builtin, type_callable
 
 Build = Callable[[Any, Any, tuple[Any, ...]], Any]
 
@@ -16,6 +16,7 @@ def register_intrinsic(
     result: types.Type,
     build: Build,
     *wanted: Callable[[Any], Any],
+    lowered: Sequence[Any] = (types.VarArg(types.Any),),
 ) -> None:
     """Register a function as an intrinsic: kernels inline the LLVM code that `build` emits.
 
@@ -26,28 +27,48 @@ def register_intrinsic(
     result : type of Numba
         What it returns.
     build : callable
-        Called with context, builder and values, arrays among them as `make_array` has them.
+        Called with context, builder and values, arrays among them as structures of Numba.
     *wanted : callable
         The type that each argument is cast to, from its own; None where it does not fit.
+    lowered : sequence of types of Numba
+        Of the arguments, for a function that takes others besides, such as an operator.
     """
 
-    class Template(AbstractTemplate):
-        key = function
+    def typer(*args: Any) -> Any:
+        kinds = [kind(arg) for kind, arg in zip(wanted, args, strict=True)]
+        return None if None in kinds else result(*kinds)
 
-        def generic(self, args: tuple[Any, ...], _kws: Any) -> Any:
-            kinds = [kind(arg) for kind, arg in zip(wanted, args, strict=True)]
-            return None if None in kinds else signature(result, *kinds)
+    typer.pysig = inspect.signature(function)  # type: ignore[attr-defined]
+    type_callable(function)(lambda _context: typer)
 
     def lower(context: Any, builder: Any, sig: Any, args: tuple[Any, ...]) -> Any:
         given = tuple(
-            make_array(kind)(context, builder, arg) if isinstance(kind, types.Array) else arg
+            context.make_array(kind)(context, builder, arg)
+            if isinstance(kind, types.Array)
+            else arg
             for kind, arg in zip(sig.args, args, strict=True)
         )
         found = build(context, builder, given)
         return context.get_dummy_value() if result is types.none else found
 
-    infer_global(function, types.Function(Template))
-    lower_builtin(function, types.VarArg(types.Any))(lower)
+    lower_builtin(function, *lowered)(lower)
+
+
+def array_value(
+    context: Any, builder: Any, kind: Any, address: Any, shape: list[Any], strides: list[Any]
+) -> Any:
+    """Return an array of memory that is not Numba's, at an address as a word."""
+    array = context.make_array(kind)(context, builder)
+    size = context.get_abi_sizeof(context.get_data_type(kind.dtype))
+    context.populate_array(
+        array,
+        data=builder.inttoptr(address, array.data.type),
+        shape=shape,
+        strides=strides,
+        itemsize=ir.Constant(ir.IntType(64), size),
+        meminfo=None,
+    )
+    return array._getvalue()
 
 
 def array_of(*numbers: types.Type, ndim: int = 1) -> Callable[[Any], Any]:

@@ -3,7 +3,7 @@
 from typing import Any
 
 from llvmlite import ir
-from numba.core import types
+from numba import types
 from numba.core.cgutils import alloca_once, get_or_insert_function
 
 from turnout.kernels import inverse

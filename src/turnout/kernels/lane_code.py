@@ -4,10 +4,8 @@ import operator
 from typing import Any
 
 from llvmlite import ir
-from numba.core import types
+from numba import types
 from numba.core.cgutils import get_or_insert_function
-from numba.core.imputils import lower_builtin
-from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import models, register_model
 
 from turnout.kernels import lanes
@@ -242,20 +240,10 @@ def _arithmetic() -> None:
         *((operator.mul, "fmul"), (operator.truediv, "fdiv")),
     ):
 
-        class Template(AbstractTemplate):
-            key = sign
-
-            def generic(self, args: tuple[Any, ...], _kws: Any) -> Any:
-                if args == (_LANES, _LANES):
-                    return signature(_LANES, *args)
-                return None
-
-        infer_global(sign)(Template)
-
-        def lower(_c: Any, builder: Any, _s: Any, args: tuple[Any, ...], name: str = name) -> Any:
+        def build(_context: Any, builder: Any, args: tuple[Any, ...], name: str = name) -> Any:
             return getattr(builder, name)(*args)
 
-        lower_builtin(sign, _Lanes, _Lanes)(lower)
+        register_intrinsic(sign, _LANES, build, _eight, _eight, lowered=(_Lanes, _Lanes))
 
 
 _register_lanes()

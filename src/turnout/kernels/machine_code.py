@@ -8,11 +8,9 @@ import ctypes
 import hashlib
 import json
 import os
-import re
 import struct
 from collections.abc import Callable, Sequence
-from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -20,9 +18,12 @@ from typing import Any, Self
 
 from llvmlite import binding
 
-from turnout.core.errors import TurnoutError
-from turnout.core.files import write_atomic
+from turnout.core.sources import KERNELS, digest_of_sources
 from turnout.kernels.arguments import NOTHING, Kind, result_from, struct_format
+
+SUFFIX = ".kernel"
+BUILDER_VARIABLE = "TURNOUT_KERNELS"
+"""Environment variable: "public" leaves parts of Numba alone that are not public."""
 
 LAPACK = "turnout_lapack_"
 """Begin of the names of procedures of LAPACK in machine code."""
@@ -30,36 +31,37 @@ LAPACK = "turnout_lapack_"
 
 @dataclass(frozen=True, slots=True)
 class MachineCode:
-    """A kernel for arguments of some kinds.
+    """An object of kernels that were compiled together, each for arguments of some kinds.
 
     Attributes
     ----------
-    entry : str
-        Name of the function ``int entry(void *words)``, which returns zero when all went well.
-    result : kind
-        What it returns, see `turnout.kernels.arguments`.
+    results : dict of str to kind
+        What each of its functions ``int64 entry(void *words)`` leaves in the words, see
+        `turnout.kernels.arguments`, by name. It returns 1 when all went well.
     content : bytes
-        The object that holds it.
+        The object.
     """
 
-    entry: str
-    result: Kind
+    results: dict[str, Kind]
     content: bytes
 
     def to_bytes(self) -> bytes:
         """Return the content of its file."""
-        head = {name: value for name, value in asdict(self).items() if name != "content"}
-        line = json.dumps(head).encode() + b"\n"
+        line = json.dumps(self.results).encode() + b"\n"
         return digest_of(line + self.content) + line + self.content
 
     @classmethod
-    def from_bytes(cls, content: bytes) -> Self | None:
-        """Return the content of a file; None if it is damaged."""
+    def from_file(cls, file: Path) -> Self | None:
+        """Return the content of a file; None if there is no file, or a damaged one."""
+        try:
+            content = file.read_bytes()
+        except OSError:
+            return None
         digest, rest = content[:DIGEST_SIZE], content[DIGEST_SIZE:]
         if digest_of(rest) != digest:
             return None
         head, _, code = rest.partition(b"\n")
-        return cls(**json.loads(head), content=code)
+        return cls(json.loads(head), code)
 
 
 DIGEST_SIZE = 16
@@ -70,14 +72,11 @@ def digest_of(content: bytes) -> bytes:
     return hashlib.blake2b(content, digest_size=DIGEST_SIZE).digest()
 
 
-CODE_VARIABLES = tuple(
-    f"NUMBA_{name}"
-    for name in (
-        *("CPU_NAME", "CPU_FEATURES", "ENABLE_AVX", "OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE"),
-        *("DISABLE_INTEL_SVML", "BOUNDSCHECK", "DEBUGINFO"),
-    )
+CODE_VARIABLES = (
+    *("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "NUMBA_BOUNDSCHECK", "NUMBA_DEBUGINFO"),
+    BUILDER_VARIABLE,
 )
-"""Environment variables by which Numba makes other code of the same source."""
+"""Environment variables by which other code is made of the same source."""
 
 
 @cache
@@ -90,37 +89,46 @@ def machine_digest() -> str:
     return hashlib.blake2b("\n".join(known).encode(), digest_size=6).hexdigest()
 
 
-def callable_code(code: MachineCode, kinds: Sequence[Kind]) -> Callable[[list[Any]], Any]:
-    """Load machine code and return it as a function of the words of its arguments.
+def callable_code(
+    code: MachineCode, entry: str, kinds: Sequence[Kind]
+) -> Callable[[list[Any]], Any]:
+    """Load machine code and return an entry as a function of the words of its arguments.
 
     It lets other threads of Python run. The arguments must live until it returns.
     """
-    native = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p)(load_entry(code))
-    given, found = struct.Struct(struct_format(kinds)), struct.Struct(struct_format([code.result]))
+    native, result = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p), code.results[entry]
+    function = native(load_entry(code, entry))
+    given, found = struct.Struct(struct_format(kinds)), struct.Struct(struct_format([result]))
     memory = ctypes.c_char * max(given.size, found.size, 8)
     spare = bytes(ctypes.sizeof(memory) - given.size)
-    pack, unpack, result, entry = given.pack, found.unpack_from, code.result, code.entry
+    pack, unpack = given.pack, found.unpack_from
 
     def call(words: list[Any]) -> Any:
         place = memory.from_buffer_copy(pack(*words) + spare)
-        if status := native(place):
-            msg = f"{entry}: failed with status {status}"
+        if function(place) != 1:
+            msg = f"{entry}: failed"
             raise RuntimeError(msg)
         return None if result == NOTHING else result_from(unpack(place), result)
 
     return call
 
 
-def load_entry(code: MachineCode) -> int:
+_loaded = set[bytes]()
+"""Digests of the objects in memory; kernels that were compiled together are one."""
+
+
+def load_entry(code: MachineCode, entry: str) -> int:
     """Return the address of the entry of machine code, which stays in memory."""
-    if LAPACK.encode() in code.content:
-        _name_lapack()
-    engine = _engine()
-    engine.add_object_file(binding.ObjectFileRef.from_data(code.content))
-    engine.finalize_object()
-    address: int = engine.get_function_address(code.entry)
+    engine, digest = _engine(), digest_of(code.content)
+    if digest not in _loaded:
+        if LAPACK.encode() in code.content:
+            name_lapack()
+        engine.add_object_file(binding.ObjectFileRef.from_data(code.content))
+        engine.finalize_object()
+        _loaded.add(digest)
+    address: int = engine.get_function_address(entry)
     if address == 0:
-        msg = f"{code.entry}: is not in its machine code; delete the folder of compiled kernels"
+        msg = f"{entry}: is not in its machine code; delete the folder of compiled kernels"
         raise RuntimeError(msg)
     return address
 
@@ -137,21 +145,8 @@ def _engine() -> Any:
     return binding.create_mcjit_compiler(binding.parse_assembly(""), _machine())
 
 
-def assemble_entry(entry: str, text: str) -> MachineCode:
-    """Return the machine code of a text in the language of LLVM, with plain pointers to words."""
-    if binding.llvm_version_info[0] < 17:  # where each pointer names its type
-        text = re.sub(r"\bptr\b", "i64*", text)
-    return MachineCode(entry, NOTHING, _machine().emit_object(binding.parse_assembly(text)))
-
-
-def variable_address(name: str) -> int:
-    """Return the address of a variable of machine code that was loaded."""
-    address: int = _engine().get_global_value_address(name)
-    return address
-
-
 @cache
-def _name_lapack() -> None:
+def name_lapack() -> None:
     """Give LLVM the addresses of the procedures of SciPy's LAPACK."""
     from scipy.linalg import cython_lapack
 
@@ -164,21 +159,27 @@ def _name_lapack() -> None:
         binding.add_symbol(LAPACK + name, address(capsule, name_of(capsule)))
 
 
-def read_machine_code(file: Path) -> MachineCode | None:
-    """Return the machine code of a file; None if there is none, or it is damaged."""
-    try:
-        return MachineCode.from_bytes(file.read_bytes())
-    except OSError:
-        return None
+LEVELS = {
+    "x86-64-v3": ("avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe"),
+    "x86-64": (),
+}
+"""Processors that kernels are built ahead for, the best first, and what one must have."""
+BUILT = Path(__file__).with_name("built")
+"""Folder of kernels that were built ahead, in a wheel for one platform."""
 
 
-def kept_code(file: Path | None, make: Callable[[], MachineCode]) -> tuple[MachineCode, bool]:
-    """Return machine code from its file, or make and keep it; and True if it came from there."""
-    code = None if file is None else read_machine_code(file)
-    if code is not None:
-        return code, True
-    code = make()
-    if file is not None:
-        with suppress(OSError, TurnoutError):  # without a cache it is made again
-            write_atomic(file, code.to_bytes(), durable=False)
-    return code, False
+def built_file(level: str) -> Path:
+    """Return the file of kernels that were built ahead from the present sources."""
+    return BUILT / f"{digest_of_sources(KERNELS)}-{level}{SUFFIX}"
+
+
+@cache
+def built_code() -> MachineCode:
+    """Return the kernels built ahead for this processor, perhaps none."""
+    nothing = MachineCode({}, b"")
+    if not BUILT.is_dir() or any(name in os.environ for name in CODE_VARIABLES):
+        return nothing
+    has = binding.get_host_cpu_features()
+    fits = [level for level, needed in LEVELS.items() if all(has.get(name) for name in needed)]
+    found = (MachineCode.from_file(built_file(level)) for level in fits)
+    return next((code for code in found if code is not None), nothing)

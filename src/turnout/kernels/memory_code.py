@@ -3,12 +3,11 @@
 from typing import Any
 
 from llvmlite import ir
-from numba.core import types
+from numba import types
 from numba.core.cgutils import get_or_insert_function
-from numba.np.arrayobj import make_array, populate_array
 
 from turnout.kernels import memory
-from turnout.kernels.intrinsic import array_of, index_kind, register_intrinsic
+from turnout.kernels.intrinsic import array_of, array_value, index_kind, register_intrinsic
 
 _WORD, _BYTES = ir.IntType(64), ir.IntType(8).as_pointer()
 _MATRIX, _VECTOR = (types.Array(types.float64, ndim, "C") for ndim in (2, 1))
@@ -29,19 +28,11 @@ def release(builder: Any, place: Any) -> None:
 
 def _build_acquire_matrix(context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
     rows, columns = args
-    array = make_array(_MATRIX)(context, builder)
     eight = ir.Constant(_WORD, 8)
     row = builder.mul(columns, eight)
     place = acquire(builder, builder.add(builder.mul(rows, row), eight))
-    populate_array(
-        array,
-        data=builder.bitcast(place, array.data.type),
-        shape=[rows, columns],
-        strides=[row, eight],
-        itemsize=eight,
-        meminfo=None,
-    )
-    return array._getvalue()
+    address = builder.ptrtoint(place, _WORD)
+    return array_value(context, builder, _MATRIX, address, [rows, columns], [row, eight])
 
 
 def _build_release_matrix(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
@@ -50,16 +41,7 @@ def _build_release_matrix(_context: Any, builder: Any, args: tuple[Any, ...]) ->
 
 def _build_vector_at(context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
     address, size = args
-    array, eight = make_array(_VECTOR)(context, builder), ir.Constant(_WORD, 8)
-    populate_array(
-        array,
-        data=builder.inttoptr(address, array.data.type),
-        shape=[size],
-        strides=[eight],
-        itemsize=eight,
-        meminfo=None,
-    )
-    return array._getvalue()
+    return array_value(context, builder, _VECTOR, address, [size], [ir.Constant(_WORD, 8)])
 
 
 register_intrinsic(memory.acquire_matrix, _MATRIX, _build_acquire_matrix, index_kind, index_kind)

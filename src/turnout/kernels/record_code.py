@@ -6,20 +6,12 @@ from typing import Any
 import numba
 import numpy as np
 from llvmlite import ir
-from numba.core import types
+from numba import types
 from numba.core.typing.templates import AttributeTemplate
-from numba.extending import (
-    NativeValue,
-    infer_getattr,
-    lower_getattr_generic,
-    models,
-    register_model,
-    typeof_impl,
-    unbox,
-)
-from numba.np.arrayobj import make_array, populate_array
+from numba.extending import infer_getattr, lower_getattr_generic, models, register_model
 
-from turnout.kernels.shared_record import RecordKind, SharedRecord
+from turnout.kernels.intrinsic import array_value
+from turnout.kernels.shared_record import RecordKind
 
 _WORD = ir.IntType(64)
 
@@ -52,19 +44,6 @@ class _RecordModel(models.PrimitiveModel):
         super().__init__(manager, kind, _WORD)
 
 
-@typeof_impl.register(SharedRecord)
-def _type_of(record: SharedRecord, _context: Any) -> RecordType:
-    return record_type(record.kind)
-
-
-@unbox(RecordType)
-def _unbox_address(_kind: RecordType, record: Any, compiler: Any) -> NativeValue:
-    address = compiler.pyapi.object_getattr_string(record, "address")
-    value = compiler.unbox(types.int64, address)
-    compiler.pyapi.decref(address)
-    return NativeValue(value.value, is_error=value.is_error)
-
-
 @infer_getattr
 class _SharedAttribute(AttributeTemplate):
     key = RecordType
@@ -93,13 +72,4 @@ def _read_array(context: Any, builder: Any, kind: RecordType, address: Any, name
     strides = [step]
     for length in reversed(shape[1:]):
         strides.insert(0, builder.mul(strides[0], length))
-    array = make_array(array_type)(context, builder)
-    populate_array(
-        array,
-        data=builder.inttoptr(read(first), array.data.type),
-        shape=shape,
-        strides=strides,
-        itemsize=step,
-        meminfo=None,
-    )
-    return array._getvalue()
+    return array_value(context, builder, array_type, read(first), shape, strides)

@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from turnout.core.errors import SolverError
 from turnout.core.interrupt import held_interrupt
 from turnout.core.scheme import Scheme
 from turnout.core.threads import one_blas_thread
+from turnout.kernels.compiled import prepare_kernels
 from turnout.law.obstruction import Obstructions
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism, Wait
@@ -30,6 +32,12 @@ from turnout.solver.driven import (
     start_rods,
 )
 from turnout.solver.energy import energy_balance, folded_energy
+from turnout.solver.equilibrium import (
+    anchor_at_rest,
+    equilibrium,
+    settle,
+    start_energy_balance,
+)
 from turnout.solver.march import march, march_with_machines, store_instant
 from turnout.solver.modal import ModalModel
 from turnout.solver.outcome import Code, Outcome, is_closed
@@ -380,12 +388,18 @@ def _assemble_history(
     )
 
 
-def _march(run: PreparedRun, first: int, last: int) -> tuple[int, int]:
+def _time_loop(run: PreparedRun, first: int, last: int) -> tuple[Callable[..., Any], Sequence[Any]]:
+    """Return the kernel that marches from one step to another, and its arguments."""
     given = (run.system, run.table, run.state, run.work, run.tolerances, run.stepping)
     record = (run.record, run.obstructions, run.courses)
-    if run.rods is not None:
-        return march_with_machines(*given, run.positions, first, last, *record, run.rods)
-    return march(*given, run.positions, first, last, *record, None)
+    kernel = march if run.rods is None else march_with_machines
+    return kernel, (*given, run.positions, first, last, *record, run.rods)
+
+
+def _march(run: PreparedRun, first: int, last: int) -> tuple[int, int]:
+    kernel, given = _time_loop(run, first, last)
+    found: tuple[int, int] = kernel(*given)
+    return found
 
 
 # Whether the kernels for drives that are machines, and for others, are at hand.
@@ -397,10 +411,21 @@ def _compile_march(run: PreparedRun, *, after_motion: bool) -> None:
 
     A motion before the start knows no machines.
     """
-    for machines in (run.rods is not None, False) if after_motion else (run.rods is not None,):
-        if machines not in _at_hand:
-            _march(run if machines else replace(run, rods=None), 0, 0)
-            _at_hand.add(machines)
+    needed = {run.rods is not None, False} if after_motion else {run.rods is not None}
+    if needed <= _at_hand:
+        return
+    of_rails = (run.system, run.table, run.state, run.work)
+    loops = [_time_loop(run if machines else replace(run, rods=None), 0, 0) for machines in needed]
+    prepare_kernels(
+        *loops,
+        (equilibrium, (*of_rails, run.tolerances)),
+        (settle, (*of_rails, run.tolerances)),
+        (anchor_at_rest, of_rails),
+        (start_energy_balance, of_rails),
+        (store_instant, (*of_rails, run.record, 0)),
+        (equilibrium_residual, of_rails),
+    )
+    _at_hand.update(needed)
 
 
 def _march_in_chunks(
