@@ -12,11 +12,11 @@ from turnout.cli.campaign import OutsideOption, opened_campaign
 from turnout.cli.options import (
     DEFAULT_PANEL,
     File,
+    PanelOptions,
     SetOption,
     argument,
     gives,
     made_folder,
-    opened_panel,
     option,
 )
 from turnout.cli.output import FINDINGS, Output, coloured, resumable
@@ -72,7 +72,7 @@ def calibrate_command(
     out, quiet = Path(str(output["out"])), output.quiet
     if figures is not None:
         made_folder("--figures", figures)
-    loaded = opened_panel(panel, settings)
+    loaded = PanelOptions(panel, settings).opened()
     from turnout.calibration.stages import default_plan
 
     plan = default_plan(loaded, free=free, fixed=fix, most=most)

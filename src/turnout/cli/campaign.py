@@ -10,10 +10,10 @@ from turnout.cli.options import (
     FIGURES,
     File,
     NamedPanelOptions,
+    PanelOptions,
     TogetherOption,
     argument,
     gives,
-    opened_panel,
     option,
 )
 from turnout.cli.output import FINDINGS, Output, note, refuse, resumable
@@ -71,7 +71,7 @@ def campaign_check_command(
 
     Exit code 1 if no movement is usable, or columns of the channel map are exchanged.
     """
-    loaded = None if panel is None else opened_panel(panel, [])
+    loaded = None if panel is None else PanelOptions(panel).opened()
     campaign = built_campaign(
         folder, channels, strict=strict, allow_outside=allow_outside, quiet=output.quiet
     )

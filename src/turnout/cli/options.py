@@ -196,13 +196,42 @@ class PanelOptions:
     calibration: CalibrationOption = None
 
     def opened(self) -> "LoadedPanel":
-        """Return the panel, changed; the default one if none is named."""
-        return opened_panel(self.panel, self.settings, self.calibration)
+        """Return the panel, or that of the calibration, or the default one, with its changes.
+
+        If the calibration is of another panel, a note goes to stderr; if the panel lacks a
+        calibrated key, that is an error. Settings are applied on top.
+        """
+        from turnout.calibration.case import load_panel_or_case
+
+        name, settings, calibration = self.panel, self.settings, self.calibration
+        if calibration is None:
+            panel = load_panel_or_case(name if name is not None else DEFAULT_PANEL)
+            return panel.with_settings(settings) if settings else panel
+        from turnout.calibration.requirements import check_provenance
+        from turnout.calibration.result import load_calibration
+
+        known = load_calibration(calibration)
+        panel = calibrated_panel(known, calibration) if name is None else load_panel_or_case(name)
+        changed = panel.with_settings(settings) if settings else panel
+        for text in check_provenance(known, panel, changed):
+            note(f"{calibration}: {text}")
+        found = known.apply(panel)
+        return found.with_settings(settings) if settings else found
 
     def given(self) -> "LoadedPanel | None":
         """Return the panel, changed; None if neither it nor a change is named."""
         named = self.panel is not None or self.calibration is not None or self.settings
         return self.opened() if named else None
+
+
+@dataclass(frozen=True, slots=True)
+class GivenPanelOptions(PanelOptions):
+    """The panel of a command that must name one."""
+
+    panel: Annotated[
+        str | None,
+        argument("PANEL", "Library panel, panel file (.toml), or case N of a study (STUDY:N)."),
+    ] = ...  # type: ignore[assignment]
 
 
 @dataclass(frozen=True, slots=True)
@@ -335,43 +364,6 @@ def first_sentence(text: str) -> str:
     'A switch'
     """
     return " ".join(text.split()).split(". ")[0].rstrip(".")
-
-
-def opened_panel(
-    name: str | None, settings: list[str], calibration: Path | None = None
-) -> "LoadedPanel":
-    """Load a panel, apply a calibration, and the settings of a command line on top.
-
-    Parameters
-    ----------
-    name : str or None
-        Library panel, panel file or case of a study; default that of the calibration, or the
-        default panel.
-    settings : list of str
-        As KEY=VALUE.
-    calibration : Path, optional
-        From `turnout calibrate`. If it is of another panel, a note goes to stderr; if the panel
-        lacks a calibrated key, that is an error.
-    """
-    from turnout.calibration.case import load_panel_or_case
-
-    known = None
-    if calibration is not None:
-        from turnout.calibration.requirements import check_provenance
-        from turnout.calibration.result import load_calibration
-
-        known = load_calibration(calibration)
-    if known is not None and calibration is not None and name is None:
-        panel = calibrated_panel(known, calibration)
-    else:
-        panel = load_panel_or_case(name if name is not None else DEFAULT_PANEL)
-    changed = panel.with_settings(settings) if settings else panel
-    if known is None:
-        return changed
-    for text in check_provenance(known, panel, changed):
-        note(f"{calibration}: {text}")
-    found = known.apply(panel)
-    return found.with_settings(settings) if settings else found
 
 
 def calibrated_panel(calibration: "Calibration", source: Path) -> "LoadedPanel":

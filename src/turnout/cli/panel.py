@@ -11,17 +11,15 @@ from turnout.cli.options import (
     DEFAULT_PANEL,
     FIGURES,
     SCHEMA,
-    CalibrationOption,
     File,
+    GivenPanelOptions,
     PanelOptions,
-    SetOption,
     argument,
     check_outputs,
     end_code,
     first_sentence,
     gives,
     made_folder,
-    opened_panel,
     option,
 )
 from turnout.cli.output import (
@@ -108,11 +106,7 @@ def new_command(
 @gives("panel check")
 def panel_check_command(
     output: Output,
-    file: str = argument(
-        "FILE", "Panel file (.toml), library panel, or case N of a study (STUDY:N)."
-    ),
-    settings: SetOption = [],  # noqa: B006 - typer copies it
-    calibration: CalibrationOption = None,
+    given: GivenPanelOptions,
     throw: Annotated[
         bool,
         typer.Option(help="Also simulate a throw and warn about small margins."),
@@ -123,7 +117,7 @@ def panel_check_command(
 
     Exit code 3 if the throw does not converge or is inaccurate.
     """
-    panel = opened_panel(file, settings, calibration)
+    panel, file = given.opened(), given.panel
     output.show(f"{file}: OK ({panel.name}, hash {panel.hash[:12]})")
     from turnout.cli.show import least_pieces, thrown_alone
     from turnout.metric.panel_check import (
@@ -182,17 +176,13 @@ def sections_command(output: Output, panel: PanelOptions) -> None:
 @gives("panel export", json=False)
 def panel_export_command(
     output: Output,
-    panel: str = argument(
-        "PANEL", "Library panel, panel file (.toml), or case N of a study (STUDY:N)."
-    ),
+    panel: GivenPanelOptions,
     out: Path = option("--out -o FOLDER", "Folder for the files; created if missing.", default=...),
-    settings: SetOption = [],  # noqa: B006 - typer copies it
-    calibration: CalibrationOption = None,
 ) -> None:
     """Write the full and reduced matrices of every rail for other programs (.mat)."""
     from turnout.metric.export import export_matrices
 
-    opened = opened_panel(panel, settings, calibration)
+    opened = panel.opened()
     folder = made_folder("--out", out)
     for name, content in export_matrices(opened).items():
         output.write(folder / name, content)

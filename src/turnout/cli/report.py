@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from turnout.cli.campaign import ChannelsOption, built_campaign, reasons_to_exclude, usable_dataset
 from turnout.cli.options import (
     File,
+    PanelOptions,
     argument,
     gives,
     made_folder,
-    opened_panel,
     option,
 )
 from turnout.cli.output import Output, refuse
@@ -163,7 +163,7 @@ def _run_page(dataset: "xr.Dataset", source: Path, panel: str | None) -> "Page":
     from turnout.figures.report.inputs import panel_of_result
     from turnout.figures.report.run import run_page
 
-    given = opened_panel(panel, []) if panel is not None else None
+    given = PanelOptions(panel).opened() if panel is not None else None
     used = panel_of_result(dataset.attrs, panel=given)
     if given is not None and used is None:
         _refuse_panel(str(panel), source, dataset.attrs.get("panel", "not stated"))

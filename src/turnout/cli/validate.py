@@ -11,12 +11,12 @@ import typer
 
 from turnout.cli.campaign import OutsideOption, opened_campaign
 from turnout.cli.options import (
+    PanelOptions,
     SetOption,
     argument,
     calibrated_panel,
     gives,
     made_folder,
-    opened_panel,
     option,
 )
 from turnout.cli.output import (
@@ -65,7 +65,8 @@ def validate_command(
     from turnout.calibration.result import load_calibration
 
     known = load_calibration(calibration)
-    given = opened_panel(panel, []) if panel is not None else calibrated_panel(known, calibration)
+    named = panel is not None
+    given = PanelOptions(panel).opened() if named else calibrated_panel(known, calibration)
     loaded = given.with_settings(settings) if settings else given
     if out is not None:
         made_folder("--out", out)
