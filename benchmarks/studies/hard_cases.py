@@ -13,11 +13,11 @@ from turnout.core.moving_average import moving_average
 from turnout.core.scheme import Scheme
 from turnout.core.toml import parse_toml
 from turnout.measurement.chain.apply import parse_channel_map
-from turnout.panel.foreign_object import ForeignObject
+from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel, load_panel
 from turnout.study.virtual.campaign_files import WrittenThrow, sheet_text, write_throw
 from turnout.study.virtual.campaign_plan import Case
-from turnout.study.virtual.disturbance import Disturbance, add_disturbance
+from turnout.study.virtual.disturbance import Disturbance, Transducer, add_disturbance
 from turnout.study.virtual.record_throw import (
     CurrentLaw,
     Window,
@@ -56,6 +56,9 @@ LEAD, AVERAGE, SOFT = 0.15, 0.1, 2e-3
 # share of its stiffness, cut-off of the recorder's filter [Hz], a gain of all channels [-].
 PLAY, SOFTENS, SOFTENED, CUT_OFF, ALIKE = 1.5e-3, 0.7, 0.35, 6.0, 0.012
 LAG = 0.12
+# Of the recorder's seconds, as a share too short [-].
+CLOCK = 0.01
+HUMMING = Transducer(noise=5.0, drift=3.0, hum=60.0, step=40e3 / 2**16)
 # Of the amplifier, against aliases: a mean over this time [s].
 ANTI_ALIAS = 8e-3
 NOTE = "synthetic: hard campaign of benchmarks.studies.hard_campaigns, not measured"
@@ -83,6 +86,10 @@ class Hard:
         Where the fit starts; default the library's values.
     lag : float
         With which the force of drive 2 follows contact [s].
+    thicker, displaced : float
+        What objects are thicker than the run sheet says, and further from the toe [m].
+    disturbance : Disturbance
+        Noise, drift, hum and cross-talk of the recording.
     """
 
     what: str
@@ -94,6 +101,9 @@ class Hard:
     columns: Mapping[str, str] = field(default_factory=dict)
     start: Values = field(default_factory=dict)
     lag: float = 0.0
+    thicker: float = 0.0
+    displaced: float = 0.0
+    disturbance: Disturbance = field(default_factory=Disturbance)
 
 
 def gains(dataset: xr.Dataset, number: int) -> xr.Dataset:
@@ -153,6 +163,11 @@ def alike(dataset: xr.Dataset, number: int) -> xr.Dataset:
         ),
         number,
     )
+
+
+def scaled(dataset: xr.Dataset, number: int) -> xr.Dataset:
+    """Return a recording whose channels all read 3 % too much."""
+    return dataset.assign({n: 1.03 * dataset[n] for n in ("drive_force", "object_force")})
 
 
 def dead(dataset: xr.Dataset, number: int) -> xr.Dataset:
@@ -301,7 +316,32 @@ FURTHER: dict[str, Hard] = {
         what="all channels read 1.2 % too much, motors lead by 150 ms", cause="timing", seen=alike
     ),
 }
-ALL = {**CASES, **FURTHER}
+UNLISTED: dict[str, Hard] = {
+    "thick": Hard(what="objects 1 mm thicker than stated", cause="objects", thicker=1e-3),
+    "place": Hard(what="objects 0.1 m further from the toe", cause="objects", displaced=0.1),
+    "clock": Hard(
+        what="seconds of the recorder 1 % too short",
+        cause="timing",
+        disturbance=Disturbance(clock_rate=CLOCK),
+    ),
+    "hum": Hard(
+        what="mains hum of 60 N", disturbance=Disturbance(drive_force=HUMMING, object_force=HUMMING)
+    ),
+    "scaled": Hard(what="all channels read 3 % too much", seen=scaled),
+    "softer": Hard(
+        what="rails 8 % softer",
+        cause="sections",
+        overrides=lambda rng: {"material.youngs_modulus": 0.92 * 210e9},
+    ),
+    "both": Hard(
+        what="objects 1 mm thicker, and play of 1.5 mm before drive 1 pushes",
+        cause="drive law",
+        drive="1",
+        overrides=with_play,
+        thicker=1e-3,
+    ),
+}
+ALL = {**CASES, **FURTHER, **UNLISTED}
 
 
 def channel_map(drives: list[str]) -> str:
@@ -338,7 +378,7 @@ def make(case: Hard, folder: Path, *, seed: int) -> Values:
         made.append(changed)
         run = simulate(
             _scattered(panel.with_overrides(changed), rng),
-            foreign_object=ForeignObject(size, place) if size else None,
+            foreign_object=_trapped(case, panel, place, size),
             scheme=scheme,
             save=Save(fields=FIELDS),
         )
@@ -352,7 +392,7 @@ def make(case: Hard, folder: Path, *, seed: int) -> Values:
         if size < 0.013:
             true = true.assign(object_force=0.0 * true["object_force"])
         disturbed = add_disturbance(
-            case.seen(_amplified(true), number), rng=rng, disturbance=Disturbance()
+            case.seen(_amplified(true), number), rng=rng, disturbance=case.disturbance
         )
         file = f"throw-{number + 1:02d}.mat"
         write_throw(disturbed, folder / file, channel_map=wired, number=number, note=NOTE)
@@ -369,6 +409,15 @@ def make(case: Hard, folder: Path, *, seed: int) -> Values:
         )
     (folder / "channels.toml").write_text(text, encoding="utf-8")
     return {**TRUTH, **case.truth(panel, made)}
+
+
+def _trapped(case: Hard, panel: LoadedPanel, place: str, size: float) -> ForeignObject | None:
+    """Return the object of a throw as it truly is."""
+    if not size:
+        return None
+    stated = ForeignObject(size, place)
+    x = resolve_objects(panel, [stated])[-1].x + case.displaced
+    return ForeignObject(size + case.thicker, f"x = {x!r} m" if case.displaced else place)
 
 
 def _amplified(true: xr.Dataset) -> xr.Dataset:

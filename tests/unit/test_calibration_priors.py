@@ -11,9 +11,9 @@ from turnout.calibration.covariance import spread_of
 from turnout.calibration.fit import Fit, fit
 from turnout.calibration.left_priors import Stated, prior_reasons, stated_unknowns
 from turnout.calibration.measured_movements import MeasuredMovement
-from turnout.calibration.misfit import Misfit
+from turnout.calibration.misfit import Misfit, shared_estimates
 from turnout.calibration.parameter import Parameter
-from turnout.calibration.predict import predicted
+from turnout.calibration.predict import predicted, prediction
 from turnout.calibration.sensors import FoundSensor, found_sensors, sensor_reasons
 from turnout.calibration.shared import SensorColumn
 from turnout.calibration.stages import default_plan
@@ -103,6 +103,22 @@ def test_a_clock_that_is_off_is_found_with_a_warning() -> None:
     assert clock.leaves
     assert clock.cause == "timing"
     assert "sampling rate" in clock.warning
+
+
+def test_a_clock_that_is_off_is_warped_exactly() -> None:
+    """Not as a straight line about none: 1 % is 15 ms where the object is met."""
+    (item,) = alike(1).movements
+    (signal,) = item.signals
+    bins = np.arange(signal.time.size)
+    ahead = prediction(response(TRUE), item, [(signal, bins)])
+    stretched = replace(signal, time=signal.time / 1.01)
+    np.testing.assert_allclose(
+        ahead.row(0.0, 0.01), predicted(response(TRUE), item, stretched, bins), rtol=1e-12
+    )
+    found = recorded(clock=0.01)
+    sizes = shared_estimates(found.local, found.frame)
+    at = [column.kind for column in found.frame.shared.sensors].index("clock")
+    assert found.frame.alignments[0].rate == pytest.approx(1e-3 * sizes[at], abs=2e-5)
 
 
 def test_a_zero_that_all_movements_share_is_found() -> None:

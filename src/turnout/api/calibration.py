@@ -174,6 +174,8 @@ def calibrate(
     mode: Mode | None = None,
     posterior: bool = False,
     advise: bool = False,
+    causes: bool = True,
+    limit: float | None = None,
     workers: int = 1,
     report: Callable[[CalibrationProgress], None] | None = None,
 ) -> CalibrationResult:
@@ -200,6 +202,10 @@ def calibrate(
         Whether to sample what the data leave possible.
     advise : bool
         Whether to list strongly correlated parameters and the tests that separate them.
+    causes : bool
+        Whether to look for causes of what the panel alone does not follow.
+    limit : float, optional
+        Time after which what is known is given, marked as not trusted [s]; default none.
     workers : int
         Processes that simulate at the same time, at least 1.
     report : callable, optional
@@ -237,6 +243,8 @@ def calibrate(
         scheme=chosen_scheme(mode, None, caller="calibrate()"),
         posterior=posterior,
         advise=advise,
+        causes=causes,
+        limit=float("inf") if limit is None else limit,
         report=report,
     )
     return CalibrationResult(

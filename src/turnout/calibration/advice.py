@@ -21,6 +21,7 @@ from turnout.calibration.measured_movements import (
     movement_length,
 )
 from turnout.calibration.misfit import Frame, Misfit, framed, plain_jacobian
+from turnout.calibration.objects import is_of_object
 from turnout.calibration.parameter import free_parameter, prior_information, prior_slopes
 from turnout.calibration.predict import predicted
 from turnout.calibration.sensors import FoundSensor
@@ -118,7 +119,7 @@ def _systematic_error(found: Fit, what: str, column: Floats) -> str:
     shares = {
         item.name: move * item.slope(found.values[item.name]) / found.values[item.name]
         for item, move in zip(found.parameters, change, strict=True)
-        if found.values[item.name]
+        if found.values[item.name] and not is_of_object(item)
     }
     parts = [
         f"{name} by {100 * share:+.2g} %"

@@ -1,7 +1,7 @@
 """Calibrate a panel to a campaign, stage by stage."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -14,13 +14,15 @@ from turnout.calibration.cause_lines import cause_lines
 from turnout.calibration.causes import (
     CLEARLY,
     CauseSearch,
+    ended_reasons,
+    first_verdict,
     is_worth_a_search,
     unexplained_reasons,
     with_causes,
     without_needless,
 )
 from turnout.calibration.comparison import Comparison, Uncertainty
-from turnout.calibration.covariance import Spread, spread_of
+from turnout.calibration.covariance import Spread, spread_of, without_objects
 from turnout.calibration.evaluate import Evaluator
 from turnout.calibration.exchanged_rods import rod_warnings
 from turnout.calibration.fit import (
@@ -38,6 +40,12 @@ from turnout.calibration.measured_movements import MeasuredMovement, observe, se
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.movement_rows import movement_rows
 from turnout.calibration.noise import measured_noise
+from turnout.calibration.objects import (
+    THICKER,
+    common_unknowns,
+    object_lines,
+    thickness_name,
+)
 from turnout.calibration.parameter import Parameter
 from turnout.calibration.posterior import posterior_record
 from turnout.calibration.requirements import (
@@ -50,6 +58,7 @@ from turnout.calibration.result_entries import (
     data_hash,
     distrust_reasons,
     excluded_movements,
+    fitted_objects,
     fitted_parameters,
     noise_entries,
     skipped_stage,
@@ -57,6 +66,7 @@ from turnout.calibration.result_entries import (
     warnings_from,
 )
 from turnout.calibration.sensors import (
+    LEAVES_PRIOR,
     common_lead,
     found_sensors,
     sensor_reasons,
@@ -65,13 +75,20 @@ from turnout.calibration.sensors import (
 from turnout.calibration.stage_progress import (
     CalibrationProgress,
     ProgressReporter,
+    TimeIsUp,
     planned_work,
     work_of_search,
     work_per_step,
 )
-from turnout.calibration.stages import JOINT_MOVEMENTS, CalibrationPlan, Stage, default_plan
-from turnout.calibration.starts import last_start, nearest_fit, starts_of, with_movements
-from turnout.core.errors import PanelError
+from turnout.calibration.stages import (
+    JOINT_MOVEMENTS,
+    CalibrationPlan,
+    Stage,
+    default_plan,
+    with_unknowns,
+)
+from turnout.calibration.starts import first_fit, nearest_fit, starts_of, with_movements
+from turnout.core.errors import MeasurementError, PanelError
 from turnout.core.provenance import provenance
 from turnout.core.scheme import Scheme
 from turnout.core.threads import one_blas_thread
@@ -82,6 +99,8 @@ Floats = NDArray[np.float64]
 # A lead of the motors that is seen before any cause is looked for [s].
 LONG_LEAD = 0.08
 # What a record says of the scheme where a fit came to its fine throws.
+CTRL_C = "Ctrl-C"
+TOO_SHORT = "{:g} s were over before the first fit was done; give more seconds"
 REFINED = "; at its end with half the step and mesh, and modes to four times the frequency"
 
 
@@ -101,6 +120,8 @@ class CalibrationOutcome:
         The grid searches, to draw.
     movements : tuple of MeasuredMovement
         All that were measured.
+    ended : str
+        What ended it after the first fit; empty where it came to its end.
     """
 
     calibration: Calibration
@@ -108,6 +129,7 @@ class CalibrationOutcome:
     spread: Spread
     sweeps: tuple[GridSearch, ...]
     movements: tuple[MeasuredMovement, ...]
+    ended: str = ""
 
 
 def calibrate(
@@ -122,6 +144,8 @@ def calibrate(
     uncertainty: Uncertainty | None = None,
     posterior: bool = False,
     advise: bool = False,
+    causes: bool = True,
+    limit: float = float("inf"),
     report: Callable[[CalibrationProgress], None] | None = None,
 ) -> CalibrationOutcome:
     """Calibrate a panel to a campaign, stage by stage.
@@ -148,17 +172,23 @@ def calibrate(
         Whether to sample the posterior distribution.
     advise : bool
         Whether to list systematic errors that parameters would absorb, and what to measure next.
+    causes : bool
+        Whether to look for causes of what the panel alone does not follow.
+    limit : float
+        Time after which what was found by then is given [s].
     report : callable, optional
         Called after each throw.
 
     Returns
     -------
     CalibrationOutcome
+        Of Ctrl-C after the first fit too: what was found by then, with the reason not to trust it.
 
     Raises
     ------
     MeasurementError
-        When the campaign cannot be calibrated to; with all problems.
+        When the campaign cannot be calibrated to, with all problems, or the limit is over before
+        the first fit.
     PanelError
         When the plan does not fit the panel.
     SolverError
@@ -172,7 +202,10 @@ def calibrate(
     comparison = _comparison(dataset, movements, plan, uncertainty or Uncertainty())
     planned = planned_work(plan, movements, panel, posterior=posterior, advise=advise)
     per_step = work_per_step(plan, movements, panel)
-    watch = ProgressReporter(report, len(plan.stages), planned=planned, per_step=per_step)
+    plan = with_unknowns(plan, common_unknowns(movements))
+    watch = ProgressReporter(
+        report, len(plan.stages), planned=planned, per_step=per_step, limit=limit
+    )
     # Matrices are small: threads would cost four times what the fits themselves take.
     with (
         one_blas_thread(),
@@ -180,13 +213,21 @@ def calibrate(
     ):
         evaluator.on_throw = lambda: watch.report_state(evaluator)
         rods = rod_warnings(dataset, movements, evaluator)
-        run = _Run(plan, panel, movements, comparison, evaluator, watch)
-        logs, sweeps, warnings, final, search = run.stages()
+        run = _Run(plan, panel, movements, comparison, evaluator, watch, causes)
+        try:
+            logs, sweeps, warnings, final, search = run.stages()
+        except TimeIsUp:
+            raise MeasurementError([TOO_SHORT.format(limit)], source="limit") from None
+        watch.limit = float("inf")
         sensors = found_sensors(final)
-        final, slip_warnings = drop_unidentified_slip_levels(final)
-        warnings += slip_warnings + rods
+        if not run.ended:
+            final, slip_warnings = drop_unidentified_slip_levels(final)
+            warnings += slip_warnings
+        warnings += rods
         spread = spread_of(final)
-        causes = tuple(item.name for item, _ in search.taken) if search else ()
+        values, values_spread = without_objects(final, spread)
+        objects = fitted_objects(final, spread)
+        fitted = tuple(item.name for item, _ in search.taken) if search else ()
         warnings = [
             *excluded_movements(dataset),
             *oversized,
@@ -195,23 +236,27 @@ def calibrate(
             *(item.warning for item in sensors if item.leaves),
         ]
         findings = list(spread.findings)
-        if advise:
+        if advise and not run.ended:
             watch.begin("advice", final, evaluator)
-            findings += _advice(final, spread, panel)
+            findings += _advice(final, (values, values_spread), panel)
         sampled: dict[str, object] = {}
-        if posterior:
+        if posterior and not run.ended:
             watch.begin("posterior", final, evaluator)
-            sampled, doubts = posterior_record(final, spread)
+            sampled, doubts = posterior_record(values, values_spread)
             warnings += doubts
         calibration = replace(
-            _result(final, spread, of=(plan, panel, dataset, movements), scheme=scheme),
-            distrust=_distrust(final, spread, causes),
+            _result(values, values_spread, of=(plan, panel, dataset, movements), scheme=scheme),
+            distrust=(*ended_reasons(run.ended), *_distrust(final, spread, fitted)),
             stages=tuple(logs),
             warnings=tuple(dict.fromkeys(warnings)),
             findings=tuple(findings),
             posterior=sampled,
-            causes=cause_lines(final, search, sensors),
-            fitted_causes=causes,
+            causes=(
+                *cause_lines(final, search, sensors),
+                *object_lines(objects, leaves=LEAVES_PRIOR),
+            ),
+            objects=objects,
+            fitted_causes=fitted,
             sensors=tuple(item.text for item in sensors),
             chain={item.key: (item.value, item.deviation) for item in sensors},
             effects=movement_rows(final),
@@ -222,6 +267,7 @@ def calibrate(
         spread=spread,
         sweeps=tuple(sweeps),
         movements=movements,
+        ended="".join(run.ended),
     )
 
 
@@ -242,9 +288,9 @@ def _comparison(
     return replace(comparison, gains=stated_gains(dataset, comparison))
 
 
-def _advice(final: Fit, spread: Spread, panel: LoadedPanel) -> list[str]:
+def _advice(final: Fit, values: tuple[Fit, Spread], panel: LoadedPanel) -> list[str]:
     """Return what errors parameters would absorb, and what to measure next."""
-    return [*systematic_errors(final), *next_lines(next_movements(final, spread, panel))]
+    return [*systematic_errors(final), *next_lines(next_movements(*values, panel))]
 
 
 def _result(
@@ -289,7 +335,7 @@ def _distrust(final: Fit, spread: Spread, causes: Sequence[str]) -> tuple[str, .
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Run:
-    """The stages of one calibration."""
+    """The stages of one calibration: the best fit so far, and what ended it before its end."""
 
     plan: CalibrationPlan
     panel: LoadedPanel
@@ -297,6 +343,9 @@ class _Run:
     comparison: Comparison
     evaluator: Evaluator
     watch: ProgressReporter
+    causes: bool = True
+    best: list[CauseSearch] = field(default_factory=list)
+    ended: list[str] = field(default_factory=list)
 
     def stages(
         self,
@@ -323,6 +372,9 @@ class _Run:
             # What leads near need not be all that there is.
             fewer = replace(stage.movements, most=stage.movements.most or JOINT_MOVEMENTS)
             leading = replace(misfit, movements=selected(chosen, fewer, self.panel))
+            if number == len(self.plan.stages):
+                thicker = [p for p in parameters if p.name == thickness_name()]
+                skipped += [(item, THICKER) for item in thicker]
             starts = starts_of(leading, skipped, parameters, values)
             values = starts[0]
             skipped = [item for item in skipped if item[0] not in parameters]
@@ -334,7 +386,7 @@ class _Run:
                 starts = [values]
             if "fit" in stage.method:
                 last = number == len(self.plan.stages)
-                rough = replace(misfit.comparison, gains={}, common_zero=0.0, clock=0.0)
+                rough = replace(misfit.comparison, gains={}, common_zero=0.0)
                 near = replace(leading, quick=True, comparison=rough)
                 shares = JOINT_SHARES if last else ROUGH_SHARES
                 final = nearest_fit(near, parameters, starts, shares, on_step=self.watch.found)
@@ -361,9 +413,26 @@ class _Run:
     ) -> tuple[Fit, CauseSearch]:
         """Fit to the end, with a lead of the motors and what else the misfit asks for.
 
-        Movements that lead near show that as well; all that were chosen join for the end.
+        Where this is ended after the first fit, what was found by then is given.
         """
-        on_step = self.watch.found
+        start, found = self._first(near, start, parameters)
+        misses = is_worth_a_search(found)
+        self.watch.verdict = first_verdict(found, causes=self.causes, limit=self.watch.limit)
+        if misses and self.causes:
+            self.watch.more(work_of_search(found, self.panel), self.evaluator)
+        self.best[:] = [CauseSearch(found=found, first=start, plain=start, misses=misses)]
+        try:
+            return self._searched(chosen)
+        except (KeyboardInterrupt, TimeIsUp) as error:
+            self.ended[:] = [
+                CTRL_C if isinstance(error, KeyboardInterrupt) else "the limit in seconds"
+            ]
+            return self.best[0].found, self.best[0].ended(self.best[0].found)
+
+    def _first(
+        self, near: Fit, start: Misfit, parameters: Sequence[Parameter]
+    ) -> tuple[Misfit, Fit]:
+        """Return the first fit by throws of the scheme, and where it began: with a lead if any."""
         # Slopes of quick throws serve to see what is missed, and for a first step.
         quick = replace(near, local=replace(near.local, quick=False))
         # What a model that is far off misses is seen at once; it would go on only to move away.
@@ -373,10 +442,17 @@ class _Run:
         if abs(lead) > LONG_LEAD:
             start = replace(start, comparison=replace(start.comparison, lead=lead))
             found = brief_fit(start, parameters, near.values, near=quick, passes=1, steps=0)
-        found = last_start(start, parameters, near, found, on_step=on_step)
-        if is_worth_a_search(found):
-            self.watch.more(work_of_search(found, self.panel), self.evaluator)
-        search = with_causes(found, start, self.panel, on_step=on_step)
+        return start, first_fit(start, parameters, near, found, on_step=self.watch.found)
+
+    def _searched(self, chosen: tuple[MeasuredMovement, ...]) -> tuple[Fit, CauseSearch]:
+        """Look for causes of what the first fit misses, and fit to the end.
+
+        Movements that lead near show that as well; all that were chosen join for the end.
+        """
+        search, on_step = self.best[0], self.watch.found
+        if self.causes:
+            search = with_causes(search.found, search.first, self.panel, on_step=on_step)
+            self.best[:] = [search]
         lead = common_lead(search.found)
         known = replace(search.first.comparison, lead=lead)
         plain = replace(
@@ -389,6 +465,7 @@ class _Run:
             plain=plain,
         )
         final = self._final(search)
+        self.best[:] = [replace(search, found=final)]
         fewer = without_needless(search, final, on_step=on_step)
         if fewer is not search:
             search, final = fewer, self._final(fewer)

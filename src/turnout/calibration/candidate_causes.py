@@ -27,6 +27,8 @@ from turnout.calibration.drive_law.candidates import (
     table,
 )
 from turnout.calibration.evaluate import Response
+from turnout.calibration.measured_movements import MeasuredMovement
+from turnout.calibration.objects import PLACE, THICKNESS, own_places, own_thicknesses
 from turnout.calibration.parameter import Fitted, Parameter, free_parameter
 from turnout.calibration.stages import MILLIMETRE, known_to
 from turnout.core.errors import PanelError
@@ -58,9 +60,11 @@ CHAIR_GROUPS, CHAIR_SPREAD = 5, 0.25
 
 
 def candidate_causes(
-    panel: LoadedPanel, parameters: Sequence[Parameter | Fitted]
+    panel: LoadedPanel,
+    parameters: Sequence[Parameter | Fitted],
+    movements: Sequence[MeasuredMovement] = (),
 ) -> tuple[Cause, ...]:
-    """Return the causes that are tested, the cheap ones first."""
+    """Return the causes that are tested, the cheap ones first; of objects, those of movements."""
     known = {item.name for item in parameters}
     found = [*_recorders(), *_bushings(panel), *_tables(panel), *_clutches(panel, known)]
     found += [law for name in panel.drive for law in (_lag(name), *_drive_tables(panel, name))]
@@ -69,7 +73,27 @@ def candidate_causes(
     found += _over_travel(panel, known)
     if FRICTION in known and len(panel.chair) > 2:
         found += _friction_by_chair(panel)
-    return tuple(found)
+    return (*found, *_objects(movements))
+
+
+def _objects(movements: Sequence[MeasuredMovement]) -> list[Cause]:
+    """Return sizes, and places, that differ from the run sheet each by an amount of its own."""
+    kinds = (
+        ("sizes", own_thicknesses(movements), THICKNESS),
+        ("places", own_places(movements), PLACE),
+    )
+    return [
+        Cause(
+            name="objects",
+            text=lambda _, what=what: f"their {what} differ from the run sheet",  # type: ignore[misc]
+            parameters=tuple(own),
+            tries=(0.5 * prior,) * len(own),
+            smooth=True,
+            least=prior,
+        )
+        for what, own, prior in kinds
+        if len(own) > 1
+    ]
 
 
 def _linear(name: str, upper: float, unit: str, *, lower: float = 0.0) -> Parameter:

@@ -8,8 +8,8 @@ import numpy as np
 from turnout.calibration.drive_law.candidates import Law, Shape
 from turnout.calibration.parameter import Parameter
 
-# Causes of which several may be, one a drive.
-SEVERAL = ("bushing shape", "clutch", "drive law")
+# Causes of which several may be, such as one a drive.
+SEVERAL = ("bushing shape", "clutch", "drive law", "objects")
 Beside = Callable[[Mapping[str, float], Sequence[float]], dict[str, float]]
 
 

@@ -33,7 +33,7 @@ from turnout.calibration.needed_causes import DECISIVE, is_needed
 from turnout.calibration.noise import peaks_of
 from turnout.calibration.result_entries import channel_name
 from turnout.calibration.sensors import found_sensors, needs_lead
-from turnout.calibration.shared import model_error
+from turnout.calibration.shared import CLOCK, model_error
 from turnout.core.errors import SolverError
 from turnout.core.threads import one_blas_thread
 from turnout.panel.load import LoadedPanel
@@ -135,7 +135,10 @@ def is_worth_a_search(found: Fit, *, share: float = 1.0) -> bool:
 
     `share` is how many times as much [-]; from `CLEARLY` on no fit need be finished to see it.
     """
-    if share <= 1.0 and any(item.leaves for item in found_sensors(found)):
+    # A clock that is off is followed as it is.
+    if share <= 1.0 and any(
+        item.leaves and item.column.kind != CLOCK for item in found_sensors(found)
+    ):
         return True
     return bool(_missing_more(found, share=share))
 
@@ -167,6 +170,39 @@ def unexplained_reasons(final: Fit) -> list[str]:
     ]
 
 
+def first_verdict(found: Fit, *, causes: bool, limit: float) -> str:
+    """Return whether a first fit follows, and what comes next, for the screen.
+
+    Parameters
+    ----------
+    found : Fit
+        By throws of the scheme.
+    causes : bool
+        Whether causes are looked for.
+    limit : float
+        Of the whole calibration [s].
+    """
+    peaks = peaks_of(found.misfit.movements)
+    missing = [
+        f"{channel_name(*key)} misses {100 * missed / peaks[key]:.2g} %"
+        for key, missed in _missing_more(found, share=1.0).items()
+    ]
+    if not missing:
+        return "the first fit follows; fitting to the end"
+    upto = f", at most {limit:g} s in all" if limit < float("inf") else ""
+    then = f"looking for the cause{upto}" if causes else "causes are not looked for"
+    return f"the first fit does not follow: {', '.join(missing)}; {then}"
+
+
+def ended_reasons(ended: Sequence[str]) -> list[str]:
+    """Return why a calibration that was ended after its first fit is not trusted."""
+    return [
+        f"was ended by {what} after the first fit, so values and intervals are those of then; "
+        "calibrate again to go on with the throws that were kept"
+        for what in ended
+    ]
+
+
 @one_blas_thread()
 def with_causes(
     found: Fit, first: Misfit, panel: LoadedPanel, *, on_step: Callable[[float], None] | None = None
@@ -193,7 +229,7 @@ def with_causes(
     """
     plain, taken = first, list[tuple[TestedCause, Cause]]()
     tested: list[TestedCause] = []
-    left = candidate_causes(panel, found.parameters)
+    left = candidate_causes(panel, found.parameters, first.movements)
     budget = _Budget(
         evaluator=first.evaluator,
         most=MOST_THROWS * len(first.movements),

@@ -88,6 +88,8 @@ class Comparison:
         Size [N] and correlation time [s] of what the model misses alike in all movements.
     lead : float
         How much later than marked movements begin, where all say so [s].
+    rate : float
+        Share by which the recorder's seconds are too short where its clock is linearised [-].
     outlier_limit : float
         Residuals beyond this many standard deviations count less [-]; infinite far from the fit,
         where they say where to go.
@@ -103,6 +105,7 @@ class Comparison:
     clock: float = 0.0
     discrepancy: Mapping[tuple[str, str, str], tuple[float, float]] = field(default_factory=dict)
     lead: float = 0.0
+    rate: float = 0.0
     outlier_limit: float = float("inf")
 
 
@@ -142,6 +145,10 @@ class Alignment:
     columns : ndarray, shape (n, 1 + s)
         Change of the prediction with the onset [1/s] and with the share of each scattering
         parameter.
+    clock : ndarray, shape (n,)
+        Change of the prediction with the share that the recorder's seconds are too short [N].
+    rate : float
+        That share, where the movement is compared [-].
     effects : mapping of str to float
         By scattering parameter: where the movement is simulated, as a share of the common value.
     factors : tuple of ndarray
@@ -162,6 +169,8 @@ class Alignment:
     shift: float
     lead: float
     columns: Floats
+    clock: Floats
+    rate: float
     effects: Mapping[str, float]
     factors: tuple[Floats, ...]
     basis: Floats
@@ -181,10 +190,12 @@ class Alignment:
             At which the response was simulated; default those of the alignment.
         """
         places = [
+            self.rate,
             self.shift - self.lead,
             *(effects if effects is not None else self.effects).values(),
         ]
-        return np.asarray(self.predicted(response) - self.columns @ np.array(places))
+        columns = np.column_stack([self.clock, self.columns])
+        return np.asarray(self.predicted(response) - columns @ np.array(places))
 
     def effects_from(self, row: Floats) -> dict[str, float]:
         """Return the movement effects from a row of measured less `reduced`."""
@@ -193,7 +204,7 @@ class Alignment:
 
     def predicted(self, response: Response) -> Floats:
         """Return the prediction of a response at the estimated onset."""
-        return prediction(response, self.movement, self.parts).row(self.shift)
+        return prediction(response, self.movement, self.parts).row(self.shift, self.rate)
 
     def noise_whitened(self, row: Floats) -> Floats:
         """Return a row with its noise made independent; nuisances are left in."""
@@ -269,11 +280,12 @@ def align(
     alignment = _align(movement, response, parts, factors, comparison, sensitivities)
     if comparison.outlier_limit == float("inf"):
         return alignment
+    rest = alignment.remaining_residuals(response, shared=alignment.rate * alignment.clock)
     # What is far off once all is aligned, such as an impact, counts less.
     trusted = [
         factor
         * np.maximum(1.0, np.abs(row) / (comparison.outlier_limit * deviations(factor)))[:, None]
-        for factor, row in zip(factors, alignment.remaining_residuals(response), strict=True)
+        for factor, row in zip(factors, rest, strict=True)
     ]
     return _align(movement, response, parts, tuple(trusted), comparison, sensitivities)
 
@@ -305,16 +317,19 @@ def _align(
         for s in sensitivities.values()
     ]
     lead = shift = comparison.lead
+    rate = comparison.rate
+    time = np.concatenate([signal.time[bins] for signal, bins in parts])
     for _ in range(ONSET_ITERATIONS):
-        turned = (ahead.row(shift + ONSET_STEP) - ahead.row(shift - ONSET_STEP)) / (
+        turned = (ahead.row(shift + ONSET_STEP, rate) - ahead.row(shift - ONSET_STEP, rate)) / (
             2.0 * ONSET_STEP
         )
         columns = [turned] + [
-            (aside.row(shift) - here.row(shift)) / step for aside, here, step in pairs
+            (aside.row(shift, rate) - here.row(shift, rate)) / step for aside, here, step in pairs
         ]
         places = np.array([shift - lead, *(s.effect for s in sensitivities.values())])
         plain = np.column_stack(columns)
-        rest = measured - ahead.row(shift) + plain @ places
+        clock = time * turned / (1.0 + rate) ** 2
+        rest = measured - ahead.row(shift, rate) + plain @ places
         both = _without_noise(np.column_stack([plain * scales, rest]), factors)
         clean = np.column_stack([both[:, :-1], channels])
         inverse = np.linalg.inv(np.eye(clean.shape[1]) + clean.T @ clean)
@@ -332,6 +347,8 @@ def _align(
         shift=before,
         lead=lead,
         columns=plain,
+        clock=clock,
+        rate=rate,
         effects={name: s.effect for name, s in sensitivities.items()},
         factors=factors,
         basis=basis,

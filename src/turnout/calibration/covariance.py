@@ -1,7 +1,7 @@
 """Uncertainty of a fit: covariance, intervals, and strongly correlated parameters in words."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +13,10 @@ from turnout.calibration.comparison import Alignment, Key
 from turnout.calibration.evaluate import Response
 from turnout.calibration.fit import SCATTER_WEIGHT, Fit
 from turnout.calibration.measured_movements import MeasuredMovement
+from turnout.calibration.misfit import shared_estimates
+from turnout.calibration.objects import is_of_object
 from turnout.calibration.parameter import Parameter, prior_information
 from turnout.calibration.shared import GAIN
-from turnout.calibration.shared_estimates import shared_estimates
 from turnout.core.value_text import value_text
 
 Floats = NDArray[np.float64]
@@ -23,6 +24,8 @@ Floats = NDArray[np.float64]
 UNIDENTIFIED = 0.7
 # Correlation beyond which two parameters are called strongly correlated [-].
 CORRELATED = 0.95
+# A value that is known better than this has no need of another one to be identified [coordinate].
+VAGUE = 0.02
 # Correlation with a parameter that has a prior, from which on it is said [-].
 NOTED = 0.6
 # Share of its stated deviation that a value keeps at least where what was stated matters [-].
@@ -420,10 +423,13 @@ def _of_sensitivities(found: Fit, estimate: Floats) -> Floats:
 def _correlations(parameters: Sequence[Parameter], whole: Floats, kept: Sequence[int]) -> list[str]:
     found = []
     sizes = np.sqrt(np.diag(whole))
+    kept = [number for number in kept if not is_of_object(parameters[number])]
     for place, one in enumerate(kept):
         for other in kept[place + 1 :]:
             correlation = float(whole[one, other] / (sizes[one] * sizes[other]))
-            if abs(correlation) < CORRELATED:
+            if abs(correlation) < CORRELATED or not any(
+                _is_vague(parameters[number], float(sizes[number])) for number in (one, other)
+            ):
                 if bool(parameters[one].prior) != bool(parameters[other].prior):
                     stated = one if parameters[one].prior else other
                     # What the movements say far better than it was stated needs no measurement.
@@ -438,6 +444,13 @@ def _correlations(parameters: Sequence[Parameter], whole: Floats, kept: Sequence
     return found
 
 
+def _is_vague(parameter: Parameter, size: float) -> bool:
+    """Return whether a value is so uncertain that a correlation with another one matters."""
+    if parameter.prior:
+        return size > HARDLY_KNOWN * parameter.prior_width
+    return size > VAGUE
+
+
 def _with_prior(one: Parameter, other: Parameter, correlation: float) -> list[str]:
     """Say that a value depends on what was stated of another one, where it does."""
     stated, value = (one, other) if one.prior else (other, one)
@@ -447,3 +460,29 @@ def _with_prior(one: Parameter, other: Parameter, correlation: float) -> list[st
         f"{value.name} depends on {stated.name} (correlation {correlation:+.2f}), which is taken "
         f"to be known to {value_text(stated.prior, unit=stated.unit, digits=3)}; measure it"
     ]
+
+
+def without_objects(found: Fit, spread: Spread) -> tuple[Fit, Spread]:
+    """Return a fit and its spread without the unknowns of objects, whose doubt is in the others.
+
+    They stay where they were found. What they leave uncertain of the other values is counted among
+    the errors that movements do not narrow.
+    """
+    kept = [n for n, item in enumerate(found.parameters) if not is_of_object(item)]
+    if len(kept) == len(found.parameters):
+        return found, spread
+    parameters = tuple(found.parameters[n] for n in kept)
+    slopes = found.jacobian[:, kept]
+    whole = spread.coordinate_covariance[np.ix_(kept, kept)]
+    own = np.linalg.inv(slopes.T @ slopes + np.diag(prior_information(parameters)))
+    fitted = [n for n, state in enumerate(spread.states) if state == "fitted"]
+    rows = [place for place, n in enumerate(fitted) if n in kept]
+    return replace(found, parameters=parameters, jacobian=slopes), replace(
+        spread,
+        coordinate_covariance=whole,
+        common_covariance=whole - own,
+        covariance=spread.covariance[np.ix_(rows, rows)],
+        deviations=tuple(spread.deviations[n] for n in kept),
+        intervals=tuple(spread.intervals[n] for n in kept),
+        states=tuple(spread.states[n] for n in kept),
+    )

@@ -23,6 +23,7 @@ from turnout.calibration.misfit import (
     Misfit,
     framed,
     jacobian,
+    shared_corrections,
 )
 from turnout.calibration.movement_effects import (
     EFFECT_PASSES,
@@ -38,7 +39,6 @@ from turnout.calibration.parameter import (
 )
 from turnout.calibration.predict import compared, predicted
 from turnout.calibration.shared import left_out, poorly_followed, shared_discrepancy, without_common
-from turnout.calibration.shared_estimates import shared_corrections
 from turnout.core.running_current import MAD_TO_SIGMA
 from turnout.core.threads import one_blas_thread
 
@@ -48,21 +48,23 @@ Floats = NDArray[np.float64]
 MAX_STEPS, EXTRA_STEPS, STEP_LIMIT = 12, 4, 40
 EXTENDING_SHARE, EXTENDING_DECREASE = 1e-3, 1.0
 # Noise of the passes of a rough fit, as a share of the model error at the start [-].
-ROUGH_SHARES, JOINT_SHARES = (1.0,), (1.0, 0.1)
+ROUGH_SHARES, JOINT_SHARES = (1.0,), (1.0,)
 MAX_PASSES = 4
 # Steps that the noise of the solver hides [coordinate].
 MIN_STEP = 1e-4
-# A step of a smaller predicted decrease is not tried [square of a standard deviation].
-MIN_DECREASE = 0.05
+# A step of a smaller predicted decrease for each parameter is not tried: it moves them by a seventh
+# of their deviations [square of a standard deviation].
+MIN_DECREASE = 0.02
 # Slopes are proved by a step whose decrease they foretold to this share [-]; a step of less than
-# this that they promise then, and that the noise of the solver hides, needs no fresh ones.
-AS_FORETOLD, LITTLE_DECREASE = 0.02, 2.0
+# this for each parameter that they promise then, and that the noise of the solver hides, needs no
+# fresh ones.
+AS_FORETOLD, LITTLE_DECREASE = 0.02, 0.4
 # A step that is predicted to save less than this is taken untried [square of a standard deviation],
 # if slopes leave less than this of it [standard deviation].
 SURE_DECREASE, SURE = 4.0, 0.1
-# Of a stage that others follow: most steps, most rejected in a row, and the share of the cost that
+# Of a fit that others follow: most steps, most rejected in a row, and the share of the cost that
 # a step must be predicted to save.
-ROUGH_STEPS, ROUGH_REJECTED, ROUGH_DECREASE = 6, 2, 0.01
+ROUGH_STEPS, ROUGH_REJECTED, ROUGH_DECREASE = 6, 2, 0.02
 # Of a brief fit: passes with noise found again, steps of each, how often movement effects are
 # thrown again in a step, and the decrease below which a step is not tried; and rejected steps in a
 # row: far from the end a step is to shorten by so much.
@@ -162,7 +164,7 @@ def fit(
     refined : bool
         Whether a fit that is not rough ends with shorter steps of the solver.
     min_decrease : float
-        Predicted decrease of the cost below which a step is not tried
+        Predicted decrease of the cost for each parameter below which a step is not tried
         [square of a standard deviation].
     on_step : callable, optional
         Called with the root mean square of the residuals after each step.
@@ -304,7 +306,8 @@ def _least_squares(
     local = _local_at(misfit, values, names, local)
     damping, iterations = 1e-4, 0
     max_steps, max_rejected, passes = _limits(rough=rough, brief=brief)
-    min_decrease = min_decrease if brief is None else BRIEF_DECREASE
+    min_decrease = len(names) * min_decrease if brief is None else BRIEF_DECREASE
+    little = LITTLE_DECREASE * len(names)
     message, converged, fresh, proved, last = "", rough, False, False, 0.0
     while True:
         slopes = local.stepped
@@ -316,10 +319,13 @@ def _least_squares(
         if on_step is not None:
             on_step(float(np.sqrt(cost / max(r.size, 1))))
         accepted, rejected = False, 0
-        while iterations < max_steps and rejected < max_rejected:
+        # Slopes from elsewhere are thrown again before a shorter step is tried.
+        most = max_rejected if rough or fresh or misfit.correction else 1
+        while iterations < max_steps and rejected < most:
             iterations += 1
             step, predicted_decrease = bounded_step(r, J, parameters, local.values, damping)
-            least = max(min_decrease, ROUGH_DECREASE * cost) if rough else min_decrease
+            near = rough or brief is not None
+            least = max(min_decrease, ROUGH_DECREASE * cost) if near else min_decrease
             if predicted_decrease < least or np.abs(step).max() < MIN_STEP:
                 message, converged = "converged", True
                 break
@@ -335,14 +341,14 @@ def _least_squares(
             if np.isfinite(trial_cost) and trial_cost < cost:
                 damping, accepted, misfit = 0.1 * damping, True, trial_misfit
                 last = predicted_decrease
-                proved = _foretold(cost - trial_cost, predicted_decrease, before=proved)
+                proved = _foretold(cost - trial_cost, predicted_decrease, little, before=proved)
                 if not rough and brief is None:
                     max_steps = max(max_steps, _extended(iterations, cost, trial_cost))
                 break
             damping, rejected = max(10.0 * damping, 1e-3), rejected + 1
             if np.abs(step).max() < 10 * MIN_STEP:
                 message, converged = "converged to the noise of the solver", True
-                fresh = fresh or (proved and predicted_decrease < LITTLE_DECREASE)
+                fresh = fresh or (proved and predicted_decrease < little)
                 break
         if not accepted:
             done = rough or fresh or bool(misfit.correction)  # which lead near only
@@ -350,7 +356,7 @@ def _least_squares(
                 local, fresh, last = misfit.local(local.values, names), True, 0.0
                 message, converged = "", False
                 continue
-            if brief is not None and rejected == max_rejected:
+            if brief is not None and rejected == most:
                 message, converged = "converged as far as its slopes lead", True
             break
         local, fresh = replace(local, values=trial, simulated=here), False
@@ -390,9 +396,9 @@ def _is_sure(last: float, predicted: float) -> bool:
     return predicted < SURE_DECREASE and predicted < SURE * last**0.5
 
 
-def _foretold(decrease: float, predicted: float, *, before: bool) -> bool:
+def _foretold(decrease: float, predicted: float, little: float, *, before: bool) -> bool:
     """Return whether slopes foretold the decrease of the last step that was worth one."""
-    if predicted <= LITTLE_DECREASE:
+    if predicted <= little:
         return before
     return abs(decrease - predicted) < AS_FORETOLD * predicted
 

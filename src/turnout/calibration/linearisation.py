@@ -9,6 +9,7 @@ import numpy as np
 
 from turnout.calibration.evaluate import Response
 from turnout.calibration.measured_movements import MeasuredMovement
+from turnout.calibration.objects import is_of_object
 from turnout.calibration.parameter import Parameter
 from turnout.core.errors import SolverError
 
@@ -19,6 +20,11 @@ DIFFERENCE, FINE_DIFFERENCE = 0.01, 0.003
 # Within this, steps aside are not simulated again [coordinate]: of fits that only lead near, and of
 # those whose small rest, without nuisances, has to point the right way.
 SAME_ROUGH_SLOPE, SAME_SLOPE = 0.04, 0.01
+# Of objects: forces are straight lines over half of what is stated of them, and less of a step is
+# lost in the noise of the solver [coordinate].
+OBJECT_DIFFERENCE = 0.05
+# Slopes with thickness and place of an object change so much less over a coordinate [-].
+SLOWER = 0.2
 # The share of a difference that bounds must leave room for [-].
 LEAST_ROOM = 0.5
 # A drive that stays this far below its slip level does not feel it [-].
@@ -80,6 +86,7 @@ class Linearisation:
         """Return how far values are apart in what has slopes [coordinate]."""
         shifts = [
             abs(p.coordinate(one[p.name]) - p.coordinate(other[p.name]))
+            * (SLOWER if is_of_object(p) else 1.0)
             for p in parameters
             if p.name in self.stepped
         ]
@@ -172,6 +179,13 @@ def leaders_of(
         )
         leaders.append(next(near, number))
     return leaders
+
+
+def difference_of(parameter: Parameter) -> float:
+    """Return the step aside of a parameter with a prior [coordinate]; 0 for any other."""
+    if not parameter.prior:
+        return 0.0
+    return OBJECT_DIFFERENCE if is_of_object(parameter) else DIFFERENCE
 
 
 def stepped_value(parameter: Parameter, value: float, difference: float = DIFFERENCE) -> float:

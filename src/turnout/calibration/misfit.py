@@ -14,17 +14,21 @@ from turnout.calibration.linearisation import (
     FINE_DIFFERENCE,
     SAME_SLOPE,
     Linearisation,
+    difference_of,
     leaders_of,
     moved_aside,
     stepped_value,
     touches,
 )
 from turnout.calibration.measured_movements import MeasuredMovement
+from turnout.calibration.objects import acts_on, is_of_object, thrown_object
 from turnout.calibration.parameter import Parameter, overrides_of
-from turnout.calibration.shared import Shared, shared_of
+from turnout.calibration.shared import CLOCK, Shared, shared_of
 from turnout.core.errors import SolverError
 
 Floats = NDArray[np.float64]
+# The clock is linearised again where it is further off than this, so often at most [-].
+SAME_CLOCK, CLOCK_PASSES = 2e-5, 5
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
@@ -212,10 +216,11 @@ class Misfit:
         overrides: dict[str, object] = dict(overrides_of(self.parameters, {**values, **mine}))
         if self.law is not None:
             overrides |= self.law({**values, **mine})
+        place, size = thrown_object(movement, values)
         return ThrowInputs(
             overrides=overrides,
-            place=movement.place,
-            size=movement.size,
+            place=place,
+            size=size,
             quick=self.quick,
             lean=self.lean,
         )
@@ -244,8 +249,7 @@ class Misfit:
                 raise SolverError(message)
         difference = DIFFERENCE if self.quick else FINE_DIFFERENCE
         aside = {
-            p.name: stepped_value(p, whole[p.name], DIFFERENCE if p.prior else difference)
-            for p in stepped
+            p.name: stepped_value(p, whole[p.name], difference_of(p) or difference) for p in stepped
         }
         own = [self._inputs_of(whole, n) for n in range(len(self.movements))]
         leaders = leaders_of(self.movements, stepped, own, within=0.5 * self.same_slope)
@@ -321,9 +325,9 @@ class Misfit:
         light = replace(self, lean=True)
         for p in stepped:
             values = {**whole, p.name: aside[p.name]}
-            lean = p.prior > 0.0 and not self.quick
+            lean = p.prior > 0.0 and not (self.quick or is_of_object(p))
             for number in numbers:
-                if p.name in self.always or touches(p, whole[p.name], here[number]):
+                if self._acts(p, number, whole, here[number]):
                     wanted.append((p, number, lean))
                     throws.append((light if lean else self)._throw(number, values))
         origins = sorted({number for _, number, lean in wanted if lean})
@@ -340,6 +344,12 @@ class Misfit:
                 with_change(here[number], moved, before[number]) if lean else moved
             )
         return {name: tuple(row) for name, row in found.items()}
+
+    def _acts(self, p: Parameter, number: int, whole: Mapping[str, float], here: Response) -> bool:
+        """Return whether a parameter can change the response to a movement."""
+        if is_of_object(p):
+            return acts_on(p, self.movements[number])
+        return p.name in self.always or touches(p, whole[p.name], here)
 
     def _shaped(self, number: int, response: Response, values: Mapping[str, float]) -> Response:
         """Return a response as it is compared; SolverError where it failed."""
@@ -373,6 +383,46 @@ class Frame:
 
 
 def framed(local: Linearisation, misfit: Misfit) -> Frame:
+    """Align all movements about a point, with the recorder's clock where they show it."""
+    for _ in range(CLOCK_PASSES):
+        frame = _framed(local, misfit)
+        rate, known = _clock_of(local, frame), misfit.comparison.rate
+        if rate is None or abs(rate - known) < SAME_CLOCK:
+            break
+        misfit = replace(misfit, comparison=replace(misfit.comparison, rate=rate))
+    return frame
+
+
+def _clock_of(local: Linearisation, frame: Frame) -> float | None:
+    """Return the likeliest share by which the recorder's seconds are too short [-]."""
+    sensors = frame.shared.sensors if frame.shared else ()
+    place = next((n for n, item in enumerate(sensors) if item.kind == CLOCK), None)
+    if place is None:
+        return None
+    return float(shared_estimates(local, frame)[place]) * sensors[place].stated
+
+
+def shared_estimates(local: Linearisation, frame: Frame) -> Floats:
+    """Return the likeliest size of all that movements share, in standard deviations, shape (q,)."""
+    if frame.shared is None:
+        return np.zeros(0)
+    rows = [
+        alignment.whitened(alignment.measured - alignment.reduced(response))
+        for alignment, response in zip(frame.alignments, local.simulated, strict=True)
+    ]
+    return frame.shared.estimates(np.concatenate(rows))
+
+
+def shared_corrections(local: Linearisation, frame: Frame) -> list[Floats | None]:
+    """Return for each movement what its sensors add to the measured forces, as estimated [N]."""
+    if frame.shared is None:
+        return [None] * len(frame.alignments)
+    count = len(frame.shared.sensors)
+    sizes = shared_estimates(local, frame)[:count]
+    return [block[:, :count] @ sizes for block in frame.shared.plain]
+
+
+def _framed(local: Linearisation, misfit: Misfit) -> Frame:
     """Align all movements about a point."""
     alignments = []
     for number, movement in enumerate(misfit.movements):

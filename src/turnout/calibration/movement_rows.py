@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 
 from turnout.calibration.fit import Fit
-from turnout.calibration.shared_estimates import shared_corrections
+from turnout.calibration.misfit import shared_corrections
 
 Row = Mapping[str, float]
 

@@ -66,19 +66,21 @@ class Prediction:
     totals: tuple[Floats, ...]
     failed: bool
 
-    def row(self, shift: float) -> Floats:
+    def row(self, shift: float, rate: float = 0.0) -> Floats:
         """Return the means over all bins, part after part; NaN where the simulation failed.
 
         Parameters
         ----------
         shift : float
             How much later than its marked onset the movement truly began [s].
+        rate : float
+            Share by which the seconds of the recorder are too short [-].
         """
         if self.failed:
             return np.full(sum(centre.size for centre in self.centres), np.nan)
         rows = []
         for centre, total in zip(self.centres, self.totals, strict=True):
-            middle = centre + (self.onset - shift)
+            middle = centre / (1.0 + rate) + (self.onset - shift)
             ends = np.interp(
                 np.concatenate((middle + 0.5 * BIN, middle - 0.5 * BIN)), self.edges, total
             )

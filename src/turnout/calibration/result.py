@@ -92,6 +92,8 @@ class Calibration:
         drive_force.1" [-], "zero object_force" [N], "clock" [-].
     effects : mapping of str to mapping of str to float
         By movement of the last stage, as from `movement_rows`.
+    objects : tuple of Fitted
+        Thickness of each size and position of each place of the objects, as found [m].
     """
 
     parameters: tuple[Fitted, ...]
@@ -114,6 +116,7 @@ class Calibration:
     sensors: tuple[str, ...] = ()
     chain: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    objects: tuple[Fitted, ...] = ()
 
     @property
     def values(self) -> dict[str, float]:
@@ -196,10 +199,11 @@ def calibration_text(calibration: Calibration) -> str:
         "[about]",
         *(f"{_text(key)} = {_text(value)}" for key, value in calibration.about.items()),
     ]
-    for item in calibration.parameters:
+    named = [("parameter", item) for item in calibration.parameters]
+    for kind, item in (*named, *(("object", item) for item in calibration.objects)):
         lines += [
             "",
-            f"[parameter.{_text(item.name)}]",
+            f"[{kind}.{_text(item.name)}]",
             f"keys = {_list(item.keys)}",
             f"unit = {_text(item.unit)}",
             f"value = {_quantity(item.value, item.unit)}",
@@ -305,6 +309,7 @@ def _read(data: Mapping[str, Any]) -> Calibration:
         sensors=tuple(data.get("sensors", data.get("gains", ()))),
         chain={key: (float(a), float(b)) for key, (a, b) in data.get("chain", {}).items()},
         effects=data.get("effects", {}),
+        objects=tuple(_fitted(name, item) for name, item in data.get("object", {}).items()),
         posterior=json.loads(data["posterior"]["json"]) if "posterior" in data else {},
     )
 

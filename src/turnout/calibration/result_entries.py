@@ -10,6 +10,7 @@ from turnout.calibration.covariance import Spread
 from turnout.calibration.fit import Fit
 from turnout.calibration.grid_search import GridSearch
 from turnout.calibration.measured_movements import MeasuredMovement
+from turnout.calibration.objects import is_of_object
 from turnout.calibration.parameter import Fitted, Parameter
 from turnout.calibration.result import StageLog
 from turnout.calibration.sensors import LEAVES_PRIOR
@@ -82,7 +83,7 @@ def stage_log(
         name=stage.name,
         method=stage.method,
         movements=tuple(item.name for item in chosen),
-        values={item.name: values[item.name] for item in parameters},
+        values={p.name: values[p.name] for p in parameters if not is_of_object(p)},
         misfit=fitted.rms if fitted else min(swept.misfit) if swept else float("nan"),
         evaluations=made,
         iterations=fitted.iterations if fitted else 0,
@@ -166,8 +167,8 @@ def fitted_parameters(plan: CalibrationPlan, final: Fit, spread: Spread) -> tupl
     places = {item.name: number for number, item in enumerate(final.parameters)}
     found = []
     planned = {item.name for item in plan.parameters}
-    causes = [item for item in final.parameters if item.name not in planned]
-    for item in (*plan.parameters, *causes):
+    causes = [p for p in final.parameters if p.name not in planned and not is_of_object(p)]
+    for item in (*(p for p in plan.parameters if not is_of_object(p)), *causes):
         number = places.get(item.name)
         value = final.values[item.name]
         deviation, interval, state = float("nan"), (value, value), "fixed"
@@ -190,6 +191,26 @@ def fitted_parameters(plan: CalibrationPlan, final: Fit, spread: Spread) -> tupl
             )
         )
     return tuple(found)
+
+
+def fitted_objects(final: Fit, spread: Spread) -> tuple[Fitted, ...]:
+    """Return what came out of thickness and place of the objects."""
+    return tuple(
+        Fitted(
+            name=item.name,
+            keys=(),
+            unit=item.unit,
+            value=final.values[item.name],
+            deviation=spread.deviations[number],
+            lower=item.lower,
+            upper=item.upper,
+            interval=spread.intervals[number],
+            start=item.start,
+            state=spread.states[number],
+        )
+        for number, item in enumerate(final.parameters)
+        if is_of_object(item)
+    )
 
 
 def noise_entries(final: Fit) -> dict[str, dict[str, float]]:

@@ -167,10 +167,9 @@ def _sensor_block(alignment: Alignment, sensors: Sequence[SensorColumn]) -> Floa
     block = np.zeros((alignment.measured.size, len(sensors)))
     places = _places(alignment)
     for column, item in enumerate(sensors):
-        for key, time, place in places:
+        for key, _, place in places:
             if item.kind == CLOCK:
-                # The first column is the change with a later onset, less the rate of the force.
-                block[place, column] = item.stated * time * alignment.columns[place, 0]
+                block[place, column] = item.stated * alignment.clock[place]
             elif key == (item.channel, item.drive):
                 scale = alignment.measured[place] if item.kind == GAIN else 1.0
                 block[place, column] = item.stated * scale

@@ -25,12 +25,18 @@ from turnout.panel.load import LoadedPanel
 ROUGH_THROWS, ROUGH_SLOPES, NEAR_THROWS, END_THROWS = 11, 2, 2, 3
 # Further quick throws of all movements where only some lead near.
 JOINING_THROWS = 3
+# Slopes of each movement that its object has: thickness and place.
+OBJECT_SLOPES = 2
 # Share of slopes that are thrown: slip levels that are not reached have none.
 THROWN_SLOPES = 0.7
 # Work over which the present pace is taken, in quick throws: that of the machine may change.
 PACE_WORK = 100.0
 # Movements that advice usually looks at.
 CANDIDATES = 8
+
+
+class TimeIsUp(Exception):  # noqa: N818 - no error: what is known is given
+    """The limit of a calibration is over."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,6 +57,8 @@ class CalibrationProgress:
         Since the start, and left by the throws that are usually needed, each kind with its share
         of processor time, at the slower of the mean and the present pace; where more were needed
         already, as much again as these took, and at least one more step [s].
+    verdict : str
+        Whether the first fit follows, and what is done next; empty before it.
     """
 
     stage: str
@@ -60,6 +68,7 @@ class CalibrationProgress:
     misfit: float
     seconds: float
     left: float
+    verdict: str = ""
 
 
 def planned_work(
@@ -95,9 +104,10 @@ def _distinct(movements: Sequence[MeasuredMovement]) -> int:
 def _joint_work(chosen: Sequence[MeasuredMovement], parameters: Sequence[Parameter]) -> float:
     """Return what the last stage takes without a search for causes [quick throws]."""
     leading = min(len(chosen), JOINT_MOVEMENTS)
-    slopes = THROWN_SLOPES * len(parameters)
+    slopes = THROWN_SLOPES * len(parameters) + OBJECT_SLOPES
     joining = JOINING_THROWS if len(chosen) > leading else 0
     last = sum(LEAN_WORK if item.prior else PLAIN_WORK for item in parameters)
+    last += OBJECT_SLOPES * LEAN_WORK / THROWN_SLOPES
     return (
         leading * (ROUGH_THROWS + ROUGH_SLOPES * slopes + NEAR_THROWS * PLAIN_WORK)
         + len(chosen) * (joining + END_THROWS * PLAIN_WORK)
@@ -129,7 +139,7 @@ def work_of_search(found: Fit, panel: LoadedPanel) -> float:
     slopes of its own, and then with all values to the end.
     """
     count, tries = len(found.parameters), 0
-    for cause in candidate_causes(panel, found.parameters):
+    for cause in candidate_causes(panel, found.parameters, found.misfit.movements):
         if cause.shape is None:
             tries += len(cause.parameters) if cause.smooth else max(len(cause.tries), 1)
     each = tries + CAUSE_STEPS + 2 * PLAIN_WORK * (count + 2)
@@ -138,7 +148,10 @@ def work_of_search(found: Fit, panel: LoadedPanel) -> float:
 
 @dataclass(slots=True)
 class ProgressReporter:
-    """Collects the progress of a calibration and reports it after each throw."""
+    """Collects the progress of a calibration, reports it after each throw and keeps its limit.
+
+    `limit` counts from the first throw on [s]; it is infinite once it was used up.
+    """
 
     report: Callable[[CalibrationProgress], None] | None
     stages: int
@@ -150,10 +163,15 @@ class ProgressReporter:
     began: float = 0.0
     pace: float = 0.0
     marked: tuple[float, float] = (0.0, 0.0)
+    limit: float = float("inf")
+    verdict: str = ""
 
     def report_state(self, evaluator: Evaluator) -> None:
-        """Report the state after a throw."""
+        """Report the state after a throw; raises `TimeIsUp` once where the limit is over."""
         self.began = self.began or time.monotonic()
+        if self.limit < float("inf") and time.monotonic() - self.began > self.limit:
+            self.limit = float("inf")
+            raise TimeIsUp
         if self.report is None:
             return
         seconds, work = time.monotonic() - self.began, max(evaluator.work, 1.0)
@@ -169,7 +187,8 @@ class ProgressReporter:
                 evaluations=evaluator.made,
                 misfit=self.misfit,
                 seconds=seconds,
-                left=pace * max(abs(self.planned - work), self.per_step),
+                left=min(pace * max(abs(self.planned - work), self.per_step), self.limit - seconds),
+                verdict=self.verdict,
             )
         )
 

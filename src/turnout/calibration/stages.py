@@ -253,7 +253,21 @@ def nuisances(panel: LoadedPanel) -> list[Parameter]:
     return found
 
 
-def known_to(key: str, value: float, prior: float, *, unit: str = "m") -> Parameter:
+def with_unknowns(plan: CalibrationPlan, unknowns: Sequence[Parameter]) -> CalibrationPlan:
+    """Return a plan whose last stage fits further unknowns of the campaign too."""
+    *stages, last = plan.stages
+    if not plan.named(last.parameters):
+        return plan
+    names = (*last.parameters, *(item.name for item in unknowns))
+    return CalibrationPlan(
+        parameters=(*plan.parameters, *unknowns),
+        stages=(*stages, replace(last, parameters=names)),
+    )
+
+
+def known_to(
+    key: str, value: float, prior: float, *, unit: str = "m", keys: tuple[str, ...] | None = None
+) -> Parameter:
     """Return a parameter for a key that is known to a standard deviation about a value.
 
     Examples
@@ -263,7 +277,7 @@ def known_to(key: str, value: float, prior: float, *, unit: str = "m") -> Parame
     """
     return Parameter(
         name=key,
-        keys=(key,),
+        keys=(key,) if keys is None else keys,
         start=value,
         lower=value - FURTHEST * prior,
         upper=value + FURTHEST * prior,

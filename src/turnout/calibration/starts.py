@@ -3,14 +3,13 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
-from turnout.calibration.causes import CLEARLY, LEFT_MISSED, is_worth_a_search
+from turnout.calibration.causes import CAUSE_STEPS, LEFT_MISSED, is_worth_a_search
 from turnout.calibration.fit import Fit, brief_fit, fit
 from turnout.calibration.grid_search import misfit_share, other_minima, sweep
 from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.movement_effects import update_movement_effects
 from turnout.calibration.parameter import Parameter
-from turnout.core.errors import SolverError
 
 # How often movements that join a fit are thrown at their own values before it goes on.
 OWN_PASSES = 2
@@ -107,7 +106,7 @@ def with_movements(near: Fit, movements: Sequence[MeasuredMovement]) -> Fit:
     return replace(near, misfit=misfit, local=replace(local, stepped={}))
 
 
-def last_start(
+def first_fit(
     start: Misfit,
     parameters: Sequence[Parameter],
     near: Fit,
@@ -115,11 +114,10 @@ def last_start(
     *,
     on_step: Callable[[float], None] | None = None,
 ) -> Fit:
-    """Fit briefly from where quick throws led, to see what a model misses.
+    """Fit from where quick throws led, to see what a model misses.
 
-    Quick throws with what plain ones change of them where it begins are enough for a model that
-    lacks nothing; any other is followed with plain throws, and to its end where it still clearly
-    misses something.
+    Slopes of quick throws lead there where nothing is missed; else those of plain ones, with little
+    of what is missed as noise: a model that lacks nothing leaves that at once.
 
     Parameters
     ----------
@@ -132,62 +130,17 @@ def last_start(
     on_step : callable, optional
         As of `fit`.
     """
-    clearly = is_worth_a_search(found, share=CLEARLY)
-    if not clearly:
-        light = replace(start, effects=found.misfit.effects).corrected(near.values)
-        begun = replace(found, local=replace(found.local, quick=True))
-        light_fit = brief_fit(light, parameters, near.values, near=begun, passes=1, on_step=on_step)
-        if light_fit.converged and not is_worth_a_search(light_fit):
-            return light_fit
-    # A start that is far off misses as much; a model that lacks nothing leaves it at once.
-    share = LEFT_MISSED if clearly else 1.0
-    first = brief_fit(start, parameters, near.values, near=found, share=share, passes=1, steps=1)
-    again = brief_fit(
+    light = brief_fit(start, parameters, near.values, near=found, passes=1, on_step=on_step)
+    if not is_worth_a_search(light):
+        return light
+    fresh = replace(light, local=replace(light.local, stepped={}))
+    return brief_fit(
         start,
         parameters,
-        first.values,
-        near=_stepped_once(first, found, near),
-        share=share,
+        light.values,
+        near=fresh,
+        share=LEFT_MISSED,
+        passes=1,
+        steps=CAUSE_STEPS,
         on_step=on_step,
-    )
-    if not (clearly and is_worth_a_search(again, share=CLEARLY)):
-        return again
-    return _gone_to_its_end(start, parameters, found, on_step) or found
-
-
-def _gone_to_its_end(
-    start: Misfit,
-    parameters: Sequence[Parameter],
-    found: Fit,
-    on_step: Callable[[float], None] | None,
-) -> Fit | None:
-    """Return a fit to its end if that misses no more than another solver would.
-
-    Where values and each movement's friction are off together, brief fits leave that so slowly that
-    the model seems to lack something, and causes that are not there would be taken up.
-    """
-    try:
-        whole = fit(start, parameters, found.values, near=found, refined=False, on_step=on_step)
-    except SolverError:
-        return None
-    return None if is_worth_a_search(whole) else whole
-
-
-def _stepped_once(first: Fit, found: Fit, near: Fit) -> Fit:
-    """Return a first step with the noise of where it began; slopes of quick throws end with it.
-
-    Parameters
-    ----------
-    first : Fit
-        One step from `found`, with slopes of quick throws where it did not go far.
-    found : Fit
-        Where the step began.
-    near : Fit
-        Whose slopes both began with.
-    """
-    quick = near.local.quick and first.local.stepped is near.local.stepped
-    return replace(
-        first,
-        misfit=replace(first.misfit, comparison=found.misfit.comparison),
-        local=replace(first.local, quick=quick),
     )

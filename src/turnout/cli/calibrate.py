@@ -19,8 +19,9 @@ from turnout.cli.options import (
     made_folder,
     option,
 )
-from turnout.cli.output import FINDINGS, Output, coloured, resumable
+from turnout.cli.output import FINDINGS, INTERRUPTED, Output, coloured, refuse, resumable
 from turnout.cli.watch import ProgressBar
+from turnout.core.problems import choices
 from turnout.core.value_text import count_text, duration_text, value_text
 from turnout.measurement.campaign.campaign_folder import throw_store
 
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from turnout.calibration.stage_progress import CalibrationProgress
 
 SECONDS_BETWEEN_LINES = 2.0
+CAUSES = ("all", "none")
 LEAST_LEFT, LEAST_THROWS = 5.0, 10
 """Below this time [s], and before so many throws, the time left is not estimated."""
 
@@ -59,6 +61,12 @@ def calibrate_command(
     advise: bool = option(
         "--advise", "Print parameter correlations and the test that would separate them."
     ),
+    causes: str = option(
+        "--causes WHICH", "all: look for what the panel does not follow; none.", default="all"
+    ),
+    limit: float | None = option(
+        "--limit SECONDS", "Give what is known after this time. Default: no limit.", min=1.0
+    ),
     strict: bool = option("--strict", "Exit code 1 if the result is not trustworthy."),
     allow_outside: OutsideOption = False,
     workers: int = option("--workers N", "Processes.", default=2, min=1),
@@ -67,9 +75,12 @@ def calibrate_command(
 
     First friction from movements without an object, then each drive from an object at it, then all
     from at most 20 movements of every kind; `turnout validate` uses the others. Throws are
-    cached beside the campaign: after Ctrl-C run the same command to continue.
+    cached beside the campaign: after Ctrl-C run the same command to continue. Ctrl-C after the
+    first fit writes what is known.
     """
     out, quiet = Path(str(output["out"])), output.quiet
+    if causes not in CAUSES:
+        refuse(f"--causes {causes}: must be {choices(CAUSES)}")
     if figures is not None:
         made_folder("--figures", figures)
     loaded = PanelOptions(panel, settings).opened()
@@ -83,7 +94,7 @@ def calibrate_command(
     # Processes load while the campaign is read.
     with resumable(kept), throw_processes(loaded, workers, throw_store(source)) as processes:
         dataset = opened_campaign(source, None, out=out, allow_outside=allow_outside, quiet=quiet)
-        from turnout.calibration.calibrate import calibrate
+        from turnout.calibration.calibrate import CTRL_C, calibrate
 
         outcome = calibrate(
             dataset,
@@ -94,7 +105,9 @@ def calibrate_command(
             workers=processes,
             posterior=posterior,
             advise=advise,
-            report=None if quiet else lambda state: log.say(stage_line(state)),
+            causes=causes != "none",
+            limit=float("inf") if limit is None else limit,
+            report=None if quiet else _Said(log),
         )
     from turnout.calibration.fitted_file import save_signals, signals_path
 
@@ -111,8 +124,23 @@ def calibrate_command(
         level, lines = "bad" if calibration.distrust else "good", trust_lines(calibration)
         for line in lines:
             typer.echo(coloured(line, level) if line.startswith("verdict") else line)
+    if outcome.ended == CTRL_C:
+        raise typer.Exit(INTERRUPTED)
     if strict and calibration.distrust:
         raise typer.Exit(FINDINGS)
+
+
+class _Said:
+    """Says how far a calibration is, and the verdict on its first fit as soon as there is one."""
+
+    def __init__(self, log: ProgressBar) -> None:
+        self._log, self._verdict = log, ""
+
+    def __call__(self, state: "CalibrationProgress") -> None:
+        if state.verdict != self._verdict:
+            self._verdict = state.verdict
+            typer.echo(state.verdict, err=True)
+        self._log.say(stage_line(state))
 
 
 def stage_line(state: "CalibrationProgress") -> str:
@@ -168,7 +196,7 @@ def result_lines(calibration: "Calibration") -> list[str]:
 def trust_lines(calibration: "Calibration") -> list[str]:
     """Return the verdict on a calibration, with the reasons if it is not trustworthy."""
     if not calibration.distrust:
-        how = ", with what is fitted as its cause" if calibration.fitted_causes else ""
+        how = ", with what is named as its cause" if calibration.causes else ""
         return [
             f"{'verdict':<12}the model follows the measurement{how}; check it with `turnout "
             "validate`"
@@ -233,7 +261,7 @@ def calibration_record(calibration: "Calibration") -> tuple[dict[str, Any], dict
     names = (
         *("panel", "panel_hash", "data", "movements", "parameters", "covariance", "stages"),
         *("scatter", "posterior", "findings", "warnings", "causes", "fitted_causes", "sensors"),
-        *("chain", "effects"),
+        *("chain", "effects", "objects"),
     )
     record = {name: getattr(calibration, name) for name in names}
     record |= {"trustworthy": not calibration.distrust, "reasons": calibration.distrust}

@@ -27,8 +27,9 @@ class _End(TypedDict):
 
 
 # How every law is fitted to its end: what half a step of the solver moves is within the noise that
-# laws are judged by, and so is half a unit of the cost.
-END: _End = {"refined": False, "min_decrease": 0.5}
+# laws are judged by, and so is a tenth of a unit of the cost for
+# each parameter.
+END: _End = {"refined": False, "min_decrease": 0.1}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

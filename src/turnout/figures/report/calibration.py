@@ -113,8 +113,8 @@ def _verdict(calibration: Calibration) -> Finding:
     """Return the verdict on a calibration, trustworthy or not, with its reasons."""
     if calibration.distrust:
         return Finding("bad", "Verdict", "not trustworthy", "; ".join(calibration.distrust))
-    causes = ", ".join(dict.fromkeys(calibration.fitted_causes))
-    detail = f"with what is fitted as its cause: {causes}" if causes else "without any cause"
+    causes = ", ".join(dict.fromkeys(text.split(":")[0] for text in calibration.causes))
+    detail = f"with what is named as its cause: {causes}" if causes else "without any cause"
     return Finding("good", "Verdict", "the model follows the measurement", detail)
 
 
