@@ -7,28 +7,26 @@ import pytest
 from tests.unit.test_calibration_fit import PARAMETERS, TRUE, misfit, movement, response
 
 from turnout.calibration import cause_trials, starts
-from turnout.calibration.bushing_laws import SOFTNESS, soft_bushing
-from turnout.calibration.candidate_causes import candidate_causes
-from turnout.calibration.cause import Cause
-from turnout.calibration.cause_lines import cause_lines
+from turnout.calibration.candidate_causes import SOFTNESS, Cause, candidate_causes, soft_bushing
 from turnout.calibration.cause_trials import one_of_alike, own_levels, with_cause
 from turnout.calibration.causes import (
+    DECISIVE,
     CauseSearch,
     _best_of_alike,
     _Budget,
     _fitted_with,
+    cause_lines,
+    is_needed,
     is_worth_a_search,
     with_causes,
     without_needless,
 )
-from turnout.calibration.fit import brief_fit, fit
+from turnout.calibration.fit import Fit, brief_fit, fit
 from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.misfit import Misfit
-from turnout.calibration.needed_causes import DECISIVE, is_needed
 from turnout.calibration.predict import predicted
 from turnout.calibration.sensors import common_lead
 from turnout.calibration.stages import default_plan
-from turnout.core.errors import SolverError
 from turnout.measurement.chain.recorder import LowPass, Recorder
 from turnout.panel.load import LoadedPanel, load_panel
 
@@ -104,22 +102,25 @@ def test_what_a_recorder_does_is_found_and_the_remedy_named(
     assert search.found.values["k"] == pytest.approx(TRUE["k"], rel=5e-3)
 
 
-def test_a_fit_to_its_end_that_fails_or_still_misses_something_is_no_start(
+def test_a_first_fit_that_misses_something_takes_slopes_of_its_own(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     whole = misfit(averaged())
     near = fit(whole, PARAMETERS, TRUE, rough=True)
     found = brief_fit(whole, PARAMETERS, TRUE, near=near)
-    assert is_worth_a_search(found, share=starts.CLEARLY)
-    monkeypatch.setattr(starts, "brief_fit", lambda *_, **__: found)
-    assert starts.last_start(whole, PARAMETERS, near, found) is found
+    assert is_worth_a_search(found)
+    begun: list[bool] = []
 
-    def fails(*_: object, **__: object) -> None:
-        message = "it slips at rest"
-        raise SolverError(message)
+    def noted(*_: object, near: Fit, **__: object) -> Fit:
+        begun.append(bool(near.local.stepped))
+        return found
 
-    monkeypatch.setattr(starts, "fit", fails)
-    assert starts.last_start(whole, PARAMETERS, near, found) is found
+    monkeypatch.setattr(starts, "brief_fit", noted)
+    assert starts.first_fit(whole, PARAMETERS, near, found) is found
+    assert begun == [True, False]
+    monkeypatch.setattr(starts, "is_worth_a_search", lambda _: False)
+    starts.first_fit(whole, PARAMETERS, near, found)
+    assert begun[2:] == [True]
 
 
 def test_a_search_ends_after_its_throws_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,12 +8,11 @@ import pytest
 from tests.unit.test_calibration_fit import PARAMETERS, TRUE, MadeUp, misfit, movement, response
 
 from turnout.calibration import evaluate
-from turnout.calibration.corrections import Refined
 from turnout.calibration.covariance import spread_of
 from turnout.calibration.evaluate import Evaluator, Response, ThrowInputs
 from turnout.calibration.fit import Fit, _least_squares, fit
 from turnout.calibration.linearisation import Linearisation
-from turnout.calibration.misfit import Misfit
+from turnout.calibration.misfit import Misfit, Refined
 from turnout.calibration.result_entries import warnings_from
 from turnout.core.errors import MeasurementError
 from turnout.core.scheme import Scheme

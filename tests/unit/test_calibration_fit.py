@@ -431,28 +431,6 @@ def test_what_step_and_modes_leave_is_in_the_deviations() -> None:
     assert spread_of(rough).deviations[1] == pytest.approx(plain, rel=0.05)
 
 
-class Coarse(Discretised):
-    """Is wrong by more in quick throws, and by another share the larger the stiffness."""
-
-    def values(self, throw: ThrowInputs) -> Mapping[str, object]:
-        if not throw.quick:
-            return super().values(throw)
-        k = 0.95e5 * (float(str(throw.overrides["k"])) / 1e5) ** 1.1
-        return {**throw.overrides, "k": k}
-
-
-def test_a_correction_is_right_where_it_was_made_and_nearly_so_near_by() -> None:
-    whole = misfit(alike(1, seed=2))
-    whole.evaluator = Coarse(load_panel("sb1"))
-    corrected, near = whole.corrected(TRUE), {**TRUE, "k": 1.01 * TRUE["k"]}
-    (here,), (plain,) = corrected.responses([TRUE])[0], whole.responses([TRUE])[0]
-    np.testing.assert_allclose(here.drive_force["1"], plain.drive_force["1"], atol=1e-9)
-    (moved,), (exact,) = corrected.responses([near])[0], whole.responses([near])[0]
-    change = np.abs(exact.drive_force["1"] - plain.drive_force["1"]).max()
-    left = np.abs(moved.drive_force["1"] - exact.drive_force["1"]).max()
-    assert 0.0 < left < 0.2 * change
-
-
 def test_movements_of_one_place_and_size_share_fine_throws() -> None:
     whole = misfit(alike(3, seed=3))
     whole.effects = {"mu": (0.0, 0.05, -0.02)}

@@ -8,8 +8,9 @@ import pytest
 from tests.unit.calibrations import calibration
 from tests.unit.test_calibration_fit import PARAMETERS, TRUE, misfit, movement
 
+from turnout.calibration.covariance import drift_finding
 from turnout.calibration.fit import Fit, fit
-from turnout.calibration.movement_rows import fitted_signals, movement_rows
+from turnout.calibration.fitted_file import fitted_signals, movement_rows
 from turnout.calibration.result import load_calibration
 from turnout.core.errors import ResponseError
 from turnout.figures.calibration import plot_fit
@@ -72,3 +73,13 @@ def test_the_table_is_kept_in_the_file(found: Fit, tmp_path: Path) -> None:
     read = load_calibration(tmp_path / "c.toml")
     assert read.effects == rows
     assert read.sensors == ("load cell +0.1 %",)
+
+
+def test_friction_that_drifts_over_the_campaign_is_named_with_its_slope() -> None:
+    rng = np.random.default_rng(5)
+    steady = [0.01, -0.02, 0.005, 0.015, -0.01, 0.0, 0.02, -0.015]
+    for owns, drifts in (([0.01 * n for n in range(8)], True), (steady, False)):
+        measured = [movement(f"m{n}", rng=rng, own=own) for n, own in enumerate(owns)]
+        found = fit(misfit(measured[::-1]), PARAMETERS, TRUE, refined=False)
+        lines = drift_finding(found, [item.name for item in measured])
+        assert [text.startswith("mu rises by 1 ±") for text in lines] == [True] * drifts

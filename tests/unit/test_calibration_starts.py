@@ -39,7 +39,7 @@ def test_of_several_starts_the_one_that_leaves_least_is_gone_on_with(
     monkeypatch.setattr(starts, "fit", where_it_starts)
     wrong, near = {**TRUE, "k": 2.7e6}, {**TRUE, "k": 8e5}
     for order in ([wrong, near], [near, wrong]):
-        assert starts.nearest_fit(whole, PARAMETERS, order, (1.0,)).values == near
+        assert starts.nearest_fit(whole, PARAMETERS, order).values == near
 
 
 def test_movements_that_join_a_fit_are_thrown_at_their_own_values() -> None:

@@ -62,7 +62,7 @@ def test_a_calibration_that_is_not_to_be_trusted_is_written_and_says_so(
     monkeypatch.setattr("turnout.cli.calibrate.opened_campaign", lambda *_, **__: None)
     monkeypatch.setattr(
         "turnout.calibration.calibrate.calibrate",
-        lambda *_, **__: SimpleNamespace(calibration=made[-1], sweeps=(), final=None),
+        lambda *_, **__: SimpleNamespace(calibration=made[-1], sweeps=(), final=None, ended=""),
     )
     monkeypatch.setattr("turnout.calibration.fitted_file.save_signals", lambda *_: None)
     out = tmp_path / "c.toml"

@@ -43,8 +43,9 @@ def test_the_verdict_comes_first_with_its_reasons_and_causes() -> None:
     verdict = calibration_findings(doubted)[0]
     assert (verdict.level, verdict.answer) == ("bad", "not trustworthy")
     assert verdict.detail == "drive_force of drive 1: misses 40 N"
-    caused = replace(calibration(), fitted_causes=("clutch", "clutch", "sections"))
-    assert calibration_findings(caused)[0].detail.endswith("its cause: clutch, sections")
+    lines = ("clutch: slips elsewhere", "clutch: of drive 2", "sections: softer", "gain: 2 %")
+    caused = replace(calibration(), causes=lines)
+    assert calibration_findings(caused)[0].detail.endswith("its cause: clutch, sections, gain")
 
 
 def test_each_channel_has_a_table_of_its_movements() -> None:

@@ -10,10 +10,10 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.calibration.advice import next_lines, next_movements, systematic_errors
-from turnout.calibration.cause_lines import cause_lines
 from turnout.calibration.causes import (
     CLEARLY,
     CauseSearch,
+    cause_lines,
     ended_reasons,
     first_verdict,
     is_worth_a_search,
@@ -22,23 +22,21 @@ from turnout.calibration.causes import (
     without_needless,
 )
 from turnout.calibration.comparison import Comparison, Uncertainty
-from turnout.calibration.covariance import Spread, spread_of, without_objects
+from turnout.calibration.covariance import Spread, drift_finding, spread_of, without_objects
 from turnout.calibration.evaluate import Evaluator
 from turnout.calibration.exchanged_rods import rod_warnings
 from turnout.calibration.fit import (
-    JOINT_SHARES,
     MAX_PASSES,
     MAX_STEPS,
-    ROUGH_SHARES,
     Fit,
     brief_fit,
     fit,
 )
+from turnout.calibration.fitted_file import movement_rows
 from turnout.calibration.grid_search import GridSearch, sweep
 from turnout.calibration.left_priors import prior_reasons
 from turnout.calibration.measured_movements import MeasuredMovement, observe, selected
 from turnout.calibration.misfit import Misfit
-from turnout.calibration.movement_rows import movement_rows
 from turnout.calibration.noise import measured_noise
 from turnout.calibration.objects import (
     THICKER,
@@ -235,7 +233,8 @@ def calibrate(
             *warnings_from(final, spread),
             *(item.warning for item in sensors if item.leaves),
         ]
-        findings = list(spread.findings)
+        order = [str(name) for name in dataset["movement"].values]
+        findings = [*spread.findings, *drift_finding(final, order)]
         if advise and not run.ended:
             watch.begin("advice", final, evaluator)
             findings += _advice(final, (values, values_spread), panel)
@@ -388,8 +387,7 @@ class _Run:
                 last = number == len(self.plan.stages)
                 rough = replace(misfit.comparison, gains={}, common_zero=0.0)
                 near = replace(leading, quick=True, comparison=rough)
-                shares = JOINT_SHARES if last else ROUGH_SHARES
-                final = nearest_fit(near, parameters, starts, shares, on_step=self.watch.found)
+                final = nearest_fit(near, parameters, starts, on_step=self.watch.found)
                 values = dict(final.values)
                 if last:
                     start = replace(leading, base=values)

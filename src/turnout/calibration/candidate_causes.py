@@ -1,29 +1,24 @@
 """Causes that a model may not follow a measurement: parameters that a panel does not have."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.calibration.bushing_laws import (
-    SOFTNESS,
-    SOFTNESS_SPREAD,
-    TABLE_ENDS,
-    TABLE_SPREAD,
-    bushing_table,
-    soft_bushing,
-    stiffness_beyond,
-)
-from turnout.calibration.cause import Cause
 from turnout.calibration.drive_law.candidates import (
     KNEE_STIFFNESS,
     LEAST_KNEE,
     LEAST_LAG,
     LEAST_PLAY,
+    REACH,
+    Law,
+    Shape,
     lagged,
     level_key,
+    stiffness_and_level,
     stiffness_key,
+    symmetric_law,
     table,
 )
 from turnout.calibration.evaluate import Response
@@ -57,6 +52,192 @@ LEAST_SECTIONS = 0.005  # a modulus that is off by less takes up what is another
 # Groups of neighbouring chairs at most, and how far the friction of one is expected from the mean
 # of all, as a share of that [-].
 CHAIR_GROUPS, CHAIR_SPREAD = 5, 0.25
+# Causes of which several may be, such as one a drive.
+SEVERAL = ("bushing shape", "clutch", "drive law", "objects")
+Beside = Callable[[Mapping[str, float], Sequence[float]], dict[str, float]]
+# How much softer a bushing is at first, as a logarithm [-], and how far that is expected from this;
+# the share of the slip level at which its stretch stays the same, and how far at most its stiffness
+# rises for that, as a factor [-].
+SOFTNESS, SOFTNESS_SPREAD, SECANT, STIFFEST = 1.4, 0.7, 0.6, 3.0
+# A bushing as a table: where its spans end [m], how far the logarithm of the stiffness in one is
+# expected from that beyond, and up to which share of the slip level a span may reach [-].
+TABLE_ENDS, TABLE_SPREAD, LAST_SPAN = (0.5e-3, 1e-3, 2e-3, 4e-3), 0.7, 0.95
+
+
+def stiffness_beyond(
+    panel: LoadedPanel,
+    drive: str,
+    values: Mapping[str, float],
+    *,
+    travel: float,
+    softness: float = SOFTNESS,
+) -> float:
+    r"""Return the stiffness beyond a soft travel that leaves the stretch as it is.
+
+    .. math:: \frac{F}{k} = x + \frac{F - s k' x}{k'}, \quad s = e^{-\text{softness}}
+
+    at a share of the slip level as force `F`; an infinite softness is play.
+    """
+    stiffness, level = stiffness_and_level(panel, drive, values)
+    before = SECANT * level / stiffness
+    left = before - (1.0 - float(np.exp(-softness))) * travel
+    return stiffness * min(before / max(left, before / STIFFEST), STIFFEST)
+
+
+def soft_bushing(
+    panel: LoadedPanel,
+    drive: str,
+    values: Mapping[str, float],
+    *,
+    travel: float,
+    softness: float = SOFTNESS,
+) -> dict[str, object]:
+    """Return a bushing with a part of its stiffness over its first travel, as overrides.
+
+    Parameters
+    ----------
+    panel : LoadedPanel
+        Gives what is not among the values.
+    drive : str
+        Name of the drive.
+    values : mapping of str to float
+        By key of the panel, in SI.
+    travel : float
+        To either side [m].
+    softness : float
+        Logarithm of how much softer it is there [-].
+    """
+    if travel < 1e-6:
+        return {}
+    stiffness, level = stiffness_and_level(panel, drive, values)
+    first = min(float(np.exp(-softness)) * stiffness * travel, 0.9 * level)
+    knee = travel + (level - first) / stiffness
+    return _symmetric_bushing(panel, drive, [(travel, first)], knee=knee, level=level)
+
+
+def _symmetric_bushing(
+    panel: LoadedPanel,
+    drive: str,
+    points: Sequence[tuple[float, float]],
+    *,
+    knee: float,
+    level: float,
+) -> dict[str, object]:
+    """Return a bushing through points [m], [N] that slips beyond its knee, alike to either side."""
+    last = level + panel.drive[drive].saturated_stiffness * (REACH - knee) + 1.0
+    return symmetric_law(drive, [*points, (knee, level), (REACH, last)])
+
+
+def bushing_table(
+    panel: LoadedPanel, drive: str, values: Mapping[str, float], *, softness: Sequence[float]
+) -> dict[str, object]:
+    r"""Return a bushing with another stiffness in each of its first spans, as overrides.
+
+    .. math:: k_i = k e^{-s_i} \text{ up to } x_i, \quad k \text{ beyond}
+
+    Parameters
+    ----------
+    panel : LoadedPanel
+        Gives what is not among the values.
+    drive : str
+        Name of the drive.
+    values : mapping of str to float
+        By key of the panel, in SI.
+    softness : sequence of float
+        :math:`s_i` of the spans that end at `TABLE_ENDS` [-].
+    """
+    stiffness, level = stiffness_and_level(panel, drive, values)
+    half: list[tuple[float, float]] = []
+    x = force = 0.0
+    for end, soft in zip(TABLE_ENDS, softness, strict=True):
+        k = stiffness * float(np.exp(-soft))
+        if force + k * (end - x) >= LAST_SPAN * level:
+            break
+        x, force = end, force + k * (end - x)
+        half.append((x, force))
+    slope = (
+        stiffness * float(np.exp(-softness[len(half)])) if len(half) < len(softness) else stiffness
+    )
+    knee = x + (level - force) / slope
+    return _symmetric_bushing(panel, drive, half, knee=knee, level=level)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Cause:
+    """One thing that may differ between model and measurement.
+
+    Attributes
+    ----------
+    name : str
+        What it is called, such as "recorder filter".
+    text : callable
+        From its sizes to a sentence.
+    parameters : tuple of Parameter
+        Its size, or several with priors that describe it together; none where each movement has
+        its own.
+    tries : tuple of float
+        Sizes that are tried: of a smooth cause one of each parameter, each alone; else of its first
+        parameter, the others at their start.
+    group : str
+        Of causes much alike in what they do to forces: a fit with each decides between them.
+    refined : bool
+        Whether the likeliest size is searched between those that are tried: where that needs no
+        throws, so that causes alike in effect are compared at their best.
+    smooth : bool
+        Whether forces change in proportion to it: then one size is tried, and the likeliest
+        follows with those of all values.
+    least : float
+        What is smaller is none: a fit that lacks another cause finds some of every one [as sizes].
+    about_mean : bool
+        Whether only differences of its sizes from their mean count.
+    drives : tuple of str
+        Drives whose law it changes; another cause that changes one of them too is not taken up.
+    beside : callable, optional
+        From values and sizes to the values that keep forces much as they are with the cause: where
+        a trial, and a fit with it, begin.
+    law, shape : callable or None
+        As of `Misfit`.
+    scatter : mapping of str to float
+        Parameters that scatter from movement to movement, as shares.
+    """
+
+    name: str
+    text: Callable[[Sequence[float]], str]
+    parameters: tuple[Parameter, ...] = ()
+    tries: tuple[float, ...] = ()
+    group: str = ""
+    refined: bool = False
+    smooth: bool = False
+    least: float = 0.0
+    about_mean: bool = False
+    drives: tuple[str, ...] = ()
+    beside: Beside | None = None
+    law: Law | None = None
+    shape: Shape | None = None
+    scatter: Mapping[str, float] = field(default_factory=dict)
+
+    def sizes_in(self, values: Mapping[str, float]) -> tuple[float, ...]:
+        """Return its sizes from the values of a fit by name."""
+        return tuple(values[item.name] for item in self.parameters)
+
+    def is_slight(self, sizes: Sequence[float]) -> bool:
+        """Return whether all of its sizes are too small for it to be one."""
+        # Where it is not smooth, its first parameter is its size.
+        sized = self.parameters if self.smooth else self.parameters[:1]
+        away = np.array([size - item.start for item, size in zip(sized, sizes, strict=False)])
+        if self.about_mean:
+            away = away - away.mean()
+        return bool(away.size) and bool(np.all(np.abs(away) < self.least))
+
+    def is_slight_in(self, values: Mapping[str, float]) -> bool:
+        """Return whether the values of a fit by name make it too small to be one."""
+        return self.is_slight(self.sizes_in(values))
+
+    def goes_with(self, taken: "Cause") -> bool:
+        """Return whether it may be taken up beside one that was."""
+        if self is taken or set(self.drives) & set(taken.drives):
+            return False
+        return self.name != taken.name or self.name in SEVERAL
 
 
 def candidate_causes(
@@ -444,3 +625,57 @@ def _friction_by_chair(panel: LoadedPanel) -> list[Cause]:
         )
     ]
     return found if count > 1 else []
+
+
+def fitted_causes(panel: LoadedPanel, parameters: Sequence[Fitted]) -> tuple[Cause, ...]:
+    """Return the causes whose sizes are among the parameters of a calibration.
+
+    Parameters
+    ----------
+    panel : LoadedPanel
+        That was calibrated.
+    parameters : sequence of Fitted
+        All of a calibration; the sizes of causes have no keys of the panel.
+
+    Returns
+    -------
+    tuple of Cause
+        A cause that is a key of the panel, such as the modulus of the rails, is none of them: its
+        value is set like any other.
+    """
+    planned = [item for item in parameters if item.keys]
+    sizes = {item.name for item in parameters if not item.keys}
+    return tuple(
+        cause
+        for cause in candidate_causes(panel, planned)
+        if cause.parameters and all(item.name in sizes for item in cause.parameters)
+    )
+
+
+def overrides_with(
+    causes: Sequence[Cause], parameters: Sequence[Fitted], values: Mapping[str, float]
+) -> dict[str, object]:
+    """Return the overrides of a panel at values by name of the parameter, causes included.
+
+    Parameters
+    ----------
+    causes : sequence of Cause
+        From `fitted_causes`.
+    parameters : sequence of Fitted
+        Of the calibration.
+    values : mapping of str to float
+        Of all of them, in SI.
+    """
+    found: dict[str, object] = {key: values[item.name] for item in parameters for key in item.keys}
+    for cause in causes:
+        if cause.law is not None:
+            found |= cause.law(values)
+    return found
+
+
+def shaped(causes: Sequence[Cause], response: Response, values: Mapping[str, float]) -> Response:
+    """Return a response as causes that are no part of the panel leave it, such as a recorder."""
+    for cause in causes:
+        if cause.shape is not None and not response.failure:
+            response = cause.shape(response, values)
+    return response

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from turnout.calibration.cause import Cause
+from turnout.calibration.candidate_causes import Cause
 from turnout.calibration.drive_law.candidates import level_key
 from turnout.calibration.drive_law.fit_law import criteria
 from turnout.calibration.evaluate import Response, with_change

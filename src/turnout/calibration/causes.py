@@ -13,8 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.calibration.candidate_causes import candidate_causes
-from turnout.calibration.cause import Cause
+from turnout.calibration.candidate_causes import Cause, candidate_causes
 from turnout.calibration.cause_trials import (
     TestedCause,
     cause_trials,
@@ -29,11 +28,11 @@ from turnout.calibration.evaluate import Evaluator, throws_done
 from turnout.calibration.fit import Fit, brief_fit, fit
 from turnout.calibration.measured_movements import OBJECT_FORCE
 from turnout.calibration.misfit import Misfit
-from turnout.calibration.needed_causes import DECISIVE, is_needed
 from turnout.calibration.noise import peaks_of
+from turnout.calibration.parameter import prior_slopes
 from turnout.calibration.result_entries import channel_name
-from turnout.calibration.sensors import found_sensors, needs_lead
-from turnout.calibration.shared import CLOCK, model_error
+from turnout.calibration.sensors import FoundSensor, found_sensors, lead_text, needs_lead
+from turnout.calibration.shared import CLOCK, effective_samples, model_error
 from turnout.core.errors import SolverError
 from turnout.core.threads import one_blas_thread
 from turnout.panel.load import LoadedPanel
@@ -58,6 +57,16 @@ MOST_THROWS = 600
 # What a fit with a cause may miss at most, as a share of what one without it does, and of what one
 # does whose cause is at its bound [-].
 LESS_MISSED, AS_WELL = 0.85, 1.05
+# What a cause says of its remedy, and what stands there where the map states a recorder already.
+STATE, BESIDE = (
+    "state it in the channel map as",
+    "beside what the channel map states already; it is",
+)
+# Difference of the criterion from which on a cause is one.
+DECISIVE = 10.0
+# The scatter of a slip level from which on it is one [-], of movements that know it to this share
+# of what was expected.
+LEAST_SCATTER, SAYS_SOMETHING = 5e-3, 0.3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -476,3 +485,75 @@ def _fitted_with(
         steps=CAUSE_STEPS,
         on_step=on_step,
     )
+
+
+def cause_lines(
+    final: Fit, search: CauseSearch | None, sensors: Sequence[FoundSensor]
+) -> tuple[str, ...]:
+    """Return what the panel alone does not follow, a lead of the motors first, sensors last.
+
+    Parameters
+    ----------
+    final : Fit
+        With the lead that it found.
+    search : CauseSearch, optional
+        With the causes that were tested.
+    sensors : sequence of FoundSensor
+        Gains, zeros and clock as found.
+    """
+    lead = final.misfit.comparison.lead
+    lines = [lead_text(lead)] if lead else []
+    stated = any(s.recorder for item in final.misfit.movements for s in item.signals)
+    for item in search.tested if search else ():
+        lines.append(item.line.replace(STATE, BESIDE) if stated else item.line)
+    if search is not None and search.stopped:
+        lines.append(
+            f"search: ended after {search.stopped} throws, {MOST_THROWS} a movement at most, "
+            "with causes that were not tried; the panel is likely to be of another switch"
+        )
+    return (*lines, *(f"{item.cause}: {item.text}" for item in sensors if item.cause))
+
+
+def is_needed(cause: Cause, final: Fit) -> bool:
+    """Return whether a fit to the end shows that a cause is one."""
+    if not cause.parameters:
+        return any(_scatters(name, final) for name in cause.scatter)
+    if cause.is_slight_in(final.values):
+        return False
+    places = {item.name: number for number, item in enumerate(final.parameters)}
+    sized = cause.parameters if cause.smooth else cause.parameters[:1]
+    own = [places[item.name] for item in sized]
+    rest = [number for number in range(len(places)) if number not in own]
+    J = np.vstack([final.jacobian, np.diag(prior_slopes(final.parameters))])
+    H = J.T @ J
+    S = (
+        H[np.ix_(own, own)]
+        - H[np.ix_(own, rest)]
+        @ np.linalg.lstsq(H[np.ix_(rest, rest)], H[np.ix_(rest, own)], rcond=None)[0]
+    )
+    a = np.array(
+        [item.coordinate(final.values[item.name]) - item.coordinate(item.start) for item in sized]
+    )
+    if cause.about_mean:
+        a = a - a.mean()
+    samples = effective_samples(final.frame.alignments, final.misfit.comparison)
+    known = [n for n, item in enumerate(sized) if item.prior > 0.0]
+    widths = np.array([sized[n].prior_width for n in known])
+    gain = float(a @ S @ a) - (len(sized) - len(known)) * float(np.log(samples))
+    gain -= float(np.linalg.slogdet(S[np.ix_(known, known)] * np.outer(widths, widths))[1])
+    return gain > DECISIVE
+
+
+def _scatters(name: str, final: Fit) -> bool:
+    """Return whether the values of those movements that say something of them differ.
+
+    The scatter that a fit states keeps a part of what was expected, also where there is none.
+    """
+    expected = final.misfit.comparison.scatter[name]
+    known = [
+        mean
+        for alignment in final.frame.alignments
+        for mean, deviation in [alignment.estimates.get(name, (0.0, np.inf))]
+        if deviation < SAYS_SOMETHING * expected
+    ]
+    return bool(known) and float(np.sqrt(np.mean(np.square(known)))) > LEAST_SCATTER

@@ -38,6 +38,9 @@ OTHER_SCALE, SCALE_SPREAD = 0.02, 0.05
 # The change by half the step and elements half as long, and by four times the frequency of modes,
 # over the error left [-].
 OF_STEP, OF_MODES = 2.0**2 - 1.0, 4.0**1.2 - 1.0
+# A value drifts where its slope over the movements is so many of its deviations, of so many more
+# movements than a line has constants at least [-].
+DRIFTS, LEAST_DRIFTING = 4.0, 4
 NORMAL_95 = float(ndtri(0.975))
 
 
@@ -486,3 +489,41 @@ def without_objects(found: Fit, spread: Spread) -> tuple[Fit, Spread]:
         intervals=tuple(spread.intervals[n] for n in kept),
         states=tuple(spread.states[n] for n in kept),
     )
+
+
+def drift_finding(found: Fit, order: Sequence[str]) -> list[str]:
+    r"""Say where friction, or another value that scatters, rises or falls over a campaign.
+
+    With the share :math:`e_m` that a movement is off the common value, in the order of the run
+    sheet, :math:`e_m = a + b m` by least squares; said where b is four of its deviations, which the
+    scatter about the line gives.
+
+    Parameters
+    ----------
+    found : Fit
+        At its end.
+    order : sequence of str
+        Names of all movements as they were measured, one after the other.
+    """
+    lines = []
+    names = [item.movement.name for item in found.frame.alignments]
+    places = np.array([order.index(name) for name in names], dtype=np.float64)
+    for name in found.misfit.comparison.scatter:
+        own = [item.estimates.get(name, (np.nan, 0.0))[0] for item in found.frame.alignments]
+        shares = np.array(own, dtype=np.float64)
+        known = np.isfinite(shares)
+        freedom = int(known.sum()) - 2
+        if freedom < LEAST_DRIFTING or not np.ptp(places[known]):
+            continue
+        m, e = places[known] - places[known].mean(), shares[known] - shares[known].mean()
+        slope = float(m @ e / (m @ m))
+        deviation = float(np.sqrt(np.sum((e - slope * m) ** 2) / freedom / (m @ m)))
+        if abs(slope) <= DRIFTS * deviation:
+            continue
+        lines.append(
+            f"{name} {'rises' if slope > 0 else 'falls'} by {100 * abs(slope):.2g} ± "
+            f"{100 * deviation:.1g} % from movement to movement in the order of the run sheet, "
+            f"{100 * abs(slope) * (len(order) - 1):.2g} % from the first to the last: it drifts, "
+            "with temperature or wear; what is given is its mean"
+        )
+    return lines

@@ -12,8 +12,8 @@ from math import hypot
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
 
-from turnout.calibration.bounded_step import bounded_step
 from turnout.calibration.comparison import Comparison, Key
 from turnout.calibration.evaluate import Response
 from turnout.calibration.linearisation import SAME_ROUGH_SLOPE, Linearisation
@@ -35,6 +35,7 @@ from turnout.calibration.parameter import (
     Parameter,
     coordinates,
     prior_residuals,
+    prior_slopes,
     values_at,
 )
 from turnout.calibration.predict import compared, predicted
@@ -47,8 +48,6 @@ Floats = NDArray[np.float64]
 # by a whole square of a standard deviation; and the limit of all.
 MAX_STEPS, EXTRA_STEPS, STEP_LIMIT = 12, 4, 40
 EXTENDING_SHARE, EXTENDING_DECREASE = 1e-3, 1.0
-# Noise of the passes of a rough fit, as a share of the model error at the start [-].
-ROUGH_SHARES, JOINT_SHARES = (1.0,), (1.0,)
 MAX_PASSES = 4
 # Steps that the noise of the solver hides [coordinate].
 MIN_STEP = 1e-4
@@ -76,6 +75,8 @@ SCATTER_WEIGHT = 2.0
 NOISE_TOLERANCE = 0.25
 # Residuals beyond this many standard deviations, such as at an impact, count less once near.
 OUTLIER_LIMIT = 3.0
+# Longest step, a factor of 1.6 [coordinate].
+MAX_STEP = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -138,7 +139,6 @@ def fit(
     values: Mapping[str, float],
     *,
     rough: bool = False,
-    noise_shares: Sequence[float] = ROUGH_SHARES,
     near: Fit | None = None,
     refined: bool = True,
     min_decrease: float = MIN_DECREASE,
@@ -156,9 +156,6 @@ def fit(
         Where to start, of all parameters.
     rough : bool
         Whether other fits follow, so that nearby is good enough, and the noise begins inflated.
-    noise_shares : sequence of float
-        For each pass of a rough fit, which share of the model error at the start is taken as noise
-        [-].
     near : Fit, optional
         A rough fit that ended at the values: its movements' own values are gone on with.
     refined : bool
@@ -178,19 +175,16 @@ def fit(
     SolverError
         When a movement cannot be simulated at the start.
     """
-    iterations, effects = 0, near.misfit.effects if near else {}
+    effects = near.misfit.effects if near else {}
     local = near.local if near else None
     if rough:
         misfit = replace(misfit, same_slope=SAME_ROUGH_SLOPE)
-        inflated = inflate_noise(misfit, parameters, values)
-        for share in noise_shares:
-            scaled = replace(scale_inflation(inflated, misfit, share), effects=effects)
-            found = _least_squares(
-                scaled, parameters, values, rough=True, on_step=on_step, local=local
-            )
-            iterations += found.iterations
-            values, effects, local = found.values, found.misfit.effects, found.local
-        return replace(found, misfit=reestimate_noise(found, misfit), iterations=iterations)
+        inflated = replace(inflate_noise(misfit, parameters, values), effects=effects)
+        found = _least_squares(
+            inflated, parameters, values, rough=True, on_step=on_step, local=local
+        )
+        return replace(found, misfit=reestimate_noise(found, misfit))
+    iterations = 0
     first, misfit = misfit, replace(misfit, effects=effects)
     known = refined and near is not None and not is_poor(near.misfit)
     if near is not None and known:
@@ -320,7 +314,7 @@ def _least_squares(
             on_step(float(np.sqrt(cost / max(r.size, 1))))
         accepted, rejected = False, 0
         # Slopes from elsewhere are thrown again before a shorter step is tried.
-        most = max_rejected if rough or fresh or misfit.correction else 1
+        most = max_rejected if rough or fresh else 1
         while iterations < max_steps and rejected < most:
             iterations += 1
             step, predicted_decrease = bounded_step(r, J, parameters, local.values, damping)
@@ -351,8 +345,7 @@ def _least_squares(
                 fresh = fresh or (proved and predicted_decrease < little)
                 break
         if not accepted:
-            done = rough or fresh or bool(misfit.correction)  # which lead near only
-            if rejected and not done and iterations < max_steps:
+            if rejected and not (rough or fresh) and iterations < max_steps:
                 local, fresh, last = misfit.local(local.values, names), True, 0.0
                 message, converged = "", False
                 continue
@@ -473,16 +466,6 @@ def inflate_noise(
     return replace(misfit, comparison=replace(misfit.comparison, noise=noise))
 
 
-def scale_inflation(inflated: Misfit, first: Misfit, share: float) -> Misfit:
-    """Return a misfit with a share of the inflated noise, nowhere below the measured noise."""
-    noise = dict(first.comparison.noise)
-    for key, measured in noise.items():
-        size = share * inflated.comparison.noise[key].missed
-        if size > measured.missed:
-            noise[key] = replace(measured, missed=size, missed_length=BIN)
-    return replace(first, comparison=replace(first.comparison, noise=noise))
-
-
 def reestimate_noise(found: Fit, first: Misfit) -> Misfit:
     """Return a misfit whose noise holds the model error, and whose scatter is as estimated.
 
@@ -601,3 +584,48 @@ def same_noise(before: Misfit, after: Misfit) -> bool:
         (before.comparison.scatter[name], share) for name, share in after.comparison.scatter.items()
     ]
     return all(abs(a - b) <= NOISE_TOLERANCE * max(a, b) for a, b in pairs)
+
+
+def bounded_step(
+    r: Floats,
+    J: Floats,
+    parameters: Sequence[Parameter],
+    values: Mapping[str, float],
+    damping: float,
+) -> tuple[Floats, float]:
+    r"""Return the Levenberg-Marquardt step within bounds, and the predicted decrease of the cost.
+
+    .. math::
+
+        \min_s \|J s + r\|^2 + \lambda \|D s\|^2, \quad D_{jj} = \|J_{:j}\|
+
+    Parameters
+    ----------
+    r : ndarray, shape (n,)
+        Whitened residuals [-].
+    J : ndarray, shape (n, p)
+        Their change with each coordinate.
+    parameters : sequence of Parameter
+        With bounds, in the order of the columns of `J`.
+    values : mapping of str to float
+        At the present point.
+    damping : float
+        :math:`\lambda` [-].
+    """
+    theta = coordinates(parameters, values)
+    J = np.vstack([J, np.diag(prior_slopes(parameters))])
+    r = np.concatenate([r, prior_residuals(parameters, theta)])
+    D = np.sqrt((J**2).sum(axis=0))
+    D = np.where(D > 0, D, 1.0)
+    lower = np.array([item.coordinate(item.lower) for item in parameters]) - theta
+    upper = np.array([item.coordinate(item.upper) for item in parameters]) - theta
+    lower = np.minimum(np.maximum(lower, -MAX_STEP), -1e-12)
+    upper = np.maximum(np.minimum(upper, MAX_STEP), 1e-12)
+    # The triangle of [J r] gives the same step as the tall matrices.
+    R: Floats = np.asarray(np.linalg.qr(np.column_stack([J, r]), mode="r"), dtype=np.float64)
+    p = len(parameters)
+    matrix = np.vstack([R[:, :p], np.sqrt(damping) * np.diag(D)])
+    right = np.concatenate([-R[:, p], np.zeros(p)])
+    step = lsq_linear(matrix, right, bounds=(lower, upper)).x
+    r_linear = r + J @ step
+    return np.asarray(step), float(r @ r - r_linear @ r_linear)

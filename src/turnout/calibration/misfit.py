@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.calibration.comparison import Alignment, Comparison, Sensitivity, align
-from turnout.calibration.corrections import Correction, Refined
 from turnout.calibration.evaluate import Evaluator, Response, ThrowInputs, with_change
 from turnout.calibration.linearisation import (
     DIFFERENCE,
@@ -29,6 +28,33 @@ from turnout.core.errors import SolverError
 Floats = NDArray[np.float64]
 # The clock is linearised again where it is further off than this, so often at most [-].
 SAME_CLOCK, CLOCK_PASSES = 2e-5, 5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Refined:
+    """One movement near the end of a fit, thrown ever more finely.
+
+    Attributes
+    ----------
+    plain, halved, fine : Response
+        As the scheme says; with half its step and elements half as long; and with modes to a
+        higher frequency too.
+    """
+
+    plain: Response
+    halved: Response
+    fine: Response
+
+    @property
+    def failure(self) -> str:
+        """Why it is not known what fine throws change; empty where it is."""
+        return self.fine.failure or self.plain.failure
+
+    def added(self, response: Response) -> Response:
+        """Return a response near by with what fine throws change; the same where one failed."""
+        if self.failure:
+            return response
+        return with_change(response, self.fine, self.plain)
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
@@ -61,9 +87,6 @@ class Misfit:
     refinement : tuple of Refined
         Of each movement near the end, thrown as the scheme says and more finely: what this changes
         is added to every response. None away from there.
-    correction : tuple of Correction
-        Of each movement, thrown quickly and as the scheme says near by: what this changes is added
-        to every response, where throws are quick.
     lean : bool
         Whether throws are lean.
     same_slope : float
@@ -81,7 +104,6 @@ class Misfit:
     always: tuple[str, ...] = ()
     quick: bool = False
     refinement: tuple[Refined, ...] = ()
-    correction: tuple[Correction, ...] = ()
     lean: bool = False
     same_slope: float = SAME_SLOPE
 
@@ -146,32 +168,6 @@ class Misfit:
             self, refinement=tuple(Refined(plain=a, halved=b, fine=c) for a, b, c in pairs)
         )
 
-    def corrected(self, values: Mapping[str, float]) -> "Misfit":
-        """Return this with quick throws, to which is added what plain ones change at values.
-
-        Raises
-        ------
-        SolverError
-            When a movement cannot be simulated there.
-        """
-        whole, count = {**self.base, **values}, len(self.movements)
-        made = self.evaluator.responses(
-            [
-                replace(self, quick=quick)._throw(number, whole)
-                for quick in (False, True)
-                for number in range(count)
-            ]
-        )
-        for movement, response in zip(self.movements * 2, made, strict=True):
-            if response.failure:
-                message = f"{movement.text}: cannot be simulated: {response.failure}"
-                raise SolverError(message)
-        corrections = [
-            Correction(plain=plain, quick=quick)
-            for plain, quick in zip(made[:count], made[count:], strict=True)
-        ]
-        return replace(self, quick=True, correction=tuple(corrections))
-
     def _repeated_alike(self) -> "Misfit":
         """Return this with one effect for all movements of a place and size: they share throws."""
         places = [(item.place, item.size) for item in self.movements]
@@ -195,13 +191,10 @@ class Misfit:
             movements=tuple(self.movements[n] for n in numbers),
             effects={name: tuple(row[n] for n in numbers) for name, row in self.effects.items()},
             refinement=tuple(self.refinement[n] for n in numbers) if self.refinement else (),
-            correction=tuple(self.correction[n] for n in numbers) if self.correction else (),
         )
 
     def _kept(self, number: int, response: Response, values: Mapping[str, float]) -> Response:
-        """Return a response as it is compared: corrected, refined, and shaped."""
-        if self.correction and not response.failure:
-            response = self.correction[number].added(response)
+        """Return a response as it is compared: refined, and shaped."""
         if self.refinement and not response.failure:
             response = self.refinement[number].added(response)
         return response if self.shape is None else self.shape(response, values)

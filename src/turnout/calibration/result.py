@@ -162,7 +162,7 @@ class Calibration:
             calibrated = panel.with_overrides(self.overrides)
             if all(item.keys for item in self.parameters):
                 return calibrated
-            from turnout.calibration.fitted_causes import fitted_causes, overrides_with
+            from turnout.calibration.candidate_causes import fitted_causes, overrides_with
 
             causes = fitted_causes(panel, self.parameters)
             return panel.with_overrides(overrides_with(causes, self.parameters, self.values))

@@ -60,7 +60,6 @@ def nearest_fit(
     misfit: Misfit,
     parameters: Sequence[Parameter],
     starts: Sequence[Mapping[str, float]],
-    noise_shares: Sequence[float],
     *,
     on_step: Callable[[float], None] | None = None,
 ) -> Fit:
@@ -68,17 +67,14 @@ def nearest_fit(
 
     Parameters
     ----------
-    misfit, parameters, noise_shares
+    misfit, parameters
         As of `fit`.
     starts : sequence of mapping of str to float
         Of all parameters.
     on_step : callable, optional
         As of `fit`.
     """
-    found = [
-        fit(misfit, parameters, start, rough=True, noise_shares=noise_shares, on_step=on_step)
-        for start in starts
-    ]
+    found = [fit(misfit, parameters, start, rough=True, on_step=on_step) for start in starts]
     return min(found, key=lambda item: misfit_share(item.misfit, item.local.simulated))
 
 
@@ -99,7 +95,7 @@ def with_movements(near: Fit, movements: Sequence[MeasuredMovement]) -> Fit:
         name: tuple(row[places[item.name]] if item.name in places else 0.0 for item in movements)
         for name, row in near.misfit.effects.items()
     }
-    misfit = replace(near.misfit, movements=tuple(movements), effects=effects, correction=())
+    misfit = replace(near.misfit, movements=tuple(movements), effects=effects)
     # Before slopes of all parameters are thrown where these movements then are not.
     local = misfit.local(near.values, ())
     misfit, local, _ = update_movement_effects(misfit, local, (), passes=OWN_PASSES)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from turnout.calibration.comparison import Key
 from turnout.calibration.drive_law.candidates import DriveLaw, level_key
-from turnout.calibration.fit import JOINT_SHARES, Fit, fit
+from turnout.calibration.fit import Fit, fit
 from turnout.calibration.measured_movements import MeasuredMovement, largest_force
 from turnout.calibration.misfit import Misfit, framed
 from turnout.calibration.noise import Noise, peaks_of
@@ -59,9 +59,7 @@ def fitted_plain(law: DriveLaw, misfit: Misfit, vary: Sequence[Parameter]) -> La
     SolverError
         When a movement cannot be simulated.
     """
-    near = fit(
-        replace(misfit, quick=True), vary, misfit.base, rough=True, noise_shares=JOINT_SHARES
-    )
+    near = fit(replace(misfit, quick=True), vary, misfit.base, rough=True)
     found = fit(replace(misfit, base=near.values), vary, near.values, near=near, **END)
     return LawFit(law=law, names=tuple(item.name for item in vary), found=found)
 

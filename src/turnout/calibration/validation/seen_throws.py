@@ -7,10 +7,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.calibration.corrections import Refined
+from turnout.calibration.candidate_causes import fitted_causes, overrides_with, shaped
 from turnout.calibration.evaluate import Evaluator, Response, ThrowInputs, throws_done
-from turnout.calibration.fitted_causes import fitted_causes, overrides_with, shaped
 from turnout.calibration.measured_movements import MeasuredMovement
+from turnout.calibration.misfit import Refined
 from turnout.calibration.objects import thrown_object
 from turnout.calibration.result import Calibration
 from turnout.calibration.validation.grid import Grid, later
