@@ -7,14 +7,20 @@ import pytest
 from tests.unit.test_calibration_fit import PARAMETERS, TRUE, alike, misfit
 
 from turnout.calibration import stage_progress
+from turnout.calibration.causes import first_verdict
+from turnout.calibration.comparison import Key
 from turnout.calibration.fit import fit
+from turnout.calibration.noise import peaks_of
 from turnout.calibration.stage_progress import (
     CalibrationProgress,
     ProgressReporter,
+    TimeIsUp,
     work_of_search,
 )
 from turnout.cli.calibrate import stage_line
 from turnout.panel.load import load_panel
+
+KEY = ("drive_force", "1")
 
 
 class Watched:
@@ -92,3 +98,36 @@ def test_a_search_for_causes_is_in_the_time_left(monkeypatch: pytest.MonkeyPatch
     assert throws > 3 * 40
     whole.watch.more(throws, whole.evaluator)
     assert whole.left(100.0) == pytest.approx(0.1 * (40 + throws))
+
+
+def test_the_limit_is_over_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is known then is worked out without it."""
+    stage = Watched(monkeypatch, (14.0, 14.0, 16.0, 30.0), planned=80, began=10.0)
+    stage.watch.limit = 5.0
+    assert stage.left(20.0) <= 1.0
+    with pytest.raises(TimeIsUp):
+        stage.left(30.0)
+    stage.left(40.0)
+
+
+@pytest.mark.parametrize(
+    ("missed", "causes", "limit", "words"),
+    [
+        ({}, True, float("inf"), "the first fit follows; fitting to the end"),
+        ({KEY: 0.03}, True, 90.0, "misses 3 %; looking for the cause, at most 90 s in all"),
+        ({KEY: 0.03}, False, float("inf"), "misses 3 %; causes are not looked for"),
+    ],
+)
+def test_the_first_fit_has_a_verdict(
+    missed: dict[Key, float],
+    causes: bool,
+    limit: float,
+    words: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    whole = misfit(alike(1, seed=2))
+    (peak,) = peaks_of(whole.movements).values()
+    far = {key: share * peak for key, share in missed.items()}
+    monkeypatch.setattr("turnout.calibration.causes._missing_more", lambda *_, **__: far)
+    found: Any = SimpleNamespace(misfit=whole)
+    assert first_verdict(found, causes=causes, limit=limit).endswith(words)

@@ -69,7 +69,7 @@ def test_a_calibration_that_is_not_to_be_trusted_is_written_and_says_so(
     made.append(known)
     done = run("calibrate", tmp_path, "--panel", "sb1", "-o", out, *quiet, *strict)
     assert done.exit_code == (1 if strict else 0), (done.output, done.exception)
-    verdict, because = done.output.strip().splitlines()[-2:]
+    verdict, because = done.output.strip().splitlines()[:2]
     assert verdict.split(maxsplit=1) == ["verdict", "NOT TRUSTWORTHY"]
     assert because.split(maxsplit=1) == ["reason", known.distrust[0]]
     assert load_calibration(out).distrust == known.distrust
@@ -81,6 +81,8 @@ def test_a_calibration_that_is_not_to_be_trusted_is_written_and_says_so(
     good = run("calibrate", tmp_path, "--panel", "sb1", "-o", out, *quiet)
     assert good.exit_code == 0
     assert "TRUSTED" not in good.output
+    first = good.output.partition("\n")[0]
+    assert first.startswith("verdict     the model follows") is not bool(quiet)
     assert "trusted = true" in out.read_text(encoding="utf-8")
 
 

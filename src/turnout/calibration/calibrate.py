@@ -39,10 +39,8 @@ from turnout.calibration.measured_movements import MeasuredMovement, observe, se
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.noise import measured_noise
 from turnout.calibration.objects import (
-    THICKER,
     common_unknowns,
     object_lines,
-    thickness_name,
 )
 from turnout.calibration.parameter import Parameter
 from turnout.calibration.posterior import posterior_record
@@ -85,7 +83,13 @@ from turnout.calibration.stages import (
     default_plan,
     with_unknowns,
 )
-from turnout.calibration.starts import first_fit, nearest_fit, starts_of, with_movements
+from turnout.calibration.starts import (
+    first_fit,
+    nearest_fit,
+    starts_of,
+    with_movements,
+    with_thicker,
+)
 from turnout.core.errors import MeasurementError, PanelError
 from turnout.core.provenance import provenance
 from turnout.core.scheme import Scheme
@@ -371,9 +375,6 @@ class _Run:
             # What leads near need not be all that there is.
             fewer = replace(stage.movements, most=stage.movements.most or JOINT_MOVEMENTS)
             leading = replace(misfit, movements=selected(chosen, fewer, self.panel))
-            if number == len(self.plan.stages):
-                thicker = [p for p in parameters if p.name == thickness_name()]
-                skipped += [(item, THICKER) for item in thicker]
             starts = starts_of(leading, skipped, parameters, values)
             values = starts[0]
             skipped = [item for item in skipped if item[0] not in parameters]
@@ -388,6 +389,8 @@ class _Run:
                 rough = replace(misfit.comparison, gains={}, common_zero=0.0)
                 near = replace(leading, quick=True, comparison=rough)
                 final = nearest_fit(near, parameters, starts, on_step=self.watch.found)
+                if last:
+                    final = with_thicker(near, final, on_step=self.watch.found)
                 values = dict(final.values)
                 if last:
                     start = replace(leading, base=values)

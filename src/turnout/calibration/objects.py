@@ -12,9 +12,9 @@ from turnout.calibration.stages import known_to
 
 # How well the thickness of an object and its place are known from a run sheet [m].
 THICKNESS, PLACE = 0.2e-3, 50e-3
-# What all objects are tried to be thicker by before a fit: whether a drive slips, or an object is
-# touched, may change on the way, which no slope shows [m].
-THICKER = (-1e-3, -0.5e-3, 0.0, 0.5e-3, 1e-3)
+# What all objects are tried to be thicker by after a rough fit: whether a drive slips, or an object
+# is touched, may change on the way, which no slope shows [m].
+THICKER = (-1e-3, -0.5e-3, 0.5e-3, 1e-3)
 _KIND = "object."
 _THICKNESS, _PLACE = "thickness", "place"
 

@@ -3,13 +3,16 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from turnout.calibration.causes import CAUSE_STEPS, LEFT_MISSED, is_worth_a_search
 from turnout.calibration.fit import Fit, brief_fit, fit
 from turnout.calibration.grid_search import misfit_share, other_minima, sweep
 from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.movement_effects import update_movement_effects
-from turnout.calibration.parameter import Parameter
+from turnout.calibration.objects import THICKER, thickness_name
+from turnout.calibration.parameter import Parameter, coordinates, values_at
 
 # How often movements that join a fit are thrown at their own values before it goes on.
 OWN_PASSES = 2
@@ -76,6 +79,45 @@ def nearest_fit(
     """
     found = [fit(misfit, parameters, start, rough=True, on_step=on_step) for start in starts]
     return min(found, key=lambda item: misfit_share(item.misfit, item.local.simulated))
+
+
+def with_thicker(
+    misfit: Misfit, near: Fit, *, on_step: Callable[[float], None] | None = None
+) -> Fit:
+    """Return a rough fit of objects that are thicker or thinner by more, where that leaves less.
+
+    Each thickness is thrown, with all other values adjusted to first order: whether a drive slips
+    may change on the way, which no slope shows.
+
+    Parameters
+    ----------
+    misfit : Misfit
+        Before any fit.
+    near : Fit
+        Rough, of that misfit.
+    on_step : callable, optional
+        As of `fit`.
+    """
+    names = [item.name for item in near.parameters]
+    if thickness_name() not in names:
+        return near
+    own = names.index(thickness_name())
+    J = np.delete(near.jacobian, own, axis=1)
+    others = [item for item in near.parameters if item.name != thickness_name()]
+    tried = [(near.cost, near.values)]
+    points = [{**near.values, thickness_name(): value} for value in THICKER]
+    for point, row in zip(points, near.misfit.responses(points), strict=True):
+        r = near.misfit.residuals_of(row, near.frame)
+        if np.isfinite(r).all():
+            step = np.linalg.lstsq(J, -r, rcond=None)[0]
+            left = r + J @ step
+            there = values_at(others, coordinates(others, point) + step)
+            tried.append((float(left @ left), {**point, **there}))
+    _, values = min(tried, key=lambda item: item[0])
+    if values is near.values:
+        return near
+    again = fit(misfit, near.parameters, values, rough=True, on_step=on_step)
+    return min((near, again), key=lambda item: misfit_share(item.misfit, item.local.simulated))
 
 
 def with_movements(near: Fit, movements: Sequence[MeasuredMovement]) -> Fit:

@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 
 SECONDS_BETWEEN_LINES = 2.0
 CAUSES = ("all", "none")
+GIVEN = "the panel as stated: fastenings, gaps, sections and weight of its rails"
+"""What the intervals are conditional on, beside what is fitted."""
 LEAST_LEFT, LEAST_THROWS = 5.0, 10
 """Below this time [s], and before so many throws, the time left is not estimated."""
 
@@ -114,16 +116,16 @@ def calibrate_command(
     calibration = outcome.calibration
     calibration.save(out)
     signals = save_signals(outcome.final, calibration, out)
+    if not output.silent or (calibration.distrust and not output.as_json):
+        level, lines = "bad" if calibration.distrust else "good", trust_lines(calibration)
+        for line in lines:
+            typer.echo(coloured(line, level) if line.startswith("verdict") else line)
     output.show(*result_lines(calibration))
     if figures is not None:
         _draw(output, calibration, outcome.sweeps, signals, figures)
     output.wrote(out)
     output.written.append(signals_path(out))
     output.json(calibration_record, calibration)
-    if not output.silent or (calibration.distrust and not output.as_json):
-        level, lines = "bad" if calibration.distrust else "good", trust_lines(calibration)
-        for line in lines:
-            typer.echo(coloured(line, level) if line.startswith("verdict") else line)
     if outcome.ended == CTRL_C:
         raise typer.Exit(INTERRUPTED)
     if strict and calibration.distrust:
@@ -199,7 +201,8 @@ def trust_lines(calibration: "Calibration") -> list[str]:
         how = ", with what is named as its cause" if calibration.causes else ""
         return [
             f"{'verdict':<12}the model follows the measurement{how}; check it with `turnout "
-            "validate`"
+            "validate`",
+            f"{'given':<12}{GIVEN}",
         ]
     return [
         f"{'verdict':<12}NOT TRUSTWORTHY",
