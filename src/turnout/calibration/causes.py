@@ -334,7 +334,7 @@ def without_needless(
     except SolverError:
         return search
     slight = all(cause.is_slight_in(final.values) for _, cause in search.taken if cause not in kept)
-    if not slight and _missed(found) * LESS_MISSED > _missed(final):
+    if not slight and missed_share(found) * LESS_MISSED > missed_share(final):
         return search
     return replace(
         search, found=found, first=first, taken=tuple(needed), misses=is_worth_a_search(found)
@@ -356,7 +356,7 @@ def _continued(found: Fit, first: Misfit, on_step: Callable[[float], None] | Non
             steps=CAUSE_STEPS,
             on_step=on_step,
         )
-        if _missed(again) > LESS_MISSED * _missed(found):
+        if missed_share(again) > LESS_MISSED * missed_share(found):
             break
         found = again
     return found
@@ -386,7 +386,7 @@ def _first_that_helps(
                 choice, again = kept, _fitted_with(found, first, kept, on_step=on_step)
         except SolverError:
             continue
-        if kept and _missed(again) <= LESS_MISSED * _missed(found):
+        if kept and missed_share(again) <= LESS_MISSED * missed_share(found):
             return again, choice
     return None
 
@@ -426,17 +426,17 @@ def _best_of_alike(
         again_with_lead = needs_lead(again)
         # A lead is one more unknown: a fit that needs none may miss as much as one that does.
         if again_with_lead == with_lead:
-            better = _missed(again) < _missed(found) * (AS_WELL if bound else 1.0)
+            better = missed_share(again) < missed_share(found) * (AS_WELL if bound else 1.0)
         elif with_lead:
-            better = _missed(again) <= AS_WELL * _missed(found)
+            better = missed_share(again) <= AS_WELL * missed_share(found)
         else:
-            better = AS_WELL * _missed(again) < _missed(found)
+            better = AS_WELL * missed_share(again) < missed_share(found)
         if better:
             found, choice, bound, with_lead = again, other, False, again_with_lead
     return found, choice
 
 
-def _missed(found: Fit) -> float:
+def missed_share(found: Fit) -> float:
     """Return what a fit misses of all channels, as shares of their peaks [-]."""
     comparison = found.misfit.comparison
     return sum(

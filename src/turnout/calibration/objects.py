@@ -5,6 +5,7 @@ fit. Where this is not enough, each size and each place has a difference of its 
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.parameter import Fitted, Parameter
@@ -98,6 +99,15 @@ def thrown_object(movement: MeasuredMovement, values: Mapping[str, float]) -> tu
     thicker, further = object_change(movement, values)
     place = f"x = {movement.x + further!r} m" if further else movement.place
     return place, movement.size + thicker
+
+
+def as_found(
+    movements: Sequence[MeasuredMovement], objects: Sequence[Fitted]
+) -> tuple[MeasuredMovement, ...]:
+    """Return movements with the objects that they truly had, as a calibration found them."""
+    values = {item.name: item.value for item in objects}
+    pairs = [(item, *thrown_object(item, values)) for item in movements]
+    return tuple(replace(item, place=place, size=size) for item, place, size in pairs)
 
 
 def object_lines(objects: Sequence[Fitted], *, leaves: float) -> list[str]:

@@ -5,7 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from turnout.calibration.causes import CAUSE_STEPS, LEFT_MISSED, is_worth_a_search
+from turnout.calibration.causes import (
+    CAUSE_STEPS,
+    LEFT_MISSED,
+    LESS_MISSED,
+    is_worth_a_search,
+    missed_share,
+)
 from turnout.calibration.fit import Fit, brief_fit, fit
 from turnout.calibration.grid_search import misfit_share, other_minima, sweep
 from turnout.calibration.measured_movements import MeasuredMovement
@@ -16,6 +22,8 @@ from turnout.calibration.parameter import Parameter, coordinates, values_at
 
 # How often movements that join a fit are thrown at their own values before it goes on.
 OWN_PASSES = 2
+# Rounds of a first fit that misses something at most.
+FIRST_ROUNDS = 3
 
 
 def starts_of(
@@ -155,7 +163,7 @@ def first_fit(
     """Fit from where quick throws led, to see what a model misses.
 
     Slopes of quick throws lead there where nothing is missed; else those of plain ones, with little
-    of what is missed as noise: a model that lacks nothing leaves that at once.
+    of what is missed as noise, as long as that helps: a model that lacks nothing leaves it.
 
     Parameters
     ----------
@@ -168,17 +176,23 @@ def first_fit(
     on_step : callable, optional
         As of `fit`.
     """
-    light = brief_fit(start, parameters, near.values, near=found, passes=1, on_step=on_step)
-    if not is_worth_a_search(light):
-        return light
-    fresh = replace(light, local=replace(light.local, stepped={}))
-    return brief_fit(
-        start,
-        parameters,
-        light.values,
-        near=fresh,
-        share=LEFT_MISSED,
-        passes=1,
-        steps=CAUSE_STEPS,
-        on_step=on_step,
-    )
+    first = brief_fit(start, parameters, near.values, near=found, passes=1, on_step=on_step)
+    before = replace(first, local=replace(first.local, stepped={}))
+    for _ in range(FIRST_ROUNDS):
+        if not is_worth_a_search(first):
+            break
+        again = brief_fit(
+            start,
+            parameters,
+            before.values,
+            near=before,
+            share=LEFT_MISSED,
+            passes=1,
+            steps=CAUSE_STEPS,
+            on_step=on_step,
+        )
+        goes_on = missed_share(again) <= LESS_MISSED * missed_share(first)
+        first = before = again
+        if not goes_on:
+            break
+    return first

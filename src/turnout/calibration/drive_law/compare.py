@@ -31,6 +31,7 @@ from turnout.calibration.evaluate import Evaluator
 from turnout.calibration.measured_movements import MeasuredMovement, observe, selected
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.noise import Noise, measured_noise
+from turnout.calibration.objects import as_found
 from turnout.calibration.parameter import Parameter
 from turnout.calibration.result import Calibration
 from turnout.calibration.stages import Selection
@@ -162,7 +163,12 @@ def compare_laws(
         observe(dataset, panel), panel, source=str(dataset.attrs.get("title", ""))
     )
     fits = fitted_laws(
-        movements, panel, calibration, drive=drive, evaluator=evaluator, report=report
+        as_found(movements, calibration.objects),
+        panel,
+        calibration,
+        drive=drive,
+        evaluator=evaluator,
+        report=report,
     )
     results, samples = law_results(fits)
     return LawComparison(

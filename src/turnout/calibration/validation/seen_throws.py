@@ -11,7 +11,7 @@ from turnout.calibration.candidate_causes import fitted_causes, overrides_with, 
 from turnout.calibration.evaluate import Evaluator, Response, ThrowInputs, throws_done
 from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.misfit import Refined
-from turnout.calibration.objects import thrown_object
+from turnout.calibration.objects import as_found
 from turnout.calibration.result import Calibration
 from turnout.calibration.validation.grid import Grid, later
 from turnout.calibration.validation.measuring_chain import through_chain
@@ -81,14 +81,15 @@ class Seen:
         """
         parameters = self.calibration.parameters
         causes = fitted_causes(self.evaluator.panel, parameters)
-        found = {item.name: item.value for item in self.calibration.objects}
-        objects = [thrown_object(item, found) for item in self.movements]
+        objects = as_found(self.movements, self.calibration.objects)
         throws = [
             ThrowInputs(
-                overrides=overrides_with(causes, parameters, setting), place=place, size=size
+                overrides=overrides_with(causes, parameters, setting),
+                place=item.place,
+                size=item.size,
             )
             for setting in settings
-            for place, size in objects
+            for item in objects
         ]
         count, finer = len(self.movements), self.finer
         refined = bool(self.calibration.about.get("refined"))
