@@ -214,64 +214,87 @@ def calibrate(
         Evaluator(panel, folder=folder, workers=workers, scheme=scheme) as evaluator,
     ):
         evaluator.on_throw = lambda: watch.report_state(evaluator)
-        rods = rod_warnings(dataset, movements, evaluator)
         run = _Run(plan, panel, movements, comparison, evaluator, watch, causes)
         try:
+            rods = rod_warnings(dataset, movements, evaluator)
             logs, sweeps, warnings, final, search = run.stages()
         except TimeIsUp:
             raise MeasurementError([TOO_SHORT.format(limit)], source="limit") from None
         watch.limit = float("inf")
-        sensors = found_sensors(final)
         if not run.ended:
             final, slip_warnings = drop_unidentified_slip_levels(final)
             warnings += slip_warnings
-        warnings += rods
-        spread = spread_of(final)
-        values, values_spread = without_objects(final, spread)
-        objects = fitted_objects(final, spread)
-        fitted = tuple(item.name for item, _ in search.taken) if search else ()
-        warnings = [
-            *excluded_movements(dataset),
-            *oversized,
-            *warnings,
-            *warnings_from(final, spread),
-            *(item.warning for item in sensors if item.leaves),
-        ]
-        order = [str(name) for name in dataset["movement"].values]
-        findings = [*spread.findings, *drift_finding(final, order)]
-        if advise and not run.ended:
-            watch.begin("advice", final, evaluator)
-            findings += _advice(final, (values, values_spread), panel)
-        sampled: dict[str, object] = {}
-        if posterior and not run.ended:
-            watch.begin("posterior", final, evaluator)
-            sampled, doubts = posterior_record(values, values_spread)
-            warnings += doubts
-        calibration = replace(
-            _result(values, values_spread, of=(plan, panel, dataset, movements), scheme=scheme),
-            distrust=(*ended_reasons(run.ended), *_distrust(final, spread, fitted)),
-            stages=tuple(logs),
-            warnings=tuple(dict.fromkeys(warnings)),
-            findings=tuple(findings),
-            posterior=sampled,
-            causes=(
-                *cause_lines(final, search, sensors),
-                *object_lines(objects, leaves=LEAVES_PRIOR),
-            ),
-            objects=objects,
-            fitted_causes=fitted,
-            sensors=tuple(item.text for item in sensors),
-            chain={item.key: (item.value, item.deviation) for item in sensors},
-            effects=movement_rows(final),
+        calibration, spread = _record(
+            run, final, search, dataset, warnings=[*oversized, *warnings, *rods]
         )
+        if not run.ended:
+            further = {"advice": advise, "posterior": posterior}
+            calibration = _with_further(
+                run, calibration, final, spread, [kind for kind, on in further.items() if on]
+            )
     return CalibrationOutcome(
-        calibration=calibration,
+        calibration=replace(calibration, stages=tuple(logs)),
         final=final,
         spread=spread,
         sweeps=tuple(sweeps),
         movements=movements,
         ended="".join(run.ended),
     )
+
+
+def _record(
+    run: "_Run",
+    final: Fit,
+    search: CauseSearch | None,
+    dataset: xr.Dataset,
+    *,
+    warnings: Sequence[str],
+) -> tuple[Calibration, Spread]:
+    """Return the record of a fit, without stages, and the spread of all its unknowns."""
+    sensors, spread = found_sensors(final), spread_of(final)
+    objects = fitted_objects(final, spread)
+    fitted = tuple(item.name for item, _ in search.taken) if search else ()
+    order = [str(name) for name in dataset["movement"].values]
+    said = [
+        *excluded_movements(dataset),
+        *warnings,
+        *warnings_from(final, spread),
+        *(item.warning for item in sensors if item.leaves),
+    ]
+    of = (run.plan, run.panel, dataset, run.movements)
+    calibration = replace(
+        _result(*without_objects(final, spread), of=of, scheme=run.evaluator.scheme),
+        distrust=(*ended_reasons(run.ended), *_distrust(final, spread, fitted)),
+        warnings=tuple(dict.fromkeys(said)),
+        findings=(*spread.findings, *drift_finding(final, order)),
+        causes=(
+            *cause_lines(final, search, sensors),
+            *object_lines(objects, leaves=LEAVES_PRIOR),
+        ),
+        objects=objects,
+        fitted_causes=fitted,
+        sensors=tuple(item.text for item in sensors),
+        chain={item.key: (item.value, item.deviation) for item in sensors},
+        effects=movement_rows(final),
+    )
+    return calibration, spread
+
+
+def _with_further(
+    run: "_Run", calibration: Calibration, final: Fit, spread: Spread, wanted: Sequence[str]
+) -> Calibration:
+    """Return a record with "advice" and "posterior", where they are wanted."""
+    values, values_spread = without_objects(final, spread)
+    if "advice" in wanted:
+        run.watch.begin("advice", final, run.evaluator)
+        lines = _advice(final, (values, values_spread), run.panel)
+        calibration = replace(calibration, findings=(*calibration.findings, *lines))
+    if "posterior" in wanted:
+        run.watch.begin("posterior", final, run.evaluator)
+        sampled, doubts = posterior_record(values, values_spread)
+        said = tuple(dict.fromkeys((*calibration.warnings, *doubts)))
+        calibration = replace(calibration, posterior=sampled, warnings=said)
+    return calibration
 
 
 def _comparison(

@@ -201,20 +201,7 @@ def calibration_text(calibration: Calibration) -> str:
     ]
     named = [("parameter", item) for item in calibration.parameters]
     for kind, item in (*named, *(("object", item) for item in calibration.objects)):
-        lines += [
-            "",
-            f"[{kind}.{_text(item.name)}]",
-            f"keys = {_list(item.keys)}",
-            f"unit = {_text(item.unit)}",
-            f"value = {_quantity(item.value, item.unit)}",
-            f"deviation = {_quantity(item.deviation, item.unit)}",
-            "interval_95 = "
-            f"[{_quantity(item.interval[0], item.unit)}, {_quantity(item.interval[1], item.unit)}]",
-            f"lower = {_quantity(item.lower, item.unit)}",
-            f"upper = {_quantity(item.upper, item.unit)}",
-            f"start = {_quantity(item.start, item.unit)}",
-            f"state = {_text(item.state)}",
-        ]
+        lines += _entry_lines(kind, item)
     lines += ["", "[covariance]  # products of the SI units of the parameters"]
     lines += [f"names = {_list(item.name for item in calibration.fitted)}", "values = ["]
     lines += [f"  [{', '.join(map(_number, row))}]," for row in calibration.covariance.tolist()]
@@ -239,6 +226,24 @@ def calibration_text(calibration: Calibration) -> str:
     if calibration.posterior:
         lines += ["", f"[posterior]\njson = {_text(json.dumps(calibration.posterior))}"]
     return "\n".join(lines) + "\n"
+
+
+def _entry_lines(kind: str, item: Fitted) -> list[str]:
+    """Return the entry of a value that was fitted: a "parameter", or one of an "object"."""
+    interval = ", ".join(_quantity(end, item.unit) for end in item.interval)
+    return [
+        "",
+        f"[{kind}.{_text(item.name)}]",
+        f"keys = {_list(item.keys)}",
+        f"unit = {_text(item.unit)}",
+        f"value = {_quantity(item.value, item.unit)}",
+        f"deviation = {_quantity(item.deviation, item.unit)}",
+        f"interval_95 = [{interval}]",
+        f"lower = {_quantity(item.lower, item.unit)}",
+        f"upper = {_quantity(item.upper, item.unit)}",
+        f"start = {_quantity(item.start, item.unit)}",
+        f"state = {_text(item.state)}",
+    ]
 
 
 def load_calibration(path: Path | str) -> Calibration:
